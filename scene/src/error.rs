@@ -1,0 +1,70 @@
+//! The error of this crate: what went wrong, in which file, in which field, with which values.
+
+use std::path::{Path, PathBuf};
+
+/// Result with [`SceneError`].
+pub type Result<T, E = SceneError> = std::result::Result<T, E>;
+
+/// Why a noun could not be read, written or built. Every variant prints as one line that names the file.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The content of a file is wrong; the caller has to mend the file.
+    #[error("{}: {field}: {problem}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file: a key, a property, a channel, a header line.
+        field: String,
+        /// What is wrong, with the offending value.
+        problem: String,
+    },
+    /// The file is well formed but uses something this version does not read.
+    #[error("{}: {field}: not supported: {problem}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file.
+        field: String,
+        /// What is not supported.
+        problem: String,
+    },
+    /// The operating system refused.
+    #[error("{}: {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried: "read", "write", "create folder".
+        action: &'static str,
+        /// The reason given by the operating system.
+        source: std::io::Error,
+    },
+}
+
+impl SceneError {
+    /// An [`SceneError::Invalid`] for `field` of `path`.
+    pub fn invalid(path: &Path, field: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Invalid {
+            path: path.to_owned(),
+            field: field.into(),
+            problem: problem.into(),
+        }
+    }
+
+    /// An [`SceneError::Unsupported`] for `field` of `path`.
+    pub fn unsupported(path: &Path, field: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Unsupported {
+            path: path.to_owned(),
+            field: field.into(),
+            problem: problem.into(),
+        }
+    }
+
+    /// An [`SceneError::Io`] for `path`.
+    pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        Self::Io {
+            path: path.to_owned(),
+            action,
+            source,
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Writing files so that nobody ever sees half of one.
+
+use crate::error::{Result, SceneError};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Creates `dir` and its parents.
+///
+/// # Errors
+/// [`SceneError::Io`] with the folder's name.
+pub fn create_dir(dir: &Path) -> Result<()> {
+    std::fs::create_dir_all(dir).map_err(|e| SceneError::io(dir, "create folder", e))
+}
+
+/// Reads a whole file.
+///
+/// # Errors
+/// [`SceneError::Io`] with the file's name.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| SceneError::io(path, "read", e))
+}
+
+/// Writes `path` through a temporary file in the same folder, flushed to disk and renamed at the end: a reader sees the old content or
+/// the new, also after a crash. On an error the temporary file is removed.
+///
+/// # Errors
+/// [`SceneError::Io`] with the file's name, or whatever `write` returns.
+pub fn write_atomic(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>,
+) -> Result<()> {
+    let temporary = temporary_name(path);
+    let outcome = write_and_sync(&temporary, path, write).and_then(|()| {
+        std::fs::rename(&temporary, path).map_err(|e| SceneError::io(path, "write", e))
+    });
+    if outcome.is_err()
+        && temporary.exists()
+        && let Err(error) = std::fs::remove_file(&temporary)
+    {
+        tracing::warn!("{}: could not remove: {error}", temporary.display());
+    }
+    outcome
+}
+
+/// Writes `bytes` to `path` as [`write_atomic`] does.
+///
+/// # Errors
+/// As [`write_atomic`].
+pub fn write_bytes_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomic(path, |file| {
+        file.write_all(bytes)
+            .map_err(|e| SceneError::io(path, "write", e))
+    })
+}
+
+fn write_and_sync(
+    temporary: &Path,
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>,
+) -> Result<()> {
+    let file = File::create(temporary).map_err(|e| SceneError::io(path, "write", e))?;
+    let mut buffered = BufWriter::with_capacity(1 << 20, &file);
+    write(&mut buffered)?;
+    buffered
+        .flush()
+        .map_err(|e| SceneError::io(path, "write", e))?;
+    drop(buffered);
+    file.sync_all()
+        .map_err(|e| SceneError::io(path, "write", e))
+}
+
+fn temporary_name(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.tmp", std::process::id()));
+    path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.bin");
+        write_bytes_atomic(&path, b"old").unwrap();
+        let outcome = write_atomic(&path, |file| {
+            file.write_all(b"half").unwrap();
+            Err(SceneError::invalid(&path, "x", "stopped on purpose"))
+        });
+        assert!(outcome.is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_missing_folder_is_named() {
+        let path = Path::new("/nonexistent-folder/a.bin");
+        let message = write_bytes_atomic(path, b"x").unwrap_err().to_string();
+        assert!(message.contains("/nonexistent-folder/a.bin"), "{message}");
+    }
+}

@@ -1,0 +1,119 @@
+//! 2D Gaussians as struct of arrays, with activated (physical) values.
+
+use glam::{Quat, Vec2, Vec3};
+
+/// One 2D Gaussian: a flat, elliptical surface element that carries light and material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaussian {
+    /// Centre, world space, scene units.
+    pub position: Vec3,
+    /// Standard deviations along the in-plane axes `t_u`, `t_v`; scene units, positive.
+    pub scale: Vec2,
+    /// Unit quaternion whose matrix has the columns `t_u`, `t_v`, normal.
+    pub rotation: Quat,
+    /// Peak opacity, 0 to 1.
+    pub opacity: f32,
+    /// Outgoing radiance, linear Rec.709, not negative.
+    pub radiance: Vec3,
+    /// Emission score, 0 (reflects) to 1 (emits).
+    pub emission: f32,
+    /// Diffuse albedo, linear Rec.709, 0 to 1.
+    pub albedo: Vec3,
+}
+
+/// A set of [`Gaussian`]s; every array has the same length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Gaussians {
+    /// Centres, `[n]`, world space, scene units.
+    pub positions: Vec<Vec3>,
+    /// In-plane standard deviations, `[n]`, scene units.
+    pub scales: Vec<Vec2>,
+    /// Unit quaternions, `[n]`.
+    pub rotations: Vec<Quat>,
+    /// Peak opacities, `[n]`, 0 to 1.
+    pub opacities: Vec<f32>,
+    /// Linear radiances, `[n]`.
+    pub radiances: Vec<Vec3>,
+    /// Emission scores, `[n]`, 0 to 1.
+    pub emissions: Vec<f32>,
+    /// Diffuse albedos, `[n]`, 0 to 1.
+    pub albedos: Vec<Vec3>,
+}
+
+impl Gaussians {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// An empty set with room for `capacity` Gaussians.
+    pub fn with_capacity(capacity: usize) -> Self {
+        Self {
+            positions: Vec::with_capacity(capacity),
+            scales: Vec::with_capacity(capacity),
+            rotations: Vec::with_capacity(capacity),
+            opacities: Vec::with_capacity(capacity),
+            radiances: Vec::with_capacity(capacity),
+            emissions: Vec::with_capacity(capacity),
+            albedos: Vec::with_capacity(capacity),
+        }
+    }
+
+    /// Appends one Gaussian.
+    pub fn push(&mut self, g: Gaussian) {
+        self.positions.push(g.position);
+        self.scales.push(g.scale);
+        self.rotations.push(g.rotation);
+        self.opacities.push(g.opacity);
+        self.radiances.push(g.radiance);
+        self.emissions.push(g.emission);
+        self.albedos.push(g.albedo);
+    }
+
+    /// The Gaussian at `index`.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Self::len`].
+    pub fn get(&self, index: usize) -> Gaussian {
+        Gaussian {
+            position: self.positions[index],
+            scale: self.scales[index],
+            rotation: self.rotations[index],
+            opacity: self.opacities[index],
+            radiance: self.radiances[index],
+            emission: self.emissions[index],
+            albedo: self.albedos[index],
+        }
+    }
+
+    /// All Gaussians in order, by value.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Gaussian> + '_ {
+        (0..self.len()).map(|index| self.get(index))
+    }
+
+    /// Axis-aligned bounds of the centres, or `None` for an empty set.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let first = *self.positions.first()?;
+        Some(
+            self.positions
+                .iter()
+                .fold((first, first), |(low, high), &p| (low.min(p), high.max(p))),
+        )
+    }
+}
+
+impl FromIterator<Gaussian> for Gaussians {
+    fn from_iter<I: IntoIterator<Item = Gaussian>>(iter: I) -> Self {
+        let iter = iter.into_iter();
+        let mut set = Self::with_capacity(iter.size_hint().0);
+        for gaussian in iter {
+            set.push(gaussian);
+        }
+        set
+    }
+}

@@ -1,0 +1,19 @@
+//! The nouns of eagpt and their files.
+//!
+//! Everything the other crates talk about is defined here once: [`Gaussians`], [`Camera`], datasets, [`Image`],
+//! colour transforms and the counter-based random numbers. Light is linear, scene-referred, Rec.709 throughout; display
+//! encodings live in [`color`] and are applied only where a loss, a metric or a PNG needs them. See `CONVENTIONS.md`
+//! at the root of the repository for axes, quaternion order and pixel centres.
+
+pub mod camera;
+pub mod color;
+pub mod error;
+pub mod files;
+pub mod gaussians;
+pub mod image;
+pub mod rng;
+
+pub use camera::Camera;
+pub use error::{Result, SceneError};
+pub use gaussians::{Gaussian, Gaussians};
+pub use image::Image;
