@@ -7,13 +7,18 @@
 
 pub mod camera;
 pub mod color;
+pub mod dataset;
 pub mod error;
+pub mod exr;
 pub mod files;
 pub mod gaussians;
 pub mod image;
+pub mod ply;
+pub mod png;
 pub mod rng;
 
 pub use camera::Camera;
+pub use dataset::{Dataset, Frame, View};
 pub use error::{Result, SceneError};
 pub use gaussians::{Gaussian, Gaussians};
 pub use image::Image;

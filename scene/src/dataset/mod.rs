@@ -1,0 +1,207 @@
+//! Datasets: posed linear images of a room, on disk.
+//!
+//! [`Dataset::open`] reads the folder of EAG-PT (`frames[].file_name`, images in `Radiance-exr/` and beside it) and the
+//! `transforms.json` of nerfstudio (`frames[].file_path`, linear EXR images without distortion). Only names, sizes and
+//! poses are held; [`Dataset::load_view`] loads one view, [`ViewCache`] the recent ones. Masks, normals, depth and albedo
+//! are optional for every view: absent is not zero.
+//!
+//! The images of a view share the name of its frame:
+//!
+//! | folder | content |
+//! |---|---|
+//! | `Radiance-exr` | linear Rec.709 radiance, premultiplied by opacity |
+//! | `Emissive-exr` | emission mask, 0 or 1 |
+//! | `Normal-exr` | world-space normals |
+//! | `Alpha-exr` | opacity, 0 to 1 |
+//! | `Depth-exr` | depth along the optical axis, scene units |
+//! | `DiffCol` | diffuse albedo |
+//!
+//! Beyond the keys of either format, `up_axis` ("z", "-y", …) and `metres_per_unit` are read and written.
+
+mod cache;
+mod intrinsics;
+mod json;
+mod open;
+mod pose;
+mod split;
+mod up;
+mod view;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+pub use cache::ViewCache;
+pub use split::{Split, SplitRule, Subset};
+pub use up::UpAxis;
+pub use view::View;
+pub use write::{DatasetInfo, DatasetWriter, write_transforms};
+
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::ply::{self, PointCloud};
+use std::path::{Path, PathBuf};
+
+/// Folder of the radiance images.
+pub const RADIANCE_DIR: &str = "Radiance-exr";
+/// Folder of the emission masks.
+pub const EMISSION_DIR: &str = "Emissive-exr";
+/// Folder of the normals.
+pub const NORMAL_DIR: &str = "Normal-exr";
+/// Folder of the opacities.
+pub const ALPHA_DIR: &str = "Alpha-exr";
+/// Folder of the depths.
+pub const DEPTH_DIR: &str = "Depth-exr";
+/// Folder of the diffuse albedos.
+pub const ALBEDO_DIR: &str = "DiffCol";
+/// The file of cameras.
+pub const TRANSFORMS_FILE: &str = "transforms.json";
+/// The point cloud that training starts from.
+pub const POINTS_FILE: &str = "points3d.ply";
+
+/// A posed image of a dataset, not loaded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Unique name, no extension; may contain "/".
+    pub name: String,
+    /// Camera of the image.
+    pub camera: Camera,
+    /// Where its images are.
+    pub files: ViewFiles,
+}
+
+/// The image files of a view; those that are there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ViewFiles {
+    /// Linear radiance.
+    pub radiance: PathBuf,
+    /// Emission mask.
+    pub emission: Option<PathBuf>,
+    /// World-space normals.
+    pub normal: Option<PathBuf>,
+    /// Opacity.
+    pub alpha: Option<PathBuf>,
+    /// Depth along the optical axis.
+    pub depth: Option<PathBuf>,
+    /// Diffuse albedo.
+    pub albedo: Option<PathBuf>,
+}
+
+/// Names of frames that the file itself assigns to training and testing, as indices.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+struct ListedSplit {
+    train: Option<Vec<usize>>,
+    test: Option<Vec<usize>>,
+}
+
+/// A dataset whose cameras are known and whose images are known to be there.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    root: PathBuf,
+    transforms: PathBuf,
+    frames: Vec<Frame>,
+    up_axis: Option<UpAxis>,
+    metres_per_unit: Option<f64>,
+    listed: ListedSplit,
+    points: Option<PathBuf>,
+}
+
+impl Dataset {
+    /// Opens a dataset: a folder with a `transforms.json`, or that file itself (of any name).
+    ///
+    /// Checks all poses and intrinsics and reads the header of every radiance image, but no pixels.
+    ///
+    /// # Errors
+    /// [`crate::SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
+    pub fn open(root: &Path) -> Result<Self> {
+        open::open(root)
+    }
+
+    /// The folder of the dataset.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The file the cameras were read from.
+    pub fn transforms(&self) -> &Path {
+        &self.transforms
+    }
+
+    /// All frames in the order of the file; never empty.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// Whether there are no frames; an opened dataset has some.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    /// The world's up axis as stored in the file, if it is.
+    pub fn up_axis(&self) -> Option<UpAxis> {
+        self.up_axis
+    }
+
+    /// The world's up axis: as stored, else z.
+    pub fn up(&self) -> UpAxis {
+        self.up_axis.unwrap_or_default()
+    }
+
+    /// Length of a scene unit in metres, if the file tells.
+    pub fn metres_per_unit(&self) -> Option<f64> {
+        self.metres_per_unit
+    }
+
+    /// What a writer needs to keep beside the frames.
+    pub fn info(&self) -> DatasetInfo {
+        let names = |indices: &Option<Vec<usize>>| {
+            let indices = indices.as_ref()?;
+            Some(
+                indices
+                    .iter()
+                    .map(|&i| self.frames[i].name.clone())
+                    .collect(),
+            )
+        };
+        DatasetInfo {
+            up_axis: self.up_axis,
+            metres_per_unit: self.metres_per_unit,
+            train_names: names(&self.listed.train),
+            test_names: names(&self.listed.test),
+        }
+    }
+
+    /// Loads and checks the images of a frame.
+    ///
+    /// # Errors
+    /// [`crate::SceneError`] naming the image file: unreadable, of another size than the radiance, or with values that
+    /// cannot be (with the pixel).
+    ///
+    /// # Panics
+    /// If `index` is not below [`Self::len`].
+    pub fn load_view(&self, index: usize) -> Result<View> {
+        view::load(&self.frames[index])
+    }
+
+    /// The point cloud of the dataset, if it has one.
+    ///
+    /// # Errors
+    /// As [`ply::read_points`].
+    pub fn points(&self) -> Result<Option<PointCloud>> {
+        self.points.as_deref().map(ply::read_points).transpose()
+    }
+
+    /// Divides the frames into training and test views.
+    ///
+    /// # Errors
+    /// [`crate::SceneError::Invalid`] naming the file, the rule and the numbers if either subset is empty or the file lacks
+    /// the lists that the rule needs.
+    pub fn split(&self, rule: SplitRule) -> Result<Split> {
+        split::split(self, rule)
+    }
+}

@@ -1,0 +1,288 @@
+//! Opening a dataset: from `transforms.json` to frames whose images are there.
+
+use super::intrinsics::{self, Dialect};
+use super::json::{Object, excerpt};
+use super::{
+    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, Dataset, EMISSION_DIR, Frame, ListedSplit, NORMAL_DIR,
+    POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, ViewFiles, pose,
+};
+use crate::error::{Result, SceneError};
+use crate::exr;
+use crate::files;
+use serde_json::Value;
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+
+/// Where the images of a frame are, before they are looked for.
+struct Located {
+    /// What the file calls the frame, as its split lists do.
+    listed_as: String,
+    name: String,
+    radiance: PathBuf,
+}
+
+pub(super) fn open(path: &Path) -> Result<Dataset> {
+    let transforms = if path.is_dir() {
+        path.join(TRANSFORMS_FILE)
+    } else {
+        path.to_owned()
+    };
+    let root = match transforms.parent() {
+        Some(parent) if parent.as_os_str().is_empty() => PathBuf::from("."),
+        Some(parent) => parent.to_owned(),
+        None => PathBuf::from("."),
+    };
+    let bytes = files::read(&transforms)?;
+    let value: Value = serde_json::from_slice(&bytes)
+        .map_err(|e| SceneError::invalid(&transforms, "JSON", e.to_string()))?;
+    let map = value
+        .as_object()
+        .ok_or_else(|| SceneError::invalid(&transforms, "JSON", "not an object"))?;
+    let top = Object {
+        path: &transforms,
+        map,
+        index: None,
+    };
+    let objects = frame_objects(&top)?;
+    let (dialect, located) = locate(&root, &objects)?;
+    check_unique(&objects, &located)?;
+    let frames = objects
+        .iter()
+        .zip(&located)
+        .map(|(object, located)| frame(&root, dialect, &top, object, located))
+        .collect::<Result<Vec<_>>>()?;
+    warn_of_ignored_keys(&top, &objects);
+    Ok(Dataset {
+        up_axis: up_axis(&top)?,
+        metres_per_unit: top.positive("metres_per_unit")?,
+        listed: listed_split(&top, &located)?,
+        points: points(&top, &root)?,
+        frames,
+        root,
+        transforms: transforms.clone(),
+    })
+}
+
+fn frame_objects<'a>(top: &Object<'a>) -> Result<Vec<Object<'a>>> {
+    let values = top
+        .array("frames")?
+        .ok_or_else(|| top.invalid("frames", "missing"))?;
+    if values.is_empty() {
+        return Err(top.invalid("frames", "empty"));
+    }
+    let objects = values.iter().enumerate().map(|(index, value)| {
+        let map = value.as_object().ok_or_else(|| {
+            let problem = format!("{} is not an object", excerpt(value));
+            top.invalid(&format!("frames[{index}]"), problem)
+        })?;
+        Ok(Object {
+            path: top.path,
+            map,
+            index: Some(index),
+        })
+    });
+    objects.collect()
+}
+
+fn locate(root: &Path, objects: &[Object<'_>]) -> Result<(Dialect, Vec<Located>)> {
+    if objects[0].get("file_name").is_some() {
+        let located = objects.iter().map(|object| locate_eag_pt(root, object));
+        return Ok((Dialect::EagPt, located.collect::<Result<_>>()?));
+    }
+    if objects[0].get("file_path").is_none() {
+        let problem = "missing, and so is file_path: one of them names the image";
+        return Err(objects[0].invalid("file_name", problem));
+    }
+    let mut located = objects
+        .iter()
+        .map(|object| locate_nerfstudio(root, object))
+        .collect::<Result<Vec<_>>>()?;
+    strip_common_folder(&mut located);
+    Ok((Dialect::Nerfstudio, located))
+}
+
+fn locate_eag_pt(root: &Path, object: &Object<'_>) -> Result<Located> {
+    let key = "file_name";
+    let name = object
+        .string(key)?
+        .ok_or_else(|| object.invalid(key, "missing"))?;
+    if !is_frame_name(name) {
+        let problem = format!("`{}` is not a relative name", name.escape_debug());
+        return Err(object.invalid(key, problem));
+    }
+    Ok(Located {
+        listed_as: name.to_owned(),
+        name: name.to_owned(),
+        radiance: root.join(RADIANCE_DIR).join(format!("{name}.exr")),
+    })
+}
+
+/// Whether `name` can name a frame. Names become paths of results: they must stay inside the folder they are put in,
+/// and on one line of a message.
+pub(super) fn is_frame_name(name: &str) -> bool {
+    let mut components = Path::new(name).components().peekable();
+    components.peek().is_some()
+        && components.all(|part| matches!(part, Component::Normal(_)))
+        && !name.contains(|c: char| c == '\\' || c.is_control())
+}
+
+fn locate_nerfstudio(root: &Path, object: &Object<'_>) -> Result<Located> {
+    let key = "file_path";
+    let listed_as = object
+        .string(key)?
+        .ok_or_else(|| object.invalid(key, "missing"))?;
+    let relative = Path::new(listed_as);
+    let radiance = match relative.extension() {
+        None => relative.with_extension("exr"),
+        Some(extension) if extension.eq_ignore_ascii_case("exr") => relative.to_owned(),
+        Some(_) => {
+            let problem = format!("`{}`: linear EXR is needed", listed_as.escape_debug());
+            return Err(object.unsupported(key, problem));
+        }
+    };
+    let stem = radiance.with_extension("");
+    let parts = stem.components().filter_map(|part| match part {
+        Component::Normal(part) => Some(part.to_string_lossy()),
+        _ => None,
+    });
+    let name = parts.collect::<Vec<_>>().join("/");
+    if relative.file_name().is_none() || !is_frame_name(&name) {
+        let problem = format!("`{}` names no file", listed_as.escape_debug());
+        return Err(object.invalid(key, problem));
+    }
+    Ok(Located {
+        listed_as: listed_as.to_owned(),
+        name,
+        radiance: root.join(&radiance),
+    })
+}
+
+/// Takes the folders that all names share off them: `images/10/a` and `images/11/a` become `10/a` and `11/a`.
+fn strip_common_folder(located: &mut [Located]) {
+    let folder_of = |name: &str| name.rfind('/').map_or(0, |slash| slash + 1);
+    let first = located[0].name.clone();
+    let mut common = &first[..folder_of(&first)];
+    for other in located.iter() {
+        while !other.name.starts_with(common) {
+            common = &common[..folder_of(common.trim_end_matches('/'))];
+        }
+    }
+    for item in located {
+        item.name.drain(..common.len());
+    }
+}
+
+fn check_unique(objects: &[Object<'_>], located: &[Located]) -> Result<()> {
+    let mut first_by_name = HashMap::new();
+    for (index, item) in located.iter().enumerate() {
+        if let Some(first) = first_by_name.insert(item.name.as_str(), index) {
+            let key = if objects[index].get("file_name").is_some() {
+                "file_name"
+            } else {
+                "file_path"
+            };
+            let problem = format!("`{}` is also frames[{first}]", item.name.escape_debug());
+            return Err(objects[index].invalid(key, problem));
+        }
+    }
+    Ok(())
+}
+
+fn frame(
+    root: &Path,
+    dialect: Dialect,
+    top: &Object<'_>,
+    object: &Object<'_>,
+    located: &Located,
+) -> Result<Frame> {
+    let world_from_camera = pose::read(object)?;
+    if !located.radiance.is_file() {
+        let key = match dialect {
+            Dialect::EagPt => "file_name",
+            Dialect::Nerfstudio => "file_path",
+        };
+        let problem = format!("no image {}", located.radiance.display());
+        return Err(object.invalid(key, problem));
+    }
+    let size = exr::read_size(&located.radiance)?;
+    let camera = intrinsics::camera(dialect, top, object, size, world_from_camera)?;
+    let beside = |folder: &str| {
+        let path = root.join(folder).join(format!("{}.exr", located.name));
+        path.is_file().then_some(path)
+    };
+    Ok(Frame {
+        name: located.name.clone(),
+        camera,
+        files: ViewFiles {
+            radiance: located.radiance.clone(),
+            emission: beside(EMISSION_DIR),
+            normal: beside(NORMAL_DIR),
+            alpha: beside(ALPHA_DIR),
+            depth: beside(DEPTH_DIR),
+            albedo: beside(ALBEDO_DIR),
+        },
+    })
+}
+
+fn up_axis(top: &Object<'_>) -> Result<Option<UpAxis>> {
+    let key = "up_axis";
+    let parsed = top.string(key)?.map(str::parse);
+    parsed
+        .transpose()
+        .map_err(|problem| top.invalid(key, problem))
+}
+
+/// The lists of nerfstudio; without a test list the validation list takes its place.
+fn listed_split(top: &Object<'_>, located: &[Located]) -> Result<ListedSplit> {
+    let index_by_name: HashMap<&str, usize> = located
+        .iter()
+        .enumerate()
+        .map(|(index, item)| (item.listed_as.as_str(), index))
+        .collect();
+    let read = |key: &str| -> Result<Option<Vec<usize>>> {
+        let Some(names) = top.array(key)? else {
+            return Ok(None);
+        };
+        let indices = names.iter().enumerate().map(|(at, name)| {
+            let index = name.as_str().and_then(|name| index_by_name.get(name));
+            index.copied().ok_or_else(|| {
+                let problem = format!("{} is not the name of a frame", excerpt(name));
+                top.invalid(&format!("{key}[{at}]"), problem)
+            })
+        });
+        indices.collect::<Result<Vec<_>>>().map(Some)
+    };
+    let validation = read("val_filenames")?;
+    Ok(ListedSplit {
+        train: read("train_filenames")?,
+        test: read("test_filenames")?.or(validation),
+    })
+}
+
+fn points(top: &Object<'_>, root: &Path) -> Result<Option<PathBuf>> {
+    let key = "ply_file_path";
+    if let Some(relative) = top.string(key)? {
+        let path = root.join(relative);
+        if !path.is_file() {
+            return Err(top.invalid(key, format!("no file {}", path.display())));
+        }
+        return Ok(Some(path));
+    }
+    let path = root.join(POINTS_FILE);
+    Ok(path.is_file().then_some(path))
+}
+
+fn warn_of_ignored_keys(top: &Object<'_>, objects: &[Object<'_>]) {
+    for (key, instead) in [
+        ("mask_path", "every pixel is used"),
+        ("depth_file_path", "depth is read from Depth-exr only"),
+    ] {
+        let num_frames = objects.iter().filter(|o| o.get(key).is_some()).count();
+        if num_frames > 0 {
+            tracing::warn!(
+                "{}: {key} of {num_frames} frames is ignored: {instead}",
+                top.path.display()
+            );
+        }
+    }
+}

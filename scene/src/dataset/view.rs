@@ -1,0 +1,196 @@
+//! The images of one frame, loaded and checked.
+
+use super::Frame;
+use crate::camera::Camera;
+use crate::error::{Result, SceneError};
+use crate::exr;
+use crate::image::Image;
+use glam::Vec3;
+use std::path::Path;
+
+/// How far masks may leave 0 to 1 and be clamped: half precision and resampling overshoot this much.
+const MASK_TOLERANCE: f32 = 1e-3;
+/// Normals shorter than this are taken as unknown.
+const MIN_NORMAL_LENGTH: f32 = 1e-3;
+/// Normals nearer than this to unit length stay as they are.
+const NORMAL_TOLERANCE: f32 = 1e-6;
+
+/// A frame with its images, all of one size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// Name of the frame.
+    pub name: String,
+    /// Camera of the images.
+    pub camera: Camera,
+    /// Linear Rec.709 radiance, finite and not negative, premultiplied by opacity as stored.
+    pub radiance: Image<3>,
+    /// Emission mask, 0 to 1.
+    pub emission: Option<Image<1>>,
+    /// World-space unit normals; zero where unknown.
+    pub normal: Option<Image<3>>,
+    /// Opacity, 0 to 1.
+    pub alpha: Option<Image<1>>,
+    /// Depth along the optical axis, scene units; 0 where nothing was hit.
+    pub depth: Option<Image<1>>,
+    /// Diffuse albedo, finite and not negative.
+    pub albedo: Option<Image<3>>,
+}
+
+impl View {
+    /// Bytes held by the images.
+    pub fn num_bytes(&self) -> usize {
+        let single = |image: &Option<Image<1>>| image.as_ref().map_or(0, Image::num_bytes);
+        let colour = |image: &Option<Image<3>>| image.as_ref().map_or(0, Image::num_bytes);
+        self.radiance.num_bytes()
+            + [&self.emission, &self.alpha, &self.depth]
+                .map(single)
+                .iter()
+                .sum::<usize>()
+            + [&self.normal, &self.albedo]
+                .map(colour)
+                .iter()
+                .sum::<usize>()
+    }
+}
+
+pub(super) fn load(frame: &Frame) -> Result<View> {
+    let files = &frame.files;
+    let radiance = exr::read_rgb(&files.radiance)?;
+    let size = (frame.camera.width, frame.camera.height);
+    check_size(
+        &files.radiance,
+        &radiance,
+        size,
+        "the dataset was opened with",
+    )?;
+    check_light(&files.radiance, &radiance)?;
+    let mut view = View {
+        name: frame.name.clone(),
+        camera: frame.camera,
+        radiance,
+        emission: load_single(files.emission.as_deref(), size)?,
+        normal: load_rgb(files.normal.as_deref(), size)?,
+        alpha: load_single(files.alpha.as_deref(), size)?,
+        depth: load_single(files.depth.as_deref(), size)?,
+        albedo: load_rgb(files.albedo.as_deref(), size)?,
+    };
+    if let (Some(path), Some(mask)) = (&files.emission, &mut view.emission) {
+        clamp_mask(path, mask)?;
+    }
+    if let (Some(path), Some(mask)) = (&files.alpha, &mut view.alpha) {
+        clamp_mask(path, mask)?;
+    }
+    if let (Some(path), Some(depth)) = (&files.depth, &mut view.depth) {
+        check_depth(path, depth)?;
+    }
+    if let (Some(path), Some(normal)) = (&files.normal, &mut view.normal) {
+        normalise(path, normal)?;
+    }
+    if let (Some(path), Some(albedo)) = (&files.albedo, &view.albedo) {
+        check_light(path, albedo)?;
+    }
+    Ok(view)
+}
+
+fn load_rgb(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<3>>> {
+    let Some(path) = path else { return Ok(None) };
+    let image = exr::read_rgb(path)?;
+    check_size(path, &image, size, "the radiance is")?;
+    Ok(Some(image))
+}
+
+fn load_single(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<1>>> {
+    let Some(path) = path else { return Ok(None) };
+    let image = exr::read_single(path)?;
+    check_size(path, &image, size, "the radiance is")?;
+    Ok(Some(image))
+}
+
+fn check_size<const C: usize>(
+    path: &Path,
+    image: &Image<C>,
+    wanted: (u32, u32),
+    who: &str,
+) -> Result<()> {
+    if image.size() == wanted {
+        return Ok(());
+    }
+    let (width, height) = image.size();
+    let problem = format!("{width}x{height}, but {who} {}x{}", wanted.0, wanted.1);
+    Err(SceneError::invalid(path, "size", problem))
+}
+
+/// The first pixel with a channel that `is_bad`, as an error that also counts the others.
+fn refuse<const C: usize>(
+    path: &Path,
+    image: &Image<C>,
+    what: &str,
+    is_bad: impl Fn(f32) -> bool,
+) -> Result<()> {
+    let Some(first) = image.values().iter().position(|&value| is_bad(value)) else {
+        return Ok(());
+    };
+    let num_bad = image
+        .pixels()
+        .iter()
+        .filter(|p| p.iter().any(|&v| is_bad(v)))
+        .count();
+    let (pixel, channel) = (first / C, first % C);
+    let width = image.width() as usize;
+    let channel = match (C, channel) {
+        (3, 0) => " channel R",
+        (3, 1) => " channel G",
+        (3, 2) => " channel B",
+        _ => "",
+    };
+    Err(SceneError::invalid(
+        path,
+        format!("pixel ({}, {}){channel}", pixel % width, pixel / width),
+        format!(
+            "{} {what}; {num_bad} of {} pixels are like this",
+            image.values()[first],
+            image.pixels().len()
+        ),
+    ))
+}
+
+fn check_light(path: &Path, image: &Image<3>) -> Result<()> {
+    refuse(path, image, "is not finite and at least 0", |v| {
+        !(v.is_finite() && v >= 0.0)
+    })
+}
+
+fn clamp_mask(path: &Path, mask: &mut Image<1>) -> Result<()> {
+    refuse(path, mask, "is outside 0 to 1", |v| {
+        !(-MASK_TOLERANCE..=1.0 + MASK_TOLERANCE).contains(&v)
+    })?;
+    for [value] in mask.pixels_mut() {
+        *value = value.clamp(0.0, 1.0);
+    }
+    Ok(())
+}
+
+/// Renderers write a huge depth where they hit nothing, which is infinite in half precision.
+fn check_depth(path: &Path, depth: &mut Image<1>) -> Result<()> {
+    refuse(path, depth, "is not a depth", |v| v.is_nan() || v < 0.0)?;
+    for [value] in depth.pixels_mut() {
+        if value.is_infinite() {
+            *value = 0.0;
+        }
+    }
+    Ok(())
+}
+
+fn normalise(path: &Path, normal: &mut Image<3>) -> Result<()> {
+    refuse(path, normal, "is not finite", |v| !v.is_finite())?;
+    for pixel in normal.pixels_mut() {
+        let vector = Vec3::from_array(*pixel);
+        let length = vector.length();
+        if length < MIN_NORMAL_LENGTH {
+            *pixel = [0.0; 3];
+        } else if (length - 1.0).abs() > NORMAL_TOLERANCE {
+            *pixel = (vector / length).to_array();
+        }
+    }
+    Ok(())
+}

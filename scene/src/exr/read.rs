@@ -1,0 +1,330 @@
+//! Reading EXR files.
+
+use super::channels::{Selection, select_rgb, select_single};
+use crate::error::{Result, SceneError};
+use crate::files;
+use crate::image::Image;
+use ::exr::block::UncompressedBlock;
+use ::exr::block::chunk::Chunk;
+use ::exr::compression::Compression;
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::SampleType;
+use ::exr::meta::header::Header;
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{BufReader, Cursor};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Most pixels an image may have: 16,384 squared, an order of magnitude above the largest photographs.
+const MAX_PIXELS: u64 = 1 << 28;
+/// Most bytes of samples that one byte of file can stand for: deflate reaches 1,032, run lengths and PIZ less. DCT
+/// codecs have no such bound.
+const MAX_COMPRESSION_RATIO: u64 = 1100;
+/// Compressed blocks decoded at a time: enough for all cores, few enough to keep the memory near that of the image.
+const BLOCKS_PER_BATCH: usize = 64;
+
+/// Reads a colour or vector image as it is stored: linear Rec.709 light, or the x, y, z of normals.
+///
+/// # Errors
+/// [`SceneError`] naming the file: unreadable, truncated or corrupt, without three channels (those found are listed),
+/// deep, subsampled, or larger than 2^28 pixels. NaN and infinities are returned, not refused.
+pub fn read_rgb(path: &Path) -> Result<Image<3>> {
+    read(path, select_rgb)
+}
+
+/// Reads a mask, opacity or depth.
+///
+/// # Errors
+/// As [`read_rgb`].
+pub fn read_single(path: &Path) -> Result<Image<1>> {
+    read(path, select_single)
+}
+
+/// Reads `(width, height)` from the header alone.
+///
+/// # Errors
+/// [`SceneError`] naming the file: unreadable, not an EXR file, or larger than 2^28 pixels.
+pub fn read_size(path: &Path) -> Result<(u32, u32)> {
+    let file = File::open(path).map_err(|e| SceneError::io(path, "read", e))?;
+    let meta = guarded(path, || {
+        MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| exr_error(path, e))
+    })?;
+    let header = meta
+        .headers
+        .first()
+        .ok_or_else(|| SceneError::invalid(path, "header", "missing"))?;
+    window_size(path, header)
+}
+
+fn read<const C: usize>(
+    path: &Path,
+    select: impl Fn(&Path, &[Header]) -> Result<Selection<C>>,
+) -> Result<Image<C>> {
+    let bytes = files::read(path)?;
+    guarded(path, || decode(path, &bytes, select))
+}
+
+/// Runs the decoder so that an assertion of the EXR library on a corrupt file becomes an error like any other.
+fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+        Err(SceneError::invalid(
+            path,
+            "content",
+            "corrupt: the decoder stopped on it",
+        ))
+    })
+}
+
+fn exr_error(path: &Path, error: ::exr::error::Error) -> SceneError {
+    use ::exr::error::Error;
+    match error {
+        Error::Io(source) => SceneError::io(path, "read", source),
+        Error::NotSupported(problem) => SceneError::unsupported(path, "content", problem),
+        Error::Invalid(problem) => {
+            SceneError::invalid(path, "content", format!("truncated or corrupt: {problem}"))
+        }
+        Error::Aborted => SceneError::invalid(path, "content", "reading was cancelled"),
+    }
+}
+
+fn decode<const C: usize>(
+    path: &Path,
+    bytes: &[u8],
+    select: impl Fn(&Path, &[Header]) -> Result<Selection<C>>,
+) -> Result<Image<C>> {
+    let reader = ::exr::block::read(Cursor::new(bytes), false).map_err(|e| exr_error(path, e))?;
+    let selection = select(path, reader.headers())?;
+    let header = reader.headers()[selection.header].clone();
+    let (width, height) = window_size(path, &header)?;
+    check_header(path, &header, bytes.len() as u64)?;
+
+    let mut image = Image::filled(width, height, [0.0; C]);
+    let meta = reader.meta_data().clone();
+    let chunks = reader.all_chunks(false).map_err(|e| exr_error(path, e))?;
+    let mut blocks = BlockPlacer::new(&header, &mut image);
+    let mut batch: Vec<Chunk> = Vec::with_capacity(BLOCKS_PER_BATCH);
+    for chunk in chunks {
+        let chunk = chunk.map_err(|e| exr_error(path, e))?;
+        if chunk.layer_index == selection.header {
+            batch.push(chunk);
+        }
+        if batch.len() == BLOCKS_PER_BATCH {
+            decode_batch(path, &meta, &selection, &mut batch, &mut blocks)?;
+        }
+    }
+    decode_batch(path, &meta, &selection, &mut batch, &mut blocks)?;
+    blocks.check_complete(path)?;
+    Ok(image)
+}
+
+/// Size of the display window, which is the size of the image.
+fn window_size(path: &Path, header: &Header) -> Result<(u32, u32)> {
+    let size = header.shared_attributes.display_window.size;
+    let (width, height) = (size.width() as u64, size.height() as u64);
+    let problem = if width == 0 || height == 0 {
+        "empty"
+    } else if width.saturating_mul(height) > MAX_PIXELS {
+        "larger than 2^28 pixels"
+    } else {
+        return match (u32::try_from(width), u32::try_from(height)) {
+            (Ok(width), Ok(height)) => Ok((width, height)),
+            _ => Err(SceneError::invalid(path, "displayWindow", "too large")),
+        };
+    };
+    Err(SceneError::invalid(
+        path,
+        "displayWindow",
+        format!("{width}x{height} is {problem}"),
+    ))
+}
+
+/// What the decoder cannot do, and sizes that the bytes of the file cannot bear out, before anything is allocated.
+fn check_header(path: &Path, header: &Header, num_file_bytes: u64) -> Result<()> {
+    if header.deep {
+        return Err(SceneError::unsupported(path, "type", "deep data"));
+    }
+    for channel in &header.channels.list {
+        if (channel.sampling.x(), channel.sampling.y()) != (1, 1) {
+            return Err(SceneError::unsupported(
+                path,
+                format!("channel {}", channel.name.to_string().escape_default()),
+                "subsampled",
+            ));
+        }
+    }
+    let size = header.layer_size;
+    let num_pixels = (size.width() as u64).saturating_mul(size.height() as u64);
+    let num_bytes = num_pixels.saturating_mul(header.channels.bytes_per_pixel as u64);
+    let ratio = match header.compression {
+        Compression::Uncompressed => 1,
+        Compression::DWAA(_) | Compression::DWAB(_) => u64::MAX,
+        _ => MAX_COMPRESSION_RATIO,
+    };
+    if num_pixels > MAX_PIXELS || num_bytes > num_file_bytes.saturating_mul(ratio) {
+        return Err(SceneError::invalid(
+            path,
+            "dataWindow",
+            format!(
+                "{}x{} cannot be held by a file of {num_file_bytes} bytes: truncated or corrupt",
+                size.width(),
+                size.height()
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// Decoded samples of one block at its place in the data window.
+struct Block<const C: usize> {
+    x: usize,
+    y: usize,
+    width: usize,
+    pixels: Vec<[f32; C]>,
+}
+
+fn decode_batch<const C: usize>(
+    path: &Path,
+    meta: &MetaData,
+    selection: &Selection<C>,
+    batch: &mut Vec<Chunk>,
+    blocks: &mut BlockPlacer<'_, C>,
+) -> Result<()> {
+    let decoded: Vec<_> = std::mem::take(batch)
+        .into_par_iter()
+        .map(|chunk| {
+            UncompressedBlock::decompress_chunk(chunk, meta, false)
+                .map(|block| convert(&block, &meta.headers[selection.header], selection))
+        })
+        .collect();
+    for block in decoded {
+        // Smaller levels of a mip map come back as `None`.
+        if let Some(block) = block.map_err(|e| exr_error(path, e))? {
+            blocks.place(&block);
+        }
+    }
+    Ok(())
+}
+
+fn convert<const C: usize>(
+    block: &UncompressedBlock,
+    header: &Header,
+    selection: &Selection<C>,
+) -> Option<Block<C>> {
+    let level = block.index.level;
+    if (level.x(), level.y()) != (0, 0) {
+        return None;
+    }
+    let (corner, width) = (block.index.pixel_position, block.index.pixel_size.width());
+    let mut pixels = vec![[0.0; C]; width * block.index.pixel_size.height()];
+    let mut samples = vec![0.0_f32; width];
+    let mut halves = vec![f16::ZERO; width];
+    for line in block.lines(&header.channels) {
+        let channel = line.location.channel;
+        if !selection.channels.contains(&channel) {
+            continue;
+        }
+        match header.channels.list[channel].sample_type {
+            SampleType::F16 => {
+                for (half, bytes) in halves.iter_mut().zip(line.value.as_chunks().0) {
+                    *half = f16::from_ne_bytes(*bytes);
+                }
+                halves.convert_to_f32_slice(&mut samples);
+            }
+            SampleType::F32 => {
+                for (sample, bytes) in samples.iter_mut().zip(line.value.as_chunks().0) {
+                    *sample = f32::from_ne_bytes(*bytes);
+                }
+            }
+            SampleType::U32 => {
+                for (sample, bytes) in samples.iter_mut().zip(line.value.as_chunks().0) {
+                    *sample = u32::from_ne_bytes(*bytes) as f32;
+                }
+            }
+        }
+        let row = line.location.position.y() - corner.y();
+        let row = &mut pixels[row * width..][..width];
+        for (slot, _) in (0..C)
+            .zip(selection.channels)
+            .filter(|(_, c)| *c == channel)
+        {
+            for (pixel, sample) in row.iter_mut().zip(&samples) {
+                pixel[slot] = *sample;
+            }
+        }
+    }
+    Some(Block {
+        x: corner.x(),
+        y: corner.y(),
+        width,
+        pixels,
+    })
+}
+
+/// Copies blocks to their place in the image and remembers which have come.
+struct BlockPlacer<'a, const C: usize> {
+    image: &'a mut Image<C>,
+    /// Data window relative to the display window.
+    offset_x: i64,
+    offset_y: i64,
+    num_wanted: usize,
+    num_placed: usize,
+    seen: HashSet<(usize, usize)>,
+}
+
+impl<'a, const C: usize> BlockPlacer<'a, C> {
+    fn new(header: &Header, image: &'a mut Image<C>) -> Self {
+        let data = header.own_attributes.layer_position;
+        let display = header.shared_attributes.display_window.position;
+        Self {
+            image,
+            offset_x: i64::from(data.x()) - i64::from(display.x()),
+            offset_y: i64::from(data.y()) - i64::from(display.y()),
+            num_wanted: header.layer_size.area(),
+            num_placed: 0,
+            seen: HashSet::new(),
+        }
+    }
+
+    fn place(&mut self, block: &Block<C>) {
+        if !self.seen.insert((block.x, block.y)) {
+            return;
+        }
+        self.num_placed += block.pixels.len();
+        let (width, height) = (
+            i64::from(self.image.width()),
+            i64::from(self.image.height()),
+        );
+        let left = self.offset_x + block.x as i64;
+        let from = left.clamp(0, width);
+        let to = (left + block.width as i64).clamp(0, width);
+        if from == to {
+            return;
+        }
+        for (row, line) in block.pixels.chunks_exact(block.width).enumerate() {
+            let y = self.offset_y + (block.y + row) as i64;
+            if (0..height).contains(&y) {
+                let target = (y * width + from) as usize..(y * width + to) as usize;
+                let source = (from - left) as usize..(to - left) as usize;
+                self.image.pixels_mut()[target].copy_from_slice(&line[source]);
+            }
+        }
+    }
+
+    fn check_complete(&self, path: &Path) -> Result<()> {
+        if self.num_placed == self.num_wanted {
+            return Ok(());
+        }
+        Err(SceneError::invalid(
+            path,
+            "content",
+            format!(
+                "truncated or corrupt: {} of {} pixels present",
+                self.num_placed, self.num_wanted
+            ),
+        ))
+    }
+}

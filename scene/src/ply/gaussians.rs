@@ -1,0 +1,160 @@
+//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties.
+//!
+//! Activated means physical: scales in scene units, opacity, emission and albedo in 0 to 1, radiance linear. Splat
+//! viewers expect raw parameters instead; [`super::write_preview`] makes files for them.
+
+use super::values::Vertices;
+use crate::error::{Result, SceneError};
+use crate::files;
+use crate::gaussians::{Gaussian, Gaussians};
+use glam::{Quat, Vec2, Vec3};
+use std::io::Write;
+use std::path::Path;
+
+/// The properties in the order of a written file; the quaternion has w first.
+pub(super) const PROPERTIES: [&str; 17] = [
+    "x",
+    "y",
+    "z",
+    "scales_0",
+    "scales_1",
+    "quaternions_0",
+    "quaternions_1",
+    "quaternions_2",
+    "quaternions_3",
+    "opacities",
+    "radiances_0",
+    "radiances_1",
+    "radiances_2",
+    "emissives",
+    "albedos_0",
+    "albedos_1",
+    "albedos_2",
+];
+
+/// How far opacity, emission and albedo may leave 0 to 1 and be clamped: the noise of other programs' rounding.
+const UNIT_TOLERANCE: f32 = 1e-4;
+/// Quaternions nearer than this to unit length stay as they are, so that a file is written as it was read; single
+/// precision normalises to within 2e-7.
+const QUATERNION_TOLERANCE: f32 = 1e-6;
+/// A quaternion shorter than this has no direction worth keeping.
+const MIN_QUATERNION_LENGTH: f32 = 1e-6;
+
+/// Reads Gaussians. Values a rounding error outside 0 to 1 are clamped, quaternions off unit length are normalised.
+///
+/// # Errors
+/// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value: unreadable, truncated, a
+/// missing property, a value that is not finite, a scale not above 0, a negative radiance, an opacity, emission or albedo
+/// outside 0 to 1, a zero quaternion.
+pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
+    let bytes = files::read(path)?;
+    parse(path, &bytes)
+}
+
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Gaussians> {
+    let vertices = Vertices::parse(path, bytes)?;
+    if vertices.find("f_dc_0").is_some() && vertices.find("radiances_0").is_none() {
+        return Err(SceneError::invalid(
+            path,
+            "vertex.radiances_0",
+            "missing property: with f_dc_0 this is a file for splat viewers, not of Gaussians that carry light",
+        ));
+    }
+    let columns = vertices.columns(PROPERTIES)?;
+    let mut gaussians = Gaussians::with_capacity(vertices.len());
+    vertices.for_each_row(columns, |index, values| {
+        let row = checked(path, index, values.map(|value| value as f32))?;
+        gaussians.push(gaussian(row));
+        Ok(())
+    })?;
+    Ok(gaussians)
+}
+
+/// Writes Gaussians, binary little endian, atomic. What [`read_gaussians`] would refuse is refused.
+///
+/// # Errors
+/// [`SceneError::Io`], or [`SceneError::Invalid`] naming the Gaussian, property and value.
+pub fn write_gaussians(path: &Path, gaussians: &Gaussians) -> Result<()> {
+    files::write_atomic(path, |file| {
+        let io = |e| SceneError::io(path, "write", e);
+        file.write_all(header("vertex", gaussians.len(), &PROPERTIES).as_bytes())
+            .map_err(io)?;
+        for (index, g) in gaussians.iter().enumerate() {
+            let row = checked(path, index, row(&g))?;
+            file.write_all(bytemuck::bytes_of(&row.map(f32::to_le_bytes)))
+                .map_err(io)?;
+        }
+        Ok(())
+    })
+}
+
+/// The header of a little-endian file with one element of float properties.
+pub(super) fn header(element: &str, count: usize, properties: &[&str]) -> String {
+    let mut text = format!("ply\nformat binary_little_endian 1.0\nelement {element} {count}\n");
+    for name in properties {
+        text.push_str("property float ");
+        text.push_str(name);
+        text.push('\n');
+    }
+    text.push_str("end_header\n");
+    text
+}
+
+fn row(g: &Gaussian) -> [f32; 17] {
+    let (p, s, q, r, a) = (g.position, g.scale, g.rotation, g.radiance, g.albedo);
+    [
+        p.x, p.y, p.z, s.x, s.y, q.w, q.x, q.y, q.z, g.opacity, r.x, r.y, r.z, g.emission, a.x,
+        a.y, a.z,
+    ]
+}
+
+fn gaussian(row: [f32; 17]) -> Gaussian {
+    let vec3 = |at: usize| Vec3::new(row[at], row[at + 1], row[at + 2]);
+    Gaussian {
+        position: vec3(0),
+        scale: Vec2::new(row[3], row[4]),
+        rotation: Quat::from_xyzw(row[6], row[7], row[8], row[5]),
+        opacity: row[9],
+        radiance: vec3(10),
+        emission: row[13],
+        albedo: vec3(14),
+    }
+}
+
+/// The row as it is kept: clamped and normalised within the tolerances.
+fn checked(path: &Path, index: usize, mut row: [f32; 17]) -> Result<[f32; 17]> {
+    let bad = |property: &str, problem: String| {
+        Err(SceneError::invalid(
+            path,
+            format!("vertex[{index}].{property}"),
+            problem,
+        ))
+    };
+    for (value, name) in row.iter_mut().zip(PROPERTIES) {
+        if !value.is_finite() {
+            return bad(name, format!("{value} is not finite"));
+        }
+        match name.as_bytes()[0] {
+            b's' if *value <= 0.0 => return bad(name, format!("{value} is not above 0")),
+            b'r' if *value < 0.0 => return bad(name, format!("{value} is negative")),
+            b'o' | b'e' | b'a' if !(0.0..=1.0).contains(value) => {
+                if !(-UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(value) {
+                    return bad(name, format!("{value} is outside 0 to 1"));
+                }
+                *value = value.clamp(0.0, 1.0);
+            }
+            _ => {}
+        }
+    }
+    let length = row[5..9].iter().map(|q| q * q).sum::<f32>().sqrt();
+    // Written so that a length that overflowed to infinity is refused as well.
+    if !(MIN_QUATERNION_LENGTH..f32::INFINITY).contains(&length) {
+        return bad("quaternions", format!("length {length} has no direction"));
+    }
+    if (length - 1.0).abs() > QUATERNION_TOLERANCE {
+        for q in &mut row[5..9] {
+            *q /= length;
+        }
+    }
+    Ok(row)
+}
