@@ -59,7 +59,7 @@ pub fn pq_from_linear_with_slope(linear: f32) -> (f32, f32) {
 fn pq_and_slope(linear: f64) -> (f64, f64) {
     let scale = PQ_NITS_OF_ONE / PQ_PEAK_NITS;
     let y = linear * scale;
-    let clamped = !(y > PQ_FLOOR);
+    let clamped = y <= PQ_FLOOR || y.is_nan();
     let y = if clamped { PQ_FLOOR } else { y };
     let power = y.powf(PQ_M1);
     let numerator = PQ_C1 + PQ_C2 * power;

@@ -1,1 +1,30 @@
-//! placeholder
+//! Ray tracing of 2D Gaussians: blended sums along rays, their adjoint, and light transport on top of them.
+//!
+//! The model is that of EAG-PT (SIGGRAPH 2026, section 3): a ray meets the plane of each Gaussian once, the hit's
+//! opacity is `α = σ·exp(−(u² + v²)/2)`, and hits are blended front to back in the true order of their distances.
+//!
+//! Layout, from plain to fast:
+//! - [`model`]: the constants of the model, each with its reason.
+//! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
+//! - [`sums`]: the quantities a ray collects, as one vector of 16 lanes.
+//! - [`blend`]: blending of ordered hits and its adjoint, shared by every way of finding hits.
+//! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
+//! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays.
+//! - [`transport`]: `0-bounce`, `1-bounce` and `path` renderings on any [`Tracer`].
+//!
+//! [`Tracer`] is the seam between engines and the code above them.
+
+pub mod blend;
+pub mod cpu;
+pub mod engine;
+pub mod model;
+pub mod oracle;
+pub mod ray;
+pub mod sums;
+pub mod surfel;
+pub mod transport;
+
+pub use engine::{RenderedView, TraceError, Tracer};
+pub use ray::Ray;
+pub use sums::{SumImage, Sums};
+pub use transport::{Integrator, LightOptions};

@@ -1,1 +1,26 @@
-//! placeholder
+//! From a dataset to Gaussians: stage 0 (radiance, emission, geometry) and stage 1 (diffuse albedo) of EAG-PT.
+//!
+//! - [`options`]: everything a run can be told, presets included; shared by the command line and TOML files.
+//! - [`init`]: starting Gaussians from a coloured point cloud and the training views.
+//! - [`params`]: raw parameters, their activations, the chain rule back to them, and Adam.
+//! - [`loss`]: the losses and their gradients with respect to the blended sums of each pixel.
+//! - [`backend`]: one training step on a device; the seam for other devices.
+//! - [`checkpoint`]: the full state of a run, versioned and written atomically.
+//! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
+
+pub mod backend;
+pub mod checkpoint;
+pub mod error;
+pub mod init;
+pub mod job;
+pub mod log;
+pub mod loss;
+pub mod options;
+pub mod params;
+pub mod preview;
+pub mod progress;
+
+pub use error::{Result, TrainError};
+pub use job::{TrainRequest, TrainSummary, train};
+pub use options::{Preset, TrainOptions};
+pub use progress::TrainProgress;

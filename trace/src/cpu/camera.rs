@@ -1,0 +1,404 @@
+//! Blended sums of all pixels of a camera, and their adjoint.
+//!
+//! Pixels are taken in tiles of 8×8. A search fills one list of hits per pixel, the lists are sorted by true distance, and
+//! [`crate::blend`] does the rest. For the adjoint a compact record of the blended hits is kept; gradients gather in one
+//! row per tile and Gaussian, and rows are added in the order of the tiles, so that the result is the same for any number
+//! of threads.
+
+use super::bins::{BinnedSurfel, TILE, TILE_PIXELS, TileBins};
+use super::bvh::{Bvh, RayScratch};
+use crate::blend::{
+    AdjointSurfel, BlendedHit, Blender, Hit, LocalGradient, Offered, adjoint, sort_hits,
+};
+use crate::ray::Ray;
+use crate::sums::{SumImage, Sums};
+use crate::surfel::{SeenSurfel, SurfelSet};
+use eagpt_scene::Camera;
+use eagpt_scene::camera::RayFrame;
+use multiversion::multiversion;
+use rayon::prelude::*;
+use std::cell::RefCell;
+
+/// How the hits of camera rays are found. All ways give the same sums, bit for bit.
+#[derive(Clone, Copy)]
+pub enum HitSearch<'a> {
+    /// Gaussians binned into tiles, tested against all pixels of a tile at once. The fast one.
+    Tiles,
+    /// One ray at a time through the BVH.
+    SingleRays(&'a Bvh),
+}
+
+/// The blended hits of every pixel, kept for the adjoint.
+#[derive(Debug, Clone)]
+pub struct CameraRecord {
+    camera: Camera,
+    tiles: Vec<TileRecord>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct TileRecord {
+    /// Index in the scene of each slot.
+    gaussians: Vec<u32>,
+    hits: Vec<BlendedHit>,
+    /// End of each pixel's hits.
+    ends: Vec<u32>,
+}
+
+/// Pixel grid of a tile: position and rays.
+struct TileRays {
+    x0: u32,
+    y0: u32,
+    width: u32,
+    height: u32,
+    origin: [f32; 3],
+    /// Directions, one array per axis so that loops over pixels vectorise. Pixels outside the image get rays, too.
+    directions: [[f32; TILE_PIXELS]; 3],
+}
+
+impl TileRays {
+    fn new(camera: &Camera, frame: &RayFrame, tiles_x: u32, tile: usize) -> Self {
+        let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
+        let mut directions = [[0.0; TILE_PIXELS]; 3];
+        for p in 0..TILE_PIXELS {
+            let (x, y) = (x0 + p as u32 % TILE, y0 + p as u32 / TILE);
+            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            for (axis, value) in direction.to_array().into_iter().enumerate() {
+                directions[axis][p] = value;
+            }
+        }
+        Self {
+            x0,
+            y0,
+            width: camera.width,
+            height: camera.height,
+            origin: frame.origin.to_array(),
+            directions,
+        }
+    }
+
+    fn direction(&self, pixel: usize) -> [f32; 3] {
+        [
+            self.directions[0][pixel],
+            self.directions[1][pixel],
+            self.directions[2][pixel],
+        ]
+    }
+
+    /// The tile's pixels that lie in the image: (pixel of the tile, pixel of the image).
+    fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        (0..TILE_PIXELS).filter_map(|p| {
+            let (x, y) = (self.x0 + p as u32 % TILE, self.y0 + p as u32 / TILE);
+            (x < self.width && y < self.height).then_some((p, (y * self.width + x) as usize))
+        })
+    }
+}
+
+/// Memory a thread reuses from tile to tile.
+#[derive(Default)]
+struct TileScratch {
+    hits: Vec<Vec<Hit>>,
+    rays: RayScratch,
+    transmittances: Vec<f32>,
+    seen: Vec<SeenSurfel>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<TileScratch> = RefCell::default();
+}
+
+/// Whether the blended hits are kept for [`CameraRecord::adjoint`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// Only the sums.
+    Nothing,
+    /// A record for the adjoint.
+    Record,
+}
+
+/// Traces one ray through every pixel centre of `camera`.
+pub fn trace(
+    set: &SurfelSet,
+    camera: &Camera,
+    search: HitSearch<'_>,
+    keep: Keep,
+) -> (SumImage, CameraRecord) {
+    let frame = camera.ray_frame();
+    let bins = match search {
+        HitSearch::Tiles => Some(TileBins::new(set, camera)),
+        HitSearch::SingleRays(_) => None,
+    };
+    let (tiles_x, tiles_y) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
+    let tiles: Vec<(Vec<Sums>, TileRecord)> = (0..(tiles_x * tiles_y) as usize)
+        .into_par_iter()
+        .map(|tile| {
+            let rays = TileRays::new(camera, &frame, tiles_x, tile);
+            SCRATCH.with_borrow_mut(|scratch| {
+                scratch.hits.resize_with(TILE_PIXELS, Vec::new);
+                scratch.hits.iter_mut().for_each(Vec::clear);
+                let gaussians = match (search, &bins) {
+                    (HitSearch::SingleRays(bvh), _) => {
+                        find_hits_by_rays(bvh, &rays, scratch);
+                        name_slots(&mut scratch.hits)
+                    }
+                    (_, Some(bins)) => {
+                        find_hits_in_tile(set, bins.list(tile), &rays, &mut scratch.hits);
+                        bins.list(tile).iter().map(|entry| entry.index).collect()
+                    }
+                    (HitSearch::Tiles, None) => Vec::new(),
+                };
+                blend_tile(set, &rays, &mut scratch.hits, gaussians, keep)
+            })
+        })
+        .collect();
+    let mut pixels = vec![Sums::default(); camera.num_pixels()];
+    let mut records = Vec::with_capacity(tiles.len());
+    for (tile, (sums, record)) in tiles.into_iter().enumerate() {
+        let rays = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
+        for (row, sums) in sums.chunks_exact(TILE as usize).enumerate() {
+            let y = rays.1 + row as u32;
+            let count = (camera.width - rays.0).min(TILE) as usize;
+            if y < camera.height {
+                let start = (y * camera.width + rays.0) as usize;
+                pixels[start..start + count].copy_from_slice(&sums[..count]);
+            }
+        }
+        records.push(record);
+    }
+    (
+        SumImage {
+            width: camera.width,
+            height: camera.height,
+            pixels,
+        },
+        CameraRecord {
+            camera: *camera,
+            tiles: records,
+        },
+    )
+}
+
+/// Tests the binned Gaussians against all rays of a tile; hits carry slots, which are positions in `list`.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn find_hits_in_tile(
+    set: &SurfelSet,
+    list: &[BinnedSurfel],
+    rays: &TileRays,
+    hits: &mut [Vec<Hit>],
+) {
+    /// Two rows of a tile: one AVX-512 register.
+    const BLOCK: usize = 16;
+    const ROWS: u32 = BLOCK as u32 / TILE;
+    for (slot, entry) in list.iter().enumerate() {
+        let seen = set.surfels[entry.index as usize].seen_from(rays.origin);
+        let first = entry.first_row.saturating_sub(rays.y0) / ROWS;
+        let end = (entry.end_row - rays.y0).min(TILE).div_ceil(ROWS);
+        for block in first as usize..end as usize {
+            let base = block * BLOCK;
+            let mut t = [0.0_f32; BLOCK];
+            let mut alpha = [0.0_f32; BLOCK];
+            let mut mask = 0_u32;
+            for k in 0..BLOCK {
+                let direction = [
+                    rays.directions[0][base + k],
+                    rays.directions[1][base + k],
+                    rays.directions[2][base + k],
+                ];
+                let met = seen.meet(direction);
+                t[k] = met.t;
+                // Half the squared radius for now; the exponential only where some pixel is hit.
+                alpha[k] = -0.5 * (met.u * met.u + met.v * met.v);
+                mask |= u32::from(seen.counts(&met, 0.0)) << k;
+            }
+            if mask == 0 {
+                continue;
+            }
+            for a in &mut alpha {
+                *a = seen.opacity * crate::surfel::exp_of_negative(*a);
+            }
+            while mask != 0 {
+                let k = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                hits[base + k].push(Hit::new(t[k], slot as u32, alpha[k]));
+            }
+        }
+    }
+}
+
+fn find_hits_by_rays(bvh: &Bvh, rays: &TileRays, scratch: &mut TileScratch) {
+    for (p, _) in rays.pixels() {
+        let ray = Ray {
+            origin: rays.origin,
+            direction: rays.direction(p),
+            t_min: 0.0,
+        };
+        bvh.find_hits(&ray, &mut scratch.rays);
+        scratch.hits[p].extend_from_slice(scratch.rays.hits());
+    }
+}
+
+/// Replaces the scene indices in `hits` by slots, in order of index, and returns the index of each slot.
+fn name_slots(hits: &mut [Vec<Hit>]) -> Vec<u32> {
+    let mut gaussians: Vec<u32> = hits.iter().flatten().map(Hit::index).collect();
+    gaussians.sort_unstable();
+    gaussians.dedup();
+    for hit in hits.iter_mut().flatten() {
+        let slot = gaussians.partition_point(|&g| g < hit.index());
+        *hit = Hit::new(hit.t(), slot as u32, hit.alpha);
+    }
+    gaussians
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn blend_tile(
+    set: &SurfelSet,
+    rays: &TileRays,
+    hits: &mut [Vec<Hit>],
+    gaussians: Vec<u32>,
+    keep: Keep,
+) -> (Vec<Sums>, TileRecord) {
+    let mut sums = vec![Sums::default(); TILE_PIXELS];
+    let mut record = TileRecord {
+        gaussians,
+        hits: Vec::new(),
+        ends: Vec::new(),
+    };
+    for (p, list) in hits.iter_mut().enumerate() {
+        sort_hits(list);
+        let direction = rays.direction(p);
+        let mut blender = Blender::default();
+        for hit in list.iter() {
+            let index = record.gaussians[hit.index() as usize] as usize;
+            let offered = blender.offer(hit.t(), hit.alpha, &set.payloads[index], direction);
+            if keep == Keep::Record && offered != Offered::Skipped {
+                record.hits.push(BlendedHit {
+                    slot: hit.index(),
+                    t: hit.t(),
+                    alpha: hit.alpha,
+                });
+            }
+            if offered == Offered::Last {
+                break;
+            }
+        }
+        record.ends.push(record.hits.len() as u32);
+        sums[p] = blender.finish();
+    }
+    (sums, record)
+}
+
+impl CameraRecord {
+    /// Number of blended hits of all pixels.
+    pub fn num_hits(&self) -> usize {
+        self.tiles.iter().map(|tile| tile.hits.len()).sum()
+    }
+
+    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
+    /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. `scales` are the in-plane scales, `[n]`.
+    pub fn adjoint(
+        &self,
+        set: &SurfelSet,
+        scales: &[glam::Vec2],
+        d_sums: &[Sums],
+    ) -> Vec<LocalGradient> {
+        let frame = self.camera.ray_frame();
+        let tiles_x = self.camera.width.div_ceil(TILE);
+        let rows: Vec<Vec<LocalGradient>> = self
+            .tiles
+            .par_iter()
+            .enumerate()
+            .map(|(tile, record)| {
+                let rays = TileRays::new(&self.camera, &frame, tiles_x, tile);
+                SCRATCH.with_borrow_mut(|scratch| {
+                    adjoint_of_tile(set, scales, record, &rays, d_sums, scratch)
+                })
+            })
+            .collect();
+        self.sum_rows(set.len(), &rows)
+    }
+
+    /// Adds the rows of each Gaussian in the order of the tiles.
+    fn sum_rows(&self, num_gaussians: usize, rows: &[Vec<LocalGradient>]) -> Vec<LocalGradient> {
+        let mut starts = vec![0_u32; num_gaussians + 1];
+        for &g in self.tiles.iter().flat_map(|tile| &tile.gaussians) {
+            starts[g as usize + 1] += 1;
+        }
+        for g in 0..num_gaussians {
+            starts[g + 1] += starts[g];
+        }
+        let mut places = vec![(0_u32, 0_u32); starts[num_gaussians] as usize];
+        let mut next = starts.clone();
+        for (tile, record) in self.tiles.iter().enumerate() {
+            for (slot, &g) in record.gaussians.iter().enumerate() {
+                places[next[g as usize] as usize] = (tile as u32, slot as u32);
+                next[g as usize] += 1;
+            }
+        }
+        (0..num_gaussians)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|g| {
+                let mut total = LocalGradient::default();
+                for &(tile, slot) in &places[starts[g] as usize..starts[g + 1] as usize] {
+                    total.add(&rows[tile as usize][slot as usize]);
+                }
+                total
+            })
+            .collect()
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn adjoint_of_tile(
+    set: &SurfelSet,
+    scales: &[glam::Vec2],
+    record: &TileRecord,
+    rays: &TileRays,
+    d_sums: &[Sums],
+    scratch: &mut TileScratch,
+) -> Vec<LocalGradient> {
+    let mut rows = vec![LocalGradient::default(); record.gaussians.len()];
+    scratch.seen.clear();
+    scratch.seen.extend(
+        record
+            .gaussians
+            .iter()
+            .map(|&g| set.surfels[g as usize].seen_from(rays.origin)),
+    );
+    let seen = &scratch.seen;
+    for (p, pixel) in rays.pixels() {
+        let start = if p == 0 {
+            0
+        } else {
+            record.ends[p - 1] as usize
+        };
+        let hits = &record.hits[start..record.ends[p] as usize];
+        adjoint(
+            hits,
+            rays.direction(p),
+            &d_sums[pixel],
+            |slot| {
+                let index = record.gaussians[slot as usize] as usize;
+                AdjointSurfel {
+                    seen: &seen[slot as usize],
+                    scale: scales[index].to_array(),
+                    payload: &set.payloads[index],
+                }
+            },
+            &mut scratch.transmittances,
+            |slot, gradient| rows[slot as usize].add(&gradient),
+        );
+    }
+    rows
+}

@@ -1,0 +1,14 @@
+//! The CPU engine.
+//!
+//! - [`bvh`]: an 8-wide BVH for single rays in any direction.
+//! - [`bins`]: which Gaussians each tile of a camera may see.
+//! - [`camera`]: blended sums of all pixels of a camera, and their adjoint.
+//! - [`CpuScene`]: both together, behind [`crate::Tracer`].
+
+pub mod bins;
+pub mod bvh;
+pub mod camera;
+mod scene;
+
+pub use camera::{CameraRecord, HitSearch};
+pub use scene::CpuScene;

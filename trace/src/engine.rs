@@ -1,0 +1,59 @@
+//! The seam between ray tracing engines and everything above them.
+
+use crate::sums::SumImage;
+use crate::transport::{Integrator, LightOptions};
+use eagpt_scene::{Camera, Gaussians, Image};
+
+/// Why an engine could not do its work. The CPU engine never fails.
+#[derive(Debug, thiserror::Error)]
+pub enum TraceError {
+    /// A device is lost, out of memory or lacks a feature.
+    #[error("device {device}: {problem}")]
+    Device {
+        /// Name of the device.
+        device: String,
+        /// What happened.
+        problem: String,
+    },
+}
+
+/// A rendered frame: the light, and the blended sums of the camera rays it started from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderedView {
+    /// Linear radiance, premultiplied by the opacity.
+    pub radiance: Image<3>,
+    /// Blended sums of the camera rays.
+    pub sums: SumImage,
+}
+
+/// A scene that lives on a device and can be looked at.
+///
+/// Gaussians go to the device with [`Tracer::update`] and stay there; calls move only what they return. Everything above
+/// this trait is the same for every engine.
+pub trait Tracer: Send + Sync {
+    /// What computes: recorded beside every result.
+    fn device(&self) -> String;
+
+    /// Replaces the Gaussians, refitting where that is enough.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError>;
+
+    /// Blended sums of one ray through every pixel centre.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError>;
+
+    /// Renders `camera` with `integrator`.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn render(
+        &self,
+        camera: &Camera,
+        integrator: &Integrator,
+        options: &LightOptions,
+    ) -> Result<RenderedView, TraceError>;
+}

@@ -1,0 +1,90 @@
+//! Scenes and cameras for the tests of tracing.
+#![allow(
+    dead_code,
+    reason = "each test binary uses its own part of the helpers"
+)]
+
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, Gaussian, Gaussians};
+use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
+
+/// Random Gaussians in a box around the origin, of all orientations, elongations and opacities.
+pub(crate) fn random_cloud(num: usize, seed: u64) -> Gaussians {
+    let key = RandomKey::new(seed, Purpose::Initialise, 0);
+    (0..num as u32)
+        .map(|i| {
+            let mut stream = key.stream(i, 0);
+            let mut next = || stream.next_uniforms();
+            let ([a, b, c, d], [e, f, g, h], [k, l, m, n], [o, p, q, r]) =
+                (next(), next(), next(), next());
+            Gaussian {
+                position: Vec3::new(a - 0.5, b - 0.5, c - 0.5) * 2.0,
+                scale: Vec2::new(0.02 + 0.2 * d * d, 0.02 + 0.2 * e * e),
+                rotation: Quat::from_xyzw(f - 0.5, g - 0.5, h - 0.5, k - 0.5 + 1e-3).normalize(),
+                opacity: 0.02 + 0.979 * l,
+                radiance: Vec3::new(m, n, o) * 4.0,
+                emission: p,
+                albedo: Vec3::new(q, r, a),
+            }
+        })
+        .collect()
+}
+
+/// A camera at `origin` looking at `target`, z up, 60° across.
+pub(crate) fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
+    let forward = (target - origin).normalize();
+    let up = if forward.z.abs() > 0.99 {
+        DVec3::Y
+    } else {
+        DVec3::Z
+    };
+    let right = forward.cross(up).normalize();
+    let focal = 0.5 * f64::from(width) / 30.0_f64.to_radians().tan();
+    Camera {
+        width,
+        height,
+        fx: focal,
+        fy: focal * 1.03,
+        cx: 0.5 * f64::from(width) + 1.7,
+        cy: 0.5 * f64::from(height) - 0.9,
+        world_from_camera: DAffine3 {
+            matrix3: DMat3::from_cols(right, forward.cross(right), forward),
+            translation: origin,
+        },
+    }
+}
+
+/// A sphere of `num` overlapping opaque discs around the origin, made by `make(unit direction) -> Gaussian` with position, scale
+/// and rotation overwritten.
+pub(crate) fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -> Gaussians {
+    let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
+    // One disc's share of the area, and discs wide enough that a few of them overlap everywhere.
+    let spacing = (4.0 * std::f32::consts::PI / num as f32).sqrt();
+    (0..num)
+        .map(|i| {
+            let z = 1.0 - (2 * i + 1) as f32 / num as f32;
+            let (sin, cos) = (golden * i as f32).sin_cos();
+            let flat = (1.0 - z * z).sqrt();
+            let direction = Vec3::new(flat * cos, flat * sin, z);
+            Gaussian {
+                position: direction * radius,
+                scale: Vec2::splat(0.8 * spacing * radius),
+                rotation: Quat::from_rotation_arc(Vec3::Z, direction),
+                ..make(direction)
+            }
+        })
+        .collect()
+}
+
+/// An opaque Gaussian with the given light and material, to be placed by [`sphere`] and others.
+pub(crate) fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian {
+    Gaussian {
+        position: Vec3::ZERO,
+        scale: Vec2::ONE,
+        rotation: Quat::IDENTITY,
+        opacity: 0.95,
+        radiance,
+        emission,
+        albedo,
+    }
+}

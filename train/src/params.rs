@@ -1,0 +1,332 @@
+//! Raw parameters: what Adam moves.
+//!
+//! Activations keep values in their range: scales and radiance are exponentials (the reference's `sigmoid` and
+//! `100·sigmoid` cap a scale at one scene unit and radiance at 100; the exponentials have the same slope where the
+//! reference works and no cap), opacity, emission and albedo are sigmoids, quaternions are normalised.
+
+use crate::options::LearningRates;
+use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_trace::blend::{LocalGradient, grad_lane};
+use glam::{Mat3, Quat, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Raw parameters of one Gaussian.
+pub const NUM_PARAMETERS: usize = 17;
+
+/// One number for each raw parameter: x y z, ln s_u, ln s_v, quaternion w x y z, logit σ, ln r (3), logit e, logit ρ (3).
+pub type Raw = [f32; NUM_PARAMETERS];
+
+const POSITION: usize = 0;
+const SCALE: usize = 3;
+const ROTATION: usize = 5;
+const OPACITY: usize = 9;
+const RADIANCE: usize = 10;
+const EMISSION: usize = 13;
+const ALBEDO: usize = 14;
+
+/// The classes of parameters, with the raw parameters of each.
+pub const CLASSES: [(&str, std::ops::Range<usize>); 7] = [
+    ("position", POSITION..SCALE),
+    ("scale", SCALE..ROTATION),
+    ("rotation", ROTATION..OPACITY),
+    ("opacity", OPACITY..RADIANCE),
+    ("radiance", RADIANCE..EMISSION),
+    ("emission", EMISSION..ALBEDO),
+    ("albedo", ALBEDO..NUM_PARAMETERS),
+];
+
+/// Radiance below this is stored as this, so that its logarithm exists; far below the darkest value PQ tells from black.
+const MIN_RADIANCE: f32 = 1e-6;
+/// Sigmoid parameters start at least this far from their ends.
+const SIGMOID_MARGIN: f32 = 1e-4;
+
+/// Adam's moment decays and divisor guard (Kingma and Ba 2015; the guard is that of 3DGS).
+const BETA_1: f32 = 0.9;
+const BETA_2: f32 = 0.999;
+const EPSILON: f32 = 1e-15;
+
+/// Raw parameters with Adam's moments: the whole state of an optimisation.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ParameterState {
+    /// Raw values, `[n]`.
+    pub values: Vec<Raw>,
+    /// First moments, `[n]`.
+    pub first: Vec<Raw>,
+    /// Second moments, `[n]`.
+    pub second: Vec<Raw>,
+    /// Steps taken since the moments were zero.
+    pub num_steps: u32,
+}
+
+/// Adam's step size for every raw parameter; 0 keeps a parameter as it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSizes(pub Raw);
+
+impl StepSizes {
+    /// Steps of stage 0 when `progress` (0 to 1) of it is done. `extent`: see [`LearningRates::position`].
+    pub fn radiance(rates: &LearningRates, extent: f32, progress: f32) -> Self {
+        let decay = rates.final_share.powf(progress);
+        let mut sizes = [0.0; NUM_PARAMETERS];
+        let of_class = [
+            rates.position * extent,
+            rates.scale,
+            rates.rotation,
+            rates.opacity,
+            rates.radiance,
+            rates.emission,
+            0.0,
+        ];
+        for ((_, range), rate) in CLASSES.into_iter().zip(of_class) {
+            sizes[range].fill(rate * decay);
+        }
+        Self(sizes)
+    }
+
+    /// Steps of stage 1: albedo only.
+    pub fn albedo(rate: f32) -> Self {
+        let mut sizes = [0.0; NUM_PARAMETERS];
+        sizes[ALBEDO..].fill(rate);
+        Self(sizes)
+    }
+}
+
+fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+fn logit(p: f32) -> f32 {
+    let p = p.clamp(SIGMOID_MARGIN, 1.0 - SIGMOID_MARGIN);
+    (p / (1.0 - p)).ln()
+}
+
+/// Raw parameters of a Gaussian.
+pub fn raw_from_gaussian(g: &Gaussian) -> Raw {
+    let mut raw = [0.0; NUM_PARAMETERS];
+    raw[POSITION..SCALE].copy_from_slice(&g.position.to_array());
+    raw[SCALE..ROTATION].copy_from_slice(&[g.scale.x.ln(), g.scale.y.ln()]);
+    raw[ROTATION..OPACITY].copy_from_slice(&[g.rotation.w, g.rotation.x, g.rotation.y, g.rotation.z]);
+    raw[OPACITY] = logit(g.opacity);
+    raw[RADIANCE..EMISSION].copy_from_slice(&g.radiance.to_array().map(|r| r.max(MIN_RADIANCE).ln()));
+    raw[EMISSION] = logit(g.emission);
+    raw[ALBEDO..].copy_from_slice(&g.albedo.to_array().map(logit));
+    raw
+}
+
+/// The Gaussian of raw parameters.
+pub fn gaussian_from_raw(raw: &Raw) -> Gaussian {
+    let triple = |at: usize| Vec3::new(raw[at], raw[at + 1], raw[at + 2]);
+    Gaussian {
+        position: triple(POSITION),
+        scale: Vec2::new(raw[SCALE].exp(), raw[SCALE + 1].exp()),
+        rotation: rotation_of(raw).normalize(),
+        opacity: sigmoid(raw[OPACITY]),
+        radiance: triple(RADIANCE).map(f32::exp),
+        emission: sigmoid(raw[EMISSION]),
+        albedo: triple(ALBEDO).map(sigmoid),
+    }
+}
+
+fn rotation_of(raw: &Raw) -> Quat {
+    Quat::from_xyzw(raw[ROTATION + 1], raw[ROTATION + 2], raw[ROTATION + 3], raw[ROTATION])
+}
+
+/// Chain rule from the gradient in the Gaussian's frame to the raw parameters.
+pub fn raw_gradient(raw: &Raw, g: &Gaussian, local: &LocalGradient) -> Raw {
+    let lanes = |at: usize| Vec3::new(local.0[at], local.0[at + 1], local.0[at + 2]);
+    let mut out = [0.0; NUM_PARAMETERS];
+    let position = Mat3::from_quat(g.rotation) * lanes(grad_lane::POSITION);
+    out[POSITION..SCALE].copy_from_slice(&position.to_array());
+    out[SCALE] = local.0[grad_lane::SCALE] * g.scale.x;
+    out[SCALE + 1] = local.0[grad_lane::SCALE + 1] * g.scale.y;
+    // A step δ of the unit quaternion turns the frame by 2·Im(q*δ) in its own axes; q⊗(0, g) is tangent to the sphere, so
+    // that normalisation only divides by the length.
+    let turn = lanes(grad_lane::ROTATION);
+    let d_q = g.rotation * Quat::from_xyzw(turn.x, turn.y, turn.z, 0.0);
+    let factor = 2.0 / rotation_of(raw).length();
+    out[ROTATION..OPACITY].copy_from_slice(&[d_q.w, d_q.x, d_q.y, d_q.z].map(|c| c * factor));
+    out[OPACITY] = local.0[grad_lane::OPACITY] * g.opacity * (1.0 - g.opacity);
+    let d_radiance = lanes(grad_lane::RADIANCE) * g.radiance;
+    out[RADIANCE..EMISSION].copy_from_slice(&d_radiance.to_array());
+    out[EMISSION] = local.0[grad_lane::EMISSION] * g.emission * (1.0 - g.emission);
+    let d_albedo = lanes(grad_lane::ALBEDO) * g.albedo * (Vec3::ONE - g.albedo);
+    out[ALBEDO..].copy_from_slice(&d_albedo.to_array());
+    out
+}
+
+impl ParameterState {
+    /// The state at the start: the given Gaussians, no moments.
+    pub fn new(gaussians: &Gaussians) -> Self {
+        let values: Vec<Raw> = gaussians.iter().map(|g| raw_from_gaussian(&g)).collect();
+        let zeros = vec![[0.0; NUM_PARAMETERS]; values.len()];
+        Self { values, first: zeros.clone(), second: zeros, num_steps: 0 }
+    }
+
+    /// Forgets the moments: a new stage begins.
+    pub fn reset_moments(&mut self) {
+        self.first.fill([0.0; NUM_PARAMETERS]);
+        self.second.fill([0.0; NUM_PARAMETERS]);
+        self.num_steps = 0;
+    }
+
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The Gaussians of the raw values.
+    pub fn gaussians(&self) -> Gaussians {
+        let list: Vec<Gaussian> = self.values.par_iter().with_min_len(1024).map(gaussian_from_raw).collect();
+        list.into_iter().collect()
+    }
+
+    /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the activated values). Nothing changes if a
+    /// gradient is not finite: then the class of the parameter, the index of the Gaussian and the value are returned.
+    pub fn step(
+        &mut self,
+        gaussians: &Gaussians,
+        gradients: &[LocalGradient],
+        sizes: &StepSizes,
+    ) -> Result<(), BadGradient> {
+        let raw: Vec<Raw> = self
+            .values
+            .par_iter()
+            .zip(gradients)
+            .with_min_len(1024)
+            .enumerate()
+            .map(|(i, (value, local))| raw_gradient(value, &gaussians.get(i), local))
+            .collect();
+        if let Some((index, at)) = raw
+            .par_iter()
+            .enumerate()
+            .find_map_first(|(index, g)| g.iter().position(|x| !x.is_finite()).map(|at| (index, at)))
+        {
+            return Err(BadGradient { class: class_of(at), index, value: raw[index][at] });
+        }
+        self.num_steps += 1;
+        let correction_1 = 1.0 / (1.0 - BETA_1.powi(self.num_steps as i32));
+        let correction_2 = 1.0 / (1.0 - BETA_2.powi(self.num_steps as i32));
+        self.values
+            .par_iter_mut()
+            .zip(&mut self.first)
+            .zip(&mut self.second)
+            .zip(&raw)
+            .with_min_len(1024)
+            .for_each(|(((value, first), second), gradient)| {
+                for k in 0..NUM_PARAMETERS {
+                    let g = gradient[k];
+                    first[k] = BETA_1 * first[k] + (1.0 - BETA_1) * g;
+                    second[k] = BETA_2 * second[k] + (1.0 - BETA_2) * g * g;
+                    let root = (second[k] * correction_2).sqrt() + EPSILON;
+                    value[k] -= sizes.0[k] * first[k] * correction_1 / root;
+                }
+            });
+        Ok(())
+    }
+}
+
+/// A gradient that is not a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BadGradient {
+    /// Class of the parameter, see [`CLASSES`].
+    pub class: &'static str,
+    /// Index of the Gaussian.
+    pub index: usize,
+    /// The value.
+    pub value: f32,
+}
+
+fn class_of(at: usize) -> &'static str {
+    CLASSES.iter().find(|(_, range)| range.contains(&at)).map_or("unknown", |(name, _)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Gaussian {
+        Gaussian {
+            position: Vec3::new(0.3, -1.0, 2.0),
+            scale: Vec2::new(0.02, 0.5),
+            rotation: Quat::from_xyzw(0.1, -0.7, 0.3, 0.6).normalize(),
+            opacity: 0.7,
+            radiance: Vec3::new(0.01, 1.5, 40.0),
+            emission: 0.2,
+            albedo: Vec3::new(0.1, 0.5, 0.9),
+        }
+    }
+
+    fn close(a: &Gaussian, b: &Gaussian) -> bool {
+        (a.position - b.position).length() < 1e-6
+            && ((a.scale - b.scale) / a.scale).length() < 1e-5
+            && a.rotation.dot(b.rotation).abs() > 1.0 - 1e-6
+            && (a.opacity - b.opacity).abs() < 1e-5
+            && ((a.radiance - b.radiance) / a.radiance).length() < 1e-5
+            && (a.emission - b.emission).abs() < 1e-5
+            && (a.albedo - b.albedo).length() < 1e-5
+    }
+
+    #[test]
+    fn activation_inverts_the_raw_form() {
+        let g = sample();
+        assert!(close(&g, &gaussian_from_raw(&raw_from_gaussian(&g))));
+    }
+
+    /// A smooth function of all local quantities, whose local gradient is known: a linear form in the offsets of position, scale,
+    /// rotation and the rest.
+    #[test]
+    fn chain_rule_matches_central_differences() {
+        let g = sample();
+        let mut raw = raw_from_gaussian(&g);
+        raw[ROTATION..OPACITY].iter_mut().for_each(|c| *c *= 1.7);
+        let weights: Vec<f32> = (0..16).map(|k| 0.3 + 0.1 * k as f32).collect();
+        let frame = Mat3::from_quat(g.rotation);
+        let value = |raw: &Raw| -> f64 {
+            let h = gaussian_from_raw(raw);
+            let local = frame.transpose() * (h.position - g.position);
+            let turn = g.rotation.inverse() * h.rotation;
+            let turn = Vec3::new(turn.x, turn.y, turn.z) * 2.0 * turn.w.signum();
+            let lanes = [
+                local.x, local.y, local.z, h.scale.x, h.scale.y, turn.x, turn.y, turn.z, h.opacity, h.radiance.x,
+                h.radiance.y, h.radiance.z, h.emission, h.albedo.x, h.albedo.y, h.albedo.z,
+            ];
+            lanes.iter().zip(&weights).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
+        };
+        let mut local = LocalGradient::default();
+        local.0.copy_from_slice(&weights);
+        let analytic = raw_gradient(&raw, &g, &local);
+        for k in 0..NUM_PARAMETERS {
+            let h = 1e-2;
+            let (mut up, mut down) = (raw, raw);
+            up[k] += h;
+            down[k] -= h;
+            let numeric = (value(&up) - value(&down)) / f64::from(up[k] - down[k]);
+            // Single-precision values differenced over 1e-2: 1e-7·40/1e-2 absolute, plus the step's own curvature of h²/6.
+            let tolerance = 1e-3 * (1.0 + numeric.abs());
+            assert!((f64::from(analytic[k]) - numeric).abs() < tolerance, "{k}: {} {numeric}", analytic[k]);
+        }
+    }
+
+    #[test]
+    fn adam_walks_downhill_and_refuses_nan() {
+        let gaussians: Gaussians = [sample()].into_iter().collect();
+        let mut state = ParameterState::new(&gaussians);
+        let before = state.clone();
+        let mut gradient = LocalGradient::default();
+        gradient.0[grad_lane::OPACITY] = 1.0;
+        state.step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS])).unwrap();
+        // The first step of Adam has the length of the rate, against the gradient.
+        assert!((state.values[0][OPACITY] - (before.values[0][OPACITY] - 0.1)).abs() < 1e-6);
+        assert_eq!(state.values[0][RADIANCE..], before.values[0][RADIANCE..]);
+
+        let kept = state.clone();
+        gradient.0[grad_lane::EMISSION] = f32::NAN;
+        let bad = state.step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS])).unwrap_err();
+        assert_eq!((bad.class, bad.index), ("emission", 0));
+        assert_eq!(state, kept);
+    }
+}

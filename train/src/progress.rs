@@ -1,0 +1,61 @@
+//! What a run tells while it goes on.
+
+use crate::options::Stage;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// A message from a running job. The library never prints; the caller shows or stores these.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "message")]
+pub enum TrainProgress {
+    /// Training views are being read and checked.
+    ReadingViews {
+        /// Views done.
+        done: usize,
+        /// Views in all.
+        total: usize,
+    },
+    /// A stage begins, or goes on after a resume.
+    StageStarted {
+        /// The stage.
+        stage: Stage,
+        /// Iterations already done.
+        done: u32,
+        /// Iterations in all.
+        total: u32,
+        /// Number of Gaussians.
+        num_gaussians: usize,
+        /// Number of training views.
+        num_views: usize,
+    },
+    /// One iteration is done.
+    Iteration {
+        /// The stage.
+        stage: Stage,
+        /// Iteration, counted from 1.
+        iteration: u32,
+        /// Iterations in all.
+        total: u32,
+        /// Loss, smoothed over some 50 iterations.
+        loss: f64,
+    },
+    /// A checkpoint lies on disk.
+    Checkpoint {
+        /// Where.
+        path: PathBuf,
+    },
+    /// Previews lie on disk.
+    Preview {
+        /// The stage.
+        stage: Stage,
+        /// Iteration.
+        iteration: u32,
+        /// Mean PSNR of the preview views, clipped sRGB, dB.
+        psnr_srgb_db: f64,
+    },
+    /// Something the user should know.
+    Warning {
+        /// One line.
+        text: String,
+    },
+}
