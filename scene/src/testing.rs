@@ -1,6 +1,7 @@
 //! Helpers of this crate's tests.
 
 use crate::rng::{Purpose, RandomKey};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// A folder of the shared test data, or `None` after saying that `test` is skipped.
@@ -15,7 +16,13 @@ pub(crate) fn shared_data(test: &str, folder: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    eprintln!("skipped: {test}: no folder {}", path.display());
+    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
+    writeln!(
+        std::io::stderr(),
+        "skipped: {test}: no folder {}",
+        path.display()
+    )
+    .unwrap();
     None
 }
 

@@ -106,8 +106,9 @@ fn focal(
     let from_angle = 0.5 * size / (0.5 * angle).tan();
     match focal {
         Some((_, value)) if !agree(value, from_angle) => {
-            let problem =
-                format!("{angle:?} rad is a focal length of {from_angle:?}, but {key} is {value:?}");
+            let problem = format!(
+                "{angle:?} rad is a focal length of {from_angle:?}, but {key} is {value:?}"
+            );
             Err(object.invalid(angle_key, problem))
         }
         Some((_, value)) => Ok(Some(value)),
