@@ -17,6 +17,9 @@ pub mod ply;
 pub mod png;
 pub mod rng;
 
+#[cfg(test)]
+mod testing;
+
 pub use camera::Camera;
 pub use dataset::{Dataset, Frame, View};
 pub use error::{Result, SceneError};

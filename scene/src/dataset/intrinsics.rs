@@ -58,7 +58,7 @@ pub(super) fn camera(
         if let Some((object, stated)) = lookup(top, frame, key)?
             && stated != pixels
         {
-            let problem = format!("{stated}, but the image is {}x{}", size.0, size.1);
+            let problem = format!("{stated:?}, but the image is {}x{}", size.0, size.1);
             return Err(object.invalid(key, problem));
         }
     }
@@ -94,20 +94,21 @@ fn focal(
     if let Some((object, value)) = focal
         && value <= 0.0
     {
-        return Err(object.invalid(key, format!("{value} is not above 0")));
+        return Err(object.invalid(key, format!("{value:?} is not above 0")));
     }
     let Some((object, angle)) = lookup(top, frame, angle_key)? else {
         return Ok(focal.map(|(_, value)| value));
     };
     if !(angle > 0.0 && angle < std::f64::consts::PI) {
-        let problem = format!("{angle} rad is not between 0 and pi");
+        let problem = format!("{angle:?} rad is not between 0 and pi");
         return Err(object.invalid(angle_key, problem));
     }
     let from_angle = 0.5 * size / (0.5 * angle).tan();
     match focal {
         Some((_, value)) if !agree(value, from_angle) => {
-            let problem =
-                format!("{angle} rad is a focal length of {from_angle:.3}, but {key} is {value}");
+            let problem = format!(
+                "{angle:?} rad is a focal length of {from_angle:?}, but {key} is {value:?}"
+            );
             Err(object.invalid(angle_key, problem))
         }
         Some((_, value)) => Ok(Some(value)),
@@ -123,7 +124,7 @@ fn lookup<'o, 'a>(
 ) -> Result<Option<(&'o Object<'a>, f64)>> {
     match (top.number(key)?, frame.number(key)?) {
         (Some(all), Some(own)) if !agree(all, own) => {
-            let problem = format!("{own}, but {all} at the top level");
+            let problem = format!("{own:?}, but {all:?} at the top level");
             Err(frame.invalid(key, problem))
         }
         (_, Some(own)) => Ok(Some((frame, own))),
@@ -142,7 +143,7 @@ fn check_undistorted(object: &Object<'_>) -> Result<()> {
         if let Some(value) = object.number(key)?
             && value != 0.0
         {
-            return Err(object.unsupported(key, format!("distortion {value}; {UNDISTORT}")));
+            return Err(object.unsupported(key, format!("distortion {value:?}; {UNDISTORT}")));
         }
     }
     let key = "distortion_params";

@@ -49,7 +49,7 @@ impl<'a> Object<'a> {
     pub(super) fn positive(&self, key: &str) -> Result<Option<f64>> {
         match self.number(key)? {
             Some(number) if number <= 0.0 => {
-                Err(self.invalid(key, format!("{number} is not above 0")))
+                Err(self.invalid(key, format!("{number:?} is not above 0")))
             }
             number => Ok(number),
         }

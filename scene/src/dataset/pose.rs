@@ -89,7 +89,7 @@ fn check_rotation(m: DMat3) -> std::result::Result<(), String> {
     let determinant = m.determinant();
     let smallest = MIN_DETERMINANT * lengths.element_product();
     if determinant == 0.0 || determinant.abs() < smallest {
-        return Err(format!("singular: the determinant is {determinant}"));
+        return Err(format!("singular: the determinant is {determinant:?}"));
     }
     let gram = m.transpose() * m - DMat3::IDENTITY;
     let errors = gram.to_cols_array().map(f64::abs);

@@ -147,7 +147,7 @@ fn refuse<const C: usize>(
         path,
         format!("pixel ({}, {}){channel}", pixel % width, pixel / width),
         format!(
-            "{} {what}; {num_bad} of {} pixels are like this",
+            "{:?} {what}; {num_bad} of {} pixels are like this",
             image.values()[first],
             image.pixels().len()
         ),

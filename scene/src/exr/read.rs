@@ -69,7 +69,7 @@ fn read<const C: usize>(
 }
 
 /// Runs the decoder so that an assertion of the EXR library on a corrupt file becomes an error like any other.
-fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
         Err(SceneError::invalid(
             path,

@@ -103,7 +103,7 @@ fn check_range<const C: usize>(path: &Path, image: &Image<C>, names: [&str; C]) 
                         index % width,
                         index / width
                     ),
-                    format!("{value} does not fit in half precision (at most 65504)"),
+                    format!("{value:?} does not fit in half precision (at most 65504)"),
                 ));
             }
         }

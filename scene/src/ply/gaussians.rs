@@ -132,14 +132,14 @@ fn checked(path: &Path, index: usize, mut row: [f32; 17]) -> Result<[f32; 17]> {
     };
     for (value, name) in row.iter_mut().zip(PROPERTIES) {
         if !value.is_finite() {
-            return bad(name, format!("{value} is not finite"));
+            return bad(name, format!("{value:?} is not finite"));
         }
         match name.as_bytes()[0] {
-            b's' if *value <= 0.0 => return bad(name, format!("{value} is not above 0")),
-            b'r' if *value < 0.0 => return bad(name, format!("{value} is negative")),
+            b's' if *value <= 0.0 => return bad(name, format!("{value:?} is not above 0")),
+            b'r' if *value < 0.0 => return bad(name, format!("{value:?} is negative")),
             b'o' | b'e' | b'a' if !(0.0..=1.0).contains(value) => {
                 if !(-UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(value) {
-                    return bad(name, format!("{value} is outside 0 to 1"));
+                    return bad(name, format!("{value:?} is outside 0 to 1"));
                 }
                 *value = value.clamp(0.0, 1.0);
             }
@@ -149,7 +149,7 @@ fn checked(path: &Path, index: usize, mut row: [f32; 17]) -> Result<[f32; 17]> {
     let length = row[5..9].iter().map(|q| q * q).sum::<f32>().sqrt();
     // Written so that a length that overflowed to infinity is refused as well.
     if !(MIN_QUATERNION_LENGTH..f32::INFINITY).contains(&length) {
-        return bad("quaternions", format!("length {length} has no direction"));
+        return bad("quaternions", format!("length {length:?} has no direction"));
     }
     if (length - 1.0).abs() > QUATERNION_TOLERANCE {
         for q in &mut row[5..9] {

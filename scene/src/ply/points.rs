@@ -53,7 +53,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<PointCloud> {
             SceneError::invalid(
                 path,
                 format!("vertex[{index}].{}", NAMES[property]),
-                format!("{} {problem}", values[property]),
+                format!("{:?} {problem}", values[property]),
             )
         };
         let mut position = [0.0; 3];

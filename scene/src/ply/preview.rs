@@ -50,7 +50,7 @@ pub fn write_preview(path: &Path, gaussians: &Gaussians, preview: Preview) -> Re
                     return Err(SceneError::invalid(
                         path,
                         format!("vertex[{index}].{name}"),
-                        format!("{value} is not finite"),
+                        format!("{value:?} is not finite"),
                     ));
                 }
                 file.write_all(&value.to_le_bytes()).map_err(io)?;
