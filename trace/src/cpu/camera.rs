@@ -93,7 +93,7 @@ impl RayBlock {
             let met = seen.meet([self.x[k], self.y[k], self.z[k]]);
             t[k] = met.t;
             exponent[k] = -0.5 * (met.u * met.u + met.v * met.v);
-            counts[k] = u32::from(seen.counts(&met, 0.0)) << k;
+            counts[k] = u32::from(seen.counts(&met)) << k;
         }
         let mut mask = 0;
         for bit in counts {
@@ -257,11 +257,7 @@ fn find_hits_in_tile(
 
 fn find_hits_by_rays(bvh: &Bvh, rays: &TileRays, scratch: &mut TileScratch) {
     for (p, _) in rays.pixels() {
-        let ray = Ray {
-            origin: rays.origin,
-            direction: rays.direction(p),
-            t_min: 0.0,
-        };
+        let ray = Ray::free(rays.origin, rays.direction(p));
         bvh.find_hits(&ray, &mut scratch.rays);
         scratch.hits[p].extend_from_slice(scratch.rays.hits());
     }
