@@ -19,7 +19,7 @@ fn render(gaussians: &Gaussians, camera: &Camera, integrator: Integrator, seed: 
     };
     scene
         .render(camera, &integrator, &options)
-        .unwrap()
+        .expect("the CPU engine does not fail")
         .radiance
 }
 
@@ -144,7 +144,12 @@ fn a_disc_light_over_a_floor() {
     let step = 0.01_f32;
     let brightness: f32 = (0..150)
         .flat_map(|ring| {
-            (0..16).map(move |spoke| ((ring as f32 + 0.5) * step, spoke as f32 * 0.3927))
+            (0..16).map(move |spoke| {
+                (
+                    (ring as f32 + 0.5) * step,
+                    spoke as f32 * std::f32::consts::FRAC_PI_8,
+                )
+            })
         })
         .map(|(r, azimuth)| {
             let origin = [r * azimuth.cos(), r * azimuth.sin(), 0.5 * height];

@@ -213,7 +213,7 @@ fn extent(positions: &[Vec3]) -> f32 {
 /// Unit normal of the least-squares plane through `points`: the direction of their smallest variance.
 fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
     let num = points.clone().count() as f64;
-    let mean = points.clone().map(|p| p.as_dvec3()).sum::<glam::DVec3>() / num;
+    let mean = points.clone().map(Vec3::as_dvec3).sum::<glam::DVec3>() / num;
     let mut covariance = Matrix3::<f64>::zeros();
     for p in points {
         let d = p.as_dvec3() - mean;

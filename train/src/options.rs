@@ -386,7 +386,7 @@ fn merge(base: &mut toml::Table, layer: &toml::Table, path: &str) -> Result<()> 
         };
         match (base.get_mut(key), value) {
             (Some(toml::Value::Table(inner)), toml::Value::Table(over)) => {
-                merge(inner, over, &field)?
+                merge(inner, over, &field)?;
             }
             (Some(toml::Value::Float(old)), toml::Value::Integer(new)) => *old = *new as f64,
             (Some(old), new) if old.same_type(new) => *old = new.clone(),
