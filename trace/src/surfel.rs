@@ -1,6 +1,7 @@
 //! Gaussians prepared for intersection.
 
-use crate::model::{MIN_COSINE, cut_radius_squared};
+use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
+use crate::ray::Ray;
 use crate::sums::{NUM_LANES, lane};
 use eagpt_scene::{Gaussian, Gaussians};
 use glam::{Mat3, Vec3};
@@ -139,12 +140,19 @@ impl SeenSurfel {
         }
     }
 
-    /// Whether a plane hit lies on the Gaussian, beyond `t_min`.
+    /// Whether a plane hit lies on the Gaussian, in front of the origin.
     #[inline(always)]
-    pub fn counts(&self, hit: &PlaneHit, t_min: f32) -> bool {
+    pub fn counts(&self, hit: &PlaneHit) -> bool {
         let r2 = hit.u * hit.u + hit.v * hit.v;
         // Not short-circuit: comparisons with the NaN of a degenerate plane are false, and no branch is needed.
-        (r2 <= self.cut2) & (hit.t > t_min) & (hit.cosine.abs() > MIN_COSINE)
+        (r2 <= self.cut2) & (hit.t > 0.0) & (hit.cosine.abs() > MIN_COSINE)
+    }
+
+    /// Whether a hit is on the very surface that `ray` leaves from: near its start, on a Gaussian that lies along that surface.
+    /// A wall that meets the surface at an angle is not its own, however near.
+    #[inline(always)]
+    pub fn is_own(&self, hit: &PlaneHit, ray: &Ray) -> bool {
+        (hit.t <= ray.t_own) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
     }
 
     /// Opacity α of a plane hit that counts.

@@ -115,11 +115,7 @@ fn trace_sphere_of_rays(set: &SurfelSet, bvh: &Bvh) -> Vec<eagpt_trace::Sums> {
             let direction = Vec3::new(flat * a.cos(), flat * a.sin(), z).normalize();
             bvh.trace(
                 set,
-                &Ray {
-                    origin: [0.05, -0.02, 0.1],
-                    direction: direction.to_array(),
-                    t_min: 1e-3,
-                },
+                &Ray::free([0.05, -0.02, 0.1], direction.to_array()),
                 &mut scratch,
             )
         })

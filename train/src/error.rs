@@ -41,7 +41,9 @@ pub enum TrainError {
         problem: String,
     },
     /// The job would need more memory than the machine has.
-    #[error("training needs about {needed_mib} MiB of memory and the machine has {available_mib} MiB free: {advice}")]
+    #[error(
+        "training needs about {needed_mib} MiB of memory and the machine has {available_mib} MiB free: {advice}"
+    )]
     Memory {
         /// Estimate, MiB.
         needed_mib: u64,
@@ -51,7 +53,9 @@ pub enum TrainError {
         advice: String,
     },
     /// A value stopped being a number, or the loss ran away.
-    #[error("{stage} stage, iteration {iteration}, view {view}: {what}; the last good checkpoint is kept")]
+    #[error(
+        "{stage} stage, iteration {iteration}, view {view}: {what}; the last good checkpoint is kept"
+    )]
     Diverged {
         /// "radiance" or "albedo".
         stage: &'static str,

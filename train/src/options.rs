@@ -198,7 +198,13 @@ impl TrainOptions {
             final_share: 0.1,
         };
         let (iterations, rates) = match preset {
-            Preset::Draft => (800, LearningRates { position: 6e-5, ..fast_rates }),
+            Preset::Draft => (
+                800,
+                LearningRates {
+                    position: 6e-5,
+                    ..fast_rates
+                },
+            ),
             Preset::Fast => (5000, fast_rates),
             // The paper's rates; its position rate of 1.6e-5 units belongs to rooms of some five units' extent.
             Preset::Paper => (
@@ -228,8 +234,18 @@ impl TrainOptions {
             seed: 0,
             split: SplitRule::Every8th,
             num_gaussians: None,
-            init: InitOptions { scale_factor: 0.7, opacity: 0.5, emission: 0.1, albedo: 0.2 },
-            radiance: RadianceOptions { iterations, normals_from: 0.1, rates, weights },
+            init: InitOptions {
+                scale_factor: 0.7,
+                opacity: 0.5,
+                emission: 0.1,
+                albedo: 0.2,
+            },
+            radiance: RadianceOptions {
+                iterations,
+                normals_from: 0.1,
+                rates,
+                weights,
+            },
             albedo: match preset {
                 Preset::Draft => albedo(150, 4, false, 0.1),
                 Preset::Fast => albedo(400, 12, false, 0.1),
@@ -250,13 +266,18 @@ impl TrainOptions {
     /// # Errors
     /// [`TrainError::Option`] for an unknown key, a value of the wrong type, or a value out of its range.
     pub fn from_layers(preset: Preset, layers: &[toml::Table]) -> Result<Self> {
-        let describe = |problem: String| TrainError::Option { field: "(file)".to_owned(), problem };
+        let describe = |problem: String| TrainError::Option {
+            field: "(file)".to_owned(),
+            problem,
+        };
         let mut merged =
             toml::Table::try_from(Self::preset(preset)).map_err(|e| describe(e.to_string()))?;
         for layer in layers {
             merge(&mut merged, layer, "")?;
         }
-        let options: Self = merged.try_into().map_err(|e: toml::de::Error| describe(e.message().to_owned()))?;
+        let options: Self = merged
+            .try_into()
+            .map_err(|e: toml::de::Error| describe(e.message().to_owned()))?;
         options.validate()?;
         Ok(options)
     }
@@ -267,18 +288,38 @@ impl TrainOptions {
     /// [`TrainError::Option`] with the field, the value and the range.
     pub fn validate(&self) -> Result<()> {
         let check = |holds: bool, field: &str, problem: String| {
-            if holds { Ok(()) } else { Err(TrainError::Option { field: field.to_owned(), problem }) }
+            if holds {
+                Ok(())
+            } else {
+                Err(TrainError::Option {
+                    field: field.to_owned(),
+                    problem,
+                })
+            }
         };
         let positive = |field: &str, value: f64| {
-            check(value > 0.0 && value.is_finite(), field, format!("{value} is not a positive number"))
+            check(
+                value > 0.0 && value.is_finite(),
+                field,
+                format!("{value} is not a positive number"),
+            )
         };
         let share = |field: &str, value: f64| {
-            check((0.0..=1.0).contains(&value), field, format!("{value} is outside 0 to 1"))
+            check(
+                (0.0..=1.0).contains(&value),
+                field,
+                format!("{value} is outside 0 to 1"),
+            )
         };
         let inside = |field: &str, value: f32| {
-            check(value > 0.0 && value < 1.0, field, format!("{value} is not strictly between 0 and 1"))
+            check(
+                value > 0.0 && value < 1.0,
+                field,
+                format!("{value} is not strictly between 0 and 1"),
+            )
         };
-        let at_least_one = |field: &str, value: u64| check(value > 0, field, "0 is too few".to_owned());
+        let at_least_one =
+            |field: &str, value: u64| check(value > 0, field, "0 is too few".to_owned());
         positive("init.scale_factor", self.init.scale_factor.into())?;
         inside("init.opacity", self.init.opacity)?;
         inside("init.emission", self.init.emission)?;
@@ -317,9 +358,18 @@ impl TrainOptions {
         at_least_one("albedo.num_samples", self.albedo.num_samples.into())?;
         positive("albedo.rate", self.albedo.rate.into())?;
         positive("albedo.final_share", self.albedo.final_share.into())?;
-        share("albedo.emission_threshold", self.albedo.emission_threshold.into())?;
-        at_least_one("output.checkpoint_every", self.output.checkpoint_every.into())?;
-        at_least_one("output.keep_checkpoints", self.output.keep_checkpoints as u64)?;
+        share(
+            "albedo.emission_threshold",
+            self.albedo.emission_threshold.into(),
+        )?;
+        at_least_one(
+            "output.checkpoint_every",
+            self.output.checkpoint_every.into(),
+        )?;
+        at_least_one(
+            "output.keep_checkpoints",
+            self.output.keep_checkpoints as u64,
+        )?;
         at_least_one("output.log_every", self.output.log_every.into())
     }
 }
@@ -329,13 +379,23 @@ fn merge(base: &mut toml::Table, layer: &toml::Table, path: &str) -> Result<()> 
     /// Keys that a preset leaves out.
     const OPTIONAL: [&str; 1] = ["num_gaussians"];
     for (key, value) in layer {
-        let field = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        let field = if path.is_empty() {
+            key.clone()
+        } else {
+            format!("{path}.{key}")
+        };
         match (base.get_mut(key), value) {
-            (Some(toml::Value::Table(inner)), toml::Value::Table(over)) => merge(inner, over, &field)?,
+            (Some(toml::Value::Table(inner)), toml::Value::Table(over)) => {
+                merge(inner, over, &field)?
+            }
             (Some(toml::Value::Float(old)), toml::Value::Integer(new)) => *old = *new as f64,
             (Some(old), new) if old.same_type(new) => *old = new.clone(),
             (Some(old), new) => {
-                let problem = format!("{new} is of type {}, not {}", new.type_str(), old.type_str());
+                let problem = format!(
+                    "{new} is of type {}, not {}",
+                    new.type_str(),
+                    old.type_str()
+                );
                 return Err(TrainError::Option { field, problem });
             }
             (None, new) if OPTIONAL.contains(&field.as_str()) => {
@@ -366,13 +426,17 @@ mod tests {
             options.validate().unwrap();
             let text = toml::to_string(&options).unwrap();
             // Floats are f32 inside and f64 in the file; the text still reads back to the same bits.
-            assert_eq!(TrainOptions::from_layers(preset, &[text.parse().unwrap()]).unwrap(), options);
+            assert_eq!(
+                TrainOptions::from_layers(preset, &[text.parse().unwrap()]).unwrap(),
+                options
+            );
         }
     }
 
     #[test]
     fn a_layer_changes_what_it_names_and_nothing_else() {
-        let options = layered("num_gaussians = 5\n[radiance]\niterations = 7\nrates.scale = 1").unwrap();
+        let options =
+            layered("num_gaussians = 5\n[radiance]\niterations = 7\nrates.scale = 1").unwrap();
         let mut expected = TrainOptions::preset(Preset::Fast);
         expected.num_gaussians = Some(5);
         expected.radiance.iterations = 7;
@@ -384,15 +448,26 @@ mod tests {
     fn bad_settings_name_field_and_value() {
         for (text, field, value) in [
             ("sed = 1", "sed", "no such option"),
-            ("[radiance]\nrates.positon = 1.0", "radiance.rates.positon", "position"),
+            (
+                "[radiance]\nrates.positon = 1.0",
+                "radiance.rates.positon",
+                "position",
+            ),
             ("seed = \"x\"", "seed", "string"),
             ("[init]\nopacity = 1.5", "init.opacity", "1.5"),
             ("[radiance]\niterations = 0", "radiance.iterations", "0"),
-            ("[radiance]\nrates.scale = nan", "radiance.rates.scale", "NaN"),
+            (
+                "[radiance]\nrates.scale = nan",
+                "radiance.rates.scale",
+                "NaN",
+            ),
             ("num_gaussians = 0", "num_gaussians", "0"),
         ] {
             let message = layered(text).unwrap_err().to_string();
-            assert!(message.contains(field) && message.contains(value), "{text}: {message}");
+            assert!(
+                message.contains(field) && message.contains(value),
+                "{text}: {message}"
+            );
         }
     }
 }

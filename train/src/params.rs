@@ -104,9 +104,15 @@ pub fn raw_from_gaussian(g: &Gaussian) -> Raw {
     let mut raw = [0.0; NUM_PARAMETERS];
     raw[POSITION..SCALE].copy_from_slice(&g.position.to_array());
     raw[SCALE..ROTATION].copy_from_slice(&[g.scale.x.ln(), g.scale.y.ln()]);
-    raw[ROTATION..OPACITY].copy_from_slice(&[g.rotation.w, g.rotation.x, g.rotation.y, g.rotation.z]);
+    raw[ROTATION..OPACITY].copy_from_slice(&[
+        g.rotation.w,
+        g.rotation.x,
+        g.rotation.y,
+        g.rotation.z,
+    ]);
     raw[OPACITY] = logit(g.opacity);
-    raw[RADIANCE..EMISSION].copy_from_slice(&g.radiance.to_array().map(|r| r.max(MIN_RADIANCE).ln()));
+    raw[RADIANCE..EMISSION]
+        .copy_from_slice(&g.radiance.to_array().map(|r| r.max(MIN_RADIANCE).ln()));
     raw[EMISSION] = logit(g.emission);
     raw[ALBEDO..].copy_from_slice(&g.albedo.to_array().map(logit));
     raw
@@ -127,7 +133,12 @@ pub fn gaussian_from_raw(raw: &Raw) -> Gaussian {
 }
 
 fn rotation_of(raw: &Raw) -> Quat {
-    Quat::from_xyzw(raw[ROTATION + 1], raw[ROTATION + 2], raw[ROTATION + 3], raw[ROTATION])
+    Quat::from_xyzw(
+        raw[ROTATION + 1],
+        raw[ROTATION + 2],
+        raw[ROTATION + 3],
+        raw[ROTATION],
+    )
 }
 
 /// Chain rule from the gradient in the Gaussian's frame to the raw parameters.
@@ -158,7 +169,12 @@ impl ParameterState {
     pub fn new(gaussians: &Gaussians) -> Self {
         let values: Vec<Raw> = gaussians.iter().map(|g| raw_from_gaussian(&g)).collect();
         let zeros = vec![[0.0; NUM_PARAMETERS]; values.len()];
-        Self { values, first: zeros.clone(), second: zeros, num_steps: 0 }
+        Self {
+            values,
+            first: zeros.clone(),
+            second: zeros,
+            num_steps: 0,
+        }
     }
 
     /// Forgets the moments: a new stage begins.
@@ -180,7 +196,12 @@ impl ParameterState {
 
     /// The Gaussians of the raw values.
     pub fn gaussians(&self) -> Gaussians {
-        let list: Vec<Gaussian> = self.values.par_iter().with_min_len(1024).map(gaussian_from_raw).collect();
+        let list: Vec<Gaussian> = self
+            .values
+            .par_iter()
+            .with_min_len(1024)
+            .map(gaussian_from_raw)
+            .collect();
         list.into_iter().collect()
     }
 
@@ -200,12 +221,14 @@ impl ParameterState {
             .enumerate()
             .map(|(i, (value, local))| raw_gradient(value, &gaussians.get(i), local))
             .collect();
-        if let Some((index, at)) = raw
-            .par_iter()
-            .enumerate()
-            .find_map_first(|(index, g)| g.iter().position(|x| !x.is_finite()).map(|at| (index, at)))
-        {
-            return Err(BadGradient { class: class_of(at), index, value: raw[index][at] });
+        if let Some((index, at)) = raw.par_iter().enumerate().find_map_first(|(index, g)| {
+            g.iter().position(|x| !x.is_finite()).map(|at| (index, at))
+        }) {
+            return Err(BadGradient {
+                class: class_of(at),
+                index,
+                value: raw[index][at],
+            });
         }
         self.num_steps += 1;
         let correction_1 = 1.0 / (1.0 - BETA_1.powi(self.num_steps as i32));
@@ -241,7 +264,10 @@ pub struct BadGradient {
 }
 
 fn class_of(at: usize) -> &'static str {
-    CLASSES.iter().find(|(_, range)| range.contains(&at)).map_or("unknown", |(name, _)| name)
+    CLASSES
+        .iter()
+        .find(|(_, range)| range.contains(&at))
+        .map_or("unknown", |(name, _)| name)
 }
 
 #[cfg(test)]
@@ -291,10 +317,28 @@ mod tests {
             let turn = g.rotation.inverse() * h.rotation;
             let turn = Vec3::new(turn.x, turn.y, turn.z) * 2.0 * turn.w.signum();
             let lanes = [
-                local.x, local.y, local.z, h.scale.x, h.scale.y, turn.x, turn.y, turn.z, h.opacity, h.radiance.x,
-                h.radiance.y, h.radiance.z, h.emission, h.albedo.x, h.albedo.y, h.albedo.z,
+                local.x,
+                local.y,
+                local.z,
+                h.scale.x,
+                h.scale.y,
+                turn.x,
+                turn.y,
+                turn.z,
+                h.opacity,
+                h.radiance.x,
+                h.radiance.y,
+                h.radiance.z,
+                h.emission,
+                h.albedo.x,
+                h.albedo.y,
+                h.albedo.z,
             ];
-            lanes.iter().zip(&weights).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
+            lanes
+                .iter()
+                .zip(&weights)
+                .map(|(a, b)| f64::from(*a) * f64::from(*b))
+                .sum()
         };
         let mut local = LocalGradient::default();
         local.0.copy_from_slice(&weights);
@@ -307,7 +351,11 @@ mod tests {
             let numeric = (value(&up) - value(&down)) / f64::from(up[k] - down[k]);
             // Single-precision values differenced over 1e-2: 1e-7·40/1e-2 absolute, plus the step's own curvature of h²/6.
             let tolerance = 1e-3 * (1.0 + numeric.abs());
-            assert!((f64::from(analytic[k]) - numeric).abs() < tolerance, "{k}: {} {numeric}", analytic[k]);
+            assert!(
+                (f64::from(analytic[k]) - numeric).abs() < tolerance,
+                "{k}: {} {numeric}",
+                analytic[k]
+            );
         }
     }
 
@@ -318,14 +366,18 @@ mod tests {
         let before = state.clone();
         let mut gradient = LocalGradient::default();
         gradient.0[grad_lane::OPACITY] = 1.0;
-        state.step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS])).unwrap();
+        state
+            .step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS]))
+            .unwrap();
         // The first step of Adam has the length of the rate, against the gradient.
         assert!((state.values[0][OPACITY] - (before.values[0][OPACITY] - 0.1)).abs() < 1e-6);
         assert_eq!(state.values[0][RADIANCE..], before.values[0][RADIANCE..]);
 
         let kept = state.clone();
         gradient.0[grad_lane::EMISSION] = f32::NAN;
-        let bad = state.step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS])).unwrap_err();
+        let bad = state
+            .step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS]))
+            .unwrap_err();
         assert_eq!((bad.class, bad.index), ("emission", 0));
         assert_eq!(state, kept);
     }

@@ -358,7 +358,7 @@ fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, scratch: &mut RayScratc
 /// Distances at which the ray enters the eight boxes; infinite where it misses.
 #[inline(always)]
 fn node_distances(node: &Node, ray: &Ray, inverse: [f32; 3], t_max: f32) -> [f32; WIDTH] {
-    let mut near = [ray.t_min; WIDTH];
+    let mut near = [0.0; WIDTH];
     let mut far = [t_max; WIDTH];
     for axis in 0..3 {
         for lane in 0..WIDTH {
@@ -416,7 +416,7 @@ fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, hits: &mut Vec<Hit>) {
         let met = seen.meet(ray.direction);
         t[lane] = met.t;
         alpha[lane] = seen.alpha(&met);
-        mask |= u32::from(seen.counts(&met, ray.t_min) & (met.t <= t_max)) << lane;
+        mask |= u32::from(seen.counts(&met) & (met.t <= t_max) & !seen.is_own(&met, ray)) << lane;
     }
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize;

@@ -51,20 +51,67 @@ struct TileRays {
     width: u32,
     height: u32,
     origin: [f32; 3],
-    /// Directions, one array per axis so that loops over pixels vectorise. Pixels outside the image get rays, too.
-    directions: [[f32; TILE_PIXELS]; 3],
+    /// Directions in blocks of one SIMD register. Pixels outside the image get rays, too.
+    blocks: [RayBlock; TILE_PIXELS / LANES],
+}
+
+/// Rays tested at once: two rows of a tile, one AVX-512 register.
+const LANES: usize = 16;
+/// Rows of a tile in a block.
+const BLOCK_ROWS: u32 = LANES as u32 / TILE;
+
+/// Directions of [`LANES`] rays, one array per axis.
+#[derive(Clone, Copy, Default)]
+#[repr(align(64))]
+struct RayBlock {
+    x: [f32; LANES],
+    y: [f32; LANES],
+    z: [f32; LANES],
+}
+
+/// What [`LANES`] rays meet on the plane of one Gaussian.
+struct BlockHits {
+    t: [f32; LANES],
+    /// Exponent of the Gaussian, `−(u² + v²)/2`.
+    exponent: [f32; LANES],
+    /// One bit for each ray that hits.
+    mask: u32,
+}
+
+impl RayBlock {
+    fn direction(&self, lane: usize) -> [f32; 3] {
+        [self.x[lane], self.y[lane], self.z[lane]]
+    }
+
+    /// Separate loops over plain arrays: each becomes straight SIMD code.
+    #[inline(always)]
+    fn meet(&self, seen: &SeenSurfel) -> BlockHits {
+        let mut t = [0.0_f32; LANES];
+        let mut exponent = [0.0_f32; LANES];
+        let mut counts = [0_u32; LANES];
+        for k in 0..LANES {
+            let met = seen.meet([self.x[k], self.y[k], self.z[k]]);
+            t[k] = met.t;
+            exponent[k] = -0.5 * (met.u * met.u + met.v * met.v);
+            counts[k] = u32::from(seen.counts(&met)) << k;
+        }
+        let mut mask = 0;
+        for bit in counts {
+            mask |= bit;
+        }
+        BlockHits { t, exponent, mask }
+    }
 }
 
 impl TileRays {
     fn new(camera: &Camera, frame: &RayFrame, tiles_x: u32, tile: usize) -> Self {
         let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
-        let mut directions = [[0.0; TILE_PIXELS]; 3];
+        let mut blocks = [RayBlock::default(); TILE_PIXELS / LANES];
         for p in 0..TILE_PIXELS {
             let (x, y) = (x0 + p as u32 % TILE, y0 + p as u32 / TILE);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            for (axis, value) in direction.to_array().into_iter().enumerate() {
-                directions[axis][p] = value;
-            }
+            let (block, lane) = (&mut blocks[p / LANES], p % LANES);
+            (block.x[lane], block.y[lane], block.z[lane]) = direction.into();
         }
         Self {
             x0,
@@ -72,16 +119,12 @@ impl TileRays {
             width: camera.width,
             height: camera.height,
             origin: frame.origin.to_array(),
-            directions,
+            blocks,
         }
     }
 
     fn direction(&self, pixel: usize) -> [f32; 3] {
-        [
-            self.directions[0][pixel],
-            self.directions[1][pixel],
-            self.directions[2][pixel],
-        ]
+        self.blocks[pixel / LANES].direction(pixel % LANES)
     }
 
     /// The tile's pixels that lie in the image: (pixel of the tile, pixel of the image).
@@ -189,40 +232,24 @@ fn find_hits_in_tile(
     rays: &TileRays,
     hits: &mut [Vec<Hit>],
 ) {
-    /// Two rows of a tile: one AVX-512 register.
-    const BLOCK: usize = 16;
-    const ROWS: u32 = BLOCK as u32 / TILE;
     for (slot, entry) in list.iter().enumerate() {
         let seen = set.surfels[entry.index as usize].seen_from(rays.origin);
-        let first = entry.first_row.saturating_sub(rays.y0) / ROWS;
-        let end = (entry.end_row - rays.y0).min(TILE).div_ceil(ROWS);
+        let first = entry.first_row.saturating_sub(rays.y0) / BLOCK_ROWS;
+        let end = (entry.end_row - rays.y0).min(TILE).div_ceil(BLOCK_ROWS);
         for block in first as usize..end as usize {
-            let base = block * BLOCK;
-            let mut t = [0.0_f32; BLOCK];
-            let mut alpha = [0.0_f32; BLOCK];
-            let mut mask = 0_u32;
-            for k in 0..BLOCK {
-                let direction = [
-                    rays.directions[0][base + k],
-                    rays.directions[1][base + k],
-                    rays.directions[2][base + k],
-                ];
-                let met = seen.meet(direction);
-                t[k] = met.t;
-                // Half the squared radius for now; the exponential only where some pixel is hit.
-                alpha[k] = -0.5 * (met.u * met.u + met.v * met.v);
-                mask |= u32::from(seen.counts(&met, 0.0)) << k;
-            }
-            if mask == 0 {
+            let met = rays.blocks[block].meet(&seen);
+            if met.mask == 0 {
                 continue;
             }
-            for a in &mut alpha {
-                *a = seen.opacity * crate::surfel::exp_of_negative(*a);
-            }
+            // The exponential only where some pixel is hit.
+            let alpha = met
+                .exponent
+                .map(|e| seen.opacity * crate::surfel::exp_of_negative(e));
+            let mut mask = met.mask;
             while mask != 0 {
                 let k = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
-                hits[base + k].push(Hit::new(t[k], slot as u32, alpha[k]));
+                hits[block * LANES + k].push(Hit::new(met.t[k], slot as u32, alpha[k]));
             }
         }
     }
@@ -230,11 +257,7 @@ fn find_hits_in_tile(
 
 fn find_hits_by_rays(bvh: &Bvh, rays: &TileRays, scratch: &mut TileScratch) {
     for (p, _) in rays.pixels() {
-        let ray = Ray {
-            origin: rays.origin,
-            direction: rays.direction(p),
-            t_min: 0.0,
-        };
+        let ray = Ray::free(rays.origin, rays.direction(p));
         bvh.find_hits(&ray, &mut scratch.rays);
         scratch.hits[p].extend_from_slice(scratch.rays.hits());
     }

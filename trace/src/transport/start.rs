@@ -2,8 +2,9 @@
 //!
 //! A surface made of Gaussians is a slab: discs overlap at slightly different heights and tilts, and a ray that leaves
 //! from the mean distance would hit them again. The reference ignores all hits closer than 0.2 scene units, which loses
-//! contact shadows and ties the result to the unit of length. Here a ray ignores hits until it has left the slab, and
-//! the slab's thickness comes from the hits that were blended: the spread of their distances, and their size.
+//! contact shadows, leaks light through corners and ties the result to the unit of length. Here a ray ignores hits until it has left
+//! the slab, and only on Gaussians that lie along it; the slab's thickness comes from the hits that were blended: the
+//! spread of their distances, and their size.
 
 use crate::ray::Ray;
 use crate::sums::Sums;
@@ -16,9 +17,9 @@ const SLAB_DEVIATIONS: f32 = 3.0;
 const MAX_SLAB_SIZES: f32 = 1.0;
 /// The slab is taken no thinner than this many mean sizes: discs of a flat wall still differ in tilt.
 const MIN_SLAB_SIZES: f32 = 0.1;
-/// A ray that leaves at a grazing angle ignores hits for at most this many slab thicknesses, so that it cannot pass
-/// through the next wall at a corner.
-const MAX_SLANT: f32 = 4.0;
+/// A ray that leaves at a grazing angle ignores hits on its own surface for at most this many slab thicknesses: farther
+/// away, even of a wall like this one, it may be another wall.
+const MAX_SLANT: f32 = 8.0;
 /// Opacity below which a ray has met nothing that light could bounce off.
 const MIN_ALPHA: f32 = 1e-3;
 
@@ -55,7 +56,8 @@ impl Surface {
         Ray {
             origin: self.position.to_array(),
             direction: direction.to_array(),
-            t_min: self.slab * slant,
+            t_own: self.slab * slant,
+            own_normal: self.normal.to_array(),
         }
     }
 }

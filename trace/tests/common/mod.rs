@@ -58,7 +58,7 @@ pub(crate) fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> 
 /// and rotation overwritten.
 pub(crate) fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -> Gaussians {
     let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
-    // One disc's share of the area, and discs wide enough that a few of them overlap everywhere.
+    // One disc's share of the area. Discs this wide overlap so much that less than 1e-4 of the light passes.
     let spacing = (4.0 * std::f32::consts::PI / num as f32).sqrt();
     (0..num)
         .map(|i| {
@@ -68,7 +68,7 @@ pub(crate) fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -
             let direction = Vec3::new(flat * cos, flat * sin, z);
             Gaussian {
                 position: direction * radius,
-                scale: Vec2::splat(0.8 * spacing * radius),
+                scale: Vec2::splat(1.2 * spacing * radius),
                 rotation: Quat::from_rotation_arc(Vec3::Z, direction),
                 ..make(direction)
             }
@@ -87,4 +87,51 @@ pub(crate) fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian 
         emission,
         albedo,
     }
+}
+
+/// A rectangle of opaque discs around `center`, spanned by the half edges `a` and `b`, `spacing` apart.
+pub(crate) fn rectangle(
+    center: Vec3,
+    a: Vec3,
+    b: Vec3,
+    spacing: f32,
+    material: Gaussian,
+) -> Vec<Gaussian> {
+    let count = |edge: Vec3| (2.0 * edge.length() / spacing).round().max(1.0) as i32;
+    let (columns, rows) = (count(a), count(b));
+    let rotation = Quat::from_mat3(&glam::Mat3::from_cols(
+        a.normalize(),
+        b.normalize(),
+        a.normalize().cross(b.normalize()),
+    ));
+    (0..columns * rows)
+        .map(|i| {
+            let place = |k: i32, num: i32| (2 * k + 1) as f32 / num as f32 - 1.0;
+            let position = center + a * place(i % columns, columns) + b * place(i / columns, rows);
+            Gaussian {
+                position,
+                scale: Vec2::splat(1.2 * spacing),
+                rotation,
+                ..material
+            }
+        })
+        .collect()
+}
+
+/// The six walls of a cube of half edge `half` around the origin.
+pub(crate) fn cube(half: f32, spacing: f32, material: impl Fn(Vec3) -> Gaussian) -> Vec<Gaussian> {
+    [
+        Vec3::X,
+        Vec3::NEG_X,
+        Vec3::Y,
+        Vec3::NEG_Y,
+        Vec3::Z,
+        Vec3::NEG_Z,
+    ]
+    .into_iter()
+    .flat_map(|side| {
+        let (a, b) = side.any_orthonormal_pair();
+        rectangle(side * half, a * half, b * half, spacing, material(side))
+    })
+    .collect()
 }

@@ -1,0 +1,302 @@
+//! The full state of a run on disk.
+//!
+//! Layout, little-endian: magic `EAGPTCKP`, u32 version, u64 length of a JSON header, the header, then raw values, first and
+//! second moments as f32 `[n, 17]` each, then the BLAKE3 digest of everything before it. Written atomically; a damaged file is
+//! recognised by its digest.
+
+use crate::error::{Result, TrainError};
+use crate::options::Stage;
+use crate::params::{NUM_PARAMETERS, ParameterState, Raw};
+use eagpt_scene::{SceneError, files};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+const MAGIC: &[u8; 8] = b"EAGPTCKP";
+const VERSION: u32 = 1;
+const DIGEST_LEN: usize = 32;
+const PREFIX_LEN: usize = MAGIC.len() + 4 + 8;
+
+/// What a run depends on; a checkpoint continues only a run with the same inputs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fingerprint {
+    /// Digest of the dataset's description and the sizes of its files.
+    pub dataset: String,
+    /// Digest of the options that stage 0 depends on.
+    pub radiance: String,
+    /// Digest of the options that stage 1 depends on besides.
+    pub albedo: String,
+}
+
+/// Watches the loss; part of the state so that a resumed run stops where an uninterrupted one would.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LossMonitor {
+    /// Smoothed total loss.
+    pub smoothed: f64,
+    /// Smoothed PQ error.
+    pub smoothed_l1: f64,
+    /// Least smoothed PQ error so far.
+    pub best_l1: f64,
+}
+
+/// A run's state after `iteration` iterations of `stage`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    /// The stage.
+    pub stage: Stage,
+    /// Iterations done in the stage.
+    pub iteration: u32,
+    /// Inputs of the run.
+    pub fingerprint: Fingerprint,
+    /// Extent of the point cloud, scene units.
+    pub extent: f32,
+    /// The loss so far.
+    pub monitor: LossMonitor,
+    /// Parameters and moments.
+    pub state: ParameterState,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    stage: Stage,
+    iteration: u32,
+    fingerprint: Fingerprint,
+    extent: f32,
+    monitor: LossMonitor,
+    num_gaussians: usize,
+    num_steps: u32,
+}
+
+impl Checkpoint {
+    /// File name of a checkpoint.
+    pub fn file_name(stage: Stage, iteration: u32) -> String {
+        format!("{}-{iteration:06}.ckpt", stage.name())
+    }
+
+    /// Writes the checkpoint into `dir` and returns the file's path.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, dir: &Path) -> Result<PathBuf> {
+        files::create_dir(dir)?;
+        let path = dir.join(Self::file_name(self.stage, self.iteration));
+        let header = Header {
+            stage: self.stage,
+            iteration: self.iteration,
+            fingerprint: self.fingerprint.clone(),
+            extent: self.extent,
+            monitor: self.monitor,
+            num_gaussians: self.state.len(),
+            num_steps: self.state.num_steps,
+        };
+        let header = serde_json::to_vec(&header)
+            .map_err(|e| SceneError::invalid(&path, "header", e.to_string()))?;
+        let mut bytes = Vec::with_capacity(
+            PREFIX_LEN + header.len() + 12 * NUM_PARAMETERS * self.state.len() + DIGEST_LEN,
+        );
+        bytes.extend_from_slice(MAGIC);
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&header);
+        for array in [&self.state.values, &self.state.first, &self.state.second] {
+            for value in array.as_flattened() {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        }
+        let digest = blake3::hash(&bytes);
+        bytes.extend_from_slice(digest.as_bytes());
+        files::write_bytes_atomic(&path, &bytes)?;
+        Ok(path)
+    }
+
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is damaged, or is of another version.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = files::read(path)?;
+        let damaged = |what: &str| SceneError::invalid(path, what, "the checkpoint is damaged");
+        if bytes.len() < PREFIX_LEN + DIGEST_LEN || !bytes.starts_with(MAGIC) {
+            return Err(damaged("magic").into());
+        }
+        let (body, digest) = bytes.split_at(bytes.len() - DIGEST_LEN);
+        if blake3::hash(body).as_bytes() != digest {
+            return Err(damaged("digest").into());
+        }
+        let version = u32::from_le_bytes(body[8..12].try_into().expect("four bytes"));
+        if version != VERSION {
+            let problem = format!("version {version}, this program reads {VERSION}");
+            return Err(SceneError::unsupported(path, "version", problem).into());
+        }
+        let header_len = u64::from_le_bytes(body[12..PREFIX_LEN].try_into().expect("eight bytes"));
+        let header_len = usize::try_from(header_len).map_err(|_| damaged("header"))?;
+        let rest = &body[PREFIX_LEN..];
+        let header = rest.get(..header_len).ok_or_else(|| damaged("header"))?;
+        let header: Header = serde_json::from_slice(header)
+            .map_err(|e| SceneError::invalid(path, "header", e.to_string()))?;
+        let arrays = &rest[header_len..];
+        let array_len = 4 * NUM_PARAMETERS * header.num_gaussians;
+        if arrays.len() != 3 * array_len {
+            return Err(damaged("arrays").into());
+        }
+        let read = |which: usize| -> Vec<Raw> {
+            arrays[which * array_len..][..array_len]
+                .chunks_exact(4 * NUM_PARAMETERS)
+                .map(|row| {
+                    std::array::from_fn(|k| {
+                        f32::from_le_bytes(row[4 * k..4 * k + 4].try_into().expect("four bytes"))
+                    })
+                })
+                .collect()
+        };
+        Ok(Self {
+            stage: header.stage,
+            iteration: header.iteration,
+            fingerprint: header.fingerprint,
+            extent: header.extent,
+            monitor: header.monitor,
+            state: ParameterState {
+                values: read(0),
+                first: read(1),
+                second: read(2),
+                num_steps: header.num_steps,
+            },
+        })
+    }
+}
+
+/// The checkpoints in `dir`, oldest first: stage 0 before stage 1, then by iteration.
+///
+/// # Errors
+/// If the folder cannot be read; a missing folder holds none.
+pub fn list(dir: &Path) -> Result<Vec<PathBuf>> {
+    if !dir.exists() {
+        return Ok(Vec::new());
+    }
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(|e| SceneError::io(dir, "read folder", e))? {
+        let path = entry
+            .map_err(|e| SceneError::io(dir, "read folder", e))?
+            .path();
+        if let Some(order) = order_of(&path) {
+            found.push((order, path));
+        }
+    }
+    found.sort();
+    Ok(found.into_iter().map(|(_, path)| path).collect())
+}
+
+fn order_of(path: &Path) -> Option<(usize, u32)> {
+    let name = path.file_name()?.to_str()?.strip_suffix(".ckpt")?;
+    let (stage, iteration) = name.split_once('-')?;
+    let stage = [Stage::Radiance, Stage::Albedo]
+        .iter()
+        .position(|s| s.name() == stage)?;
+    Some((stage, iteration.parse().ok()?))
+}
+
+/// Removes all but the newest `keep` checkpoints of `stage`.
+///
+/// # Errors
+/// If a file cannot be removed.
+pub fn prune(dir: &Path, stage: Stage, keep: usize) -> Result<()> {
+    let of_stage: Vec<PathBuf> = list(dir)?
+        .into_iter()
+        .filter(|p| {
+            p.file_name()
+                .and_then(|n| n.to_str())
+                .is_some_and(|n| n.starts_with(stage.name()))
+        })
+        .collect();
+    for path in of_stage.iter().rev().skip(keep) {
+        std::fs::remove_file(path).map_err(|e| SceneError::io(path, "remove", e))?;
+    }
+    Ok(())
+}
+
+/// The newest checkpoint of `dir` that is whole, with a warning for each newer one that is not.
+///
+/// # Errors
+/// If there is none.
+pub fn newest(dir: &Path) -> Result<(Checkpoint, Vec<String>)> {
+    let mut warnings = Vec::new();
+    for path in list(dir)?.iter().rev() {
+        match Checkpoint::read(path) {
+            Ok(checkpoint) => return Ok((checkpoint, warnings)),
+            Err(error) => warnings.push(error.to_string()),
+        }
+    }
+    Err(TrainError::Output {
+        path: dir.to_owned(),
+        problem: "no checkpoint to resume from".to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(iteration: u32) -> Checkpoint {
+        let array = |x: f32| vec![[x; NUM_PARAMETERS], [x + 0.125; NUM_PARAMETERS]];
+        Checkpoint {
+            stage: Stage::Radiance,
+            iteration,
+            fingerprint: Fingerprint {
+                dataset: "a".into(),
+                radiance: "b".into(),
+                albedo: "c".into(),
+            },
+            extent: 2.5,
+            monitor: LossMonitor {
+                smoothed: 0.1,
+                smoothed_l1: 1.0 / 3.0,
+                best_l1: f64::MAX,
+            },
+            state: ParameterState {
+                values: array(1.0),
+                first: array(-0.1),
+                second: array(1e-20),
+                num_steps: 7,
+            },
+        }
+    }
+
+    #[test]
+    fn survives_a_round_trip() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = sample(12).write(dir.path()).unwrap();
+        assert_eq!(Checkpoint::read(&path).unwrap(), sample(12));
+    }
+
+    #[test]
+    fn damage_anywhere_is_noticed_and_the_older_one_is_used() {
+        let dir = tempfile::tempdir().unwrap();
+        sample(5).write(dir.path()).unwrap();
+        let path = sample(10).write(dir.path()).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for at in (0..whole.len()).step_by(7) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x10;
+            std::fs::write(&path, &bytes).unwrap();
+            assert!(Checkpoint::read(&path).is_err(), "byte {at}");
+            std::fs::write(&path, &whole[..at]).unwrap();
+            assert!(Checkpoint::read(&path).is_err(), "truncated to {at}");
+        }
+        let (found, warnings) = newest(dir.path()).unwrap();
+        assert_eq!((found.iteration, warnings.len()), (5, 1));
+    }
+
+    #[test]
+    fn pruning_keeps_the_newest() {
+        let dir = tempfile::tempdir().unwrap();
+        for iteration in [1, 20, 300, 9] {
+            sample(iteration).write(dir.path()).unwrap();
+        }
+        prune(dir.path(), Stage::Radiance, 2).unwrap();
+        let left: Vec<u32> = list(dir.path())
+            .unwrap()
+            .iter()
+            .map(|p| Checkpoint::read(p).unwrap().iteration)
+            .collect();
+        assert_eq!(left, [20, 300]);
+    }
+}

@@ -1,0 +1,435 @@
+//! The training job: which view comes when, with which step sizes; logs, previews, checkpoints, divergence.
+
+mod plan;
+mod views;
+
+use crate::backend::{AlbedoStep, Backend, CpuBackend, RadianceStep, StepOutcome, TrainingView};
+use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
+use crate::error::{Result, TrainError};
+use crate::init::Initialiser;
+use crate::log::{Log, LogLine};
+use crate::loss::{LossTerms, NormalTerms};
+use crate::options::{Stage, StageChoice, TrainOptions};
+use crate::params::{ParameterState, StepSizes};
+use crate::preview;
+use crate::progress::TrainProgress;
+use eagpt_scene::dataset::{Split, Subset};
+use eagpt_scene::{Dataset, SceneError, files, ply};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+use views::Views;
+
+/// What to do with an output folder that already holds a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// Stop with an error.
+    Refuse,
+    /// Go on from its newest checkpoint.
+    Resume,
+    /// Start over; the old run's files go.
+    Overwrite,
+}
+
+/// What happens to a training view that cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BadViews {
+    /// Stop with an error that names it.
+    Refuse,
+    /// Warn and train without it.
+    Skip,
+}
+
+/// A run to be done.
+#[derive(Debug, Clone)]
+pub struct TrainRequest {
+    /// The dataset's folder or its transforms file.
+    pub dataset: PathBuf,
+    /// The folder for results.
+    pub out: PathBuf,
+    /// Options.
+    pub options: TrainOptions,
+    /// What to do with an earlier run's results.
+    pub existing: Existing,
+    /// What to do with unusable views.
+    pub bad_views: BadViews,
+    /// Bytes that images may take in memory; without it, half of what is free.
+    pub image_budget: Option<usize>,
+    /// Set from outside to stop after the current iteration with a checkpoint.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// What a finished (or stopped) run was.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainSummary {
+    /// The scene file; `None` if the run was stopped before it was complete.
+    pub scene: Option<PathBuf>,
+    /// Number of Gaussians.
+    pub num_gaussians: usize,
+    /// What computed.
+    pub device: String,
+    /// How the views were divided.
+    pub split: Split,
+    /// Inputs.
+    pub fingerprint: Fingerprint,
+    /// Extent of the point cloud, scene units.
+    pub extent: f32,
+    /// Seconds of each stage in this process.
+    pub stage_seconds: Vec<(Stage, f64)>,
+    /// Warnings given.
+    pub warnings: Vec<String>,
+}
+
+/// Smoothing of the loss that is watched, per iteration.
+const MONITOR_DECAY: f64 = 0.98;
+/// A run has diverged when its smoothed PQ error is this many times the best so far …
+const DIVERGED_FACTOR: f64 = 4.0;
+/// … and worse than this: PQ errors of a blank picture are about 0.3.
+const DIVERGED_L1: f64 = 0.15;
+
+/// Trains a scene.
+///
+/// # Errors
+/// Bad input, an unusable output folder, too little memory, or a run that diverged; each names what it is about.
+pub fn train(
+    request: &TrainRequest,
+    progress: &mut dyn FnMut(TrainProgress),
+) -> Result<TrainSummary> {
+    let options = &request.options;
+    options.validate()?;
+    let dataset = Arc::new(Dataset::open(&request.dataset)?);
+    let split = dataset.split(options.split)?;
+    let fingerprint = plan::fingerprint(&dataset, options)?;
+    let folder = plan::Folder::new(&request.out);
+    let resumed = folder.prepare(request.existing, options, &fingerprint)?;
+    let mut run = Run {
+        request,
+        folder,
+        progress,
+        warnings: Vec::new(),
+        started: Instant::now(),
+        stage_seconds: Vec::new(),
+    };
+    for warning in split.warnings.iter().chain(&resumed.warnings) {
+        run.warn(warning.clone());
+    }
+    let budget = plan::image_budget(request, &dataset, &split)?;
+    let mut views = Views::new(
+        Arc::clone(&dataset),
+        split.indices(Subset::Train),
+        budget,
+        options.seed,
+    );
+    let start = match resumed.checkpoint {
+        Some(checkpoint) => {
+            views.check(request.bad_views, |_| (), &mut run)?;
+            checkpoint
+        }
+        None => initial_checkpoint(&dataset, &mut views, fingerprint.clone(), &mut run)?,
+    };
+    let mut backend: Box<dyn Backend> = Box::new(CpuBackend::new(start.state.clone(), budget / 2));
+    let mut position = start;
+    position.state = ParameterState::default();
+    let finished = run.stages(backend.as_mut(), &views, &mut position)?;
+    let state = backend.state()?;
+    let scene = request.out.join("scene.ply");
+    if finished {
+        ply::write_gaussians(&scene, &state.gaussians())?;
+    }
+    Ok(TrainSummary {
+        scene: finished.then_some(scene),
+        num_gaussians: state.len(),
+        device: backend.device(),
+        split,
+        fingerprint,
+        extent: position.extent,
+        stage_seconds: run.stage_seconds,
+        warnings: run.warnings,
+    })
+}
+
+fn initial_checkpoint(
+    dataset: &Dataset,
+    views: &mut Views,
+    fingerprint: Fingerprint,
+    run: &mut Run<'_>,
+) -> Result<Checkpoint> {
+    let options = &run.request.options;
+    let cloud = dataset.points()?.ok_or_else(|| TrainError::Dataset {
+        path: dataset.root().to_owned(),
+        problem: "points3d.ply is missing: training starts from a point cloud".to_owned(),
+    })?;
+    let mut start = Initialiser::new(&cloud, options, dataset.root())?;
+    views.check(run.request.bad_views, |view| start.observe(view), run)?;
+    let extent = start.extent;
+    Ok(Checkpoint {
+        stage: Stage::Radiance,
+        iteration: 0,
+        fingerprint,
+        extent,
+        monitor: LossMonitor {
+            smoothed: 0.0,
+            smoothed_l1: 0.0,
+            best_l1: f64::MAX,
+        },
+        state: ParameterState::new(&start.finish(&options.init)),
+    })
+}
+
+/// What the parts of a run share.
+struct Run<'a> {
+    request: &'a TrainRequest,
+    folder: plan::Folder,
+    progress: &'a mut dyn FnMut(TrainProgress),
+    warnings: Vec<String>,
+    started: Instant,
+    stage_seconds: Vec<(Stage, f64)>,
+}
+
+impl Run<'_> {
+    fn warn(&mut self, text: String) {
+        self.warnings.push(text.clone());
+        (self.progress)(TrainProgress::Warning { text });
+    }
+
+    /// Runs the stages from `position` on; `false` if it was stopped from outside.
+    fn stages(
+        &mut self,
+        backend: &mut dyn Backend,
+        views: &Views,
+        position: &mut Checkpoint,
+    ) -> Result<bool> {
+        let wanted = self.request.options.stage;
+        if position.stage == Stage::Radiance && !self.stage(backend, views, position)? {
+            return Ok(false);
+        }
+        if wanted == StageChoice::Radiance {
+            return Ok(true);
+        }
+        if position.stage == Stage::Radiance {
+            backend.begin_stage()?;
+            position.stage = Stage::Albedo;
+            position.iteration = 0;
+            position.monitor = LossMonitor {
+                smoothed: 0.0,
+                smoothed_l1: 0.0,
+                best_l1: f64::MAX,
+            };
+        }
+        self.stage(backend, views, position)
+    }
+
+    /// Runs one stage to its end; `false` if it was stopped from outside.
+    fn stage(
+        &mut self,
+        backend: &mut dyn Backend,
+        views: &Views,
+        position: &mut Checkpoint,
+    ) -> Result<bool> {
+        let options = &self.request.options;
+        let stage = position.stage;
+        let total = match stage {
+            Stage::Radiance => options.radiance.iterations,
+            Stage::Albedo => options.albedo.iterations,
+        };
+        (self.progress)(TrainProgress::StageStarted {
+            stage,
+            done: position.iteration,
+            total,
+            num_gaussians: backend.state()?.len(),
+            num_views: views.len(),
+        });
+        let started = Instant::now();
+        let first_line = (position.iteration > 0 || stage == Stage::Albedo)
+            .then_some((stage, position.iteration));
+        let mut log = Log::open(&self.folder.log(), first_line)?;
+        let shown = views.previews(options.output.num_previews)?;
+        while position.iteration < total {
+            let iteration = position.iteration + 1;
+            let view = views.at(stage, iteration)?;
+            let terms = self.step(backend, &view, position, iteration)?;
+            position.iteration = iteration;
+            self.watch(position, &terms, &view)?;
+            self.report(&mut log, position, total, &view, terms)?;
+            let last = iteration == total;
+            let every = options.output.preview_every;
+            if every > 0 && (iteration.is_multiple_of(every) || last) && !shown.is_empty() {
+                let psnr_srgb_db =
+                    preview::write(&self.folder.previews(), backend, &shown, stage, iteration)?;
+                (self.progress)(TrainProgress::Preview {
+                    stage,
+                    iteration,
+                    psnr_srgb_db,
+                });
+            }
+            let stop = self.request.stop.load(Ordering::Relaxed);
+            if last || stop || iteration.is_multiple_of(options.output.checkpoint_every) {
+                self.save(backend, position)?;
+            }
+            if stop && !last {
+                return Ok(false);
+            }
+        }
+        self.stage_seconds
+            .push((stage, started.elapsed().as_secs_f64()));
+        Ok(true)
+    }
+
+    fn step(
+        &mut self,
+        backend: &mut dyn Backend,
+        view: &TrainingView,
+        position: &Checkpoint,
+        iteration: u32,
+    ) -> Result<LossTerms> {
+        let options = &self.request.options;
+        let progress = |total: u32| (iteration - 1) as f32 / total as f32;
+        let outcome: StepOutcome = match position.stage {
+            Stage::Radiance => {
+                let stage = &options.radiance;
+                let progress = progress(stage.iterations);
+                let normals = if progress < stage.normals_from {
+                    NormalTerms::Off
+                } else {
+                    NormalTerms::On
+                };
+                let sizes = StepSizes::radiance(&stage.rates, position.extent, progress);
+                backend.radiance_step(
+                    view,
+                    &RadianceStep {
+                        weights: &stage.weights,
+                        normals,
+                        sizes,
+                    },
+                )?
+            }
+            Stage::Albedo => {
+                let stage = &options.albedo;
+                let rate = stage.rate * stage.final_share.powf(progress(stage.iterations));
+                let step = AlbedoStep {
+                    options: stage,
+                    ssim_share: options.radiance.weights.ssim_share,
+                    seed: options.seed,
+                    iteration,
+                    sizes: StepSizes::albedo(rate),
+                };
+                backend.albedo_step(view, &step)?
+            }
+        };
+        outcome.map_err(|bad| TrainError::Diverged {
+            stage: position.stage.name(),
+            iteration,
+            view: view.view.name.clone(),
+            what: format!(
+                "gradient of {} of Gaussian {} is {}",
+                bad.class, bad.index, bad.value
+            ),
+        })
+    }
+
+    /// Follows the loss and stops a run whose loss is not a number or runs away.
+    fn watch(
+        &self,
+        position: &mut Checkpoint,
+        terms: &LossTerms,
+        view: &TrainingView,
+    ) -> Result<()> {
+        let diverged = |what: String| TrainError::Diverged {
+            stage: position.stage.name(),
+            iteration: position.iteration,
+            view: view.view.name.clone(),
+            what,
+        };
+        if !terms.total.is_finite() {
+            return Err(diverged(format!("the loss is {}", terms.total)));
+        }
+        let mut monitor = position.monitor;
+        // Starting values count fully at first and fade: the mean of the first iterations, then an exponential one.
+        let weight = (1.0 / f64::from(position.iteration)).max(1.0 - MONITOR_DECAY);
+        monitor.smoothed += weight * (terms.total - monitor.smoothed);
+        monitor.smoothed_l1 += weight * (terms.l1 - monitor.smoothed_l1);
+        if f64::from(position.iteration) > 1.0 / (1.0 - MONITOR_DECAY) {
+            monitor.best_l1 = monitor.best_l1.min(monitor.smoothed_l1);
+            if monitor.smoothed_l1 > DIVERGED_L1.max(DIVERGED_FACTOR * monitor.best_l1) {
+                return Err(diverged(format!(
+                    "the mean PQ error rose to {:.4} from {:.4}",
+                    monitor.smoothed_l1, monitor.best_l1
+                )));
+            }
+        }
+        position.monitor = monitor;
+        Ok(())
+    }
+
+    fn report(
+        &mut self,
+        log: &mut Log,
+        position: &Checkpoint,
+        total: u32,
+        view: &TrainingView,
+        terms: LossTerms,
+    ) -> Result<()> {
+        let (stage, iteration) = (position.stage, position.iteration);
+        if iteration == 1
+            || iteration.is_multiple_of(self.request.options.output.log_every)
+            || iteration == total
+        {
+            log.push(&LogLine {
+                stage,
+                iteration,
+                view: view.view.name.clone(),
+                smoothed: position.monitor.smoothed,
+                terms,
+                seconds: self.started.elapsed().as_secs_f64(),
+            })?;
+        }
+        (self.progress)(TrainProgress::Iteration {
+            stage,
+            iteration,
+            total,
+            loss: position.monitor.smoothed,
+        });
+        Ok(())
+    }
+
+    fn save(&mut self, backend: &dyn Backend, position: &Checkpoint) -> Result<()> {
+        let checkpoint = Checkpoint {
+            state: backend.state()?,
+            ..position.clone()
+        };
+        let dir = self.folder.checkpoints();
+        let path = checkpoint.write(&dir)?;
+        checkpoint::prune(
+            &dir,
+            position.stage,
+            self.request.options.output.keep_checkpoints,
+        )?;
+        (self.progress)(TrainProgress::Checkpoint { path });
+        Ok(())
+    }
+}
+
+fn remove_if_there(path: &Path) -> Result<()> {
+    let outcome = if path.is_dir() {
+        std::fs::remove_dir_all(path)
+    } else {
+        std::fs::remove_file(path)
+    };
+    match outcome {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(SceneError::io(path, "remove", error).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Creates the output folder and notes the effective options in it: a folder that cannot be written is found before any work.
+fn write_options(out: &Path, options: &TrainOptions) -> Result<()> {
+    files::create_dir(out)?;
+    let path = out.join("train.toml");
+    let text = toml::to_string(options)
+        .map_err(|e| SceneError::invalid(&path, "options", e.to_string()))?;
+    files::write_bytes_atomic(&path, text.as_bytes())?;
+    Ok(())
+}

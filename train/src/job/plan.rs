@@ -1,0 +1,245 @@
+//! Before the work: where results go, what the run depends on, whether it fits into memory.
+
+use super::{Existing, TrainRequest, remove_if_there, write_options};
+use crate::checkpoint::{self, Checkpoint, Fingerprint};
+use crate::error::{Result, TrainError};
+use crate::options::{Stage, StageChoice, TrainOptions};
+use eagpt_scene::dataset::Split;
+use eagpt_scene::{Dataset, SceneError, files};
+use std::path::{Path, PathBuf};
+
+/// Bytes a Gaussian takes while it is trained: raw values, moments, gradients (4 × 17 floats), its activated and prepared forms.
+const BYTES_PER_GAUSSIAN: u64 = 4 * 17 * 4 + 17 * 4 + 2 * 64 + 64;
+/// Bytes a pixel of the current view takes: sums and their gradient (16 floats each), some forty recorded hits, images of the
+/// loss.
+const BYTES_PER_PIXEL: u64 = 2 * 64 + 40 * 12 + 200;
+/// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, PQ target, irradiance.
+const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 3 + 4 + 4) * 4;
+
+/// The files of a run.
+pub(super) struct Folder {
+    root: PathBuf,
+}
+
+/// Where a run takes up.
+pub(super) struct Resumed {
+    /// The state to continue from; `None` starts over.
+    pub(super) checkpoint: Option<Checkpoint>,
+    /// What the user should know.
+    pub(super) warnings: Vec<String>,
+}
+
+impl Folder {
+    pub(super) fn new(root: &Path) -> Self {
+        Self {
+            root: root.to_owned(),
+        }
+    }
+
+    pub(super) fn log(&self) -> PathBuf {
+        self.root.join("log.jsonl")
+    }
+
+    pub(super) fn checkpoints(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
+    pub(super) fn previews(&self) -> PathBuf {
+        self.root.join("previews")
+    }
+
+    /// Makes the folder ready and finds out where to take up.
+    pub(super) fn prepare(
+        &self,
+        existing: Existing,
+        options: &TrainOptions,
+        fingerprint: &Fingerprint,
+    ) -> Result<Resumed> {
+        let occupied = !checkpoint::list(&self.checkpoints())?.is_empty() || self.log().exists();
+        let albedo_only = options.stage == StageChoice::Albedo;
+        if occupied && existing == Existing::Refuse && !albedo_only {
+            let problem = "holds an earlier run: --resume continues it, --force starts over, --out names another folder";
+            return Err(TrainError::Output {
+                path: self.root.clone(),
+                problem: problem.to_owned(),
+            });
+        }
+        if existing == Existing::Overwrite && !albedo_only {
+            for path in [
+                self.checkpoints(),
+                self.previews(),
+                self.log(),
+                self.root.join("scene.ply"),
+                self.root.join("record.json"),
+            ] {
+                remove_if_there(&path)?;
+            }
+        }
+        write_options(&self.root, options)?;
+        if albedo_only && existing != Existing::Resume {
+            return self.end_of_radiance(options, fingerprint);
+        }
+        if existing != Existing::Resume || !occupied {
+            return Ok(Resumed {
+                checkpoint: None,
+                warnings: Vec::new(),
+            });
+        }
+        if checkpoint::list(&self.checkpoints())?.is_empty() {
+            // Killed before its first checkpoint: the run begins again, which gives the same bits.
+            return Ok(Resumed {
+                checkpoint: None,
+                warnings: Vec::new(),
+            });
+        }
+        let (checkpoint, warnings) = checkpoint::newest(&self.checkpoints())?;
+        self.check(&checkpoint, fingerprint, true)?;
+        Ok(Resumed {
+            checkpoint: Some(checkpoint),
+            warnings,
+        })
+    }
+
+    /// The state in which stage 0 ended, for a run of stage 1 alone.
+    fn end_of_radiance(
+        &self,
+        options: &TrainOptions,
+        fingerprint: &Fingerprint,
+    ) -> Result<Resumed> {
+        let name = Checkpoint::file_name(Stage::Radiance, options.radiance.iterations);
+        let path = self.checkpoints().join(name);
+        if !path.exists() {
+            let problem =
+                "is missing: stage 1 continues from the end of stage 0 (same folder, same options)";
+            return Err(TrainError::Output {
+                path,
+                problem: problem.to_owned(),
+            });
+        }
+        let checkpoint = Checkpoint::read(&path)?;
+        self.check(&checkpoint, fingerprint, false)?;
+        Ok(Resumed {
+            checkpoint: Some(checkpoint),
+            warnings: Vec::new(),
+        })
+    }
+
+    fn check(
+        &self,
+        checkpoint: &Checkpoint,
+        wanted: &Fingerprint,
+        with_albedo: bool,
+    ) -> Result<()> {
+        let found = &checkpoint.fingerprint;
+        let differs = [
+            (found.dataset != wanted.dataset).then_some("dataset"),
+            (found.radiance != wanted.radiance)
+                .then_some("options of stage 0, seed, split or starting values"),
+            (with_albedo && checkpoint.stage == Stage::Albedo && found.albedo != wanted.albedo)
+                .then_some("options of stage 1"),
+        ];
+        let differs: Vec<&str> = differs.into_iter().flatten().collect();
+        if differs.is_empty() {
+            return Ok(());
+        }
+        let problem = format!(
+            "cannot continue this run: it was made with another {}",
+            differs.join(" and another ")
+        );
+        Err(TrainError::Output {
+            path: self.root.clone(),
+            problem,
+        })
+    }
+}
+
+/// Digests of everything that decides the result.
+pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<Fingerprint> {
+    let json = |value: serde_json::Result<String>| {
+        value.map_err(|e| TrainError::Option {
+            field: "(all)".to_owned(),
+            problem: e.to_string(),
+        })
+    };
+    let digest = |text: &str| blake3::hash(text.as_bytes()).to_hex().to_string();
+    let radiance = (
+        options.seed,
+        options.split,
+        options.num_gaussians,
+        &options.init,
+        &options.radiance,
+    );
+    let mut inputs = blake3::Hasher::new();
+    inputs.update(&files::read(dataset.transforms())?);
+    let images = dataset.frames().iter().flat_map(|frame| {
+        let f = &frame.files;
+        [
+            Some(&f.radiance),
+            f.emission.as_ref(),
+            f.normal.as_ref(),
+            f.alpha.as_ref(),
+        ]
+        .into_iter()
+        .flatten()
+    });
+    for path in images {
+        let size = std::fs::metadata(path)
+            .map_err(|e| SceneError::io(path, "read", e))?
+            .len();
+        let name = path.strip_prefix(dataset.root()).unwrap_or(path);
+        inputs.update(format!("{}\0{size}\0", name.display()).as_bytes());
+    }
+    Ok(Fingerprint {
+        dataset: inputs.finalize().to_hex().to_string(),
+        radiance: digest(&json(serde_json::to_string(&radiance))?),
+        albedo: digest(&json(serde_json::to_string(&options.albedo))?),
+    })
+}
+
+/// Checks the job's memory against the machine's and says how many bytes images may take.
+pub(super) fn image_budget(
+    request: &TrainRequest,
+    dataset: &Dataset,
+    split: &Split,
+) -> Result<usize> {
+    let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels() as u64;
+    let largest = split.train.iter().map(pixels).max().unwrap_or(0);
+    let all: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;
+    let cloud = dataset.points()?.map_or(0, |points| points.len());
+    let num_gaussians = request.options.num_gaussians.unwrap_or(cloud) as u64;
+    let fixed = num_gaussians * BYTES_PER_GAUSSIAN + largest * BYTES_PER_PIXEL;
+    let Some(available) = available_bytes() else {
+        return Ok(request.image_budget.unwrap_or(all as usize));
+    };
+    let one_view = largest * BYTES_PER_VIEW_PIXEL;
+    let irradiance = if request.options.stage == StageChoice::Radiance {
+        0
+    } else {
+        all / 5
+    };
+    let least = fixed + one_view + irradiance;
+    if least > available {
+        return Err(TrainError::Memory {
+            needed_mib: least >> 20,
+            available_mib: available >> 20,
+            advice: "fewer Gaussians (--gaussians) or smaller images would help".to_owned(),
+        });
+    }
+    Ok(request
+        .image_budget
+        .unwrap_or(((available - least) / 2).min(all) as usize)
+        .max(one_view as usize))
+}
+
+/// Memory that new allocations can have, by the kernel's own estimate; `None` where there is no such file.
+fn available_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text
+        .lines()
+        .find(|line| line.starts_with("MemAvailable:"))?;
+    line.split_whitespace()
+        .nth(1)?
+        .parse::<u64>()
+        .ok()
+        .map(|kib| kib * 1024)
+}

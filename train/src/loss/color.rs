@@ -1,0 +1,84 @@
+//! The colour term: L1 and SSIM in PQ space.
+
+use eagpt_eval::ssim::ssim_with_gradient;
+use eagpt_scene::Image;
+use eagpt_scene::color::{pq_from_linear, pq_from_linear_with_slope};
+use rayon::prelude::*;
+
+/// `(1 − s)·L1 + s·(1 − SSIM)` of PQ images.
+#[derive(Debug, Clone)]
+pub struct ColorLoss {
+    /// The loss.
+    pub value: f64,
+    /// Mean absolute error over pixels and channels.
+    pub l1: f64,
+    /// SSIM, at most 1.
+    pub ssim: f64,
+    /// Gradient with respect to the linear radiance.
+    pub d_radiance: Image<3>,
+}
+
+/// PQ encoding of a linear image.
+pub fn pq_image(linear: &Image<3>) -> Image<3> {
+    let pixels = linear
+        .pixels()
+        .par_iter()
+        .with_min_len(2048)
+        .map(|p| p.map(pq_from_linear))
+        .collect();
+    Image::from_pixels(linear.width(), linear.height(), pixels).expect("as many pixels as before")
+}
+
+impl ColorLoss {
+    /// Compares linear `radiance` with a target that is PQ-encoded already. Both images have the same size.
+    pub fn new(radiance: &Image<3>, target_pq: &Image<3>, ssim_share: f64) -> Self {
+        let (width, height) = radiance.size();
+        let encoded: Vec<[(f32, f32); 3]> = radiance
+            .pixels()
+            .par_iter()
+            .with_min_len(2048)
+            .map(|p| p.map(pq_from_linear_with_slope))
+            .collect();
+        let pq = Image::from_pixels(
+            width,
+            height,
+            encoded.iter().map(|p| p.map(|c| c.0)).collect(),
+        )
+        .expect("as many pixels as before");
+        let ssim = ssim_with_gradient(target_pq, &pq);
+        let num_values = 3 * encoded.len();
+        let d_l1 = ((1.0 - ssim_share) / num_values as f64) as f32;
+        let rows: Vec<(f64, Vec<[f32; 3]>)> = (0..height as usize)
+            .into_par_iter()
+            .map(|y| {
+                let start = y * width as usize;
+                let mut total = 0.0;
+                let row = (start..start + width as usize)
+                    .map(|i| {
+                        std::array::from_fn(|c| {
+                            let difference = pq.pixels()[i][c] - target_pq.pixels()[i][c];
+                            total += f64::from(difference.abs());
+                            let sign = if difference == 0.0 {
+                                0.0
+                            } else {
+                                d_l1.copysign(difference)
+                            };
+                            let d_pq = sign - ssim_share as f32 * ssim.d_test.pixels()[i][c];
+                            d_pq * encoded[i][c].1
+                        })
+                    })
+                    .collect();
+                (total, row)
+            })
+            .collect();
+        let l1 = rows.iter().map(|row| row.0).sum::<f64>() / num_values as f64;
+        let pixels = rows.into_iter().flat_map(|row| row.1).collect();
+        Self {
+            value: (1.0 - ssim_share) * l1 + ssim_share * (1.0 - ssim.value),
+            l1,
+            ssim: ssim.value,
+            d_radiance: Image::from_pixels(width, height, pixels)
+                .expect("as many pixels as before"),
+        }
+    }
+}

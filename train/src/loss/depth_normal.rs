@@ -1,0 +1,107 @@
+//! Normals of the surface that the mean distances D̃ span, from central differences of its points.
+
+use super::{MIN_NORMAL_ALPHA, directions, one_minus_cosine, solid_normal};
+use eagpt_scene::{Camera, Image};
+use eagpt_trace::sums::{SumImage, Sums, lane};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Derivatives of one pixel's term with respect to the horizontal and vertical differences of points, and to its N.
+#[derive(Debug, Clone, Copy, Default)]
+struct PixelGradient {
+    d_across: Vec3,
+    d_down: Vec3,
+    d_normal: Vec3,
+    value: f32,
+    counts: bool,
+}
+
+/// Adds `weight · mean(1 − Ñ_d·N)` to the gradient and returns the mean. N is the normal map where there is one, otherwise the
+/// blended Ñ, which then moves too. The image's border is left out.
+pub fn add(
+    sums: &SumImage,
+    camera: &Camera,
+    map: Option<&Image<3>>,
+    weight: f64,
+    d_sums: &mut [Sums],
+) -> f64 {
+    let (width, height) = (sums.width as usize, sums.height as usize);
+    let directions = directions(camera);
+    // The origin drops out of differences.
+    let points: Vec<Vec3> = sums
+        .pixels
+        .iter()
+        .zip(&directions)
+        .map(|(s, d)| *d * s.mean_distance())
+        .collect();
+    let gradients: Vec<PixelGradient> = (0..width * height)
+        .into_par_iter()
+        .with_min_len(2048)
+        .map(|i| {
+            let (x, y) = (i % width, i / width);
+            if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+                return PixelGradient::default();
+            }
+            let solid = [i, i - 1, i + 1, i - width, i + width]
+                .iter()
+                .all(|&j| sums.pixels[j].alpha() > MIN_NORMAL_ALPHA);
+            let wanted = match map {
+                Some(map) => Some(Vec3::from(map.pixels()[i])).filter(|n| *n != Vec3::ZERO),
+                None => solid_normal(&sums.pixels[i]),
+            };
+            let (true, Some(wanted)) = (solid, wanted) else {
+                return PixelGradient::default();
+            };
+            let across = points[i + 1] - points[i - 1];
+            let down = points[i + width] - points[i - width];
+            // x right, y down: down × across points back to the camera.
+            let normal = down.cross(across);
+            if normal.length_squared() <= f32::MIN_POSITIVE {
+                return PixelGradient::default();
+            }
+            let (value, d_depth_normal) = one_minus_cosine(normal, wanted);
+            let d_normal = match map {
+                Some(_) => Vec3::ZERO,
+                None => one_minus_cosine(sums.pixels[i].normal(), normal.normalize()).1,
+            };
+            PixelGradient {
+                d_across: d_depth_normal.cross(down),
+                d_down: across.cross(d_depth_normal),
+                d_normal,
+                value,
+                counts: true,
+            }
+        })
+        .collect();
+    let num = gradients.iter().filter(|g| g.counts).count();
+    if num == 0 {
+        return 0.0;
+    }
+    let share = (weight / num as f64) as f32;
+    d_sums
+        .par_iter_mut()
+        .with_min_len(2048)
+        .enumerate()
+        .for_each(|(i, d)| {
+            let at = |j: Option<usize>| {
+                j.and_then(|j| gradients.get(j))
+                    .copied()
+                    .unwrap_or_default()
+            };
+            // Border pixels carry zero gradients, so neighbours across the ends of rows add nothing.
+            let d_point = at(i.checked_sub(1)).d_across - at(Some(i + 1)).d_across
+                + at(i.checked_sub(width)).d_down
+                - at(Some(i + width)).d_down;
+            for k in 0..3 {
+                d.0[lane::NORMAL + k] += share * gradients[i].d_normal[k];
+            }
+            let alpha = sums.pixels[i].alpha();
+            if alpha > 0.0 {
+                // D̃ = D / A
+                let d_mean = share * d_point.dot(directions[i]);
+                d.0[lane::DISTANCE] += d_mean / alpha;
+                d.0[lane::ALPHA] -= d_mean * sums.pixels[i].mean_distance() / alpha;
+            }
+        });
+    gradients.iter().map(|g| f64::from(g.value)).sum::<f64>() / num as f64
+}

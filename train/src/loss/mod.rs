@@ -1,0 +1,253 @@
+//! Losses of EAG-PT (section 3.2) and their gradients with respect to the blended sums of each pixel.
+//!
+//! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) + λe mean|E − M| +
+//! λa mean|A − A_gt|`. A view without a mask has no emission term; a view without a normal map compares Ñ and Ñ_d with
+//! each other, with weight λd.
+//!
+//! Sums over pixels are taken row by row in f64, rows in order: the same bits for any number of threads.
+
+pub mod color;
+pub mod depth_normal;
+
+use crate::options::LossWeights;
+use color::ColorLoss;
+use eagpt_scene::{Camera, Image, View};
+use eagpt_trace::sums::{SumImage, Sums, lane};
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Pixels less opaque than this have no normal worth comparing.
+const MIN_NORMAL_ALPHA: f32 = 0.5;
+
+/// The terms of a loss, each before its weight λ, and their weighted sum.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct LossTerms {
+    /// The weighted sum.
+    pub total: f64,
+    /// Mean absolute PQ error.
+    pub l1: f64,
+    /// SSIM of the PQ images.
+    pub ssim: f64,
+    /// Mean of 1 − Ñ·N_mono.
+    pub normal: f64,
+    /// Mean of 1 − Ñ_d·N.
+    pub depth_normal: f64,
+    /// Mean |E − M|.
+    pub emission: f64,
+    /// Mean |A − A_gt|.
+    pub alpha: f64,
+}
+
+/// Whether the normal terms take part yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NormalTerms {
+    /// Too early.
+    Off,
+    /// Active.
+    On,
+}
+
+/// Loss of stage 0 for one view and its gradient dL/dV for every pixel.
+pub fn radiance_loss(
+    sums: &SumImage,
+    view: &View,
+    target_pq: &Image<3>,
+    weights: &LossWeights,
+    normals: NormalTerms,
+) -> (LossTerms, Vec<Sums>) {
+    let mut d_sums = vec![Sums::default(); sums.pixels.len()];
+    let mut terms = LossTerms::default();
+
+    let color = ColorLoss::new(&sums.radiance(), target_pq, weights.ssim_share);
+    terms.l1 = color.l1;
+    terms.ssim = color.ssim;
+    terms.total += weights.color * color.value;
+    for (d, c) in d_sums.iter_mut().zip(color.d_radiance.pixels()) {
+        for k in 0..3 {
+            d.0[lane::RADIANCE + k] = weights.color as f32 * c[k];
+        }
+    }
+
+    if normals == NormalTerms::On {
+        if let Some(map) = &view.normal {
+            terms.normal = normal_map_loss(sums, map, weights.normal, &mut d_sums);
+            terms.total += weights.normal * terms.normal;
+        }
+        terms.depth_normal = depth_normal::add(
+            sums,
+            &view.camera,
+            view.normal.as_ref(),
+            weights.depth_normal,
+            &mut d_sums,
+        );
+        terms.total += weights.depth_normal * terms.depth_normal;
+    }
+    if let Some(mask) = &view.emission {
+        terms.emission = absolute_loss(
+            sums,
+            lane::EMISSION,
+            Some(mask),
+            weights.emission,
+            &mut d_sums,
+        );
+        terms.total += weights.emission * terms.emission;
+    }
+    terms.alpha = absolute_loss(
+        sums,
+        lane::ALPHA,
+        view.alpha.as_ref(),
+        weights.alpha,
+        &mut d_sums,
+    );
+    terms.total += weights.alpha * terms.alpha;
+    (terms, d_sums)
+}
+
+/// Irradiance over π that reaches every pixel, with the emitters marked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewIrradiance {
+    /// `1/π · ∫ R(ω) (ω·Ñ) dω`; for pixels that show their own radiance, `None`.
+    pub arriving: Vec<Option<Vec3>>,
+}
+
+/// Loss of stage 1 for one view: the picture is R at emitters and P times the arriving light elsewhere. The gradient touches
+/// the albedo only.
+pub fn albedo_loss(
+    sums: &SumImage,
+    irradiance: &ViewIrradiance,
+    target_pq: &Image<3>,
+    ssim_share: f64,
+) -> (LossTerms, Vec<Sums>) {
+    let shown =
+        sums.pixels
+            .iter()
+            .zip(&irradiance.arriving)
+            .map(|(seen, arriving)| match arriving {
+                None => seen.radiance().to_array(),
+                Some(arriving) => (seen.albedo() * *arriving).to_array(),
+            });
+    let image = Image::from_pixels(sums.width, sums.height, shown.collect())
+        .expect("irradiance and sums have one entry per pixel");
+    let color = ColorLoss::new(&image, target_pq, ssim_share);
+    let d_sums = color
+        .d_radiance
+        .pixels()
+        .iter()
+        .zip(&irradiance.arriving)
+        .map(|(d, arriving)| {
+            let mut out = Sums::default();
+            if let Some(arriving) = arriving {
+                let d_albedo = Vec3::from(*d) * *arriving;
+                out.0[lane::ALBEDO..lane::ALBEDO + 3].copy_from_slice(&d_albedo.to_array());
+            }
+            out
+        })
+        .collect();
+    (
+        LossTerms {
+            total: color.value,
+            l1: color.l1,
+            ssim: color.ssim,
+            ..LossTerms::default()
+        },
+        d_sums,
+    )
+}
+
+/// `mean |V − target|` of one lane; a missing target is 1 everywhere.
+fn absolute_loss(
+    sums: &SumImage,
+    which: usize,
+    target: Option<&Image<1>>,
+    weight: f64,
+    d_sums: &mut [Sums],
+) -> f64 {
+    let share = 1.0 / sums.pixels.len() as f64;
+    let d_share = (weight * share) as f32;
+    let width = sums.width as usize;
+    let rows: Vec<f64> = d_sums
+        .par_chunks_mut(width)
+        .enumerate()
+        .map(|(y, d_row)| {
+            let mut total = 0.0;
+            for (x, d) in d_row.iter_mut().enumerate() {
+                let wanted = target.map_or(1.0, |t| t.pixels()[y * width + x][0]);
+                let difference = sums.pixels[y * width + x].0[which] - wanted;
+                total += f64::from(difference.abs());
+                d.0[which] += if difference == 0.0 {
+                    0.0
+                } else {
+                    d_share.copysign(difference)
+                };
+            }
+            total
+        })
+        .collect();
+    rows.iter().sum::<f64>() * share
+}
+
+/// `mean(1 − Ñ·N_mono)` over the pixels where the map knows a normal.
+fn normal_map_loss(sums: &SumImage, map: &Image<3>, weight: f64, d_sums: &mut [Sums]) -> f64 {
+    let counts = |seen: &Sums, wanted: Vec3| {
+        wanted != Vec3::ZERO
+            && seen.alpha() > MIN_NORMAL_ALPHA
+            && seen.normal().length_squared() > 0.0
+    };
+    let pairs = || {
+        sums.pixels
+            .iter()
+            .zip(map.pixels())
+            .map(|(s, n)| (s, Vec3::from(*n)))
+    };
+    let num = pairs().filter(|(s, n)| counts(s, *n)).count();
+    if num == 0 {
+        return 0.0;
+    }
+    let d_share = (weight / num as f64) as f32;
+    let mut total = 0.0;
+    for (d, (seen, wanted)) in d_sums
+        .iter_mut()
+        .zip(pairs())
+        .filter(|(_, (s, n))| counts(s, *n))
+    {
+        let (value, d_normal) = one_minus_cosine(seen.normal(), wanted);
+        total += f64::from(value);
+        for k in 0..3 {
+            d.0[lane::NORMAL + k] += d_share * d_normal[k];
+        }
+    }
+    total / num as f64
+}
+
+/// `1 − (n/|n|)·m` for unit `m`, and its gradient with respect to `n`.
+fn one_minus_cosine(n: Vec3, m: Vec3) -> (f32, Vec3) {
+    let length = n.length();
+    let unit = n / length;
+    let cosine = unit.dot(m);
+    (1.0 - cosine, (unit * cosine - m) / length)
+}
+
+/// Blended normal Ñ turned by nothing, or `None` where the pixel is too transparent.
+fn solid_normal(sums: &Sums) -> Option<Vec3> {
+    (sums.alpha() > MIN_NORMAL_ALPHA)
+        .then(|| sums.unit_normal())
+        .filter(|n| *n != Vec3::ZERO)
+}
+
+/// Directions of all pixels of a camera.
+fn directions(camera: &Camera) -> Vec<Vec3> {
+    let frame = camera.ray_frame();
+    (0..camera.num_pixels() as u32)
+        .into_par_iter()
+        .map(|i| {
+            frame.direction(
+                (i % camera.width) as f32 + 0.5,
+                (i / camera.width) as f32 + 0.5,
+            )
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,200 @@
+//! Every term against central differences, on a smooth artificial frame.
+
+use super::*;
+use crate::loss::color::pq_image;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use glam::{DAffine3, DMat3, DVec3};
+
+const WIDTH: u32 = 14;
+const HEIGHT: u32 = 13;
+
+fn camera() -> Camera {
+    Camera {
+        width: WIDTH,
+        height: HEIGHT,
+        fx: 12.0,
+        fy: 12.0,
+        cx: 7.0,
+        cy: 6.5,
+        world_from_camera: DAffine3 {
+            matrix3: DMat3::IDENTITY,
+            translation: DVec3::ZERO,
+        },
+    }
+}
+
+fn noise(i: u32) -> [f32; 4] {
+    RandomKey::new(9, Purpose::Render, 1)
+        .stream(i, 0)
+        .next_uniforms()
+}
+
+fn frame() -> SumImage {
+    let pixels = (0..WIDTH * HEIGHT)
+        .map(|i| {
+            let (x, y) = ((i % WIDTH) as f32, (i / WIDTH) as f32);
+            let [a, b, c, d] = noise(i);
+            let mut s = Sums::default();
+            let alpha = 0.7 + 0.25 * a;
+            s.0[lane::RADIANCE..][..3].copy_from_slice(&[0.2 + b, 0.1 + 0.5 * c, 2.0 * d + 0.05]);
+            s.0[lane::EMISSION] = 0.3 * a + 0.1;
+            s.0[lane::ALBEDO..][..3].copy_from_slice(&[0.2 + 0.5 * c, 0.4, 0.3 + 0.2 * b]);
+            s.0[lane::NORMAL..][..3].copy_from_slice(&[0.2 * b, 0.1 - 0.2 * c, -0.8]);
+            s.0[lane::ALPHA] = alpha;
+            s.0[lane::DISTANCE] = alpha * (3.0 + 0.1 * x - 0.05 * y + 0.02 * d);
+            s
+        })
+        .collect();
+    SumImage {
+        width: WIDTH,
+        height: HEIGHT,
+        pixels,
+    }
+}
+
+fn view(normal: bool) -> View {
+    let image = |f: &dyn Fn([f32; 4]) -> [f32; 3]| {
+        Image::from_pixels(
+            WIDTH,
+            HEIGHT,
+            (0..WIDTH * HEIGHT).map(|i| f(noise(i + 5000))).collect(),
+        )
+        .unwrap()
+    };
+    View {
+        name: "test".to_owned(),
+        camera: camera(),
+        radiance: image(&|[a, b, c, _]| [a + 0.3, 0.2 + b, c + 0.1]),
+        emission: Some(image(&|[a, ..]| [a.round(); 3]).map(|p| [p[0]])),
+        normal: normal.then(|| {
+            image(&|[a, b, ..]| {
+                Vec3::new(0.3 * a, 0.2 * b - 0.1, -1.0)
+                    .normalize()
+                    .to_array()
+            })
+        }),
+        alpha: None,
+        depth: None,
+        albedo: None,
+    }
+}
+
+fn only(field: &str) -> LossWeights {
+    let weight = |name: &str| if name == field { 0.7 } else { 0.0 };
+    LossWeights {
+        color: weight("color"),
+        ssim_share: 0.2,
+        normal: weight("normal"),
+        depth_normal: weight("depth_normal"),
+        emission: weight("emission"),
+        alpha: weight("alpha"),
+    }
+}
+
+#[test]
+fn gradients_match_central_differences() {
+    let mut failures = Vec::new();
+    for (field, with_map, lanes) in [
+        ("color", true, lane::RADIANCE..lane::RADIANCE + 3),
+        ("normal", true, lane::NORMAL..lane::NORMAL + 3),
+        ("depth_normal", true, lane::ALPHA..lane::DISTANCE + 1),
+        ("depth_normal", false, lane::NORMAL..lane::DISTANCE + 1),
+        ("emission", true, lane::EMISSION..lane::EMISSION + 1),
+        ("alpha", true, lane::ALPHA..lane::ALPHA + 1),
+    ] {
+        let (view, weights) = (view(with_map), only(field));
+        let target = pq_image(&view.radiance);
+        let loss = |sums: &SumImage| radiance_loss(sums, &view, &target, &weights, NormalTerms::On);
+        let base = frame();
+        let (terms, analytic) = loss(&base);
+        assert!(terms.total > 0.0, "{field} is active");
+        let largest = analytic
+            .iter()
+            .flat_map(|s| s.0)
+            .fold(0.0_f32, |m, x| m.max(x.abs()));
+        // Pixels whose error is far from 0, where L1 has its kink.
+        for pixel in [0, 5, 18, 40, 93, 100, (WIDTH * HEIGHT - 1) as usize] {
+            for k in lanes.clone() {
+                // Large enough that single-precision sums of the loss keep four digits of the difference.
+                let h = 4e-3 * base.pixels[pixel].0[k].abs().max(0.1);
+                let (mut up, mut down) = (base.clone(), base.clone());
+                up.pixels[pixel].0[k] += h;
+                down.pixels[pixel].0[k] -= h;
+                let width = f64::from(up.pixels[pixel].0[k] - down.pixels[pixel].0[k]);
+                let numeric = (loss(&up).0.total - loss(&down).0.total) / width;
+                let got = f64::from(analytic[pixel].0[k]);
+                // Second-order error of the difference and its rounding; worst seen 0.7 % of the largest.
+                if (got - numeric).abs() > 0.02 * f64::from(largest) {
+                    failures.push(format!(
+                        "{field}, pixel {pixel}, lane {k}: {got:e} instead of {numeric:e}"
+                    ));
+                }
+            }
+        }
+        for (pixel, sums) in analytic.iter().enumerate() {
+            for k in (0..16).filter(|k| !lanes.contains(k)) {
+                if sums.0[k] != 0.0 {
+                    failures.push(format!("{field} moves lane {k} of pixel {pixel}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn an_absent_mask_is_no_mask_of_zeros() {
+    let mut view = view(true);
+    view.emission = None;
+    let target = pq_image(&view.radiance);
+    let (terms, d) = radiance_loss(&frame(), &view, &target, &only("emission"), NormalTerms::On);
+    assert_eq!(terms.total, 0.0);
+    assert!(d.iter().all(|s| s.0[lane::EMISSION] == 0.0));
+}
+
+#[test]
+fn a_flat_wall_has_the_normal_of_its_depth() {
+    // The plane z = 3, seen straight on: distances grow towards the corners, normals point back at the camera.
+    let mut sums = frame();
+    for (s, d) in sums.pixels.iter_mut().zip(directions(&camera())) {
+        s.0[lane::ALPHA] = 1.0;
+        s.0[lane::DISTANCE] = 3.0 / d.z;
+    }
+    let map = Image::filled(WIDTH, HEIGHT, [0.0, 0.0, -1.0]);
+    let mut d_sums = vec![Sums::default(); sums.pixels.len()];
+    let value = depth_normal::add(&sums, &camera(), Some(&map), 1.0, &mut d_sums);
+    assert!(value.abs() < 1e-6, "{value}");
+}
+
+#[test]
+fn albedo_loss_leaves_emitters_alone_and_matches_differences() {
+    let base = frame();
+    let view = view(true);
+    let target = pq_image(&view.radiance);
+    let arriving: Vec<Option<Vec3>> = (0..WIDTH * HEIGHT)
+        .map(|i| (i % 3 != 0).then(|| Vec3::new(0.5, 1.0, 1.5) * (0.5 + noise(i)[0])))
+        .collect();
+    let irradiance = ViewIrradiance { arriving };
+    let (_, analytic) = albedo_loss(&base, &irradiance, &target, 0.2);
+    let largest = analytic
+        .iter()
+        .flat_map(|s| s.0)
+        .fold(0.0_f32, |m, x| m.max(x.abs()));
+    for pixel in [3, 4, 50, 91] {
+        for k in lane::ALBEDO..lane::ALBEDO + 3 {
+            let h = 2e-3;
+            let (mut up, mut down) = (base.clone(), base.clone());
+            up.pixels[pixel].0[k] += h;
+            down.pixels[pixel].0[k] -= h;
+            let width = f64::from(up.pixels[pixel].0[k] - down.pixels[pixel].0[k]);
+            let value = |s: &SumImage| albedo_loss(s, &irradiance, &target, 0.2).0.total;
+            let numeric = (value(&up) - value(&down)) / width;
+            let got = f64::from(analytic[pixel].0[k]);
+            assert!(
+                (got - numeric).abs() < 0.02 * f64::from(largest),
+                "pixel {pixel} lane {k}: {got:e} {numeric:e}"
+            );
+            assert!(pixel % 3 != 0 || got == 0.0);
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! Pictures of a run: captured and rendered side by side.
+
+use crate::backend::{Backend, TrainingView};
+use crate::error::Result;
+use crate::options::Stage;
+use eagpt_scene::color::srgb8_from_linear;
+use eagpt_scene::{Image, files, png};
+use std::path::Path;
+
+/// Columns of black between the two pictures.
+const GAP: usize = 4;
+
+/// Writes `<dir>/<stage>-<iteration>-<view>.png` for every view and returns the mean PSNR (clipped sRGB, dB). Stage 1 shows the
+/// albedo beside the photograph.
+///
+/// # Errors
+/// If the device gives up or a file cannot be written.
+pub fn write(
+    dir: &Path,
+    backend: &dyn Backend,
+    views: &[TrainingView],
+    stage: Stage,
+    iteration: u32,
+) -> Result<f64> {
+    files::create_dir(dir)?;
+    let mut total = 0.0;
+    for training in views {
+        let view = &training.view;
+        let sums = backend.camera_sums(&view.camera)?;
+        let rendered = sums.radiance();
+        total += eagpt_eval::psnr::psnr_srgb(&view.radiance, &rendered);
+        let shown = match stage {
+            Stage::Radiance => rendered,
+            Stage::Albedo => sums.extract(|s| s.albedo().to_array()),
+        };
+        let name = format!(
+            "{}-{iteration:06}-{}.png",
+            stage.name(),
+            view.name.replace('/', "_")
+        );
+        let (width, height, bytes) = side_by_side(&view.radiance, &shown);
+        png::write_rgb8(&dir.join(name), width, height, &bytes)?;
+    }
+    Ok(total / views.len().max(1) as f64)
+}
+
+fn side_by_side(left: &Image<3>, right: &Image<3>) -> (u32, u32, Vec<u8>) {
+    let mut bytes = Vec::new();
+    for y in 0..left.height() {
+        for image in [left, right] {
+            for x in 0..image.width() {
+                bytes.extend(image.get(x, y).map(srgb8_from_linear));
+            }
+            if std::ptr::eq(image, left) {
+                bytes.extend([0; 3 * GAP]);
+            }
+        }
+    }
+    (
+        left.width() + right.width() + GAP as u32,
+        left.height(),
+        bytes,
+    )
+}
