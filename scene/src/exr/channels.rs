@@ -76,7 +76,7 @@ pub(super) fn select_single(path: &Path, headers: &[Header]) -> Result<Selection
         .or_else(|| pick(&groups, |group| first(group.rgb())))
         .or_else(|| pick(&groups, |group| first(group.xyz())))
         .or_else(|| pick(&groups, |group| Some([group.find(&["y", "z", "v", "a"])?])))
-        .ok_or_else(|| missing(path, "a single value", headers))
+        .ok_or_else(|| missing(path, "single value", headers))
 }
 
 impl Selection<1> {

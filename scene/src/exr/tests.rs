@@ -195,7 +195,7 @@ fn single_channels_are_found_by_name() {
         assert_eq!(taken_single(&path), wanted, "{names:?}");
     }
     write_layer(&path, &["id", "weight"]);
-    assert_error(read_single(&path), &["no a single value among id, weight"]);
+    assert_error(read_single(&path), &["no single value among id, weight"]);
 }
 
 #[test]

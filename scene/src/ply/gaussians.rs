@@ -121,8 +121,28 @@ fn gaussian(row: [f32; 17]) -> Gaussian {
     }
 }
 
+/// Whether a row can be kept as it is. Says in one pass for nearly all rows what [`checked`] says value by value.
+#[inline]
+fn is_clean(row: &[f32; 17]) -> bool {
+    let unit = |value: f32| (0.0..=1.0).contains(&value);
+    row.iter().all(|value| value.is_finite())
+        && row[3] > 0.0
+        && row[4] > 0.0
+        && (quaternion_length(row) - 1.0).abs() <= QUATERNION_TOLERANCE
+        && unit(row[9])
+        && row[10..13].iter().all(|&radiance| radiance >= 0.0)
+        && row[13..].iter().all(|&value| unit(value))
+}
+
+fn quaternion_length(row: &[f32; 17]) -> f32 {
+    row[5..9].iter().map(|q| q * q).sum::<f32>().sqrt()
+}
+
 /// The row as it is kept: clamped and normalised within the tolerances.
 fn checked(path: &Path, index: usize, mut row: [f32; 17]) -> Result<[f32; 17]> {
+    if is_clean(&row) {
+        return Ok(row);
+    }
     let bad = |property: &str, problem: String| {
         Err(SceneError::invalid(
             path,
@@ -146,7 +166,7 @@ fn checked(path: &Path, index: usize, mut row: [f32; 17]) -> Result<[f32; 17]> {
             _ => {}
         }
     }
-    let length = row[5..9].iter().map(|q| q * q).sum::<f32>().sqrt();
+    let length = quaternion_length(&row);
     // Written so that a length that overflowed to infinity is refused as well.
     if !(MIN_QUATERNION_LENGTH..f32::INFINITY).contains(&length) {
         return bad("quaternions", format!("length {length:?} has no direction"));

@@ -167,9 +167,22 @@ impl<'a> Vertices<'a> {
             let rows = cursor
                 .take(num_bytes)
                 .ok_or_else(|| self.truncated("rows"))?;
-            for (index, row) in rows.chunks_exact(row_bytes.max(1)).enumerate() {
-                let values = places.map(|(offset, scalar)| value::<BIG>(&row[offset..], scalar));
-                take(index, values)?;
+            let rows = rows.chunks_exact(row_bytes.max(1)).enumerate();
+            // The usual type by itself: choosing the type anew for every value doubles the time.
+            if columns.iter().all(|column| column.scalar == Scalar::F32) {
+                let offsets = places.map(|(at, _)| at);
+                for (index, row) in rows {
+                    let mut values = [0.0; N];
+                    for (value, at) in values.iter_mut().zip(offsets) {
+                        *value = f64::from(f32::from_le_bytes(little::<4, BIG>(&row[at..])));
+                    }
+                    take(index, values)?;
+                }
+            } else {
+                for (index, row) in rows {
+                    let values = places.map(|(at, scalar)| value::<BIG>(&row[at..], scalar));
+                    take(index, values)?;
+                }
             }
             return Ok(());
         }
