@@ -15,8 +15,9 @@ use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::irradiance_over_pi;
+use eagpt_trace::transport::lights::BounceSampler;
 use eagpt_trace::transport::start::Surface;
+use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -193,6 +194,7 @@ fn gather_irradiance(
     key: RandomKey,
 ) -> Vec<Option<glam::Vec3>> {
     let frame = camera.ray_frame();
+    let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
     (0..camera.num_pixels())
         .into_par_iter()
         .map(|pixel| {
@@ -204,7 +206,7 @@ fn gather_irradiance(
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             Some(
                 Surface::at(frame.origin, direction, seen).map_or(glam::Vec3::ZERO, |surface| {
-                    irradiance_over_pi(scene, &surface, options.num_samples, |s| {
+                    irradiance_over_pi(scene, &sampler, &surface, options.num_samples, |s| {
                         key.stream(pixel as u32, s)
                     })
                 }),
