@@ -1,0 +1,57 @@
+//! The error of this crate.
+
+use eagpt_scene::SceneError;
+use std::path::PathBuf;
+
+/// Result with [`EvalError`].
+pub type Result<T, E = EvalError> = std::result::Result<T, E>;
+
+/// Why something could not be measured. Every variant prints as one line.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// A file could not be read or written; the message is that of the scene crate.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An option is out of its range.
+    #[error("{field} is {value}, must be {wanted}")]
+    Option {
+        /// Name of the option.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// The range.
+        wanted: &'static str,
+    },
+    /// HDR-FLIP would start at a longer exposure than it stops at.
+    #[error("start_exposure {start} is above stop_exposure {stop}")]
+    Exposures {
+        /// First exposure in stops.
+        start: f32,
+        /// Last exposure in stops.
+        stop: f32,
+    },
+    /// Views of the dataset have no render.
+    #[error("{}: no render for {} of {num_views} views: {}", folder.display(), missing.len(), missing.join(", "))]
+    MissingRenders {
+        /// The folder of renders.
+        folder: PathBuf,
+        /// Names of all views without one.
+        missing: Vec<String>,
+        /// Number of views asked for.
+        num_views: usize,
+    },
+    /// A render does not fit its view.
+    #[error("{}: {problem}", path.display())]
+    Render {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, with the values.
+        problem: String,
+    },
+    /// The output folder holds results already.
+    #[error("{}: exists already; force replaces it", path.display())]
+    Exists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+}

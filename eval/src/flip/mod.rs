@@ -1,0 +1,141 @@
+//! FLIP: how different two images look to a person who alternates between them.
+//!
+//! LDR-FLIP (Andersson et al. 2020, "FLIP: A difference evaluator for alternating images") blurs both images as the eye
+//! does at a viewing distance, takes a colour distance, and sharpens it where edges or points differ. HDR-FLIP
+//! (Andersson et al. 2021) shows both images at several exposures through a tone curve and keeps the largest error of
+//! each pixel. Errors are in [0, 1], 0 for equal images.
+//!
+//! Agrees with NVIDIA's flip-evaluator 1.7, whose own values differ in the last digits between systems. The border
+//! repeats the outermost pixels. All work is done in bands of rows, so memory is that of the error map and a few rows,
+//! and no bit depends on the number of threads.
+
+mod band;
+mod color;
+mod filters;
+mod magma;
+mod tonemap;
+
+pub use magma::magma_rgb8;
+pub use tonemap::{FlipOptions, FlipParameters, ToneMapper};
+
+use crate::encode::assert_comparable;
+use crate::error::Result;
+use band::{Band, BandScratch};
+use eagpt_scene::{Image, color::linear_from_srgb};
+use filters::Filters;
+use rayon::prelude::*;
+
+/// Errors of HDR-FLIP, and what they were computed with.
+#[derive(Debug, Clone)]
+pub struct FlipHdr {
+    /// Mean of `error`.
+    pub mean: f64,
+    /// Error of each pixel in [0, 1].
+    pub error: Image<1>,
+    /// The settings, with the exposures that were chosen.
+    pub parameters: FlipParameters,
+}
+
+/// Errors of LDR-FLIP.
+#[derive(Debug, Clone)]
+pub struct FlipLdr {
+    /// Mean of `error`.
+    pub mean: f64,
+    /// Error of each pixel in [0, 1].
+    pub error: Image<1>,
+}
+
+/// HDR-FLIP of two linear Rec.709 images. Negative values and NaN count as black.
+///
+/// # Errors
+/// As [`FlipParameters::for_reference`].
+///
+/// # Panics
+/// If the sizes differ or the images have no pixels.
+pub fn flip_hdr(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) -> Result<FlipHdr> {
+    assert_comparable(reference, test);
+    let parameters = FlipParameters::for_reference(options, reference)?;
+    let factors = parameters.factors();
+    let filters = Filters::new(parameters.ppd);
+    let error = error_map(
+        reference,
+        test,
+        &filters,
+        factors.len(),
+        |pixel, exposure| {
+            parameters
+                .tonemapper
+                .shown(pixel.map(|v| v.max(0.0) * factors[exposure]))
+        },
+    );
+    Ok(FlipHdr {
+        mean: mean(&error),
+        error,
+        parameters,
+    })
+}
+
+/// LDR-FLIP of two sRGB images, clipped to [0, 1], at `ppd` pixels per degree of vision.
+///
+/// # Errors
+/// As [`FlipOptions::validate`] for `ppd`.
+///
+/// # Panics
+/// If the sizes differ or the images have no pixels.
+pub fn flip_ldr(reference_srgb: &Image<3>, test_srgb: &Image<3>, ppd: f32) -> Result<FlipLdr> {
+    assert_comparable(reference_srgb, test_srgb);
+    let options = FlipOptions {
+        ppd,
+        ..FlipOptions::default()
+    };
+    options.validate()?;
+    let filters = Filters::new(ppd);
+    let error = error_map(reference_srgb, test_srgb, &filters, 1, |pixel, _| {
+        pixel.map(|v| linear_from_srgb(v.max(0.0).min(1.0)))
+    });
+    Ok(FlipLdr {
+        mean: mean(&error),
+        error,
+    })
+}
+
+/// The largest error of each pixel over `num_exposures`, for which `shown` gives linear display colours in [0, 1].
+fn error_map(
+    reference: &Image<3>,
+    test: &Image<3>,
+    filters: &Filters,
+    num_exposures: usize,
+    shown: impl Fn([f32; 3], usize) -> [f32; 3] + Sync,
+) -> Image<1> {
+    let (width, height) = (reference.width() as usize, reference.height() as usize);
+    // Bands share no sums, so their height is free: low enough to feed all threads, high enough that the rows around a
+    // band, which are computed again, do not dominate.
+    let num_rows = (height / (4 * rayon::current_num_threads())).clamp(24, 96);
+    let mut error = Image::filled(reference.width(), reference.height(), [0.0]);
+    error
+        .pixels_mut()
+        .par_chunks_mut(num_rows * width)
+        .enumerate()
+        .for_each_init(BandScratch::default, |scratch, (index, out)| {
+            let first = index * num_rows;
+            let band = Band::new(filters, (width, height), first..first + out.len() / width);
+            for exposure in 0..num_exposures {
+                band.raise_errors(
+                    [reference.pixels(), test.pixels()],
+                    |pixel| shown(pixel, exposure),
+                    scratch,
+                    out,
+                );
+            }
+        });
+    error
+}
+
+/// Mean in f64, row after row.
+fn mean(error: &Image<1>) -> f64 {
+    let sum: f64 = error.values().iter().map(|v| f64::from(*v)).sum();
+    sum / error.values().len() as f64
+}
+
+#[cfg(test)]
+mod tests;
