@@ -3,6 +3,8 @@
 //! The loop above decides what to do next; a [`Backend`] owns everything that changes at every step — parameters, moments,
 //! prepared images — for the whole run, and hands back scalars. Full state crosses the seam only for checkpoints.
 
+mod closed_form;
+
 use crate::error::Result;
 use crate::loss::{
     LossTerms, NormalTerms, ViewIrradiance, albedo_loss, color::pq_image, radiance_loss,
@@ -81,11 +83,12 @@ pub trait Backend {
     /// If the device gives up.
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome>;
 
-    /// Forgets Adam's moments: a new stage begins.
+    /// Begins stage 1: forgets Adam's moments, and starts albedos at the closed form `ρ = π r / E` from one gathering of the light that
+    /// arrives at every Gaussian.
     ///
     /// # Errors
     /// If the device gives up.
-    fn begin_stage(&mut self) -> Result<()>;
+    fn begin_albedo(&mut self, options: &AlbedoOptions, seed: u64) -> Result<()>;
 
     /// Blended sums of a camera, for previews.
     ///
@@ -241,8 +244,16 @@ impl Backend for CpuBackend {
         Ok(self.update(&record, &d_sums, &step.sizes, terms))
     }
 
-    fn begin_stage(&mut self) -> Result<()> {
+    fn begin_albedo(&mut self, options: &AlbedoOptions, seed: u64) -> Result<()> {
         self.state.reset_moments();
+        if options.num_start_samples > 0 {
+            let scene = CpuScene::new(&self.gaussians);
+            let albedos =
+                closed_form::albedos(&scene, &self.gaussians, options.num_start_samples, seed);
+            self.state.set_albedos(&albedos);
+            self.gaussians = self.state.gaussians();
+            self.set.update(&self.gaussians);
+        }
         Ok(())
     }
 
