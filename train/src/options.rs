@@ -278,9 +278,10 @@ impl TrainOptions {
         for layer in layers {
             merge(&mut merged, layer, "")?;
         }
-        let options: Self = merged
-            .try_into()
-            .map_err(|e: toml::de::Error| describe(e.message().to_owned()))?;
+        let options: Self = merged.try_into().map_err(|e: toml::de::Error| {
+            // The text has a second line, which names the key.
+            describe(e.to_string().trim().replace('\n', " "))
+        })?;
         options.validate()?;
         Ok(options)
     }
