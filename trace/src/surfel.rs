@@ -154,12 +154,6 @@ impl SeenSurfel {
     pub fn is_own(&self, hit: &PlaneHit, ray: &Ray) -> bool {
         (hit.t <= ray.t_own) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
     }
-
-    /// Opacity α of a plane hit that counts.
-    #[inline(always)]
-    pub fn alpha(&self, hit: &PlaneHit) -> f32 {
-        self.opacity * exp_of_negative(-0.5 * (hit.u * hit.u + hit.v * hit.v))
-    }
 }
 
 impl SurfelSet {

@@ -8,7 +8,7 @@ use crate::blend::{Blender, Hit, Offered, sort_hits};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
 use crate::sums::Sums;
-use crate::surfel::{SeenSurfel, Surfel, SurfelSet};
+use crate::surfel::{Surfel, SurfelSet, exp_of_negative};
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
@@ -312,6 +312,23 @@ impl Leaf {
     }
 }
 
+impl Leaf {
+    #[inline(always)]
+    fn surfel(&self, lane: usize) -> Surfel {
+        let vector = |of: &[[f32; WIDTH]; 3]| [of[0][lane], of[1][lane], of[2][lane]];
+        Surfel {
+            position: vector(&self.position),
+            opacity: self.opacity[lane],
+            axis_u: vector(&self.axis_u),
+            cut2: self.cut2[lane],
+            axis_v: vector(&self.axis_v),
+            size: 0.0,
+            normal: vector(&self.normal),
+            padding: 0.0,
+        }
+    }
+}
+
 fn disc_bounds(surfel: &Surfel) -> Aabb {
     let [a, b] = surfel.extents();
     let center = Vec3::from(surfel.position);
@@ -412,30 +429,24 @@ fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH]) {
 
 #[inline(always)]
 fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, hits: &mut Vec<Hit>) {
+    // Plain loops over arrays, with bits gathered afterwards: they become straight SIMD code.
     let mut t = [0.0_f32; WIDTH];
-    let mut alpha = [0.0_f32; WIDTH];
-    let mut mask = 0_u32;
+    let mut exponent = [0.0_f32; WIDTH];
+    let mut bits = [0_u32; WIDTH];
     for lane in 0..WIDTH {
-        let surfel = Surfel {
-            position: leaf.position.map(|c| c[lane]),
-            opacity: leaf.opacity[lane],
-            axis_u: leaf.axis_u.map(|c| c[lane]),
-            cut2: leaf.cut2[lane],
-            axis_v: leaf.axis_v.map(|c| c[lane]),
-            size: 0.0,
-            normal: leaf.normal.map(|c| c[lane]),
-            padding: 0.0,
-        };
-        let seen: SeenSurfel = surfel.seen_from(ray.origin);
+        let seen = leaf.surfel(lane).seen_from(ray.origin);
         let met = seen.meet(ray.direction);
         t[lane] = met.t;
-        alpha[lane] = seen.alpha(&met);
-        mask |= u32::from(seen.counts(&met) & (met.t <= t_max) & !seen.is_own(&met, ray)) << lane;
+        exponent[lane] = -0.5 * (met.u * met.u + met.v * met.v);
+        let counts = seen.counts(&met) & (met.t <= t_max) & !seen.is_own(&met, ray);
+        bits[lane] = u32::from(counts) << lane;
     }
+    let mut mask = bits.iter().fold(0, |all, bit| all | bit);
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize;
         mask &= mask - 1;
-        hits.push(Hit::new(t[lane], leaf.index[lane], alpha[lane]));
+        let alpha = leaf.opacity[lane] * exp_of_negative(exponent[lane]);
+        hits.push(Hit::new(t[lane], leaf.index[lane], alpha));
     }
 }
 

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Where a Gaussian is looked at from, above its centre, in standard deviations: outside the slab it belongs to.
 const PROBE_HEIGHT: f32 = 4.0;
 /// Albedos of natural surfaces stay inside.
-const RANGE: (f32, f32) = (0.02, 0.95);
+const RANGE: (f32, f32) = (0.02, 0.99);
 /// Share of its light that a Gaussian must receive for the quotient to mean something.
 const MIN_ARRIVING: f32 = 1e-4;
 
