@@ -133,7 +133,8 @@ impl RecordBuilder {
                 .skip(1)
                 .map(|argument| argument.to_string_lossy().into_owned())
                 .collect(),
-            options: serde_json::to_value(options)?,
+            // Through text: it holds the shortest form of a float, `to_value` would widen 0.7 to 0.699999988.
+            options: serde_json::from_str(&serde_json::to_string(options)?)?,
             seed: None,
             device: None,
             threads: rayon::current_num_threads(),

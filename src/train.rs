@@ -23,23 +23,18 @@ const EXIT_INTERRUPTED: u8 = 130;
 
 /// Train a scene of 2D Gaussians on a dataset
 ///
-/// Stage 0 (radiance) fits geometry, radiance and emission to the training views; stage 1 (albedo) then fits the diffuse albedo
-/// through one bounce of light. Writes into RUN:
-///
-///   scene.ply      the scene: 17 activated float32 properties a Gaussian
-///   train.toml     the effective options
-///   log.jsonl      loss curves, one JSON object a line
-///   previews/      photographs and renderings of a few views, side by side
-///   checkpoints/   the full state; a run continues from the newest
-///   record.json    version, options, seed, inputs, times, memory
+/// Stage 0 (radiance) fits geometry, radiance and emission to the training views; stage 1 (albedo) then fits the diffuse
+/// albedo through one bounce of light.
 ///
 /// The dataset is a folder with transforms.json (EAG-PT or nerfstudio keys), linear EXR images, optional masks, normals and
 /// opacities, and points3d.ply to start from.
 ///
-/// Options come in layers, later ones winning: the preset, the file of --config, the flags, each --set. `--dump-config` prints
-/// the outcome. Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one ends it at once.
+/// Options come in layers, later ones winning: the preset, the file of --config, the flags, each --set. --dump-config
+/// prints the outcome.
+///
+/// Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one ends it at once.
 #[derive(Debug, Args)]
-#[command(verbatim_doc_comment, after_long_help = EXAMPLES)]
+#[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct TrainArgs {
     /// Folder with a transforms.json, or that file
     #[arg(value_name = "DATASET", required_unless_present = "dump_config")]
@@ -70,7 +65,7 @@ pub(crate) struct TrainArgs {
     /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's train_filenames and
     /// test_filenames (or val_filenames) say. all: every view trains. paper: as the released code of EAG-PT divides them,
     /// which tests on some views it has trained on.
-    #[arg(long, value_name = "RULE", value_parser = cli::split_rule(), verbatim_doc_comment)]
+    #[arg(long, value_name = "RULE", value_parser = cli::split_rule())]
     split: Option<SplitRule>,
     /// TOML file of options, all or some, as --dump-config prints them
     #[arg(long, value_name = "FILE.toml")]
@@ -81,7 +76,7 @@ pub(crate) struct TrainArgs {
     /// Continue the run in RUN from its newest checkpoint, to the same bits as without the break
     ///
     /// Its options are taken from RUN/train.toml unless --preset or --config is given.
-    #[arg(long, conflicts_with = "force", verbatim_doc_comment)]
+    #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Start over where RUN holds an earlier run, whose files are removed
     #[arg(long)]
@@ -97,7 +92,15 @@ pub(crate) struct TrainArgs {
     dump_config: bool,
 }
 
-const EXAMPLES: &str = "Examples:
+const OUTPUTS_AND_EXAMPLES: &str = "Files in RUN:
+  scene.ply      the scene: 17 activated float32 properties a Gaussian
+  train.toml     the effective options
+  log.jsonl      loss curves, one JSON object a line
+  previews/      photographs and renderings of a few views, side by side
+  checkpoints/   the full state; a run continues from the newest
+  record.json    version, options, seed, inputs, times, memory
+
+Examples:
   eagpt train kitchen --out runs/kitchen
   eagpt train kitchen --out runs/quick --preset draft --gaussians 20000 --seed 3
   eagpt train kitchen --out runs/rates --config base.toml --set radiance.rates.position=5e-5

@@ -1,0 +1,5 @@
+//! Synthetic scenes with known answers, for tests and examples. Nothing here is part of the program.
+//!
+//! - [`room`]: a furnished box room under an area light, path-traced analytically, written as a dataset.
+
+pub mod room;
