@@ -1,1 +1,31 @@
-fn main() {}
+//! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
+//!
+//! - [`cli`]: the commands and the options they share; each command's own options are in its module.
+//! - [`train`], [`render`], [`export`]: the commands.
+//! - [`progress`]: bars, plain lines or JSON.
+//! - [`record`]: what is written beside every result.
+//! - [`output`]: folders that results go to.
+
+mod cli;
+mod export;
+mod output;
+mod progress;
+mod record;
+mod render;
+mod terminal;
+mod train;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = cli::Cli::parse();
+    terminal::init(&cli.global);
+    match cli::run(cli) {
+        Ok(code) => code,
+        Err(error) => {
+            terminal::line(&format!("error: {}", terminal::one_line(&error)));
+            ExitCode::FAILURE
+        }
+    }
+}

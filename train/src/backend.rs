@@ -3,6 +3,8 @@
 //! The loop above decides what to do next; a [`Backend`] owns everything that changes at every step — parameters, moments,
 //! prepared images — for the whole run, and hands back scalars. Full state crosses the seam only for checkpoints.
 
+mod closed_form;
+
 use crate::error::Result;
 use crate::loss::{
     LossTerms, NormalTerms, ViewIrradiance, albedo_loss, color::pq_image, radiance_loss,
@@ -15,8 +17,9 @@ use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::irradiance_over_pi;
+use eagpt_trace::transport::lights::BounceSampler;
 use eagpt_trace::transport::start::Surface;
+use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -80,11 +83,12 @@ pub trait Backend {
     /// If the device gives up.
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome>;
 
-    /// Forgets Adam's moments: a new stage begins.
+    /// Begins stage 1: forgets Adam's moments, and starts albedos at the closed form `ρ = π r / E` from one gathering of the light that
+    /// arrives at every Gaussian.
     ///
     /// # Errors
     /// If the device gives up.
-    fn begin_stage(&mut self) -> Result<()>;
+    fn begin_albedo(&mut self, options: &AlbedoOptions, seed: u64) -> Result<()>;
 
     /// Blended sums of a camera, for previews.
     ///
@@ -193,6 +197,7 @@ fn gather_irradiance(
     key: RandomKey,
 ) -> Vec<Option<glam::Vec3>> {
     let frame = camera.ray_frame();
+    let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
     (0..camera.num_pixels())
         .into_par_iter()
         .map(|pixel| {
@@ -204,7 +209,7 @@ fn gather_irradiance(
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             Some(
                 Surface::at(frame.origin, direction, seen).map_or(glam::Vec3::ZERO, |surface| {
-                    irradiance_over_pi(scene, &surface, options.num_samples, |s| {
+                    irradiance_over_pi(scene, &sampler, &surface, options.num_samples, |s| {
                         key.stream(pixel as u32, s)
                     })
                 }),
@@ -239,8 +244,16 @@ impl Backend for CpuBackend {
         Ok(self.update(&record, &d_sums, &step.sizes, terms))
     }
 
-    fn begin_stage(&mut self) -> Result<()> {
+    fn begin_albedo(&mut self, options: &AlbedoOptions, seed: u64) -> Result<()> {
         self.state.reset_moments();
+        if options.num_start_samples > 0 {
+            let scene = CpuScene::new(&self.gaussians);
+            let albedos =
+                closed_form::albedos(&scene, &self.gaussians, options.num_start_samples, seed);
+            self.state.set_albedos(&albedos);
+            self.gaussians = self.state.gaussians();
+            self.set.update(&self.gaussians);
+        }
         Ok(())
     }
 

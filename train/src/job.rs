@@ -208,7 +208,7 @@ impl Run<'_> {
             return Ok(true);
         }
         if position.stage == Stage::Radiance {
-            backend.begin_stage()?;
+            backend.begin_albedo(&self.request.options.albedo, self.request.options.seed)?;
             position.stage = Stage::Albedo;
             position.iteration = 0;
             position.monitor = LossMonitor {

@@ -148,6 +148,8 @@ pub struct RadianceOptions {
 pub struct AlbedoOptions {
     /// Iterations, one view each.
     pub iterations: u32,
+    /// Irradiance samples of a Gaussian for the closed form that albedos start from; 0 starts at `init.albedo`.
+    pub num_start_samples: u32,
     /// Irradiance samples of a pixel.
     pub num_samples: u32,
     /// Whether the samples are drawn anew in every iteration, as the reference does. Otherwise a view's irradiance, which does not
@@ -222,9 +224,10 @@ impl TrainOptions {
         };
         let albedo = |iterations, num_samples, resample, final_share| AlbedoOptions {
             iterations,
+            num_start_samples: if resample { 0 } else { 32 },
             num_samples,
             resample,
-            rate: 5e-2,
+            rate: if resample { 5e-2 } else { 2e-2 },
             final_share,
             emission_threshold: eagpt_trace::transport::EMISSION_THRESHOLD,
         };
@@ -275,9 +278,10 @@ impl TrainOptions {
         for layer in layers {
             merge(&mut merged, layer, "")?;
         }
-        let options: Self = merged
-            .try_into()
-            .map_err(|e: toml::de::Error| describe(e.message().to_owned()))?;
+        let options: Self = merged.try_into().map_err(|e: toml::de::Error| {
+            // The text has a second line, which names the key.
+            describe(e.to_string().trim().replace('\n', " "))
+        })?;
         options.validate()?;
         Ok(options)
     }

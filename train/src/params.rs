@@ -184,6 +184,13 @@ impl ParameterState {
         self.num_steps = 0;
     }
 
+    /// Sets the albedos, `[n]`, each 0 to 1.
+    pub fn set_albedos(&mut self, albedos: &[Vec3]) {
+        for (raw, albedo) in self.values.iter_mut().zip(albedos) {
+            raw[ALBEDO..].copy_from_slice(&albedo.to_array().map(logit));
+        }
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.values.len()

@@ -67,8 +67,22 @@ pub struct RayScratch {
     stack: Vec<(f32, u32)>,
 }
 
+/// How far a search goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reach {
+    /// Up to where the ray is opaque.
+    UntilOpaque,
+    /// All the way, through everything.
+    Everything,
+}
+
 impl RayScratch {
-    /// The hits of the last search: every one up to where the ray is opaque, in no order.
+    /// Sorts the hits of the last search front to back.
+    pub fn sort(&mut self) {
+        sort_hits(&mut self.hits);
+    }
+
+    /// The hits of the last search, in no order unless sorted.
     pub fn hits(&self) -> &[Hit] {
         &self.hits
     }
@@ -182,15 +196,15 @@ impl Bvh {
         total / root.max(f32::MIN_POSITIVE)
     }
 
-    /// Finds all hits of `ray` up to where it becomes opaque; see [`RayScratch::hits`].
-    pub fn find_hits(&self, ray: &Ray, scratch: &mut RayScratch) {
-        find_hits(&self.nodes, &self.leaves, ray, scratch);
+    /// Finds all hits of `ray` within `reach`; see [`RayScratch::hits`].
+    pub fn find_hits(&self, ray: &Ray, reach: Reach, scratch: &mut RayScratch) {
+        find_hits(&self.nodes, &self.leaves, ray, reach, scratch);
     }
 
     /// Blended sums along `ray`.
     pub fn trace(&self, set: &SurfelSet, ray: &Ray, scratch: &mut RayScratch) -> Sums {
-        self.find_hits(ray, scratch);
-        sort_hits(&mut scratch.hits);
+        self.find_hits(ray, Reach::UntilOpaque, scratch);
+        scratch.sort();
         let mut blender = Blender::default();
         for hit in &scratch.hits {
             let payload = &set.payloads[hit.index() as usize];
@@ -319,7 +333,7 @@ fn leaf_bounds(leaf: &Leaf, set: &SurfelSet) -> Aabb {
     "x86_64+avx2",
     "aarch64+neon"
 ))]
-fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, scratch: &mut RayScratch) {
+fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, reach: Reach, scratch: &mut RayScratch) {
     let RayScratch { hits, stack } = scratch;
     hits.clear();
     stack.clear();
@@ -348,7 +362,7 @@ fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, scratch: &mut RayScratc
             continue;
         }
         meet_leaf(&leaves[(child & !LEAF) as usize], ray, t_max, hits);
-        if hits.len() >= prune_at {
+        if reach == Reach::UntilOpaque && hits.len() >= prune_at {
             t_max = prune(hits);
             prune_at = 2 * hits.len().max(FIRST_PRUNE / 2);
         }

@@ -6,7 +6,7 @@
 //! of threads.
 
 use super::bins::{BinnedSurfel, TILE, TILE_PIXELS, TileBins};
-use super::bvh::{Bvh, RayScratch};
+use super::bvh::{Bvh, RayScratch, Reach};
 use crate::blend::{
     AdjointSurfel, BlendedHit, Blender, Hit, LocalGradient, Offered, adjoint, sort_hits,
 };
@@ -258,7 +258,7 @@ fn find_hits_in_tile(
 fn find_hits_by_rays(bvh: &Bvh, rays: &TileRays, scratch: &mut TileScratch) {
     for (p, _) in rays.pixels() {
         let ray = Ray::free(rays.origin, rays.direction(p));
-        bvh.find_hits(&ray, &mut scratch.rays);
+        bvh.find_hits(&ray, Reach::UntilOpaque, &mut scratch.rays);
         scratch.hits[p].extend_from_slice(scratch.rays.hits());
     }
 }

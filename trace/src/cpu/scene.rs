@@ -6,6 +6,7 @@ use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::SurfelSet;
+use crate::transport::lights::Lights;
 use crate::transport::{self, Integrator, LightOptions, RayTracer};
 use eagpt_scene::{Camera, Gaussians};
 use std::cell::RefCell;
@@ -19,6 +20,7 @@ thread_local! {
 pub struct CpuScene {
     set: SurfelSet,
     bvh: Bvh,
+    lights: Option<Lights>,
 }
 
 impl CpuScene {
@@ -26,7 +28,11 @@ impl CpuScene {
     pub fn new(gaussians: &Gaussians) -> Self {
         let set = SurfelSet::new(gaussians);
         let bvh = Bvh::new(&set);
-        Self { set, bvh }
+        Self {
+            set,
+            bvh,
+            lights: Lights::new(gaussians),
+        }
     }
 
     /// The prepared Gaussians.
@@ -44,6 +50,10 @@ impl RayTracer for CpuScene {
     fn trace(&self, ray: &Ray) -> Sums {
         SCRATCH.with_borrow_mut(|scratch| self.bvh.trace(&self.set, ray, scratch))
     }
+
+    fn lights(&self) -> Option<&Lights> {
+        self.lights.as_ref()
+    }
 }
 
 impl Tracer for CpuScene {
@@ -54,6 +64,7 @@ impl Tracer for CpuScene {
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
         self.set.update(gaussians);
         self.bvh.update(&self.set);
+        self.lights = Lights::new(gaussians);
         Ok(())
     }
 

@@ -5,8 +5,9 @@
 //!   scene's Gaussians already carry (a radiance cache).
 //! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet one.
 //!
-//! Directions are cosine-weighted, so that each sample's weight is the albedo alone.
+//! Directions are cosine-weighted, or a share of them goes to the emitters ([`lights`]); the mean is the same.
 
+pub mod lights;
 pub mod sampling;
 pub mod start;
 
@@ -15,6 +16,7 @@ use crate::sums::{SumImage, Sums};
 use eagpt_scene::rng::{Purpose, RandomKey, RandomStream};
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;
+use lights::{BounceSampler, Lights};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use start::Surface;
@@ -54,13 +56,19 @@ pub struct LightOptions {
     pub seed: u64,
     /// τ_E, 0 to 1.
     pub emission_threshold: f32,
+    /// Share of the directions that go to emitters, 0 to below 1; 0 is plain cosine sampling.
+    pub light_share: f32,
 }
+
+/// Half the directions to the emitters: no direction's weight exceeds 2.
+pub const LIGHT_SHARE: f32 = 0.5;
 
 impl Default for LightOptions {
     fn default() -> Self {
         Self {
             seed: 0,
             emission_threshold: EMISSION_THRESHOLD,
+            light_share: LIGHT_SHARE,
         }
     }
 }
@@ -69,6 +77,9 @@ impl Default for LightOptions {
 pub trait RayTracer: Sync {
     /// Blended sums along `ray`.
     fn trace(&self, ray: &Ray) -> Sums;
+
+    /// The scene's emitters, if it has any.
+    fn lights(&self) -> Option<&Lights>;
 }
 
 /// Light of every pixel of `camera`, given the blended sums of its camera rays. Deterministic for a seed: each pixel has
@@ -82,6 +93,7 @@ pub fn render(
 ) -> Image<3> {
     let frame = camera.ray_frame();
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
+    let sampler = BounceSampler::new(scene.lights(), options.light_share);
     let light = |pixel: usize| -> Vec3 {
         let seen = &sums.pixels[pixel];
         if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
@@ -96,20 +108,22 @@ pub fn render(
         match *integrator {
             Integrator::ZeroBounce => seen.radiance(),
             Integrator::OneBounce { num_samples } => {
-                seen.albedo() * irradiance_over_pi(scene, &surface, num_samples, streams)
+                seen.albedo() * irradiance_over_pi(scene, &sampler, &surface, num_samples, streams)
             }
             Integrator::Path {
                 num_samples,
                 max_bounces,
                 roulette_from,
             } => {
-                let limits = PathLimits {
+                let paths = Paths {
+                    scene,
+                    sampler,
                     max_bounces,
                     roulette_from,
                     threshold: options.emission_threshold,
                 };
                 let total: Vec3 = (0..num_samples)
-                    .map(|s| path_sample(scene, &surface, &limits, &mut streams(s)))
+                    .map(|s| paths.sample(&surface, &mut streams(s)))
                     .sum();
                 seen.albedo() * total / num_samples as f32
             }
@@ -122,61 +136,62 @@ pub fn render(
     Image::from_pixels(camera.width, camera.height, pixels).expect("one light value for each pixel")
 }
 
-/// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the mean of the radiance met in
-/// cosine-weighted directions. `streams` gives each sample its random numbers.
+/// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance met in
+/// sampled directions. `streams` gives each sample its random numbers.
 pub fn irradiance_over_pi(
     scene: &impl RayTracer,
+    sampler: &BounceSampler<'_>,
     surface: &Surface,
     num_samples: u32,
     streams: impl Fn(u32) -> RandomStream,
 ) -> Vec3 {
     let total: Vec3 = (0..num_samples)
-        .map(|sample| {
-            let [a, b, ..] = streams(sample).next_uniforms();
-            scene
-                .trace(&surface.ray(sampling::cosine_direction(surface.normal, a, b)))
-                .radiance()
+        .filter_map(|sample| {
+            let bounce = sampler.sample(surface, streams(sample).next_uniforms())?;
+            Some(scene.trace(&surface.ray(bounce.direction)).radiance() * bounce.weight)
         })
         .sum();
     total / num_samples as f32
 }
 
-/// When a path ends.
-#[derive(Debug, Clone, Copy)]
-struct PathLimits {
+/// Paths through a scene, and when they end.
+struct Paths<'a, T> {
+    scene: &'a T,
+    sampler: BounceSampler<'a>,
     max_bounces: u32,
     roulette_from: Option<u32>,
     threshold: f32,
 }
 
-/// Light that one path brings to `start`, not yet multiplied by the albedo there. A path without an emitter brings none.
-fn path_sample(
-    scene: &impl RayTracer,
-    start: &Surface,
-    limits: &PathLimits,
-    random: &mut RandomStream,
-) -> Vec3 {
-    let mut surface = *start;
-    let mut throughput = Vec3::ONE;
-    for bounce in 1..=limits.max_bounces {
-        let [a, b, survive, _] = random.next_uniforms();
-        let ray = surface.ray(sampling::cosine_direction(surface.normal, a, b));
-        let met = scene.trace(&ray);
-        if met.emission() > limits.threshold {
-            return throughput * met.radiance();
-        }
-        throughput *= met.albedo();
-        if bounce >= limits.roulette_from.unwrap_or(u32::MAX) {
-            let chance = throughput.max_element().min(1.0);
-            if survive >= chance {
+impl<T: RayTracer> Paths<'_, T> {
+    /// Light that one path brings to `start`, not yet multiplied by the albedo there. A path without an emitter brings none.
+    fn sample(&self, start: &Surface, random: &mut RandomStream) -> Vec3 {
+        let mut surface = *start;
+        let mut throughput = Vec3::ONE;
+        for number in 1..=self.max_bounces {
+            let Some(bounce) = self.sampler.sample(&surface, random.next_uniforms()) else {
                 return Vec3::ZERO;
+            };
+            let ray = surface.ray(bounce.direction);
+            let met = self.scene.trace(&ray);
+            throughput *= bounce.weight;
+            if met.emission() > self.threshold {
+                return throughput * met.radiance();
             }
-            throughput /= chance;
+            throughput *= met.albedo();
+            if number >= self.roulette_from.unwrap_or(u32::MAX) {
+                let chance = throughput.max_element().min(1.0);
+                let [survive, ..] = random.next_uniforms();
+                if survive >= chance {
+                    return Vec3::ZERO;
+                }
+                throughput /= chance;
+            }
+            let Some(next) = Surface::at(ray.origin.into(), ray.direction.into(), &met) else {
+                return Vec3::ZERO;
+            };
+            surface = next;
         }
-        let Some(next) = Surface::at(ray.origin.into(), ray.direction.into(), &met) else {
-            return Vec3::ZERO;
-        };
-        surface = next;
+        Vec3::ZERO
     }
-    Vec3::ZERO
 }

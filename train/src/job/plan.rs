@@ -48,8 +48,19 @@ impl Folder {
         self.root.join("previews")
     }
 
-    /// Makes the folder ready and finds out where to take up.
+    /// Makes the folder ready and finds out where to take up. A run that may not go on leaves the folder as it is.
     pub(super) fn prepare(
+        &self,
+        existing: Existing,
+        options: &TrainOptions,
+        fingerprint: &Fingerprint,
+    ) -> Result<Resumed> {
+        let resumed = self.take_up(existing, options, fingerprint)?;
+        write_options(&self.root, options)?;
+        Ok(resumed)
+    }
+
+    fn take_up(
         &self,
         existing: Existing,
         options: &TrainOptions,
@@ -75,7 +86,6 @@ impl Folder {
                 remove_if_there(&path)?;
             }
         }
-        write_options(&self.root, options)?;
         if albedo_only && existing != Existing::Resume {
             return self.end_of_radiance(options, fingerprint);
         }

@@ -1,0 +1,142 @@
+//! Quantities of the camera rays beside their light (arbitrary output variables).
+
+use anyhow::Result;
+use clap::ValueEnum;
+use eagpt_scene::exr::{self, Precision};
+use eagpt_scene::{Camera, Image, png};
+use eagpt_trace::SumImage;
+use serde::Serialize;
+use std::path::Path;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Aov {
+    /// Unit normals, world space, turned to the camera; zero where nothing was hit
+    Normal,
+    /// Depth along the optical axis, scene units; zero where nothing was hit
+    Depth,
+    /// Blended diffuse albedo, linear
+    Albedo,
+    /// Blended emission, 0 to 1
+    Emission,
+    /// Opacity, 0 to 1
+    Alpha,
+}
+
+impl Aov {
+    /// Name of its folder.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::Depth => "depth",
+            Self::Albedo => "albedo",
+            Self::Emission => "emission",
+            Self::Alpha => "alpha",
+        }
+    }
+
+    /// Whether a PNG is written beside the EXR.
+    pub(super) fn has_picture(self) -> bool {
+        matches!(self, Self::Normal | Self::Albedo | Self::Emission)
+    }
+
+    /// Writes the quantity and, where there is one, its picture.
+    pub(super) fn write(
+        self,
+        camera: &Camera,
+        sums: &SumImage,
+        exr_path: &Path,
+        png_path: &Path,
+    ) -> Result<()> {
+        match self {
+            Self::Normal => {
+                let image = sums.extract(|s| s.unit_normal().to_array());
+                exr::write_rgb(exr_path, &image, Precision::Half)?;
+                write_signed(png_path, &image)?;
+            }
+            // Half precision has steps of millimetres at a few metres: too coarse for a depth.
+            Self::Depth => exr::write_single(exr_path, &depth(camera, sums), Precision::Float)?,
+            Self::Albedo => {
+                let image = sums.extract(|s| s.albedo().to_array());
+                exr::write_rgb(exr_path, &image, Precision::Half)?;
+                png::write_srgb8(png_path, &image)?;
+            }
+            Self::Emission => {
+                let image = sums.extract(|s| [s.emission()]);
+                exr::write_single(exr_path, &image, Precision::Half)?;
+                // A score, not light: shown as it is, black 0 and white 1.
+                write_bytes(png_path, &image.map(|[e]| [*e; 3]))?;
+            }
+            Self::Alpha => {
+                let image = sums.extract(|s| [s.alpha()]);
+                exr::write_single(exr_path, &image, Precision::Half)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Depth along the optical axis; sums hold distances along the rays.
+fn depth(camera: &Camera, sums: &SumImage) -> Image<1> {
+    let (frame, forward) = (camera.ray_frame(), camera.forward());
+    let mut pixel = 0_u32;
+    sums.extract(|s| {
+        let (x, y) = (pixel % sums.width, pixel / sums.width);
+        pixel += 1;
+        let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+        [s.mean_distance() * direction.dot(forward)]
+    })
+}
+
+/// Shows −1 to 1 as black to white.
+fn write_signed(path: &Path, image: &Image<3>) -> Result<()> {
+    write_bytes(path, &image.map(|vector| vector.map(|v| 0.5 * v + 0.5)))
+}
+
+/// Shows 0 to 1 as black to white, without a display encoding.
+fn write_bytes(path: &Path, image: &Image<3>) -> Result<()> {
+    let bytes: Vec<u8> = image
+        .values()
+        .iter()
+        .map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8)
+        .collect();
+    png::write_rgb8(path, image.width(), image.height(), &bytes)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_trace::Sums;
+    use eagpt_trace::sums::lane;
+
+    #[test]
+    fn depth_is_along_the_optical_axis() {
+        // A wall 2 units in front of the camera: distances grow towards the corners, depths do not.
+        let camera = Camera {
+            width: 4,
+            height: 2,
+            fx: 2.0,
+            fy: 2.0,
+            cx: 2.0,
+            cy: 1.0,
+            world_from_camera: Default::default(),
+        };
+        let frame = camera.ray_frame();
+        let pixels = (0..8_u32).map(|i| {
+            let direction = frame.direction((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5);
+            let mut sums = Sums::default();
+            sums.0[lane::ALPHA] = 0.5;
+            sums.0[lane::DISTANCE] = 0.5 * 2.0 / direction.z;
+            sums
+        });
+        let sums = SumImage {
+            width: 4,
+            height: 2,
+            pixels: pixels.collect(),
+        };
+        for [value] in depth(&camera, &sums).pixels() {
+            assert!((value - 2.0).abs() < 1e-6, "{value}");
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! What goes to the terminal, without tearing a progress bar.
+
+use crate::cli::GlobalArgs;
+use anyhow::{Context, Result};
+use indicatif::MultiProgress;
+use std::io::{self, ErrorKind, Write};
+use std::sync::LazyLock;
+use tracing_subscriber::EnvFilter;
+
+/// All bars of the program. Whatever else goes to standard error goes through [`MultiProgress::suspend`].
+pub(crate) static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+/// Sets up what the libraries log.
+pub(crate) fn init(global: &GlobalArgs) {
+    let level = match (global.quiet, global.verbose) {
+        (true, _) => "error",
+        (false, 0) => "warn",
+        (false, 1) => "info",
+        (false, _) => "debug",
+    };
+    let filter = EnvFilter::try_from_env("EAGPT_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(|| BesideBars)
+        .with_ansi(console_colors())
+        .with_target(false)
+        .without_time()
+        .init();
+}
+
+/// Whether colours are welcome on standard error: a terminal, and no NO_COLOR.
+fn console_colors() -> bool {
+    let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    wanted && io::IsTerminal::is_terminal(&io::stderr())
+}
+
+/// Writes a line to standard error.
+pub(crate) fn line(text: &str) {
+    let written = BARS.suspend(|| writeln!(io::stderr(), "{text}"));
+    if written.is_err() {
+        // Standard error is closed: there is nowhere left to say so, and the job goes on.
+    }
+}
+
+/// Writes text to standard output, where results asked for go. A reader that has seen enough is no error.
+///
+/// # Errors
+/// If standard output cannot be written, as when the disk is full.
+pub(crate) fn print(text: &str) -> Result<()> {
+    let written = BARS.suspend(|| {
+        let mut out = io::stdout().lock();
+        out.write_all(text.as_bytes())?;
+        out.flush()
+    });
+    match written {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        other => other.context("standard output"),
+    }
+}
+
+/// An error with its causes on one line, without repeating a cause that the message already tells.
+pub(crate) fn one_line(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain() {
+        let cause = cause.to_string();
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    let words: Vec<&str> = text.split(['\n', '\r']).map(str::trim).collect();
+    let joined = words
+        .into_iter()
+        .filter(|part| !part.is_empty())
+        .collect::<Vec<_>>()
+        .join(" ");
+    joined
+        .chars()
+        .map(|c| if c.is_control() { '?' } else { c })
+        .collect()
+}
+
+struct BesideBars;
+
+impl Write for BesideBars {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        BARS.suspend(|| io::stderr().write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::SceneError;
+    use std::path::Path;
+
+    #[test]
+    fn errors_are_one_line_and_repeat_nothing() {
+        let source = io::Error::other("disk\nfull");
+        let error = SceneError::io(Path::new("a\tb.exr"), "write", source);
+        assert_eq!(one_line(&error.into()), "a?b.exr: write: disk full");
+        let chained = anyhow::anyhow!("inner").context("outer");
+        assert_eq!(one_line(&chained), "outer: inner");
+    }
+}

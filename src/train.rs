@@ -1,0 +1,300 @@
+//! `eagpt train`: from a dataset to a scene.
+
+mod layers;
+
+use crate::cli::{self, GlobalArgs};
+use crate::progress::Reporter;
+use crate::record::{Input, RecordBuilder, SplitRecord};
+use crate::terminal;
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use eagpt_scene::Dataset;
+use eagpt_scene::dataset::{POINTS_FILE, SplitRule, Subset};
+use eagpt_train::job::{BadViews, Existing};
+use eagpt_train::options::StageChoice;
+use eagpt_train::{Preset, TrainProgress, TrainRequest, TrainSummary};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Exit code of a run stopped by Ctrl-C: 128 and the number of the signal, as shells have it.
+const EXIT_INTERRUPTED: u8 = 130;
+
+/// Train a scene of 2D Gaussians on a dataset
+///
+/// Stage 0 (radiance) fits geometry, radiance and emission to the training views; stage 1 (albedo) then fits the diffuse albedo
+/// through one bounce of light. Writes into RUN:
+///
+///   scene.ply      the scene: 17 activated float32 properties a Gaussian
+///   train.toml     the effective options
+///   log.jsonl      loss curves, one JSON object a line
+///   previews/      photographs and renderings of a few views, side by side
+///   checkpoints/   the full state; a run continues from the newest
+///   record.json    version, options, seed, inputs, times, memory
+///
+/// The dataset is a folder with transforms.json (EAG-PT or nerfstudio keys), linear EXR images, optional masks, normals and
+/// opacities, and points3d.ply to start from.
+///
+/// Options come in layers, later ones winning: the preset, the file of --config, the flags, each --set. `--dump-config` prints
+/// the outcome. Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one ends it at once.
+#[derive(Debug, Args)]
+#[command(verbatim_doc_comment, after_long_help = EXAMPLES)]
+pub(crate) struct TrainArgs {
+    /// Folder with a transforms.json, or that file
+    #[arg(value_name = "DATASET", required_unless_present = "dump_config")]
+    dataset: Option<PathBuf>,
+    /// Folder for results; created
+    #[arg(long, value_name = "RUN", required_unless_present = "dump_config")]
+    out: Option<PathBuf>,
+    /// Stages to run; `albedo` continues from the end of stage 0 in RUN [default: all]
+    #[arg(long, value_enum)]
+    stage: Option<StageArg>,
+    /// Defaults to start from [default: that of the --config file, else fast]
+    #[arg(long, value_enum)]
+    preset: Option<PresetArg>,
+    /// Iterations of stage 0, one view each [default: 800 draft, 5000 fast, 30000 paper]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    iterations: Option<u32>,
+    /// Iterations of stage 1, one view each [default: 150 draft, 400 fast and paper]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    albedo_iterations: Option<u32>,
+    /// Number of Gaussians, at least 1 [default: one for each point of the cloud]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
+    gaussians: Option<u64>,
+    /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]
+    #[arg(long, value_name = "S", value_parser = cli::seed())]
+    seed: Option<u64>,
+    /// Which views train and which test [default: every-8th]
+    ///
+    /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's train_filenames and
+    /// test_filenames (or val_filenames) say. all: every view trains. paper: as the released code of EAG-PT divides them,
+    /// which tests on some views it has trained on.
+    #[arg(long, value_name = "RULE", value_parser = cli::split_rule(), verbatim_doc_comment)]
+    split: Option<SplitRule>,
+    /// TOML file of options, all or some, as --dump-config prints them
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Set one option, named as in the TOML file; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Continue the run in RUN from its newest checkpoint, to the same bits as without the break
+    ///
+    /// Its options are taken from RUN/train.toml unless --preset or --config is given.
+    #[arg(long, conflicts_with = "force", verbatim_doc_comment)]
+    resume: bool,
+    /// Start over where RUN holds an earlier run, whose files are removed
+    #[arg(long)]
+    force: bool,
+    /// Train without views that cannot be read, and say so, instead of stopping
+    #[arg(long)]
+    skip_bad: bool,
+    /// Memory that images may take, MiB [default: half of what is free]
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..))]
+    memory: Option<u64>,
+    /// Print the effective options as TOML and stop
+    #[arg(long)]
+    dump_config: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt train kitchen --out runs/kitchen
+  eagpt train kitchen --out runs/quick --preset draft --gaussians 20000 --seed 3
+  eagpt train kitchen --out runs/rates --config base.toml --set radiance.rates.position=5e-5
+  eagpt train kitchen --out runs/kitchen --resume
+  eagpt train --preset paper --dump-config > paper.toml";
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum StageArg {
+    /// Stage 0, then stage 1
+    All,
+    /// Stage 0: geometry, radiance, emission
+    Radiance,
+    /// Stage 1: albedo
+    Albedo,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PresetArg {
+    /// A first look, in minutes on a CPU
+    Draft,
+    /// Good results on a CPU within 20 minutes for a small dataset
+    Fast,
+    /// Iterations, rates and samples of the paper
+    Paper,
+}
+
+impl From<StageArg> for StageChoice {
+    fn from(stage: StageArg) -> Self {
+        match stage {
+            StageArg::All => Self::All,
+            StageArg::Radiance => Self::Radiance,
+            StageArg::Albedo => Self::Albedo,
+        }
+    }
+}
+
+impl From<PresetArg> for Preset {
+    fn from(preset: PresetArg) -> Self {
+        match preset {
+            PresetArg::Draft => Self::Draft,
+            PresetArg::Fast => Self::Fast,
+            PresetArg::Paper => Self::Paper,
+        }
+    }
+}
+
+pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let options = layers::options(args)?;
+    if args.dump_config {
+        terminal::print(&toml::to_string(&options)?)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    // clap asks for both unless --dump-config is given.
+    let dataset = args.dataset.clone().unwrap_or_default();
+    let out = args.out.clone().unwrap_or_default();
+    let request = TrainRequest {
+        dataset,
+        out,
+        options,
+        existing: match (args.resume, args.force) {
+            (true, _) => Existing::Resume,
+            (_, true) => Existing::Overwrite,
+            _ => Existing::Refuse,
+        },
+        bad_views: if args.skip_bad {
+            BadViews::Skip
+        } else {
+            BadViews::Refuse
+        },
+        image_budget: args
+            .memory
+            .map(|mib| usize::try_from(mib.saturating_mul(1 << 20)).unwrap_or(usize::MAX)),
+        stop: stop_flag()?,
+    };
+    let mut builder = RecordBuilder::begin("train", &request.options)?;
+    let mut reporter = Reporter::new(global);
+    let mut unheard = None;
+    let outcome = eagpt_train::train(&request, &mut |message| {
+        if let Err(error) = tell(&mut reporter, &message) {
+            unheard.get_or_insert(error);
+        }
+    });
+    reporter.finish();
+    let summary = outcome?;
+    if let Some(error) = unheard {
+        return Err(error);
+    }
+    fill_record(&mut builder, &request, &summary)?;
+    let record = builder.write(&request.out)?;
+    let path = summary.scene.as_ref().unwrap_or(&record);
+    reporter.message(&serde_json::json!({
+        "message": "done",
+        "complete": summary.scene.is_some(),
+        "path": path,
+        "num_gaussians": summary.num_gaussians,
+    }))?;
+    if summary.scene.is_none() {
+        reporter.note(&format!(
+            "stopped: --resume continues the run in {}",
+            request.out.display()
+        ));
+        return Ok(ExitCode::from(EXIT_INTERRUPTED));
+    }
+    reporter.note(&format!(
+        "{}: {} Gaussians",
+        path.display(),
+        summary.num_gaussians
+    ));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A flag that the first Ctrl-C sets; the second ends the program.
+fn stop_flag() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(EXIT_INTERRUPTED));
+        }
+        terminal::line("stopping after this iteration; Ctrl-C again stops at once");
+    })
+    .context("Ctrl-C handler")?;
+    Ok(stop)
+}
+
+/// Shows a message of the job.
+fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
+    match message {
+        TrainProgress::ReadingViews { done, total } => {
+            if *done == 1 {
+                reporter.begin("reading", "views", 0, *total as u64);
+            }
+            reporter.advance(*done as u64, String::new);
+            return reporter.step_message(*done as u64, message);
+        }
+        TrainProgress::StageStarted {
+            stage,
+            done,
+            total,
+            num_gaussians,
+            num_views,
+        } => {
+            reporter.begin(stage.name(), "iterations", (*done).into(), (*total).into());
+            reporter.note(&format!(
+                "{}: {num_gaussians} Gaussians, {num_views} training views",
+                stage.name()
+            ));
+        }
+        TrainProgress::Iteration {
+            iteration, loss, ..
+        } => {
+            reporter.advance((*iteration).into(), || format!("loss {loss:.4}"));
+            return reporter.step_message((*iteration).into(), message);
+        }
+        TrainProgress::Checkpoint { .. } => {}
+        TrainProgress::Preview {
+            iteration,
+            psnr_srgb_db,
+            ..
+        } => reporter.note(&format!(
+            "previews at iteration {iteration}: PSNR {psnr_srgb_db:.2} dB"
+        )),
+        TrainProgress::Warning { text } => reporter.warning(text),
+    }
+    reporter.message(message)
+}
+
+fn fill_record(
+    builder: &mut RecordBuilder,
+    request: &TrainRequest,
+    summary: &TrainSummary,
+) -> Result<()> {
+    let dataset = Dataset::open(&request.dataset)?;
+    builder.record.inputs.push(Input::of_cameras(&dataset)?);
+    let points = dataset.root().join(POINTS_FILE);
+    if points.is_file() {
+        builder.record.inputs.push(Input::of(&points)?);
+    }
+    // The digest that a resumed run compares: the camera file, and names and sizes of all images.
+    builder.record.inputs.push(Input {
+        path: dataset.root().to_owned(),
+        blake3: summary.fingerprint.dataset.clone(),
+    });
+    for (stage, seconds) in &summary.stage_seconds {
+        builder.took(stage.name(), *seconds);
+    }
+    let record = &mut builder.record;
+    record.seed = Some(request.options.seed);
+    record.device = Some(summary.device.clone());
+    record.split = Some(SplitRecord::new(&summary.split, Subset::Train));
+    record.warnings.clone_from(&summary.warnings);
+    record.complete = summary.scene.is_some();
+    let outputs = ["scene.ply", "train.toml", "log.jsonl"];
+    record.outputs = outputs
+        .into_iter()
+        .filter(|name| request.out.join(name).is_file())
+        .map(str::to_owned)
+        .collect();
+    Ok(())
+}
