@@ -13,7 +13,7 @@ pub enum EvalError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// An option is out of its range.
-    #[error("{field} is {value}, must be {wanted}")]
+    #[error("option {field}: {value}, must be {wanted}")]
     Option {
         /// Name of the option.
         field: &'static str,

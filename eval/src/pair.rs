@@ -84,6 +84,28 @@ pub(crate) mod decibels {
     pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
         Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
     }
+
+    /// The same for values that may be absent altogether.
+    pub(crate) mod optional {
+        use serde::{Deserializer, Serializer};
+
+        #[expect(clippy::ref_option, reason = "the signature that serde calls")]
+        pub(crate) fn serialize<S: Serializer>(
+            db: &Option<f64>,
+            serializer: S,
+        ) -> Result<S::Ok, S::Error> {
+            match db {
+                Some(db) => super::serialize(db, serializer),
+                None => serializer.serialize_none(),
+            }
+        }
+
+        pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+            deserializer: D,
+        ) -> Result<Option<f64>, D::Error> {
+            super::deserialize(deserializer).map(Some)
+        }
+    }
 }
 
 #[cfg(test)]

@@ -19,12 +19,10 @@ fn pairs(test: &str) -> Option<PathBuf> {
         return Some(path);
     }
     // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    writeln!(
-        std::io::stderr(),
-        "skipped: {test}: no folder {}",
-        path.display()
-    )
-    .unwrap();
+    let notice = format!("skipped: {test}: no folder {}\n", path.display());
+    std::io::stderr()
+        .write_all(notice.as_bytes())
+        .expect("the error stream takes a line");
     None
 }
 
@@ -37,14 +35,15 @@ fn all_pairs_agree_with_the_official_tools() {
     let expected: Value = serde_json::from_str(&text).unwrap();
     let pairs = expected["pairs"].as_array().unwrap();
     assert_eq!(pairs.len(), 16);
-    // Name, tolerance, and the largest deviation seen: the tolerances are a few times what was measured.
+    // Name, tolerance and the largest deviation found. Measured 8e-7, 2e-13 and 2e-6 dB, then 5e-6 (f32 against f64), 1.2e-6
+    // and 6e-7.
     let mut columns = [
-        ("psnr_srgb_db", 1e-3, 0.0_f64),
-        ("psnr_linear_db", 1e-3, 0.0),
-        ("psnr_pq_db", 1e-3, 0.0),
-        ("ssim_srgb", 1e-5, 0.0),
-        ("flip_hdr", 1e-4, 0.0),
-        ("flip_ldr_srgb", 1e-4, 0.0),
+        ("psnr_srgb_db", 1e-5, 0.0_f64),
+        ("psnr_linear_db", 1e-5, 0.0),
+        ("psnr_pq_db", 1e-5, 0.0),
+        ("ssim_srgb", 2e-5, 0.0),
+        ("flip_hdr", 1e-5, 0.0),
+        ("flip_ldr_srgb", 1e-5, 0.0),
     ];
     for pair in pairs {
         let read = |key: &str| exr::read_rgb(&folder.join(pair[key].as_str().unwrap())).unwrap();

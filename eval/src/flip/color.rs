@@ -26,7 +26,7 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
 ];
 /// XYZ of white: the row sums of [`XYZ_FROM_RGB`].
 const WHITE: [f32; 3] = [0.950_428_55, 1.0, 1.088_900_4];
-const INVERSE_WHITE: [f32; 3] = [1.052_156_9, 1.0, 0.918_357_67];
+const INVERSE_WHITE: [f32; 3] = [1.052_156_9, 1.0, 0.918_357_7];
 
 #[inline(always)]
 fn transform(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {

@@ -11,12 +11,14 @@
 
 mod band;
 mod color;
+mod exposures;
 mod filters;
 mod magma;
 mod tonemap;
 
+pub use exposures::{FlipOptions, FlipParameters};
 pub use magma::magma_rgb8;
-pub use tonemap::{FlipOptions, FlipParameters, ToneMapper};
+pub use tonemap::ToneMapper;
 
 use crate::encode::assert_comparable;
 use crate::error::Result;
@@ -75,7 +77,7 @@ pub fn flip_hdr(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) ->
     })
 }
 
-/// LDR-FLIP of two sRGB images, clipped to [0, 1], at `ppd` pixels per degree of vision.
+/// LDR-FLIP of two sRGB images, clipped to [0, 1] and black where NaN, at `ppd` pixels per degree of vision.
 ///
 /// # Errors
 /// As [`FlipOptions::validate`] for `ppd`.
@@ -91,7 +93,8 @@ pub fn flip_ldr(reference_srgb: &Image<3>, test_srgb: &Image<3>, ppd: f32) -> Re
     options.validate()?;
     let filters = Filters::new(ppd);
     let error = error_map(reference_srgb, test_srgb, &filters, 1, |pixel, _| {
-        pixel.map(|v| linear_from_srgb(v.max(0.0).min(1.0)))
+        // NaN fails the comparison and becomes black as well.
+        pixel.map(|v| linear_from_srgb(if v > 0.0 { v.min(1.0) } else { 0.0 }))
     });
     Ok(FlipLdr {
         mean: mean(&error),

@@ -1,0 +1,253 @@
+use super::*;
+use eagpt_scene::dataset::DatasetWriter;
+use eagpt_scene::exr::Precision;
+use eagpt_scene::{Camera, Image, exr};
+use tempfile::TempDir;
+
+const SIZE: (u32, u32) = (16, 12);
+/// Of these, `every-8th` tests the first and the last.
+const NUM_VIEWS: usize = 9;
+
+fn name(index: usize) -> String {
+    format!("cam_{}/img_{index}", index % 2)
+}
+
+fn radiance(index: usize) -> Image<3> {
+    let pixels = (0..SIZE.0 * SIZE.1).map(|i| {
+        let value = (i as usize * 31 + index * 17) % 97;
+        [value as f32 / 50.0, 0.5, (i % 5) as f32]
+    });
+    Image::from_pixels(SIZE.0, SIZE.1, pixels.collect()).unwrap()
+}
+
+fn single(value: f32) -> Image<1> {
+    Image::filled(SIZE.0, SIZE.1, [value])
+}
+
+fn view(index: usize) -> View {
+    // The left half emits in view 0, nothing does in the others.
+    let emission = (0..SIZE.0 * SIZE.1).map(|i| [f32::from(index == 0 && i % SIZE.0 < 8)]);
+    View {
+        name: name(index),
+        camera: Camera {
+            width: SIZE.0,
+            height: SIZE.1,
+            fx: 12.0,
+            fy: 12.0,
+            cx: 8.0,
+            cy: 6.0,
+            world_from_camera: glam::DAffine3::IDENTITY,
+        },
+        radiance: radiance(index),
+        emission: Image::from_pixels(SIZE.0, SIZE.1, emission.collect()),
+        normal: Some(Image::filled(SIZE.0, SIZE.1, [0.0, 0.0, 1.0])),
+        alpha: None,
+        depth: Some(single(2.0)),
+        albedo: Some(Image::filled(SIZE.0, SIZE.1, [0.5, 0.4, 0.3])),
+    }
+}
+
+/// A dataset and a folder of renders: the references plus 0.1 in green, and the other channels of view 0.
+struct Case {
+    dir: TempDir,
+    options: EvalOptions,
+}
+
+impl Case {
+    fn new() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let (data, renders) = (dir.path().join("data"), dir.path().join("renders"));
+        let mut writer = DatasetWriter::create(&data, Precision::Float).unwrap();
+        for index in 0..NUM_VIEWS {
+            writer.write_view(&view(index)).unwrap();
+        }
+        writer.finish(&Default::default()).unwrap();
+        let case = Self {
+            options: EvalOptions::new(&renders, &data, &dir.path().join("out")),
+            dir,
+        };
+        for index in [0, 8] {
+            let render = radiance(index).map(|[r, g, b]| [*r, g + 0.1, *b]);
+            case.render_rgb("", index, &render);
+        }
+        case.render_rgb("normal", 0, &Image::filled(SIZE.0, SIZE.1, [0.0, 1.0, 1.0]));
+        case.render_rgb(
+            "albedo",
+            0,
+            &Image::filled(SIZE.0, SIZE.1, [0.25, 0.2, 0.15]),
+        );
+        case.render_single("depth", 0, &single(2.25));
+        case.render_single("emission", 0, &single(1.0));
+        case.render_single("emission", 8, &single(0.0));
+        case
+    }
+
+    fn path(&self, channel: &str, index: usize) -> PathBuf {
+        let folder = self.options.renders.join(channel);
+        let path = folder.join(format!("{}.exr", name(index)));
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        path
+    }
+
+    fn render_rgb(&self, channel: &str, index: usize, image: &Image<3>) {
+        exr::write_rgb(&self.path(channel, index), image, Precision::Float).unwrap();
+    }
+
+    fn render_single(&self, channel: &str, index: usize, image: &Image<1>) {
+        exr::write_single(&self.path(channel, index), image, Precision::Float).unwrap();
+    }
+
+    fn run(&self) -> Result<Evaluation> {
+        evaluate(&self.options, &mut |_| {})
+    }
+
+    #[track_caller]
+    fn assert_refused(&self, parts: &[&str]) {
+        let message = self.run().unwrap_err().to_string();
+        assert!(!message.contains('\n'), "{message}");
+        for part in parts {
+            assert!(message.contains(part), "no `{part}` in: {message}");
+        }
+    }
+
+    fn output(&self, name: &str) -> String {
+        std::fs::read_to_string(self.dir.path().join("out").join(name)).unwrap()
+    }
+}
+
+#[test]
+fn two_views_with_known_errors() {
+    let case = Case::new();
+    let mut messages = Vec::new();
+    let found = evaluate(&case.options, &mut |message| messages.push(message)).unwrap();
+    assert_eq!(messages.len(), 3 + 1 + 2, "{messages:?}");
+    assert_eq!(messages[3], EvalProgress::Started { total: 2 });
+
+    let names: Vec<&str> = found.views.iter().map(|v| v.name.as_str()).collect();
+    assert_eq!(names, ["cam_0/img_0", "cam_0/img_8"]);
+    // Red and blue are equal, so the mean of the channels' decibels is infinite.
+    assert_eq!(found.mean("psnr_linear_db"), Some(f64::INFINITY));
+    let scene = &found.views[0].scene;
+    assert!((scene.normal_mean_deg.unwrap() - 45.0).abs() < 1e-5);
+    assert!((scene.depth_mae.unwrap() - 0.25).abs() < 1e-6);
+    assert_eq!(scene.emission_iou, Some(0.5));
+    assert!(scene.albedo_psnr_srgb_db.unwrap() < 20.0);
+    assert!(scene.albedo_psnr_scaled_db.unwrap() > 100.0);
+    // View 8 has nothing that emits and no other channels.
+    assert_eq!(found.views[1].scene, SceneMetrics::default());
+    assert_eq!(found.mean("emission_iou"), Some(0.5));
+    assert!(found.mean("flip_hdr").unwrap() > 0.0);
+    assert_eq!(found.mean("no such metric"), None);
+}
+
+#[test]
+fn the_files_say_what_was_found() {
+    let case = Case::new();
+    let found = case.run().unwrap();
+    let json: serde_json::Value = serde_json::from_str(&case.output("metrics.json")).unwrap();
+    assert_eq!(json["mean"]["psnr_linear_db"], serde_json::Value::Null);
+    assert_eq!(json["mean"]["ssim_srgb"].as_f64(), found.mean("ssim_srgb"));
+    assert_eq!(json["num_views"], 2);
+    assert_eq!(json["split"], "every-8th");
+    assert_eq!(json["subset"], "test");
+    assert_eq!(json["warnings"].as_array().unwrap().len(), 3);
+    for metric in &METRICS {
+        assert!(json["definitions"][metric.key].as_str().unwrap().len() > 20);
+    }
+    let parameters = &json["views"][0]["flip_hdr_parameters"];
+    assert_eq!(parameters["tonemapper"], "aces");
+    let back: Vec<ViewMetrics> = serde_json::from_value(json["views"].clone()).unwrap();
+    assert_eq!(back, found.views);
+    assert!(json["views"][1].get("depth_mae").is_none());
+
+    let csv = case.output("metrics.csv");
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines.len(), 3);
+    let num_columns = 1 + 11 + 5;
+    assert!(
+        lines
+            .iter()
+            .all(|line| line.split(',').count() == num_columns)
+    );
+    assert!(lines[1].starts_with("cam_0/img_0,inf,inf,inf,0."), "{csv}");
+    assert!(lines[2].contains(",,,,,"), "{csv}");
+
+    let markdown = case.output("table.md");
+    assert!(
+        markdown.contains("| cam_0/img_8 | inf | inf | inf | 0."),
+        "{markdown}"
+    );
+    assert!(markdown.contains("| **mean** | **inf** |"), "{markdown}");
+    assert!(
+        markdown.contains("split every-8th, subset test, views: 2"),
+        "{markdown}"
+    );
+    assert!(
+        markdown.contains("Depth MAE: mean over 1 of 2 views"),
+        "{markdown}"
+    );
+
+    let latex = case.output("table.tex");
+    assert!(latex.contains("cam\\_0/img\\_8 & inf"), "{latex}");
+    for rule in ["\\toprule", "\\midrule", "\\bottomrule"] {
+        assert!(latex.contains(rule), "{latex}");
+    }
+    let map = case.dir.path().join("out/flip/cam_0/img_8.png");
+    assert!(std::fs::metadata(map).unwrap().len() > 50);
+}
+
+#[test]
+fn missing_renders_are_listed_before_any_work() {
+    let mut case = Case::new();
+    case.options.subset = Subset::All;
+    case.assert_refused(&["no render for 7 of 9 views", "cam_1/img_1", "cam_1/img_7"]);
+    assert!(!case.options.out.exists());
+}
+
+#[test]
+fn bad_renders_are_named() {
+    let case = Case::new();
+    case.render_rgb("normal", 8, &Image::filled(3, 2, [0.0; 3]));
+    case.assert_refused(&["normal/cam_0/img_8.exr", "3x2", "16x12"]);
+    let case = Case::new();
+    let mut render = radiance(8);
+    render.pixels_mut()[17][2] = f32::NAN;
+    case.render_rgb("", 8, &render);
+    case.assert_refused(&["cam_0/img_8.exr", "pixel (1, 1)", "1 of 192"]);
+    assert!(!case.options.out.join("metrics.json").exists());
+    let mut case = Case::new();
+    case.options.flip.ppd = -1.0;
+    case.assert_refused(&["ppd", "-1"]);
+}
+
+#[test]
+fn results_are_replaced_only_by_force() {
+    let mut case = Case::new();
+    case.run().unwrap();
+    let before = case.output("metrics.json");
+    case.render_rgb("", 0, &radiance(0));
+    case.assert_refused(&["metrics.json", "exists", "force"]);
+    assert_eq!(case.output("metrics.json"), before);
+    case.options.force = true;
+    case.run().unwrap();
+    assert_ne!(case.output("metrics.json"), before);
+
+    // Also a file that no evaluation made.
+    let case = Case::new();
+    std::fs::create_dir_all(case.options.out.join("flip/cam_0")).unwrap();
+    std::fs::write(case.options.out.join("flip/cam_0/img_8.png"), "mine").unwrap();
+    case.assert_refused(&["flip/cam_0/img_8.png", "force"]);
+    assert_eq!(case.output("flip/cam_0/img_8.png"), "mine");
+}
+
+#[test]
+fn options_have_defaults_and_no_unknown_keys() {
+    let text = r#"{"renders": "a", "dataset": "b", "out": "c"}"#;
+    let options: EvalOptions = serde_json::from_str(text).unwrap();
+    assert_eq!(
+        options,
+        EvalOptions::new("a".as_ref(), "b".as_ref(), "c".as_ref())
+    );
+    let unknown = r#"{"renders": "a", "dataset": "b", "out": "c", "ppd": 3}"#;
+    assert!(serde_json::from_str::<EvalOptions>(unknown).is_err());
+}

@@ -1,0 +1,121 @@
+//! The table of all metrics: one row says everything that outputs need to know of a metric.
+
+use crate::job::ViewMetrics;
+
+/// Which values of a metric are good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Better {
+    /// Larger ones.
+    Higher,
+    /// Smaller ones.
+    Lower,
+}
+
+/// One metric of a view.
+#[derive(Debug)]
+pub struct Metric {
+    /// Name in JSON and CSV; the unit is in it where there is one.
+    pub key: &'static str,
+    /// Heading in tables.
+    pub heading: &'static str,
+    /// Which values are good.
+    pub better: Better,
+    /// Decimals in tables.
+    pub num_decimals: usize,
+    /// What is measured, for whoever reads only the output.
+    pub definition: &'static str,
+    /// The value of a view; `None` if it could not be measured.
+    pub of: fn(&ViewMetrics) -> Option<f64>,
+}
+
+/// All metrics, in the order of every output.
+pub static METRICS: [Metric; 11] = [
+    Metric {
+        key: "psnr_srgb_db",
+        heading: "PSNR sRGB",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "mean over R, G, B of each channel's dB; sRGB clipped to [0, 1], peak 1; null if infinite",
+        of: |view| Some(view.image.psnr_srgb_db),
+    },
+    Metric {
+        key: "psnr_linear_db",
+        heading: "PSNR linear",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "as psnr_srgb_db in linear Rec.709, not clipped, peak 1",
+        of: |view| Some(view.image.psnr_linear_db),
+    },
+    Metric {
+        key: "psnr_pq_db",
+        heading: "PSNR PQ",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "as psnr_srgb_db in PQ (SMPTE ST 2084, linear 1.0 = 100 nit), not clipped, peak 1",
+        of: |view| Some(view.image.psnr_pq_db),
+    },
+    Metric {
+        key: "ssim_srgb",
+        heading: "SSIM",
+        better: Better::Higher,
+        num_decimals: 4,
+        definition: "11x11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2; sRGB clipped to [0, 1]; mean over pixels and channels",
+        of: |view| Some(view.image.ssim_srgb),
+    },
+    Metric {
+        key: "flip_hdr",
+        heading: "HDR-FLIP",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "mean HDR-FLIP (as flip-evaluator 1.7) of linear Rec.709 with flip_hdr_parameters; exposures from the reference unless given",
+        of: |view| Some(view.image.flip_hdr),
+    },
+    Metric {
+        key: "flip_ldr_srgb",
+        heading: "LDR-FLIP",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "mean LDR-FLIP (as flip-evaluator 1.7) of sRGB clipped to [0, 1], at the ppd of flip_hdr_parameters",
+        of: |view| Some(view.image.flip_ldr_srgb),
+    },
+    Metric {
+        key: "albedo_psnr_srgb_db",
+        heading: "Albedo PSNR",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "as psnr_srgb_db of diffuse albedo, over pixels with reference emission of at most 0.1",
+        of: |view| view.scene.albedo_psnr_srgb_db,
+    },
+    Metric {
+        key: "albedo_psnr_scaled_db",
+        heading: "Albedo PSNR scaled",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "as albedo_psnr_srgb_db after one factor for each view, fitted by least squares in linear over the same pixels",
+        of: |view| view.scene.albedo_psnr_scaled_db,
+    },
+    Metric {
+        key: "normal_mean_deg",
+        heading: "Normal error (deg)",
+        better: Better::Lower,
+        num_decimals: 2,
+        definition: "mean angle between world-space normals in degrees, over pixels where both are not zero",
+        of: |view| view.scene.normal_mean_deg,
+    },
+    Metric {
+        key: "depth_mae",
+        heading: "Depth MAE",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "mean absolute error of depth along the optical axis in scene units, over pixels with reference depth above 0 and finite",
+        of: |view| view.scene.depth_mae,
+    },
+    Metric {
+        key: "emission_iou",
+        heading: "Emission IoU",
+        better: Better::Higher,
+        num_decimals: 4,
+        definition: "intersection over union of pixels with emission above 0.5; views where neither image has one are left out of the mean",
+        of: |view| view.scene.emission_iou,
+    },
+];
