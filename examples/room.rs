@@ -5,7 +5,7 @@
 
 use clap::Parser;
 use eagpt_testkit::room::{self, RoomOptions};
-use std::io::Write;
+use indicatif::ProgressBar;
 use std::path::PathBuf;
 
 /// Write a synthetic room as a dataset
@@ -33,11 +33,8 @@ fn main() -> eagpt_scene::Result<()> {
         num_samples: args.spp,
         ..RoomOptions::default()
     };
-    let mut out = std::io::stderr();
-    room::write(&args.out, &options, |done| {
-        // Progress that cannot be shown is no reason to stop.
-        if write!(out, "\rview {done} of {}", args.views).is_err() {}
-    })?;
-    if writeln!(out, "\n{}", args.out.display()).is_err() {}
+    let bar = ProgressBar::new(args.views.into());
+    room::write(&args.out, &options, |done| bar.set_position(done as u64))?;
+    bar.finish();
     Ok(())
 }

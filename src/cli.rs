@@ -1,11 +1,13 @@
 //! The commands, and the options that all of them share.
 
-use crate::{export, render, train};
+use crate::{eval, export, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
+use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{SplitRule, Subset};
 use std::num::NonZeroUsize;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// From HDR photographs of a room to a relightable scene of 2D Gaussians
@@ -52,6 +54,7 @@ pub(crate) struct GlobalArgs {
 pub(crate) enum Command {
     Train(train::TrainArgs),
     Render(render::RenderArgs),
+    Eval(eval::EvalArgs),
     Export(export::ExportArgs),
 }
 
@@ -65,6 +68,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
     match cli.command {
         Command::Train(args) => train::run(&args, &cli.global),
         Command::Render(args) => render::run(&args, &cli.global),
+        Command::Eval(args) => eval::run(&args, &cli.global),
         Command::Export(args) => export::run(&args, &cli.global),
     }
 }
@@ -83,6 +87,24 @@ pub(crate) fn subset() -> impl TypedValueParser<Value = Subset> {
 /// Parses a seed: what TOML and JSON numbers can hold.
 pub(crate) fn seed() -> impl TypedValueParser<Value = u64> {
     clap::value_parser!(u64).range(..=i64::MAX as u64)
+}
+
+/// All files of a dataset: what no command that reads it may replace.
+pub(crate) fn dataset_files(dataset: &Dataset) -> Vec<PathBuf> {
+    let mut all = vec![dataset.transforms().to_owned()];
+    for frame in dataset.frames() {
+        let files = &frame.files;
+        all.push(files.radiance.clone());
+        let others = [
+            &files.emission,
+            &files.normal,
+            &files.alpha,
+            &files.depth,
+            &files.albedo,
+        ];
+        all.extend(others.into_iter().flatten().cloned());
+    }
+    all
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Folders that results go to: nothing that this program did not make is overwritten without being told to.
 
 use crate::record::{FILE_NAME, Record};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use eagpt_scene::files;
 use std::collections::HashSet;
 use std::io::ErrorKind;
+use std::iter;
 use std::path::{Component, Path, PathBuf};
 
 /// Whether an earlier result may be replaced.
@@ -23,84 +24,124 @@ impl Replace {
     }
 }
 
-/// Finds out whether `files` (relative to `dir`) may be written, before any work and without touching anything.
-///
-/// # Errors
-/// If the folder holds another result or one of the files is there and `replace` forbids it; if two files have one name; if
-/// a file is one of `inputs`, which is never replaced.
-pub(crate) fn check(
-    dir: &Path,
-    files: &[PathBuf],
-    inputs: &[&Path],
-    replace: Replace,
-) -> Result<()> {
-    let mut seen = HashSet::new();
-    if let Some(twice) = files.iter().find(|file| !seen.insert(file.as_path())) {
-        bail!(
-            "{}: two results would have this name: a view is called like a folder of results",
-            dir.join(twice).display()
-        );
-    }
-    let inputs: HashSet<PathBuf> = inputs
-        .iter()
-        .filter_map(|path| path.canonicalize().ok())
-        .collect();
-    for path in files.iter().map(|file| dir.join(file)) {
-        // What cannot be resolved does not exist, and then it is no input.
-        if path.canonicalize().is_ok_and(|real| inputs.contains(&real)) {
-            bail!("{}: --out would replace an input", path.display());
-        }
-    }
-    if replace == Replace::Allow {
-        return Ok(());
-    }
-    let others = std::iter::once(Path::new(FILE_NAME)).chain(files.iter().map(PathBuf::as_path));
-    for file in others {
-        if dir.join(file).exists() {
+/// A folder that a command wants to put its results into.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Target<'a> {
+    /// The folder.
+    pub(crate) dir: &'a Path,
+    /// Name of the command, as in its record: `--force` replaces results of the same command only.
+    pub(crate) command: &'a str,
+    /// Files that the command reads: they are never replaced nor removed.
+    pub(crate) inputs: &'a [PathBuf],
+    /// Whether an earlier result may be replaced.
+    pub(crate) replace: Replace,
+}
+
+impl Target<'_> {
+    /// Finds out whether `files` (relative to the folder) may be written, before any work and without touching anything.
+    ///
+    /// # Errors
+    /// If the folder holds another result or one of the files is there and may not be replaced; if two files have one name; if a
+    /// file is an input.
+    pub(crate) fn check(&self, files: &[PathBuf]) -> Result<()> {
+        let mut seen = HashSet::new();
+        if let Some(twice) = files.iter().find(|file| !seen.insert(file.as_path())) {
             bail!(
-                "{}: {}: is there already: --force replaces it, --out names another folder",
-                dir.display(),
-                file.display()
+                "{}: two results would have this name: a view is called like a folder of results, or named twice",
+                self.dir.join(twice).display()
             );
         }
-    }
-    Ok(())
-}
-
-/// Makes the folder ready: removes the earlier result, if it may be replaced, and makes sure that files can be written.
-///
-/// # Errors
-/// If the folder cannot be created or written to.
-pub(crate) fn prepare(dir: &Path, replace: Replace) -> Result<()> {
-    if replace == Replace::Allow {
-        remove_earlier(dir)?;
-    }
-    files::create_dir(dir)?;
-    // An unwritable folder should be found before hours of work, not after.
-    let probe = dir.join(".eagpt-probe");
-    files::write_bytes_atomic(&probe, b"")?;
-    remove(&probe)
-}
-
-/// Removes the files that a record lists, the record first: without one, what is left is known to be incomplete.
-fn remove_earlier(dir: &Path) -> Result<()> {
-    let path = dir.join(FILE_NAME);
-    if !path.exists() {
-        return Ok(());
-    }
-    let earlier: Option<Record> = serde_json::from_slice(&files::read(&path)?).ok();
-    remove(&path)?;
-    for output in earlier.into_iter().flat_map(|record| record.outputs) {
-        let relative = Path::new(&output);
-        let inside = relative
-            .components()
-            .all(|part| matches!(part, Component::Normal(_)));
-        // A record is a file like any other: it does not get to name files elsewhere.
-        if inside && !output.is_empty() {
-            remove(&dir.join(relative))?;
+        let inputs = self.resolved_inputs();
+        for path in files.iter().map(|file| self.dir.join(file)) {
+            if is_input(&path, &inputs) {
+                bail!("{}: --out would replace an input", path.display());
+            }
         }
+        if self.replace == Replace::Allow {
+            return self.earlier().map(|_| ());
+        }
+        let others = iter::once(Path::new(FILE_NAME)).chain(files.iter().map(PathBuf::as_path));
+        for file in others {
+            if self.dir.join(file).exists() {
+                bail!(
+                    "{}: {}: is there already: --force replaces it, --out names another folder",
+                    self.dir.display(),
+                    file.display()
+                );
+            }
+        }
+        Ok(())
     }
-    Ok(())
+
+    /// Makes the folder ready: removes the earlier result, if it may be replaced, and makes sure that files can be written.
+    ///
+    /// # Errors
+    /// If the folder cannot be created or written to.
+    pub(crate) fn prepare(&self) -> Result<()> {
+        if self.replace == Replace::Allow
+            && let Some(earlier) = self.earlier()?
+        {
+            self.remove_earlier(&earlier)?;
+        }
+        files::create_dir(self.dir)?;
+        // An unwritable folder should be found before hours of work, not after.
+        let probe = self.dir.join(".eagpt-probe");
+        files::write_bytes_atomic(&probe, b"")?;
+        remove(&probe)
+    }
+
+    /// The record of the result that may be replaced, if there is one.
+    fn earlier(&self) -> Result<Option<Record>> {
+        let path = self.dir.join(FILE_NAME);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let record: Record = serde_json::from_slice(&files::read(&path)?).map_err(|error| {
+            anyhow!(
+                "{}: no record of this program, --force does not replace it: {error}",
+                path.display()
+            )
+        })?;
+        if record.command != self.command {
+            bail!(
+                "{}: command: a result of `{}`, which --force of `{}` does not replace",
+                path.display(),
+                record.command,
+                self.command
+            );
+        }
+        Ok(Some(record))
+    }
+
+    /// Removes the files that a record lists, the record first: without one, what is left is known to be incomplete.
+    fn remove_earlier(&self, earlier: &Record) -> Result<()> {
+        let inputs = self.resolved_inputs();
+        remove(&self.dir.join(FILE_NAME))?;
+        for relative in earlier.outputs.iter().map(Path::new) {
+            let path = self.dir.join(relative);
+            // A record is a file like any other: it does not get to name files elsewhere.
+            let inside = relative
+                .components()
+                .all(|part| matches!(part, Component::Normal(_)));
+            if inside && path.is_file() && !is_input(&path, &inputs) {
+                remove(&path)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn resolved_inputs(&self) -> HashSet<PathBuf> {
+        // What cannot be resolved does not exist.
+        let resolved = self
+            .inputs
+            .iter()
+            .filter_map(|path| path.canonicalize().ok());
+        resolved.collect()
+    }
+}
+
+fn is_input(path: &Path, inputs: &HashSet<PathBuf>) -> bool {
+    path.canonicalize().is_ok_and(|real| inputs.contains(&real))
 }
 
 fn remove(path: &Path) -> Result<()> {
@@ -133,45 +174,74 @@ mod tests {
         files.iter().map(PathBuf::from).collect()
     }
 
+    fn target<'a>(dir: &'a Path, inputs: &'a [PathBuf], replace: Replace) -> Target<'a> {
+        Target {
+            dir,
+            command: "render",
+            inputs,
+            replace,
+        }
+    }
+
+    fn refusal(target: &Target<'_>, files: &[&str]) -> String {
+        target.check(&names(files)).unwrap_err().to_string()
+    }
+
     #[test]
     fn an_earlier_result_stays_unless_told_otherwise() {
         let root = tempfile::tempdir().unwrap();
         let dir = root.path().join("out");
-        prepare(&dir, Replace::Refuse).unwrap();
-        for (path, name) in [
-            (root.path(), "outside"),
-            (&dir, "old.exr"),
-            (&dir, "mine.txt"),
-        ] {
-            std::fs::write(path.join(name), "").unwrap();
+        let inputs = [dir.join("input.exr")];
+        target(&dir, &[], Replace::Refuse).prepare().unwrap();
+        let files = ["old.exr", "input.exr", "mine.txt"].map(|name| dir.join(name));
+        for path in files.iter().chain([&root.path().join("outside")]) {
+            std::fs::write(path, "").unwrap();
         }
         let mut builder = RecordBuilder::begin("render", &()).unwrap();
-        builder.record.outputs = vec!["old.exr".into(), "../outside".into()];
+        builder.record.outputs = ["old.exr", "input.exr", "../outside"]
+            .map(Into::into)
+            .into();
         builder.write(&dir).unwrap();
-        let refused = check(&dir, &names(&["new.exr"]), &[], Replace::Refuse);
-        assert!(refused.unwrap_err().to_string().contains("record.json"));
-        check(&dir, &names(&["new.exr"]), &[], Replace::Allow).unwrap();
-        prepare(&dir, Replace::Allow).unwrap();
+        let refused = refusal(&target(&dir, &inputs, Replace::Refuse), &["new.exr"]);
+        assert!(refused.contains("record.json"), "{refused}");
+        let allowed = target(&dir, &inputs, Replace::Allow);
+        let other = Target {
+            command: "eval",
+            ..allowed
+        };
+        assert!(refusal(&other, &["new.exr"]).contains("`render`"));
+        allowed.check(&names(&["new.exr"])).unwrap();
+        allowed.prepare().unwrap();
         let mut left: Vec<_> = std::fs::read_dir(&dir)
             .unwrap()
             .map(|entry| entry.unwrap().file_name())
             .collect();
         left.sort();
-        assert_eq!(left, ["mine.txt"]);
+        assert_eq!(left, ["input.exr", "mine.txt"]);
         assert!(root.path().join("outside").exists());
     }
 
     #[test]
     fn inputs_and_double_names_are_refused() {
         let dir = tempfile::tempdir().unwrap();
-        let input = dir.path().join("a.exr");
-        std::fs::write(&input, "").unwrap();
-        let check = |files: &[&str]| {
-            check(dir.path(), &names(files), &[&input], Replace::Allow)
-                .unwrap_err()
-                .to_string()
+        let inputs = [dir.path().join("a.exr")];
+        std::fs::write(&inputs[0], "").unwrap();
+        let target = target(dir.path(), &inputs, Replace::Allow);
+        assert!(refusal(&target, &["b.exr", "a.exr"]).contains("an input"));
+        assert!(refusal(&target, &["b.exr", "b.exr"]).contains("two results"));
+    }
+
+    #[test]
+    fn foreign_files_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("a.exr"), "").unwrap();
+        let target = target(dir.path(), &[], Replace::Refuse);
+        assert!(refusal(&target, &["a.exr"]).contains("--force"));
+        std::fs::write(dir.path().join(FILE_NAME), "{}").unwrap();
+        let forced = Target {
+            replace: Replace::Allow,
+            ..target
         };
-        assert!(check(&["b.exr", "a.exr"]).contains("an input"));
-        assert!(check(&["b.exr", "b.exr"]).contains("two results"));
+        assert!(refusal(&forced, &["b.exr"]).contains("no record of this program"));
     }
 }

@@ -3,7 +3,7 @@
 mod aov;
 
 use crate::cli::{self, GlobalArgs};
-use crate::output::{self, Replace};
+use crate::output::{self, Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use anyhow::{Result, bail};
@@ -137,12 +137,19 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let dataset = Dataset::open(&args.cameras)?;
     let (frames, split) = select(args, &dataset, &mut builder.record.warnings)?;
     let outputs = planned(&frames, &args.aov);
-    let replace = Replace::from_flag(args.force);
-    output::check(&args.out, &outputs, &inputs(args, &dataset), replace)?;
+    let mut inputs = cli::dataset_files(&dataset);
+    inputs.push(args.scene.clone());
+    let target = Target {
+        dir: &args.out,
+        command: "render",
+        inputs: &inputs,
+        replace: Replace::from_flag(args.force),
+    };
+    target.check(&outputs)?;
     let gaussians = ply::read_gaussians(&args.scene)?;
     builder.record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
     let scene: Box<dyn Tracer> = Box::new(CpuScene::new(&gaussians));
-    output::prepare(&args.out, replace)?;
+    target.prepare()?;
 
     let mut reporter = Reporter::new(global);
     for warning in &builder.record.warnings {
@@ -277,24 +284,6 @@ fn exr_name(view: &str) -> PathBuf {
 
 fn png_name(view: &str) -> PathBuf {
     format!("{view}.png").into()
-}
-
-/// Files that rendering must never replace.
-fn inputs<'a>(args: &'a RenderArgs, dataset: &'a Dataset) -> Vec<&'a Path> {
-    let mut inputs = vec![args.scene.as_path(), dataset.transforms()];
-    for frame in dataset.frames() {
-        let files = &frame.files;
-        inputs.push(&files.radiance);
-        let others = [
-            &files.emission,
-            &files.normal,
-            &files.alpha,
-            &files.depth,
-            &files.albedo,
-        ];
-        inputs.extend(others.into_iter().filter_map(Option::as_deref));
-    }
-    inputs
 }
 
 fn write_view(args: &RenderArgs, frame: &Frame, rendered: &RenderedView) -> Result<()> {

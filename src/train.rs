@@ -3,6 +3,7 @@
 mod layers;
 
 use crate::cli::{self, GlobalArgs};
+use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder, SplitRecord};
 use crate::terminal;
@@ -175,6 +176,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .map(|mib| usize::try_from(mib.saturating_mul(1 << 20)).unwrap_or(usize::MAX)),
         stop: stop_flag()?,
     };
+    check_target(&request)?;
     let mut builder = RecordBuilder::begin("train", &request.options)?;
     let mut reporter = Reporter::new(global);
     let mut unheard = None;
@@ -210,6 +212,23 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         summary.num_gaussians
     ));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses a folder with results of other commands, or with a scene that no run left there. Earlier runs are the job's to judge.
+fn check_target(request: &TrainRequest) -> Result<()> {
+    let goes_on =
+        request.existing != Existing::Refuse || request.options.stage == StageChoice::Albedo;
+    let is_run = ["log.jsonl", "checkpoints"]
+        .iter()
+        .any(|name| request.out.join(name).exists());
+    let replace = Replace::from_flag(goes_on || is_run);
+    let target = Target {
+        dir: &request.out,
+        command: "train",
+        inputs: &[],
+        replace,
+    };
+    target.check(&["scene.ply".into()])
 }
 
 /// A flag that the first Ctrl-C sets; the second ends the program.
