@@ -1,8 +1,8 @@
 //! Bad input: one line that names the file, the field and the value; exit code 1; nothing half-written.
 
 use crate::support::{SHORT, Workplace};
-use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::Image;
+use eagpt_scene::exr::{self, Precision};
 use serde_json::json;
 
 const TRAIN: &str = "train room --out run --preset draft";

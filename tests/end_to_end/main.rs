@@ -2,6 +2,12 @@
 //!
 //! All tests share one binary, since linking takes longer than most of them.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
+)]
+
 mod determinism;
 mod errors;
 mod misuse;
