@@ -1,5 +1,5 @@
-//! Binning: for each tile of an image, the Gaussians whose discs may cover one of its pixels, sorted by the
-//! distance of their centres. The list is a superset; the hit formula decides.
+//! Binning: for each tile of an image, the Gaussians whose discs may cover one of its pixels, sorted by the distance from
+//! which on they can be hit. The list is a superset; the hit formula decides.
 
 use crate::surfel::{Surfel, SurfelSet};
 use eagpt_scene::Camera;
@@ -20,6 +20,8 @@ const MARGIN_PIXELS: f32 = 0.02;
 pub struct BinnedSurfel {
     /// Index in the scene.
     pub index: u32,
+    /// No hit on the disc is closer than this; scene units.
+    pub nearest: f32,
     /// First row of pixels that the disc may cover, image coordinates.
     pub first_row: u32,
     /// One past the last such row.
@@ -42,47 +44,51 @@ impl TileBins {
     pub fn new(set: &SurfelSet, camera: &Camera) -> Self {
         let (tiles_x, tiles_y) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
         let projector = Projector::new(camera);
-        let visible: Vec<(u32, PixelRect)> = set
+        let mut visible: Vec<Visible> = set
             .surfels
             .par_iter()
             .with_min_len(1024)
             .enumerate()
-            .filter_map(|(index, surfel)| projector.bounds(surfel).map(|rect| (index as u32, rect)))
+            .filter_map(|(index, surfel)| {
+                let rect = projector.bounds(surfel)?;
+                Some(Visible {
+                    nearest: projector.nearest(surfel),
+                    index: index as u32,
+                    rect,
+                })
+            })
             .collect();
+        // One sort for all tiles. Distances are not negative, so their bits order like they do; indices make keys unique.
+        visible.par_sort_unstable_by_key(|v| {
+            (u64::from(v.nearest.to_bits()) << 32) | u64::from(v.index)
+        });
         let mut starts = vec![0_u32; (tiles_x * tiles_y) as usize + 1];
-        for (_, rect) in &visible {
-            rect.for_each_tile(tiles_x, |tile| starts[tile + 1] += 1);
+        for v in &visible {
+            v.rect.for_each_tile(tiles_x, |tile| starts[tile + 1] += 1);
         }
         for tile in 1..starts.len() {
             starts[tile] += starts[tile - 1];
         }
-        let empty = (
-            0.0_f32,
-            BinnedSurfel {
-                index: 0,
-                first_row: 0,
-                end_row: 0,
-            },
-        );
-        let mut keyed = vec![empty; starts.last().copied().unwrap_or(0) as usize];
+        let empty = BinnedSurfel {
+            index: 0,
+            nearest: 0.0,
+            first_row: 0,
+            end_row: 0,
+        };
+        let mut entries = vec![empty; starts.last().copied().unwrap_or(0) as usize];
         let mut next = starts.clone();
-        for &(index, rect) in &visible {
+        for v in &visible {
             let entry = BinnedSurfel {
-                index,
-                first_row: rect.y.0,
-                end_row: rect.y.1,
+                index: v.index,
+                nearest: v.nearest,
+                first_row: v.rect.y.0,
+                end_row: v.rect.y.1,
             };
-            let depth = projector.squared_distance(&set.surfels[index as usize]);
-            rect.for_each_tile(tiles_x, |tile| {
-                keyed[next[tile] as usize] = (depth, entry);
+            v.rect.for_each_tile(tiles_x, |tile| {
+                entries[next[tile] as usize] = entry;
                 next[tile] += 1;
             });
         }
-        // Lists arrive in order of index and the sort is stable: the result does not depend on threads.
-        split_by(&mut keyed, &starts)
-            .into_par_iter()
-            .for_each(|list| list.sort_by(|a, b| a.0.total_cmp(&b.0)));
-        let entries = keyed.into_iter().map(|(_, entry)| entry).collect();
         Self {
             tiles_x,
             tiles_y,
@@ -102,17 +108,11 @@ impl TileBins {
     }
 }
 
-/// Cuts `items` at `starts` (ascending, first 0, last the length) into disjoint mutable pieces.
-pub(crate) fn split_by<'a, T>(mut items: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
-    starts
-        .windows(2)
-        .map(|pair| {
-            let (piece, rest) =
-                std::mem::take(&mut items).split_at_mut((pair[1] - pair[0]) as usize);
-            items = rest;
-            piece
-        })
-        .collect()
+/// A Gaussian that some pixel may see.
+struct Visible {
+    nearest: f32,
+    index: u32,
+    rect: PixelRect,
 }
 
 /// Half-open ranges of pixels.
@@ -155,8 +155,16 @@ impl Projector {
         }
     }
 
-    fn squared_distance(&self, surfel: &Surfel) -> f32 {
-        Vec3::from(surfel.position).distance_squared(self.origin)
+    /// Lower bound of the distance of hits.
+    fn nearest(&self, surfel: &Surfel) -> f32 {
+        let reach = surfel
+            .extents()
+            .map(Vec3::length)
+            .into_iter()
+            .fold(0.0, f32::max);
+        let distance = Vec3::from(surfel.position).distance(self.origin);
+        // A few roundings' worth lower, so that it is a bound for computed distances, too.
+        ((distance - reach) * (1.0 - 1e-5)).max(0.0)
     }
 
     /// The pixels whose centres the disc may cover, or `None` if there are none.

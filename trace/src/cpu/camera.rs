@@ -10,6 +10,7 @@ use super::bvh::{Bvh, RayScratch, Reach};
 use crate::blend::{
     AdjointSurfel, BlendedHit, Blender, Hit, LocalGradient, Offered, adjoint, sort_hits,
 };
+use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{SeenSurfel, SurfelSet};
@@ -232,7 +233,16 @@ fn find_hits_in_tile(
     rays: &TileRays,
     hits: &mut [Vec<Hit>],
 ) {
+    let mut closing = [BlockClosing::OPEN; TILE_PIXELS / LANES];
     for (slot, entry) in list.iter().enumerate() {
+        // The list is sorted by this bound: once every ray has ended before it, nothing further can be seen.
+        if slot % CLOSING_INTERVAL == 0
+            && closing
+                .iter()
+                .all(|block| block.closed_before(entry.nearest))
+        {
+            break;
+        }
         let seen = set.surfels[entry.index as usize].seen_from(rays.origin);
         let first = entry.first_row.saturating_sub(rays.y0) / BLOCK_ROWS;
         let end = (entry.end_row - rays.y0).min(TILE).div_ceil(BLOCK_ROWS);
@@ -245,6 +255,7 @@ fn find_hits_in_tile(
             let alpha = met
                 .exponent
                 .map(|e| seen.opacity * crate::surfel::exp_of_negative(e));
+            closing[block].add(&met, &alpha);
             let mut mask = met.mask;
             while mask != 0 {
                 let k = mask.trailing_zeros() as usize;
@@ -252,6 +263,44 @@ fn find_hits_in_tile(
                 hits[block * LANES + k].push(Hit::new(met.t[k], slot as u32, alpha[k]));
             }
         }
+    }
+}
+
+/// Gaussians between two checks for whether a tile is closed.
+const CLOSING_INTERVAL: usize = 16;
+
+/// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light that a ray that goes on might skip them are
+/// left out ([`Self::SURE_ALPHA`]); once the product of `1 − α` over the others is under the limit, the ray has ended at or
+/// before the farthest of them, whatever else it met.
+struct BlockClosing {
+    transmittance: [f32; LANES],
+    farthest: [f32; LANES],
+}
+
+impl BlockClosing {
+    const OPEN: Self = Self {
+        transmittance: [1.0; LANES],
+        farthest: [0.0; LANES],
+    };
+    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor covers rounding.
+    const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
+    /// Under the limit of a ray by enough to cover the rounding of products in another order.
+    const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
+
+    #[inline(always)]
+    fn add(&mut self, met: &BlockHits, alpha: &[f32; LANES]) {
+        for k in 0..LANES {
+            let hit = ((met.mask >> k) & 1 == 1) & (alpha[k] >= Self::SURE_ALPHA);
+            let open = self.transmittance[k] >= Self::LIMIT;
+            let passes = if hit { 1.0 - alpha[k] } else { 1.0 };
+            let farther = hit & open & (met.t[k] > self.farthest[k]);
+            self.farthest[k] = if farther { met.t[k] } else { self.farthest[k] };
+            self.transmittance[k] *= if open { passes } else { 1.0 };
+        }
+    }
+
+    fn closed_before(&self, distance: f32) -> bool {
+        (0..LANES).all(|k| self.transmittance[k] < Self::LIMIT && self.farthest[k] < distance)
     }
 }
 
