@@ -55,7 +55,7 @@ pub(crate) struct TrainArgs {
     /// Iterations of stage 1, one view each [default: 150 draft, 400 fast and paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     albedo_iterations: Option<u32>,
-    /// Number of Gaussians, at least 1 [default: one for each point of the cloud]
+    /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1 (draft, paper), 2.5 (fast)]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     gaussians: Option<u64>,
     /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]

@@ -64,11 +64,7 @@ impl Initialiser {
                 PLANE_NEIGHBOURS + 1
             )));
         }
-        let points = choose(
-            cloud,
-            options.num_gaussians.unwrap_or(cloud.len()),
-            options.seed,
-        );
+        let points = choose(cloud, options.gaussians_for(cloud.len()), options.seed);
         let extent = extent(&points.positions);
         if extent <= 0.0 || !extent.is_finite() {
             return Err(problem(format!(
@@ -257,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_flat_grid_gets_its_normal_and_spacing() {
-        let options = options(None);
+        let options = options(Some(400));
         let start = Initialiser::new(&wall(), &options, Path::new("x")).unwrap();
         let gaussians = start.finish(&options.init);
         assert_eq!(gaussians.len(), 400);

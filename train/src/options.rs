@@ -63,7 +63,7 @@ pub struct TrainOptions {
     pub seed: u64,
     /// How views are divided into training and test views.
     pub split: SplitRule,
-    /// Number of Gaussians; without it, one for each point of the cloud.
+    /// Number of Gaussians; without it, `init.per_point` for each point of the cloud.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub num_gaussians: Option<usize>,
     /// Starting values.
@@ -80,6 +80,9 @@ pub struct TrainOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InitOptions {
+    /// Gaussians for each point of the cloud where `num_gaussians` is not given; those beyond the first start between a point and
+    /// one of its neighbours.
+    pub per_point: f32,
     /// Scale as a multiple of the root mean square distance to the three nearest points.
     pub scale_factor: f32,
     /// Opacity, between 0 and 1.
@@ -191,26 +194,21 @@ impl TrainOptions {
             alpha: 0.1,
         };
         let fast_rates = LearningRates {
-            position: 3e-5,
-            scale: 1e-2,
-            rotation: 4e-3,
+            position: 3e-4,
+            scale: 2e-2,
+            rotation: 1e-2,
             opacity: 5e-2,
-            radiance: 2e-2,
+            radiance: 3e-2,
             emission: 5e-2,
-            final_share: 0.1,
+            final_share: 0.03,
         };
-        let (iterations, rates) = match preset {
-            Preset::Draft => (
-                800,
-                LearningRates {
-                    position: 6e-5,
-                    ..fast_rates
-                },
-            ),
-            Preset::Fast => (5000, fast_rates),
+        let (iterations, per_point, rates) = match preset {
+            Preset::Draft => (800, 1.0, fast_rates),
+            Preset::Fast => (7000, 2.5, fast_rates),
             // The paper's rates; its position rate of 1.6e-5 units belongs to rooms of some five units' extent.
             Preset::Paper => (
                 30_000,
+                1.0,
                 LearningRates {
                     position: 3.2e-6,
                     scale: 5e-3,
@@ -238,7 +236,8 @@ impl TrainOptions {
             split: SplitRule::Every8th,
             num_gaussians: None,
             init: InitOptions {
-                scale_factor: 0.7,
+                per_point,
+                scale_factor: 0.9,
                 opacity: 0.5,
                 emission: 0.1,
                 albedo: 0.2,
@@ -251,7 +250,7 @@ impl TrainOptions {
             },
             albedo: match preset {
                 Preset::Draft => albedo(150, 4, false, 0.1),
-                Preset::Fast => albedo(400, 12, false, 0.1),
+                Preset::Fast => albedo(336, 12, false, 0.1),
                 Preset::Paper => albedo(400, 256, true, 1.0),
             },
             output: OutputOptions {
@@ -262,6 +261,12 @@ impl TrainOptions {
                 log_every: 10,
             },
         }
+    }
+
+    /// Number of Gaussians to train for a cloud of `num_points` points.
+    pub fn gaussians_for(&self, num_points: usize) -> usize {
+        self.num_gaussians
+            .unwrap_or((num_points as f64 * f64::from(self.init.per_point)).round() as usize)
     }
 
     /// The preset with TOML tables put on top, later ones winning.
@@ -324,6 +329,7 @@ impl TrainOptions {
         };
         let at_least_one =
             |field: &str, value: u64| check(value > 0, field, "0 is too few".to_owned());
+        positive("init.per_point", self.init.per_point.into())?;
         positive("init.scale_factor", self.init.scale_factor.into())?;
         inside("init.opacity", self.init.opacity)?;
         inside("init.emission", self.init.emission)?;

@@ -216,7 +216,7 @@ pub(super) fn image_budget(
     let largest = split.train.iter().map(pixels).max().unwrap_or(0);
     let all: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;
     let cloud = dataset.points()?.map_or(0, |points| points.len());
-    let num_gaussians = request.options.num_gaussians.unwrap_or(cloud) as u64;
+    let num_gaussians = request.options.gaussians_for(cloud) as u64;
     let fixed = num_gaussians * BYTES_PER_GAUSSIAN + largest * BYTES_PER_PIXEL;
     let Some(available) = available_bytes() else {
         return Ok(request.image_budget.unwrap_or(all as usize));
