@@ -25,7 +25,7 @@ use std::time::Instant;
 /// Writes into DIR, for every view: VIEW.exr, linear Rec.709 radiance, and VIEW.png, the same as sRGB; with --aov also
 /// AOV/VIEW.exr, and AOV/VIEW.png where there is something to look at; at the end record.json. View names may contain "/".
 ///
-/// Only the cameras of the dataset are used, not its images.
+/// Only the cameras of the dataset are used; of its images, the sizes.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct RenderArgs {

@@ -1,0 +1,29 @@
+# The steps of .ci/run one by one, and what else is at hand.
+
+default:
+    @just --list
+
+# Everything CI does
+ci:
+    .ci/run
+
+fmt:
+    cargo fmt --all
+
+lint:
+    cargo fmt --all --check
+    cargo clippy --workspace --all-targets -- -D warnings
+
+test:
+    cargo test --workspace
+
+doc:
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+
+bench:
+    cargo bench -p eagpt-trace
+
+# Licences, sources and spelling; need cargo-deny and typos
+hygiene:
+    cargo deny check bans licenses sources
+    typos
