@@ -21,7 +21,7 @@ fn train_render_eval() {
         assert!(record["seconds"][key].as_f64().unwrap() > 0.0, "{key}");
     }
     assert_eq!(record["options"]["radiance"]["iterations"], 150);
-    assert_eq!(record["options"]["init"]["scale_factor"], 0.7);
+    assert_eq!(record["options"]["init"]["scale_factor"], 0.9);
     assert_eq!(
         (&record["threads"], &record["seed"]),
         (&2.into(), &0.into())
