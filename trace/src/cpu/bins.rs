@@ -140,18 +140,30 @@ struct Projector {
     forward: Vec3,
     center: (f32, f32),
     size: (u32, u32),
+    /// Inward unit normals of the planes through the origin and the image's edges.
+    sides: [Vec3; 4],
 }
 
 impl Projector {
     fn new(camera: &Camera) -> Self {
         let axes = &camera.world_from_camera.matrix3;
+        let (right, down) = (axes.x_axis * camera.fx, axes.y_axis * camera.fy);
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        // x·right ≥ −cx·depth for pixels right of the left edge, and so on.
+        let sides = [
+            right + axes.z_axis * camera.cx,
+            axes.z_axis * (width - camera.cx) - right,
+            down + axes.z_axis * camera.cy,
+            axes.z_axis * (height - camera.cy) - down,
+        ];
         Self {
             origin: camera.origin(),
-            right: (axes.x_axis * camera.fx).as_vec3(),
-            down: (axes.y_axis * camera.fy).as_vec3(),
+            right: right.as_vec3(),
+            down: down.as_vec3(),
             forward: axes.z_axis.as_vec3(),
             center: (camera.cx as f32, camera.cy as f32),
             size: (camera.width, camera.height),
+            sides: sides.map(|side| side.normalize().as_vec3()),
         }
     }
 
@@ -183,6 +195,11 @@ impl Projector {
         // A disc that reaches (nearly) into the camera's plane projects to an unbounded conic.
         let q = depth * depth - reach2;
         if depth <= 0.0 || q <= 1e-4 * depth * depth {
+            // Most such discs lie to the side, out of sight; the margin is many roundings wide.
+            let reach = (a.length_squared() + b.length_squared()).sqrt() + 1e-5 * offset.length();
+            if self.sides.iter().any(|side| offset.dot(*side) < -reach) {
+                return None;
+            }
             return Some(PixelRect {
                 x: (0, self.size.0),
                 y: (0, self.size.1),

@@ -5,17 +5,16 @@
 //! row per tile and Gaussian, and rows are added in the order of the tiles, so that the result is the same for any number
 //! of threads.
 
-use super::bins::{BinnedSurfel, TILE, TILE_PIXELS, TileBins};
+use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
+use super::tile::{TileRays, find_hits_in_tile};
 use crate::blend::{
     AdjointSurfel, BlendedHit, Blender, Hit, LocalGradient, Offered, adjoint, sort_hits,
 };
-use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{SeenSurfel, SurfelSet};
 use eagpt_scene::Camera;
-use eagpt_scene::camera::RayFrame;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -45,95 +44,33 @@ struct TileRecord {
     ends: Vec<u32>,
 }
 
-/// Pixel grid of a tile: position and rays.
-struct TileRays {
-    x0: u32,
-    y0: u32,
-    width: u32,
-    height: u32,
-    origin: [f32; 3],
-    /// Directions in blocks of one SIMD register. Pixels outside the image get rays, too.
-    blocks: [RayBlock; TILE_PIXELS / LANES],
-}
-
-/// Rays tested at once: two rows of a tile, one AVX-512 register.
-const LANES: usize = 16;
-/// Rows of a tile in a block.
-const BLOCK_ROWS: u32 = LANES as u32 / TILE;
-
-/// Directions of [`LANES`] rays, one array per axis.
-#[derive(Clone, Copy, Default)]
-#[repr(align(64))]
-struct RayBlock {
-    x: [f32; LANES],
-    y: [f32; LANES],
-    z: [f32; LANES],
-}
-
-/// What [`LANES`] rays meet on the plane of one Gaussian.
-struct BlockHits {
-    t: [f32; LANES],
-    /// Exponent of the Gaussian, `−(u² + v²)/2`.
-    exponent: [f32; LANES],
-    /// One bit for each ray that hits.
-    mask: u32,
-}
-
-impl RayBlock {
-    fn direction(&self, lane: usize) -> [f32; 3] {
-        [self.x[lane], self.y[lane], self.z[lane]]
-    }
-
-    /// Separate loops over plain arrays: each becomes straight SIMD code.
-    #[inline(always)]
-    fn meet(&self, seen: &SeenSurfel) -> BlockHits {
-        let mut t = [0.0_f32; LANES];
-        let mut exponent = [0.0_f32; LANES];
-        let mut counts = [0_u32; LANES];
-        for k in 0..LANES {
-            let met = seen.meet([self.x[k], self.y[k], self.z[k]]);
-            t[k] = met.t;
-            exponent[k] = -0.5 * (met.u * met.u + met.v * met.v);
-            counts[k] = u32::from(seen.counts(&met)) << k;
+impl TileRecord {
+    /// Renumbers the slots: of `gaussians`, the lists of a search, most lie behind what was blended.
+    fn keep_what_was_hit(&mut self, gaussians: &[u32], places: &mut Vec<u32>) {
+        const UNUSED: u32 = u32::MAX;
+        places.clear();
+        places.resize(gaussians.len(), UNUSED);
+        for hit in &self.hits {
+            places[hit.slot as usize] = 0;
         }
-        let mut mask = 0;
-        for bit in counts {
-            mask |= bit;
+        for (place, &gaussian) in places.iter_mut().zip(gaussians) {
+            if *place != UNUSED {
+                *place = self.gaussians.len() as u32;
+                self.gaussians.push(gaussian);
+            }
         }
-        BlockHits { t, exponent, mask }
-    }
-}
-
-impl TileRays {
-    fn new(camera: &Camera, frame: &RayFrame, tiles_x: u32, tile: usize) -> Self {
-        let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
-        let mut blocks = [RayBlock::default(); TILE_PIXELS / LANES];
-        for p in 0..TILE_PIXELS {
-            let (x, y) = (x0 + p as u32 % TILE, y0 + p as u32 / TILE);
-            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            let (block, lane) = (&mut blocks[p / LANES], p % LANES);
-            (block.x[lane], block.y[lane], block.z[lane]) = direction.into();
-        }
-        Self {
-            x0,
-            y0,
-            width: camera.width,
-            height: camera.height,
-            origin: frame.origin.to_array(),
-            blocks,
+        for hit in &mut self.hits {
+            hit.slot = places[hit.slot as usize];
         }
     }
 
-    fn direction(&self, pixel: usize) -> [f32; 3] {
-        self.blocks[pixel / LANES].direction(pixel % LANES)
-    }
-
-    /// The tile's pixels that lie in the image: (pixel of the tile, pixel of the image).
-    fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        (0..TILE_PIXELS).filter_map(|p| {
-            let (x, y) = (self.x0 + p as u32 % TILE, self.y0 + p as u32 / TILE);
-            (x < self.width && y < self.height).then_some((p, (y * self.width + x) as usize))
-        })
+    /// The blended hits of a pixel of the tile, front to back.
+    fn hits_of(&self, pixel: usize) -> &[BlendedHit] {
+        let start = match pixel {
+            0 => 0,
+            _ => self.ends[pixel - 1] as usize,
+        };
+        &self.hits[start..self.ends[pixel] as usize]
     }
 }
 
@@ -144,6 +81,10 @@ struct TileScratch {
     rays: RayScratch,
     transmittances: Vec<f32>,
     seen: Vec<SeenSurfel>,
+    /// Index in the scene of each slot that a search may name.
+    gaussians: Vec<u32>,
+    /// Slots by which a record names those that were hit.
+    places: Vec<u32>,
 }
 
 thread_local! {
@@ -179,18 +120,21 @@ pub fn trace(
             SCRATCH.with_borrow_mut(|scratch| {
                 scratch.hits.resize_with(TILE_PIXELS, Vec::new);
                 scratch.hits.iter_mut().for_each(Vec::clear);
-                let gaussians = match (search, &bins) {
+                scratch.gaussians.clear();
+                match (search, &bins) {
                     (HitSearch::SingleRays(bvh), _) => {
                         find_hits_by_rays(bvh, &rays, scratch);
-                        name_slots(&mut scratch.hits)
+                        name_slots(&mut scratch.hits, &mut scratch.gaussians);
                     }
                     (_, Some(bins)) => {
-                        find_hits_in_tile(set, bins.list(tile), &rays, &mut scratch.hits);
-                        bins.list(tile).iter().map(|entry| entry.index).collect()
+                        let list = bins.list(tile);
+                        find_hits_in_tile(set, list, &rays, &mut scratch.hits);
+                        let indices = list.iter().map(|entry| entry.index);
+                        scratch.gaussians.extend(indices);
                     }
-                    (HitSearch::Tiles, None) => Vec::new(),
-                };
-                blend_tile(set, &rays, &mut scratch.hits, gaussians, keep)
+                    (HitSearch::Tiles, None) => {}
+                }
+                blend_tile(set, &rays, scratch, keep)
             })
         })
         .collect();
@@ -221,89 +165,6 @@ pub fn trace(
     )
 }
 
-/// Tests the binned Gaussians against all rays of a tile; hits carry slots, which are positions in `list`.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
-    "x86_64+avx2",
-    "aarch64+neon"
-))]
-fn find_hits_in_tile(
-    set: &SurfelSet,
-    list: &[BinnedSurfel],
-    rays: &TileRays,
-    hits: &mut [Vec<Hit>],
-) {
-    let mut closing = [BlockClosing::OPEN; TILE_PIXELS / LANES];
-    for (slot, entry) in list.iter().enumerate() {
-        // The list is sorted by this bound: once every ray has ended before it, nothing further can be seen.
-        if slot % CLOSING_INTERVAL == 0
-            && closing
-                .iter()
-                .all(|block| block.closed_before(entry.nearest))
-        {
-            break;
-        }
-        let seen = set.surfels[entry.index as usize].seen_from(rays.origin);
-        let first = entry.first_row.saturating_sub(rays.y0) / BLOCK_ROWS;
-        let end = (entry.end_row - rays.y0).min(TILE).div_ceil(BLOCK_ROWS);
-        for block in first as usize..end as usize {
-            let met = rays.blocks[block].meet(&seen);
-            if met.mask == 0 {
-                continue;
-            }
-            // The exponential only where some pixel is hit.
-            let alpha = met
-                .exponent
-                .map(|e| seen.opacity * crate::surfel::exp_of_negative(e));
-            closing[block].add(&met, &alpha);
-            let mut mask = met.mask;
-            while mask != 0 {
-                let k = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                hits[block * LANES + k].push(Hit::new(met.t[k], slot as u32, alpha[k]));
-            }
-        }
-    }
-}
-
-/// Gaussians between two checks for whether a tile is closed.
-const CLOSING_INTERVAL: usize = 16;
-
-/// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light that a ray that goes on might skip them are
-/// left out ([`Self::SURE_ALPHA`]); once the product of `1 − α` over the others is under the limit, the ray has ended at or
-/// before the farthest of them, whatever else it met.
-struct BlockClosing {
-    transmittance: [f32; LANES],
-    farthest: [f32; LANES],
-}
-
-impl BlockClosing {
-    const OPEN: Self = Self {
-        transmittance: [1.0; LANES],
-        farthest: [0.0; LANES],
-    };
-    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor covers rounding.
-    const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
-    /// Under the limit of a ray by enough to cover the rounding of products in another order.
-    const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
-
-    #[inline(always)]
-    fn add(&mut self, met: &BlockHits, alpha: &[f32; LANES]) {
-        for k in 0..LANES {
-            let hit = ((met.mask >> k) & 1 == 1) & (alpha[k] >= Self::SURE_ALPHA);
-            let open = self.transmittance[k] >= Self::LIMIT;
-            let passes = if hit { 1.0 - alpha[k] } else { 1.0 };
-            let farther = hit & open & (met.t[k] > self.farthest[k]);
-            self.farthest[k] = if farther { met.t[k] } else { self.farthest[k] };
-            self.transmittance[k] *= if open { passes } else { 1.0 };
-        }
-    }
-
-    fn closed_before(&self, distance: f32) -> bool {
-        (0..LANES).all(|k| self.transmittance[k] < Self::LIMIT && self.farthest[k] < distance)
-    }
-}
-
 fn find_hits_by_rays(bvh: &Bvh, rays: &TileRays, scratch: &mut TileScratch) {
     for (p, _) in rays.pixels() {
         let ray = Ray::free(rays.origin, rays.direction(p));
@@ -312,16 +173,15 @@ fn find_hits_by_rays(bvh: &Bvh, rays: &TileRays, scratch: &mut TileScratch) {
     }
 }
 
-/// Replaces the scene indices in `hits` by slots, in order of index, and returns the index of each slot.
-fn name_slots(hits: &mut [Vec<Hit>]) -> Vec<u32> {
-    let mut gaussians: Vec<u32> = hits.iter().flatten().map(Hit::index).collect();
+/// Replaces the scene indices in `hits` by slots, in order of index, and notes the index of each slot.
+fn name_slots(hits: &mut [Vec<Hit>], gaussians: &mut Vec<u32>) {
+    gaussians.extend(hits.iter().flatten().map(Hit::index));
     gaussians.sort_unstable();
     gaussians.dedup();
     for hit in hits.iter_mut().flatten() {
         let slot = gaussians.partition_point(|&g| g < hit.index());
         *hit = Hit::new(hit.t(), slot as u32, hit.alpha);
     }
-    gaussians
 }
 
 #[multiversion(targets(
@@ -332,22 +192,18 @@ fn name_slots(hits: &mut [Vec<Hit>]) -> Vec<u32> {
 fn blend_tile(
     set: &SurfelSet,
     rays: &TileRays,
-    hits: &mut [Vec<Hit>],
-    gaussians: Vec<u32>,
+    scratch: &mut TileScratch,
     keep: Keep,
 ) -> (Vec<Sums>, TileRecord) {
     let mut sums = vec![Sums::default(); TILE_PIXELS];
-    let mut record = TileRecord {
-        gaussians,
-        hits: Vec::new(),
-        ends: Vec::new(),
-    };
-    for (p, list) in hits.iter_mut().enumerate() {
+    let mut record = TileRecord::default();
+    let gaussians = &scratch.gaussians;
+    for (p, list) in scratch.hits.iter_mut().enumerate() {
         sort_hits(list);
         let direction = rays.direction(p);
         let mut blender = Blender::default();
         for hit in list.iter() {
-            let index = record.gaussians[hit.index() as usize] as usize;
+            let index = gaussians[hit.index() as usize] as usize;
             let offered = blender.offer(hit.t(), hit.alpha, &set.payloads[index], direction);
             if keep == Keep::Record && offered != Offered::Skipped {
                 record.hits.push(BlendedHit {
@@ -363,6 +219,7 @@ fn blend_tile(
         record.ends.push(record.hits.len() as u32);
         sums[p] = blender.finish();
     }
+    record.keep_what_was_hit(&scratch.gaussians, &mut scratch.places);
     (sums, record)
 }
 
@@ -370,6 +227,39 @@ impl CameraRecord {
     /// Number of blended hits of all pixels.
     pub fn num_hits(&self) -> usize {
         self.tiles.iter().map(|tile| tile.hits.len()).sum()
+    }
+
+    /// Where each Gaussian counts most: for every Gaussian that was blended somewhere, its index, the pixel (row by row) in which
+    /// its weight is largest, and that weight. A Gaussian that several tiles saw comes once for each of them.
+    pub fn strongest_pixels(&self) -> Vec<(u32, u32, f32)> {
+        let frame = self.camera.ray_frame();
+        let tiles_x = self.camera.width.div_ceil(TILE);
+        let per_tile: Vec<Vec<(u32, u32, f32)>> = self
+            .tiles
+            .par_iter()
+            .enumerate()
+            .map(|(tile, record)| {
+                let rays = TileRays::new(&self.camera, &frame, tiles_x, tile);
+                let mut best = vec![(0_u32, 0.0_f32); record.gaussians.len()];
+                for (p, pixel) in rays.pixels() {
+                    let mut transmittance = 1.0;
+                    for hit in record.hits_of(p) {
+                        let weight = transmittance * hit.alpha;
+                        transmittance *= 1.0 - hit.alpha;
+                        let best = &mut best[hit.slot as usize];
+                        if weight > best.1 {
+                            *best = (pixel as u32, weight);
+                        }
+                    }
+                }
+                let named = record.gaussians.iter().zip(best);
+                named
+                    .filter(|(_, (_, weight))| *weight > 0.0)
+                    .map(|(&g, (pixel, weight))| (g, pixel, weight))
+                    .collect()
+            })
+            .collect();
+        per_tile.into_iter().flatten().collect()
     }
 
     /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
@@ -450,14 +340,8 @@ fn adjoint_of_tile(
     );
     let seen = &scratch.seen;
     for (p, pixel) in rays.pixels() {
-        let start = if p == 0 {
-            0
-        } else {
-            record.ends[p - 1] as usize
-        };
-        let hits = &record.hits[start..record.ends[p] as usize];
         adjoint(
-            hits,
+            record.hits_of(p),
             rays.direction(p),
             &d_sums[pixel],
             |slot| {

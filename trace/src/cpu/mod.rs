@@ -9,6 +9,7 @@ pub mod bins;
 pub mod bvh;
 pub mod camera;
 mod scene;
+mod tile;
 
 pub use camera::{CameraRecord, HitSearch};
 pub use scene::CpuScene;
