@@ -13,7 +13,7 @@ use eagpt_scene::dataset::{Frame, SplitRule, Subset};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Dataset, Image, ply, png};
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::transport::{EMISSION_THRESHOLD, LIGHT_SHARE};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -59,10 +59,9 @@ pub(crate) struct RenderArgs {
     /// Emission from which on a surface counts as an emitter, 0 to 1
     #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = share)]
     emission_threshold: f32,
-    /// Share of a bounce's directions that go to emitters instead of following the cosine, 0 to below 1. The mean image is the same; 0 is
-    /// plain cosine sampling
-    #[arg(long, value_name = "SHARE", default_value_t = LIGHT_SHARE, value_parser = share_below_one)]
-    light_share: f32,
+    /// How light is looked for; the mean image is the same, the noise is not
+    #[arg(long, value_enum, default_value = "next-event")]
+    sampling: SamplingArg,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
     seed: u64,
@@ -93,6 +92,14 @@ enum Mode {
     Path,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SamplingArg {
+    /// In directions about the normal only, as in the paper
+    Cosine,
+    /// Towards emitters as well, with multiple importance sampling
+    NextEvent,
+}
+
 /// What decides the result, for the record.
 #[derive(Serialize)]
 struct Options<'a> {
@@ -109,15 +116,6 @@ fn share(text: &str) -> Result<f32, String> {
         Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
         Ok(value) => Err(format!("{value} is outside 0 to 1")),
         Err(error) => Err(error.to_string()),
-    }
-}
-
-fn share_below_one(text: &str) -> Result<f32, String> {
-    match share(text)? {
-        value if value < 1.0 => Ok(value),
-        value => Err(format!(
-            "{value} leaves no directions to the cosine; it must be below 1"
-        )),
     }
 }
 
@@ -208,7 +206,10 @@ fn light(args: &RenderArgs) -> LightOptions {
     LightOptions {
         seed: args.seed,
         emission_threshold: args.emission_threshold,
-        light_share: args.light_share,
+        sampling: match args.sampling {
+            SamplingArg::Cosine => Sampling::Cosine,
+            SamplingArg::NextEvent => Sampling::NextEvent,
+        },
     }
 }
 

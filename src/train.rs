@@ -255,6 +255,13 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
             reporter.advance(*done as u64, String::new);
             return reporter.step_message(*done as u64, message);
         }
+        TrainProgress::Gathering { done, total } => {
+            if *done == 0 {
+                reporter.begin("gathering light", "Gaussians", 0, *total as u64);
+            }
+            reporter.advance(*done as u64, String::new);
+            return reporter.step_message(*done as u64, message);
+        }
         TrainProgress::StageStarted {
             stage,
             done,
@@ -274,6 +281,13 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
             reporter.advance((*iteration).into(), || format!("loss {loss:.4}"));
             return reporter.step_message((*iteration).into(), message);
         }
+        TrainProgress::Densified {
+            iteration,
+            num_gaussians,
+            ..
+        } => reporter.note(&format!(
+            "{num_gaussians} Gaussians after iteration {iteration}"
+        )),
         TrainProgress::Checkpoint { .. } => {}
         TrainProgress::Preview {
             iteration,

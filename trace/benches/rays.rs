@@ -14,6 +14,7 @@ use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::transport::Sampling;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 use std::hint::black_box;
@@ -74,9 +75,12 @@ fn paths(c: &mut Criterion) {
     group
         .throughput(Throughput::Elements(camera.num_pixels() as u64))
         .sample_size(10);
-    for (name, light_share) in [("cosine", 0.0), ("half to the lights", 0.5)] {
+    for (name, sampling) in [
+        ("cosine", Sampling::Cosine),
+        ("next event", Sampling::NextEvent),
+    ] {
         let options = LightOptions {
-            light_share,
+            sampling,
             ..LightOptions::default()
         };
         let path = Integrator::Path {

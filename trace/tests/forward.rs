@@ -169,3 +169,30 @@ fn an_empty_scene_shows_nothing() {
         assert_eq!(record.num_hits(), 0);
     }
 }
+
+/// A pixel's opacity is the sum of its weights; so is what each Gaussian is given credit for.
+#[test]
+fn contributions_add_up_to_the_picture() {
+    let gaussians = random_cloud(700, 3);
+    let set = SurfelSet::new(&gaussians);
+    for camera in cameras() {
+        let (image, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+        let value = |pixel: usize| 1.0 + (pixel % 7) as f32;
+        let contributions = record.contributions(value);
+        let (mut weight, mut weighted) = (0.0, 0.0);
+        for (pixel, sums) in image.pixels.iter().enumerate() {
+            weight += f64::from(sums.alpha());
+            weighted += f64::from(sums.alpha() * value(pixel));
+        }
+        let total = |part: fn(&camera::Contribution) -> f32| -> f64 {
+            contributions.iter().map(|c| f64::from(part(c))).sum()
+        };
+        // Sums of some ten thousand single-precision terms in another order.
+        assert!((total(|c| c.weight) / weight - 1.0).abs() < 1e-5);
+        assert!((total(|c| c.weighted_value) / weighted - 1.0).abs() < 1e-5);
+        for c in &contributions {
+            assert!(c.weight > 0.0 && c.largest_weight <= 1.0 && c.largest_weight <= c.weight);
+            assert!((c.pixel as usize) < image.pixels.len());
+        }
+    }
+}

@@ -8,12 +8,13 @@ use eagpt_scene::{Camera, Gaussian, Gaussians, Image};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::lights::BounceSampler;
-use eagpt_trace::transport::{EMISSION_THRESHOLD, RayTracer};
+use eagpt_trace::transport::points::Points;
+use eagpt_trace::transport::{EMISSION_THRESHOLD, RayTracer, Sampling};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 
 fn render(gaussians: &Gaussians, camera: &Camera, integrator: Integrator, seed: u64) -> Image<3> {
-    render_with(gaussians, camera, integrator, seed, 0.5)
+    render_with(gaussians, camera, integrator, seed, Sampling::NextEvent)
 }
 
 fn render_with(
@@ -21,12 +22,12 @@ fn render_with(
     camera: &Camera,
     integrator: Integrator,
     seed: u64,
-    light_share: f32,
+    sampling: Sampling,
 ) -> Image<3> {
     let scene = CpuScene::new(gaussians);
     let options = LightOptions {
         seed,
-        light_share,
+        sampling,
         ..LightOptions::default()
     };
     scene
@@ -196,7 +197,13 @@ fn energy_never_grows() {
     });
     let gaussians: Gaussians = room.into_iter().collect();
     // Cosine sampling, whose samples have no weights: the bound then holds for every pixel.
-    let image = render_with(&gaussians, &inside_view(), path(16, 40), 4, 0.0);
+    let image = render_with(
+        &gaussians,
+        &inside_view(),
+        path(16, 40),
+        4,
+        Sampling::Cosine,
+    );
     let (mean, _) = mean_and_error(&image);
     assert!(image.pixels().iter().flatten().all(|&v| v <= 1.0 + 1e-4));
     // White walls lose nothing either: with 40 bounces nearly every path finds the lamp.
@@ -304,7 +311,7 @@ fn light_reaches_into_corners() {
             &BounceSampler::new(None, 0.0),
             &surface,
             4000,
-            |sample| key.stream(0, sample),
+            &Points::new(key, 0),
         )
         .x;
         // A strip of height 2 at the distance d, wide compared with it: (1 − cos θ)/2 with tan θ = 2/d.
@@ -363,12 +370,14 @@ fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
     }
     for (name, room) in [("hard", lit_room(1.0)), ("soft", soft)] {
         for integrator in [path(32, 4), Integrator::OneBounce { num_samples: 32 }] {
-            let runs = |share: f32, first_seed: u64| -> Vec<Image<3>> {
+            let runs = |sampling: Sampling, first_seed: u64| -> Vec<Image<3>> {
                 (0..4)
-                    .map(|s| render_with(&room, &inside_view(), integrator, first_seed + s, share))
+                    .map(|s| {
+                        render_with(&room, &inside_view(), integrator, first_seed + s, sampling)
+                    })
                     .collect()
             };
-            let (plain, guided) = (runs(0.0, 100), runs(0.5, 200));
+            let (plain, guided) = (runs(Sampling::Cosine, 100), runs(Sampling::NextEvent, 200));
             let mean = |images: &[Image<3>], i: usize| {
                 images
                     .iter()

@@ -3,13 +3,12 @@
 //! The loop above decides what to do next; a [`Backend`] owns everything that changes at every step — parameters, moments,
 //! prepared images — for the whole run, and hands back scalars. Full state crosses the seam only for checkpoints.
 
-mod closed_form;
+mod irradiance;
 
+use crate::densify::{self, Attribution, Densified};
 use crate::error::Result;
-use crate::loss::{
-    LossTerms, NormalTerms, ViewIrradiance, albedo_loss, color::pq_image, radiance_loss,
-};
-use crate::options::{AlbedoOptions, LossWeights};
+use crate::loss::{LossTerms, NormalTerms, albedo_loss, color::pq_image, radiance_loss};
+use crate::options::{AlbedoOptions, Gather, LossWeights};
 use crate::params::{BadGradient, ParameterState, StepSizes};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image, View};
@@ -18,10 +17,14 @@ use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::lights::BounceSampler;
+use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
+use glam::Vec3;
+use irradiance::GaussianIrradiance;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A training view with the index by which a backend may keep prepared copies.
@@ -83,12 +86,36 @@ pub trait Backend {
     /// If the device gives up.
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome>;
 
-    /// Begins stage 1: forgets Adam's moments, and starts albedos at the closed form `ρ = π r / E` from one gathering of the light that
-    /// arrives at every Gaussian.
+    /// Adds what `view` says about the Gaussians to what [`Self::densify`] will go by.
     ///
     /// # Errors
     /// If the device gives up.
-    fn begin_albedo(&mut self, options: &AlbedoOptions, seed: u64) -> Result<()>;
+    fn attribute(&mut self, view: &TrainingView) -> Result<()>;
+
+    /// Splits Gaussians until there are `target`, and forgets what views said.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn densify(&mut self, target: usize) -> Result<Densified>;
+
+    /// Looks for the Gaussians that `cameras` see, and for a point of each one's surface. Returns how many there are to gather for.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize>;
+
+    /// Gathers the light that arrives at the next of those Gaussians, `range`, with `num_samples` directions each.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()>;
+
+    /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the closed form `ρ = π r / E` where light
+    /// was gathered, and otherwise the paper's: radiance, clamped to 0.01–0.99, as a vector of unit length.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn begin_albedo(&mut self) -> Result<()>;
 
     /// Blended sums of a camera, for previews.
     ///
@@ -108,9 +135,15 @@ pub struct CpuBackend {
     state: ParameterState,
     gaussians: Gaussians,
     set: SurfelSet,
+    /// What views said since Gaussians were last split.
+    attribution: Option<Attribution>,
     /// Built when stage 1 first needs it; geometry does not move from then on.
     scene: Option<CpuScene>,
-    irradiance: HashMap<usize, Arc<ViewIrradiance>>,
+    gathered: Option<GaussianIrradiance>,
+    /// Gaussians that carry the gathered light, made when it is complete.
+    lit: Option<SurfelSet>,
+    /// Light of the views, blended from the gathered one.
+    irradiance: HashMap<usize, Arc<Vec<Vec3>>>,
     targets: HashMap<usize, Arc<Image<3>>>,
     /// Bytes that prepared targets may still take.
     target_budget: usize,
@@ -125,7 +158,10 @@ impl CpuBackend {
             state,
             gaussians,
             set,
+            attribution: None,
             scene: None,
+            gathered: None,
+            lit: None,
             irradiance: HashMap::new(),
             targets: HashMap::new(),
             target_budget,
@@ -153,49 +189,53 @@ impl CpuBackend {
     ) -> StepOutcome {
         let gradients = record.adjoint(&self.set, &self.gaussians.scales, d_sums);
         self.state.step(&self.gaussians, &gradients, sizes)?;
-        self.gaussians = self.state.gaussians();
+        self.state.write_gaussians(&mut self.gaussians);
         self.set.update(&self.gaussians);
         Ok(terms)
     }
 
+    fn scene(&mut self) -> &CpuScene {
+        self.scene
+            .get_or_insert_with(|| CpuScene::new(&self.gaussians))
+    }
+
+    /// Irradiance over π of every pixel, as the options want it.
     fn irradiance(
         &mut self,
         view: &TrainingView,
         sums: &SumImage,
         step: &AlbedoStep<'_>,
-    ) -> Arc<ViewIrradiance> {
-        if !step.options.resample
-            && let Some(known) = self.irradiance.get(&view.index)
-        {
-            return Arc::clone(known);
+    ) -> Arc<Vec<Vec3>> {
+        let camera = &view.view.camera;
+        match step.options.gather {
+            Gather::Gaussians => {
+                if let Some(known) = self.irradiance.get(&view.index) {
+                    return Arc::clone(known);
+                }
+                let lit = self.lit.get_or_insert_with(|| {
+                    self.gathered
+                        .as_ref()
+                        .map_or_else(SurfelSet::default, |light| light.carried_by(&self.set))
+                });
+                let arriving = Arc::new(irradiance::of_camera(lit, camera));
+                self.irradiance.insert(view.index, Arc::clone(&arriving));
+                arriving
+            }
+            Gather::Pixels => {
+                let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
+                Arc::new(gather_pixels(self.scene(), camera, sums, step.options, key))
+            }
         }
-        let scene = self
-            .scene
-            .get_or_insert_with(|| CpuScene::new(&self.gaussians));
-        // Samples of a view that is computed once are keyed by the view, others by the iteration: either way a resumed run draws
-        // what an uninterrupted one would.
-        let iteration = if step.options.resample {
-            step.iteration
-        } else {
-            u32::MAX - view.index as u32
-        };
-        let key = RandomKey::new(step.seed, Purpose::Albedo, iteration);
-        let arriving = gather_irradiance(scene, &view.view.camera, sums, step.options, key);
-        let arriving = Arc::new(ViewIrradiance { arriving });
-        if !step.options.resample {
-            self.irradiance.insert(view.index, Arc::clone(&arriving));
-        }
-        arriving
     }
 }
 
-fn gather_irradiance(
+fn gather_pixels(
     scene: &CpuScene,
     camera: &Camera,
     sums: &SumImage,
     options: &AlbedoOptions,
     key: RandomKey,
-) -> Vec<Option<glam::Vec3>> {
+) -> Vec<Vec3> {
     let frame = camera.ray_frame();
     let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
     (0..camera.num_pixels())
@@ -203,19 +243,23 @@ fn gather_irradiance(
         .map(|pixel| {
             let seen = &sums.pixels[pixel];
             if seen.emission() > options.emission_threshold {
-                return None;
+                return Vec3::ZERO;
             }
             let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            Some(
-                Surface::at(frame.origin, direction, seen).map_or(glam::Vec3::ZERO, |surface| {
-                    irradiance_over_pi(scene, &sampler, &surface, options.num_samples, |s| {
-                        key.stream(pixel as u32, s)
-                    })
-                }),
-            )
+            Surface::at(frame.origin, direction, seen).map_or(Vec3::ZERO, |surface| {
+                let points = Points::new(key, pixel as u32);
+                irradiance_over_pi(scene, &sampler, &surface, options.num_samples, &points)
+            })
         })
         .collect()
+}
+
+/// The albedo that the released code of EAG-PT starts from.
+fn reference_albedo(radiance: Vec3) -> Vec3 {
+    radiance
+        .clamp(Vec3::splat(0.01), Vec3::splat(0.99))
+        .normalize()
 }
 
 impl Backend for CpuBackend {
@@ -239,21 +283,67 @@ impl Backend for CpuBackend {
         let target = self.target(view);
         let (sums, record) =
             camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
-        let irradiance = self.irradiance(view, &sums, step);
-        let (terms, d_sums) = albedo_loss(&sums, &irradiance, &target, step.ssim_share);
+        let arriving = self.irradiance(view, &sums, step);
+        let threshold = step.options.emission_threshold;
+        let (terms, d_sums) = albedo_loss(&sums, &arriving, threshold, &target, step.ssim_share);
         Ok(self.update(&record, &d_sums, &step.sizes, terms))
     }
 
-    fn begin_albedo(&mut self, options: &AlbedoOptions, seed: u64) -> Result<()> {
-        self.state.reset_moments();
-        if options.num_start_samples > 0 {
-            let scene = CpuScene::new(&self.gaussians);
-            let albedos =
-                closed_form::albedos(&scene, &self.gaussians, options.num_start_samples, seed);
-            self.state.set_albedos(&albedos);
-            self.gaussians = self.state.gaussians();
-            self.set.update(&self.gaussians);
+    fn attribute(&mut self, view: &TrainingView) -> Result<()> {
+        let target = self.target(view);
+        let (sums, record) =
+            camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
+        let shown = pq_image(&sums.radiance());
+        let contributions = record.contributions(|pixel| {
+            let (a, b) = (shown.pixels()[pixel], target.pixels()[pixel]);
+            (0..3).map(|c| (a[c] - b[c]).abs()).sum()
+        });
+        self.attribution
+            .get_or_insert_with(|| Attribution::new(self.state.len()))
+            .add(&contributions);
+        Ok(())
+    }
+
+    fn densify(&mut self, target: usize) -> Result<Densified> {
+        let seen = self
+            .attribution
+            .take()
+            .unwrap_or_else(|| Attribution::new(self.state.len()));
+        let outcome = densify::densify(&mut self.state, &self.gaussians, &seen, target);
+        self.gaussians = self.state.gaussians();
+        self.set.update(&self.gaussians);
+        Ok(outcome)
+    }
+
+    fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
+        let gathered = GaussianIrradiance::new(&self.set, cameras);
+        let num = gathered.len();
+        self.gathered = Some(gathered);
+        Ok(num)
+    }
+
+    fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
+        self.scene();
+        if let (Some(gathered), Some(scene)) = (&mut self.gathered, &self.scene) {
+            gathered.gather(scene, range, num_samples, seed);
         }
+        Ok(())
+    }
+
+    fn begin_albedo(&mut self) -> Result<()> {
+        self.state.reset_moments();
+        let albedos = match &self.gathered {
+            Some(gathered) => gathered.albedos(&self.gaussians),
+            None => self
+                .gaussians
+                .radiances
+                .iter()
+                .map(|r| reference_albedo(*r))
+                .collect(),
+        };
+        self.state.set_albedos(&albedos);
+        self.state.write_gaussians(&mut self.gaussians);
+        self.set.update(&self.gaussians);
         Ok(())
     }
 

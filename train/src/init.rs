@@ -64,7 +64,9 @@ impl Initialiser {
                 PLANE_NEIGHBOURS + 1
             )));
         }
-        let points = choose(cloud, options.gaussians_for(cloud.len()), options.seed);
+        let budget = options.gaussians_for(cloud.len());
+        let num = options.radiance.densify.num_after(0, budget).max(1);
+        let points = choose(cloud, num, options.seed);
         let extent = extent(&points.positions);
         if extent <= 0.0 || !extent.is_finite() {
             return Err(problem(format!(
@@ -245,10 +247,10 @@ mod tests {
     }
 
     fn options(num: Option<usize>) -> TrainOptions {
-        TrainOptions {
-            num_gaussians: num,
-            ..TrainOptions::preset(Preset::Fast)
-        }
+        let mut options = TrainOptions::preset(Preset::Fast);
+        options.num_gaussians = num;
+        options.radiance.densify.times = 0;
+        options
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
 use crate::log::{Log, LogLine};
 use crate::loss::{LossTerms, NormalTerms};
-use crate::options::{Stage, StageChoice, TrainOptions};
+use crate::options::{Gather, Stage, StageChoice, TrainOptions};
 use crate::params::{ParameterState, StepSizes};
 use crate::preview;
 use crate::progress::TrainProgress;
@@ -88,6 +88,9 @@ const DIVERGED_FACTOR: f64 = 4.0;
 /// … and worse than this: PQ errors of a blank picture are about 0.3.
 const DIVERGED_L1: f64 = 0.15;
 
+/// Gaussians gathered for between two looks at whether the run shall stop.
+const GATHERED_AT_ONCE: usize = 2048;
+
 /// Trains a scene.
 ///
 /// # Errors
@@ -110,6 +113,7 @@ pub fn train(
         warnings: Vec::new(),
         started: Instant::now(),
         stage_seconds: Vec::new(),
+        budget: options.gaussians_for(dataset.points()?.map_or(0, |cloud| cloud.len())),
     };
     for warning in split.warnings.iter().chain(&resumed.warnings) {
         run.warn(warning.clone());
@@ -185,6 +189,8 @@ struct Run<'a> {
     warnings: Vec<String>,
     started: Instant,
     stage_seconds: Vec<(Stage, f64)>,
+    /// Number of Gaussians in the end.
+    budget: usize,
 }
 
 impl Run<'_> {
@@ -207,8 +213,13 @@ impl Run<'_> {
         if wanted == StageChoice::Radiance {
             return Ok(true);
         }
+        let options = &self.request.options.albedo;
+        let over = position.stage == Stage::Albedo && position.iteration >= options.iterations;
+        if options.gather == Gather::Gaussians && !over && !self.gather(backend, views)? {
+            return Ok(false);
+        }
         if position.stage == Stage::Radiance {
-            backend.begin_albedo(&self.request.options.albedo, self.request.options.seed)?;
+            backend.begin_albedo()?;
             position.stage = Stage::Albedo;
             position.iteration = 0;
             position.monitor = LossMonitor {
@@ -218,6 +229,23 @@ impl Run<'_> {
             };
         }
         self.stage(backend, views, position)
+    }
+
+    /// Gathers the light for stage 1; `false` if it was stopped from outside. What was gathered is not stored: a resumed run gathers
+    /// the same again.
+    fn gather(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
+        let options = &self.request.options;
+        let total = backend.begin_gathering(&views.cameras())?;
+        (self.progress)(TrainProgress::Gathering { done: 0, total });
+        for start in (0..total).step_by(GATHERED_AT_ONCE) {
+            if self.request.stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let done = total.min(start + GATHERED_AT_ONCE);
+            backend.gather(start..done, options.albedo.num_samples, options.seed)?;
+            (self.progress)(TrainProgress::Gathering { done, total });
+        }
+        Ok(true)
     }
 
     /// Runs one stage to its end; `false` if it was stopped from outside.
@@ -252,6 +280,11 @@ impl Run<'_> {
             position.iteration = iteration;
             self.watch(position, &terms, &view)?;
             self.report(&mut log, position, total, &view, terms)?;
+            if stage == Stage::Radiance
+                && let Some(time) = options.radiance.densify.time_at(iteration, total)
+            {
+                self.densify(backend, views, iteration, time)?;
+            }
             let last = iteration == total;
             let every = options.output.preview_every;
             if every > 0 && (iteration.is_multiple_of(every) || last) && !shown.is_empty() {
@@ -326,6 +359,27 @@ impl Run<'_> {
                 bad.class, bad.index, bad.value
             ),
         })
+    }
+
+    /// Splits Gaussians for the `time`-th time.
+    fn densify(
+        &mut self,
+        backend: &mut dyn Backend,
+        views: &Views,
+        iteration: u32,
+        time: u32,
+    ) -> Result<()> {
+        for view in views.iter() {
+            backend.attribute(&view?)?;
+        }
+        let densify = &self.request.options.radiance.densify;
+        let outcome = backend.densify(densify.num_after(time, self.budget))?;
+        (self.progress)(TrainProgress::Densified {
+            iteration,
+            num_moved: outcome.num_moved,
+            num_gaussians: outcome.num_gaussians,
+        });
+        Ok(())
     }
 
     /// Follows the loss and stops a run whose loss is not a number or runs away.

@@ -10,6 +10,7 @@
 
 pub mod backend;
 pub mod checkpoint;
+pub mod densify;
 pub mod error;
 pub mod init;
 pub mod job;

@@ -8,7 +8,9 @@ use crate::options::LearningRates;
 use eagpt_scene::{Gaussian, Gaussians};
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use glam::{Mat3, Quat, Vec2, Vec3};
+use multiversion::multiversion;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Raw parameters of one Gaussian.
 pub const NUM_PARAMETERS: usize = 17;
@@ -191,6 +193,34 @@ impl ParameterState {
         }
     }
 
+    /// Puts one half of a Gaussian at `place` (another Gaussian, which is lost, or the end) and makes itself the other: both with the scale
+    /// of `axis` times `shrink`, `step` (scene units) to either side of where it was. The halves know its second moments, so that their first
+    /// steps are not longer than its own; the direction they find out.
+    pub fn split(&mut self, parent: usize, place: usize, axis: usize, step: Vec3, shrink: f32) {
+        let mut half = self.values[parent];
+        half[SCALE + axis] += shrink.ln();
+        let moved = |by: Vec3| {
+            let mut raw = half;
+            for (coordinate, by) in raw[POSITION..SCALE].iter_mut().zip(by.to_array()) {
+                *coordinate += by;
+            }
+            raw
+        };
+        let (one, other) = (moved(step), moved(-step));
+        let second = self.second[parent];
+        if place == self.values.len() {
+            self.values.push(other);
+            self.first.push([0.0; NUM_PARAMETERS]);
+            self.second.push(second);
+        } else {
+            self.values[place] = other;
+            self.first[place] = [0.0; NUM_PARAMETERS];
+            self.second[place] = second;
+        }
+        self.values[parent] = one;
+        self.first[parent] = [0.0; NUM_PARAMETERS];
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.values.len()
@@ -203,13 +233,31 @@ impl ParameterState {
 
     /// The Gaussians of the raw values.
     pub fn gaussians(&self) -> Gaussians {
-        let list: Vec<Gaussian> = self
-            .values
-            .par_iter()
+        self.values.iter().map(gaussian_from_raw).collect()
+    }
+
+    /// Writes the Gaussians of the raw values over `gaussians`, `[n]`.
+    pub fn write_gaussians(&self, gaussians: &mut Gaussians) {
+        (
+            &self.values,
+            &mut gaussians.positions,
+            &mut gaussians.scales,
+            &mut gaussians.rotations,
+            &mut gaussians.opacities,
+            &mut gaussians.radiances,
+            &mut gaussians.emissions,
+            &mut gaussians.albedos,
+        )
+            .into_par_iter()
             .with_min_len(1024)
-            .map(gaussian_from_raw)
-            .collect();
-        list.into_iter().collect()
+            .for_each(
+                |(raw, position, scale, rotation, opacity, radiance, emission, albedo)| {
+                    let g = gaussian_from_raw(raw);
+                    (*position, *scale, *rotation) = (g.position, g.scale, g.rotation);
+                    (*opacity, *radiance) = (g.opacity, g.radiance);
+                    (*emission, *albedo) = (g.emission, g.albedo);
+                },
+            );
     }
 
     /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the activated values). Nothing changes if a
@@ -220,42 +268,77 @@ impl ParameterState {
         gradients: &[LocalGradient],
         sizes: &StepSizes,
     ) -> Result<(), BadGradient> {
+        let first_bad = AtomicUsize::new(usize::MAX);
         let raw: Vec<Raw> = self
             .values
             .par_iter()
             .zip(gradients)
             .with_min_len(1024)
             .enumerate()
-            .map(|(i, (value, local))| raw_gradient(value, &gaussians.get(i), local))
+            .map(|(i, (value, local))| {
+                let raw = raw_gradient(value, &gaussians.get(i), local);
+                // A sum is not finite if one of its terms is not.
+                if !raw.iter().sum::<f32>().is_finite() {
+                    first_bad.fetch_min(i, Ordering::Relaxed);
+                }
+                raw
+            })
             .collect();
-        if let Some((index, at)) = raw.par_iter().enumerate().find_map_first(|(index, g)| {
-            g.iter().position(|x| !x.is_finite()).map(|at| (index, at))
-        }) {
-            return Err(BadGradient {
-                class: class_of(at),
-                index,
-                value: raw[index][at],
-            });
+        let suspects = first_bad.into_inner().min(raw.len());
+        for (index, gradient) in raw.iter().enumerate().skip(suspects) {
+            if let Some(at) = gradient.iter().position(|x| !x.is_finite()) {
+                return Err(BadGradient {
+                    class: class_of(at),
+                    index,
+                    value: gradient[at],
+                });
+            }
         }
         self.num_steps += 1;
-        let correction_1 = 1.0 / (1.0 - BETA_1.powi(self.num_steps as i32));
-        let correction_2 = 1.0 / (1.0 - BETA_2.powi(self.num_steps as i32));
+        let adam = Adam {
+            sizes: *sizes,
+            correction_1: 1.0 / (1.0 - BETA_1.powi(self.num_steps as i32)),
+            correction_2: 1.0 / (1.0 - BETA_2.powi(self.num_steps as i32)),
+        };
         self.values
-            .par_iter_mut()
-            .zip(&mut self.first)
-            .zip(&mut self.second)
-            .zip(&raw)
-            .with_min_len(1024)
-            .for_each(|(((value, first), second), gradient)| {
-                for k in 0..NUM_PARAMETERS {
-                    let g = gradient[k];
-                    first[k] = BETA_1 * first[k] + (1.0 - BETA_1) * g;
-                    second[k] = BETA_2 * second[k] + (1.0 - BETA_2) * g * g;
-                    let root = (second[k] * correction_2).sqrt() + EPSILON;
-                    value[k] -= sizes.0[k] * first[k] * correction_1 / root;
-                }
+            .par_chunks_mut(ADAM_CHUNK)
+            .zip(self.first.par_chunks_mut(ADAM_CHUNK))
+            .zip(self.second.par_chunks_mut(ADAM_CHUNK))
+            .zip(raw.par_chunks(ADAM_CHUNK))
+            .for_each(|(((values, first), second), gradients)| {
+                adam_step(&adam, values, first, second, gradients);
             });
         Ok(())
+    }
+}
+
+/// Gaussians updated at once by a thread.
+const ADAM_CHUNK: usize = 1024;
+
+/// One step's constants.
+struct Adam {
+    sizes: StepSizes,
+    correction_1: f32,
+    correction_2: f32,
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn adam_step(
+    adam: &Adam,
+    values: &mut [Raw],
+    first: &mut [Raw],
+    second: &mut [Raw],
+    gradients: &[Raw],
+) {
+    let moments = first.iter_mut().zip(second);
+    for ((value, gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
+        for k in 0..NUM_PARAMETERS {
+            let g = gradient[k];
+            first[k] = BETA_1 * first[k] + (1.0 - BETA_1) * g;
+            second[k] = BETA_2 * second[k] + (1.0 - BETA_2) * g * g;
+            let root = (second[k] * adam.correction_2).sqrt() + EPSILON;
+            value[k] -= adam.sizes.0[k] * first[k] * adam.correction_1 / root;
+        }
     }
 }
 

@@ -28,6 +28,13 @@ pub enum TrainProgress {
         /// Number of training views.
         num_views: usize,
     },
+    /// Light that arrives at Gaussians is being gathered, before stage 1.
+    Gathering {
+        /// Gaussians done.
+        done: usize,
+        /// Gaussians in all.
+        total: usize,
+    },
     /// One iteration is done.
     Iteration {
         /// The stage.
@@ -38,6 +45,15 @@ pub enum TrainProgress {
         total: u32,
         /// Loss, smoothed over some 50 iterations.
         loss: f64,
+    },
+    /// Gaussians were split where the pictures are wrong.
+    Densified {
+        /// Iteration.
+        iteration: u32,
+        /// Gaussians that no view saw, put elsewhere.
+        num_moved: usize,
+        /// Gaussians now.
+        num_gaussians: usize,
     },
     /// A checkpoint lies on disk.
     Checkpoint {

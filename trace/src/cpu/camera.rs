@@ -35,6 +35,21 @@ pub struct CameraRecord {
     tiles: Vec<TileRecord>,
 }
 
+/// What a Gaussian contributes to the pixels of a tile.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Contribution {
+    /// Index in the scene.
+    pub gaussian: u32,
+    /// Sum of its weights: the pixels it fills.
+    pub weight: f32,
+    /// Sum of its weights times the pixels' values.
+    pub weighted_value: f32,
+    /// Its largest weight in a pixel, 0 to 1.
+    pub largest_weight: f32,
+    /// That pixel, row by row.
+    pub pixel: u32,
+}
+
 #[derive(Debug, Clone, Default)]
 struct TileRecord {
     /// Index in the scene of each slot.
@@ -229,34 +244,39 @@ impl CameraRecord {
         self.tiles.iter().map(|tile| tile.hits.len()).sum()
     }
 
-    /// Where each Gaussian counts most: for every Gaussian that was blended somewhere, its index, the pixel (row by row) in which
-    /// its weight is largest, and that weight. A Gaussian that several tiles saw comes once for each of them.
-    pub fn strongest_pixels(&self) -> Vec<(u32, u32, f32)> {
+    /// What each Gaussian contributes to the picture. `value` is a number for each pixel (row by row), such as its error. A
+    /// Gaussian that several tiles saw comes once for each of them, tiles in order.
+    pub fn contributions(&self, value: impl Fn(usize) -> f32 + Sync) -> Vec<Contribution> {
         let frame = self.camera.ray_frame();
         let tiles_x = self.camera.width.div_ceil(TILE);
-        let per_tile: Vec<Vec<(u32, u32, f32)>> = self
+        let per_tile: Vec<Vec<Contribution>> = self
             .tiles
             .par_iter()
             .enumerate()
             .map(|(tile, record)| {
                 let rays = TileRays::new(&self.camera, &frame, tiles_x, tile);
-                let mut best = vec![(0_u32, 0.0_f32); record.gaussians.len()];
+                let of = |&gaussian| Contribution {
+                    gaussian,
+                    ..Contribution::default()
+                };
+                let mut rows: Vec<Contribution> = record.gaussians.iter().map(of).collect();
                 for (p, pixel) in rays.pixels() {
+                    let value = value(pixel);
                     let mut transmittance = 1.0;
                     for hit in record.hits_of(p) {
                         let weight = transmittance * hit.alpha;
                         transmittance *= 1.0 - hit.alpha;
-                        let best = &mut best[hit.slot as usize];
-                        if weight > best.1 {
-                            *best = (pixel as u32, weight);
+                        let row = &mut rows[hit.slot as usize];
+                        row.weight += weight;
+                        row.weighted_value += weight * value;
+                        if weight > row.largest_weight {
+                            (row.largest_weight, row.pixel) = (weight, pixel as u32);
                         }
                     }
                 }
-                let named = record.gaussians.iter().zip(best);
-                named
-                    .filter(|(_, (_, weight))| *weight > 0.0)
-                    .map(|(&g, (pixel, weight))| (g, pixel, weight))
-                    .collect()
+                // Tiles reach beyond the image's border; what was hit only there was not seen.
+                rows.retain(|row| row.weight > 0.0);
+                rows
             })
             .collect();
         per_tile.into_iter().flatten().collect()

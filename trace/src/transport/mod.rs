@@ -5,18 +5,22 @@
 //!   scene's Gaussians already carry (a radiance cache).
 //! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet one.
 //!
-//! Directions are cosine-weighted, or a share of them goes to the emitters ([`lights`]); the mean is the same.
+//! Directions are cosine-weighted, as in the paper, or emitters are looked for besides ([`Sampling`]); the mean is the same.
 
 pub mod lights;
+mod path;
+pub mod points;
 pub mod sampling;
 pub mod start;
 
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
-use eagpt_scene::rng::{Purpose, RandomKey, RandomStream};
+use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use lights::{BounceSampler, Lights};
+use path::Paths;
+use points::Points;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use start::Surface;
@@ -56,11 +60,22 @@ pub struct LightOptions {
     pub seed: u64,
     /// τ_E, 0 to 1.
     pub emission_threshold: f32,
-    /// Share of the directions that go to emitters, 0 to below 1; 0 is plain cosine sampling.
-    pub light_share: f32,
+    /// How light is looked for.
+    pub sampling: Sampling,
 }
 
-/// Half the directions to the emitters: no direction's weight exceeds 2.
+/// How light is looked for. The noise differs, the mean does not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// In directions about the normal, as in the paper: emitters are found by luck.
+    Cosine,
+    /// Towards emitters as well: next-event estimation at every bounce of a path, and half of the directions of a single
+    /// bounce.
+    NextEvent,
+}
+
+/// Share of a single bounce's directions that go to emitters: no direction's weight exceeds 2.
 pub const LIGHT_SHARE: f32 = 0.5;
 
 impl Default for LightOptions {
@@ -68,7 +83,7 @@ impl Default for LightOptions {
         Self {
             seed: 0,
             emission_threshold: EMISSION_THRESHOLD,
-            light_share: LIGHT_SHARE,
+            sampling: Sampling::NextEvent,
         }
     }
 }
@@ -93,7 +108,11 @@ pub fn render(
 ) -> Image<3> {
     let frame = camera.ray_frame();
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
-    let sampler = BounceSampler::new(scene.lights(), options.light_share);
+    let lights = match options.sampling {
+        Sampling::Cosine => None,
+        Sampling::NextEvent => scene.lights(),
+    };
+    let sampler = BounceSampler::new(lights, LIGHT_SHARE);
     let light = |pixel: usize| -> Vec3 {
         let seen = &sums.pixels[pixel];
         if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
@@ -104,11 +123,11 @@ pub fn render(
         let Some(surface) = Surface::at(frame.origin, direction, seen) else {
             return Vec3::ZERO;
         };
-        let streams = |sample| key.stream(pixel as u32, sample);
+        let points = Points::new(key, pixel as u32);
         match *integrator {
             Integrator::ZeroBounce => seen.radiance(),
             Integrator::OneBounce { num_samples } => {
-                seen.albedo() * irradiance_over_pi(scene, &sampler, &surface, num_samples, streams)
+                seen.albedo() * irradiance_over_pi(scene, &sampler, &surface, num_samples, &points)
             }
             Integrator::Path {
                 num_samples,
@@ -117,13 +136,13 @@ pub fn render(
             } => {
                 let paths = Paths {
                     scene,
-                    sampler,
+                    lights,
                     max_bounces,
                     roulette_from,
                     threshold: options.emission_threshold,
                 };
                 let total: Vec3 = (0..num_samples)
-                    .map(|s| paths.sample(&surface, &mut streams(s)))
+                    .map(|s| paths.sample(&surface, &points, s))
                     .sum();
                 seen.albedo() * total / num_samples as f32
             }
@@ -137,61 +156,19 @@ pub fn render(
 }
 
 /// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance met in
-/// sampled directions. `streams` gives each sample its random numbers.
+/// sampled directions.
 pub fn irradiance_over_pi(
     scene: &impl RayTracer,
     sampler: &BounceSampler<'_>,
     surface: &Surface,
     num_samples: u32,
-    streams: impl Fn(u32) -> RandomStream,
+    points: &Points,
 ) -> Vec3 {
     let total: Vec3 = (0..num_samples)
         .filter_map(|sample| {
-            let bounce = sampler.sample(surface, streams(sample).next_uniforms())?;
+            let bounce = sampler.sample(surface, points.block(sample, 0))?;
             Some(scene.trace(&surface.ray(bounce.direction)).radiance() * bounce.weight)
         })
         .sum();
     total / num_samples as f32
-}
-
-/// Paths through a scene, and when they end.
-struct Paths<'a, T> {
-    scene: &'a T,
-    sampler: BounceSampler<'a>,
-    max_bounces: u32,
-    roulette_from: Option<u32>,
-    threshold: f32,
-}
-
-impl<T: RayTracer> Paths<'_, T> {
-    /// Light that one path brings to `start`, not yet multiplied by the albedo there. A path without an emitter brings none.
-    fn sample(&self, start: &Surface, random: &mut RandomStream) -> Vec3 {
-        let mut surface = *start;
-        let mut throughput = Vec3::ONE;
-        for number in 1..=self.max_bounces {
-            let Some(bounce) = self.sampler.sample(&surface, random.next_uniforms()) else {
-                return Vec3::ZERO;
-            };
-            let ray = surface.ray(bounce.direction);
-            let met = self.scene.trace(&ray);
-            throughput *= bounce.weight;
-            if met.emission() > self.threshold {
-                return throughput * met.radiance();
-            }
-            throughput *= met.albedo();
-            if number >= self.roulette_from.unwrap_or(u32::MAX) {
-                let chance = throughput.max_element().min(1.0);
-                let [survive, ..] = random.next_uniforms();
-                if survive >= chance {
-                    return Vec3::ZERO;
-                }
-                throughput /= chance;
-            }
-            let Some(next) = Surface::at(ray.origin.into(), ray.direction.into(), &met) else {
-                return Vec3::ZERO;
-            };
-            surface = next;
-        }
-        Vec3::ZERO
-    }
 }

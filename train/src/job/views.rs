@@ -7,7 +7,7 @@ use crate::options::Stage;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Dataset, View};
+use eagpt_scene::{Camera, Dataset, View};
 use std::sync::Arc;
 
 /// The views a run trains on.
@@ -33,6 +33,17 @@ impl Views {
 
     pub(super) fn len(&self) -> usize {
         self.indices.len()
+    }
+
+    /// The cameras of all training views.
+    pub(super) fn cameras(&self) -> Vec<Camera> {
+        let frames = self.cache.dataset().frames();
+        self.indices.iter().map(|&i| frames[i].camera).collect()
+    }
+
+    /// All views, in the dataset's order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+        self.indices.iter().map(|&index| self.get(index))
     }
 
     fn get(&self, index: usize) -> Result<TrainingView> {

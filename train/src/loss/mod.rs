@@ -104,40 +104,32 @@ pub fn radiance_loss(
     (terms, d_sums)
 }
 
-/// Irradiance over π that reaches every pixel, with the emitters marked.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ViewIrradiance {
-    /// `1/π · ∫ R(ω) (ω·Ñ) dω`; for pixels that show their own radiance, `None`.
-    pub arriving: Vec<Option<Vec3>>,
-}
-
-/// Loss of stage 1 for one view: the picture is R at emitters and P times the arriving light elsewhere. The gradient touches
-/// the albedo only.
+/// Loss of stage 1 for one view: the picture is R where the emission exceeds `threshold`, and elsewhere P times `arriving`,
+/// `1/π · ∫ R(ω) (ω·Ñ) dω` of every pixel. The gradient touches the albedo only.
 pub fn albedo_loss(
     sums: &SumImage,
-    irradiance: &ViewIrradiance,
+    arriving: &[Vec3],
+    threshold: f32,
     target_pq: &Image<3>,
     ssim_share: f64,
 ) -> (LossTerms, Vec<Sums>) {
-    let shown =
-        sums.pixels
-            .iter()
-            .zip(&irradiance.arriving)
-            .map(|(seen, arriving)| match arriving {
-                None => seen.radiance().to_array(),
-                Some(arriving) => (seen.albedo() * *arriving).to_array(),
-            });
+    let shown = sums.pixels.iter().zip(arriving).map(|(seen, arriving)| {
+        if seen.emission() > threshold {
+            seen.radiance().to_array()
+        } else {
+            (seen.albedo() * *arriving).to_array()
+        }
+    });
     let image = Image::from_pixels(sums.width, sums.height, shown.collect())
         .expect("irradiance and sums have one entry per pixel");
     let color = ColorLoss::new(&image, target_pq, ssim_share);
-    let d_sums = color
-        .d_radiance
-        .pixels()
+    let d_sums = sums
+        .pixels
         .iter()
-        .zip(&irradiance.arriving)
-        .map(|(d, arriving)| {
+        .zip(color.d_radiance.pixels().iter().zip(arriving))
+        .map(|(seen, (d, arriving))| {
             let mut out = Sums::default();
-            if let Some(arriving) = arriving {
+            if seen.emission() <= threshold {
                 let d_albedo = Vec3::from(*d) * *arriving;
                 out.0[lane::ALBEDO..lane::ALBEDO + 3].copy_from_slice(&d_albedo.to_array());
             }

@@ -1,0 +1,82 @@
+//! Paths from a surface to the emitters.
+
+use super::RayTracer;
+use super::lights::Lights;
+use super::points::Points;
+use super::sampling::cosine_direction;
+use super::start::Surface;
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// Blocks of numbers that a bounce draws: one for the bounce, one for the light.
+const BLOCKS: u32 = 2;
+
+/// Paths through a scene, and when they end.
+pub(super) struct Paths<'a, T> {
+    pub(super) scene: &'a T,
+    /// Emitters that every bounce looks at besides, for next-event estimation; `None`: light is found by luck.
+    pub(super) lights: Option<&'a Lights>,
+    pub(super) max_bounces: u32,
+    pub(super) roulette_from: Option<u32>,
+    /// τ_E.
+    pub(super) threshold: f32,
+}
+
+impl<T: RayTracer> Paths<'_, T> {
+    /// Light that one path brings to `start`, not yet multiplied by the albedo there.
+    ///
+    /// What a direction brings is R where E > τ_E, nothing elsewhere. With next-event estimation every bounce takes a direction towards an
+    /// emitter (density p) and one about the normal (density q = cos θ/π), and both count with q/(p + q): the balance heuristic of multiple
+    /// importance sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of q alone.
+    pub(super) fn sample(&self, start: &Surface, points: &Points, sample: u32) -> Vec3 {
+        let mut surface = *start;
+        let mut throughput = Vec3::ONE;
+        let mut total = Vec3::ZERO;
+        for number in 0..self.max_bounces {
+            let block = |k: u32| points.block(sample, BLOCKS * number + k);
+            if let Some(lights) = self.lights {
+                total += throughput * self.from_light(lights, &surface, block(1));
+            }
+            let [a, b, survive, _] = block(0);
+            let ray = surface.ray(cosine_direction(surface.normal, a, b));
+            let direction = Vec3::from(ray.direction);
+            let met = self.scene.trace(&ray);
+            if met.emission() > self.threshold {
+                let weight = self.lights.map_or(1.0, |lights| {
+                    let plain = direction.dot(surface.normal) * FRAC_1_PI;
+                    plain / (plain + lights.density(surface.position, direction))
+                });
+                return total + throughput * met.radiance() * weight;
+            }
+            throughput *= met.albedo();
+            if number + 1 >= self.roulette_from.unwrap_or(u32::MAX) {
+                let chance = throughput.max_element().min(1.0);
+                if survive >= chance {
+                    return total;
+                }
+                throughput /= chance;
+            }
+            let Some(next) = Surface::at(ray.origin.into(), direction, &met) else {
+                return total;
+            };
+            surface = next;
+        }
+        total
+    }
+
+    /// What a direction towards a random emitter brings, weighted.
+    fn from_light(&self, lights: &Lights, surface: &Surface, [pick, a, b, _]: [f32; 4]) -> Vec3 {
+        let Some(direction) = lights.sample(surface.position, pick, a, b) else {
+            return Vec3::ZERO;
+        };
+        let plain = direction.dot(surface.normal) * FRAC_1_PI;
+        if plain <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let met = self.scene.trace(&surface.ray(direction));
+        if met.emission() <= self.threshold {
+            return Vec3::ZERO;
+        }
+        met.radiance() * (plain / (plain + lights.density(surface.position, direction)))
+    }
+}
