@@ -47,9 +47,12 @@ pub(crate) struct RenderArgs {
     /// How light is computed
     #[arg(long, value_enum)]
     mode: Mode,
-    /// Samples per pixel of 1-bounce and path, at least 1
+    /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of a pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
+    /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are divided among them
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    antialias: u32,
     /// Most bounces of a path, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     bounces: u32,
@@ -106,7 +109,9 @@ struct Options<'a> {
     scene: &'a Path,
     cameras: &'a Path,
     views: &'a [String],
+    /// Samples are counted for each camera ray.
     integrator: Integrator,
+    rays_per_axis: u32,
     light: LightOptions,
     aov: &'a [Aov],
 }
@@ -128,6 +133,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
             cameras: &args.cameras,
             views: &args.views,
             integrator,
+            rays_per_axis: args.antialias,
             light,
             aov: &args.aov,
         },
@@ -157,7 +163,10 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     reporter.begin("rendering", "views", 0, total);
     for (done, frame) in (1..).zip(&frames) {
         let started = Instant::now();
-        let rendered = scene.render(&frame.camera, &integrator, &light)?;
+        let camera = frame.camera.magnified(args.antialias);
+        let rendered = scene
+            .render(&camera, &integrator, &light)?
+            .averaged(args.antialias);
         write_view(args, frame, &rendered)?;
         let seconds = started.elapsed().as_secs_f64();
         builder.took(&format!("views/{}", frame.name), seconds);
@@ -189,13 +198,12 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
 }
 
 fn integrator(args: &RenderArgs) -> Integrator {
+    let num_samples = args.spp.div_ceil(args.antialias.pow(2));
     match args.mode {
         Mode::ZeroBounce => Integrator::ZeroBounce,
-        Mode::OneBounce => Integrator::OneBounce {
-            num_samples: args.spp,
-        },
+        Mode::OneBounce => Integrator::OneBounce { num_samples },
         Mode::Path => Integrator::Path {
-            num_samples: args.spp,
+            num_samples,
             max_bounces: args.bounces,
             roulette_from: args.russian_roulette,
         },

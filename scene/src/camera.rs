@@ -51,6 +51,20 @@ impl Camera {
         self.width as usize * self.height as usize
     }
 
+    /// The same picture with `factor` times as many pixels along each axis.
+    pub fn magnified(&self, factor: u32) -> Self {
+        let by = f64::from(factor);
+        Self {
+            width: self.width * factor,
+            height: self.height * factor,
+            fx: self.fx * by,
+            fy: self.fy * by,
+            cx: self.cx * by,
+            cy: self.cy * by,
+            ..*self
+        }
+    }
+
     /// Centre of projection, world space.
     pub fn origin(&self) -> Vec3 {
         self.world_from_camera.translation.as_vec3()

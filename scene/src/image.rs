@@ -82,6 +82,25 @@ impl<const C: usize> Image<C> {
         }
     }
 
+    /// Means over squares of `factor` × `factor` pixels, of which the image has a whole number.
+    ///
+    /// # Panics
+    /// If `factor` is 0.
+    pub fn averaged(&self, factor: u32) -> Self {
+        let (width, height) = (self.width / factor, self.height / factor);
+        let share = 1.0 / (factor * factor) as f32;
+        let mut averaged = Self::filled(width, height, [0.0; C]);
+        for y in 0..height * factor {
+            for x in 0..width * factor {
+                let mean = &mut averaged.pixels[(y / factor * width + x / factor) as usize];
+                for (mean, value) in mean.iter_mut().zip(self.get(x, y)) {
+                    *mean += share * value;
+                }
+            }
+        }
+        averaged
+    }
+
     /// Bytes held by the pixels.
     pub fn num_bytes(&self) -> usize {
         size_of_val(self.pixels.as_slice())

@@ -26,6 +26,16 @@ pub struct RenderedView {
     pub sums: SumImage,
 }
 
+impl RenderedView {
+    /// Means over squares of `factor` × `factor` pixels, of which the view has a whole number.
+    pub fn averaged(&self, factor: u32) -> Self {
+        Self {
+            radiance: self.radiance.averaged(factor),
+            sums: self.sums.averaged(factor),
+        }
+    }
+}
+
 /// A scene that lives on a device and can be looked at.
 ///
 /// Gaussians go to the device with [`Tracer::update`] and stay there; calls move only what they return. Everything above

@@ -2,6 +2,7 @@
 
 use eagpt_scene::Image;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Number of lanes of [`Sums`].
 pub const NUM_LANES: usize = 16;
@@ -112,6 +113,34 @@ impl Sums {
     }
 }
 
+impl Sums {
+    /// The mean of several rays' sums, as of one ray that met all their hits.
+    fn mean<'a>(rays: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let first = rays
+            .clone()
+            .filter(|ray| ray.alpha() > 0.0)
+            .map(|ray| ray.0[lane::FIRST])
+            .fold(f32::INFINITY, f32::min);
+        let mut total = Self::default();
+        let mut num = 0.0;
+        for ray in rays {
+            num += 1.0;
+            for (sum, value) in total.0.iter_mut().zip(ray.0) {
+                *sum += value;
+            }
+            if ray.alpha() > 0.0 {
+                // Moves the second moment from the ray's first hit to the first of all: Σ w (t − f)² with f = f' + d.
+                let d = ray.0[lane::FIRST] - first;
+                let about_first = ray.0[lane::DISTANCE] - ray.0[lane::FIRST] * ray.alpha();
+                total.0[lane::SPREAD] += d * (2.0 * about_first + d * ray.alpha());
+            }
+        }
+        total.0.iter_mut().for_each(|sum| *sum /= num);
+        total.0[lane::FIRST] = if first.is_finite() { first } else { 0.0 };
+        total
+    }
+}
+
 /// [`Sums`] for every pixel of a camera, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SumImage {
@@ -130,8 +159,78 @@ impl SumImage {
             .expect("the number of sums is the number of pixels")
     }
 
+    /// Means over squares of `factor` × `factor` pixels, of which the image has a whole number.
+    pub fn averaged(&self, factor: u32) -> Self {
+        if factor == 1 {
+            return self.clone();
+        }
+        let (width, height) = (self.width / factor, self.height / factor);
+        let mean = |i: usize| {
+            let (x, y) = (i as u32 % width * factor, i as u32 / width * factor);
+            let square = (y..y + factor).flat_map(|y| {
+                let start = (y * self.width + x) as usize;
+                &self.pixels[start..start + factor as usize]
+            });
+            Sums::mean(square)
+        };
+        Self {
+            width,
+            height,
+            pixels: (0..(width * height) as usize)
+                .into_par_iter()
+                .with_min_len(1024)
+                .map(mean)
+                .collect(),
+        }
+    }
+
     /// Radiance R of every pixel.
     pub fn radiance(&self) -> Image<3> {
         self.extract(|sums| sums.radiance().to_array())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::blend::Blender;
+    use crate::surfel::Payload;
+
+    /// The mean of rays has the moments of all their hits together.
+    #[test]
+    fn the_mean_of_rays_keeps_their_moments() {
+        let ray = |hits: &[(f32, f32)]| {
+            let mut blender = Blender::default();
+            for &(t, alpha) in hits {
+                let mut payload = Payload([0.0; NUM_LANES]);
+                payload.0[lane::ALPHA] = 1.0;
+                blender.offer(t, alpha, &payload, [0.0, 0.0, 1.0]);
+            }
+            blender.finish()
+        };
+        let rays = [ray(&[(2.0, 0.5), (3.0, 0.8)]), ray(&[(5.0, 0.4)]), ray(&[])];
+        // Weights: 0.5 at 2, 0.4 at 3, 0.4 at 5.
+        let mean = (0.5 * 2.0 + 0.4 * 3.0 + 0.4 * 5.0) / 1.3_f32;
+        let square = (0.5 * 4.0 + 0.4 * 9.0 + 0.4 * 25.0) / 1.3_f32;
+        let image = SumImage {
+            width: 2,
+            height: 2,
+            pixels: vec![rays[0], rays[1], rays[2], rays[2]],
+        };
+        let averaged = image.averaged(2).pixels[0];
+        assert!((averaged.alpha() - 1.3 / 4.0).abs() < 1e-6);
+        assert!((averaged.mean_distance() - mean).abs() < 1e-5);
+        assert!((averaged.distance_deviation() - (square - mean * mean).sqrt()).abs() < 1e-5);
+        assert_eq!(image.averaged(1), image);
+        assert_eq!(
+            SumImage {
+                width: 2,
+                height: 2,
+                pixels: vec![rays[2]; 4]
+            }
+            .averaged(2)
+            .pixels[0],
+            rays[2]
+        );
     }
 }

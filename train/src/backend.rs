@@ -43,6 +43,8 @@ pub struct RadianceStep<'a> {
     pub weights: &'a LossWeights,
     /// Whether the normal terms take part yet.
     pub normals: NormalTerms,
+    /// Rays along each axis of a pixel, at least 1; the loss sees their mean.
+    pub rays_per_axis: u32,
     /// Step sizes.
     pub sizes: StepSizes,
 }
@@ -255,6 +257,21 @@ fn gather_pixels(
         .collect()
 }
 
+/// Gradient of every ray's sums, given those of the means over `factor` × `factor` rays; `width` is that of the means.
+fn adjoint_of_mean(d_means: &[Sums], width: u32, factor: u32) -> Vec<Sums> {
+    let share = 1.0 / (factor * factor) as f32;
+    let (factor, width) = (factor as usize, width as usize);
+    let fine_width = width * factor;
+    (0..d_means.len() * factor * factor)
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|i| {
+            let (x, y) = (i % fine_width / factor, i / fine_width / factor);
+            Sums(d_means[y * width + x].0.map(|d| d * share))
+        })
+        .collect()
+}
+
 /// The albedo that the released code of EAG-PT starts from.
 fn reference_albedo(radiance: Vec3) -> Vec3 {
     radiance
@@ -273,10 +290,13 @@ impl Backend for CpuBackend {
         step: &RadianceStep<'_>,
     ) -> Result<StepOutcome> {
         let target = self.target(view);
-        let (sums, record) =
-            camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
+        let factor = step.rays_per_axis;
+        let camera = view.view.camera.magnified(factor);
+        let (sums, record) = camera::trace(&self.set, &camera, HitSearch::Tiles, Keep::Record);
+        let sums = sums.averaged(factor);
         let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
-        Ok(self.update(&record, &d_sums, &step.sizes, terms))
+        let d_rays = adjoint_of_mean(&d_sums, sums.width, factor);
+        Ok(self.update(&record, &d_rays, &step.sizes, terms))
     }
 
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {

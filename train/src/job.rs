@@ -333,6 +333,11 @@ impl Run<'_> {
                     &RadianceStep {
                         weights: &stage.weights,
                         normals,
+                        rays_per_axis: if progress < stage.antialias_from {
+                            1
+                        } else {
+                            2
+                        },
                         sizes,
                     },
                 )?

@@ -72,6 +72,10 @@ impl TrainOptions {
         at_least_one("num_gaussians", self.num_gaussians.unwrap_or(1) as u64)?;
         at_least_one("radiance.iterations", self.radiance.iterations.into())?;
         share("radiance.normals_from", self.radiance.normals_from.into())?;
+        share(
+            "radiance.antialias_from",
+            self.radiance.antialias_from.into(),
+        )?;
         let rates = &self.radiance.rates;
         for (field, value) in [
             ("position", rates.position),

@@ -68,6 +68,7 @@ impl TrainOptions {
             radiance: RadianceOptions {
                 iterations,
                 normals_from: 0.1,
+                antialias_from: if preset == Preset::Fast { 0.85 } else { 1.0 },
                 rates,
                 weights,
                 densify: DensifyOptions {
