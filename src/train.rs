@@ -49,13 +49,13 @@ pub(crate) struct TrainArgs {
     /// Defaults to start from [default: that of the --config file, else fast]
     #[arg(long, value_enum)]
     preset: Option<PresetArg>,
-    /// Iterations of stage 0, one view each [default: 800 draft, 5000 fast, 30000 paper]
+    /// Iterations of stage 0, one view each [default: 800 draft, 5800 fast, 30000 paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     iterations: Option<u32>,
-    /// Iterations of stage 1, one view each [default: 150 draft, 400 fast and paper]
+    /// Iterations of stage 1, one view each [default: 150 draft, 336 fast, 400 paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     albedo_iterations: Option<u32>,
-    /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1 (draft, paper), 2.5 (fast)]
+    /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1 (draft, paper), 2 (fast)]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     gaussians: Option<u64>,
     /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]

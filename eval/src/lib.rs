@@ -28,7 +28,7 @@ pub use encode::{pq_encoded, srgb_clipped};
 pub use error::{EvalError, Result};
 pub use flip::{FlipHdr, FlipLdr, FlipOptions, FlipParameters, ToneMapper, flip_hdr, flip_ldr};
 pub use job::{EvalOptions, EvalProgress, Evaluation, ViewMetrics, evaluate};
-pub use metrics::{METRICS, Metric};
+pub use metrics::{METRICS, MeanOf, Metric};
 pub use pair::{Comparison, ImageMetrics, compare};
 pub use psnr::{psnr, psnr_linear, psnr_pq, psnr_srgb};
 pub use ssim::{SsimGradient, ssim, ssim_srgb, ssim_with_gradient};

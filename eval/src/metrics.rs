@@ -1,6 +1,7 @@
 //! The table of all metrics: one row says everything that outputs need to know of a metric.
 
 use crate::job::ViewMetrics;
+use crate::scene_metrics::Overlap;
 
 /// Which values of a metric are good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -9,6 +10,15 @@ pub enum Better {
     Higher,
     /// Smaller ones.
     Lower,
+}
+
+/// What the mean of a metric is taken over.
+#[derive(Debug, Clone, Copy)]
+pub enum MeanOf {
+    /// The values of the views that have one.
+    Views,
+    /// The pixels of all views together.
+    Pixels(fn(&[ViewMetrics]) -> Option<f64>),
 }
 
 /// One metric of a view.
@@ -24,6 +34,8 @@ pub struct Metric {
     pub num_decimals: usize,
     /// What is measured, for whoever reads only the output.
     pub definition: &'static str,
+    /// What the mean is taken over.
+    pub mean: MeanOf,
     /// The value of a view; `None` if it could not be measured.
     pub of: fn(&ViewMetrics) -> Option<f64>,
 }
@@ -36,6 +48,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Higher,
         num_decimals: 2,
         definition: "mean over R, G, B of each channel's dB; sRGB clipped to [0, 1], peak 1; null if infinite",
+        mean: MeanOf::Views,
         of: |view| Some(view.image.psnr_srgb_db),
     },
     Metric {
@@ -44,6 +57,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Higher,
         num_decimals: 2,
         definition: "as psnr_srgb_db in linear Rec.709, not clipped, peak 1",
+        mean: MeanOf::Views,
         of: |view| Some(view.image.psnr_linear_db),
     },
     Metric {
@@ -52,6 +66,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Higher,
         num_decimals: 2,
         definition: "as psnr_srgb_db in PQ (SMPTE ST 2084, linear 1.0 = 100 nit), not clipped, peak 1",
+        mean: MeanOf::Views,
         of: |view| Some(view.image.psnr_pq_db),
     },
     Metric {
@@ -60,6 +75,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Higher,
         num_decimals: 4,
         definition: "11x11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2; sRGB clipped to [0, 1]; mean over pixels and channels",
+        mean: MeanOf::Views,
         of: |view| Some(view.image.ssim_srgb),
     },
     Metric {
@@ -68,6 +84,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Lower,
         num_decimals: 4,
         definition: "mean HDR-FLIP (as flip-evaluator 1.7) of linear Rec.709 with flip_hdr_parameters; exposures from the reference unless given",
+        mean: MeanOf::Views,
         of: |view| Some(view.image.flip_hdr),
     },
     Metric {
@@ -76,6 +93,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Lower,
         num_decimals: 4,
         definition: "mean LDR-FLIP (as flip-evaluator 1.7) of sRGB clipped to [0, 1], at the ppd of flip_hdr_parameters",
+        mean: MeanOf::Views,
         of: |view| Some(view.image.flip_ldr_srgb),
     },
     Metric {
@@ -84,6 +102,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Higher,
         num_decimals: 2,
         definition: "as psnr_srgb_db of diffuse albedo, over pixels with reference emission of at most 0.1",
+        mean: MeanOf::Views,
         of: |view| view.scene.albedo_psnr_srgb_db,
     },
     Metric {
@@ -92,6 +111,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Higher,
         num_decimals: 2,
         definition: "as albedo_psnr_srgb_db after one factor for each view, fitted by least squares in linear over the same pixels",
+        mean: MeanOf::Views,
         of: |view| view.scene.albedo_psnr_scaled_db,
     },
     Metric {
@@ -100,6 +120,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Lower,
         num_decimals: 2,
         definition: "mean angle between world-space normals in degrees, over pixels where both are not zero",
+        mean: MeanOf::Views,
         of: |view| view.scene.normal_mean_deg,
     },
     Metric {
@@ -108,6 +129,7 @@ pub static METRICS: [Metric; 11] = [
         better: Better::Lower,
         num_decimals: 4,
         definition: "mean absolute error of depth along the optical axis in scene units, over pixels with reference depth above 0 and finite",
+        mean: MeanOf::Views,
         of: |view| view.scene.depth_mae,
     },
     Metric {
@@ -115,7 +137,11 @@ pub static METRICS: [Metric; 11] = [
         heading: "Emission IoU",
         better: Better::Higher,
         num_decimals: 4,
-        definition: "intersection over union of pixels with emission above 0.5; views where neither image has one are left out of the mean",
+        definition: "intersection over union of pixels with emission above 0.5; the mean is that of the pixels of all views together, so that a few pixels of a distant lamp have the weight of a few pixels",
+        mean: MeanOf::Pixels(|views| {
+            let overlaps = views.iter().filter_map(|view| view.scene.emission_overlap);
+            Overlap::total(overlaps).iou()
+        }),
         of: |view| view.scene.emission_iou,
     },
 ];

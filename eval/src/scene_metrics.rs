@@ -5,10 +5,11 @@
 use crate::encode::assert_comparable;
 use crate::psnr::mean_db;
 use eagpt_scene::{Image, color::srgb_from_linear};
+use serde::{Deserialize, Serialize};
 
 /// A reference emission above this marks an emitter, whose albedo means nothing (τ_E of EAG-PT).
 pub const EMITTER_THRESHOLD: f32 = 0.1;
-/// Emission above this is an emitter for [`emission_iou`]: the middle of a mask's range.
+/// Emission above this is an emitter for [`emission_overlap`]: the middle of a mask's range.
 pub const IOU_THRESHOLD: f32 = 0.5;
 
 /// Closeness of diffuse albedos.
@@ -116,20 +117,44 @@ pub fn depth_mae(reference: &Image<1>, test: &Image<1>) -> Option<f64> {
     mean(errors)
 }
 
-/// Intersection over union of the pixels above [`IOU_THRESHOLD`]; `None` where neither image has one, so that views
-/// without emitters do not count as perfect in a mean over views.
+/// How two sets of pixels overlap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Overlap {
+    /// Pixels in both.
+    pub num_both: u64,
+    /// Pixels in one or both.
+    pub num_either: u64,
+}
+
+impl Overlap {
+    /// Intersection over union; `None` where both sets are empty.
+    pub fn iou(&self) -> Option<f64> {
+        (self.num_either > 0).then(|| self.num_both as f64 / self.num_either as f64)
+    }
+
+    /// The overlap in several images together.
+    pub fn total(images: impl Iterator<Item = Self>) -> Self {
+        images.fold(Self::default(), |sum, image| Self {
+            num_both: sum.num_both + image.num_both,
+            num_either: sum.num_either + image.num_either,
+        })
+    }
+}
+
+/// The overlap of the pixels above [`IOU_THRESHOLD`].
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
-pub fn emission_iou(reference: &Image<1>, test: &Image<1>) -> Option<f64> {
+pub fn emission_overlap(reference: &Image<1>, test: &Image<1>) -> Overlap {
     assert_comparable(reference, test);
-    let (mut num_both, mut num_either) = (0_u64, 0_u64);
-    for (r, t) in reference.values().iter().zip(test.values()) {
+    let pairs = reference.values().iter().zip(test.values());
+    Overlap::total(pairs.map(|(r, t)| {
         let (r, t) = (*r > IOU_THRESHOLD, *t > IOU_THRESHOLD);
-        num_both += u64::from(r && t);
-        num_either += u64::from(r || t);
-    }
-    (num_either > 0).then(|| num_both as f64 / num_either as f64)
+        Overlap {
+            num_both: u64::from(r && t),
+            num_either: u64::from(r || t),
+        }
+    }))
 }
 
 /// Mean in the order given; `None` of nothing.
@@ -204,8 +229,9 @@ mod tests {
     fn emitters_overlap_by_a_third() {
         let reference = single(&[1.0, 0.9, 0.5, 0.0]);
         let test = single(&[0.6, 0.2, 0.7, 0.5]);
-        assert_eq!(emission_iou(&reference, &test), Some(1.0 / 3.0));
-        assert_eq!(emission_iou(&single(&[0.0]), &single(&[0.5])), None);
-        assert_eq!(emission_iou(&single(&[0.0]), &single(&[0.51])), Some(0.0));
+        let iou = |a: &Image<1>, b: &Image<1>| emission_overlap(a, b).iou();
+        assert_eq!(iou(&reference, &test), Some(1.0 / 3.0));
+        assert_eq!(iou(&single(&[0.0]), &single(&[0.5])), None);
+        assert_eq!(iou(&single(&[0.0]), &single(&[0.51])), Some(0.0));
     }
 }

@@ -316,7 +316,12 @@ impl Backend for CpuBackend {
         let shown = pq_image(&sums.radiance());
         let contributions = record.contributions(|pixel| {
             let (a, b) = (shown.pixels()[pixel], target.pixels()[pixel]);
-            (0..3).map(|c| (a[c] - b[c]).abs()).sum()
+            let color: f32 = (0..3).map(|c| (a[c] - b[c]).abs()).sum();
+            let mask = view.view.emission.as_ref();
+            let emission = mask.map_or(0.0, |mask| {
+                (sums.pixels[pixel].emission() - mask.pixels()[pixel][0]).abs()
+            });
+            color + emission
         });
         self.attribution
             .get_or_insert_with(|| Attribution::new(self.state.len()))
@@ -373,5 +378,29 @@ impl Backend for CpuBackend {
 
     fn state(&self) -> Result<ParameterState> {
         Ok(self.state.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ⟨d, mean(x)⟩ = ⟨adjoint(d), x⟩, which defines the adjoint of a linear map.
+    #[test]
+    fn adjoint_of_the_mean_is_its_transpose() {
+        let value = |i: usize| Sums([((i * 37 + 11) % 101) as f32 / 101.0; 16]);
+        let (width, height, factor) = (3, 2, 2);
+        let rays = SumImage {
+            width: width * factor,
+            height: height * factor,
+            pixels: (0..24).map(value).collect(),
+        };
+        let d_means: Vec<Sums> = (0..6).map(|i| value(i + 50)).collect();
+        // The lanes of first hit and spread are not means, and have no gradient.
+        let dot =
+            |a: &[Sums], b: &[Sums]| -> f32 { a.iter().zip(b).map(|(a, b)| a.0[3] * b.0[3]).sum() };
+        let forward = dot(&d_means, &rays.averaged(factor).pixels);
+        let backward = dot(&adjoint_of_mean(&d_means, width, factor), &rays.pixels);
+        assert!((forward - backward).abs() < 1e-5, "{forward} {backward}");
     }
 }

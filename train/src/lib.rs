@@ -4,6 +4,7 @@
 //! - [`init`]: starting Gaussians from a coloured point cloud and the training views.
 //! - [`params`]: raw parameters, their activations, the chain rule back to them, and Adam.
 //! - [`loss`]: the losses and their gradients with respect to the blended sums of each pixel.
+//! - [`densify`]: which Gaussians are split, and which are used up for it.
 //! - [`backend`]: one training step on a device; the seam for other devices.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.

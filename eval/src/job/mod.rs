@@ -20,10 +20,12 @@ mod tests;
 
 use crate::error::{EvalError, Result};
 use crate::flip::{FlipOptions, magma_rgb8};
-use crate::metrics::{METRICS, Metric};
+use crate::metrics::{METRICS, MeanOf, Metric};
 use crate::pair::{ImageMetrics, compare, decibels};
 use crate::report;
-use crate::scene_metrics::{albedo_psnr, depth_mae, emission_iou, mean, normal_mean_deg};
+use crate::scene_metrics::{
+    Overlap, albedo_psnr, depth_mae, emission_overlap, mean, normal_mean_deg,
+};
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::{Dataset, View, files, png};
 use renders::Renders;
@@ -122,7 +124,10 @@ pub struct SceneMetrics {
     /// See [`depth_mae`].
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub depth_mae: Option<f64>,
-    /// See [`emission_iou`].
+    /// See [`emission_overlap`]; kept because the views' overlaps make up that of all pixels.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub emission_overlap: Option<Overlap>,
+    /// See [`Overlap::iou`].
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub emission_iou: Option<f64>,
 }
@@ -140,7 +145,7 @@ pub struct ViewMetrics {
     pub scene: SceneMetrics,
 }
 
-/// Mean of a metric over the views that have it.
+/// Mean of a metric over the views that have it, or over their pixels: see [`MeanOf`].
 #[derive(Debug, Clone, Copy)]
 pub struct Mean {
     /// The metric.
@@ -271,7 +276,9 @@ fn evaluate_channels(view: &View, renders: &Renders) -> Result<SceneMetrics> {
     if let Some(reference) = &view.emission
         && let Some(test) = renders.emission(&view.name)?
     {
-        found.emission_iou = emission_iou(reference, &test);
+        let overlap = emission_overlap(reference, &test);
+        found.emission_iou = overlap.iou();
+        found.emission_overlap = overlap.iou().map(|_| overlap);
     }
     Ok(found)
 }
@@ -283,7 +290,10 @@ fn means(views: &[ViewMetrics]) -> Vec<Mean> {
             let values = || views.iter().filter_map(metric.of);
             Some(Mean {
                 metric,
-                value: mean(values())?,
+                value: match metric.mean {
+                    MeanOf::Views => mean(values())?,
+                    MeanOf::Pixels(pooled) => pooled(views)?,
+                },
                 num_views: values().count(),
             })
         })
