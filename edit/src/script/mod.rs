@@ -5,9 +5,6 @@ mod reader;
 mod selectors;
 mod sources;
 
-#[cfg(test)]
-mod tests;
-
 pub use reader::Origin;
 
 use crate::act::Action;
