@@ -73,20 +73,26 @@ pub struct Material {
 }
 
 impl Surface {
-    /// Number of discs, without making them; as a float, for it may be absurd.
-    pub fn estimated_discs(&self) -> f32 {
-        self.spacing
-            .map_or(DEFAULT_NUM_DISCS, |spacing| self.area() / spacing.powi(2))
+    /// Number of discs, without making them; in double precision, for it may be absurd.
+    pub fn num_discs(&self) -> f64 {
+        let spacing = self.spacing();
+        let quad = |edges| {
+            let [across, up] = rows(edges, spacing);
+            across.num as f64 * up.num as f64
+        };
+        match self.solid {
+            Solid::Ball { .. } => self.num_ball_discs() as f64,
+            Solid::Quad { edges, .. } => quad(edges),
+            Solid::Box { size, .. } => faces(size).map(|(edges, _)| quad(edges)).iter().sum(),
+        }
     }
 
     /// The discs, in a fixed order.
     pub fn discs(&self) -> Gaussians {
-        let spacing = self
-            .spacing
-            .unwrap_or_else(|| (self.area() / DEFAULT_NUM_DISCS).sqrt());
+        let spacing = self.spacing();
         let mut discs = Vec::new();
         match self.solid {
-            Solid::Ball { centre, radius } => self.cover_ball(centre, radius, spacing, &mut discs),
+            Solid::Ball { centre, radius } => self.cover_ball(centre, radius, &mut discs),
             Solid::Quad { centre, edges } => self.cover_quad(centre, edges, spacing, &mut discs),
             Solid::Box {
                 centre,
@@ -103,6 +109,16 @@ impl Surface {
         discs.into_iter().collect()
     }
 
+    fn spacing(&self) -> f32 {
+        self.spacing
+            .unwrap_or_else(|| (self.area() / DEFAULT_NUM_DISCS).sqrt())
+    }
+
+    fn num_ball_discs(&self) -> usize {
+        let num = self.area() / self.spacing().powi(2);
+        (num.round() as usize).max(MIN_BALL_DISCS)
+    }
+
     fn area(&self) -> f32 {
         match self.solid {
             Solid::Ball { radius, .. } => 4.0 * PI * radius * radius,
@@ -112,8 +128,8 @@ impl Surface {
     }
 
     /// Points of a golden spiral have nearly equal distances: each stands for the same area.
-    fn cover_ball(&self, centre: Vec3, radius: f32, spacing: f32, discs: &mut Vec<Gaussian>) {
-        let num = ((self.area() / spacing.powi(2)).round() as usize).max(MIN_BALL_DISCS);
+    fn cover_ball(&self, centre: Vec3, radius: f32, discs: &mut Vec<Gaussian>) {
+        let num = self.num_ball_discs();
         let spacing_in_radii2 = 4.0 * PI / num as f32;
         let radius = radius / (1.0 + BALL_EXCESS * spacing_in_radii2);
         let spacing = radius * spacing_in_radii2.sqrt();
@@ -136,10 +152,7 @@ impl Surface {
         let x_axis = u.normalize();
         let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
         let rotation = Quat::from_mat3(&frame).normalize();
-        // Rows of a slanted parallelogram are nearer to each other than its edge is long.
-        let height = u.cross(v).length() / u.length();
-        let across = Row::new(u.length(), spacing);
-        let up = Row::new(height, spacing);
+        let [across, up] = rows([u, v], spacing);
         let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
         for j in 0..up.num {
             for i in 0..across.num {
@@ -160,6 +173,13 @@ impl Surface {
             albedo: self.material.albedo,
         }
     }
+}
+
+/// The rows of discs on a parallelogram.
+fn rows([u, v]: [Vec3; 2], spacing: f32) -> [Row; 2] {
+    // Rows of a slanted one are nearer to each other than its edge is long.
+    let height = u.cross(v).length() / u.length();
+    [u.length(), height].map(|length| Row::new(length, spacing))
 }
 
 /// Discs along an edge.

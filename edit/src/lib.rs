@@ -65,7 +65,7 @@
 //!
 //! A step that finds nothing is an error unless it says `allow_empty = true`. With `trim = "shrink"` or `"drop"`, discs that
 //! cross the boundary of the selection's regions are made smaller or removed before the actions: of those that stay, if the selection is
-//! removed, else of the selected.
+//! removed, else of the selected; of a copy and an import, only those of the copy.
 
 pub mod act;
 pub mod cluster;

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::place::{Goal, Placement};
 use crate::script::{Script, Source, Step};
 use crate::select::{Groups, Scope, Selector};
-use crate::trim::{self, Side, Trimmed};
+use crate::trim::{Cuts, Side};
 use eagpt_scene::{Gaussian, Gaussians};
 use glam::Vec3;
 use serde::Serialize;
@@ -120,14 +120,11 @@ impl State<'_> {
     }
 
     fn step(&mut self, index: usize, step: &Step) -> Result<StepReport> {
-        let (source, origin) = match &step.source {
-            Source::Select { selector, origin } => {
-                self.selected = self.scope(&self.gaussians).prepare(selector).mask();
-                ("select", origin)
-            }
+        let (source, origin, found) = match &step.source {
+            Source::Select { selector, origin } => ("select", origin, self.select(step, selector)),
             Source::Insert { surface, origin } => {
                 self.append(&surface.discs());
-                ("insert", origin)
+                ("insert", origin, Found::in_scene(&self.selected))
             }
             Source::Import {
                 asset,
@@ -136,39 +133,42 @@ impl State<'_> {
                 origin,
             } => {
                 let asset = &self.script.assets[*asset].gaussians;
-                // Groups are of this scene; the script's reader keeps them out of an import.
-                let mask = self.scope(asset).prepare(selector).mask();
-                let chosen: Gaussians = pick(asset, &mask).collect();
-                self.append(&chosen);
-                self.place(placement);
-                ("import", origin)
+                (
+                    "import",
+                    origin,
+                    self.import(step, asset, selector, placement),
+                )
             }
         };
-        let num_selected = count(&self.selected);
-        if num_selected == 0 && !step.allow_empty {
+        if found.num == 0 && !step.allow_empty {
             return Err(origin.error(
                 &self.script.path,
                 "selects nothing; allow_empty = true in the step would allow it",
             ));
         }
-        let mut report = StepReport {
+        let bounds = bounds_of(&self.gaussians, &self.selected);
+        for (place, action) in step.actions.iter().enumerate() {
+            match action {
+                // The original stays as it is: only the copy is trimmed.
+                Action::Duplicate(placement) if place == 0 => {
+                    self.append(&found.cuts.pick(&self.gaussians, &self.selected));
+                    self.place(placement);
+                }
+                _ => self.act(action),
+            }
+        }
+        let report = StepReport {
             step: index,
             line: step.origin.line,
             title: step.title.clone(),
             source,
-            num_selected,
-            bounds: bounds_of(&self.gaussians, &self.selected),
-            bounds_after: None,
-            num_shrunk: 0,
-            num_dropped: 0,
-            num_gaussians: 0,
+            num_selected: found.num,
+            bounds,
+            bounds_after: bounds_of(&self.gaussians, &self.selected),
+            num_shrunk: found.cuts.shrunk.len(),
+            num_dropped: found.cuts.dropped.len(),
+            num_gaussians: self.gaussians.len(),
         };
-        self.trim(step, &mut report);
-        for action in &step.actions {
-            self.act(action);
-        }
-        report.bounds_after = bounds_of(&self.gaussians, &self.selected);
-        report.num_gaussians = self.gaussians.len();
         if let Some(name) = &step.group {
             let members = std::mem::take(&mut self.selected);
             self.groups.insert(name.clone(), members);
@@ -176,10 +176,58 @@ impl State<'_> {
         Ok(report)
     }
 
+    /// Selects, and trims what crosses the boundary: of a selection that goes away, what stays and reaches into it; of any other, what
+    /// is selected and reaches out of it.
+    fn select(&mut self, step: &Step, selector: &Selector) -> Found {
+        let prepared = self.scope(&self.gaussians).prepare(selector);
+        let selected = prepared.mask();
+        let num = count(&selected);
+        let cuts = step.trim.map_or_else(Cuts::default, |how| {
+            if step.actions.contains(&Action::Remove) {
+                let others = inverse(&selected);
+                Cuts::find(&prepared, &self.gaussians, &others, Side::Outside, how)
+            } else {
+                Cuts::find(&prepared, &self.gaussians, &selected, Side::Inside, how)
+            }
+        });
+        self.selected = selected;
+        if !matches!(step.actions.first(), Some(Action::Duplicate(_))) {
+            for (&index, smaller) in &cuts.shrunk {
+                act::set(&mut self.gaussians, index, smaller);
+            }
+            if !cuts.dropped.is_empty() {
+                let kept = (0..self.gaussians.len()).map(|i| !cuts.dropped.contains(&i));
+                self.keep(&kept.collect::<Vec<_>>());
+            }
+        }
+        Found { num, cuts }
+    }
+
+    fn import(
+        &mut self,
+        step: &Step,
+        asset: &Gaussians,
+        selector: &Selector,
+        placement: &Placement,
+    ) -> Found {
+        // Groups are of this scene; the script's reader keeps them out of an import.
+        let prepared = self.scope(asset).prepare(selector);
+        let mask = prepared.mask();
+        let cuts = step.trim.map_or_else(Cuts::default, |how| {
+            Cuts::find(&prepared, asset, &mask, Side::Inside, how)
+        });
+        self.append(&cuts.pick(asset, &mask));
+        self.place(placement);
+        Found {
+            num: count(&mask),
+            cuts,
+        }
+    }
+
     fn act(&mut self, action: &Action) {
         match action {
             Action::Remove => {
-                let kept: Vec<bool> = self.selected.iter().map(|selected| !selected).collect();
+                let kept = inverse(&self.selected);
                 self.keep(&kept);
             }
             Action::KeepOnly => self.keep(&self.selected.clone()),
@@ -243,38 +291,25 @@ impl State<'_> {
             *mask = flags.collect();
         }
     }
+}
 
-    /// Trims what crosses the boundary of the selection: of a selection that goes away, what stays and reaches into it; of any other,
-    /// what is selected and reaches out of it.
-    fn trim(&mut self, step: &Step, report: &mut StepReport) {
-        let (Some(how), Source::Select { selector, .. }) = (step.trim, &step.source) else {
-            return;
-        };
-        let (side, touched) = if step.actions.contains(&Action::Remove) {
-            (Side::Outside, false)
-        } else {
-            (Side::Inside, true)
-        };
-        let mut kept = vec![true; self.gaussians.len()];
-        let mut shrunk = Vec::new();
-        let prepared = self.scope(&self.gaussians).prepare(selector);
-        for index in (0..self.gaussians.len()).filter(|i| self.selected[*i] == touched) {
-            let g = self.gaussians.get(index);
-            match trim::trim(&prepared, index, &g, side, how) {
-                Trimmed::Kept => {}
-                Trimmed::Shrunk(smaller) => shrunk.push((index, smaller)),
-                Trimmed::Dropped => kept[index] = false,
-            }
-        }
-        report.num_shrunk = shrunk.len();
-        report.num_dropped = kept.len() - count(&kept);
-        for (index, smaller) in &shrunk {
-            act::set(&mut self.gaussians, *index, smaller);
-        }
-        if report.num_dropped > 0 {
-            self.keep(&kept);
+/// What a step found.
+struct Found {
+    num: usize,
+    cuts: Cuts,
+}
+
+impl Found {
+    fn in_scene(selected: &[bool]) -> Self {
+        Self {
+            num: count(selected),
+            cuts: Cuts::default(),
         }
     }
+}
+
+fn inverse(mask: &[bool]) -> Vec<bool> {
+    mask.iter().map(|flag| !flag).collect()
 }
 
 fn pick<'a>(gaussians: &'a Gaussians, mask: &'a [bool]) -> impl Iterator<Item = Gaussian> + 'a {

@@ -5,8 +5,9 @@
 //! deviations.
 
 use crate::select::Prepared;
-use eagpt_scene::Gaussian;
+use eagpt_scene::{Gaussian, Gaussians};
 use glam::{Mat3, Vec2, Vec3};
+use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::TAU;
 
 /// What happens to Gaussians that cross the boundary.
@@ -36,9 +37,53 @@ pub(crate) enum Side {
     Outside,
 }
 
+/// What trimming does to the Gaussians of a scene.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Cuts {
+    /// Gaussians that become smaller, by index, and what they become.
+    pub(crate) shrunk: BTreeMap<usize, Gaussian>,
+    /// Gaussians that have to go.
+    pub(crate) dropped: BTreeSet<usize>,
+}
+
+impl Cuts {
+    /// Trims the Gaussians that are flagged, all of which have their centres on `side`.
+    pub(crate) fn find(
+        prepared: &Prepared<'_>,
+        gaussians: &Gaussians,
+        flagged: &[bool],
+        side: Side,
+        how: Trim,
+    ) -> Self {
+        let mut cuts = Self::default();
+        for index in (0..gaussians.len()).filter(|i| flagged[*i]) {
+            match trim(prepared, index, &gaussians.get(index), side, how) {
+                Trimmed::Kept => {}
+                Trimmed::Shrunk(smaller) => {
+                    cuts.shrunk.insert(index, smaller);
+                }
+                Trimmed::Dropped => {
+                    cuts.dropped.insert(index);
+                }
+            }
+        }
+        cuts
+    }
+
+    /// The flagged Gaussians after trimming, in order.
+    pub(crate) fn pick(&self, gaussians: &Gaussians, flagged: &[bool]) -> Gaussians {
+        let left = (0..gaussians.len()).filter(|i| flagged[*i] && !self.dropped.contains(i));
+        let after = |i| match self.shrunk.get(&i) {
+            Some(smaller) => *smaller,
+            None => gaussians.get(i),
+        };
+        left.map(after).collect()
+    }
+}
+
 /// What became of a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Trimmed {
+enum Trimmed {
     /// It lies on one side.
     Kept,
     /// It was made smaller.
@@ -48,13 +93,7 @@ pub(crate) enum Trimmed {
 }
 
 /// Trims Gaussian `index`, whose centre is on the right side.
-pub(crate) fn trim(
-    prepared: &Prepared<'_>,
-    index: usize,
-    g: &Gaussian,
-    side: Side,
-    how: Trim,
-) -> Trimmed {
+fn trim(prepared: &Prepared<'_>, index: usize, g: &Gaussian, side: Side, how: Trim) -> Trimmed {
     let good = |point: Vec3| prepared.holds(index, point) == (side == Side::Inside);
     let frame = Mat3::from_quat(g.rotation);
     let axes = [frame.x_axis * g.scale.x, frame.y_axis * g.scale.y].map(|axis| axis * DISC_RADIUS);
@@ -68,8 +107,8 @@ pub(crate) fn trim(
     let mut centre = g.position;
     let mut shares = Vec2::ONE;
     for (axis, share) in axes.into_iter().zip(shares.as_mut()) {
-        let ahead = free_share(&good, centre, axis);
-        let behind = free_share(&good, centre, -axis);
+        let ahead = free_share(good, centre, axis);
+        let behind = free_share(good, centre, -axis);
         centre += axis * (0.5 * (ahead - behind));
         *share = 0.5 * (ahead + behind);
     }
@@ -116,7 +155,6 @@ mod tests {
     use crate::select::{Definitions, Groups, Scope, Selector};
     use crate::shape::Shape;
     use crate::testing::disc;
-    use eagpt_scene::Gaussians;
 
     /// Trims a round disc of 3σ = 3 at height 0, centred at `x`, with the half-space x ≤ 0.
     fn trimmed(x: f32, side: Side, how: Trim) -> Trimmed {

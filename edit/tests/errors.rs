@@ -257,6 +257,12 @@ fn every_complaint_names_line_key_and_value() {
             "4000000",
         ),
         (
+            "[[step]]\ninsert.quad = { centre = [0, 0, 0], u = [1e6, 0, 0], v = [0, 1e-6, 0], albedo = 1 }",
+            4,
+            "step[0].insert.quad",
+            "4000000",
+        ),
+        (
             "[[step]]\ninsert.quad = { centre = [0, 0, 0], u = [1, 0, 0], v = [2, 0, 0], albedo = 1 }",
             4,
             "step[0].insert.quad.v",

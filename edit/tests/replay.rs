@@ -245,8 +245,26 @@ fn trimming_acts_on_the_side_that_stays() {
         [0.0]
     );
     assert_eq!(xs(&plane("x", "", "remove").gaussians), [0.0, 1.0]);
-    // The disc at x = 1 is not selected and does not stick into what is kept from going: nothing to do for it.
+    // What goes with the rest is not trimmed first.
     assert_eq!(plane("x", shrink, "keep_only").steps[0].num_shrunk, 0);
+}
+
+#[test]
+fn a_trimmed_copy_leaves_the_original_whole() {
+    let select = "{ half_space = { point = [1.2, 0, 0], normal = \"-x\" } }";
+    let copied = Folder::new().edited(&format!(
+        "[[step]]\nselect = {select}\ntrim = \"shrink\"\nthen = [{{ duplicate = {{ move = [0, 0, 1] }} }}]"
+    ));
+    let imported = Folder::new().edited(&format!(
+        "[[step]]\nimport = {{ file = \"row.ply\", select = {select}, move = [0, 0, 1] }}\ntrim = \"shrink\""
+    ));
+    for edited in [copied, imported] {
+        let gaussians = &edited.gaussians;
+        assert_eq!(gaussians.iter().take(4).collect::<Gaussians>(), row());
+        assert_eq!(gaussians.get(4), disc(0.0, 0.0, 2.0));
+        assert!((gaussians.get(5).scale.x - 0.25 / 3.0).abs() < 0.005);
+        assert_eq!((gaussians.len(), edited.steps[0].num_shrunk), (6, 1));
+    }
 }
 
 #[test]

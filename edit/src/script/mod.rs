@@ -110,7 +110,7 @@ impl Script {
         })?;
         let text = Text { path, text };
         let value = text.parse()?;
-        Reader::default().script(text, Node::root(text, &value), &bytes)
+        Reader::default().script(text, &Node::root(text, &value), &bytes)
     }
 }
 
@@ -126,7 +126,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn script(mut self, text: Text<'_>, root: Node<'_>, bytes: &[u8]) -> Result<Script> {
+    fn script(mut self, text: Text<'_>, root: &Node<'_>, bytes: &[u8]) -> Result<Script> {
         let table = root.table(&["up", "selections", "step"])?;
         let up = match table.get("up") {
             Some(node) => node.string()?.parse().map_err(|e: String| node.error(e))?,
@@ -231,7 +231,11 @@ fn trim(node: &Node<'_>, source: &Source, selections: &Definitions) -> Result<Tr
     };
     let is_shape = |part: &Selector| matches!(part, Selector::Shape(_));
     match source {
-        Source::Select { selector, .. } if selector.mentions(selections, &is_shape) => Ok(trim),
+        Source::Select { selector, .. } | Source::Import { selector, .. }
+            if selector.mentions(selections, &is_shape) =>
+        {
+            Ok(trim)
+        }
         _ => Err(node.error(
             "there is no boundary to trim at: the selection has no box, sphere, half_space or cylinder",
         )),

@@ -1,6 +1,7 @@
 //! TOML values that know where they stand, so that every complaint names file, line and key.
 
 use crate::error::{EditError, Result};
+use eagpt_scene::dataset::UpAxis;
 use glam::{Quat, Vec3};
 use std::path::Path;
 use toml::Spanned;
@@ -222,9 +223,9 @@ impl<'a> Node<'a> {
     /// A unit vector: three numbers, or the name of an axis.
     pub(crate) fn direction(&self) -> Result<Vec3> {
         if let DeValue::String(name) = self.value.get_ref() {
-            let axis = name.parse::<eagpt_scene::dataset::UpAxis>();
-            return axis
-                .map(|axis| axis.vector())
+            return name
+                .parse()
+                .map(UpAxis::vector)
                 .map_err(|problem| self.error(problem));
         }
         let vector = self.vec3()?;

@@ -136,9 +136,10 @@ fn surface(node: &Node<'_>) -> Result<Surface> {
             None => None,
         },
     };
-    let num = surface.estimated_discs();
-    if !(num <= MAX_DISCS as f32) {
-        return Err(table.need("spacing")?.error(format!(
+    let num = surface.num_discs();
+    if num > MAX_DISCS as f64 {
+        let about = table.get("spacing").unwrap_or(table.node);
+        return Err(about.error(format!(
             "a surface of {num:.0} discs: more than {MAX_DISCS} are not made"
         )));
     }
