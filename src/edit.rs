@@ -7,7 +7,7 @@ use crate::record::{Input, Record, RecordBuilder};
 use crate::terminal;
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
-use eagpt_edit::replay::Bounds;
+use eagpt_edit::report::Bounds;
 use eagpt_edit::{Edited, Script, StepReport};
 use eagpt_scene::{files, ply};
 use serde::Serialize;

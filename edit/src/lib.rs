@@ -4,7 +4,7 @@
 //! - [`shape`], [`cluster`], [`select`]: which Gaussians.
 //! - [`place`], [`insert`], [`act`], [`trim`]: what is done to them.
 //! - [`script`]: scripts and their reader.
-//! - [`mod@replay`]: the loop over the steps.
+//! - [`mod@replay`], [`report`]: the loop over the steps, and what it tells.
 //!
 //! # The grammar
 //!
@@ -33,12 +33,14 @@
 //! | `sphere` | `{ centre, radius }` |
 //! | `half_space` | `{ point, normal }`: the side that the normal points to |
 //! | `cylinder` | `{ from, to, radius }` |
-//! | `emission`, `opacity`, `radiance`, `albedo`, `size` | `{ min, max }`, one or both; luminance of radiance and albedo, geometric mean of the two scales |
-//! | `cluster` | `{ seed, radius or reach, within }`: all that is reached from the seed point in steps of at most `radius` scene units, or `reach` sizes of the Gaussian the step starts from (3 if neither is given), over Gaussians of the selector `within` |
+//! | `emission`, `opacity`, `radiance`, `albedo`, `size` | `{ min, max }`, one or both |
+//! | `cluster` | `{ seed, radius or reach, within }` |
 //! | `all`, `any` | a list of selectors |
 //! | `not` | a selector |
 //!
-//! Regions ask for centres. Selections are looked up in the scene as it is when their step begins; a name given with `as`
+//! Of radiance and albedo the luminance counts, and the size is the geometric mean of the two scales. A cluster is all that is reached
+//! from the seed point in steps of at most `radius` scene units, or `reach` sizes of the Gaussian that the step starts from (3, if
+//! nothing is said), over Gaussians of the selector `within`. Regions ask for centres. Selections are looked up in the scene as it is when their step begins; a name given with `as`
 //! follows the Gaussians wherever they go.
 //!
 //! **A step** has one of `select`, `insert`, `import`, and a list `then` of actions, done in order:
@@ -65,7 +67,7 @@
 //!
 //! A step that finds nothing is an error unless it says `allow_empty = true`. With `trim = "shrink"` or `"drop"`, discs that
 //! cross the boundary of the selection's regions are made smaller or removed before the actions: of those that stay, if the selection is
-//! removed, else of the selected; of a copy and an import, only those of the copy.
+//! removed, else of the selected. Where a step imports, or begins with `duplicate`, only the copy is trimmed.
 
 pub mod act;
 pub mod cluster;
@@ -73,6 +75,7 @@ pub mod error;
 pub mod insert;
 pub mod place;
 pub mod replay;
+pub mod report;
 pub mod script;
 pub mod select;
 pub mod shape;
@@ -82,5 +85,6 @@ pub mod trim;
 mod testing;
 
 pub use error::{EditError, Result};
-pub use replay::{Edited, SelectionReport, StepReport, replay};
+pub use replay::{Edited, replay};
+pub use report::{SelectionReport, StepReport};
 pub use script::Script;

@@ -3,12 +3,12 @@
 use crate::act::{self, Action};
 use crate::error::Result;
 use crate::place::{Goal, Placement};
+use crate::report::{Bounds, SelectionReport, StepReport};
 use crate::script::{Script, Source, Step};
 use crate::select::{Groups, Scope, Selector};
 use crate::trim::{Cuts, Side};
 use eagpt_scene::{Gaussian, Gaussians};
 use glam::Vec3;
-use serde::Serialize;
 
 /// The result of a script.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,49 +22,11 @@ pub struct Edited {
     pub steps: Vec<StepReport>,
 }
 
-/// Bounds of centres, scene units: lowest and highest corner.
-pub type Bounds = [[f32; 3]; 2];
-
-/// What a named selection finds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SelectionReport {
-    /// Its name.
-    pub name: String,
-    /// Number of Gaussians.
-    pub num_selected: usize,
-    /// Where they are; `None` if there are none.
-    pub bounds: Option<Bounds>,
-}
-
-/// What a step did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct StepReport {
-    /// Number of the step, from 0 as in the script's keys.
-    pub step: usize,
-    /// Line of the script.
-    pub line: usize,
-    /// Its title, if it has one.
-    pub title: Option<String>,
-    /// "select", "insert" or "import".
-    pub source: &'static str,
-    /// Number of Gaussians that were selected, inserted or imported.
-    pub num_selected: usize,
-    /// Where they were before the actions; `None` if there were none.
-    pub bounds: Option<Bounds>,
-    /// Where what the step acted on was at its end; `None` if it is gone.
-    pub bounds_after: Option<Bounds>,
-    /// Number of Gaussians made smaller by trimming.
-    pub num_shrunk: usize,
-    /// Number of Gaussians removed by trimming.
-    pub num_dropped: usize,
-    /// Number of Gaussians of the scene after the step.
-    pub num_gaussians: usize,
-}
-
 /// Replays a script on a scene.
 ///
 /// # Errors
-/// [`crate::EditError::Script`] with file, line and key if a step selects nothing and does not allow it.
+/// [`crate::EditError::Script`] with file, line and key if a step selects nothing and does not allow it, or leaves nothing of the
+/// scene.
 pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
     let mut state = State {
         script,
@@ -169,6 +131,9 @@ impl State<'_> {
             num_dropped: found.cuts.dropped.len(),
             num_gaussians: self.gaussians.len(),
         };
+        if self.gaussians.is_empty() {
+            return Err(origin.error(&self.script.path, "leaves no Gaussian of the scene"));
+        }
         if let Some(name) = &step.group {
             let members = std::mem::take(&mut self.selected);
             self.groups.insert(name.clone(), members);

@@ -310,6 +310,12 @@ fn every_complaint_names_line_key_and_value() {
             "step[1].select",
             "selects nothing",
         ),
+        (
+            "[[step]]\nselect = \"everything\"\nthen = [\"remove\"]",
+            4,
+            "step[0].select",
+            "leaves no Gaussian",
+        ),
     ] {
         let message = match folder.replay(&format!("{HEAD}{step}")) {
             Ok(_) => panic!("accepted: {step}"),
@@ -338,4 +344,27 @@ fn a_script_that_is_no_text_or_not_there() {
         empty.contains("a.toml: line 1: (top level): `step` is missing"),
         "{empty}"
     );
+}
+
+#[test]
+fn deep_nesting_is_an_error_like_any_other() {
+    let folder = Folder::new();
+    let dotted = "not.".repeat(50_000);
+    let braces = format!("{}{}", "{ not = ".repeat(50_000), "}".repeat(50_000));
+    for text in [
+        format!("[[step]]\nselect.{dotted}emission.min = 0\nthen = [\"remove\"]"),
+        format!("[[step]]\nselect = {braces}\nthen = [\"remove\"]"),
+    ] {
+        let error = folder.read(&text).unwrap_err().to_string();
+        assert!(error.contains("a.toml: line "), "{error}");
+    }
+    let mut chain = String::from("[selections]\ns0 = \"everything\"\n");
+    for i in 1..2000 {
+        chain += &format!("s{i}.not = \"s{}\"\n", i - 1);
+    }
+    let error = folder.read(&format!(
+        "{chain}[[step]]\nselect = \"s1999\"\nthen = [\"remove\"]"
+    ));
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("more than 16 selections"), "{error}");
 }

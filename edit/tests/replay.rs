@@ -131,6 +131,14 @@ fn actions_on_light_and_material() {
 }
 
 #[test]
+fn every_spelling_of_a_number_counts() {
+    let then = "{ set_radiance = [1_0, 0x1F, +2_0.5e1] }, { scale_light = [1, 1.0, 1e-1] }";
+    let edited = step("{ emission = { min = 5e-1 } }", then).gaussians;
+    let error = edited.radiances[3] - Vec3::new(10.0, 31.0, 20.5);
+    assert!(error.length() < 1e-5, "{error}");
+}
+
+#[test]
 fn placements_turn_and_scale_the_gaussians_too() {
     // About the middle of the row, x = 1.5, by 90° about z.
     let edited = step(

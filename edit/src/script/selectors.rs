@@ -14,7 +14,7 @@ const EVERYTHING: &str = "everything";
 /// Sizes of a step of a cluster that says nothing else: neighbours on a surface are one or two sizes apart.
 const DEFAULT_REACH: f32 = 3.0;
 /// Most selections that refer to each other in a row.
-const MAX_DEPTH: usize = 64;
+const MAX_DEPTH: usize = 16;
 
 const KEYS: [&str; 13] = [
     "box",
