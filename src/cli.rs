@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{eval, export, render, train};
+use crate::{edit, eval, export, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -53,6 +53,7 @@ pub(crate) struct GlobalArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Train(train::TrainArgs),
+    Edit(edit::EditArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
@@ -67,6 +68,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
     }
     match cli.command {
         Command::Train(args) => train::run(&args, &cli.global),
+        Command::Edit(args) => edit::run(&args, &cli.global),
         Command::Render(args) => render::run(&args, &cli.global),
         Command::Eval(args) => eval::run(&args, &cli.global),
         Command::Export(args) => export::run(&args, &cli.global),

@@ -1,12 +1,13 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`train`], [`render`], [`mod@eval`], [`export`]: the commands.
+//! - [`train`], [`edit`], [`render`], [`mod@eval`], [`export`]: the commands.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders that results go to.
 
 mod cli;
+mod edit;
 mod eval;
 mod export;
 mod output;

@@ -133,8 +133,7 @@ impl RecordBuilder {
                 .skip(1)
                 .map(|argument| argument.to_string_lossy().into_owned())
                 .collect(),
-            // Through text: it holds the shortest form of a float, `to_value` would widen 0.7 to 0.699999988.
-            options: serde_json::from_str(&serde_json::to_string(options)?)?,
+            options: json(options)?,
             seed: None,
             device: None,
             threads: rayon::current_num_threads(),
@@ -153,6 +152,15 @@ impl RecordBuilder {
         })
     }
 
+    /// Replaces the effective options, where some of them are known only later.
+    ///
+    /// # Errors
+    /// If they cannot be put into JSON.
+    pub(crate) fn set_options(&mut self, options: &impl Serialize) -> Result<()> {
+        self.record.options = json(options)?;
+        Ok(())
+    }
+
     /// Notes how long a part took.
     pub(crate) fn took(&mut self, part: &str, seconds: f64) {
         self.record
@@ -164,15 +172,29 @@ impl RecordBuilder {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn write(mut self, dir: &Path) -> Result<PathBuf> {
-        self.took("total", self.started.elapsed().as_secs_f64());
-        self.record.peak_memory_mib = peak_memory_mib();
+    pub(crate) fn write(self, dir: &Path) -> Result<PathBuf> {
         let path = dir.join(FILE_NAME);
-        let mut text = serde_json::to_string_pretty(&self.record)?;
-        text.push('\n');
-        files::write_bytes_atomic(&path, text.as_bytes())?;
+        self.write_to(&path)?;
         Ok(path)
     }
+
+    /// Writes the record to `path`, for results that are a file and not a folder; atomic.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn write_to(mut self, path: &Path) -> Result<()> {
+        self.took("total", self.started.elapsed().as_secs_f64());
+        self.record.peak_memory_mib = peak_memory_mib();
+        let mut text = serde_json::to_string_pretty(&self.record)?;
+        text.push('\n');
+        files::write_bytes_atomic(path, text.as_bytes())?;
+        Ok(())
+    }
+}
+
+/// Through text: it holds the shortest form of a float, `to_value` would widen 0.7 to 0.699999988.
+fn json(options: &impl Serialize) -> Result<Value> {
+    Ok(serde_json::from_str(&serde_json::to_string(options)?)?)
 }
 
 /// Seconds to the millisecond.

@@ -9,6 +9,7 @@
 )]
 
 mod determinism;
+mod edit;
 mod errors;
 mod misuse;
 mod pipeline;

@@ -35,7 +35,7 @@ impl<T: RayTracer> Paths<'_, T> {
         for number in 0..self.max_bounces {
             let block = |k: u32| points.block(sample, BLOCKS * number + k);
             if let Some(lights) = self.lights {
-                total += throughput * self.from_light(lights, &surface, block(1));
+                total += throughput * self.towards_light(lights, &surface, block(1));
             }
             let [a, b, survive, _] = block(0);
             let ray = surface.ray(cosine_direction(surface.normal, a, b));
@@ -65,7 +65,7 @@ impl<T: RayTracer> Paths<'_, T> {
     }
 
     /// What a direction towards a random emitter brings, weighted.
-    fn from_light(&self, lights: &Lights, surface: &Surface, [pick, a, b, _]: [f32; 4]) -> Vec3 {
+    fn towards_light(&self, lights: &Lights, surface: &Surface, [pick, a, b, _]: [f32; 4]) -> Vec3 {
         let Some(direction) = lights.sample(surface.position, pick, a, b) else {
             return Vec3::ZERO;
         };

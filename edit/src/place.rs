@@ -1,0 +1,180 @@
+//! Where things go: rotations, uniform scales and moves of Gaussians.
+
+use eagpt_scene::Gaussian;
+use glam::{Quat, Vec3};
+
+/// A placement as a script gives it; what it means in numbers depends on the bounds of what is placed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Factor on all lengths, positive.
+    pub scale: f32,
+    /// Rotation, unit.
+    pub rotation: Quat,
+    /// What stays where it is while scaling and rotating.
+    pub pivot: Pivot,
+    /// Where the pivot goes.
+    pub goal: Goal,
+}
+
+/// The fixed point of a placement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pivot {
+    /// The middle of the bounds.
+    Centre,
+    /// The middle of the lower face of the bounds.
+    Base,
+    /// A point of the world, scene units.
+    Point(Vec3),
+}
+
+/// Where the pivot goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// By this much, scene units.
+    By(Vec3),
+    /// To this point, scene units.
+    To(Vec3),
+}
+
+impl Placement {
+    /// A mere move.
+    pub fn by(offset: Vec3) -> Self {
+        Self {
+            scale: 1.0,
+            rotation: Quat::IDENTITY,
+            pivot: Pivot::Centre,
+            goal: Goal::By(offset),
+        }
+    }
+
+    /// The similarity for Gaussians whose centres have the bounds `low` to `high`, in a world where `up` (a unit axis, either
+    /// sign) is up.
+    pub fn resolve(&self, (low, high): (Vec3, Vec3), up: Vec3) -> Similarity {
+        let middle = 0.5 * (low + high);
+        let from = match self.pivot {
+            Pivot::Centre => middle,
+            Pivot::Base => middle - up * (0.5 * (high - low)).dot(up.abs()),
+            Pivot::Point(point) => point,
+        };
+        Similarity {
+            scale: self.scale,
+            rotation: self.rotation,
+            from,
+            to: match self.goal {
+                Goal::By(offset) => from + offset,
+                Goal::To(point) => point,
+            },
+        }
+    }
+}
+
+/// `x ↦ to + scale · rotation · (x − from)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Similarity {
+    /// Factor on all lengths, positive.
+    pub scale: f32,
+    /// Rotation, unit.
+    pub rotation: Quat,
+    /// The pivot before.
+    pub from: Vec3,
+    /// The pivot after.
+    pub to: Vec3,
+}
+
+impl Similarity {
+    /// Where a point goes.
+    pub fn point(&self, point: Vec3) -> Vec3 {
+        if self.rotation == Quat::IDENTITY && self.scale == 1.0 {
+            // A mere move does not round twice.
+            return point + (self.to - self.from);
+        }
+        self.to + self.rotation * ((point - self.from) * self.scale)
+    }
+
+    /// The Gaussian with its centre, in-plane axes and scales moved along; its light and material stay.
+    pub fn gaussian(&self, g: &Gaussian) -> Gaussian {
+        Gaussian {
+            position: self.point(g.position),
+            scale: g.scale * self.scale,
+            rotation: if self.rotation == Quat::IDENTITY {
+                g.rotation
+            } else {
+                (self.rotation * g.rotation).normalize()
+            },
+            ..*g
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+    use std::f32::consts::FRAC_PI_2;
+
+    const BOUNDS: (Vec3, Vec3) = (Vec3::new(0.0, 0.0, 1.0), Vec3::new(2.0, 4.0, 3.0));
+
+    fn disc() -> Gaussian {
+        Gaussian {
+            position: Vec3::new(2.0, 2.0, 2.0),
+            scale: Vec2::new(0.1, 0.2),
+            rotation: Quat::IDENTITY,
+            opacity: 0.5,
+            radiance: Vec3::ONE,
+            emission: 0.0,
+            albedo: Vec3::splat(0.5),
+        }
+    }
+
+    #[test]
+    fn pivots_follow_the_bounds_and_the_up_axis() {
+        for (pivot, up, expected) in [
+            (Pivot::Centre, Vec3::Z, Vec3::new(1.0, 2.0, 2.0)),
+            (Pivot::Base, Vec3::Z, Vec3::new(1.0, 2.0, 1.0)),
+            (Pivot::Base, Vec3::NEG_Y, Vec3::new(1.0, 4.0, 2.0)),
+            (Pivot::Point(Vec3::X), Vec3::Z, Vec3::X),
+        ] {
+            let placement = Placement {
+                pivot,
+                goal: Goal::To(Vec3::ZERO),
+                ..Placement::by(Vec3::ZERO)
+            };
+            let similarity = placement.resolve(BOUNDS, up);
+            assert_eq!(similarity.from, expected);
+            assert_eq!(similarity.point(expected), Vec3::ZERO);
+        }
+    }
+
+    #[test]
+    fn a_rotation_turns_axes_and_normal_and_a_scale_widens() {
+        let placement = Placement {
+            scale: 2.0,
+            rotation: Quat::from_rotation_y(FRAC_PI_2),
+            ..Placement::by(Vec3::new(0.0, 0.0, 10.0))
+        };
+        let moved = placement.resolve(BOUNDS, Vec3::Z).gaussian(&disc());
+        // One unit right of the centre goes two units down.
+        let error = moved.position - Vec3::new(1.0, 2.0, 10.0);
+        assert!(error.length() < 1e-5, "{error}");
+        assert_eq!(moved.scale, Vec2::new(0.2, 0.4));
+        for (before, after) in [
+            (Vec3::X, Vec3::NEG_Z),
+            (Vec3::Y, Vec3::Y),
+            (Vec3::Z, Vec3::X),
+        ] {
+            assert!((moved.rotation * before - after).length() < 1e-6);
+        }
+        assert_eq!((moved.opacity, moved.albedo), (0.5, Vec3::splat(0.5)));
+    }
+
+    #[test]
+    fn a_move_changes_nothing_but_the_centre() {
+        let offset = Vec3::new(0.5, -0.25, 1.0);
+        let moved = Placement::by(offset).resolve(BOUNDS, Vec3::Z);
+        let expected = Gaussian {
+            position: disc().position + offset,
+            ..disc()
+        };
+        assert_eq!(moved.gaussian(&disc()), expected);
+    }
+}

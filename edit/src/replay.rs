@@ -1,0 +1,291 @@
+//! Replaying a script: the same script and scene give the same result to the bit.
+
+use crate::act::{self, Action};
+use crate::error::Result;
+use crate::place::{Goal, Placement};
+use crate::report::{Bounds, SelectionReport, StepReport};
+use crate::script::{Script, Source, Step};
+use crate::select::{Groups, Scope, Selector};
+use crate::trim::{Cuts, Side};
+use eagpt_scene::{Gaussian, Gaussians};
+use glam::Vec3;
+
+/// The result of a script.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Edited {
+    /// The scene after the last step.
+    pub gaussians: Gaussians,
+    /// What each named selection finds in the scene before the first step, by name; those that refer to what steps make are left
+    /// out.
+    pub selections: Vec<SelectionReport>,
+    /// What each step did.
+    pub steps: Vec<StepReport>,
+}
+
+/// Replays a script on a scene.
+///
+/// # Errors
+/// [`crate::EditError::Script`] with file, line and key if a step selects nothing and does not allow it, or leaves nothing of the
+/// scene.
+pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
+    let mut state = State {
+        script,
+        gaussians,
+        groups: Groups::new(),
+        selected: Vec::new(),
+    };
+    let selections = state.named_selections();
+    let mut steps = Vec::with_capacity(script.steps.len());
+    for (index, step) in script.steps.iter().enumerate() {
+        steps.push(state.step(index, step)?);
+    }
+    Ok(Edited {
+        gaussians: state.gaussians,
+        selections,
+        steps,
+    })
+}
+
+struct State<'a> {
+    script: &'a Script,
+    gaussians: Gaussians,
+    groups: Groups,
+    /// What the step acts on, one flag for each Gaussian.
+    selected: Vec<bool>,
+}
+
+impl State<'_> {
+    fn named_selections(&self) -> Vec<SelectionReport> {
+        let definitions = &self.script.selections;
+        let is_group = |part: &Selector| matches!(part, Selector::Group(_));
+        let plain = definitions
+            .iter()
+            .filter(|(_, selector)| !selector.mentions(definitions, &is_group));
+        plain
+            .map(|(name, selector)| {
+                let mask = self.scope(&self.gaussians).prepare(selector).mask();
+                SelectionReport {
+                    name: name.clone(),
+                    num_selected: count(&mask),
+                    bounds: bounds_of(&self.gaussians, &mask),
+                }
+            })
+            .collect()
+    }
+
+    fn scope<'a>(&'a self, gaussians: &'a Gaussians) -> Scope<'a> {
+        Scope {
+            gaussians,
+            definitions: &self.script.selections,
+            groups: &self.groups,
+        }
+    }
+
+    fn step(&mut self, index: usize, step: &Step) -> Result<StepReport> {
+        let (source, origin, found) = match &step.source {
+            Source::Select { selector, origin } => ("select", origin, self.select(step, selector)),
+            Source::Insert { surface, origin } => {
+                self.append(&surface.discs());
+                ("insert", origin, Found::in_scene(&self.selected))
+            }
+            Source::Import {
+                asset,
+                selector,
+                placement,
+                origin,
+            } => {
+                let asset = &self.script.assets[*asset].gaussians;
+                (
+                    "import",
+                    origin,
+                    self.import(step, asset, selector, placement),
+                )
+            }
+        };
+        if found.num == 0 && !step.allow_empty {
+            return Err(origin.error(
+                &self.script.path,
+                "selects nothing; allow_empty = true in the step would allow it",
+            ));
+        }
+        let bounds = bounds_of(&self.gaussians, &self.selected);
+        for (place, action) in step.actions.iter().enumerate() {
+            match action {
+                // The original stays as it is: only the copy is trimmed.
+                Action::Duplicate(placement) if place == 0 => {
+                    self.append(&found.cuts.pick(&self.gaussians, &self.selected));
+                    self.place(placement);
+                }
+                _ => self.act(action),
+            }
+        }
+        let report = StepReport {
+            step: index,
+            line: step.origin.line,
+            title: step.title.clone(),
+            source,
+            num_selected: found.num,
+            bounds,
+            bounds_after: bounds_of(&self.gaussians, &self.selected),
+            num_shrunk: found.cuts.shrunk.len(),
+            num_dropped: found.cuts.dropped.len(),
+            num_gaussians: self.gaussians.len(),
+        };
+        if self.gaussians.is_empty() {
+            return Err(origin.error(&self.script.path, "leaves no Gaussian of the scene"));
+        }
+        if let Some(name) = &step.group {
+            let members = std::mem::take(&mut self.selected);
+            self.groups.insert(name.clone(), members);
+        }
+        Ok(report)
+    }
+
+    /// Selects, and trims what crosses the boundary: of a selection that goes away, what stays and reaches into it; of any other, what
+    /// is selected and reaches out of it.
+    fn select(&mut self, step: &Step, selector: &Selector) -> Found {
+        let prepared = self.scope(&self.gaussians).prepare(selector);
+        let selected = prepared.mask();
+        let num = count(&selected);
+        let cuts = step.trim.map_or_else(Cuts::default, |how| {
+            if step.actions.contains(&Action::Remove) {
+                let others = inverse(&selected);
+                Cuts::find(&prepared, &self.gaussians, &others, Side::Outside, how)
+            } else {
+                Cuts::find(&prepared, &self.gaussians, &selected, Side::Inside, how)
+            }
+        });
+        self.selected = selected;
+        if !matches!(step.actions.first(), Some(Action::Duplicate(_))) {
+            for (&index, smaller) in &cuts.shrunk {
+                act::set(&mut self.gaussians, index, smaller);
+            }
+            if !cuts.dropped.is_empty() {
+                let kept = (0..self.gaussians.len()).map(|i| !cuts.dropped.contains(&i));
+                self.keep(&kept.collect::<Vec<_>>());
+            }
+        }
+        Found { num, cuts }
+    }
+
+    fn import(
+        &mut self,
+        step: &Step,
+        asset: &Gaussians,
+        selector: &Selector,
+        placement: &Placement,
+    ) -> Found {
+        // Groups are of this scene; the script's reader keeps them out of an import.
+        let prepared = self.scope(asset).prepare(selector);
+        let mask = prepared.mask();
+        let cuts = step.trim.map_or_else(Cuts::default, |how| {
+            Cuts::find(&prepared, asset, &mask, Side::Inside, how)
+        });
+        self.append(&cuts.pick(asset, &mask));
+        self.place(placement);
+        Found {
+            num: count(&mask),
+            cuts,
+        }
+    }
+
+    fn act(&mut self, action: &Action) {
+        match action {
+            Action::Remove => {
+                let kept = inverse(&self.selected);
+                self.keep(&kept);
+            }
+            Action::KeepOnly => self.keep(&self.selected.clone()),
+            Action::Paint(paint) => self.change(|g| paint.apply(*g)),
+            Action::Place(placement) => self.place(placement),
+            Action::Duplicate(placement) => {
+                let copies: Gaussians = pick(&self.gaussians, &self.selected).collect();
+                self.append(&copies);
+                self.place(placement);
+            }
+            Action::SnapToFloor(height) => {
+                let up = self.script.up.vector();
+                let heights = pick(&self.gaussians, &self.selected).map(|g| g.position.dot(up));
+                if let Some(lowest) = heights.reduce(f32::min) {
+                    self.place(&Placement {
+                        goal: Goal::By(up * (height - lowest)),
+                        ..Placement::by(Vec3::ZERO)
+                    });
+                }
+            }
+        }
+    }
+
+    fn place(&mut self, placement: &Placement) {
+        if let Some(bounds) = act::bounds(&self.gaussians, &self.selected) {
+            let similarity = placement.resolve(bounds, self.script.up.vector());
+            self.change(|g| similarity.gaussian(g));
+        }
+    }
+
+    fn change(&mut self, change: impl Fn(&Gaussian) -> Gaussian) {
+        for index in (0..self.gaussians.len()).filter(|i| self.selected[*i]) {
+            let changed = change(&self.gaussians.get(index));
+            act::set(&mut self.gaussians, index, &changed);
+        }
+    }
+
+    /// Adds Gaussians at the end and selects them alone.
+    fn append(&mut self, added: &Gaussians) {
+        self.selected = vec![false; self.gaussians.len()];
+        for g in added.iter() {
+            self.gaussians.push(g);
+        }
+        let num = self.gaussians.len();
+        self.selected.resize(num, true);
+        for members in self.groups.values_mut() {
+            members.resize(num, false);
+        }
+    }
+
+    /// Removes all but the Gaussians flagged, from the selection and the groups as well.
+    fn keep(&mut self, kept: &[bool]) {
+        self.gaussians = pick(&self.gaussians, kept).collect();
+        let masks = self.groups.values_mut().chain([&mut self.selected]);
+        for mask in masks {
+            let flags = mask
+                .iter()
+                .zip(kept)
+                .filter(|(_, kept)| **kept)
+                .map(|(flag, _)| *flag);
+            *mask = flags.collect();
+        }
+    }
+}
+
+/// What a step found.
+struct Found {
+    num: usize,
+    cuts: Cuts,
+}
+
+impl Found {
+    fn in_scene(selected: &[bool]) -> Self {
+        Self {
+            num: count(selected),
+            cuts: Cuts::default(),
+        }
+    }
+}
+
+fn inverse(mask: &[bool]) -> Vec<bool> {
+    mask.iter().map(|flag| !flag).collect()
+}
+
+fn pick<'a>(gaussians: &'a Gaussians, mask: &'a [bool]) -> impl Iterator<Item = Gaussian> + 'a {
+    let chosen = mask.iter().enumerate().filter(|(_, chosen)| **chosen);
+    chosen.map(|(index, _)| gaussians.get(index))
+}
+
+fn count(mask: &[bool]) -> usize {
+    mask.iter().filter(|flag| **flag).count()
+}
+
+fn bounds_of(gaussians: &Gaussians, mask: &[bool]) -> Option<Bounds> {
+    act::bounds(gaussians, mask).map(|(low, high)| [low.to_array(), high.to_array()])
+}

@@ -1,0 +1,237 @@
+//! `eagpt edit`: a scene changed by a script.
+
+use crate::cli::GlobalArgs;
+use crate::output::Replace;
+use crate::progress::Reporter;
+use crate::record::{Input, Record, RecordBuilder};
+use crate::terminal;
+use anyhow::{Result, anyhow, bail};
+use clap::Args;
+use eagpt_edit::report::Bounds;
+use eagpt_edit::{Edited, Script, StepReport};
+use eagpt_scene::{files, ply};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Change a scene by a script
+///
+/// A script is a TOML file of steps, each of which says what (a region, a range of values, a connected cluster, a new
+/// surface, a part of another scene) and then (remove, light, albedo, move, rotate, scale, duplicate). All of it is
+/// checked before anything is touched, and it is replayed to the same bits every time. Beside E.ply comes
+/// E.record.json, with digests of scene, script and imported scenes and what every step found.
+///
+/// After an edit the radiance that Gaussians carry is no longer what they would reflect: render with --mode path.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct EditArgs {
+    /// Scene of 2D Gaussians, as `eagpt train` writes it
+    #[arg(value_name = "SCENE.ply")]
+    scene: PathBuf,
+    /// Edit script; files it imports are relative to its folder
+    #[arg(value_name = "SCRIPT.toml")]
+    script: PathBuf,
+    /// Scene to write; needed unless it is a dry run
+    #[arg(long, value_name = "E.ply", required_unless_present = "dry_run")]
+    out: Option<PathBuf>,
+    /// Print how many Gaussians each selection and step finds and where, and write nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Replace an earlier result of this command
+    #[arg(long)]
+    force: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt edit runs/kitchen/scene.ply edit/examples/kitchen-light-ball.toml --dry-run
+  eagpt edit runs/kitchen/scene.ply edit/examples/kitchen-light-ball.toml --out edits/ball.ply
+  eagpt render edits/ball.ply --cameras kitchen --mode path --spp 256 --out renders/ball";
+
+/// What decides the result and what became of it, for the record.
+#[derive(Serialize)]
+struct Options<'a> {
+    scene: &'a Path,
+    script: &'a Path,
+    num_gaussians_before: usize,
+    steps: &'a [StepReport],
+}
+
+pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let mut builder = RecordBuilder::begin("edit", &())?;
+    let script = Script::read(&args.script)?;
+    let mut inputs = vec![args.scene.as_path(), args.script.as_path()];
+    inputs.extend(script.assets.iter().map(|asset| asset.path.as_path()));
+    let out = args.out.as_deref().filter(|_| !args.dry_run);
+    if let Some(out) = out {
+        check(out, &inputs, Replace::from_flag(args.force))?;
+    }
+    let gaussians = ply::read_gaussians(&args.scene)?;
+    let num_before = gaussians.len();
+    let edited = eagpt_edit::replay(&script, gaussians)?;
+
+    let reporter = Reporter::new(global);
+    if args.dry_run && !global.json {
+        terminal::print(&table(&edited, num_before))?;
+    }
+    if args.dry_run {
+        for selection in &edited.selections {
+            reporter.message(&Tagged("selection", selection))?;
+        }
+    }
+    for step in &edited.steps {
+        reporter.message(&Tagged("step", step))?;
+    }
+    let Some(out) = out else {
+        return Ok(ExitCode::SUCCESS);
+    };
+    if let Some(parent) = out.parent().filter(|p| *p != Path::new("")) {
+        files::create_dir(parent)?;
+    }
+    ply::write_gaussians(out, &edited.gaussians)?;
+    builder.set_options(&Options {
+        scene: &args.scene,
+        script: &args.script,
+        num_gaussians_before: num_before,
+        steps: &edited.steps,
+    })?;
+    let record = &mut builder.record;
+    record.inputs = vec![
+        Input::of(&args.scene)?,
+        digest(&script.path, &script.blake3),
+    ];
+    let assets = script.assets.iter();
+    record
+        .inputs
+        .extend(assets.map(|asset| digest(&asset.path, &asset.blake3)));
+    record.outputs = vec![
+        out.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned(),
+    ];
+    let record_path = record_path(out);
+    builder.write_to(&record_path)?;
+    reporter.note(&format!(
+        "{}: {} Gaussians, before {num_before}",
+        out.display(),
+        edited.gaussians.len()
+    ));
+    reporter.message(&serde_json::json!({
+        "message": "done",
+        "path": out,
+        "record": record_path,
+        "num_gaussians": edited.gaussians.len(),
+    }))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn digest(path: &Path, blake3: &str) -> Input {
+    Input {
+        path: path.to_owned(),
+        blake3: blake3.to_owned(),
+    }
+}
+
+/// A message for machines.
+struct Tagged<'a, T>(&'static str, &'a T);
+
+impl<T: Serialize> Serialize for Tagged<'_, T> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Message<'a, T> {
+            message: &'static str,
+            #[serde(flatten)]
+            content: &'a T,
+        }
+        let (message, content) = (self.0, self.1);
+        Message { message, content }.serialize(serializer)
+    }
+}
+
+/// `E.record.json` beside `E.ply`: many edits of one scene may share a folder.
+fn record_path(out: &Path) -> PathBuf {
+    out.with_extension("record.json")
+}
+
+/// Finds out whether the result may be written, without touching anything.
+fn check(out: &Path, inputs: &[&Path], replace: Replace) -> Result<()> {
+    let record = record_path(out);
+    for path in [out, &record] {
+        let real = path.canonicalize().ok();
+        if real.is_some() && inputs.iter().any(|input| input.canonicalize().ok() == real) {
+            bail!("{}: --out would replace an input", path.display());
+        }
+        if path.exists() && replace == Replace::Refuse {
+            bail!(
+                "{}: is there already: --force replaces it, --out names another file",
+                path.display()
+            );
+        }
+    }
+    if !out.exists() && !record.exists() {
+        return Ok(());
+    }
+    // A trained scene takes hours: no slip of --out may cost it.
+    let no_result = |problem: &dyn std::fmt::Display| {
+        anyhow!(
+            "{}: no record of an edit, --force does not replace it: {problem}",
+            record.display()
+        )
+    };
+    let bytes = files::read(&record).map_err(|error| no_result(&error))?;
+    let earlier: Record = serde_json::from_slice(&bytes).map_err(|error| no_result(&error))?;
+    if earlier.command != "edit" {
+        bail!(
+            "{}: command: a result of `{}`, which --force of `edit` does not replace",
+            record.display(),
+            earlier.command
+        );
+    }
+    Ok(())
+}
+
+/// What a dry run tells people.
+fn table(edited: &Edited, num_before: usize) -> String {
+    let mut text = format!("scene: {num_before} Gaussians\n");
+    for selection in &edited.selections {
+        let found = found(selection.num_selected, selection.bounds);
+        text += &format!("selection `{}`: {found}\n", selection.name);
+    }
+    for step in &edited.steps {
+        let title = step
+            .title
+            .as_deref()
+            .map_or(String::new(), |t| format!(" ({t})"));
+        let found = found(step.num_selected, step.bounds);
+        text += &format!(
+            "step[{}], line {}{title}: {} {found}",
+            step.step, step.line, step.source
+        );
+        if step.bounds_after != step.bounds {
+            text += &match step.bounds_after {
+                Some(bounds) => format!("; then at {}", shown(bounds)),
+                None => "; then gone".to_owned(),
+            };
+        }
+        if step.num_shrunk + step.num_dropped > 0 {
+            text += &format!(
+                "; trimmed: {} shrunk, {} dropped",
+                step.num_shrunk, step.num_dropped
+            );
+        }
+        text += &format!("; scene: {} Gaussians\n", step.num_gaussians);
+    }
+    text
+}
+
+fn found(num: usize, bounds: Option<Bounds>) -> String {
+    match bounds {
+        Some(bounds) => format!("{num} Gaussians at {}", shown(bounds)),
+        None => "nothing".to_owned(),
+    }
+}
+
+fn shown([low, high]: Bounds) -> String {
+    let point = |p: [f32; 3]| format!("[{:.3}, {:.3}, {:.3}]", p[0], p[1], p[2]);
+    format!("{} to {}", point(low), point(high))
+}
