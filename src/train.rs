@@ -49,7 +49,7 @@ pub(crate) struct TrainArgs {
     /// Defaults to start from [default: that of the --config file, else fast]
     #[arg(long, value_enum)]
     preset: Option<PresetArg>,
-    /// Iterations of stage 0, one view each [default: 800 draft, 5800 fast, 30000 paper]
+    /// Iterations of stage 0, one view each [default: 800 draft, 5000 fast, 30000 paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     iterations: Option<u32>,
     /// Iterations of stage 1, one view each [default: 150 draft, 336 fast, 400 paper]

@@ -1,16 +1,17 @@
 //! The training job: which view comes when, with which step sizes; logs, previews, checkpoints, divergence.
 
 mod plan;
+mod steps;
 mod views;
 
-use crate::backend::{AlbedoStep, Backend, CpuBackend, RadianceStep, StepOutcome, TrainingView};
+use crate::backend::{Backend, CpuBackend, TrainingView};
 use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
 use crate::log::{Log, LogLine};
-use crate::loss::{LossTerms, NormalTerms};
+use crate::loss::LossTerms;
 use crate::options::{Gather, Stage, StageChoice, TrainOptions};
-use crate::params::{ParameterState, StepSizes};
+use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::{Split, Subset};
@@ -87,9 +88,6 @@ const MONITOR_DECAY: f64 = 0.98;
 const DIVERGED_FACTOR: f64 = 4.0;
 /// … and worse than this: PQ errors of a blank picture are about 0.3.
 const DIVERGED_L1: f64 = 0.15;
-
-/// Gaussians gathered for between two looks at whether the run shall stop.
-const GATHERED_AT_ONCE: usize = 2048;
 
 /// Trains a scene.
 ///
@@ -231,23 +229,6 @@ impl Run<'_> {
         self.stage(backend, views, position)
     }
 
-    /// Gathers the light for stage 1; `false` if it was stopped from outside. What was gathered is not stored: a resumed run gathers
-    /// the same again.
-    fn gather(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
-        let options = &self.request.options;
-        let total = backend.begin_gathering(&views.cameras())?;
-        (self.progress)(TrainProgress::Gathering { done: 0, total });
-        for start in (0..total).step_by(GATHERED_AT_ONCE) {
-            if self.request.stop.load(Ordering::Relaxed) {
-                return Ok(false);
-            }
-            let done = total.min(start + GATHERED_AT_ONCE);
-            backend.gather(start..done, options.albedo.num_samples, options.seed)?;
-            (self.progress)(TrainProgress::Gathering { done, total });
-        }
-        Ok(true)
-    }
-
     /// Runs one stage to its end; `false` if it was stopped from outside.
     fn stage(
         &mut self,
@@ -307,84 +288,6 @@ impl Run<'_> {
         self.stage_seconds
             .push((stage, started.elapsed().as_secs_f64()));
         Ok(true)
-    }
-
-    fn step(
-        &mut self,
-        backend: &mut dyn Backend,
-        view: &TrainingView,
-        position: &Checkpoint,
-        iteration: u32,
-    ) -> Result<LossTerms> {
-        let options = &self.request.options;
-        let progress = |total: u32| (iteration - 1) as f32 / total as f32;
-        let outcome: StepOutcome = match position.stage {
-            Stage::Radiance => {
-                let stage = &options.radiance;
-                let progress = progress(stage.iterations);
-                let normals = if progress < stage.normals_from {
-                    NormalTerms::Off
-                } else {
-                    NormalTerms::On
-                };
-                let sizes = StepSizes::radiance(&stage.rates, position.extent, progress);
-                backend.radiance_step(
-                    view,
-                    &RadianceStep {
-                        weights: &stage.weights,
-                        normals,
-                        rays_per_axis: if progress < stage.antialias_from {
-                            1
-                        } else {
-                            2
-                        },
-                        sizes,
-                    },
-                )?
-            }
-            Stage::Albedo => {
-                let stage = &options.albedo;
-                let rate = stage.rate * stage.final_share.powf(progress(stage.iterations));
-                let step = AlbedoStep {
-                    options: stage,
-                    ssim_share: options.radiance.weights.ssim_share,
-                    seed: options.seed,
-                    iteration,
-                    sizes: StepSizes::albedo(rate),
-                };
-                backend.albedo_step(view, &step)?
-            }
-        };
-        outcome.map_err(|bad| TrainError::Diverged {
-            stage: position.stage.name(),
-            iteration,
-            view: view.view.name.clone(),
-            what: format!(
-                "gradient of {} of Gaussian {} is {}",
-                bad.class, bad.index, bad.value
-            ),
-        })
-    }
-
-    /// Splits Gaussians for the `time`-th time.
-    fn densify(
-        &mut self,
-        backend: &mut dyn Backend,
-        views: &Views,
-        iteration: u32,
-        time: u32,
-    ) -> Result<()> {
-        for view in views.iter() {
-            backend.attribute(&view?)?;
-        }
-        let densify = &self.request.options.radiance.densify;
-        let outcome = backend.densify(densify.num_after(time, self.budget))?;
-        (self.progress)(TrainProgress::Densified {
-            iteration,
-            num_moved: outcome.num_moved,
-            num_gaussians: outcome.num_gaussians,
-        });
-        Ok(())
     }
 
     /// Follows the loss and stops a run whose loss is not a number or runs away.

@@ -28,7 +28,7 @@ impl TrainOptions {
         };
         let (iterations, per_point, rates) = match preset {
             Preset::Draft => (800, 1.0, fast_rates),
-            Preset::Fast => (5800, 2.0, fast_rates),
+            Preset::Fast => (5000, 2.0, fast_rates),
             // The paper's rates; its position rate of 1.6e-5 units belongs to rooms of some five units' extent.
             Preset::Paper => (
                 30_000,
@@ -68,7 +68,7 @@ impl TrainOptions {
             radiance: RadianceOptions {
                 iterations,
                 normals_from: 0.1,
-                antialias_from: if preset == Preset::Fast { 0.83 } else { 1.0 },
+                antialias_from: if preset == Preset::Fast { 0.82 } else { 1.0 },
                 rates,
                 weights,
                 densify: DensifyOptions {

@@ -1,0 +1,112 @@
+//! What a stage does with its backend, step by step.
+
+use super::Run;
+use super::views::Views;
+use crate::backend::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
+use crate::checkpoint::Checkpoint;
+use crate::error::{Result, TrainError};
+use crate::loss::{LossTerms, NormalTerms};
+use crate::options::Stage;
+use crate::params::StepSizes;
+use crate::progress::TrainProgress;
+use std::sync::atomic::Ordering;
+
+/// Gaussians gathered for between two looks at whether the run shall stop.
+const GATHERED_AT_ONCE: usize = 2048;
+
+impl Run<'_> {
+    pub(super) fn step(
+        &mut self,
+        backend: &mut dyn Backend,
+        view: &TrainingView,
+        position: &Checkpoint,
+        iteration: u32,
+    ) -> Result<LossTerms> {
+        let options = &self.request.options;
+        let progress = |total: u32| (iteration - 1) as f32 / total as f32;
+        let outcome: StepOutcome = match position.stage {
+            Stage::Radiance => {
+                let stage = &options.radiance;
+                let progress = progress(stage.iterations);
+                let normals = if progress < stage.normals_from {
+                    NormalTerms::Off
+                } else {
+                    NormalTerms::On
+                };
+                let sizes = StepSizes::radiance(&stage.rates, position.extent, progress);
+                backend.radiance_step(
+                    view,
+                    &RadianceStep {
+                        weights: &stage.weights,
+                        normals,
+                        rays_per_axis: if progress < stage.antialias_from {
+                            1
+                        } else {
+                            2
+                        },
+                        sizes,
+                    },
+                )?
+            }
+            Stage::Albedo => {
+                let stage = &options.albedo;
+                let rate = stage.rate * stage.final_share.powf(progress(stage.iterations));
+                let step = AlbedoStep {
+                    options: stage,
+                    ssim_share: options.radiance.weights.ssim_share,
+                    seed: options.seed,
+                    iteration,
+                    sizes: StepSizes::albedo(rate),
+                };
+                backend.albedo_step(view, &step)?
+            }
+        };
+        outcome.map_err(|bad| TrainError::Diverged {
+            stage: position.stage.name(),
+            iteration,
+            view: view.view.name.clone(),
+            what: format!(
+                "gradient of {} of Gaussian {} is {}",
+                bad.class, bad.index, bad.value
+            ),
+        })
+    }
+
+    /// Splits Gaussians for the `time`-th time.
+    pub(super) fn densify(
+        &mut self,
+        backend: &mut dyn Backend,
+        views: &Views,
+        iteration: u32,
+        time: u32,
+    ) -> Result<()> {
+        for view in views.iter() {
+            backend.attribute(&view?)?;
+        }
+        let densify = &self.request.options.radiance.densify;
+        let outcome = backend.densify(densify.num_after(time, self.budget))?;
+        (self.progress)(TrainProgress::Densified {
+            iteration,
+            num_moved: outcome.num_moved,
+            num_gaussians: outcome.num_gaussians,
+        });
+        Ok(())
+    }
+
+    /// Gathers the light for stage 1; `false` if it was stopped from outside. What was gathered is not stored: a resumed run gathers
+    /// the same again.
+    pub(super) fn gather(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
+        let options = &self.request.options;
+        let total = backend.begin_gathering(&views.cameras())?;
+        (self.progress)(TrainProgress::Gathering { done: 0, total });
+        for start in (0..total).step_by(GATHERED_AT_ONCE) {
+            if self.request.stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let done = total.min(start + GATHERED_AT_ONCE);
+            backend.gather(start..done, options.albedo.num_samples, options.seed)?;
+            (self.progress)(TrainProgress::Gathering { done, total });
+        }
+        Ok(true)
+    }
+}
