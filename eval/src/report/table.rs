@@ -2,7 +2,7 @@
 
 use super::append;
 use crate::job::{Evaluation, Mean};
-use crate::metrics::Better;
+use crate::metrics::{Better, MeanOf};
 
 /// A Markdown table of all views and their mean, and below it what the numbers rest on.
 pub(super) fn markdown(evaluation: &Evaluation) -> String {
@@ -110,8 +110,12 @@ fn notes(evaluation: &Evaluation) -> Vec<String> {
     }
     let partial = evaluation.means.iter().filter(|m| m.num_views < num_views);
     notes.extend(partial.map(|mean| {
+        let over = match mean.metric.mean {
+            MeanOf::Views => "",
+            MeanOf::Pixels(_) => "all pixels of ",
+        };
         format!(
-            "{}: mean over {} of {num_views} views",
+            "{}: mean over {over}{} of {num_views} views",
             mean.metric.heading, mean.num_views
         )
     }));

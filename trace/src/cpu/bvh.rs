@@ -162,7 +162,9 @@ impl Bvh {
             .iter()
             .map(|&i| disc_bounds(&set.surfels[i as usize]))
             .collect();
-        let mut params = BvhBuildParams::fast_build();
+        let mut params = BvhBuildParams::slow_build();
+        // A Gaussian in two leaves would be hit twice.
+        params.pre_split = false;
         params.max_prims_per_leaf = WIDTH as u32;
         let tree = build_bvh2(&boxes, params, &mut Duration::default());
         let mut widener = Widener {
