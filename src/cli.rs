@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{edit, eval, export, render, train};
+use crate::{bake, edit, eval, export, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -55,6 +55,7 @@ pub(crate) enum Command {
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
+    Bake(bake::BakeArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
 }
@@ -70,6 +71,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
         Command::Train(args) => train::run(&args, &cli.global),
         Command::Edit(args) => edit::run(&args, &cli.global),
         Command::Render(args) => render::run(&args, &cli.global),
+        Command::Bake(args) => bake::run(&args, &cli.global),
         Command::Eval(args) => eval::run(&args, &cli.global),
         Command::Export(args) => export::run(&args, &cli.global),
     }

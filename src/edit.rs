@@ -1,15 +1,15 @@
 //! `eagpt edit`: a scene changed by a script.
 
 use crate::cli::GlobalArgs;
-use crate::output::Replace;
+use crate::output::{self, Replace};
 use crate::progress::Reporter;
-use crate::record::{Input, Record, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use crate::terminal;
-use anyhow::{Result, anyhow, bail};
+use anyhow::Result;
 use clap::Args;
 use eagpt_edit::report::Bounds;
 use eagpt_edit::{Edited, Script, StepReport};
-use eagpt_scene::{files, ply};
+use eagpt_scene::ply;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     inputs.extend(script.assets.iter().map(|asset| asset.path.as_path()));
     let out = args.out.as_deref().filter(|_| !args.dry_run);
     if let Some(out) = out {
-        check(out, &inputs, Replace::from_flag(args.force))?;
+        output::check_file(out, "edit", &inputs, Replace::from_flag(args.force))?;
     }
     let gaussians = ply::read_gaussians(&args.scene)?;
     let num_before = gaussians.len();
@@ -84,9 +84,7 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let Some(out) = out else {
         return Ok(ExitCode::SUCCESS);
     };
-    if let Some(parent) = out.parent().filter(|p| *p != Path::new("")) {
-        files::create_dir(parent)?;
-    }
+    output::create_parent(out)?;
     ply::write_gaussians(out, &edited.gaussians)?;
     builder.set_options(&Options {
         scene: &args.scene,
@@ -109,7 +107,7 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .to_string_lossy()
             .into_owned(),
     ];
-    let record_path = record_path(out);
+    let record_path = output::record_path(out);
     builder.write_to(&record_path)?;
     reporter.note(&format!(
         "{}: {} Gaussians, before {num_before}",
@@ -146,48 +144,6 @@ impl<T: Serialize> Serialize for Tagged<'_, T> {
         let (message, content) = (self.0, self.1);
         Message { message, content }.serialize(serializer)
     }
-}
-
-/// `E.record.json` beside `E.ply`: many edits of one scene may share a folder.
-fn record_path(out: &Path) -> PathBuf {
-    out.with_extension("record.json")
-}
-
-/// Finds out whether the result may be written, without touching anything.
-fn check(out: &Path, inputs: &[&Path], replace: Replace) -> Result<()> {
-    let record = record_path(out);
-    for path in [out, &record] {
-        let real = path.canonicalize().ok();
-        if real.is_some() && inputs.iter().any(|input| input.canonicalize().ok() == real) {
-            bail!("{}: --out would replace an input", path.display());
-        }
-        if path.exists() && replace == Replace::Refuse {
-            bail!(
-                "{}: is there already: --force replaces it, --out names another file",
-                path.display()
-            );
-        }
-    }
-    if !out.exists() && !record.exists() {
-        return Ok(());
-    }
-    // A trained scene takes hours: no slip of --out may cost it.
-    let no_result = |problem: &dyn std::fmt::Display| {
-        anyhow!(
-            "{}: no record of an edit, --force does not replace it: {problem}",
-            record.display()
-        )
-    };
-    let bytes = files::read(&record).map_err(|error| no_result(&error))?;
-    let earlier: Record = serde_json::from_slice(&bytes).map_err(|error| no_result(&error))?;
-    if earlier.command != "edit" {
-        bail!(
-            "{}: command: a result of `{}`, which --force of `edit` does not replace",
-            record.display(),
-            earlier.command
-        );
-    }
-    Ok(())
 }
 
 /// What a dry run tells people.

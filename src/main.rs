@@ -1,15 +1,18 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`train`], [`edit`], [`render`], [`mod@eval`], [`export`]: the commands.
+//! - [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
-//! - [`output`]: folders that results go to.
+//! - [`output`]: folders and files that results go to.
+//! - [`interrupt`]: Ctrl-C.
 
+mod bake;
 mod cli;
 mod edit;
 mod eval;
 mod export;
+mod interrupt;
 mod output;
 mod progress;
 mod record;

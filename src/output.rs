@@ -1,10 +1,9 @@
 //! Folders that results go to: nothing that this program did not make is overwritten without being told to.
 
 use crate::record::{FILE_NAME, Record};
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
 use eagpt_scene::files;
 use std::collections::HashSet;
-use std::io::ErrorKind;
 use std::iter;
 use std::path::{Component, Path, PathBuf};
 
@@ -87,7 +86,7 @@ impl Target<'_> {
         // An unwritable folder should be found before hours of work, not after.
         let probe = self.dir.join(".eagpt-probe");
         files::write_bytes_atomic(&probe, b"")?;
-        remove(&probe)
+        Ok(files::remove_if_there(&probe)?)
     }
 
     /// The record of the result that may be replaced, if there is one.
@@ -96,27 +95,13 @@ impl Target<'_> {
         if !path.exists() {
             return Ok(None);
         }
-        let record: Record = serde_json::from_slice(&files::read(&path)?).map_err(|error| {
-            anyhow!(
-                "{}: no record of this program, --force does not replace it: {error}",
-                path.display()
-            )
-        })?;
-        if record.command != self.command {
-            bail!(
-                "{}: command: a result of `{}`, which --force of `{}` does not replace",
-                path.display(),
-                record.command,
-                self.command
-            );
-        }
-        Ok(Some(record))
+        read_record(&path, self.command).map(Some)
     }
 
     /// Removes the files that a record lists, the record first: without one, what is left is known to be incomplete.
     fn remove_earlier(&self, earlier: &Record) -> Result<()> {
         let inputs = self.resolved_inputs();
-        remove(&self.dir.join(FILE_NAME))?;
+        files::remove_if_there(&self.dir.join(FILE_NAME))?;
         for relative in earlier.outputs.iter().map(Path::new) {
             let path = self.dir.join(relative);
             // A record is a file like any other: it does not get to name files elsewhere.
@@ -124,7 +109,7 @@ impl Target<'_> {
                 .components()
                 .all(|part| matches!(part, Component::Normal(_)));
             if inside && path.is_file() && !is_input(&path, &inputs) {
-                remove(&path)?;
+                files::remove_if_there(&path)?;
             }
         }
         Ok(())
@@ -144,13 +129,70 @@ fn is_input(path: &Path, inputs: &HashSet<PathBuf>) -> bool {
     path.canonicalize().is_ok_and(|real| inputs.contains(&real))
 }
 
-fn remove(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("{}: remove", path.display()))
+/// The record of a result that is a file: `E.record.json` beside `E.ply`, so that many may share a folder.
+pub(crate) fn record_path(out: &Path) -> PathBuf {
+    out.with_extension("record.json")
+}
+
+/// Finds out whether `command` may write the file `out` and its record, without touching anything.
+///
+/// # Errors
+/// If one of them is an input, or there already and not to be replaced: what is there has to be a result of the same command.
+pub(crate) fn check_file(
+    out: &Path,
+    command: &str,
+    inputs: &[&Path],
+    replace: Replace,
+) -> Result<()> {
+    let record = record_path(out);
+    for path in [out, &record] {
+        let real = path.canonicalize().ok();
+        if real.is_some() && inputs.iter().any(|input| input.canonicalize().ok() == real) {
+            bail!("{}: --out would replace an input", path.display());
         }
-        _ => Ok(()),
+        if path.exists() && replace == Replace::Refuse {
+            bail!(
+                "{}: is there already: --force replaces it, --out names another file",
+                path.display()
+            );
+        }
     }
+    if !out.exists() && !record.exists() {
+        return Ok(());
+    }
+    // A trained scene takes hours: no slip of --out may cost it.
+    read_record(&record, command).map(|_| ())
+}
+
+/// The record of an earlier result that `--force` of `command` may replace.
+fn read_record(path: &Path, command: &str) -> Result<Record> {
+    let no_result = |problem: &dyn std::fmt::Display| {
+        anyhow!(
+            "{}: no record of this program, --force does not replace it: {problem}",
+            path.display()
+        )
+    };
+    let bytes = files::read(path).map_err(|error| no_result(&error))?;
+    let record: Record = serde_json::from_slice(&bytes).map_err(|error| no_result(&error))?;
+    if record.command != command {
+        bail!(
+            "{}: command: a result of `{}`, which --force of `{command}` does not replace",
+            path.display(),
+            record.command,
+        );
+    }
+    Ok(record)
+}
+
+/// Creates the folder that `path` lies in.
+///
+/// # Errors
+/// If it cannot be created.
+pub(crate) fn create_parent(path: &Path) -> Result<()> {
+    if let Some(parent) = path.parent().filter(|p| *p != Path::new("")) {
+        files::create_dir(parent)?;
+    }
+    Ok(())
 }
 
 /// Creates the folder of `dir/file`, whose name may contain "/", and returns the full path.
@@ -159,9 +201,7 @@ fn remove(path: &Path) -> Result<()> {
 /// If the folder cannot be created.
 pub(crate) fn place(dir: &Path, file: &Path) -> Result<PathBuf> {
     let path = dir.join(file);
-    if let Some(parent) = path.parent() {
-        files::create_dir(parent)?;
-    }
+    create_parent(&path)?;
     Ok(path)
 }
 

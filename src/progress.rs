@@ -78,6 +78,11 @@ impl Reporter {
         });
     }
 
+    /// Whether the task under way is called `name`.
+    pub(crate) fn is_at(&self, name: &str) -> bool {
+        self.task.as_ref().is_some_and(|task| task.name == name)
+    }
+
     /// Notes that `done` steps are done; `note` says how it goes.
     pub(crate) fn advance(&mut self, done: u64, note: impl FnOnce() -> String) {
         let Some(task) = &mut self.task else { return };

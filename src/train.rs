@@ -3,11 +3,12 @@
 mod layers;
 
 use crate::cli::{self, GlobalArgs};
+use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder, SplitRecord};
 use crate::terminal;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{Args, ValueEnum};
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{POINTS_FILE, SplitRule, Subset};
@@ -16,11 +17,6 @@ use eagpt_train::options::StageChoice;
 use eagpt_train::{Preset, TrainProgress, TrainRequest, TrainSummary};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Exit code of a run stopped by Ctrl-C: 128 and the number of the signal, as shells have it.
-const EXIT_INTERRUPTED: u8 = 130;
 
 /// Train a scene of 2D Gaussians on a dataset
 ///
@@ -174,7 +170,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         image_budget: args
             .memory
             .map(|mib| usize::try_from(mib.saturating_mul(1 << 20)).unwrap_or(usize::MAX)),
-        stop: stop_flag()?,
+        stop: interrupt::stop_flag()?,
     };
     check_target(&request)?;
     let mut builder = RecordBuilder::begin("train", &request.options)?;
@@ -204,7 +200,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
             "stopped: --resume continues the run in {}",
             request.out.display()
         ));
-        return Ok(ExitCode::from(EXIT_INTERRUPTED));
+        return Ok(interrupt::exit_code());
     }
     reporter.note(&format!(
         "{}: {} Gaussians",
@@ -229,20 +225,6 @@ fn check_target(request: &TrainRequest) -> Result<()> {
         replace,
     };
     target.check(&["scene.ply".into()])
-}
-
-/// A flag that the first Ctrl-C sets; the second ends the program.
-fn stop_flag() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(EXIT_INTERRUPTED));
-        }
-        terminal::line("stopping after this iteration; Ctrl-C again stops at once");
-    })
-    .context("Ctrl-C handler")?;
-    Ok(stop)
 }
 
 /// Shows a message of the job.

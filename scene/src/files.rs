@@ -76,6 +76,24 @@ fn temporary_name(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Removes a file, or a folder with everything in it; nothing there is fine.
+///
+/// # Errors
+/// [`SceneError::Io`] if it is there and cannot be removed.
+pub fn remove_if_there(path: &Path) -> Result<()> {
+    let outcome = if path.is_dir() {
+        std::fs::remove_dir_all(path)
+    } else {
+        std::fs::remove_file(path)
+    };
+    match outcome {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(SceneError::io(path, "remove", error))
+        }
+        _ => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,6 +16,8 @@ pub enum Purpose {
     Albedo = 3,
     /// Samples of a rendered frame.
     Render = 4,
+    /// Irradiance samples of light baking.
+    Bake = 5,
 }
 
 /// A keyed family of streams: fixed seed, purpose and iteration.

@@ -169,7 +169,7 @@ fn nothing_is_replaced_that_no_edit_made() {
     place.write("other.ply", place.bytes("run/scene.ply"));
     place.fails_cleanly(
         &format!("{edit} --out other.ply --force"),
-        &["other.record.json", "no record of an edit"],
+        &["other.record.json", "no record of this program"],
     );
     place.write("other.record.json", place.bytes("run/record.json"));
     place.fails_cleanly(

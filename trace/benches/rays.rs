@@ -5,12 +5,9 @@
     reason = "the macros of the benchmark harness write undocumented items"
 )]
 
-#[path = "../tests/common/mod.rs"]
-mod common;
-
-use common::{cube, look_at, material, rectangle, sphere};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use eagpt_scene::{Camera, Gaussians};
+use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::surfel::SurfelSet;

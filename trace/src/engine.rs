@@ -24,6 +24,8 @@ pub struct RenderedView {
     pub radiance: Image<3>,
     /// Blended sums of the camera rays.
     pub sums: SumImage,
+    /// Rays traced beside those of the camera.
+    pub num_rays: u64,
 }
 
 impl RenderedView {
@@ -32,6 +34,7 @@ impl RenderedView {
         Self {
             radiance: self.radiance.averaged(factor),
             sums: self.sums.averaged(factor),
+            num_rays: self.num_rays,
         }
     }
 }

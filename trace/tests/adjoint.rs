@@ -1,9 +1,7 @@
 //! The adjoint against central differences of the double-precision oracle: each class of parameters, each output.
 
-mod common;
-
-use common::{look_at, random_cloud};
 use eagpt_scene::{Camera, Gaussians};
+use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Sums;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};

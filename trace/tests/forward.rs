@@ -1,9 +1,7 @@
 //! Forward tracing against the brute-force oracle in double precision, and the fast searches against each other.
 
-mod common;
-
-use common::{look_at, random_cloud};
 use eagpt_scene::Gaussians;
+use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};

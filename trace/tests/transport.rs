@@ -1,10 +1,8 @@
 //! Light transport against closed forms.
 
-mod common;
-
-use common::{cube, look_at, material, rectangle, sphere};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussian, Gaussians, Image};
+use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::lights::BounceSampler;

@@ -1,20 +1,21 @@
 //! The full state of a run on disk.
 //!
-//! Layout, little-endian: magic `EAGPTCKP`, u32 version, u64 length of a JSON header, the header, then raw values, first and
-//! second moments as f32 `[n, 17]` each, then the BLAKE3 digest of everything before it. Written atomically; a damaged file is
-//! recognised by its digest.
+//! A sealed file with the raw values, first and second moments, `[n, 17]` each. Written atomically; a damaged one is recognised
+//! by its digest.
 
 use crate::error::{Result, TrainError};
 use crate::options::Stage;
 use crate::params::{NUM_PARAMETERS, ParameterState, Raw};
+use crate::sealed::Kind;
 use eagpt_scene::{SceneError, files};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-const MAGIC: &[u8; 8] = b"EAGPTCKP";
-const VERSION: u32 = 1;
-const DIGEST_LEN: usize = 32;
-const PREFIX_LEN: usize = MAGIC.len() + 4 + 8;
+const KIND: Kind = Kind {
+    magic: b"EAGPTCKP",
+    version: 1,
+    noun: "checkpoint",
+};
 
 /// What a run depends on; a checkpoint continues only a run with the same inputs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,23 +89,9 @@ impl Checkpoint {
             num_gaussians: self.state.len(),
             num_steps: self.state.num_steps,
         };
-        let header = serde_json::to_vec(&header)
-            .map_err(|e| SceneError::invalid(&path, "header", e.to_string()))?;
-        let mut bytes = Vec::with_capacity(
-            PREFIX_LEN + header.len() + 12 * NUM_PARAMETERS * self.state.len() + DIGEST_LEN,
-        );
-        bytes.extend_from_slice(MAGIC);
-        bytes.extend_from_slice(&VERSION.to_le_bytes());
-        bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
-        bytes.extend_from_slice(&header);
-        for array in [&self.state.values, &self.state.first, &self.state.second] {
-            for value in array.as_flattened() {
-                bytes.extend_from_slice(&value.to_le_bytes());
-            }
-        }
-        let digest = blake3::hash(&bytes);
-        bytes.extend_from_slice(digest.as_bytes());
-        files::write_bytes_atomic(&path, &bytes)?;
+        let state = &self.state;
+        let arrays = [&state.values, &state.first, &state.second].map(|array| array.as_flattened());
+        KIND.write(&path, &header, &arrays)?;
         Ok(path)
     }
 
@@ -113,40 +100,14 @@ impl Checkpoint {
     /// # Errors
     /// If the file cannot be read, is damaged, or is of another version.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = files::read(path)?;
-        let damaged = |what: &str| SceneError::invalid(path, what, "the checkpoint is damaged");
-        if bytes.len() < PREFIX_LEN + DIGEST_LEN || !bytes.starts_with(MAGIC) {
-            return Err(damaged("magic").into());
-        }
-        let (body, digest) = bytes.split_at(bytes.len() - DIGEST_LEN);
-        if blake3::hash(body).as_bytes() != digest {
-            return Err(damaged("digest").into());
-        }
-        let version = u32::from_le_bytes(body[8..12].try_into().expect("four bytes"));
-        if version != VERSION {
-            let problem = format!("version {version}, this program reads {VERSION}");
-            return Err(SceneError::unsupported(path, "version", problem).into());
-        }
-        let header_len = u64::from_le_bytes(body[12..PREFIX_LEN].try_into().expect("eight bytes"));
-        let header_len = usize::try_from(header_len).map_err(|_| damaged("header"))?;
-        let rest = &body[PREFIX_LEN..];
-        let header = rest.get(..header_len).ok_or_else(|| damaged("header"))?;
-        let header: Header = serde_json::from_slice(header)
-            .map_err(|e| SceneError::invalid(path, "header", e.to_string()))?;
-        let arrays = &rest[header_len..];
-        let array_len = 4 * NUM_PARAMETERS * header.num_gaussians;
-        if arrays.len() != 3 * array_len {
-            return Err(damaged("arrays").into());
+        let (header, values): (Header, _) = KIND.read(path)?;
+        let array_len = NUM_PARAMETERS * header.num_gaussians;
+        if values.len() != 3 * array_len {
+            return Err(SceneError::invalid(path, "arrays", "the checkpoint is damaged").into());
         }
         let read = |which: usize| -> Vec<Raw> {
-            arrays[which * array_len..][..array_len]
-                .chunks_exact(4 * NUM_PARAMETERS)
-                .map(|row| {
-                    std::array::from_fn(|k| {
-                        f32::from_le_bytes(row[4 * k..4 * k + 4].try_into().expect("four bytes"))
-                    })
-                })
-                .collect()
+            let (rows, _) = values[which * array_len..][..array_len].as_chunks();
+            rows.to_vec()
         };
         Ok(Self {
             stage: header.stage,

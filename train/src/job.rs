@@ -2,7 +2,7 @@
 
 mod plan;
 mod steps;
-mod views;
+pub(crate) mod views;
 
 use crate::backend::{Backend, CpuBackend, TrainingView};
 use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
@@ -369,20 +369,6 @@ impl Run<'_> {
         )?;
         (self.progress)(TrainProgress::Checkpoint { path });
         Ok(())
-    }
-}
-
-fn remove_if_there(path: &Path) -> Result<()> {
-    let outcome = if path.is_dir() {
-        std::fs::remove_dir_all(path)
-    } else {
-        std::fs::remove_file(path)
-    };
-    match outcome {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(SceneError::io(path, "remove", error).into())
-        }
-        _ => Ok(()),
     }
 }
 

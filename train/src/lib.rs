@@ -1,4 +1,4 @@
-//! From a dataset to Gaussians: stage 0 (radiance, emission, geometry) and stage 1 (diffuse albedo) of EAG-PT.
+//! From a dataset to Gaussians: stage 0 (radiance, emission, geometry) and stage 1 (diffuse albedo) of EAG-PT; light baking.
 //!
 //! - [`options`]: everything a run can be told, presets included; shared by the command line and TOML files.
 //! - [`init`]: starting Gaussians from a coloured point cloud and the training views.
@@ -7,9 +7,11 @@
 //! - [`densify`]: which Gaussians are split, and which are used up for it.
 //! - [`backend`]: one training step on a device; the seam for other devices.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
+//! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
 
 pub mod backend;
+pub mod bake;
 pub mod checkpoint;
 pub mod densify;
 pub mod error;
@@ -21,6 +23,8 @@ pub mod options;
 pub mod params;
 pub mod preview;
 pub mod progress;
+mod sealed;
+mod surfaces;
 
 pub use error::{Result, TrainError};
 pub use job::{TrainRequest, TrainSummary, train};

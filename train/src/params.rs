@@ -343,7 +343,8 @@ fn adam_step(
 }
 
 /// A gradient that is not a number.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("gradient of {class} of Gaussian {index} is {value}")]
 pub struct BadGradient {
     /// Class of the parameter, see [`CLASSES`].
     pub class: &'static str,

@@ -97,15 +97,15 @@ pub trait RayTracer: Sync {
     fn lights(&self) -> Option<&Lights>;
 }
 
-/// Light of every pixel of `camera`, given the blended sums of its camera rays. Deterministic for a seed: each pixel has
-/// its own random numbers and adds its samples in order.
+/// Light of every pixel of `camera`, given the blended sums of its camera rays, and the number of rays it took beside those. Deterministic
+/// for a seed: each pixel has its own random numbers and adds its samples in order.
 pub fn render(
     scene: &impl RayTracer,
     camera: &Camera,
     sums: &SumImage,
     integrator: &Integrator,
     options: &LightOptions,
-) -> Image<3> {
+) -> (Image<3>, u64) {
     let frame = camera.ray_frame();
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
     let lights = match options.sampling {
@@ -113,21 +113,22 @@ pub fn render(
         Sampling::NextEvent => scene.lights(),
     };
     let sampler = BounceSampler::new(lights, LIGHT_SHARE);
-    let light = |pixel: usize| -> Vec3 {
+    let light = |pixel: usize| -> (Vec3, u32) {
         let seen = &sums.pixels[pixel];
         if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
-            return seen.radiance();
+            return (seen.radiance(), 0);
         }
         let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
         let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
         let Some(surface) = Surface::at(frame.origin, direction, seen) else {
-            return Vec3::ZERO;
+            return (Vec3::ZERO, 0);
         };
         let points = Points::new(key, pixel as u32);
         match *integrator {
-            Integrator::ZeroBounce => seen.radiance(),
+            Integrator::ZeroBounce => (seen.radiance(), 0),
             Integrator::OneBounce { num_samples } => {
-                seen.albedo() * irradiance_over_pi(scene, &sampler, &surface, num_samples, &points)
+                let arriving = irradiance_over_pi(scene, &sampler, &surface, num_samples, &points);
+                (seen.albedo() * arriving, num_samples)
             }
             Integrator::Path {
                 num_samples,
@@ -141,18 +142,25 @@ pub fn render(
                     roulette_from,
                     threshold: options.emission_threshold,
                 };
-                let total: Vec3 = (0..num_samples)
-                    .map(|s| paths.sample(&surface, &points, s))
-                    .sum();
-                seen.albedo() * total / num_samples as f32
+                let (mut total, mut num_rays) = (Vec3::ZERO, 0);
+                for sample in 0..num_samples {
+                    let path = paths.sample(&surface, &points, sample);
+                    total += path.light;
+                    num_rays += path.num_rays;
+                }
+                (seen.albedo() * total / num_samples as f32, num_rays)
             }
         }
     };
-    let pixels = (0..camera.num_pixels())
+    let (pixels, num_rays): (Vec<[f32; 3]>, Vec<u32>) = (0..camera.num_pixels())
         .into_par_iter()
-        .map(|pixel| light(pixel).to_array())
-        .collect();
-    Image::from_pixels(camera.width, camera.height, pixels).expect("one light value for each pixel")
+        .map(light)
+        .map(|(light, num_rays)| (light.to_array(), num_rays))
+        .unzip();
+    let num_rays = num_rays.into_iter().map(u64::from).sum();
+    let image = Image::from_pixels(camera.width, camera.height, pixels)
+        .expect("one light value for each pixel");
+    (image, num_rays)
 }
 
 /// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance met in

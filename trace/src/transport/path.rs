@@ -22,61 +22,77 @@ pub(super) struct Paths<'a, T> {
     pub(super) threshold: f32,
 }
 
+/// What a path brought, and what it cost.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct PathLight {
+    pub(super) light: Vec3,
+    pub(super) num_rays: u32,
+}
+
 impl<T: RayTracer> Paths<'_, T> {
     /// Light that one path brings to `start`, not yet multiplied by the albedo there.
     ///
     /// What a direction brings is R where E > τ_E, nothing elsewhere. With next-event estimation every bounce takes a direction towards an
     /// emitter (density p) and one about the normal (density q = cos θ/π), and both count with q/(p + q): the balance heuristic of multiple
     /// importance sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of q alone.
-    pub(super) fn sample(&self, start: &Surface, points: &Points, sample: u32) -> Vec3 {
+    pub(super) fn sample(&self, start: &Surface, points: &Points, sample: u32) -> PathLight {
         let mut surface = *start;
         let mut throughput = Vec3::ONE;
-        let mut total = Vec3::ZERO;
+        let mut path = PathLight::default();
         for number in 0..self.max_bounces {
             let block = |k: u32| points.block(sample, BLOCKS * number + k);
             if let Some(lights) = self.lights {
-                total += throughput * self.towards_light(lights, &surface, block(1));
+                if let Some(light) = self.towards_light(lights, &surface, block(1)) {
+                    path.light += throughput * light;
+                    path.num_rays += 1;
+                }
             }
             let [a, b, survive, _] = block(0);
             let ray = surface.ray(cosine_direction(surface.normal, a, b));
             let direction = Vec3::from(ray.direction);
             let met = self.scene.trace(&ray);
+            path.num_rays += 1;
             if met.emission() > self.threshold {
                 let weight = self.lights.map_or(1.0, |lights| {
                     let plain = direction.dot(surface.normal) * FRAC_1_PI;
                     plain / (plain + lights.density(surface.position, direction))
                 });
-                return total + throughput * met.radiance() * weight;
+                path.light += throughput * met.radiance() * weight;
+                return path;
             }
             throughput *= met.albedo();
             if number + 1 >= self.roulette_from.unwrap_or(u32::MAX) {
                 let chance = throughput.max_element().min(1.0);
                 if survive >= chance {
-                    return total;
+                    return path;
                 }
                 throughput /= chance;
             }
             let Some(next) = Surface::at(ray.origin.into(), direction, &met) else {
-                return total;
+                return path;
             };
             surface = next;
         }
-        total
+        path
     }
 
-    /// What a direction towards a random emitter brings, weighted.
-    fn towards_light(&self, lights: &Lights, surface: &Surface, [pick, a, b, _]: [f32; 4]) -> Vec3 {
-        let Some(direction) = lights.sample(surface.position, pick, a, b) else {
-            return Vec3::ZERO;
-        };
+    /// What a direction towards a random emitter brings, weighted; `None` if that is below the surface and no ray was traced.
+    fn towards_light(
+        &self,
+        lights: &Lights,
+        surface: &Surface,
+        [pick, a, b, _]: [f32; 4],
+    ) -> Option<Vec3> {
+        let direction = lights.sample(surface.position, pick, a, b)?;
         let plain = direction.dot(surface.normal) * FRAC_1_PI;
         if plain <= 0.0 {
-            return Vec3::ZERO;
+            return None;
         }
         let met = self.scene.trace(&surface.ray(direction));
         if met.emission() <= self.threshold {
-            return Vec3::ZERO;
+            return Some(Vec3::ZERO);
         }
-        met.radiance() * (plain / (plain + lights.density(surface.position, direction)))
+        let weight = plain / (plain + lights.density(surface.position, direction));
+        Some(met.radiance() * weight)
     }
 }

@@ -5,6 +5,7 @@
 //! pixel is the blend of its Gaussians' light, and the picture is linear in the albedo. What a diffuse Gaussian sends
 //! out over what arrives is its albedo in closed form, `ρ = π r / E`: where the image loss starts from.
 
+use crate::surfaces::BestSeen;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::cpu::CpuScene;
@@ -37,29 +38,13 @@ pub(super) struct GaussianIrradiance {
 impl GaussianIrradiance {
     /// Looks for each Gaussian's best pixel in all `cameras`.
     pub(super) fn new(set: &SurfelSet, cameras: &[Camera]) -> Self {
-        let mut best: Vec<Option<(f32, Surface)>> = vec![None; set.len()];
+        let mut best = BestSeen::new(set.len());
         for camera in cameras {
-            let (sums, record) = camera::trace(set, camera, HitSearch::Tiles, Keep::Record);
-            let frame = camera.ray_frame();
-            for found in record.contributions(|_| 0.0) {
-                let best = &mut best[found.gaussian as usize];
-                let (weight, pixel) = (found.largest_weight, found.pixel);
-                if best.is_some_and(|(most, _)| weight <= most) {
-                    continue;
-                }
-                let (x, y) = (pixel % camera.width, pixel / camera.width);
-                let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-                if let Some(surface) =
-                    Surface::at(frame.origin, direction, &sums.pixels[pixel as usize])
-                {
-                    *best = Some((weight, surface));
-                }
-            }
+            best.look(set, camera);
         }
-        let seen = best
-            .into_iter()
-            .enumerate()
-            .filter_map(|(i, found)| Some((i as u32, found?.1)))
+        let seen = (0..)
+            .zip(best.finish())
+            .filter_map(|(i, found)| Some((i, found?)))
             .collect();
         Self {
             seen,

@@ -1,6 +1,6 @@
 //! Before the work: where results go, what the run depends on, whether it fits into memory.
 
-use super::{Existing, TrainRequest, remove_if_there, write_options};
+use super::{Existing, TrainRequest, write_options};
 use crate::checkpoint::{self, Checkpoint, Fingerprint};
 use crate::error::{Result, TrainError};
 use crate::options::{Stage, StageChoice, TrainOptions};
@@ -83,7 +83,7 @@ impl Folder {
                 self.root.join("scene.ply"),
                 self.root.join("record.json"),
             ] {
-                remove_if_there(&path)?;
+                files::remove_if_there(&path)?;
             }
         }
         if albedo_only && existing != Existing::Resume {

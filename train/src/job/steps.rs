@@ -65,10 +65,7 @@ impl Run<'_> {
             stage: position.stage.name(),
             iteration,
             view: view.view.name.clone(),
-            what: format!(
-                "gradient of {} of Gaussian {} is {}",
-                bad.class, bad.index, bad.value
-            ),
+            what: bad.to_string(),
         })
     }
 

@@ -11,14 +11,14 @@ use eagpt_scene::{Camera, Dataset, View};
 use std::sync::Arc;
 
 /// The views a run trains on.
-pub(super) struct Views {
+pub(crate) struct Views {
     cache: ViewCache,
     indices: Vec<usize>,
     seed: u64,
 }
 
 impl Views {
-    pub(super) fn new(
+    pub(crate) fn new(
         dataset: Arc<Dataset>,
         indices: Vec<usize>,
         budget: usize,
@@ -103,7 +103,7 @@ impl Views {
     }
 
     /// The view of an iteration (counted from 1): every round takes each view once, in an order of its own.
-    pub(super) fn at(&self, stage: Stage, iteration: u32) -> Result<TrainingView> {
+    pub(crate) fn at(&self, stage: Stage, iteration: u32) -> Result<TrainingView> {
         let num = self.indices.len() as u32;
         let (round, place) = ((iteration - 1) / num, (iteration - 1) % num);
         let key = RandomKey::new(self.seed, Purpose::ViewOrder, round);

@@ -1,15 +1,11 @@
-//! Scenes and cameras for the tests of tracing.
-#![allow(
-    dead_code,
-    reason = "each test binary uses its own part of the helpers"
-)]
+//! Gaussians of known shape, and cameras to look at them.
 
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussian, Gaussians};
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
 
 /// Random Gaussians in a box around the origin, of all orientations, elongations and opacities.
-pub(crate) fn random_cloud(num: usize, seed: u64) -> Gaussians {
+pub fn random_cloud(num: usize, seed: u64) -> Gaussians {
     let key = RandomKey::new(seed, Purpose::Initialise, 0);
     (0..num as u32)
         .map(|i| {
@@ -31,7 +27,7 @@ pub(crate) fn random_cloud(num: usize, seed: u64) -> Gaussians {
 }
 
 /// A camera at `origin` looking at `target`, z up, 60° across.
-pub(crate) fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
+pub fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
     let forward = (target - origin).normalize();
     let up = if forward.z.abs() > 0.99 {
         DVec3::Y
@@ -56,7 +52,7 @@ pub(crate) fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> 
 
 /// A sphere of `num` overlapping opaque discs around the origin, made by `make(unit direction) -> Gaussian` with position, scale
 /// and rotation overwritten.
-pub(crate) fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -> Gaussians {
+pub fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -> Gaussians {
     let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
     // One disc's share of the area. Discs this wide overlap so much that less than 1e-4 of the light passes.
     let spacing = (4.0 * std::f32::consts::PI / num as f32).sqrt();
@@ -77,7 +73,7 @@ pub(crate) fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -
 }
 
 /// An opaque Gaussian with the given light and material, to be placed by [`sphere`] and others.
-pub(crate) fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian {
+pub fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian {
     Gaussian {
         position: Vec3::ZERO,
         scale: Vec2::ONE,
@@ -90,7 +86,7 @@ pub(crate) fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian 
 }
 
 /// A rectangle of opaque discs around `center`, spanned by the half edges `a` and `b`, `spacing` apart.
-pub(crate) fn rectangle(
+pub fn rectangle(
     center: Vec3,
     a: Vec3,
     b: Vec3,
@@ -119,7 +115,7 @@ pub(crate) fn rectangle(
 }
 
 /// The six walls of a cube of half edge `half` around the origin.
-pub(crate) fn cube(half: f32, spacing: f32, material: impl Fn(Vec3) -> Gaussian) -> Vec<Gaussian> {
+pub fn cube(half: f32, spacing: f32, material: impl Fn(Vec3) -> Gaussian) -> Vec<Gaussian> {
     [
         Vec3::X,
         Vec3::NEG_X,

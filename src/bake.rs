@@ -1,0 +1,296 @@
+//! `eagpt bake`: radiance that fits the light after an edit.
+
+use crate::cli::{self, GlobalArgs};
+use crate::interrupt;
+use crate::output::{self, Replace};
+use crate::progress::Reporter;
+use crate::record::{Input, RecordBuilder, SplitRecord};
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use eagpt_scene::Dataset;
+use eagpt_scene::dataset::{SplitRule, Subset};
+use eagpt_trace::transport::Sampling;
+use eagpt_train::bake::gaussians::GaussianBake;
+use eagpt_train::bake::views::{Shard, ViewBake};
+use eagpt_train::bake::{BakeMethod, BakeOptions, BakeProgress, BakeRequest, BakeSummary, bake};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Bake the light of an edited scene into its Gaussians
+///
+/// What emits keeps its radiance; everything else gets the radiance that it reflects now. The result shows at once with
+/// `eagpt render --mode 0-bounce`, or finer with a last bounce for each pixel, --mode 1-bounce.
+///
+/// Method `gaussians` solves the light in Gaussian space, by one sweep of gathering for each bounce: no image is made. Method
+/// `views` is the paper's: it path-traces the views of the dataset and fits radiance to them.
+///
+/// Work is kept in a folder beside the result; the same command continues a bake that was stopped, to the same bits.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct BakeArgs {
+    /// Scene whose light to bake, as `eagpt edit` writes it
+    #[arg(value_name = "EDITED.ply")]
+    scene: PathBuf,
+    /// Dataset whose cameras count: a folder with a transforms.json, or that file
+    #[arg(long, value_name = "DATASET")]
+    cameras: PathBuf,
+    /// Views to bake for
+    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = cli::subset())]
+    split: Subset,
+    /// Rule that divides the views into training and test views
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    split_rule: SplitRule,
+    /// Scene to write
+    #[arg(long, value_name = "BAKED.ply")]
+    out: PathBuf,
+    /// How light is baked
+    #[arg(long, value_enum, default_value = "gaussians")]
+    method: MethodArg,
+    /// Most bounces of light, at least 1
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    bounces: u32,
+    /// gaussians: directions of direct light at each Gaussian, at least 1; every further bounce takes half as many, but at least 32
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
+    samples: u32,
+    /// views: samples per pixel, at least 1
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: u32,
+    /// views: end paths at random from this bounce on, at least 1; 0 for never
+    #[arg(long, value_name = "FROM_BOUNCE", default_value_t = 2)]
+    russian_roulette: u32,
+    /// views: iterations of the fit, one view each, at least 1
+    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
+    iterations: u32,
+    /// views: trace only part I of N of the views, into --work; without it later, the pieces are put together
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    shard: Option<Shard>,
+    /// Seed of the random numbers, 0 to 2^63 − 1
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    seed: u64,
+    /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work beside BAKED.ply]
+    #[arg(long, value_name = "DIR")]
+    work: Option<PathBuf>,
+    /// Replace an earlier result of this command, and the work of another bake
+    #[arg(long)]
+    force: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply
+  eagpt render bakes/ball.ply --cameras kitchen --mode 0-bounce --out renders/baked
+  eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views --shard 1/4   (and 2/4 … on other machines)
+  eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views";
+
+/// Adam's step size in the fit of `views`: twice that of stage 0, whose radiance also follows moving Gaussians.
+const FIT_RATE: f32 = 0.02;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum MethodArg {
+    /// In Gaussian space, by sweeps of gathering
+    Gaussians,
+    /// By path-traced views and a fit, as in the paper
+    Views,
+}
+
+fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text
+        .split_once('/')
+        .and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
+    match parts {
+        Some((index, of)) if (1..=of).contains(&index) => Ok(Shard { index, of }),
+        _ => Err(format!("`{text}` is not I/N with I from 1 to N")),
+    }
+}
+
+/// What decides the result, for the record.
+#[derive(Serialize)]
+struct Recorded<'a> {
+    scene: &'a Path,
+    cameras: &'a Path,
+    #[serde(flatten)]
+    options: BakeOptions,
+    /// Rays traced by this process, those of cameras left out.
+    num_rays: u64,
+}
+
+pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let options = options(args);
+    if args.shard.is_some() && args.method == MethodArg::Gaussians {
+        bail!("--shard: only --method views has pieces; the sweeps of gaussians need each other");
+    }
+    let dataset = Dataset::open(&args.cameras)?;
+    let mut inputs = cli::dataset_files(&dataset);
+    inputs.push(args.scene.clone());
+    let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+    let replace = Replace::from_flag(args.force);
+    output::check_file(&args.out, "bake", &inputs, replace)?;
+    output::create_parent(&args.out)?;
+    let request = BakeRequest {
+        scene: args.scene.clone(),
+        cameras: args.cameras.clone(),
+        out: args.out.clone(),
+        work: args
+            .work
+            .clone()
+            .unwrap_or_else(|| args.out.with_extension("work")),
+        options,
+        start_over: args.force,
+        stop: interrupt::stop_flag()?,
+    };
+    let mut builder = RecordBuilder::begin("bake", &options)?;
+    let mut reporter = Reporter::new(global);
+    let mut unheard = None;
+    let mut warnings = Vec::new();
+    let outcome = bake(&request, &mut |message| {
+        if let BakeProgress::Warning { text } = &message {
+            warnings.push(text.clone());
+        }
+        if let Err(error) = tell(&mut reporter, &message) {
+            unheard.get_or_insert(error);
+        }
+    });
+    reporter.finish();
+    let summary = outcome?;
+    if let Some(error) = unheard {
+        return Err(error);
+    }
+    let Some(scene) = &summary.scene else {
+        return unfinished(args, &request, &summary, &reporter);
+    };
+    builder.set_options(&Recorded {
+        scene: &args.scene,
+        cameras: &args.cameras,
+        options,
+        num_rays: summary.num_rays,
+    })?;
+    let record = &mut builder.record;
+    record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
+    record.seed = Some(args.seed);
+    record.device = Some("cpu".to_owned());
+    record.split = Some(SplitRecord::new(&summary.split, args.split));
+    record.warnings = warnings;
+    let name = scene.file_name().unwrap_or_default();
+    record.outputs = vec![name.to_string_lossy().into_owned()];
+    let record_path = output::record_path(&args.out);
+    builder.write_to(&record_path)?;
+    reporter.note(&format!("{}: {} rays", scene.display(), summary.num_rays));
+    reporter.message(&serde_json::json!({
+        "message": "done",
+        "path": scene,
+        "record": record_path,
+        "num_rays": summary.num_rays,
+    }))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn options(args: &BakeArgs) -> BakeOptions {
+    let method = match args.method {
+        MethodArg::Gaussians => BakeMethod::Gaussians(GaussianBake {
+            num_samples: args.samples,
+        }),
+        MethodArg::Views => BakeMethod::Views(ViewBake {
+            num_samples: args.spp,
+            roulette_from: (args.russian_roulette > 0).then_some(args.russian_roulette),
+            sampling: Sampling::NextEvent,
+            iterations: args.iterations,
+            rate: FIT_RATE,
+            shard: args.shard.unwrap_or(Shard::WHOLE),
+        }),
+    };
+    BakeOptions {
+        method,
+        max_bounces: args.bounces,
+        seed: args.seed,
+        split: args.split_rule,
+        subset: args.split,
+    }
+}
+
+/// Ends without a scene: a shard is done, or the bake was stopped.
+fn unfinished(
+    args: &BakeArgs,
+    request: &BakeRequest,
+    summary: &BakeSummary,
+    reporter: &Reporter,
+) -> Result<ExitCode> {
+    let stopped = request.stop.load(std::sync::atomic::Ordering::Relaxed);
+    reporter.message(&serde_json::json!({
+        "message": "done",
+        "complete": false,
+        "path": request.work,
+        "num_rays": summary.num_rays,
+    }))?;
+    let work = request.work.display();
+    match args.shard {
+        Some(Shard { index, of }) if !stopped => {
+            reporter.note(&format!(
+                "{work}: part {index} of {of}, {} rays",
+                summary.num_rays
+            ));
+            Ok(ExitCode::SUCCESS)
+        }
+        _ => {
+            reporter.note(&format!("stopped: the same command continues from {work}"));
+            Ok(interrupt::exit_code())
+        }
+    }
+}
+
+/// Shows a message of the job.
+fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
+    let (done, total, task, unit) = match *message {
+        BakeProgress::Looking { done, total } => {
+            (done, total, "looking for surfaces".to_owned(), "views")
+        }
+        BakeProgress::Sweep {
+            bounce,
+            done,
+            total,
+        } => (done, total, format!("bounce {bounce}"), "Gaussians"),
+        BakeProgress::Rendering { done, total } => {
+            (done, total, "path tracing".to_owned(), "views")
+        }
+        BakeProgress::Fitting {
+            iteration, total, ..
+        } => (
+            iteration as usize,
+            total as usize,
+            "fitting".to_owned(),
+            "iterations",
+        ),
+        BakeProgress::Swept { bounce, share } => {
+            reporter.note(&format!(
+                "bounce {bounce}: {:.2} % of the reflected light",
+                100.0 * share
+            ));
+            return reporter.message(message);
+        }
+        BakeProgress::Warning { ref text } => {
+            reporter.warning(text);
+            return reporter.message(message);
+        }
+    };
+    let (done, total) = (done as u64, total as u64);
+    if !reporter.is_at(&task) {
+        reporter.begin(&task, unit, done, total);
+    }
+    reporter.advance(done, || match message {
+        BakeProgress::Fitting { loss, .. } => format!("loss {loss:.4}"),
+        _ => String::new(),
+    });
+    reporter.step_message(done, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_parsed() {
+        assert_eq!(shard("2/3"), Ok(Shard { index: 2, of: 3 }));
+        for bad in ["0/3", "4/3", "1", "a/b", "1/0", "-1/2"] {
+            assert!(shard(bad).unwrap_err().contains(bad));
+        }
+    }
+}

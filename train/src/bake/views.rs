@@ -1,0 +1,196 @@
+//! Light baking by path-traced views, the paper's way (EAG-PT, section 3.5).
+//!
+//! The work folder becomes a dataset: one image a view, named as in the cameras' dataset. Views are independent of each other, so that several
+//! machines can each take a [`Shard`]; once all images are there, radiance is fitted to them by iterations of stage 0 with
+//! everything else held.
+
+use super::{Bake, BakeProgress};
+use crate::backend::{Backend, CpuBackend, RadianceStep};
+use crate::error::{Result, TrainError};
+use crate::job::views::Views;
+use crate::loss::NormalTerms;
+use crate::options::{LearningRates, LossWeights, Stage};
+use crate::params::{ParameterState, StepSizes};
+use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
+use eagpt_scene::exr::{self, Precision};
+use eagpt_scene::{Dataset, files};
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::transport::Sampling;
+use eagpt_trace::{Integrator, LightOptions, Tracer};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Bytes that images may take in memory during the fit.
+const IMAGE_BUDGET: usize = 1 << 30;
+
+/// Options of [`super::BakeMethod::Views`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ViewBake {
+    /// Samples per pixel, at least 1; 1,024 in the paper.
+    pub num_samples: u32,
+    /// First bounce at which a path may be ended at random; `None`: never.
+    pub roulette_from: Option<u32>,
+    /// How light is looked for.
+    pub sampling: Sampling,
+    /// Iterations of the fit, one view each; 3,000 in the paper.
+    pub iterations: u32,
+    /// Adam's step size of the radiance's logarithm; it falls exponentially to a tenth.
+    pub rate: f32,
+    /// The part of the views to trace.
+    pub shard: Shard,
+}
+
+/// A part of the views: every `of`-th, from the `index`-th on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// Which, 1 to `of`.
+    pub index: u32,
+    /// How many there are, at least 1.
+    pub of: u32,
+}
+
+impl Shard {
+    /// All views.
+    pub const WHOLE: Self = Self { index: 1, of: 1 };
+
+    /// Whether the view at `place` belongs to it.
+    fn has(self, place: usize) -> bool {
+        place % self.of as usize == self.index as usize - 1
+    }
+}
+
+impl Bake<'_> {
+    /// Radiances of all Gaussians, or `None` if it was stopped from outside or is a shard.
+    pub(super) fn fit_views(&mut self, method: &ViewBake) -> Result<Option<Vec<Vec3>>> {
+        if !self.render_views(method)? || method.shard != Shard::WHOLE {
+            return Ok(None);
+        }
+        let cameras: Vec<_> = (self.frames.iter())
+            .map(|&i| &self.dataset.frames()[i])
+            .map(|frame| (frame.name.clone(), frame.camera))
+            .collect();
+        let transforms = self.request.work.join(TRANSFORMS_FILE);
+        write_transforms(&transforms, &cameras, &self.dataset.info())?;
+        self.fit(method)
+    }
+
+    fn image_path(&self, view: usize) -> PathBuf {
+        let name = &self.dataset.frames()[view].name;
+        let folder = self.request.work.join(RADIANCE_DIR);
+        folder.join(format!("{name}.exr"))
+    }
+
+    /// Path-traces the views of the shard that are not there yet; `false` if it was stopped.
+    fn render_views(&mut self, method: &ViewBake) -> Result<bool> {
+        let mine: Vec<usize> = (0..)
+            .zip(&self.frames)
+            .filter(|(place, _)| method.shard.has(*place))
+            .map(|(_, &view)| view)
+            .collect();
+        let total = mine.len();
+        let missing: Vec<usize> = (mine.into_iter())
+            .filter(|&view| !self.image_path(view).exists())
+            .collect();
+        let mut done = total - missing.len();
+        (self.progress)(BakeProgress::Rendering { done, total });
+        let engine = CpuScene::new(&self.scene);
+        let options = self.request.options;
+        let integrator = Integrator::Path {
+            num_samples: method.num_samples,
+            max_bounces: options.max_bounces,
+            roulette_from: method.roulette_from,
+        };
+        for view in missing {
+            if self.stopped() {
+                return Ok(false);
+            }
+            let light = LightOptions {
+                // Noise of its own for every view: what they share, the fit could not average away.
+                seed: options.seed.wrapping_add(view as u64),
+                sampling: method.sampling,
+                ..LightOptions::default()
+            };
+            let camera = &self.dataset.frames()[view].camera;
+            let rendered = engine.render(camera, &integrator, &light)?;
+            self.num_rays += rendered.num_rays;
+            let path = self.image_path(view);
+            if let Some(parent) = path.parent() {
+                files::create_dir(parent)?;
+            }
+            exr::write_rgb(&path, &rendered.radiance, Precision::Float)?;
+            done += 1;
+            (self.progress)(BakeProgress::Rendering { done, total });
+        }
+        Ok(true)
+    }
+
+    /// Fits radiance to the images of the work folder; `None` if it was stopped.
+    fn fit(&mut self, method: &ViewBake) -> Result<Option<Vec<Vec3>>> {
+        let images = Arc::new(Dataset::open(&self.request.work)?);
+        let all = (0..images.len()).collect();
+        let views = Views::new(images, all, IMAGE_BUDGET, self.request.options.seed);
+        let mut backend = CpuBackend::new(ParameterState::new(&self.scene), IMAGE_BUDGET / 2);
+        let total = method.iterations;
+        let rates = LearningRates {
+            position: 0.0,
+            scale: 0.0,
+            rotation: 0.0,
+            opacity: 0.0,
+            radiance: method.rate,
+            emission: 0.0,
+            final_share: 0.1,
+        };
+        let weights = LossWeights {
+            color: 1.0,
+            ssim_share: 0.2,
+            normal: 0.0,
+            depth_normal: 0.0,
+            emission: 0.0,
+            alpha: 0.0,
+        };
+        for iteration in 1..=total {
+            if self.stopped() {
+                return Ok(None);
+            }
+            let view = views.at(Stage::Radiance, iteration)?;
+            let progress = (iteration - 1) as f32 / total as f32;
+            let step = RadianceStep {
+                weights: &weights,
+                normals: NormalTerms::Off,
+                rays_per_axis: 1,
+                sizes: StepSizes::radiance(&rates, 0.0, progress),
+            };
+            let terms =
+                backend
+                    .radiance_step(&view, &step)?
+                    .map_err(|bad| TrainError::Diverged {
+                        stage: "bake",
+                        iteration,
+                        view: view.view.name.clone(),
+                        what: bad.to_string(),
+                    })?;
+            (self.progress)(BakeProgress::Fitting {
+                iteration,
+                total,
+                loss: terms.total,
+            });
+        }
+        Ok(Some(backend.state()?.gaussians().radiances))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_divide_the_views() {
+        for place in 0..20 {
+            let owners = (1..=3).filter(|&index| Shard { index, of: 3 }.has(place));
+            assert_eq!(owners.count(), 1);
+            assert!(Shard::WHOLE.has(place));
+        }
+    }
+}
