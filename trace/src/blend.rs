@@ -38,6 +38,12 @@ impl Hit {
     pub fn index(&self) -> u32 {
         self.key as u32
     }
+
+    /// Whether this hit is blended before `other`.
+    #[inline(always)]
+    pub fn is_before(&self, other: &Self) -> bool {
+        self.key < other.key
+    }
 }
 
 /// Sorts hits front to back. Searches deliver them nearly sorted, which insertion likes; long lists go to the

@@ -2,7 +2,7 @@
 
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
-use eagpt_trace::cpu::bvh::{Bvh, RayScratch};
+use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::ray::Ray;
@@ -193,4 +193,55 @@ fn contributions_add_up_to_the_picture() {
             assert!((c.pixel as usize) < image.pixels.len());
         }
     }
+}
+
+/// One hit chosen at random is each hit as often as it weighs in the blend, whatever the order in which the search meets them.
+#[test]
+fn sampled_hits_follow_the_weights_of_the_blend() {
+    const SEEDS: u32 = 20_000;
+    let set = SurfelSet::new(&random_cloud(700, 3));
+    let bvh = Bvh::new(&set);
+    let mut scratch = RayScratch::default();
+    let (mut chi2, mut degrees) = (0.0, 0.0);
+    for k in 0..24 {
+        let (sin, cos) = (0.7 * k as f32).sin_cos();
+        let direction = Vec3::new(cos, sin, 0.3 * (k as f32).cos()).normalize();
+        let origin = direction * -2.5 + Vec3::new(0.1, 0.05, -0.1);
+        let ray = Ray::free(origin.to_array(), direction.to_array());
+        bvh.find_hits(&ray, Reach::Everything, &mut scratch);
+        scratch.sort();
+        let mut transmittance = 1.0;
+        let mut expected = Vec::new();
+        for hit in scratch.hits() {
+            expected.push((hit.index(), transmittance * f64::from(hit.alpha)));
+            transmittance *= 1.0 - f64::from(hit.alpha);
+        }
+        let mut counts = vec![0_u32; expected.len()];
+        let mut missed = 0;
+        for seed in 0..SEEDS {
+            match bvh.sample_hit(&ray, seed.wrapping_mul(0x9e37_79b9), &mut scratch) {
+                None => missed += 1,
+                Some(hit) => {
+                    let place = expected.iter().position(|(i, _)| *i == hit.index());
+                    counts[place.expect("a hit of the blend")] += 1;
+                }
+            }
+        }
+        let observed = counts.into_iter().chain([missed]);
+        let weights = expected.iter().map(|(_, w)| *w).chain([transmittance]);
+        // Cells of fewer than some ten expected counts do not follow the chi-square distribution.
+        for (count, weight) in observed.zip(weights) {
+            let mean = weight * f64::from(SEEDS);
+            if mean > 10.0 {
+                chi2 += (f64::from(count) - mean).powi(2) / mean;
+                degrees += 1.0;
+            }
+        }
+    }
+    // Mean and standard deviation of the distribution are n and √(2n); five of those.
+    assert!(degrees > 100.0);
+    assert!(
+        (chi2 - degrees).abs() < 5.0 * f64::sqrt(2.0 * degrees),
+        "chi-square {chi2} for {degrees} degrees of freedom"
+    );
 }

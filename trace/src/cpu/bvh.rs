@@ -203,6 +203,13 @@ impl Bvh {
         find_hits(&self.nodes, &self.leaves, ray, reach, scratch);
     }
 
+    /// One hit of `ray`, chosen with the weight it has in the blend; `None` with the probability of meeting nothing. Every hit is accepted
+    /// with probability α, and the nearest accepted one is the choice (stochastic transparency, Enderton et al. 2010): no sorting, and the
+    /// search ends where the ray does. `seed` makes the choice; rays with the same one share their luck.
+    pub fn sample_hit(&self, ray: &Ray, seed: u32, scratch: &mut RayScratch) -> Option<Hit> {
+        find_accepted(&self.nodes, &self.leaves, ray, seed, &mut scratch.stack)
+    }
+
     /// Blended sums along `ray`.
     pub fn trace(&self, set: &SurfelSet, ray: &Ray, scratch: &mut RayScratch) -> Sums {
         self.find_hits(ray, Reach::UntilOpaque, scratch);
@@ -355,6 +362,61 @@ fn leaf_bounds(leaf: &Leaf, set: &SurfelSet) -> Aabb {
 fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, reach: Reach, scratch: &mut RayScratch) {
     let RayScratch { hits, stack } = scratch;
     hits.clear();
+    let mut prune_at = FIRST_PRUNE;
+    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+        meet_leaf(&leaves[leaf], ray, *t_max, |hit| hits.push(hit));
+        if reach == Reach::UntilOpaque && hits.len() >= prune_at {
+            *t_max = prune(hits);
+            prune_at = 2 * hits.len().max(FIRST_PRUNE / 2);
+        }
+    });
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn find_accepted(
+    nodes: &[Node],
+    leaves: &[Leaf],
+    ray: &Ray,
+    seed: u32,
+    stack: &mut Vec<(f32, u32)>,
+) -> Option<Hit> {
+    let mut nearest: Option<Hit> = None;
+    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+        meet_leaf(&leaves[leaf], ray, *t_max, |hit| {
+            let is_nearer = nearest.is_none_or(|so_far| hit.is_before(&so_far));
+            if is_nearer && uniform_of(seed, hit.index()) < hit.alpha {
+                nearest = Some(hit);
+                *t_max = hit.t();
+            }
+        });
+    });
+    nearest
+}
+
+/// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them does not matter. The mixer is
+/// that of Wellons' hash prospector ("lowbias32").
+#[inline(always)]
+fn uniform_of(seed: u32, index: u32) -> f32 {
+    let mut x = seed ^ index.wrapping_mul(0x9e37_79b9);
+    x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
+    x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
+    x ^= x >> 16;
+    (x >> 8) as f32 * (1.0 / (1 << 24) as f32)
+}
+
+/// Calls `visit` with the leaves along `ray`, nearer ones mostly first, and with the distance beyond which nothing matters any more, which
+/// `visit` may lower.
+#[inline(always)]
+fn visit_leaves(
+    nodes: &[Node],
+    ray: &Ray,
+    stack: &mut Vec<(f32, u32)>,
+    mut visit: impl FnMut(usize, &mut f32),
+) {
     stack.clear();
     if nodes.is_empty() {
         return;
@@ -368,23 +430,18 @@ fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, reach: Reach, scratch: 
         }
     });
     let mut t_max = f32::INFINITY;
-    let mut prune_at = FIRST_PRUNE;
     stack.push((0.0, 0));
     while let Some((near, child)) = stack.pop() {
         if near > t_max {
             continue;
         }
-        if child & LEAF == 0 {
-            let node = &nodes[child as usize];
-            let near = node_distances(node, ray, inverse, t_max);
-            push_sorted(stack, node, &near);
+        if child & LEAF != 0 {
+            visit((child & !LEAF) as usize, &mut t_max);
             continue;
         }
-        meet_leaf(&leaves[(child & !LEAF) as usize], ray, t_max, hits);
-        if reach == Reach::UntilOpaque && hits.len() >= prune_at {
-            t_max = prune(hits);
-            prune_at = 2 * hits.len().max(FIRST_PRUNE / 2);
-        }
+        let node = &nodes[child as usize];
+        let near = node_distances(node, ray, inverse, t_max);
+        push_sorted(stack, node, &near);
     }
 }
 
@@ -430,7 +487,7 @@ fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH]) {
 }
 
 #[inline(always)]
-fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, hits: &mut Vec<Hit>) {
+fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, mut found: impl FnMut(Hit)) {
     // Plain loops over arrays, with bits gathered afterwards: they become straight SIMD code.
     let mut t = [0.0_f32; WIDTH];
     let mut exponent = [0.0_f32; WIDTH];
@@ -448,7 +505,7 @@ fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, hits: &mut Vec<Hit>) {
         let lane = mask.trailing_zeros() as usize;
         mask &= mask - 1;
         let alpha = leaf.opacity[lane] * exp_of_negative(exponent[lane]);
-        hits.push(Hit::new(t[lane], leaf.index[lane], alpha));
+        found(Hit::new(t[lane], leaf.index[lane], alpha));
     }
 }
 

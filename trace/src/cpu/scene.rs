@@ -4,11 +4,12 @@ use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
-use crate::sums::{SumImage, Sums};
+use crate::sums::{SumImage, Sums, lane};
 use crate::surfel::SurfelSet;
 use crate::transport::lights::Lights;
 use crate::transport::{self, Integrator, LightOptions, RayTracer};
 use eagpt_scene::{Camera, Gaussians};
+use glam::Vec3;
 use std::cell::RefCell;
 
 thread_local! {
@@ -49,6 +50,14 @@ impl CpuScene {
 impl RayTracer for CpuScene {
     fn trace(&self, ray: &Ray) -> Sums {
         SCRATCH.with_borrow_mut(|scratch| self.bvh.trace(&self.set, ray, scratch))
+    }
+
+    fn sample_radiance(&self, ray: &Ray, seed: u32) -> Vec3 {
+        let hit = SCRATCH.with_borrow_mut(|scratch| self.bvh.sample_hit(ray, seed, scratch));
+        hit.map_or(Vec3::ZERO, |hit| {
+            let lanes = &self.set.payloads[hit.index() as usize].0;
+            Vec3::from_slice(&lanes[lane::RADIANCE..][..3])
+        })
     }
 
     fn lights(&self) -> Option<&Lights> {

@@ -34,6 +34,13 @@ impl Points {
             .next_words();
         sobol_burley::sample_4d(sample & ((1 << SEQUENCE_BITS) - 1), 0, seed)
     }
+
+    /// A word for choices that need no stratification, one for each `sample`.
+    pub fn word(&self, sample: u32) -> u32 {
+        // Block numbers are small: the complement is none of theirs.
+        let [word, ..] = self.key.stream(self.element, !sample).next_words();
+        word
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,102 @@
+//! `eagpt bake`: an edited scene in, one with its light baked out.
+
+use crate::support::Workplace;
+use eagpt_scene::ply;
+
+/// A room, and `edited.ply`: its lamps off and a ball light in it.
+fn workplace() -> Workplace {
+    let place = Workplace::new();
+    place.train("run");
+    let script = "[[step]]
+select = { emission = { min = 0.1 } }
+then = [\"lights_off\", { set_albedo = 0.5 }]
+
+[[step]]
+insert = { ball = { centre = [0, 0, 1], radius = 0.3, radiance = 5 } }
+";
+    std::fs::write(place.path("ball.toml"), script).unwrap();
+    place.succeeds("edit run/scene.ply ball.toml --out edited.ply");
+    place
+}
+
+#[test]
+fn sweeps_change_nothing_but_what_reflects_and_repeat_to_the_bit() {
+    let place = workplace();
+    let bake = "bake edited.ply --cameras room --samples 32";
+    place.succeeds(&format!("{bake} --out a.ply --threads 1"));
+    place.succeeds(&format!("{bake} --out b.ply --threads 2"));
+    assert_eq!(place.bytes("a.ply"), place.bytes("b.ply"));
+    let edited = ply::read_gaussians(&place.path("edited.ply")).unwrap();
+    let mut baked = ply::read_gaussians(&place.path("a.ply")).unwrap();
+    let mut num_changed = 0;
+    for i in 0..edited.len() {
+        if edited.emissions[i] > 0.1 {
+            assert_eq!(baked.radiances[i], edited.radiances[i]);
+        } else {
+            assert!(baked.radiances[i].is_finite());
+            num_changed += usize::from(baked.radiances[i] != edited.radiances[i]);
+        }
+    }
+    assert!(2 * num_changed > edited.len());
+    baked.radiances.clone_from(&edited.radiances);
+    assert_eq!(baked, edited);
+    // Seven sweeps of 32 directions at whatever does not emit.
+    let record = place.json("a.record.json");
+    let num_dark = edited.emissions.iter().filter(|e| **e <= 0.1).count();
+    assert_eq!(record["options"]["num_rays"], 7 * 32 * num_dark);
+    assert_eq!(record["options"]["method"], "gaussians");
+    assert!(!place.path("a.work").exists());
+    // The same command does not replace its result, and --force does.
+    place.fails(&format!("{bake} --out a.ply"), &["a.ply", "--force"]);
+    place.succeeds(&format!("{bake} --out a.ply --bounces 1 --force"));
+    assert_ne!(place.bytes("a.ply"), place.bytes("b.ply"));
+}
+
+#[test]
+fn shards_of_views_come_together_to_the_same_bits() {
+    let place = workplace();
+    let bake = "bake edited.ply --cameras room --method views --spp 2 --bounces 2 --iterations 8";
+    for part in ["1/2", "2/2"] {
+        let text = place.succeeds(&format!("{bake} --out parts.ply --shard {part} --json"));
+        assert!(text.contains("\"complete\":false"), "{text}");
+        assert!(!place.path("parts.ply").exists());
+    }
+    place.succeeds(&format!("{bake} --out parts.ply"));
+    place.succeeds(&format!("{bake} --out whole.ply"));
+    assert_eq!(place.bytes("parts.ply"), place.bytes("whole.ply"));
+    // All rays were traced by the shards.
+    assert_eq!(place.json("parts.record.json")["options"]["num_rays"], 0);
+    assert_ne!(place.json("whole.record.json")["options"]["num_rays"], 0);
+    // The work folder is a dataset of what the bake saw.
+    place.succeeds("render edited.ply --cameras whole.work --split all --mode 0-bounce --out out");
+    // It belongs to this bake.
+    place.fails(
+        &format!("{bake} --seed 1 --out other.ply --work whole.work"),
+        &["whole.work", "other options", "--force"],
+    );
+}
+
+#[test]
+fn what_cannot_be_baked_is_told_before_the_work() {
+    let place = workplace();
+    let script = "[[step]]\nselect = { emission = { min = 0.1 } }\nthen = [\"remove\"]\n";
+    std::fs::write(place.path("dark.toml"), script).unwrap();
+    place.succeeds("edit edited.ply dark.toml --out dark.ply");
+    place.fails(
+        "bake dark.ply --cameras room --out baked.ply",
+        &["dark.ply", "emission", "nothing emits"],
+    );
+    place.fails(
+        "bake edited.ply --cameras room --out edited.ply",
+        &["edited.ply", "input"],
+    );
+    place.fails(
+        "bake edited.ply --cameras room --out baked.ply --shard 1/2",
+        &["--shard", "--method views"],
+    );
+    place.fails(
+        "bake edited.ply --cameras room --out run/scene.ply --force",
+        &["run", "--force does not replace it"],
+    );
+    assert!(!place.path("baked.ply").exists());
+}
