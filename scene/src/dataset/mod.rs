@@ -20,9 +20,9 @@
 
 mod cache;
 mod intrinsics;
-mod json;
+pub(crate) mod json;
 mod open;
-mod pose;
+pub(crate) mod pose;
 mod split;
 mod up;
 mod view;
@@ -114,7 +114,16 @@ impl Dataset {
     /// # Errors
     /// [`crate::SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
     pub fn open(root: &Path) -> Result<Self> {
-        open::open(root)
+        open::open(root, open::Images::Needed)
+    }
+
+    /// As [`Self::open`] for who needs the cameras alone: an image that is not there will do if the file states `w` and `h`.
+    /// [`Self::load_view`] fails for such a frame.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_cameras(root: &Path) -> Result<Self> {
+        open::open(root, open::Images::IfThere)
     }
 
     /// The folder of the dataset.
