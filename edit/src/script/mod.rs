@@ -10,7 +10,7 @@ use crate::place::Placement;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
 use eagpt_scene::dataset::UpAxis;
-use eagpt_scene::script::{Node, Origin, Table, Text};
+use eagpt_scene::script::{Node, Origin, Text};
 use eagpt_scene::{Gaussians, Result, files};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

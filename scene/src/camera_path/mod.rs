@@ -237,16 +237,10 @@ fn check_overrides(argument: &str, overrides: &PathOverrides) -> Result<()> {
 
 /// The camera of a view, or what is wrong with its name.
 fn view(dataset: &Dataset, name: &str) -> Result<Camera, String> {
-    let frames = dataset.frames();
-    let found = frames.iter().find(|frame| frame.name == name);
-    found.map(|frame| frame.camera).ok_or_else(|| {
-        format!(
-            "there is no view `{}`; the {} views are called like `{}`",
-            name.escape_debug(),
-            frames.len(),
-            frames[0].name
-        )
-    })
+    let found = dataset.frames().iter().find(|frame| frame.name == name);
+    found
+        .map(|frame| frame.camera)
+        .ok_or_else(|| dataset.no_such_view(name))
 }
 
 fn fly(

@@ -151,6 +151,16 @@ impl Dataset {
         self.frames.is_empty()
     }
 
+    /// What to tell who asks for a view that is not there.
+    pub fn no_such_view(&self, name: &str) -> String {
+        format!(
+            "there is no view `{}`; the {} views are called like `{}`",
+            name.escape_debug(),
+            self.frames.len(),
+            self.frames[0].name
+        )
+    }
+
     /// The world's up axis as stored in the file, if it is.
     pub fn up_axis(&self) -> Option<UpAxis> {
         self.up_axis
