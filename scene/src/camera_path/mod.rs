@@ -27,7 +27,7 @@
 //! ```toml
 //! [turntable]
 //! centre = [1.0, 0.5, 0.9]   # else the point nearest to the optical axes of all cameras
-//! radius = 2.5               # distance from the axis; else the mean of the cameras'
+//! radius = 2.5               # distance from the axis; else the largest that stays among the cameras, which are in no wall
 //! height = 0.6               # above the centre; else the mean of the cameras'
 //! look_at = [1.0, 0.5, 0.9]  # else the centre
 //! up = "z"                   # the axis of rotation; else up in the dataset

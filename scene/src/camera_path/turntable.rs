@@ -58,33 +58,38 @@ impl TurntableKeys {
             None => meeting_point(cameras)
                 .ok_or("the cameras of the dataset look at no common point: `centre` is needed")?,
         };
-        let offsets = cameras
+        let offsets: Vec<DVec3> = cameras
             .iter()
-            .map(|camera| camera.world_from_camera.translation - centre);
-        let num = cameras.len() as f64;
-        let mean = |of: &dyn Fn(DVec3) -> f64| offsets.clone().map(of).sum::<f64>() / num;
-        let level = |offset: DVec3| offset - axis * offset.dot(axis);
-        let radius = self
-            .radius
-            .unwrap_or_else(|| mean(&|offset| level(offset).length()));
-        let first = level(cameras[0].world_from_camera.translation - centre);
+            .map(|camera| camera.world_from_camera.translation - centre)
+            .collect();
+        let level: Vec<DVec3> = offsets
+            .iter()
+            .map(|offset| *offset - axis * offset.dot(axis))
+            .collect();
+        let mean =
+            |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / offsets.len() as f64;
+        let zero = level[0]
+            .try_normalize()
+            .unwrap_or_else(|| axis.any_orthonormal_vector());
         let table = Turntable {
             centre,
-            radius,
+            radius: self.radius.unwrap_or_else(|| {
+                radius_among(&level, axis, zero)
+                    .unwrap_or_else(|| mean(&mut level.iter().map(|offset| offset.length())))
+            }),
             height: self
                 .height
-                .unwrap_or_else(|| mean(&|offset| offset.dot(axis))),
+                .unwrap_or_else(|| mean(&mut offsets.iter().map(|offset| offset.dot(axis)))),
             look_at: self.look_at.unwrap_or(centre),
             up,
-            zero: first
-                .try_normalize()
-                .unwrap_or_else(|| axis.any_orthonormal_vector()),
+            zero,
             start: self.start.unwrap_or(0.0),
             degrees: self.degrees.unwrap_or(FULL_TURN),
         };
         // On the way around, the line of sight is closest to the axis where the point looked at is closest.
         let target = table.look_at - centre;
-        let gap = (radius - level(target).length()).abs();
+        let radius = table.radius;
+        let gap = (radius - target.reject_from_normalized(axis).length()).abs();
         let rise = (target.dot(axis) - table.height).abs();
         if radius <= 0.0 || gap <= MIN_SINE * rise.max(radius) {
             return Err(format!(
@@ -118,6 +123,23 @@ impl Turntable {
             ..*lens
         }
     }
+}
+
+/// Radius of the largest circle about the centre that stays among the cameras, seen from above: within their convex hull, where a
+/// room has no walls. `None` if the centre is not among them. `level` are their offsets from the axis.
+fn radius_among(level: &[DVec3], axis: DVec3, zero: DVec3) -> Option<f64> {
+    const NUM_DIRECTIONS: u32 = 360;
+    let directions = (0..NUM_DIRECTIONS).map(|i| {
+        let angle = f64::from(i) / f64::from(NUM_DIRECTIONS) * std::f64::consts::TAU;
+        DQuat::from_axis_angle(axis, angle) * zero
+    });
+    // In every direction some camera stands at least that far out.
+    let reach = |direction: DVec3| {
+        let along = level.iter().map(|offset| offset.dot(direction));
+        along.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let radius = directions.map(reach).fold(f64::INFINITY, f64::min);
+    (radius > 0.0).then_some(radius)
 }
 
 /// The point nearest to the optical axes of all cameras, in the sense of least squares; `None` if they are parallel.
