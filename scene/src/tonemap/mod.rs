@@ -126,8 +126,8 @@ impl ToneMap {
 
     /// What the display shows of exposed light: linear, 0 to 1. Negative light and NaN are shown as 0.
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
-        // Not `clamp`, which keeps NaN.
-        let light = light.map(|v| v.max(0.0).min(BRIGHTEST));
+        // NaN compares with nothing.
+        let light = light.map(|v| if v > 0.0 { v.min(BRIGHTEST) } else { 0.0 });
         match self {
             Self::Srgb => light.map(|v| v.min(1.0)),
             Self::Filmic => ToneMapper::Hable.shown(light),
