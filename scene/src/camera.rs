@@ -135,17 +135,24 @@ mod tests {
     use super::*;
     use glam::{DMat3, DQuat};
 
-    #[test]
-    fn another_size_shows_the_same_height() {
-        let camera = Camera {
+    fn some_camera() -> Camera {
+        Camera {
             width: 40,
             height: 30,
             fx: 35.0,
             fy: 33.0,
             cx: 19.0,
             cy: 16.0,
-            world_from_camera: DAffine3::IDENTITY,
-        };
+            world_from_camera: DAffine3 {
+                matrix3: DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 0.7)),
+                translation: DVec3::new(1.0, -2.0, 0.5),
+            },
+        }
+    }
+
+    #[test]
+    fn another_size_shows_the_same_height() {
+        let camera = some_camera();
         let wide = camera.resized(100, 60);
         assert_eq!(
             (wide.width, wide.height, wide.fx, wide.fy),
@@ -162,18 +169,7 @@ mod tests {
 
     #[test]
     fn projection_inverts_ray() {
-        let camera = Camera {
-            width: 40,
-            height: 30,
-            fx: 35.0,
-            fy: 33.0,
-            cx: 19.0,
-            cy: 16.0,
-            world_from_camera: DAffine3 {
-                matrix3: DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 0.7)),
-                translation: DVec3::new(1.0, -2.0, 0.5),
-            },
-        };
+        let camera = some_camera();
         let frame = camera.ray_frame();
         for (x, y) in [(0.5, 0.5), (39.5, 0.5), (12.25, 29.5)] {
             let direction = frame.direction(x, y);
