@@ -14,7 +14,7 @@ impl<'a> Node<'a> {
     /// A string.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn string(&self) -> Result<&'a str> {
         match self.value.get_ref() {
             DeValue::String(text) => Ok(text),
@@ -25,7 +25,7 @@ impl<'a> Node<'a> {
     /// `true` or `false`.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn flag(&self) -> Result<bool> {
         self.value
             .get_ref()
@@ -36,7 +36,7 @@ impl<'a> Node<'a> {
     /// A finite number in double precision.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn double(&self) -> Result<f64> {
         let value = match self.value.get_ref() {
             DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
@@ -55,7 +55,7 @@ impl<'a> Node<'a> {
     /// A finite number.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn number(&self) -> Result<f32> {
         let value = self.double()?;
         if !(value as f32).is_finite() {
@@ -67,7 +67,7 @@ impl<'a> Node<'a> {
     /// A whole number within `range`.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn whole(&self, range: RangeInclusive<u32>) -> Result<u32> {
         let value = self.double()?;
         let (least, most) = (f64::from(*range.start()), f64::from(*range.end()));
@@ -80,7 +80,7 @@ impl<'a> Node<'a> {
     /// A number above 0.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn positive(&self) -> Result<f32> {
         self.checked(self.number()?, |value| value > 0.0, "is not above 0")
     }
@@ -88,7 +88,7 @@ impl<'a> Node<'a> {
     /// A number of 0 or more.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn not_negative(&self) -> Result<f32> {
         self.checked(self.number()?, |value| value >= 0.0, "is negative")
     }
@@ -96,7 +96,7 @@ impl<'a> Node<'a> {
     /// Three finite numbers.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn vec3(&self) -> Result<Vec3> {
         let [x, y, z] = self.fixed_array()?;
         Ok(Vec3::new(x.number()?, y.number()?, z.number()?))
@@ -105,7 +105,7 @@ impl<'a> Node<'a> {
     /// Three finite numbers in double precision.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn dvec3(&self) -> Result<DVec3> {
         let [x, y, z] = self.fixed_array()?;
         Ok(DVec3::new(x.double()?, y.double()?, z.double()?))
@@ -114,7 +114,7 @@ impl<'a> Node<'a> {
     /// Exactly `N` elements.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is no array of this length.
+    /// [`crate::SceneError::Script`] if it is no array of this length.
     pub fn fixed_array<const N: usize>(&self) -> Result<[Self; N]> {
         let items = self.array()?;
         items
@@ -125,7 +125,7 @@ impl<'a> Node<'a> {
     /// A colour: one number for grey, or three.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn color(&self) -> Result<Vec3> {
         let color = if matches!(self.value.get_ref(), DeValue::Array(_)) {
             self.vec3()?
@@ -139,7 +139,7 @@ impl<'a> Node<'a> {
     /// A colour with all channels at most 1.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn albedo(&self) -> Result<Vec3> {
         let color = self.color()?;
         let most = self.checked(color.max_element(), |value| value <= 1.0, "is above 1");
@@ -149,7 +149,7 @@ impl<'a> Node<'a> {
     /// A unit vector: three numbers, or the name of an axis.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn direction(&self) -> Result<Vec3> {
         if let DeValue::String(name) = self.value.get_ref() {
             return name
@@ -170,7 +170,7 @@ impl<'a> Node<'a> {
     /// `{ axis, degrees }`.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is none.
+    /// [`crate::SceneError::Script`] if it is none.
     pub fn rotation(&self) -> Result<Quat> {
         self.table(&["axis", "degrees"])?.rotation()
     }
@@ -188,7 +188,7 @@ impl Table<'_> {
     /// `axis` and `degrees` of this table.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if they are not there or none.
+    /// [`crate::SceneError::Script`] if they are not there or none.
     pub fn rotation(&self) -> Result<Quat> {
         let axis = self.need("axis")?.direction()?;
         Ok(Quat::from_axis_angle(
