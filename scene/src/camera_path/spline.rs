@@ -64,7 +64,7 @@ pub(super) struct Lengths {
     up_to: Vec<f64>,
 }
 
-/// Chords that a segment is measured by; within a chord the speed may still vary, by less than 1e-3 in all but tight bends.
+/// Chords that a segment is measured by; the tests hold the speed of whole flights to 2e-3.
 const NUM_CHORDS: usize = 1024;
 
 impl Lengths {

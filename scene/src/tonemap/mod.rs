@@ -3,10 +3,10 @@
 //! | curve | shown as white | colours brighter than the display |
 //! |---|---|---|
 //! | [`ToneMap::Srgb`] | 1 | each channel is cut: hues shift to the nearest primary or secondary |
-//! | [`ToneMap::Filmic`] | 5.6 | each channel bends: hues shift less, bright colours pale |
-//! | [`ToneMap::Aces`] | 12.1 | the same, with more contrast |
+//! | [`ToneMap::Filmic`] | 5.6 | each channel bends: bright colours pale, hues shift somewhat |
+//! | [`ToneMap::Aces`] | 12.1 | the same |
 //! | [`ToneMap::Reinhard`] | never | hue and saturation stay until a channel is cut |
-//! | [`ToneMap::Agx`] | 16.3 | hues stay about the same, bright colours pale towards white |
+//! | [`ToneMap::Agx`] | 16.3 | channels are mixed first, then each bends: bright colours pale most |
 //!
 //! The numbers are for grey light. Exposure comes first: [`Display`] has both.
 
