@@ -1,31 +1,39 @@
 //! `eagpt render`: images of a scene from the cameras of a dataset.
 
 mod aov;
+mod display;
+mod shots;
 
 use crate::cli::{self, GlobalArgs};
 use crate::output::{self, Replace, Target};
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
-use anyhow::{Result, bail};
+use crate::record::{FILE_NAME, Input, RecordBuilder};
+use anyhow::Result;
 use aov::Aov;
 use clap::{Args, ValueEnum};
-use eagpt_scene::dataset::{Frame, SplitRule, Subset};
+use display::DisplayArgs;
+use eagpt_scene::dataset::{SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::exr::{self, Precision};
+use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Image, ply, png};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
 use serde::Serialize;
+use shots::{PathArgs, PathRecord, Shot, Shots};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Render a scene from the cameras of a dataset
+/// Render a scene from the cameras of a dataset, or along a path between them
 ///
 /// Writes into DIR, for every view: VIEW.exr, linear Rec.709 radiance, and VIEW.png, the same as sRGB; with --aov also
 /// AOV/VIEW.exr, and AOV/VIEW.png where there is something to look at; at the end record.json. View names may contain "/".
 ///
-/// Only the cameras of the dataset are used; of its images, the sizes.
+/// With --camera-path the views are frame_0000, frame_0001, …: PNGs alone, EXRs too with --exr, and a transforms.json
+/// with their cameras, which --cameras takes as well. Frame i has the seed S + i: noise does not stick to the screen.
+///
+/// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w and h.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct RenderArgs {
@@ -77,11 +85,18 @@ pub(crate) struct RenderArgs {
     /// Replace an earlier result in DIR
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    path: PathArgs,
+    #[command(flatten)]
+    display: DisplayArgs,
 }
 
 const EXAMPLES: &str = "Examples:
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --aov normal,depth,albedo --out renders/0
-  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path";
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --camera-path fly:0000,0016,0032 --out fly
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --camera-path turntable --exposure auto \\
+      --tone-map agx --out turn";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Mode {
@@ -114,6 +129,9 @@ struct Options<'a> {
     rays_per_axis: u32,
     light: LightOptions,
     aov: &'a [Aov],
+    /// What only PNGs show.
+    display: Display,
+    camera_path: Option<PathRecord<'a>>,
 }
 
 fn share(text: &str) -> Result<f32, String> {
@@ -126,23 +144,14 @@ fn share(text: &str) -> Result<f32, String> {
 
 pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let (integrator, light) = (integrator(args), light(args));
-    let mut builder = RecordBuilder::begin(
-        "render",
-        &Options {
-            scene: &args.scene,
-            cameras: &args.cameras,
-            views: &args.views,
-            integrator,
-            rays_per_axis: args.antialias,
-            light,
-            aov: &args.aov,
-        },
-    )?;
-    let dataset = Dataset::open(&args.cameras)?;
-    let (frames, split) = select(args, &dataset, &mut builder.record.warnings)?;
-    let outputs = planned(&frames, &args.aov);
+    let mut builder = RecordBuilder::begin("render", &())?;
+    let dataset = Dataset::open_cameras(&args.cameras)?;
+    let shots = Shots::choose(args, &dataset, &mut builder.record.warnings)?;
+    let outputs = planned(args, &shots);
     let mut inputs = cli::dataset_files(&dataset);
+    let path_file = shots.path.as_ref().and_then(|path| path.file.clone());
     inputs.push(args.scene.clone());
+    inputs.extend(path_file.clone());
     let target = Target {
         dir: &args.out,
         command: "render",
@@ -152,6 +161,9 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     target.check(&outputs)?;
     let gaussians = ply::read_gaussians(&args.scene)?;
     builder.record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
+    if let Some(file) = &path_file {
+        builder.record.inputs.push(Input::of(file)?);
+    }
     let scene: Box<dyn Tracer> = Box::new(CpuScene::new(&gaussians));
     target.prepare()?;
 
@@ -159,37 +171,55 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     for warning in &builder.record.warnings {
         reporter.warning(warning);
     }
-    let total = frames.len() as u64;
+    let display = args
+        .display
+        .resolve(scene.as_ref(), &shots.list, &integrator, &light)?;
+    let total = shots.list.len() as u64;
     reporter.begin("rendering", "views", 0, total);
-    for (done, frame) in (1..).zip(&frames) {
+    for (done, shot) in (1..).zip(&shots.list) {
         let started = Instant::now();
-        let camera = frame.camera.magnified(args.antialias);
+        let camera = shot.camera.magnified(args.antialias);
         let rendered = scene
-            .render(&camera, &integrator, &light)?
+            .render(&camera, &integrator, &shots.light(&light, done - 1))?
             .averaged(args.antialias);
-        write_view(args, frame, &rendered)?;
+        write_view(args, &display, shot, &rendered)?;
         let seconds = started.elapsed().as_secs_f64();
-        builder.took(&format!("views/{}", frame.name), seconds);
-        reporter.advance(done, || frame.name.clone());
+        builder.took(&format!("views/{}", shot.name), seconds);
+        reporter.advance(done, || shot.name.clone());
         reporter.message(&serde_json::json!({
             "message": "view",
-            "view": frame.name,
+            "view": shot.name,
             "done": done,
             "total": total,
             "seconds": seconds,
         }))?;
     }
+    shots.write_cameras(&args.out, &dataset)?;
     reporter.finish();
+    builder.set_options(&Options {
+        scene: &args.scene,
+        cameras: &args.cameras,
+        views: &args.views,
+        integrator,
+        rays_per_axis: args.antialias,
+        light,
+        aov: &args.aov,
+        display,
+        camera_path: shots.path_record(),
+    })?;
     let record = &mut builder.record;
     record.seed = Some(light.seed);
     record.device = Some(scene.device());
-    record.split = Some(split);
+    record.split = shots.split.clone();
     record.outputs = outputs
         .iter()
         .map(|path| path.display().to_string())
         .collect();
     builder.write(&args.out)?;
     reporter.note(&format!("{}: {total} views", args.out.display()));
+    if let Some(command) = shots.video_command(&args.out) {
+        reporter.note(&format!("as a video: {command}"));
+    }
     reporter.message(&serde_json::json!({
         "message": "done",
         "path": args.out.join(FILE_NAME),
@@ -221,69 +251,31 @@ fn light(args: &RenderArgs) -> LightOptions {
     }
 }
 
-/// The views to render, and how they were chosen.
-fn select<'a>(
-    args: &RenderArgs,
-    dataset: &'a Dataset,
-    warnings: &mut Vec<String>,
-) -> Result<(Vec<&'a Frame>, SplitRecord)> {
-    let frames = dataset.frames();
-    let everything = args.split == Subset::All
-        && matches!(args.split_rule, SplitRule::Every8th | SplitRule::All);
-    if args.views.is_empty() && everything {
-        // No rule is needed, and none may fail, as every-8th does on a single camera.
-        return Ok((
-            frames.iter().collect(),
-            unruled(Some(Subset::All), frames.len()),
-        ));
-    }
-    if args.views.is_empty() {
-        let split = dataset.split(args.split_rule)?;
-        warnings.extend(split.warnings.iter().cloned());
-        let chosen = split.indices(args.split).into_iter().map(|i| &frames[i]);
-        return Ok((chosen.collect(), SplitRecord::new(&split, args.split)));
-    }
-    let mut chosen = Vec::with_capacity(args.views.len());
-    for name in &args.views {
-        let Some(frame) = frames.iter().find(|frame| frame.name == *name) else {
-            bail!(
-                "{}: --views: there is no view `{name}`; the {} views are called like `{}`",
-                dataset.transforms().display(),
-                frames.len(),
-                frames[0].name
-            );
-        };
-        chosen.push(frame);
-    }
-    let record = unruled(None, chosen.len());
-    Ok((chosen, record))
-}
-
-fn unruled(subset: Option<Subset>, num_views: usize) -> SplitRecord {
-    SplitRecord {
-        rule: None,
-        num_train: None,
-        num_test: None,
-        subset,
-        num_views,
-    }
-}
-
 /// Everything that will be written, relative to the output folder.
-fn planned(frames: &[&Frame], aovs: &[Aov]) -> Vec<PathBuf> {
+fn planned(args: &RenderArgs, shots: &Shots) -> Vec<PathBuf> {
     let mut files = Vec::new();
-    for frame in frames {
-        files.push(exr_name(&frame.name));
-        files.push(png_name(&frame.name));
-        for aov in aovs {
+    for shot in &shots.list {
+        if writes_exr(args) {
+            files.push(exr_name(&shot.name));
+        }
+        files.push(png_name(&shot.name));
+        for aov in &args.aov {
             let dir = Path::new(aov.name());
-            files.push(dir.join(exr_name(&frame.name)));
+            files.push(dir.join(exr_name(&shot.name)));
             if aov.has_picture() {
-                files.push(dir.join(png_name(&frame.name)));
+                files.push(dir.join(png_name(&shot.name)));
             }
         }
     }
+    if shots.path.is_some() {
+        files.push(TRANSFORMS_FILE.into());
+    }
     files
+}
+
+/// Views of a dataset are data, to be measured; frames of a path are pictures, unless more is asked for.
+fn writes_exr(args: &RenderArgs) -> bool {
+    args.path.exr || args.path.camera_path.is_none()
 }
 
 // Not `Path::with_extension`: that would take the ".5" off a view called "a.5".
@@ -295,20 +287,25 @@ fn png_name(view: &str) -> PathBuf {
     format!("{view}.png").into()
 }
 
-fn write_view(args: &RenderArgs, frame: &Frame, rendered: &RenderedView) -> Result<()> {
-    let name = &frame.name;
+fn write_view(
+    args: &RenderArgs,
+    display: &Display,
+    shot: &Shot,
+    rendered: &RenderedView,
+) -> Result<()> {
+    let name = &shot.name;
     let picture = &rendered.radiance;
-    exr::write_rgb(
-        &output::place(&args.out, &exr_name(name))?,
-        picture,
-        precision(picture),
-    )?;
-    png::write_srgb8(&output::place(&args.out, &png_name(name))?, picture)?;
+    if writes_exr(args) {
+        let path = output::place(&args.out, &exr_name(name))?;
+        exr::write_rgb(&path, picture, precision(picture))?;
+    }
+    let path = output::place(&args.out, &png_name(name))?;
+    png::write_srgb8(&path, &display.shown(picture))?;
     for aov in &args.aov {
         let dir = args.out.join(aov.name());
         let exr_path = output::place(&dir, &exr_name(name))?;
         let png_path = output::place(&dir, &png_name(name))?;
-        aov.write(&frame.camera, &rendered.sums, &exr_path, &png_path)?;
+        aov.write(&shot.camera, &rendered.sums, &exr_path, &png_path)?;
     }
     Ok(())
 }

@@ -71,7 +71,6 @@
 
 pub mod act;
 pub mod cluster;
-pub mod error;
 pub mod insert;
 pub mod place;
 pub mod replay;
@@ -84,7 +83,6 @@ pub mod trim;
 #[cfg(test)]
 mod testing;
 
-pub use error::{EditError, Result};
 pub use replay::{Edited, replay};
 pub use report::{SelectionReport, StepReport};
 pub use script::Script;

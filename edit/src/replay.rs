@@ -1,12 +1,12 @@
 //! Replaying a script: the same script and scene give the same result to the bit.
 
 use crate::act::{self, Action};
-use crate::error::Result;
 use crate::place::{Goal, Placement};
 use crate::report::{Bounds, SelectionReport, StepReport};
 use crate::script::{Script, Source, Step};
 use crate::select::{Groups, Scope, Selector};
 use crate::trim::{Cuts, Side};
+use eagpt_scene::Result;
 use eagpt_scene::{Gaussian, Gaussians};
 use glam::Vec3;
 
@@ -25,7 +25,7 @@ pub struct Edited {
 /// Replays a script on a scene.
 ///
 /// # Errors
-/// [`crate::EditError::Script`] with file, line and key if a step selects nothing and does not allow it, or leaves nothing of the
+/// [`eagpt_scene::SceneError::Script`] with file, line and key if a step selects nothing and does not allow it, or leaves nothing of the
 /// scene.
 pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
     let mut state = State {

@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 /// A pinhole camera. In memory the camera's axes are OpenCV's: x right, y down, z forward.
 ///
 /// Stored in double precision so that poses survive a round trip through a file; rays are single precision.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Camera {
     /// Image width, pixels.
     pub width: u32,
@@ -65,6 +65,32 @@ impl Camera {
         }
     }
 
+    /// The same camera for an image of another size: the vertical field of view stays, pixels keep their shape.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let by = f64::from(height) / f64::from(self.height);
+        let centre =
+            |at: f64, old: u32, new: u32| 0.5 * f64::from(new) + by * (at - 0.5 * f64::from(old));
+        Self {
+            width,
+            height,
+            fx: self.fx * by,
+            fy: self.fy * by,
+            cx: centre(self.cx, self.width, width),
+            cy: centre(self.cy, self.height, height),
+            ..*self
+        }
+    }
+
+    /// The same camera with another vertical field of view, in radians, between 0 and pi; pixels keep their shape.
+    pub fn with_vertical_fov(&self, angle_rad: f64) -> Self {
+        let fy = 0.5 * f64::from(self.height) / (0.5 * angle_rad).tan();
+        Self {
+            fx: self.fx * fy / self.fy,
+            fy,
+            ..*self
+        }
+    }
+
     /// Centre of projection, world space.
     pub fn origin(&self) -> Vec3 {
         self.world_from_camera.translation.as_vec3()
@@ -109,9 +135,8 @@ mod tests {
     use super::*;
     use glam::{DMat3, DQuat};
 
-    #[test]
-    fn projection_inverts_ray() {
-        let camera = Camera {
+    fn some_camera() -> Camera {
+        Camera {
             width: 40,
             height: 30,
             fx: 35.0,
@@ -122,7 +147,29 @@ mod tests {
                 matrix3: DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 0.7)),
                 translation: DVec3::new(1.0, -2.0, 0.5),
             },
-        };
+        }
+    }
+
+    #[test]
+    fn another_size_shows_the_same_height() {
+        let camera = some_camera();
+        let wide = camera.resized(100, 60);
+        assert_eq!(
+            (wide.width, wide.height, wide.fx, wide.fy),
+            (100, 60, 70.0, 66.0)
+        );
+        // The principal point stays as far from the centre, in pixels of twice the number.
+        assert_eq!((wide.cx, wide.cy), (48.0, 32.0));
+        assert_eq!(camera.resized(40, 30), camera);
+        let narrow = camera.with_vertical_fov(2.0 * 0.5_f64.atan());
+        assert!(
+            (narrow.fy - 30.0).abs() < 1e-12 && (narrow.fx / narrow.fy - 35.0 / 33.0).abs() < 1e-12
+        );
+    }
+
+    #[test]
+    fn projection_inverts_ray() {
+        let camera = some_camera();
         let frame = camera.ray_frame();
         for (x, y) in [(0.5, 0.5), (39.5, 0.5), (12.25, 29.5)] {
             let direction = frame.direction(x, y);

@@ -18,6 +18,18 @@ pub enum SceneError {
         /// What is wrong, with the offending value.
         problem: String,
     },
+    /// A file that people write says something that cannot be, or that does not fit the scene.
+    #[error("{}: line {line}: {key}: {problem}", path.display())]
+    Script {
+        /// The file.
+        path: PathBuf,
+        /// Line of the key or value, counted from 1.
+        line: usize,
+        /// Where in the file, as `step[0].then[1].move`; "TOML" if it is no TOML.
+        key: String,
+        /// What is wrong, with the value.
+        problem: String,
+    },
     /// The file is well formed but uses something this version does not read.
     #[error("{}: {field}: not supported: {problem}", path.display())]
     Unsupported {

@@ -6,6 +6,7 @@
 //! at the root of the repository for axes, quaternion order and pixel centres.
 
 pub mod camera;
+pub mod camera_path;
 pub mod color;
 pub mod dataset;
 pub mod error;
@@ -16,11 +17,14 @@ pub mod image;
 pub mod ply;
 pub mod png;
 pub mod rng;
+pub mod script;
+pub mod tonemap;
 
 #[cfg(test)]
 mod testing;
 
 pub use camera::Camera;
+pub use camera_path::CameraPath;
 pub use dataset::{Dataset, Frame, View};
 pub use error::{Result, SceneError};
 pub use gaussians::{Gaussian, Gaussians};

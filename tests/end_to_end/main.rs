@@ -9,6 +9,7 @@
 )]
 
 mod bake;
+mod camera_path;
 mod determinism;
 mod edit;
 mod errors;

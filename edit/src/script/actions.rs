@@ -1,10 +1,10 @@
 //! Actions and placements in a script.
 
-use super::reader::{Node, Table};
 use crate::act::{Action, Paint};
-use crate::error::Result;
 use crate::place::{Goal, Pivot, Placement};
+use eagpt_scene::Result;
 use eagpt_scene::color::luminance;
+use eagpt_scene::script::{Node, Table};
 use glam::{Quat, Vec3};
 
 /// Actions that need to know nothing more.

@@ -1,21 +1,17 @@
 //! Edit scripts: what they hold, and their reader, which checks all of a script before anything is touched.
 
 mod actions;
-mod reader;
 mod selectors;
 mod sources;
 
-pub use reader::Origin;
-
 use crate::act::Action;
-use crate::error::Result;
 use crate::insert::Surface;
 use crate::place::Placement;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
 use eagpt_scene::dataset::UpAxis;
-use eagpt_scene::{Gaussians, SceneError, files};
-use reader::{Node, Table, Text};
+use eagpt_scene::script::{Node, Origin, Text};
+use eagpt_scene::{Gaussians, Result, files};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -100,15 +96,12 @@ impl Script {
     /// Reads and checks a script, and reads the scenes it names; their paths are relative to the script's folder.
     ///
     /// # Errors
-    /// [`crate::EditError`] naming file, line, key and value: no TOML, an unknown or missing key, a value of the wrong type or out
+    /// [`eagpt_scene::SceneError`] naming file, line, key and value: no TOML, an unknown or missing key, a value of the wrong type or out
     /// of its range, a name that nothing has or two things have, selections that refer to each other in a circle, an asset
     /// that cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = files::read(path)?;
-        let text = std::str::from_utf8(&bytes).map_err(|error| {
-            SceneError::invalid(path, "TOML", format!("the text is no UTF-8: {error}"))
-        })?;
-        let text = Text { path, text };
+        let text = Text::new(path, &bytes)?;
         let value = text.parse()?;
         Reader::default().script(text, &Node::root(text, &value), &bytes)
     }
@@ -143,10 +136,10 @@ impl Reader {
         };
         let mut steps = Vec::with_capacity(step_nodes.len());
         for node in &step_nodes {
-            steps.push(self.step(node, &selections, text.path)?);
+            steps.push(self.step(node, &selections, text.path())?);
         }
         Ok(Script {
-            path: text.path.to_owned(),
+            path: text.path().to_owned(),
             blake3: blake3::hash(bytes).to_hex().to_string(),
             up,
             selections,
@@ -239,23 +232,5 @@ fn trim(node: &Node<'_>, source: &Source, selections: &Definitions) -> Result<Tr
         _ => Err(node.error(
             "there is no boundary to trim at: the selection has no box, sphere, half_space or cylinder",
         )),
-    }
-}
-
-/// The one of `keys` that a table has.
-fn one_of<'a>(table: &Table<'a>, keys: &[&'static str]) -> Result<(&'static str, Node<'a>)> {
-    let found: Vec<_> = keys
-        .iter()
-        .filter_map(|&key| Some((key, table.get(key)?)))
-        .collect();
-    match found.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => Err(table
-            .node
-            .error(format!("one of {} is missing", keys.join(", ")))),
-        [_, (key, second), ..] => {
-            let others = keys.join(", ");
-            Err(second.error(format!("`{key}` is one too many: only one of {others}")))
-        }
     }
 }

@@ -1,11 +1,11 @@
 //! Selectors in a script.
 
-use super::reader::{Node, Table};
-use super::{Reader, one_of};
+use super::Reader;
 use crate::cluster::{Cluster, Step};
-use crate::error::Result;
 use crate::select::{Definitions, Quantity, Selector};
 use crate::shape::Shape;
+use eagpt_scene::Result;
+use eagpt_scene::script::{Node, Table};
 use glam::{Quat, Vec3};
 use std::collections::BTreeSet;
 
@@ -184,7 +184,7 @@ fn range(node: &Node<'_>, quantity: Quantity) -> Result<Selector> {
 
 fn shape_box(node: &Node<'_>) -> Result<Shape> {
     let table = node.table(&["min", "max", "centre", "size", "rotate"])?;
-    let (centre, half) = if let ("min", low) = one_of(&table, &["min", "centre"])? {
+    let (centre, half) = if let ("min", low) = table.one_of(&["min", "centre"])? {
         for key in ["size", "rotate"] {
             if let Some(extra) = table.get(key) {
                 return Err(extra.error("belongs to a box of `centre` and `size`"));

@@ -1,13 +1,13 @@
 //! What a step acts on: a selection, a new surface, or a part of another scene.
 
 use super::actions::placement;
-use super::reader::{Node, Table};
 use super::selectors::size;
-use super::{Asset, Reader, Source, one_of};
-use crate::error::Result;
+use super::{Asset, Reader, Source};
 use crate::insert::{MAX_DISCS, Material, Solid, Surface};
 use crate::select::{Definitions, Selector};
+use eagpt_scene::Result;
 use eagpt_scene::ply;
+use eagpt_scene::script::{Node, Table};
 use glam::Quat;
 use std::path::Path;
 
@@ -23,7 +23,7 @@ impl Reader {
         selections: &Definitions,
         script: &Path,
     ) -> Result<Source> {
-        let (key, node) = one_of(table, &["select", "insert", "import"])?;
+        let (key, node) = table.one_of(&["select", "insert", "import"])?;
         let origin = node.origin();
         match key {
             "select" => Ok(Source::Select {
@@ -92,7 +92,7 @@ impl Reader {
 
 fn surface(node: &Node<'_>) -> Result<Surface> {
     let table = node.table(&["ball", "quad", "box"])?;
-    let (shape, node) = one_of(&table, &["ball", "quad", "box"])?;
+    let (shape, node) = table.one_of(&["ball", "quad", "box"])?;
     let known = |own: &[&'static str]| [own, MATERIAL.as_slice()].concat();
     let (table, solid) = match shape {
         "ball" => {

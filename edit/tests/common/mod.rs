@@ -36,14 +36,14 @@ impl Folder {
     }
 
     /// Reads a script.
-    pub(crate) fn read(&self, text: &str) -> eagpt_edit::Result<Script> {
+    pub(crate) fn read(&self, text: &str) -> eagpt_scene::Result<Script> {
         let path = self.0.path().join("a.toml");
         std::fs::write(&path, text).unwrap();
         Script::read(&path)
     }
 
     /// Replays a script on the row.
-    pub(crate) fn replay(&self, text: &str) -> eagpt_edit::Result<Edited> {
+    pub(crate) fn replay(&self, text: &str) -> eagpt_scene::Result<Edited> {
         replay(&self.read(text)?, row())
     }
 

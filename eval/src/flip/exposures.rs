@@ -1,8 +1,8 @@
 //! Settings of HDR-FLIP, and the exposures that follow from a reference (Andersson et al. 2021, "Visualizing errors in
 //! rendered high dynamic range images").
 
-use super::tonemap::ToneMapper;
 use crate::error::{EvalError, Result};
+use eagpt_scene::tonemap::ToneMapper;
 use eagpt_scene::{Image, color::luminance};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +45,8 @@ const PPD_LIMITS: std::ops::RangeInclusive<f32> = 1.0..=10_000.0;
 const MAX_EXPOSURES: u32 = 1000;
 /// Limits of exposures in stops: their factors stay finite in f32.
 const MAX_STOPS: f32 = 100.0;
+/// Share of the display's range that the automatic exposures aim at.
+const TARGET: f32 = 0.85;
 
 impl FlipOptions {
     /// Checks the ranges: ppd 1 to 10,000, 1 to 1,000 exposures from −100 to 100 stops in ascending order.
@@ -161,7 +163,7 @@ fn automatic_range(tonemapper: ToneMapper, reference: &Image<3>) -> Option<(f32,
         luminances.retain(|l| *l > 0.0);
         median = self::median(&mut luminances);
     }
-    let light = f64::from(tonemapper.light_at_target());
+    let light = f64::from(tonemapper.light_shown_as(TARGET));
     let exposure = |luminance: f32| {
         let stops = (light / f64::from(luminance)).log2() as f32;
         stops.clamp(-MAX_STOPS, MAX_STOPS)
@@ -197,7 +199,7 @@ mod tests {
         let found = automatic(&[1.0, 1.0, 7.0, 32.0]);
         assert_eq!(found.num_exposures, 3);
         let factors = found.factors();
-        let light = ToneMapper::Aces.light_at_target();
+        let light = ToneMapper::Aces.light_shown_as(TARGET);
         assert!((factors[0] * 32.0 / light - 1.0).abs() < 1e-5);
         assert!((factors[2] * 7.0 / light - 1.0).abs() < 1e-5);
         assert!((factors[1] / (factors[0] * factors[2]).sqrt() - 1.0).abs() < 1e-5);
@@ -209,7 +211,7 @@ mod tests {
     #[test]
     fn black_is_no_reason_for_infinite_exposures() {
         let found = automatic(&[0.0, 0.0, 0.0, 3.0, 16.0]);
-        let light = ToneMapper::Aces.light_at_target();
+        let light = ToneMapper::Aces.light_shown_as(TARGET);
         assert!((found.start_exposure - (light / 16.0).log2()).abs() < 1e-6);
         assert!((found.stop_exposure - (light / 16.0).log2()).abs() < 1e-6);
         let black = automatic(&[0.0; 3]);

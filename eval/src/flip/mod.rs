@@ -14,11 +14,10 @@ mod color;
 mod exposures;
 mod filters;
 mod magma;
-mod tonemap;
 
+pub use eagpt_scene::tonemap::ToneMapper;
 pub use exposures::{FlipOptions, FlipParameters};
 pub use magma::magma_rgb8;
-pub use tonemap::ToneMapper;
 
 use crate::encode::assert_comparable;
 use crate::error::Result;

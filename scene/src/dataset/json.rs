@@ -6,36 +6,71 @@ use std::path::Path;
 
 /// An object of a JSON file; `place` is "" at the top, else as `frames[3]`.
 #[derive(Clone, Copy)]
-pub(super) struct Object<'a> {
-    pub(super) path: &'a Path,
-    pub(super) map: &'a Map<String, Value>,
-    pub(super) index: Option<usize>,
+pub(crate) struct Object<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) map: &'a Map<String, Value>,
+    /// The list it is in, and where.
+    pub(crate) within: Option<(&'static str, usize)>,
 }
 
 impl<'a> Object<'a> {
+    /// The whole of a file.
+    pub(crate) fn root(path: &'a Path, value: &'a Value) -> Result<Self> {
+        let map = value
+            .as_object()
+            .ok_or_else(|| SceneError::invalid(path, "JSON", "not an object"))?;
+        Ok(Self {
+            path,
+            map,
+            within: None,
+        })
+    }
+
+    /// The objects of a list that has to be there and not be empty.
+    pub(crate) fn objects(&self, list: &'static str) -> Result<Vec<Self>> {
+        let values = self
+            .array(list)?
+            .ok_or_else(|| self.invalid(list, "missing"))?;
+        if values.is_empty() {
+            return Err(self.invalid(list, "empty"));
+        }
+        let objects = values.iter().enumerate().map(|(index, value)| {
+            let map = value.as_object().ok_or_else(|| {
+                let problem = format!("{} is not an object", excerpt(value));
+                self.invalid(&format!("{list}[{index}]"), problem)
+            })?;
+            Ok(Self {
+                path: self.path,
+                map,
+                within: Some((list, index)),
+            })
+        });
+        objects.collect()
+    }
+
     /// `key` with the place of the object in front.
-    pub(super) fn field(&self, key: &str) -> String {
-        match self.index {
-            Some(index) => format!("frames[{index}].{key}"),
+    pub(crate) fn field(&self, key: &str) -> String {
+        match self.within {
+            Some((list, index)) => format!("{list}[{index}].{key}"),
             None => key.to_owned(),
         }
     }
 
-    pub(super) fn invalid(&self, key: &str, problem: impl Into<String>) -> SceneError {
+    pub(crate) fn invalid(&self, key: &str, problem: impl Into<String>) -> SceneError {
         SceneError::invalid(self.path, self.field(key), problem)
     }
 
-    pub(super) fn unsupported(&self, key: &str, problem: impl Into<String>) -> SceneError {
+    pub(crate) fn unsupported(&self, key: &str, problem: impl Into<String>) -> SceneError {
         SceneError::unsupported(self.path, self.field(key), problem)
     }
 
     /// The value of `key`; null counts as absent.
-    pub(super) fn get(&self, key: &str) -> Option<&'a Value> {
+    pub(crate) fn get(&self, key: &str) -> Option<&'a Value> {
         self.map.get(key).filter(|value| !value.is_null())
     }
 
     /// A finite number.
-    pub(super) fn number(&self, key: &str) -> Result<Option<f64>> {
+    pub(crate) fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -46,7 +81,7 @@ impl<'a> Object<'a> {
     }
 
     /// A number above 0.
-    pub(super) fn positive(&self, key: &str) -> Result<Option<f64>> {
+    pub(crate) fn positive(&self, key: &str) -> Result<Option<f64>> {
         match self.number(key)? {
             Some(number) if number <= 0.0 => {
                 Err(self.invalid(key, format!("{number:?} is not above 0")))
@@ -55,7 +90,16 @@ impl<'a> Object<'a> {
         }
     }
 
-    pub(super) fn string(&self, key: &str) -> Result<Option<&'a str>> {
+    /// A whole number of pixels, 1 to 2¹⁶ − 1.
+    pub(crate) fn pixels(&self, key: &str) -> Result<Option<u32>> {
+        match self.number(key)? {
+            None => Ok(None),
+            Some(n) if n.fract() == 0.0 && (1.0..=65535.0).contains(&n) => Ok(Some(n as u32)),
+            Some(n) => Err(self.invalid(key, format!("{n:?} is no number of pixels"))),
+        }
+    }
+
+    pub(crate) fn string(&self, key: &str) -> Result<Option<&'a str>> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -65,7 +109,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    pub(super) fn array(&self, key: &str) -> Result<Option<&'a [Value]>> {
+    pub(crate) fn array(&self, key: &str) -> Result<Option<&'a [Value]>> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -77,7 +121,7 @@ impl<'a> Object<'a> {
 }
 
 /// A value as text, short enough for one line.
-pub(super) fn excerpt(value: &Value) -> String {
+pub(crate) fn excerpt(value: &Value) -> String {
     const MAX_CHARS: usize = 60;
     let text = value.to_string();
     match text.char_indices().nth(MAX_CHARS) {

@@ -20,9 +20,9 @@
 
 mod cache;
 mod intrinsics;
-mod json;
+pub(crate) mod json;
 mod open;
-mod pose;
+pub(crate) mod pose;
 mod split;
 mod up;
 mod view;
@@ -114,7 +114,16 @@ impl Dataset {
     /// # Errors
     /// [`crate::SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
     pub fn open(root: &Path) -> Result<Self> {
-        open::open(root)
+        open::open(root, open::Images::Needed)
+    }
+
+    /// As [`Self::open`] for who needs the cameras alone: an image that is not there will do if the file states `w` and `h`.
+    /// [`Self::load_view`] fails for such a frame.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_cameras(root: &Path) -> Result<Self> {
+        open::open(root, open::Images::IfThere)
     }
 
     /// The folder of the dataset.
@@ -140,6 +149,16 @@ impl Dataset {
     /// Whether there are no frames; an opened dataset has some.
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()
+    }
+
+    /// What to tell who asks for a view that is not there.
+    pub fn no_such_view(&self, name: &str) -> String {
+        format!(
+            "there is no view `{}`; the {} views are called like `{}`",
+            name.escape_debug(),
+            self.frames.len(),
+            self.frames[0].name
+        )
     }
 
     /// The world's up axis as stored in the file, if it is.

@@ -21,7 +21,16 @@ struct Located {
     radiance: PathBuf,
 }
 
-pub(super) fn open(path: &Path) -> Result<Dataset> {
+/// Whether the radiance images have to be there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Images {
+    /// Yes.
+    Needed,
+    /// No, if the file states their size.
+    IfThere,
+}
+
+pub(super) fn open(path: &Path, images: Images) -> Result<Dataset> {
     let transforms = if path.is_dir() {
         path.join(TRANSFORMS_FILE)
     } else {
@@ -35,21 +44,17 @@ pub(super) fn open(path: &Path) -> Result<Dataset> {
     let bytes = files::read(&transforms)?;
     let value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| SceneError::invalid(&transforms, "JSON", e.to_string()))?;
-    let map = value
-        .as_object()
-        .ok_or_else(|| SceneError::invalid(&transforms, "JSON", "not an object"))?;
-    let top = Object {
-        path: &transforms,
-        map,
-        index: None,
-    };
-    let objects = frame_objects(&top)?;
+    let top = Object::root(&transforms, &value)?;
+    let objects = top.objects("frames")?;
     let (dialect, located) = locate(&root, &objects)?;
     check_unique(&objects, &located)?;
     let frames = objects
         .iter()
         .zip(&located)
-        .map(|(object, located)| frame(&root, dialect, &top, object, located))
+        .map(|(object, located)| {
+            let size = image_size(images, dialect, &top, object, located)?;
+            frame(&root, dialect, &top, object, located, size)
+        })
         .collect::<Result<Vec<_>>>()?;
     warn_of_ignored_keys(&top, &objects);
     Ok(Dataset {
@@ -61,27 +66,6 @@ pub(super) fn open(path: &Path) -> Result<Dataset> {
         root,
         transforms: transforms.clone(),
     })
-}
-
-fn frame_objects<'a>(top: &Object<'a>) -> Result<Vec<Object<'a>>> {
-    let values = top
-        .array("frames")?
-        .ok_or_else(|| top.invalid("frames", "missing"))?;
-    if values.is_empty() {
-        return Err(top.invalid("frames", "empty"));
-    }
-    let objects = values.iter().enumerate().map(|(index, value)| {
-        let map = value.as_object().ok_or_else(|| {
-            let problem = format!("{} is not an object", excerpt(value));
-            top.invalid(&format!("frames[{index}]"), problem)
-        })?;
-        Ok(Object {
-            path: top.path,
-            map,
-            index: Some(index),
-        })
-    });
-    objects.collect()
 }
 
 fn locate(root: &Path, objects: &[Object<'_>]) -> Result<(Dialect, Vec<Located>)> {
@@ -188,23 +172,46 @@ fn check_unique(objects: &[Object<'_>], located: &[Located]) -> Result<()> {
     Ok(())
 }
 
+/// The size of a frame's image: that of the file or, where it is not needed, the one stated.
+fn image_size(
+    images: Images,
+    dialect: Dialect,
+    top: &Object<'_>,
+    object: &Object<'_>,
+    located: &Located,
+) -> Result<(u32, u32)> {
+    if located.radiance.is_file() {
+        return exr::read_size(&located.radiance);
+    }
+    let stated = |key| Ok(object.pixels(key)?.or(top.pixels(key)?));
+    if images == Images::IfThere
+        && let (Some(width), Some(height)) = (stated("w")?, stated("h")?)
+    {
+        return Ok((width, height));
+    }
+    let key = match dialect {
+        Dialect::EagPt => "file_name",
+        Dialect::Nerfstudio => "file_path",
+    };
+    let problem = match images {
+        Images::Needed => format!("no image {}", located.radiance.display()),
+        Images::IfThere => format!(
+            "no image {}, and no w and h instead",
+            located.radiance.display()
+        ),
+    };
+    Err(object.invalid(key, problem))
+}
+
 fn frame(
     root: &Path,
     dialect: Dialect,
     top: &Object<'_>,
     object: &Object<'_>,
     located: &Located,
+    size: (u32, u32),
 ) -> Result<Frame> {
     let world_from_camera = pose::read(object)?;
-    if !located.radiance.is_file() {
-        let key = match dialect {
-            Dialect::EagPt => "file_name",
-            Dialect::Nerfstudio => "file_path",
-        };
-        let problem = format!("no image {}", located.radiance.display());
-        return Err(object.invalid(key, problem));
-    }
-    let size = exr::read_size(&located.radiance)?;
     let camera = intrinsics::camera(dialect, top, object, size, world_from_camera)?;
     let beside = |folder: &str| {
         let path = root.join(folder).join(format!("{}.exr", located.name));

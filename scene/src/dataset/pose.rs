@@ -48,17 +48,22 @@ pub(super) fn read(frame: &Object<'_>) -> Result<DAffine3> {
             })?;
         }
     }
+    from_rows(&matrix).map_err(|problem| frame.invalid(KEY, problem))
+}
+
+/// The pose with OpenCV axes of a row-major camera-to-world matrix with OpenGL axes; or what is wrong with it.
+pub(crate) fn from_rows(matrix: &[[f64; 4]; 4]) -> std::result::Result<DAffine3, String> {
     let last = matrix[3];
     if last
         .iter()
         .zip([0.0, 0.0, 0.0, 1.0])
         .any(|(value, wanted)| (value - wanted).abs() > MAX_LAST_ROW_ERROR)
     {
-        return Err(frame.invalid(KEY, format!("last row is {last:?}, not [0, 0, 0, 1]")));
+        return Err(format!("last row is {last:?}, not [0, 0, 0, 1]"));
     }
     let column = |c: usize| DVec3::new(matrix[0][c], matrix[1][c], matrix[2][c]);
     let rotation = DMat3::from_cols(column(0), column(1), column(2));
-    check_rotation(rotation).map_err(|problem| frame.invalid(KEY, problem))?;
+    check_rotation(rotation)?;
     Ok(DAffine3 {
         matrix3: flip_axes(rotation),
         translation: column(3),

@@ -1,0 +1,99 @@
+//! How pictures are shown: exposure and tone map of the PNGs.
+
+use super::shots::Shot;
+use anyhow::Result;
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use eagpt_scene::tonemap::{Display, ExposureMeter, ToneMap};
+use eagpt_trace::{Integrator, LightOptions, Tracer};
+use std::str::FromStr;
+
+/// Exposures that a person may ask for, in stops either way.
+const MAX_STOPS: f32 = 32.0;
+/// Pictures that the automatic exposure looks at.
+const MAX_METERED: usize = 16;
+/// It looks at pictures that are smaller by this factor along each axis.
+const METER_REDUCTION: u32 = 4;
+
+/// How PNGs show light; EXR files never change.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Pictures")]
+pub(super) struct DisplayArgs {
+    /// Exposure of the PNGs in stops, or `auto`: one for all, from a first look at up to 16 of them, that shows the
+    /// geometric mean of their luminance as middle grey
+    #[arg(
+        long,
+        value_name = "EV|auto",
+        default_value = "0",
+        allow_negative_numbers = true
+    )]
+    exposure: Exposure,
+    /// What the PNGs show of light that is brighter than the display: srgb cuts it off
+    #[arg(long, value_name = "CURVE", default_value = "srgb", value_parser = tone_map())]
+    tone_map: ToneMap,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Exposure {
+    Stops(f32),
+    Auto,
+}
+
+impl FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        match text.parse::<f32>() {
+            Ok(stops) if stops.abs() <= MAX_STOPS => Ok(Self::Stops(stops)),
+            Ok(stops) => Err(format!("{stops} is outside -{MAX_STOPS} to {MAX_STOPS}")),
+            Err(_) => Err("neither a number of stops nor `auto`".to_owned()),
+        }
+    }
+}
+
+fn tone_map() -> impl TypedValueParser<Value = ToneMap> {
+    PossibleValuesParser::new(ToneMap::ALL.map(|(_, name)| name))
+        .try_map(|name| name.parse::<ToneMap>())
+}
+
+impl DisplayArgs {
+    /// Exposure and tone map for all of `shots`: a sequence with an exposure for each of its pictures would flicker.
+    ///
+    /// # Errors
+    /// If the pictures that the automatic exposure needs cannot be rendered.
+    pub(super) fn resolve(
+        &self,
+        scene: &dyn Tracer,
+        shots: &[Shot],
+        integrator: &Integrator,
+        light: &LightOptions,
+    ) -> Result<Display> {
+        let stops = match self.exposure {
+            Exposure::Stops(stops) => stops,
+            Exposure::Auto => {
+                let mut meter = ExposureMeter::default();
+                for shot in spread(shots) {
+                    let camera = &shot.camera;
+                    let [width, height] =
+                        [camera.width, camera.height].map(|size| size.div_ceil(METER_REDUCTION));
+                    let small = camera.resized(width, height);
+                    meter.add(&scene.render(&small, integrator, light)?.radiance);
+                }
+                meter.stops()
+            }
+        };
+        Ok(Display {
+            stops,
+            tone_map: self.tone_map,
+        })
+    }
+}
+
+/// At most [`MAX_METERED`] of `shots`, evenly spread.
+fn spread(shots: &[Shot]) -> impl Iterator<Item = &Shot> {
+    let num = shots.len().min(MAX_METERED);
+    (0..num).map(move |i| &shots[i * shots.len() / num])
+}

@@ -1,0 +1,204 @@
+//! What is rendered: views of a dataset, or the frames of a camera path.
+
+use super::RenderArgs;
+use crate::record::SplitRecord;
+use anyhow::{Result, bail};
+use clap::Args;
+use eagpt_scene::camera_path::PathOverrides;
+use eagpt_scene::dataset::{self, DatasetInfo, SplitRule, Subset, TRANSFORMS_FILE};
+use eagpt_scene::{Camera, CameraPath, Dataset};
+use eagpt_trace::LightOptions;
+use serde::Serialize;
+use std::path::Path;
+
+/// Frames along a path instead of views.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Camera path")]
+pub(super) struct PathArgs {
+    /// Path of a camera instead of views: fly:A,B,… through views (A again at the end closes it), turntable, a TOML file, or
+    /// a camera_path.json of nerfstudio
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["split", "split_rule", "views"])]
+    pub(super) camera_path: Option<String>,
+    /// Number of frames [default: what the path says, else 120]
+    #[arg(long, value_name = "N", requires = "camera_path")]
+    pub(super) frames: Option<u32>,
+    /// Width and height of the frames, as 960x540; the vertical field of view stays
+    #[arg(long, value_name = "WxH", requires = "camera_path", value_parser = size)]
+    pub(super) size: Option<(u32, u32)>,
+    /// Write EXRs of the frames as well
+    #[arg(long, requires = "camera_path")]
+    pub(super) exr: bool,
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text
+        .split_once('x')
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    parsed.ok_or_else(|| "not a width and a height, as 960x540".to_owned())
+}
+
+/// A picture to render.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Shot {
+    /// Name of its files without extension; may contain "/".
+    pub(super) name: String,
+    pub(super) camera: Camera,
+}
+
+/// All pictures to render, and where they come from.
+pub(super) struct Shots {
+    pub(super) list: Vec<Shot>,
+    /// How views of the dataset were chosen.
+    pub(super) split: Option<SplitRecord>,
+    /// The path whose frames they are.
+    pub(super) path: Option<CameraPath>,
+}
+
+/// A camera path with the camera of every frame, for the record: axes and units as in memory.
+#[derive(Serialize)]
+pub(super) struct PathRecord<'a> {
+    #[serde(flatten)]
+    path: &'a CameraPath,
+    frames: &'a [Shot],
+}
+
+impl Shots {
+    /// Chooses views or works out a path.
+    ///
+    /// # Errors
+    /// If a view is not there, a subset is empty, or the path cannot be.
+    pub(super) fn choose(
+        args: &RenderArgs,
+        dataset: &Dataset,
+        warnings: &mut Vec<String>,
+    ) -> Result<Self> {
+        let Some(argument) = &args.path.camera_path else {
+            let (indices, split) = views(args, dataset, warnings)?;
+            let frames = indices.iter().map(|&i| &dataset.frames()[i]);
+            let list = frames.map(|frame| Shot {
+                name: frame.name.clone(),
+                camera: frame.camera,
+            });
+            return Ok(Self {
+                list: list.collect(),
+                split: Some(split),
+                path: None,
+            });
+        };
+        let overrides = PathOverrides {
+            num_frames: args.path.frames,
+            size: args.path.size,
+        };
+        let path = CameraPath::read(argument, dataset, &overrides)?;
+        let list = path.cameras.iter().enumerate().map(|(i, camera)| Shot {
+            name: format!("frame_{i:04}"),
+            camera: *camera,
+        });
+        Ok(Self {
+            list: list.collect(),
+            split: None,
+            path: Some(path),
+        })
+    }
+
+    /// The path for the record, if there is one.
+    pub(super) fn path_record(&self) -> Option<PathRecord<'_>> {
+        let path = self.path.as_ref()?;
+        Some(PathRecord {
+            path,
+            frames: &self.list,
+        })
+    }
+
+    /// Light of a picture: every frame of a path has a seed of its own, or noise would stick to the screen.
+    pub(super) fn light(&self, light: &LightOptions, index: u64) -> LightOptions {
+        let offset = if self.path.is_some() { index } else { 0 };
+        LightOptions {
+            seed: light.seed.wrapping_add(offset),
+            ..*light
+        }
+    }
+
+    /// Writes the cameras of the frames of a path, as a dataset has them.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(super) fn write_cameras(&self, dir: &Path, dataset: &Dataset) -> Result<()> {
+        if self.path.is_none() {
+            return Ok(());
+        }
+        let cameras = self.list.iter();
+        let cameras: Vec<_> = cameras
+            .map(|shot| (shot.name.clone(), shot.camera))
+            .collect();
+        let info = DatasetInfo {
+            up_axis: dataset.up_axis(),
+            metres_per_unit: dataset.metres_per_unit(),
+            ..DatasetInfo::default()
+        };
+        dataset::write_transforms(&dir.join(TRANSFORMS_FILE), &cameras, &info)?;
+        Ok(())
+    }
+
+    /// The command that makes a video of the frames in `dir`.
+    pub(super) fn video_command(&self, dir: &Path) -> Option<String> {
+        let path = self.path.as_ref()?;
+        // Players want 4:2:0, which has even sizes only.
+        let (width, height) = path.size();
+        let pad = if width % 2 + height % 2 > 0 {
+            " -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"
+        } else {
+            ""
+        };
+        let dir = dir.display();
+        Some(format!(
+            "ffmpeg -framerate {} -i {dir}/frame_%04d.png{pad} -c:v libx264 -crf 18 -pix_fmt yuv420p {dir}.mp4",
+            path.fps
+        ))
+    }
+}
+
+/// Indices of the views to render, and how they were chosen.
+fn views(
+    args: &RenderArgs,
+    dataset: &Dataset,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<usize>, SplitRecord)> {
+    let frames = dataset.frames();
+    let everything = args.split == Subset::All
+        && matches!(args.split_rule, SplitRule::Every8th | SplitRule::All);
+    if args.views.is_empty() && everything {
+        // No rule is needed, and none may fail, as every-8th does on a single camera.
+        let record = unruled(Some(Subset::All), frames.len());
+        return Ok(((0..frames.len()).collect(), record));
+    }
+    if args.views.is_empty() {
+        let split = dataset.split(args.split_rule)?;
+        warnings.extend(split.warnings.iter().cloned());
+        let record = SplitRecord::new(&split, args.split);
+        return Ok((split.indices(args.split).to_vec(), record));
+    }
+    let mut chosen = Vec::with_capacity(args.views.len());
+    for name in &args.views {
+        let Some(index) = frames.iter().position(|frame| frame.name == *name) else {
+            bail!(
+                "{}: --views: {}",
+                dataset.transforms().display(),
+                dataset.no_such_view(name)
+            );
+        };
+        chosen.push(index);
+    }
+    let record = unruled(None, chosen.len());
+    Ok((chosen, record))
+}
+
+fn unruled(subset: Option<Subset>, num_views: usize) -> SplitRecord {
+    SplitRecord {
+        rule: None,
+        num_train: None,
+        num_test: None,
+        subset,
+        num_views,
+    }
+}
