@@ -77,7 +77,10 @@ fn text(metrics: &ImageMetrics) -> String {
     let flip = &metrics.flip_hdr_parameters;
     format!(
         "{}HDR-FLIP: {} pixels per degree, {}, {} exposures from {} to {} stops\n",
-        table(rows.into_iter()),
+        table(
+            rows.into_iter()
+                .map(|(key, value)| (key, vec![Some(value)]))
+        ),
         flip.ppd,
         flip.tonemapper.name(),
         flip.num_exposures,

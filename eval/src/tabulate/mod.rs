@@ -1,7 +1,7 @@
 //! The table of the paper: modes of rendering down, lightings of the room across.
 //!
 //! Reads the `metrics.json` of evaluations, of one condition each or of several, and puts the means of each condition
-//! into the row of its mode of rendering. Writes `table.md`, `table.tex`, `table.csv` (one line for each mode and
+//! into the row of its mode of rendering. Its files are `table.md`, `table.tex`, `table.csv` (one line for each mode and
 //! condition) and, last, `table.json`.
 
 mod read;
@@ -17,11 +17,11 @@ use crate::report::{append, csv_field, csv_value, write_all};
 use crate::scene_metrics::mean;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Modes in the order of the paper; others come after them.
 const MODES: [&str; 4] = ["0-bounce", "1-bounce", "path", "baked"];
-/// Files of [`tabulate`].
+/// Files of [`ModeTable::write`].
 pub const FILES: [&str; 4] = ["table.md", "table.tex", "table.csv", "table.json"];
 /// Metrics of the table unless others are asked for.
 pub const DEFAULT_METRICS: [&str; 3] = ["psnr_srgb_db", "ssim_srgb", "flip_hdr"];
@@ -34,8 +34,6 @@ pub struct TableOptions {
     pub folders: Vec<TableFolder>,
     /// Keys of [`METRICS`], at least one.
     pub metrics: Vec<String>,
-    /// Output folder; created.
-    pub out: PathBuf,
 }
 
 /// An evaluation.
@@ -88,7 +86,7 @@ impl TableRow {
     }
 }
 
-/// Puts evaluations into one table and writes it; earlier files of its names are replaced.
+/// Puts evaluations into one table, which [`ModeTable::write`] writes.
 ///
 /// # Errors
 /// [`EvalError`] naming the file and field: no `metrics.json` or one of another program, renders whose mode is not
@@ -117,14 +115,6 @@ pub fn tabulate(options: &TableOptions) -> Result<ModeTable> {
     for row in &mut table.rows {
         row.cells.resize(table.conditions.len(), None);
     }
-    let grid = table.grid();
-    let [markdown, latex, csv, json] = FILES;
-    let texts = [
-        (markdown, grid.markdown()),
-        (latex, grid.latex()),
-        (csv, table.csv()),
-    ];
-    write_all(&options.out, texts, (json, table.json()))?;
     Ok(table)
 }
 
@@ -138,6 +128,25 @@ fn metric(key: &str) -> Result<&'static Metric> {
 }
 
 impl ModeTable {
+    /// Writes the [`FILES`] into `out`, each atomically.
+    ///
+    /// # Errors
+    /// [`SceneError::Io`](eagpt_scene::SceneError) with the file's name.
+    pub fn write(&self, out: &Path) -> Result<()> {
+        let [markdown, latex, csv, json] = FILES;
+        let texts = [
+            (markdown, self.markdown()),
+            (latex, self.grid().latex()),
+            (csv, self.csv()),
+        ];
+        write_all(out, texts, (json, self.json()))
+    }
+
+    /// The table as Markdown, with notes on where each number is from.
+    pub fn markdown(&self) -> String {
+        self.grid().markdown()
+    }
+
     fn put(&mut self, found: read::Found) -> Result<()> {
         let column = position_or_push(
             &mut self.conditions,

@@ -38,25 +38,25 @@ fn scaled_renders(case: &Case, folder: &str, factor: f32) -> PathBuf {
 #[test]
 fn renders_of_another_exposure_are_perfect_when_aligned() {
     let mut case = Case::new();
-    case.options.renders = scaled_renders(&case, "twice", 2.0);
+    case.options.renders = scaled_renders(&case, "half", 0.5);
     let found = case.run().unwrap();
-    assert_eq!(found.exposure_scale, Some(0.5));
+    assert_eq!(found.exposure_scale, Some(2.0));
     assert!(found.mean("psnr_srgb_db").unwrap() < 30.0);
     assert_eq!(found.mean("psnr_srgb_aligned_db"), Some(f64::INFINITY));
     assert_eq!(found.mean("psnr_pq_aligned_db"), Some(f64::INFINITY));
     assert_eq!(found.mean("flip_hdr_aligned"), Some(0.0));
     let json: Value = serde_json::from_str(&case.output("metrics.json")).unwrap();
-    assert_eq!(json["exposure_scale"], 0.5);
+    assert_eq!(json["exposure_scale"], 2.0);
     assert_eq!(json["mean"]["psnr_srgb_aligned_db"], Value::Null);
-    assert!(case.output("table.md").contains("multiplied by 0.5000"));
+    assert!(case.output("table.md").contains("multiplied by 2.0000"));
 
     // One scale for all views: of two views with different factors, none is perfect.
     let path = case.path("", 8);
-    let image = radiance(8).map(|pixel| pixel.map(|v| v * 4.0));
+    let image = radiance(8).map(|pixel| pixel.map(|v| v * 0.25));
     exr::write_rgb(&path, &image, Precision::Float).unwrap();
     case.options.force = true;
     let found = case.run().unwrap();
-    assert!((0.25..0.5).contains(&found.exposure_scale.unwrap()));
+    assert!((2.01..3.99).contains(&found.exposure_scale.unwrap()));
     assert!(found.mean("psnr_srgb_aligned_db").unwrap() < 60.0);
 }
 
