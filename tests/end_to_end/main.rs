@@ -13,4 +13,5 @@ mod edit;
 mod errors;
 mod misuse;
 mod pipeline;
+mod relight;
 mod support;

@@ -1,4 +1,5 @@
 use super::*;
+use serde_json::{Value, json};
 use std::path::Path;
 use tempfile::TempDir;
 

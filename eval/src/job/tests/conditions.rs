@@ -57,7 +57,7 @@ fn renders_of_another_exposure_are_perfect_when_aligned() {
     case.options.force = true;
     let found = case.run().unwrap();
     assert!((2.01..3.99).contains(&found.exposure_scale.unwrap()));
-    assert!(found.mean("psnr_srgb_aligned_db").unwrap() < 60.0);
+    assert!(found.mean("psnr_pq_aligned_db").unwrap() < 60.0);
 }
 
 #[test]
