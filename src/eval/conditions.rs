@@ -24,7 +24,7 @@ enum Job {
 }
 
 enum Outcome {
-    One(Evaluation),
+    One(Box<Evaluation>),
     Several(Conditions),
 }
 
@@ -133,7 +133,7 @@ impl Job {
 
     fn run(&self, progress: &mut dyn FnMut(EvalProgress)) -> eagpt_eval::Result<Outcome> {
         Ok(match self {
-            Self::One(options) => Outcome::One(eagpt_eval::evaluate(options, progress)?),
+            Self::One(options) => Outcome::One(eagpt_eval::evaluate(options, progress)?.into()),
             Self::Several(options) => {
                 Outcome::Several(eagpt_eval::evaluate_conditions(options, progress)?)
             }
@@ -144,7 +144,7 @@ impl Job {
 impl Outcome {
     fn conditions(&self) -> &[Evaluation] {
         match self {
-            Self::One(evaluation) => std::slice::from_ref(evaluation),
+            Self::One(evaluation) => std::slice::from_ref(evaluation.as_ref()),
             Self::Several(several) => &several.conditions,
         }
     }
