@@ -130,12 +130,15 @@ pub(crate) fn run(args: &EvalArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
 }
 
-/// Lines of `key value`, a value in each column.
-fn table<'a>(rows: impl Iterator<Item = (&'a str, Vec<Option<f64>>)>) -> String {
+/// Characters of a column that has no longer heading.
+const COLUMN_WIDTH: usize = 9;
+
+/// Lines of `key value`, a value in each column of `width` characters.
+fn table<'a>(rows: impl Iterator<Item = (&'a str, Vec<Option<f64>>)>, width: usize) -> String {
     rows.map(|(key, values)| {
         let value = |value: &Option<f64>| match value {
-            Some(value) => format!(" {value:>9.4}"),
-            None => format!(" {:>9}", "--"),
+            Some(value) => format!(" {value:>width$.4}"),
+            None => format!(" {:>width$}", "--"),
         };
         let values: String = values.iter().map(value).collect();
         format!("{key:<22}{values}\n")

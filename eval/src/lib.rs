@@ -10,7 +10,7 @@
 //! - [`regions`]: the error of emitters, of what a new light reaches and of its shadows.
 //!
 //! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes tables and error maps,
-//! [`evaluate_conditions`] does so for several lightings of a room, and [`tabulate`] puts evaluations of several
+//! [`evaluate_conditions`] does so for several lightings of a room, and [`tabulate()`] puts evaluations of several
 //! modes of rendering into one table.
 //!
 //! Images are linear Rec.709 unless a name says otherwise. All sums run in a fixed order in f64, so a result has the

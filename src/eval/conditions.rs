@@ -1,6 +1,6 @@
 //! `eagpt eval DIR… --reference DATASET…`: renderings of one condition or of several.
 
-use super::{EvalArgs, table};
+use super::{COLUMN_WIDTH, EvalArgs, table};
 use crate::cli::{self, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -273,16 +273,21 @@ fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArg
     if global.json || global.quiet {
         return Ok(());
     }
-    let mut num_views = 0;
-    let mut heading = String::new();
-    for condition in outcome.conditions() {
-        num_views += condition.views.len();
-        heading += &format!(" {:>9}", condition.name);
+    let mut names: Vec<&str> = Vec::new();
+    if let Outcome::Several(several) = outcome {
+        names.extend(several.conditions.iter().map(|c| c.name.as_str()));
+        names.push("mean");
     }
-    if let Outcome::Several(_) = outcome {
-        terminal::print(&format!("{:<22}{heading}      mean\n", ""))?;
+    let widths = names.iter().map(|name| name.chars().count());
+    let width = widths.max().unwrap_or_default().max(COLUMN_WIDTH);
+    if !names.is_empty() {
+        let heading: String = names
+            .iter()
+            .map(|name| format!(" {name:>width$}"))
+            .collect();
+        terminal::print(&format!("{:<22}{heading}\n", ""))?;
     }
-    terminal::print(&table(outcome.means().iter().map(|mean| {
+    let rows = outcome.means().iter().map(|mean| {
         let mut values = Vec::new();
         if let Outcome::Several(several) = outcome {
             let of_each = several.conditions.iter();
@@ -290,7 +295,9 @@ fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArg
         }
         values.push(Some(mean.value));
         (mean.metric.key, values)
-    })))?;
+    });
+    terminal::print(&table(rows, width))?;
+    let num_views: usize = outcome.conditions().iter().map(|c| c.views.len()).sum();
     reporter.note(&format!("{}: {num_views} views", path.display()));
     Ok(())
 }
