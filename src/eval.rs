@@ -1,25 +1,25 @@
 //! `eagpt eval`: how good renderings are.
 
+mod conditions;
 mod pair;
+mod table;
 
 use crate::cli::{self, GlobalArgs};
-use crate::output::{Replace, Target};
-use crate::progress::Reporter;
-use crate::record::{Input, RecordBuilder, SplitRecord};
-use crate::terminal;
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
-use eagpt_eval::{EvalOptions, EvalProgress, Evaluation, FlipOptions, ToneMapper};
-use eagpt_scene::Dataset;
+use eagpt_eval::{FlipOptions, ToneMapper};
 use eagpt_scene::dataset::{SplitRule, Subset};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Measure renderings against the views of a dataset, or one image against another
 ///
 /// Compares DIR/VIEW.exr with the radiance of each view and, where both are there, the albedo, normal, depth and emission in
 /// DIR/albedo/VIEW.exr and so on with those of the dataset.
+///
+/// Several DIRs and as many --reference are several conditions, as a room under its own and under a new light. An option
+/// that can be given for each condition is given once for all of them, or as often as --reference and in its order.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -28,19 +28,26 @@ use std::process::ExitCode;
 )]
 pub(crate) struct EvalArgs {
     #[command(subcommand)]
-    pair: Option<EvalCommand>,
-    /// Folder of renderings, as `eagpt render` writes it
+    command: Option<EvalCommand>,
+    /// Folder of renderings, as `eagpt render` writes it; one for each condition
     #[arg(value_name = "DIR", required = true)]
-    renders: Option<PathBuf>,
-    /// Dataset with the references: a folder with a transforms.json, or that file
+    renders: Vec<PathBuf>,
+    /// Dataset with the references: a folder with a transforms.json, or that file; one for each condition
     #[arg(long, value_name = "DATASET", required = true)]
-    reference: Option<PathBuf>,
-    /// Views to measure
+    reference: Vec<PathBuf>,
+    /// Dataset with the same views under an earlier light: splits the error into what the new light reaches and its
+    /// shadows; for each condition
+    #[arg(long, value_name = "DATASET")]
+    before: Vec<PathBuf>,
+    /// Name of the condition, one for each [default: that of the dataset's folder]
+    #[arg(long, value_name = "NAME")]
+    name: Vec<String>,
+    /// Views to measure; for each condition
     #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
-    split: Subset,
-    /// Rule that divides the views into training and test views
+    split: Vec<Subset>,
+    /// Rule that divides the views into training and test views; for each condition
     #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
-    split_rule: SplitRule,
+    split_rule: Vec<SplitRule>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2", required = true)]
     out: Option<PathBuf>,
@@ -57,14 +64,19 @@ const OUTPUTS_AND_EXAMPLES: &str = "Files in DIR2:
   table.md, table.tex the same for people
   flip/VIEW.png       HDR-FLIP error, black 0 to white 1 (magma)
   record.json         version, options, inputs, times, memory
+Of several conditions, these are in DIR2/NAME, and the files in DIR2 hold all conditions and their mean.
 
 Examples:
   eagpt eval renders/0 --reference kitchen --split test --out eval/0
+  eagpt eval renders/ball --reference kitchen-ball --split all --before kitchen --out eval/ball
+  eagpt eval renders/path renders/ball --reference kitchen --reference kitchen-ball --split test --split all --out eval/both
+  eagpt eval table eval/0 eval/both --out table
   eagpt eval pair photograph.exr rendering.exr --json";
 
 #[derive(Debug, Subcommand)]
 enum EvalCommand {
     Pair(pair::PairArgs),
+    Table(table::TableArgs),
 }
 
 /// Settings of FLIP.
@@ -111,146 +123,25 @@ fn tone_mapper() -> impl TypedValueParser<Value = ToneMapper> {
 }
 
 pub(crate) fn run(args: &EvalArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    if let Some(EvalCommand::Pair(pair)) = &args.pair {
-        return pair::run(pair, global);
+    match &args.command {
+        Some(EvalCommand::Pair(pair)) => pair::run(pair, global),
+        Some(EvalCommand::Table(table)) => table::run(table, global),
+        None => conditions::run(args, global),
     }
-    // clap asks for all three unless the subcommand is given.
-    let given = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
-    let mut options = EvalOptions {
-        renders: given(&args.renders),
-        dataset: given(&args.reference),
-        out: given(&args.out),
-        split: args.split_rule,
-        subset: args.split,
-        flip: args.flip.options()?,
-        force: args.force,
-    };
-    let mut builder = RecordBuilder::begin("eval", &options)?;
-    let dataset = Dataset::open(&options.dataset)?;
-    let split = dataset.split(options.split)?;
-    builder.record.inputs.push(Input::of_cameras(&dataset)?);
-    builder.record.split = Some(SplitRecord::new(&split, options.subset));
-    let outputs = outputs(&dataset, &split.indices(options.subset));
-    if same_folder(&options.out, &options.renders) {
-        bail!(
-            "{}: --out is the folder of the renderings",
-            options.out.display()
-        );
-    }
-    let target = Target {
-        dir: &options.out.clone(),
-        command: "eval",
-        inputs: &inputs(&options.renders, &dataset),
-        replace: Replace::from_flag(args.force),
-    };
-    target.check(&outputs)?;
-    // Nothing is in the way now, or it may be replaced.
-    options.force = true;
-
-    let mut reporter = Reporter::new(global);
-    let mut failed = None;
-    let outcome = eagpt_eval::evaluate(&options, &mut |message| {
-        let told = tell(&mut reporter, &message, &target);
-        if let Err(error) = told {
-            failed.get_or_insert(error);
-        }
-    });
-    reporter.finish();
-    let evaluation = outcome?;
-    if let Some(error) = failed {
-        return Err(error);
-    }
-    let record = &mut builder.record;
-    record.device = Some("cpu".to_owned());
-    record.warnings.clone_from(&evaluation.warnings);
-    record.outputs = outputs
-        .iter()
-        .map(|path| path.display().to_string())
-        .collect();
-    builder.write(&options.out)?;
-    for warning in &evaluation.warnings {
-        reporter.warning(warning);
-    }
-    finish(&reporter, &options, &evaluation, global)?;
-    Ok(ExitCode::SUCCESS)
 }
 
-fn tell(reporter: &mut Reporter, message: &EvalProgress, target: &Target<'_>) -> Result<()> {
-    match message {
-        // The inputs have been checked: from here on an earlier result may go.
-        EvalProgress::Started { total } => {
-            target.prepare()?;
-            reporter.begin("comparing", "views", 0, *total as u64);
-        }
-        EvalProgress::View { name, done, .. } => {
-            reporter.advance(*done as u64, || name.clone());
-        }
-        // Shown at the end, where they are not lost above a table.
-        EvalProgress::Warning { .. } => {}
-    }
-    reporter.message(message)
-}
+/// Characters of a column that has no longer heading.
+const COLUMN_WIDTH: usize = 9;
 
-/// The means, as the last thing on the screen.
-fn finish(
-    reporter: &Reporter,
-    options: &EvalOptions,
-    evaluation: &Evaluation,
-    global: &GlobalArgs,
-) -> Result<()> {
-    let path = options.out.join("metrics.json");
-    let means: serde_json::Map<String, serde_json::Value> = evaluation
-        .means
-        .iter()
-        .map(|mean| (mean.metric.key.to_owned(), mean.value.into()))
-        .collect();
-    reporter.message(&serde_json::json!({ "message": "done", "path": path, "mean": means }))?;
-    if global.json || global.quiet {
-        return Ok(());
-    }
-    let rows = evaluation
-        .means
-        .iter()
-        .map(|mean| (mean.metric.key, mean.value));
-    terminal::print(&table(rows))?;
-    reporter.note(&format!(
-        "{}: {} views",
-        path.display(),
-        evaluation.views.len()
-    ));
-    Ok(())
-}
-
-/// Lines of `key value`.
-fn table<'a>(rows: impl Iterator<Item = (&'a str, f64)>) -> String {
-    rows.map(|(key, value)| format!("{key:<22} {value:>9.4}\n"))
-        .collect()
-}
-
-fn outputs(dataset: &Dataset, indices: &[usize]) -> Vec<PathBuf> {
-    let files = ["metrics.json", "metrics.csv", "table.md", "table.tex"];
-    let maps = indices.iter().map(|&index| {
-        let name = &dataset.frames()[index].name;
-        Path::new("flip").join(format!("{name}.png"))
-    });
-    files.into_iter().map(PathBuf::from).chain(maps).collect()
-}
-
-/// Files that an evaluation must never replace.
-fn inputs(renders: &Path, dataset: &Dataset) -> Vec<PathBuf> {
-    let images = dataset
-        .frames()
-        .iter()
-        .map(|frame| renders.join(format!("{}.exr", frame.name)));
-    cli::dataset_files(dataset)
-        .into_iter()
-        .chain(images)
-        .collect()
-}
-
-fn same_folder(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    }
+/// Lines of `key value`, a value in each column of `width` characters.
+fn table<'a>(rows: impl Iterator<Item = (&'a str, Vec<Option<f64>>)>, width: usize) -> String {
+    rows.map(|(key, values)| {
+        let value = |value: &Option<f64>| match value {
+            Some(value) => format!(" {value:>width$.4}"),
+            None => format!(" {:>width$}", "--"),
+        };
+        let values: String = values.iter().map(value).collect();
+        format!("{key:<22}{values}\n")
+    })
+    .collect()
 }

@@ -48,6 +48,18 @@ pub enum EvalError {
         /// What is wrong, with the values.
         problem: String,
     },
+    /// Two evaluations are of the same mode under the same condition.
+    #[error("{}: row {row}, condition {condition}: {} has it already; ROW=DIR gives this one a row of its own", folder.display(), earlier.display())]
+    SameCell {
+        /// The second evaluation.
+        folder: PathBuf,
+        /// The first.
+        earlier: PathBuf,
+        /// Their row.
+        row: String,
+        /// Their condition.
+        condition: String,
+    },
     /// The output folder holds results already.
     #[error("{}: exists already; force replaces it", path.display())]
     Exists {

@@ -41,7 +41,7 @@ pub struct Metric {
 }
 
 /// All metrics, in the order of every output.
-pub static METRICS: [Metric; 11] = [
+pub static METRICS: [Metric; 14] = [
     Metric {
         key: "psnr_srgb_db",
         heading: "PSNR sRGB",
@@ -95,6 +95,33 @@ pub static METRICS: [Metric; 11] = [
         definition: "mean LDR-FLIP (as flip-evaluator 1.7) of sRGB clipped to [0, 1], at the ppd of flip_hdr_parameters",
         mean: MeanOf::Views,
         of: |view| Some(view.image.flip_ldr_srgb),
+    },
+    Metric {
+        key: "psnr_srgb_aligned_db",
+        heading: "PSNR sRGB aligned",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "as psnr_srgb_db after the renders of all views were multiplied by exposure_scale",
+        mean: MeanOf::Views,
+        of: |view| Some(view.aligned?.psnr_srgb_aligned_db),
+    },
+    Metric {
+        key: "psnr_pq_aligned_db",
+        heading: "PSNR PQ aligned",
+        better: Better::Higher,
+        num_decimals: 2,
+        definition: "as psnr_pq_db after the renders of all views were multiplied by exposure_scale",
+        mean: MeanOf::Views,
+        of: |view| Some(view.aligned?.psnr_pq_aligned_db),
+    },
+    Metric {
+        key: "flip_hdr_aligned",
+        heading: "HDR-FLIP aligned",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "as flip_hdr after the renders of all views were multiplied by exposure_scale",
+        mean: MeanOf::Views,
+        of: |view| Some(view.aligned?.flip_hdr_aligned),
     },
     Metric {
         key: "albedo_psnr_srgb_db",

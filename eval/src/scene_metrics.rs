@@ -23,6 +23,11 @@ pub struct AlbedoPsnr {
     pub scale: f64,
 }
 
+/// Whether a pixel is above [`EMITTER_THRESHOLD`]; none is where emission is not known.
+pub(crate) fn emits(emission: Option<&Image<1>>, pixel: usize) -> bool {
+    emission.is_some_and(|emission| emission.pixels()[pixel][0] > EMITTER_THRESHOLD)
+}
+
 /// Compares linear albedos over the pixels whose reference emission is at most [`EMITTER_THRESHOLD`]; over all pixels
 /// without one. The released code of EAG-PT sets emitters to black in both images and averages over all pixels, which
 /// flatters images with large emitters.
@@ -38,15 +43,12 @@ pub fn albedo_psnr(
     if let Some(emission) = reference_emission {
         assert_comparable(reference, emission);
     }
-    let is_compared = |i: usize| {
-        reference_emission.is_none_or(|emission| emission.pixels()[i][0] <= EMITTER_THRESHOLD)
-    };
     let pairs: Vec<([f32; 3], [f32; 3])> = reference
         .pixels()
         .iter()
         .zip(test.pixels())
         .enumerate()
-        .filter(|(i, _)| is_compared(*i))
+        .filter(|(i, _)| !emits(reference_emission, *i))
         .map(|(_, (r, t))| (*r, *t))
         .collect();
     if pairs.is_empty() {

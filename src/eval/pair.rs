@@ -1,6 +1,6 @@
 //! `eagpt eval pair`: one image against another.
 
-use super::{FlipArgs, table};
+use super::{COLUMN_WIDTH, FlipArgs, table};
 use crate::cli::GlobalArgs;
 use crate::terminal;
 use anyhow::{Result, bail};
@@ -73,11 +73,12 @@ fn text(metrics: &ImageMetrics) -> String {
         ("ssim_srgb", metrics.ssim_srgb),
         ("flip_hdr", metrics.flip_hdr),
         ("flip_ldr_srgb", metrics.flip_ldr_srgb),
-    ];
+    ]
+    .map(|(key, value)| (key, vec![Some(value)]));
     let flip = &metrics.flip_hdr_parameters;
     format!(
         "{}HDR-FLIP: {} pixels per degree, {}, {} exposures from {} to {} stops\n",
-        table(rows.into_iter()),
+        table(rows.into_iter(), COLUMN_WIDTH),
         flip.ppd,
         flip.tonemapper.name(),
         flip.num_exposures,

@@ -15,4 +15,5 @@ mod edit;
 mod errors;
 mod misuse;
 mod pipeline;
+mod relight;
 mod support;

@@ -52,7 +52,16 @@ fn wrong_arguments_have_exit_code_2() {
 #[test]
 fn help_is_there_for_every_command() {
     let place = Workplace::new();
-    for command in ["", "train", "render", "eval", "eval pair", "edit", "export"] {
+    for command in [
+        "",
+        "train",
+        "render",
+        "eval",
+        "eval pair",
+        "eval table",
+        "edit",
+        "export",
+    ] {
         let help = place.succeeds(&format!("{command} --help"));
         assert!(
             help.contains("Usage: eagpt") && help.contains("--threads"),

@@ -13,67 +13,32 @@
 //!
 //! One view is in memory at a time. `metrics.json` is written last: where it is, the other files are complete.
 
+//! [`evaluate_conditions`] does so for several pairs of renders and references: several lightings of one room. Each
+//! condition gets a folder with the files above, and beside these folders `metrics.json`, `metrics.csv`, `table.md` and
+//! `table.tex` hold all conditions and their mean.
+
+mod conditions;
+mod options;
+mod prepared;
+mod provenance;
 mod renders;
+mod view;
 
 #[cfg(test)]
 mod tests;
 
-use crate::error::{EvalError, Result};
-use crate::flip::{FlipOptions, magma_rgb8};
+pub use conditions::{Conditions, evaluate_conditions};
+pub use options::{ConditionsOptions, EvalOptions};
+pub use provenance::Provenance;
+pub use view::{EmittersFrom, SceneMetrics, ViewMetrics};
+
+use crate::error::Result;
 use crate::metrics::{METRICS, MeanOf, Metric};
-use crate::pair::{ImageMetrics, compare, decibels};
-use crate::report;
-use crate::scene_metrics::{
-    Overlap, albedo_psnr, depth_mae, emission_overlap, mean, normal_mean_deg,
-};
+use crate::regions::Regions;
+use crate::scene_metrics::mean;
 use eagpt_scene::dataset::{SplitRule, Subset};
-use eagpt_scene::{Dataset, View, files, png};
-use renders::Renders;
-use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
-
-/// What to evaluate and how.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EvalOptions {
-    /// Folder of renders.
-    pub renders: PathBuf,
-    /// Dataset with the references: a folder or its `transforms.json`.
-    pub dataset: PathBuf,
-    /// Output folder; created.
-    pub out: PathBuf,
-    /// How views are divided.
-    #[serde(default)]
-    pub split: SplitRule,
-    /// The views to evaluate.
-    #[serde(default = "test_views")]
-    pub subset: Subset,
-    /// Settings of FLIP.
-    #[serde(default)]
-    pub flip: FlipOptions,
-    /// Replace results that are in the output folder.
-    #[serde(default)]
-    pub force: bool,
-}
-
-fn test_views() -> Subset {
-    Subset::Test
-}
-
-impl EvalOptions {
-    /// The test views of the default split, compared with default settings.
-    pub fn new(renders: &Path, dataset: &Path, out: &Path) -> Self {
-        Self {
-            renders: renders.to_owned(),
-            dataset: dataset.to_owned(),
-            out: out.to_owned(),
-            split: SplitRule::default(),
-            subset: test_views(),
-            flip: FlipOptions::default(),
-            force: false,
-        }
-    }
-}
+use prepared::Prepared;
+use serde::Serialize;
 
 /// What an evaluation tells while it goes on.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -100,51 +65,6 @@ pub enum EvalProgress {
     },
 }
 
-/// Metrics of the channels beside radiance; `None` where the render or the reference lacks the channel, or no pixel can
-/// be compared.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct SceneMetrics {
-    /// See [`crate::scene_metrics::albedo_psnr`]; infinite for equal albedos, which is `null` in JSON.
-    #[serde(
-        skip_serializing_if = "Option::is_none",
-        with = "decibels::optional",
-        default
-    )]
-    pub albedo_psnr_srgb_db: Option<f64>,
-    /// The same after a fitted scale.
-    #[serde(
-        skip_serializing_if = "Option::is_none",
-        with = "decibels::optional",
-        default
-    )]
-    pub albedo_psnr_scaled_db: Option<f64>,
-    /// See [`normal_mean_deg`].
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub normal_mean_deg: Option<f64>,
-    /// See [`depth_mae`].
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub depth_mae: Option<f64>,
-    /// See [`emission_overlap`]; kept because the views' overlaps make up that of all pixels.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub emission_overlap: Option<Overlap>,
-    /// See [`Overlap::iou`].
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub emission_iou: Option<f64>,
-}
-
-/// All metrics of one view.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ViewMetrics {
-    /// Name of the view.
-    pub name: String,
-    /// Metrics of radiance.
-    #[serde(flatten)]
-    pub image: ImageMetrics,
-    /// Metrics of the other channels.
-    #[serde(flatten)]
-    pub scene: SceneMetrics,
-}
-
 /// Mean of a metric over the views that have it, or over their pixels: see [`MeanOf`].
 #[derive(Debug, Clone, Copy)]
 pub struct Mean {
@@ -159,8 +79,18 @@ pub struct Mean {
 /// The result of [`evaluate`].
 #[derive(Debug, Clone)]
 pub struct Evaluation {
+    /// Name of the condition.
+    pub name: String,
+    /// How the renders came about.
+    pub provenance: Provenance,
     /// Means of the metrics that at least one view has, in the order of [`METRICS`].
     pub means: Vec<Mean>,
+    /// What the renders were multiplied by for the aligned metrics: see [`ExposureFit`](crate::align::ExposureFit).
+    pub exposure_scale: Option<f64>,
+    /// Light after over light before: see [`LightChange`](crate::regions::LightChange).
+    pub light_change: Option<f64>,
+    /// The error by region, over the pixels of all views.
+    pub regions: Regions,
     /// The views, in the order of the dataset.
     pub views: Vec<ViewMetrics>,
     /// How views were divided.
@@ -174,9 +104,13 @@ pub struct Evaluation {
 impl Evaluation {
     /// The mean of the metric called `key`, if a view has it.
     pub fn mean(&self, key: &str) -> Option<f64> {
-        let mean = self.means.iter().find(|mean| mean.metric.key == key)?;
-        Some(mean.value)
+        mean_of(&self.means, key)
     }
+}
+
+fn mean_of(means: &[Mean], key: &str) -> Option<f64> {
+    let mean = means.iter().find(|mean| mean.metric.key == key)?;
+    Some(mean.value)
 }
 
 /// Compares renders with the views of a dataset and writes the results.
@@ -184,103 +118,28 @@ impl Evaluation {
 /// Before any comparison it checks that every view has a render, that sizes fit and that no result is in the way.
 ///
 /// # Errors
-/// [`EvalError`] naming the file or option: a missing render (all are listed), a render of another size or with values
-/// that are not finite, results in the output folder without `force`, or whatever reading and writing files returns.
+/// [`EvalError`](crate::EvalError) naming the file or option: a missing render (all are listed), a render of another
+/// size or with values that are not finite, a view that the earlier dataset lacks, results in the output folder without
+/// `force`, or whatever reading and writing files returns.
 pub fn evaluate(
     options: &EvalOptions,
     progress: &mut dyn FnMut(EvalProgress),
 ) -> Result<Evaluation> {
-    options.flip.validate()?;
-    let dataset = Dataset::open(&options.dataset)?;
-    let split = dataset.split(options.split)?;
-    let indices = split.indices(options.subset);
-    let frames: Vec<_> = indices.iter().map(|&i| &dataset.frames()[i]).collect();
-    let renders = Renders::find(&options.renders, &frames)?;
-    let map_path = |name: &str| options.out.join("flip").join(format!("{name}.png"));
-    if !options.force {
-        let maps = frames.iter().map(|frame| map_path(&frame.name));
-        refuse_existing(report::files(&options.out).into_iter().chain(maps))?;
-    }
-    let warnings: Vec<String> = [split.warnings, renders.warnings()].concat();
-    for text in &warnings {
+    let prepared = Prepared::new(options)?;
+    for text in &prepared.warnings {
         progress(EvalProgress::Warning { text: text.clone() });
     }
-    let total = indices.len();
+    let total = prepared.num_views();
     progress(EvalProgress::Started { total });
-
-    let mut views = Vec::with_capacity(total);
-    for (done, &index) in indices.iter().enumerate() {
-        let view = dataset.load_view(index)?;
-        views.push(evaluate_view(
-            &view,
-            &renders,
-            options,
-            &map_path(&view.name),
-        )?);
+    let mut done = 0;
+    prepared.run(&mut |name| {
+        done += 1;
         progress(EvalProgress::View {
-            name: view.name,
-            done: done + 1,
+            name: name.to_owned(),
+            done,
             total,
         });
-    }
-    let evaluation = Evaluation {
-        means: means(&views),
-        views,
-        split: options.split,
-        subset: options.subset,
-        warnings,
-    };
-    report::write(&options.out, &evaluation)?;
-    Ok(evaluation)
-}
-
-fn evaluate_view(
-    view: &View,
-    renders: &Renders,
-    options: &EvalOptions,
-    map_path: &Path,
-) -> Result<ViewMetrics> {
-    let radiance = renders.radiance(&view.name)?;
-    let comparison = compare(&view.radiance, &radiance, &options.flip)?;
-    let error = &comparison.flip_hdr_error;
-    if let Some(folder) = map_path.parent() {
-        files::create_dir(folder)?;
-    }
-    png::write_rgb8(map_path, error.width(), error.height(), &magma_rgb8(error))?;
-    Ok(ViewMetrics {
-        name: view.name.clone(),
-        image: comparison.metrics,
-        scene: evaluate_channels(view, renders)?,
     })
-}
-
-fn evaluate_channels(view: &View, renders: &Renders) -> Result<SceneMetrics> {
-    let mut found = SceneMetrics::default();
-    if let Some(reference) = &view.albedo
-        && let Some(test) = renders.albedo(&view.name)?
-        && let Some(albedo) = albedo_psnr(reference, &test, view.emission.as_ref())
-    {
-        found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
-        found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
-    }
-    if let Some(reference) = &view.normal
-        && let Some(test) = renders.normal(&view.name)?
-    {
-        found.normal_mean_deg = normal_mean_deg(reference, &test);
-    }
-    if let Some(reference) = &view.depth
-        && let Some(test) = renders.depth(&view.name)?
-    {
-        found.depth_mae = depth_mae(reference, &test);
-    }
-    if let Some(reference) = &view.emission
-        && let Some(test) = renders.emission(&view.name)?
-    {
-        let overlap = emission_overlap(reference, &test);
-        found.emission_iou = overlap.iou();
-        found.emission_overlap = overlap.iou().map(|_| overlap);
-    }
-    Ok(found)
 }
 
 fn means(views: &[ViewMetrics]) -> Vec<Mean> {
@@ -298,11 +157,4 @@ fn means(views: &[ViewMetrics]) -> Vec<Mean> {
             })
         })
         .collect()
-}
-
-fn refuse_existing(mut paths: impl Iterator<Item = PathBuf>) -> Result<()> {
-    match paths.find(|path| path.exists()) {
-        Some(path) => Err(EvalError::Exists { path }),
-        None => Ok(()),
-    }
 }

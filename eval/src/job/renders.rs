@@ -94,6 +94,10 @@ impl Renders {
         })
     }
 
+    pub(super) fn has_emission(&self, view: &str) -> bool {
+        self.path(Some("emission"), view).is_file()
+    }
+
     fn channel<T>(
         &self,
         channel: &str,

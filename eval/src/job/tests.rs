@@ -1,7 +1,10 @@
+mod conditions;
+
 use super::*;
 use eagpt_scene::dataset::DatasetWriter;
 use eagpt_scene::exr::Precision;
-use eagpt_scene::{Camera, Image, exr};
+use eagpt_scene::{Camera, Image, View, exr};
+use std::path::PathBuf;
 use tempfile::TempDir;
 
 const SIZE: (u32, u32) = (16, 12);
@@ -163,7 +166,7 @@ fn the_files_say_what_was_found() {
     let csv = case.output("metrics.csv");
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 3);
-    let num_columns = 1 + 11 + 5;
+    let num_columns = 1 + 14 + 5;
     assert!(
         lines
             .iter()

@@ -1,19 +1,40 @@
 //! The files that an evaluation leaves.
 
-mod table;
+pub(crate) mod grid;
+mod tables;
 
 use crate::error::Result;
-use crate::job::Evaluation;
+use crate::job::{Conditions, Evaluation, Mean};
 use crate::metrics::METRICS;
 use eagpt_scene::{SceneError, files};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-const JSON: &str = "metrics.json";
+pub(crate) const JSON: &str = "metrics.json";
 const CSV: &str = "metrics.csv";
 const MARKDOWN: &str = "table.md";
 const LATEX: &str = "table.tex";
+
+/// What else `metrics.json` holds, beside metrics.
+const MORE_DEFINITIONS: [(&str, &str); 4] = [
+    (
+        "exposure_scale",
+        "sum of the references over sum of the renders, over the pixels of all views that do not emit and whose reference is at most 1 in R, G and B; null where a sum is 0",
+    ),
+    (
+        "light_change",
+        "sum of luminance of the references over that under the earlier light, over the pixels of all views that emit under neither; null without an earlier light",
+    ),
+    (
+        "regions",
+        "emitter: emission above 0.1; lit: else, luminance above light_change times that under the earlier light; shadow: else; surface: no emitter, earlier light not known. PSNR and luminance over the pixels of all views; PSNR as psnr_srgb_db and psnr_linear_db",
+    ),
+    (
+        "render",
+        "from the record.json of the renders, null where it does not tell; seconds_per_frame: mean wall time of the evaluated views",
+    ),
+];
 
 /// The files of [`write`] in the folder `out`.
 pub(crate) fn files(out: &Path) -> [PathBuf; 4] {
@@ -25,32 +46,87 @@ pub(crate) fn files(out: &Path) -> [PathBuf; 4] {
 /// # Errors
 /// [`SceneError::Io`] with the file's name.
 pub(crate) fn write(out: &Path, evaluation: &Evaluation) -> Result<()> {
+    let views = tables::views(evaluation);
+    let regions = tables::regions(evaluation).map(|grid| grid.markdown());
+    let texts = [
+        (CSV, csv(evaluation)),
+        (MARKDOWN, joined(views.markdown(), regions)),
+        (LATEX, views.latex()),
+    ];
+    write_all(out, texts, (JSON, json(evaluation)))
+}
+
+/// As [`write`] for several conditions, whose own files are elsewhere.
+///
+/// # Errors
+/// [`SceneError::Io`] with the file's name.
+pub(crate) fn write_conditions(out: &Path, found: &Conditions) -> Result<()> {
+    let table = tables::conditions(found);
+    let texts = [
+        (CSV, conditions_csv(found)),
+        (MARKDOWN, table.markdown()),
+        (LATEX, table.latex()),
+    ];
+    let conditions: serde_json::Result<Vec<Value>> = found.conditions.iter().map(json).collect();
+    let json = conditions.map(|conditions| {
+        json!({
+            "mean": means(&found.means),
+            "num_conditions": conditions.len(),
+            "conditions": conditions,
+        })
+    });
+    write_all(out, texts, (JSON, json))
+}
+
+/// Writes texts, each atomically, and at last the JSON file, from which the others can be told to be complete.
+///
+/// # Errors
+/// [`SceneError`] with the file's name.
+pub(crate) fn write_all<const N: usize>(
+    out: &Path,
+    texts: [(&str, String); N],
+    (name, value): (&str, serde_json::Result<Value>),
+) -> Result<()> {
     files::create_dir(out)?;
-    let put =
-        |name: &str, text: String| files::write_bytes_atomic(&out.join(name), text.as_bytes());
-    put(CSV, csv(evaluation))?;
-    put(MARKDOWN, table::markdown(evaluation))?;
-    put(LATEX, table::latex(evaluation))?;
-    let json = json(evaluation)
-        .and_then(|json| serde_json::to_string_pretty(&json))
-        .map_err(|e| SceneError::invalid(&out.join(JSON), "content", e.to_string()))?;
-    put(JSON, json + "\n")?;
+    for (name, text) in texts {
+        files::write_bytes_atomic(&out.join(name), text.as_bytes())?;
+    }
+    let path = out.join(name);
+    let text = value
+        .and_then(|value| serde_json::to_string_pretty(&value))
+        .map_err(|e| SceneError::invalid(&path, "content", e.to_string()))?;
+    files::write_bytes_atomic(&path, (text + "\n").as_bytes())?;
     Ok(())
 }
 
-fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
-    let means: Map<String, Value> = evaluation
-        .means
+fn joined(text: String, more: Option<String>) -> String {
+    match more {
+        Some(more) => format!("{text}\n{more}"),
+        None => text,
+    }
+}
+
+fn means(means: &[Mean]) -> Map<String, Value> {
+    means
         .iter()
         // `json!` turns an infinity into null.
         .map(|mean| (mean.metric.key.to_owned(), json!(mean.value)))
-        .collect();
-    let definitions: Map<String, Value> = METRICS
-        .iter()
-        .map(|metric| (metric.key.to_owned(), json!(metric.definition)))
+        .collect()
+}
+
+fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
+    let of_metrics = METRICS.iter().map(|metric| (metric.key, metric.definition));
+    let definitions: Map<String, Value> = of_metrics
+        .chain(MORE_DEFINITIONS)
+        .map(|(key, definition)| (key.to_owned(), json!(definition)))
         .collect();
     Ok(json!({
-        "mean": means,
+        "name": evaluation.name,
+        "render": serde_json::to_value(&evaluation.provenance)?,
+        "mean": means(&evaluation.means),
+        "exposure_scale": evaluation.exposure_scale,
+        "light_change": evaluation.light_change,
+        "regions": serde_json::to_value(&evaluation.regions)?,
         "num_views": evaluation.views.len(),
         "split": evaluation.split,
         "subset": evaluation.subset,
@@ -60,23 +136,30 @@ fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
     }))
 }
 
+/// One line for each condition: its means, an empty field where it lacks a metric, `inf` for equal images.
+fn conditions_csv(found: &Conditions) -> String {
+    let mut text = csv_heading("name", &found.means);
+    text.push('\n');
+    for condition in &found.conditions {
+        text.push_str(&csv_field(&condition.name));
+        for mean in &found.means {
+            csv_value(&mut text, condition.mean(mean.metric.key));
+        }
+        text.push('\n');
+    }
+    text
+}
+
 /// One line for each view; an empty field where a view lacks a metric, `inf` for equal images.
 fn csv(evaluation: &Evaluation) -> String {
-    let mut text = "name".to_owned();
-    for metric in evaluation.means.iter().map(|mean| mean.metric) {
-        text.push(',');
-        text.push_str(metric.key);
-    }
+    let mut text = csv_heading("name", &evaluation.means);
     text.push_str(
         ",flip_ppd,flip_start_exposure,flip_stop_exposure,flip_num_exposures,flip_tonemapper\n",
     );
     for view in &evaluation.views {
         text.push_str(&csv_field(&view.name));
         for mean in &evaluation.means {
-            text.push(',');
-            if let Some(value) = (mean.metric.of)(view) {
-                append(&mut text, format_args!("{value}"));
-            }
+            csv_value(&mut text, (mean.metric.of)(view));
         }
         let flip = &view.image.flip_hdr_parameters;
         append(
@@ -94,8 +177,20 @@ fn csv(evaluation: &Evaluation) -> String {
     text
 }
 
+fn csv_heading(first: &str, means: &[Mean]) -> String {
+    let keys = means.iter().map(|mean| format!(",{}", mean.metric.key));
+    std::iter::once(first.to_owned()).chain(keys).collect()
+}
+
+pub(crate) fn csv_value(text: &mut String, value: Option<f64>) {
+    text.push(',');
+    if let Some(value) = value {
+        append(text, format_args!("{value}"));
+    }
+}
+
 /// Quoted where RFC 4180 wants it.
-fn csv_field(text: &str) -> String {
+pub(crate) fn csv_field(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -103,7 +198,7 @@ fn csv_field(text: &str) -> String {
     }
 }
 
-fn append(text: &mut String, arguments: std::fmt::Arguments<'_>) {
+pub(crate) fn append(text: &mut String, arguments: std::fmt::Arguments<'_>) {
     text.write_fmt(arguments)
         .expect("a string takes everything that is written to it");
 }

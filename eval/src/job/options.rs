@@ -1,0 +1,119 @@
+//! What evaluations take.
+
+use crate::error::{EvalError, Result};
+use crate::flip::FlipOptions;
+use eagpt_scene::dataset::{SplitRule, Subset};
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::path::{Component, Path, PathBuf};
+
+/// What to evaluate and how: renders of one condition, that is, of one lighting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvalOptions {
+    /// Folder of renders.
+    pub renders: PathBuf,
+    /// Dataset with the references: a folder or its `transforms.json`.
+    pub dataset: PathBuf,
+    /// Dataset with the same views under an earlier light, which tells [lit from shadow](crate::regions). One that is
+    /// `dataset` itself tells nothing.
+    #[serde(default)]
+    pub before: Option<PathBuf>,
+    /// Name of the condition in tables and files; by default that of the dataset's folder.
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Output folder; created.
+    pub out: PathBuf,
+    /// How views are divided.
+    #[serde(default)]
+    pub split: SplitRule,
+    /// The views to evaluate.
+    #[serde(default = "test_views")]
+    pub subset: Subset,
+    /// Settings of FLIP.
+    #[serde(default)]
+    pub flip: FlipOptions,
+    /// Replace results that are in the output folder.
+    #[serde(default)]
+    pub force: bool,
+}
+
+fn test_views() -> Subset {
+    Subset::Test
+}
+
+impl EvalOptions {
+    /// The test views of the default split, compared with default settings.
+    pub fn new(renders: &Path, dataset: &Path, out: &Path) -> Self {
+        Self {
+            renders: renders.to_owned(),
+            dataset: dataset.to_owned(),
+            before: None,
+            name: None,
+            out: out.to_owned(),
+            split: SplitRule::default(),
+            subset: test_views(),
+            flip: FlipOptions::default(),
+            force: false,
+        }
+    }
+
+    /// Name of the condition: `name`, or that of the dataset's folder.
+    pub fn condition(&self) -> String {
+        let folder = || {
+            // Resolved, for the sake of `.` and links; what does not exist is told of when it is opened.
+            let path = self.dataset.canonicalize().ok()?;
+            let folder = if path.is_file() {
+                path.parent()?
+            } else {
+                &path
+            };
+            Some(folder.file_name()?.to_string_lossy().into_owned())
+        };
+        let name = self.name.clone().or_else(folder);
+        name.unwrap_or_else(|| "condition".to_owned())
+    }
+}
+
+/// Several conditions of one method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConditionsOptions {
+    /// The conditions, at least one, of different names. `out` of each is the folder of its own results.
+    pub conditions: Vec<EvalOptions>,
+    /// Folder of the results of all together; created.
+    pub out: PathBuf,
+}
+
+impl ConditionsOptions {
+    /// Puts the results of each condition into a folder of `out` that is called like it.
+    ///
+    /// # Errors
+    /// [`EvalError::Option`] if two conditions have one name, or a name is none for a folder.
+    pub fn new(mut conditions: Vec<EvalOptions>, out: &Path) -> Result<Self> {
+        let mut seen = HashSet::new();
+        for condition in &mut conditions {
+            let name = condition.condition();
+            let mut parts = Path::new(&name).components();
+            let wanted = match (parts.next(), parts.next()) {
+                (Some(Component::Normal(part)), None) if part == name.as_str() => {
+                    "another for each condition"
+                }
+                _ => "a name for a folder",
+            };
+            if wanted == "a name for a folder" || !seen.insert(name.clone()) {
+                return Err(EvalError::Option {
+                    field: "name",
+                    value: name,
+                    wanted,
+                });
+            }
+            condition.out = out.join(&name);
+            condition.name = Some(name);
+        }
+        Ok(Self {
+            conditions,
+            out: out.to_owned(),
+        })
+    }
+}

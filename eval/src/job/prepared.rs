@@ -1,0 +1,249 @@
+//! One condition: its checks before any work, then its views.
+
+use super::options::EvalOptions;
+use super::provenance::Provenance;
+use super::renders::Renders;
+use super::view::{EmittersFrom, ViewMetrics, scene_metrics};
+use super::{Evaluation, means};
+use crate::align::{ExposureFit, compare_aligned};
+use crate::error::{EvalError, Result};
+use crate::flip::magma_rgb8;
+use crate::pair::compare;
+use crate::regions::{self, LightChange, Lights, region_metrics};
+use crate::report;
+use eagpt_scene::{Dataset, Image, SceneError, View, files, png};
+use std::path::PathBuf;
+
+/// A condition all of whose files are there.
+pub(super) struct Prepared<'a> {
+    options: &'a EvalOptions,
+    dataset: Dataset,
+    indices: Vec<usize>,
+    renders: Renders,
+    before: Option<Earlier>,
+    provenance: Provenance,
+    /// What a reader of the numbers has to know.
+    pub(super) warnings: Vec<String>,
+}
+
+/// The dataset under the earlier light, and its frame for each view.
+struct Earlier {
+    dataset: Dataset,
+    indices: Vec<usize>,
+}
+
+/// What is compared in one view.
+struct Loaded {
+    view: View,
+    render: Image<3>,
+    /// Emission from wherever it is known, reference first.
+    emission: Option<(EmittersFrom, Image<1>)>,
+    before: Option<View>,
+}
+
+impl Loaded {
+    fn emission(&self) -> Option<&Image<1>> {
+        self.emission.as_ref().map(|(_, emission)| emission)
+    }
+
+    fn lights(&self) -> Lights<'_> {
+        Lights {
+            after: &self.view.radiance,
+            emission: self.emission(),
+            before: self.before.as_ref().map(|view| regions::Before {
+                radiance: &view.radiance,
+                emission: view.emission.as_ref(),
+            }),
+        }
+    }
+}
+
+/// What takes all views of a condition.
+#[derive(Default)]
+struct Survey {
+    exposure: ExposureFit,
+    change: LightChange,
+}
+
+impl<'a> Prepared<'a> {
+    /// Opens everything and reads headers, not pixels.
+    pub(super) fn new(options: &'a EvalOptions) -> Result<Self> {
+        options.flip.validate()?;
+        let dataset = Dataset::open(&options.dataset)?;
+        let split = dataset.split(options.split)?;
+        let indices = split.indices(options.subset);
+        let frames: Vec<_> = indices.iter().map(|&i| &dataset.frames()[i]).collect();
+        let renders = Renders::find(&options.renders, &frames)?;
+        let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
+        let provenance = Provenance::read(&options.renders, &names)?;
+        let before = Earlier::open(options, &dataset, &indices)?;
+        if !options.force {
+            let maps = names.iter().map(|name| map_path(options, name));
+            refuse_existing(report::files(&options.out).into_iter().chain(maps))?;
+        }
+        let mut warnings = [split.warnings, renders.warnings()].concat();
+        let unknown = frames
+            .iter()
+            .filter(|frame| frame.files.emission.is_none() && !renders.has_emission(&frame.name))
+            .count();
+        if before.is_some() && unknown > 0 {
+            warnings.push(format!(
+                "emission is not known in {unknown} of {} views: emitters count as surfaces there",
+                frames.len()
+            ));
+        }
+        Ok(Self {
+            options,
+            indices,
+            renders,
+            before,
+            provenance,
+            warnings,
+            dataset,
+        })
+    }
+
+    pub(super) fn num_views(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Compares all views and writes the results; `done` is told each view's name.
+    pub(super) fn run(self, done: &mut dyn FnMut(&str)) -> Result<Evaluation> {
+        let survey = self.survey()?;
+        let mut views = Vec::with_capacity(self.num_views());
+        for position in 0..self.num_views() {
+            let loaded = self.load(position)?;
+            views.push(self.view_metrics(&loaded, &survey)?);
+            done(&loaded.view.name);
+        }
+        let evaluation = Evaluation {
+            name: self.options.condition(),
+            provenance: self.provenance,
+            means: means(&views),
+            exposure_scale: survey.exposure.scale(),
+            light_change: survey.change.ratio(),
+            regions: regions::pooled(views.iter().map(|view| &view.regions)),
+            views,
+            split: self.options.split,
+            subset: self.options.subset,
+            warnings: self.warnings,
+        };
+        report::write(&self.options.out, &evaluation)?;
+        Ok(evaluation)
+    }
+
+    /// Reading all views twice costs little beside FLIP, and keeping them would cost memory.
+    fn survey(&self) -> Result<Survey> {
+        let mut survey = Survey::default();
+        for position in 0..self.num_views() {
+            let loaded = self.load(position)?;
+            let reference = &loaded.view.radiance;
+            survey
+                .exposure
+                .add(reference, &loaded.render, loaded.emission());
+            survey.change.add(&loaded.lights());
+        }
+        Ok(survey)
+    }
+
+    fn load(&self, position: usize) -> Result<Loaded> {
+        let view = self.dataset.load_view(self.indices[position])?;
+        let of_render = || self.renders.emission(&view.name);
+        Ok(Loaded {
+            render: self.renders.radiance(&view.name)?,
+            emission: match &view.emission {
+                Some(mask) => Some((EmittersFrom::Reference, mask.clone())),
+                None => of_render()?.map(|image| (EmittersFrom::Render, image)),
+            },
+            before: self
+                .before
+                .as_ref()
+                .map(|earlier| earlier.dataset.load_view(earlier.indices[position]))
+                .transpose()?,
+            view,
+        })
+    }
+
+    fn view_metrics(&self, loaded: &Loaded, survey: &Survey) -> Result<ViewMetrics> {
+        let (view, render, flip) = (&loaded.view, &loaded.render, &self.options.flip);
+        let reference = &view.radiance;
+        let comparison = compare(reference, render, flip)?;
+        let error = &comparison.flip_hdr_error;
+        let map_path = map_path(self.options, &view.name);
+        if let Some(folder) = map_path.parent() {
+            files::create_dir(folder)?;
+        }
+        png::write_rgb8(&map_path, error.width(), error.height(), &magma_rgb8(error))?;
+        let aligned = survey
+            .exposure
+            .scale()
+            .map(|scale| compare_aligned(reference, render, scale, flip))
+            .transpose()?;
+        Ok(ViewMetrics {
+            name: view.name.clone(),
+            image: comparison.metrics,
+            aligned,
+            scene: scene_metrics(view, &self.renders)?,
+            emitters_from: loaded.emission.as_ref().map(|(from, _)| *from),
+            regions: region_metrics(&loaded.lights(), render, survey.change.ratio()),
+        })
+    }
+}
+
+impl Earlier {
+    /// The earlier light of the views `indices` of `dataset`; `None` if there is none but their own.
+    ///
+    /// # Errors
+    /// [`SceneError`] if the earlier dataset lacks a view, or has it in another size.
+    fn open(options: &EvalOptions, dataset: &Dataset, indices: &[usize]) -> Result<Option<Self>> {
+        let Some(path) = &options.before else {
+            return Ok(None);
+        };
+        let before = Self::matched(Dataset::open(path)?, dataset, indices)?;
+        let real = |dataset: &Dataset| dataset.transforms().canonicalize().ok();
+        Ok(Some(before).filter(|before| real(&before.dataset) != real(dataset)))
+    }
+
+    fn matched(before: Dataset, dataset: &Dataset, indices: &[usize]) -> Result<Self> {
+        let frame_of = |index: &usize| {
+            let frame = &dataset.frames()[*index];
+            let invalid = |problem| {
+                EvalError::from(SceneError::invalid(
+                    before.transforms(),
+                    &frame.name,
+                    problem,
+                ))
+            };
+            let mut frames = before.frames().iter();
+            let found = frames.position(|earlier| earlier.name == frame.name);
+            let found = found.ok_or_else(|| {
+                let wanted = dataset.transforms().display();
+                invalid(format!("no such view, but {wanted} has it"))
+            })?;
+            let camera = &before.frames()[found].camera;
+            if (camera.width, camera.height) != (frame.camera.width, frame.camera.height) {
+                return Err(invalid(format!(
+                    "{}x{} pixels, the view after it has {}x{}",
+                    camera.width, camera.height, frame.camera.width, frame.camera.height
+                )));
+            }
+            Ok(found)
+        };
+        let indices = indices.iter().map(frame_of).collect::<Result<_>>()?;
+        Ok(Self {
+            dataset: before,
+            indices,
+        })
+    }
+}
+
+fn map_path(options: &EvalOptions, view: &str) -> PathBuf {
+    options.out.join("flip").join(format!("{view}.png"))
+}
+
+pub(super) fn refuse_existing(mut paths: impl Iterator<Item = PathBuf>) -> Result<()> {
+    match paths.find(|path| path.exists()) {
+        Some(path) => Err(EvalError::Exists { path }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,108 @@
+//! How renders came about, from the `record.json` that `eagpt render` leaves beside them.
+
+use crate::error::Result;
+use crate::scene_metrics::mean;
+use eagpt_scene::{SceneError, files};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::Path;
+
+/// How renders came about. Each part is `None` where the record does not tell, as renders of other programs.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Provenance {
+    /// `0-bounce`, `1-bounce` or `path`.
+    pub mode: Option<String>,
+    /// Samples of light in a pixel; `None` for a mode that takes none.
+    pub spp: Option<u64>,
+    /// Mean wall time of the evaluated views, in seconds.
+    pub seconds_per_frame: Option<f64>,
+    /// The denoiser that ran.
+    pub denoiser: Option<String>,
+    /// The scene's file, as it was named.
+    pub scene: Option<String>,
+}
+
+impl Provenance {
+    /// Reads the record in `folder`; `views` are the names of those that are evaluated.
+    ///
+    /// # Errors
+    /// [`SceneError`] if there is a record that cannot be read or is no JSON.
+    pub(super) fn read(folder: &Path, views: &[&str]) -> Result<Self> {
+        let path = folder.join("record.json");
+        if !path.is_file() {
+            return Ok(Self::default());
+        }
+        let record: Value = serde_json::from_slice(&files::read(&path)?)
+            .map_err(|error| SceneError::invalid(&path, "JSON", error.to_string()))?;
+        if record["command"] != "render" {
+            return Ok(Self::default());
+        }
+        let (options, seconds) = (&record["options"], &record["seconds"]);
+        let text = |value: &Value| value.as_str().map(str::to_owned);
+        let per_ray = options["integrator"]["num_samples"].as_u64();
+        let rays_per_axis = options["rays_per_axis"].as_u64();
+        let times = views
+            .iter()
+            .filter_map(|name| seconds[format!("views/{name}")].as_f64());
+        Ok(Self {
+            mode: text(&options["integrator"]["mode"]),
+            spp: per_ray
+                .zip(rays_per_axis)
+                .and_then(|(num, axis)| axis.checked_pow(2)?.checked_mul(num)),
+            seconds_per_frame: mean(times),
+            denoiser: text(&options["denoise"]["ran"]["name"]),
+            scene: text(&options["scene"]),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn read(record: Option<&str>) -> Result<Provenance> {
+        let dir = tempfile::tempdir().unwrap();
+        if let Some(text) = record {
+            std::fs::write(dir.path().join("record.json"), text).unwrap();
+        }
+        Provenance::read(dir.path(), &["a", "b", "c"])
+    }
+
+    #[test]
+    fn a_record_tells_mode_samples_and_times() {
+        let record = json!({
+            "command": "render",
+            "options": {
+                "scene": "runs/kitchen/scene.ply",
+                "integrator": {"mode": "path", "num_samples": 16, "max_bounces": 7},
+                "rays_per_axis": 2,
+                "denoise": {"asked": "auto", "ran": {"name": "oidn", "version": "2.3.0"}},
+            },
+            "seconds": {"total": 99.0, "views/a": 2.0, "views/b": 4.0, "views/d": 60.0},
+        });
+        let expected = Provenance {
+            mode: Some("path".to_owned()),
+            spp: Some(64),
+            seconds_per_frame: Some(3.0),
+            denoiser: Some("oidn".to_owned()),
+            scene: Some("runs/kitchen/scene.ply".to_owned()),
+        };
+        assert_eq!(read(Some(&record.to_string())).unwrap(), expected);
+    }
+
+    #[test]
+    fn what_a_record_does_not_tell_is_unknown() {
+        assert_eq!(read(None).unwrap(), Provenance::default());
+        for text in [
+            r#"{"command": "train", "options": {"scene": "a"}}"#,
+            r#"{"command": "render"}"#,
+            r#"{"command": "render", "options": {"scene": 3, "denoise": {"ran": null}}}"#,
+            "[]",
+        ] {
+            assert_eq!(read(Some(text)).unwrap(), Provenance::default(), "{text}");
+        }
+        let message = read(Some("{")).unwrap_err().to_string();
+        assert!(message.contains("record.json: JSON"), "{message}");
+    }
+}

@@ -1,0 +1,103 @@
+//! The metrics of one view.
+
+use super::renders::Renders;
+use crate::align::AlignedMetrics;
+use crate::error::Result;
+use crate::pair::{ImageMetrics, decibels};
+use crate::regions::Regions;
+use crate::scene_metrics::{Overlap, albedo_psnr, depth_mae, emission_overlap, normal_mean_deg};
+use eagpt_scene::View;
+use serde::{Deserialize, Serialize};
+
+/// Metrics of the channels beside radiance; `None` where the render or the reference lacks the channel, or no pixel can
+/// be compared.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SceneMetrics {
+    /// See [`crate::scene_metrics::albedo_psnr`]; infinite for equal albedos, which is `null` in JSON.
+    #[serde(
+        skip_serializing_if = "Option::is_none",
+        with = "decibels::optional",
+        default
+    )]
+    pub albedo_psnr_srgb_db: Option<f64>,
+    /// The same after a fitted scale.
+    #[serde(
+        skip_serializing_if = "Option::is_none",
+        with = "decibels::optional",
+        default
+    )]
+    pub albedo_psnr_scaled_db: Option<f64>,
+    /// See [`normal_mean_deg`].
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub normal_mean_deg: Option<f64>,
+    /// See [`depth_mae`].
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub depth_mae: Option<f64>,
+    /// See [`emission_overlap`]; kept because the views' overlaps make up that of all pixels.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub emission_overlap: Option<Overlap>,
+    /// See [`Overlap::iou`].
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub emission_iou: Option<f64>,
+}
+
+/// Where the emitters of a view are known from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EmittersFrom {
+    /// The emission mask of the reference.
+    Reference,
+    /// The channel `emission` of the renders, for want of that mask: a scene knows where its lamps were put.
+    Render,
+}
+
+/// All metrics of one view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ViewMetrics {
+    /// Name of the view.
+    pub name: String,
+    /// Metrics of radiance.
+    #[serde(flatten)]
+    pub image: ImageMetrics,
+    /// The same with the exposure of all views aligned; `None` if there is nothing to align.
+    #[serde(flatten)]
+    pub aligned: Option<AlignedMetrics>,
+    /// Metrics of the other channels.
+    #[serde(flatten)]
+    pub scene: SceneMetrics,
+    /// Where emitters are known from; `None` if they are not.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub emitters_from: Option<EmittersFrom>,
+    /// The error by region, as far as regions are known.
+    #[serde(skip_serializing_if = "Regions::is_empty", default)]
+    pub regions: Regions,
+}
+
+pub(super) fn scene_metrics(view: &View, renders: &Renders) -> Result<SceneMetrics> {
+    let mut found = SceneMetrics::default();
+    if let Some(reference) = &view.albedo
+        && let Some(test) = renders.albedo(&view.name)?
+        && let Some(albedo) = albedo_psnr(reference, &test, view.emission.as_ref())
+    {
+        found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
+        found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
+    }
+    if let Some(reference) = &view.normal
+        && let Some(test) = renders.normal(&view.name)?
+    {
+        found.normal_mean_deg = normal_mean_deg(reference, &test);
+    }
+    if let Some(reference) = &view.depth
+        && let Some(test) = renders.depth(&view.name)?
+    {
+        found.depth_mae = depth_mae(reference, &test);
+    }
+    if let Some(reference) = &view.emission
+        && let Some(test) = renders.emission(&view.name)?
+    {
+        let overlap = emission_overlap(reference, &test);
+        found.emission_iou = overlap.iou();
+        found.emission_overlap = overlap.iou().map(|_| overlap);
+    }
+    Ok(found)
+}

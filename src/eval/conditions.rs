@@ -1,0 +1,303 @@
+//! `eagpt eval DIR… --reference DATASET…`: renderings of one condition or of several.
+
+use super::{COLUMN_WIDTH, EvalArgs, table};
+use crate::cli::{self, GlobalArgs};
+use crate::output::{Replace, Target};
+use crate::progress::Reporter;
+use crate::record::{Input, RecordBuilder, SplitRecord};
+use crate::terminal;
+use anyhow::{Result, bail};
+use eagpt_eval::job::Mean;
+use eagpt_eval::{Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation};
+use eagpt_scene::Dataset;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// One condition is evaluated as ever; several get a folder each.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Job {
+    One(EvalOptions),
+    Several(ConditionsOptions),
+}
+
+enum Outcome {
+    One(Box<Evaluation>),
+    Several(Conditions),
+}
+
+/// The files of a job.
+#[derive(Default)]
+struct Files {
+    /// Everything that will be written, relative to the output folder.
+    outputs: Vec<PathBuf>,
+    /// What an evaluation must never replace.
+    inputs: Vec<PathBuf>,
+}
+
+pub(super) fn run(args: &EvalArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    // clap asks for it unless a subcommand is given.
+    let out = args.out.clone().unwrap_or_default();
+    let mut job = Job::new(args, &out)?;
+    let mut builder = RecordBuilder::begin("eval", &job)?;
+    let files = files(&job, &out, &mut builder)?;
+    let target = Target {
+        dir: &out,
+        command: "eval",
+        inputs: &files.inputs,
+        replace: Replace::from_flag(args.force),
+    };
+    target.check(&files.outputs)?;
+    // Nothing is in the way now, or it may be replaced.
+    for condition in job.conditions_mut() {
+        condition.force = true;
+    }
+
+    let mut reporter = Reporter::new(global);
+    let mut failed = None;
+    let outcome = job.run(&mut |message| {
+        let told = tell(&mut reporter, &message, &target);
+        if let Err(error) = told {
+            failed.get_or_insert(error);
+        }
+    });
+    reporter.finish();
+    let outcome = outcome?;
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    let record = &mut builder.record;
+    record.device = Some("cpu".to_owned());
+    record.warnings = outcome.warnings();
+    let outputs = files.outputs.iter();
+    record.outputs = outputs.map(|path| path.display().to_string()).collect();
+    builder.write(&out)?;
+    for warning in outcome.warnings() {
+        reporter.warning(&warning);
+    }
+    finish(&reporter, &out, &outcome, global)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Job {
+    fn new(args: &EvalArgs, out: &Path) -> Result<Self> {
+        let num = args.reference.len();
+        if args.renders.len() != num {
+            bail!(
+                "--reference: given {num} times for {} folders of renderings: each folder needs its own",
+                args.renders.len()
+            );
+        }
+        if !args.name.is_empty() && args.name.len() != num {
+            bail!(
+                "--name: given {} times for {num} conditions",
+                args.name.len()
+            );
+        }
+        let before = of_each("--before", &args.before, num)?;
+        let subset = of_each("--split", &args.split, num)?;
+        let split = of_each("--split-rule", &args.split_rule, num)?;
+        let mut conditions = Vec::with_capacity(num);
+        for (i, (renders, dataset)) in args.renders.iter().zip(&args.reference).enumerate() {
+            conditions.push(EvalOptions {
+                before: before.get(i).cloned(),
+                name: args.name.get(i).cloned(),
+                split: split[i],
+                subset: subset[i],
+                flip: args.flip.options()?,
+                force: args.force,
+                ..EvalOptions::new(renders, dataset, out)
+            });
+        }
+        if num == 1 {
+            return Ok(Self::One(conditions.remove(0)));
+        }
+        Ok(Self::Several(ConditionsOptions::new(conditions, out)?))
+    }
+
+    fn conditions(&self) -> &[EvalOptions] {
+        match self {
+            Self::One(condition) => std::slice::from_ref(condition),
+            Self::Several(several) => &several.conditions,
+        }
+    }
+
+    fn conditions_mut(&mut self) -> &mut [EvalOptions] {
+        match self {
+            Self::One(condition) => std::slice::from_mut(condition),
+            Self::Several(several) => &mut several.conditions,
+        }
+    }
+
+    fn run(&self, progress: &mut dyn FnMut(EvalProgress)) -> eagpt_eval::Result<Outcome> {
+        Ok(match self {
+            Self::One(options) => Outcome::One(eagpt_eval::evaluate(options, progress)?.into()),
+            Self::Several(options) => {
+                Outcome::Several(eagpt_eval::evaluate_conditions(options, progress)?)
+            }
+        })
+    }
+}
+
+impl Outcome {
+    fn conditions(&self) -> &[Evaluation] {
+        match self {
+            Self::One(evaluation) => std::slice::from_ref(evaluation.as_ref()),
+            Self::Several(several) => &several.conditions,
+        }
+    }
+
+    fn means(&self) -> &[Mean] {
+        match self {
+            Self::One(evaluation) => &evaluation.means,
+            Self::Several(several) => &several.means,
+        }
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        match self {
+            Self::One(evaluation) => evaluation.warnings.clone(),
+            Self::Several(several) => {
+                let conditions = several.conditions.iter();
+                let warnings = conditions.flat_map(|condition| {
+                    let texts = condition.warnings.iter();
+                    texts.map(|text| format!("{}: {text}", condition.name))
+                });
+                warnings.collect()
+            }
+        }
+    }
+}
+
+/// A value for each of `num` conditions from one for all or one for each; none if none is given.
+fn of_each<T: Clone>(flag: &str, values: &[T], num: usize) -> Result<Vec<T>> {
+    match values {
+        [one] => Ok(vec![one.clone(); num]),
+        _ if values.is_empty() || values.len() == num => Ok(values.to_vec()),
+        _ => bail!(
+            "{flag}: given {} times for {num} conditions: once for all, or once for each",
+            values.len()
+        ),
+    }
+}
+
+/// Finds the files of all conditions, and puts the datasets into the record.
+fn files(job: &Job, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
+    let mut files = Files::default();
+    if let Job::Several(_) = job {
+        files.outputs.extend(result_files());
+    }
+    for condition in job.conditions() {
+        for folder in [out, &condition.out] {
+            if same_folder(folder, &condition.renders) {
+                bail!(
+                    "{}: --out is the folder of the renderings",
+                    folder.display()
+                );
+            }
+        }
+        let dataset = Dataset::open(&condition.dataset)?;
+        let split = dataset.split(condition.split)?;
+        builder.record.inputs.push(Input::of_cameras(&dataset)?);
+        if let Job::One(_) = job {
+            builder.record.split = Some(SplitRecord::new(&split, condition.subset));
+        }
+        let maps = split.indices(condition.subset).into_iter().map(|index| {
+            let name = &dataset.frames()[index].name;
+            Path::new("flip").join(format!("{name}.png"))
+        });
+        // Relative to the output folder: its own name, or nothing.
+        let folder = condition.out.strip_prefix(out).unwrap_or(Path::new(""));
+        let outputs = result_files().chain(maps);
+        files.outputs.extend(outputs.map(|file| folder.join(file)));
+        let renders = dataset.frames().iter();
+        let renders = renders.map(|frame| condition.renders.join(format!("{}.exr", frame.name)));
+        files.inputs.extend(cli::dataset_files(&dataset));
+        files.inputs.extend(renders);
+        if let Some(before) = &condition.before {
+            let before = Dataset::open(before)?;
+            builder.record.inputs.push(Input::of_cameras(&before)?);
+            files.inputs.extend(cli::dataset_files(&before));
+        }
+    }
+    Ok(files)
+}
+
+fn result_files() -> impl Iterator<Item = PathBuf> {
+    ["metrics.json", "metrics.csv", "table.md", "table.tex"]
+        .into_iter()
+        .map(PathBuf::from)
+}
+
+fn same_folder(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}
+
+fn tell(reporter: &mut Reporter, message: &EvalProgress, target: &Target<'_>) -> Result<()> {
+    match message {
+        // The inputs have been checked: from here on an earlier result may go.
+        EvalProgress::Started { total } => {
+            target.prepare()?;
+            reporter.begin("comparing", "views", 0, *total as u64);
+        }
+        EvalProgress::View { name, done, .. } => {
+            reporter.advance(*done as u64, || name.clone());
+        }
+        // Shown at the end, where they are not lost above a table.
+        EvalProgress::Warning { .. } => {}
+    }
+    reporter.message(message)
+}
+
+/// The means, as the last thing on the screen.
+fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArgs) -> Result<()> {
+    let path = out.join("metrics.json");
+    let keyed = |means: &[Mean]| -> Map<String, Value> {
+        let means = means.iter();
+        means
+            .map(|mean| (mean.metric.key.to_owned(), mean.value.into()))
+            .collect()
+    };
+    let mut done = json!({ "message": "done", "path": path, "mean": keyed(outcome.means()) });
+    if let Outcome::Several(several) = outcome {
+        let conditions = several.conditions.iter();
+        let conditions = conditions.map(|c| json!({ "name": c.name, "mean": keyed(&c.means) }));
+        done["conditions"] = conditions.collect();
+    }
+    reporter.message(&done)?;
+    if global.json || global.quiet {
+        return Ok(());
+    }
+    let mut names: Vec<&str> = Vec::new();
+    if let Outcome::Several(several) = outcome {
+        names.extend(several.conditions.iter().map(|c| c.name.as_str()));
+        names.push("mean");
+    }
+    let widths = names.iter().map(|name| name.chars().count());
+    let width = widths.max().unwrap_or_default().max(COLUMN_WIDTH);
+    if !names.is_empty() {
+        let heading: String = names
+            .iter()
+            .map(|name| format!(" {name:>width$}"))
+            .collect();
+        terminal::print(&format!("{:<22}{heading}\n", ""))?;
+    }
+    let rows = outcome.means().iter().map(|mean| {
+        let mut values = Vec::new();
+        if let Outcome::Several(several) = outcome {
+            let of_each = several.conditions.iter();
+            values.extend(of_each.map(|condition| condition.mean(mean.metric.key)));
+        }
+        values.push(Some(mean.value));
+        (mean.metric.key, values)
+    });
+    terminal::print(&table(rows, width))?;
+    let num_views: usize = outcome.conditions().iter().map(|c| c.views.len()).sum();
+    reporter.note(&format!("{}: {num_views} views", path.display()));
+    Ok(())
+}
