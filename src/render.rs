@@ -103,8 +103,9 @@ enum Mode {
     /// The radiance that the Gaussians carry
     #[value(name = "0-bounce")]
     ZeroBounce,
-    /// One bounce into the radiance that the Gaussians carry; emitters show their own
-    #[value(name = "1-bounce")]
+    /// One bounce into the radiance that the Gaussians carry; emitters show their own. Of a baked scene it is a final gather, and
+    /// may be called that
+    #[value(name = "1-bounce", alias = "gather")]
     OneBounce,
     /// Path tracing from the emitters alone
     Path,
