@@ -79,7 +79,11 @@ impl Tracer for CpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
         let sums = self.camera_sums(camera)?;
-        let radiance = transport::render(self, camera, &sums, integrator, options);
-        Ok(RenderedView { radiance, sums })
+        let light = transport::render(self, camera, &sums, integrator, options);
+        Ok(RenderedView {
+            radiance: light.radiance,
+            second_moment: light.second_moment,
+            sums,
+        })
     }
 }

@@ -15,6 +15,7 @@ pub mod start;
 
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
+use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;
@@ -105,7 +106,7 @@ pub fn render(
     sums: &SumImage,
     integrator: &Integrator,
     options: &LightOptions,
-) -> Image<3> {
+) -> Light {
     let frame = camera.ray_frame();
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
     let lights = match options.sampling {
@@ -113,21 +114,24 @@ pub fn render(
         Sampling::NextEvent => scene.lights(),
     };
     let sampler = BounceSampler::new(lights, LIGHT_SHARE);
-    let light = |pixel: usize| -> Vec3 {
+    let light = |pixel: usize| -> (Vec3, f32) {
         let seen = &sums.pixels[pixel];
         if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
-            return seen.radiance();
+            return (seen.radiance(), 0.0);
         }
         let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
         let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
         let Some(surface) = Surface::at(frame.origin, direction, seen) else {
-            return Vec3::ZERO;
+            return (Vec3::ZERO, 0.0);
         };
         let points = Points::new(key, pixel as u32);
+        let mut samples = Samples::default();
         match *integrator {
-            Integrator::ZeroBounce => seen.radiance(),
+            Integrator::ZeroBounce => {}
             Integrator::OneBounce { num_samples } => {
-                seen.albedo() * irradiance_over_pi(scene, &sampler, &surface, num_samples, &points)
+                for s in 0..num_samples {
+                    samples.add(bounced(scene, &sampler, &surface, points.block(s, 0)));
+                }
             }
             Integrator::Path {
                 num_samples,
@@ -141,18 +145,75 @@ pub fn render(
                     roulette_from,
                     threshold: options.emission_threshold,
                 };
-                let total: Vec3 = (0..num_samples)
-                    .map(|s| paths.sample(&surface, &points, s))
-                    .sum();
-                seen.albedo() * total / num_samples as f32
+                for s in 0..num_samples {
+                    samples.add(paths.sample(&surface, &points, s));
+                }
             }
         }
+        let (mean, second_moment) = samples.moments();
+        (seen.albedo() * mean, second_moment)
     };
-    let pixels = (0..camera.num_pixels())
+    let pixels: Vec<(Vec3, f32)> = (0..camera.num_pixels())
         .into_par_iter()
-        .map(|pixel| light(pixel).to_array())
+        .map(light)
         .collect();
-    Image::from_pixels(camera.width, camera.height, pixels).expect("one light value for each pixel")
+    let (width, height) = (camera.width, camera.height);
+    let radiance = pixels.iter().map(|(light, _)| light.to_array()).collect();
+    let second_moment = pixels.iter().map(|&(_, moment)| [moment]).collect();
+    let one_each = "one value for each pixel";
+    Light {
+        radiance: Image::from_pixels(width, height, radiance).expect(one_each),
+        second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
+    }
+}
+
+/// What [`render`] finds for every pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// Linear radiance.
+    pub radiance: Image<3>,
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no light is sampled. With the mean it
+    /// says how noisy a pixel is.
+    pub second_moment: Image<1>,
+}
+
+/// Light that samples bring to one point, before the albedo.
+#[derive(Default)]
+struct Samples {
+    total: Vec3,
+    squares: f32,
+    num: u32,
+}
+
+impl Samples {
+    fn add(&mut self, light: Vec3) {
+        self.total += light;
+        self.squares += luminance(light.to_array()).powi(2);
+        self.num += 1;
+    }
+
+    /// The mean and the mean squared luminance.
+    fn moments(&self) -> (Vec3, f32) {
+        if self.num == 0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        (
+            self.total / self.num as f32,
+            self.squares / self.num as f32,
+        )
+    }
+}
+
+/// What one direction brings of `1/π · ∫ R(ω) (ω·n) dω`.
+fn bounced(
+    scene: &impl RayTracer,
+    sampler: &BounceSampler<'_>,
+    surface: &Surface,
+    block: [f32; 4],
+) -> Vec3 {
+    sampler.sample(surface, block).map_or(Vec3::ZERO, |bounce| {
+        scene.trace(&surface.ray(bounce.direction)).radiance() * bounce.weight
+    })
 }
 
 /// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance met in
@@ -165,10 +226,7 @@ pub fn irradiance_over_pi(
     points: &Points,
 ) -> Vec3 {
     let total: Vec3 = (0..num_samples)
-        .filter_map(|sample| {
-            let bounce = sampler.sample(surface, points.block(sample, 0))?;
-            Some(scene.trace(&surface.ray(bounce.direction)).radiance() * bounce.weight)
-        })
+        .map(|sample| bounced(scene, sampler, surface, points.block(sample, 0)))
         .sum();
     total / num_samples as f32
 }
