@@ -1,6 +1,7 @@
 //! `eagpt render`: images of a scene from the cameras of a dataset.
 
 mod aov;
+mod denoise;
 
 use crate::cli::{self, GlobalArgs};
 use crate::output::{self, Replace, Target};
@@ -9,6 +10,8 @@ use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use anyhow::{Result, bail};
 use aov::Aov;
 use clap::{Args, ValueEnum};
+use denoise::{Choice, Denoising};
+use eagpt_denoise::Denoiser;
 use eagpt_scene::dataset::{Frame, SplitRule, Subset};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Dataset, Image, ply, png};
@@ -71,6 +74,13 @@ pub(crate) struct RenderArgs {
     /// Also write these quantities of the camera rays, separated by commas
     #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
     aov: Vec<Aov>,
+    /// Take the noise of sampled light out of the images, guided by albedo, normals and positions; emitters keep their values.
+    /// 0-bounce has no noise and stays as it is
+    #[arg(long, value_enum, default_value = "none")]
+    denoise: Choice,
+    /// Library of Open Image Denoise, or its folder [default: EAGPT_OIDN, then where the system keeps libraries]
+    #[arg(long, value_name = "PATH")]
+    oidn: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -81,7 +91,8 @@ pub(crate) struct RenderArgs {
 
 const EXAMPLES: &str = "Examples:
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --aov normal,depth,albedo --out renders/0
-  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path";
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 16 --denoise auto --out renders/quick";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Mode {
@@ -114,6 +125,7 @@ struct Options<'a> {
     rays_per_axis: u32,
     light: LightOptions,
     aov: &'a [Aov],
+    denoise: Denoising,
 }
 
 fn share(text: &str) -> Result<f32, String> {
@@ -126,6 +138,8 @@ fn share(text: &str) -> Result<f32, String> {
 
 pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let (integrator, light) = (integrator(args), light(args));
+    let noisy = integrator != Integrator::ZeroBounce;
+    let denoiser = denoise::denoiser(args)?.filter(|_| noisy);
     let mut builder = RecordBuilder::begin(
         "render",
         &Options {
@@ -136,8 +150,16 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
             rays_per_axis: args.antialias,
             light,
             aov: &args.aov,
+            denoise: Denoising {
+                asked: args.denoise,
+                ran: denoiser.as_ref().map(Denoiser::identity),
+            },
         },
     )?;
+    if args.denoise != Choice::None && !noisy {
+        let warning = "--denoise: 0-bounce samples no light, there is nothing to denoise";
+        builder.record.warnings.push(warning.to_owned());
+    }
     let dataset = Dataset::open(&args.cameras)?;
     let (frames, split) = select(args, &dataset, &mut builder.record.warnings)?;
     let outputs = planned(&frames, &args.aov);
@@ -160,13 +182,18 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         reporter.warning(warning);
     }
     let total = frames.len() as u64;
+    let mut denoising = 0.0;
     reporter.begin("rendering", "views", 0, total);
     for (done, frame) in (1..).zip(&frames) {
         let started = Instant::now();
         let camera = frame.camera.magnified(args.antialias);
-        let rendered = scene
-            .render(&camera, &integrator, &light)?
-            .averaged(args.antialias);
+        let rays = scene.render(&camera, &integrator, &light)?;
+        let mut rendered = rays.averaged(args.antialias);
+        if let Some(denoiser) = &denoiser {
+            let started = Instant::now();
+            rendered.radiance = denoise::denoised(args, denoiser, &camera, &rays, &rendered)?;
+            denoising += started.elapsed().as_secs_f64();
+        }
         write_view(args, frame, &rendered)?;
         let seconds = started.elapsed().as_secs_f64();
         builder.took(&format!("views/{}", frame.name), seconds);
@@ -180,6 +207,9 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         }))?;
     }
     reporter.finish();
+    if denoiser.is_some() {
+        builder.took("denoising", denoising);
+    }
     let record = &mut builder.record;
     record.seed = Some(light.seed);
     record.device = Some(scene.device());
