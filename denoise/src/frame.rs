@@ -60,14 +60,9 @@ impl Frame {
     pub(crate) fn repaired(&self) -> Self {
         let mut frame = self.clone();
         for i in 0..frame.coverage.pixels().len() {
-            let known = [
-                &self.reflected,
-                &self.albedo,
-                &self.normal,
-                &self.position,
-            ]
-            .iter()
-            .all(|image| image.pixels()[i].iter().all(|value| value.is_finite()));
+            let known = [&self.reflected, &self.albedo, &self.normal, &self.position]
+                .iter()
+                .all(|image| image.pixels()[i].iter().all(|value| value.is_finite()));
             let [coverage] = self.coverage.pixels()[i];
             let [moment] = self.second_moment.pixels()[i];
             if known && coverage.is_finite() && moment.is_finite() {

@@ -17,6 +17,7 @@ pub use frame::Frame;
 pub use oidn::Oidn;
 
 use eagpt_scene::Image;
+use filter::Settings;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -96,7 +97,7 @@ impl Denoiser {
         let frame = &frame.repaired();
         let mut reflected = match self {
             Self::Oidn(oidn) => oidn.reflected(frame)?,
-            Self::Filter => filter::reflected(frame),
+            Self::Filter => filter::reflected(frame, &Settings::default()),
         };
         let noisy = frame.reflected.pixels().iter().zip(frame.coverage.pixels());
         for (pixel, (noisy, [coverage])) in reflected.pixels_mut().iter_mut().zip(noisy) {

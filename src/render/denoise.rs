@@ -65,10 +65,18 @@ pub(super) fn denoised(
 ) -> Result<Image<3>> {
     let num_rays = args.antialias.pow(2);
     let frame = frame(args, camera, rays, pixels, args.spp.div_ceil(num_rays));
-    Ok(denoiser.denoise(&frame)?)
+    let mut image = denoiser.denoise(&frame)?;
+    // A pixel that counts as an emitter stays as it is, even if some of its rays pass the emitter by.
+    let emitters = pixels.sums.pixels.iter().zip(pixels.radiance.pixels());
+    for (pixel, (sums, light)) in image.pixels_mut().iter_mut().zip(emitters) {
+        if sums.emission() > args.emission_threshold {
+            *pixel = *light;
+        }
+    }
+    Ok(image)
 }
 
-/// The light taken apart. A pixel that is an emitter as a whole counts as known with all its rays.
+/// The light taken apart.
 fn frame(
     args: &RenderArgs,
     camera: &Camera,
@@ -92,11 +100,7 @@ fn frame(
     };
     let view = camera.ray_frame();
     let share = 1.0 / (factor * factor) as f32;
-    for (i, mean) in pixels.sums.pixels.iter().enumerate() {
-        if mean.emission() > threshold {
-            frame.emitted.pixels_mut()[i] = pixels.radiance.pixels()[i];
-            continue;
-        }
+    for i in 0..pixels.sums.pixels.len() {
         let (x0, y0) = (i as u32 % width * factor, i as u32 / width * factor);
         let mut met = 0.0;
         for (x, y) in (y0..y0 + factor).flat_map(|y| (x0..x0 + factor).map(move |x| (x, y))) {
@@ -113,9 +117,21 @@ fn frame(
             };
             met += 1.0;
             add(&mut frame.reflected.pixels_mut()[i], light, share);
-            add(&mut frame.albedo.pixels_mut()[i], sums.albedo().into(), share);
-            add(&mut frame.normal.pixels_mut()[i], surface.normal.into(), 1.0);
-            add(&mut frame.position.pixels_mut()[i], surface.position.into(), 1.0);
+            add(
+                &mut frame.albedo.pixels_mut()[i],
+                sums.albedo().into(),
+                share,
+            );
+            add(
+                &mut frame.normal.pixels_mut()[i],
+                surface.normal.into(),
+                1.0,
+            );
+            add(
+                &mut frame.position.pixels_mut()[i],
+                surface.position.into(),
+                1.0,
+            );
             add(
                 &mut frame.second_moment.pixels_mut()[i],
                 rays.second_moment.pixels()[ray],

@@ -129,7 +129,7 @@ pub(super) struct OpenDevice<'a> {
 
 /// Images that the network looks at besides the colour.
 pub(super) struct GuideImages<'a> {
-    pub(super) albedo: Option<&'a Image<3>>,
+    pub(super) albedo: &'a Image<3>,
     pub(super) normal: &'a Image<3>,
 }
 
@@ -149,8 +149,11 @@ impl OpenDevice<'_> {
         let (width, height) = color.size();
         let mut output = Image::filled(width, height, [0.0; 3]);
         let to = output.pixels_mut().as_mut_ptr().cast::<c_void>();
-        let mut inputs = vec![(c"color", color), (c"normal", guides.normal)];
-        inputs.extend(guides.albedo.map(|albedo| (c"albedo", albedo)));
+        let inputs = [
+            (c"color", color),
+            (c"albedo", guides.albedo),
+            (c"normal", guides.normal),
+        ];
         for (_, image) in &inputs {
             assert_eq!(image.size(), color.size(), "guides have the colour's size");
         }

@@ -114,14 +114,63 @@ impl Oidn {
     /// [`DenoiseError::Failed`] with what the library says.
     pub(crate) fn reflected(&self, frame: &Frame) -> Result<Image<3>> {
         let device = self.library.open(rayon::current_num_threads())?;
-        device.denoise(
-            &frame.reflected,
-            &GuideImages {
-                albedo: Some(&frame.albedo),
-                normal: &frame.normal,
-            },
-        )
+        // Around a hole with an emitter in it the network darkens the wall, and at its edge whatever is there only in part.
+        let color = whole(&frame.reflected, &frame.coverage);
+        let guides = GuideImages {
+            albedo: &whole(&frame.albedo, &frame.coverage),
+            normal: &filled(&frame.normal, &frame.coverage),
+        };
+        let mut denoised = device.denoise(&color, &guides)?;
+        let coverage = frame.coverage.pixels();
+        for (pixel, [coverage]) in denoised.pixels_mut().iter_mut().zip(coverage) {
+            *pixel = pixel.map(|value| value * coverage);
+        }
+        Ok(denoised)
     }
+}
+
+/// What pixels show as if all of their rays had met a surface, holes filled.
+fn whole(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
+    let mut image = image.clone();
+    for (pixel, [coverage]) in image.pixels_mut().iter_mut().zip(coverage.pixels()) {
+        if *coverage > 0.0 {
+            *pixel = pixel.map(|value| value / coverage);
+        }
+    }
+    filled(&image, coverage)
+}
+
+/// The image with holes, where nothing is covered, filled from their edges inwards by means of what is there.
+fn filled(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
+    /// Width of the rim that is filled: beyond it a hole is black, which the network does not mind so far from the wall.
+    const RIM: usize = 8;
+    let (width, height) = image.size();
+    let mut known: Vec<bool> = coverage.pixels().iter().map(|[c]| *c > 0.0).collect();
+    let mut image = image.clone();
+    for _ in 0..RIM {
+        let mut found = Vec::new();
+        for i in (0..known.len()).filter(|&i| !known[i]) {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            let (mut sum, mut num) = ([0.0; 3], 0.0);
+            for v in y.saturating_sub(1)..(y + 2).min(height) {
+                for u in x.saturating_sub(1)..(x + 2).min(width) {
+                    if known[(v * width + u) as usize] {
+                        let there = image.get(u, v);
+                        (0..3).for_each(|c| sum[c] += there[c]);
+                        num += 1.0;
+                    }
+                }
+            }
+            if num > 0.0 {
+                found.push((i, sum.map(|value| value / num)));
+            }
+        }
+        for (i, value) in found {
+            image.pixels_mut()[i] = value;
+            known[i] = true;
+        }
+    }
+    image
 }
 
 /// `20501` is 2.5.1.
@@ -141,9 +190,46 @@ fn resolved(path: &Path) -> PathBuf {
         return path.to_owned();
     }
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
-    let files = maps.lines().filter_map(|line| line.find('/').map(|at| &line[at..]));
+    let files = maps
+        .lines()
+        .filter_map(|line| line.find('/').map(|at| &line[at..]));
     files
         .into_iter()
-        .find(|file| file.rsplit('/').next().is_some_and(|f| f.starts_with(&*name)))
+        .find(|file| {
+            file.rsplit('/')
+                .next()
+                .is_some_and(|f| f.starts_with(&*name))
+        })
         .map_or_else(|| path.to_owned(), PathBuf::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holes_are_filled_from_their_edges() {
+        let mut coverage = Image::filled(30, 3, [1.0]);
+        let mut image = Image::filled(30, 3, [2.0; 3]);
+        for y in 0..3 {
+            for x in 1..29 {
+                coverage.pixels_mut()[y * 30 + x] = [0.0];
+                image.pixels_mut()[y * 30 + x] = [0.0; 3];
+            }
+        }
+        image.pixels_mut()[30] = [5.0; 3];
+        coverage.pixels_mut()[29] = [0.5];
+        let whole = whole(&image, &coverage);
+        assert_eq!(whole.get(0, 1), [5.0; 3]);
+        assert_eq!(whole.get(29, 0), [4.0; 3]);
+        assert_eq!(whole.get(1, 1), [3.0; 3]);
+        assert!(whole.get(8, 1)[0] > 0.0);
+        assert_eq!(whole.get(15, 1), [0.0; 3]);
+    }
+
+    #[test]
+    fn versions_are_told_as_the_library_counts_them() {
+        assert_eq!(version_text(20_501), "2.5.1");
+        assert_eq!(version_text(10_402), "1.4.2");
+    }
 }

@@ -35,7 +35,12 @@ fn existing(folder: &Path) -> Vec<PathBuf> {
 fn folders() -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = Vec::new();
     if cfg!(unix) {
-        for folder in ["/usr/local/lib", "/usr/local/lib64", "/usr/lib", "/usr/lib64"] {
+        for folder in [
+            "/usr/local/lib",
+            "/usr/local/lib64",
+            "/usr/lib",
+            "/usr/lib64",
+        ] {
             folders.push(folder.into());
         }
         // Debian's folders for one architecture.

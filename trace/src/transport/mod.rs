@@ -197,10 +197,7 @@ impl Samples {
         if self.num == 0 {
             return (Vec3::ZERO, 0.0);
         }
-        (
-            self.total / self.num as f32,
-            self.squares / self.num as f32,
-        )
+        (self.total / self.num as f32, self.squares / self.num as f32)
     }
 }
 
