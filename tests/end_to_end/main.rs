@@ -8,6 +8,7 @@
     reason = "a test ends with its first surprise; helpers outside of test functions do as well"
 )]
 
+mod denoise;
 mod determinism;
 mod edit;
 mod errors;

@@ -67,10 +67,10 @@ impl Default for Settings {
             first_stride: 2,
             normal: 0.4,
             plane: 0.1,
-            left: 0.2,
+            left: 0.5,
             relative: 0.02,
-            ridge: 3e-3,
-            cut: 3.0,
+            ridge: 1e-2,
+            cut: 1.5,
         }
     }
 }
@@ -88,6 +88,7 @@ pub fn reflected(frame: &Frame, settings: &Settings) -> Image<3> {
         stride: settings.first_stride,
         ..*settings
     });
+    let deviation = outliers::plausible(&deviation, &first);
     let calm = outliers::cut(&incoming, &first, &deviation, settings.cut);
     let samples = Samples::new(&guides, &calm).steered(&first, &deviation, settings);
     let second = samples.regressed(settings);

@@ -39,6 +39,14 @@ pub(super) fn despeckled(guides: &Guides, values: &[Vec3]) -> Vec<Vec3> {
     })
 }
 
+/// Deviations of at most the estimate itself: a firefly has one far above, and lends it to its surroundings.
+pub(super) fn plausible(deviation: &[f32], estimate: &[Vec3]) -> Vec<f32> {
+    let pixels = deviation.iter().zip(estimate);
+    pixels
+        .map(|(deviation, estimate)| deviation.min(brightness(*estimate)))
+        .collect()
+}
+
 /// Values lowered to `estimate` plus so many deviations.
 pub(super) fn cut(
     values: &[Vec3],

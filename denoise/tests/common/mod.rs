@@ -5,41 +5,45 @@ use eagpt_scene::Image;
 use eagpt_scene::rng::{Purpose, RandomKey};
 
 /// Size of the picture.
-pub const WIDTH: u32 = 96;
+pub(crate) const WIDTH: u32 = 96;
 /// Size of the picture.
-pub const HEIGHT: u32 = 64;
+pub(crate) const HEIGHT: u32 = 64;
 /// Samples of a pixel.
-pub const NUM_SAMPLES: u32 = 16;
+pub(crate) const NUM_SAMPLES: u32 = 16;
 /// Radiance of the lamp: far above what half precision or a display holds.
-pub const LAMP: f32 = 1e5;
+pub(crate) const LAMP: f32 = 1e5;
 
 /// A frame and the light that it would have without noise.
-pub struct Known {
-    pub frame: Frame,
-    pub truth: Image<3>,
+pub(crate) struct Known {
+    pub(crate) frame: Frame,
+    pub(crate) truth: Image<3>,
 }
 
 /// What is known of a pixel: all but the noise.
 #[derive(Clone, Copy, Default)]
-pub struct Pixel {
-    pub emitted: f32,
-    pub incoming: f32,
-    pub albedo: [f32; 3],
-    pub normal: [f32; 3],
-    pub position: [f32; 3],
-    pub coverage: f32,
+pub(crate) struct Pixel {
+    pub(crate) emitted: f32,
+    pub(crate) incoming: f32,
+    pub(crate) albedo: [f32; 3],
+    pub(crate) normal: [f32; 3],
+    pub(crate) position: [f32; 3],
+    pub(crate) coverage: f32,
 }
 
 /// How samples scatter about the light that arrives.
 #[derive(Clone, Copy)]
-pub enum Noise {
+pub(crate) enum Noise {
+    #[allow(
+        dead_code,
+        reason = "not every test binary has a picture without noise"
+    )]
     None,
     /// Most samples find little, some find a lot, a few very much: the mean is 1.
     HeavyTailed,
 }
 
 /// A picture of `shade(x, y)` with noise.
-pub fn picture(noise: Noise, shade: impl Fn(u32, u32) -> Pixel) -> Known {
+pub(crate) fn picture(noise: Noise, shade: impl Fn(u32, u32) -> Pixel) -> Known {
     let black = Image::filled(WIDTH, HEIGHT, [0.0; 3]);
     let zero = Image::filled(WIDTH, HEIGHT, [0.0]);
     let mut truth = black.clone();
@@ -88,7 +92,7 @@ fn factor(noise: Noise, u: f32) -> f32 {
 }
 
 /// A wall above a floor, each with tiles; a soft shadow and a hard one; a lamp in front, at whose edge pixels show both.
-pub fn room(x: u32, y: u32) -> Pixel {
+pub(crate) fn room(x: u32, y: u32) -> Pixel {
     let (u, v) = (x as f32 / WIDTH as f32, y as f32 / HEIGHT as f32);
     let from_lamp = (u - 0.7).hypot((v - 0.3) * HEIGHT as f32 / WIDTH as f32);
     let coverage = ((from_lamp - 0.08) * WIDTH as f32).clamp(0.0, 1.0);
@@ -130,7 +134,7 @@ pub fn room(x: u32, y: u32) -> Pixel {
 }
 
 /// Root of the mean squared error relative to the truth, over pixels that reflect.
-pub fn relative_rmse(known: &Known, image: &Image<3>) -> f64 {
+pub(crate) fn relative_rmse(known: &Known, image: &Image<3>) -> f64 {
     let (mut sum, mut num) = (0.0, 0.0);
     for i in 0..image.pixels().len() {
         if known.frame.coverage.pixels()[i][0] < 1.0 {
@@ -146,7 +150,7 @@ pub fn relative_rmse(known: &Known, image: &Image<3>) -> f64 {
 }
 
 /// Runs `f` with so many threads.
-pub fn with_threads<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
+pub(crate) fn with_threads<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
