@@ -193,13 +193,15 @@ fn solved(products: &[[f32; WIDTH]; NUM_TERMS]) -> Fit {
     let mut fit: Fit = products.map(|row| Vec3::from_slice(&row[NUM_TERMS..]));
     for i in 0..NUM_TERMS {
         for k in 0..i {
-            fit[i] = fit[i] - fit[k] * lower[i][k];
+            let known = fit[k] * lower[i][k];
+            fit[i] -= known;
         }
         fit[i] /= lower[i][i];
     }
     for i in (0..NUM_TERMS).rev() {
         for k in i + 1..NUM_TERMS {
-            fit[i] = fit[i] - fit[k] * lower[k][i];
+            let known = fit[k] * lower[k][i];
+            fit[i] -= known;
         }
         fit[i] /= lower[i][i];
     }

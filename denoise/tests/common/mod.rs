@@ -103,7 +103,11 @@ pub(crate) fn room(x: u32, y: u32) -> Pixel {
             ..Pixel::default()
         };
     }
-    let tile = if (x / 6 + y / 6) % 2 == 0 { 0.8 } else { 0.2 };
+    let tile = if (x / 6 + y / 6).is_multiple_of(2) {
+        0.8
+    } else {
+        0.2
+    };
     let wall = v < 0.6;
     let hard_shadow = if wall && u < 0.3 && v > 0.25 {
         0.3
