@@ -70,7 +70,7 @@ impl Default for Settings {
             left: 0.5,
             relative: 0.02,
             ridge: 1e-2,
-            cut: 1.5,
+            cut: 1.0,
         }
     }
 }
@@ -78,28 +78,65 @@ impl Default for Settings {
 /// Denoises the reflected light of a frame.
 pub fn reflected(frame: &Frame, settings: &Settings) -> Image<3> {
     let guides = Guides::new(frame, settings);
-    let incoming = incoming(frame);
-    let deviation = guides.blurred(&deviations(frame, &incoming));
-
-    let calm = outliers::despeckled(&guides, &incoming);
-    let samples = Samples::new(&guides, &calm);
-    let first = samples.regressed(&Settings {
-        radius: settings.first_radius,
-        stride: settings.first_stride,
-        ..*settings
-    });
-    let deviation = outliers::plausible(&deviation, &first);
-    let calm = outliers::cut(&incoming, &first, &deviation, settings.cut);
-    let samples = Samples::new(&guides, &calm).steered(&first, &deviation, settings);
-    let second = samples.regressed(settings);
-    let excess = outliers::spread(&guides, &incoming, &calm, &second);
-
-    let albedo = frame.albedo.pixels();
-    let pixels = (0..second.len())
-        .map(|i| ((second[i] + excess[i]).max(Vec3::ZERO) * Vec3::from(albedo[i])).to_array())
+    let calm = Calm::new(frame, &guides, settings);
+    let samples = Samples::new(&guides, &calm.light);
+    let second = samples
+        .steered(&calm.first, &calm.deviation, settings)
+        .regressed(settings);
+    let sum: Vec<Vec3> = second
+        .iter()
+        .zip(&calm.excess)
+        .map(|(a, b)| *a + *b)
         .collect();
+    shaded(frame, &sum)
+}
+
+/// Reflected light without its fireflies, and what they brought, spread over the surfaces around: for another denoiser in the place of the
+/// second regression.
+pub(crate) fn calmed(frame: &Frame, settings: &Settings) -> [Image<3>; 2] {
+    let guides = Guides::new(frame, settings);
+    let calm = Calm::new(frame, &guides, settings);
+    [calm.light, calm.excess].map(|light| shaded(frame, &light))
+}
+
+/// Arriving light after the steps 2 to 4 and 6.
+struct Calm {
+    first: Vec<Vec3>,
+    /// Of the mean of each pixel before anything was cut off.
+    deviation: Vec<f32>,
+    light: Vec<Vec3>,
+    excess: Vec<Vec3>,
+}
+
+impl Calm {
+    fn new(frame: &Frame, guides: &Guides, settings: &Settings) -> Self {
+        let incoming = incoming(frame);
+        let samples = Samples::new(guides, &outliers::despeckled(guides, &incoming));
+        let first = samples.regressed(&Settings {
+            radius: settings.first_radius,
+            stride: settings.first_stride,
+            ..*settings
+        });
+        let deviation = guides.blurred(&deviations(frame, &incoming));
+        let deviation = outliers::plausible(&deviation, &first);
+        let light = outliers::cut(&incoming, &first, &deviation, settings.cut);
+        let excess = outliers::spread(guides, &incoming, &light, &first);
+        Self {
+            first,
+            deviation,
+            light,
+            excess,
+        }
+    }
+}
+
+/// What surfaces reflect of the light that arrives.
+fn shaded(frame: &Frame, incoming: &[Vec3]) -> Image<3> {
+    let pixels = incoming.iter().zip(frame.albedo.pixels());
+    let light =
+        pixels.map(|(light, albedo)| (light.max(Vec3::ZERO) * Vec3::from(*albedo)).to_array());
     let (width, height) = frame.reflected.size();
-    Image::from_pixels(width, height, pixels).expect("a value for each pixel")
+    Image::from_pixels(width, height, light.collect()).expect("a value for each pixel")
 }
 
 /// The light that arrives, over π.

@@ -1,12 +1,13 @@
 //! Open Image Denoise (Áfra 2019–, <https://www.openimagedenoise.org>), version 2, where the machine has it.
 //!
 //! The library is looked for and loaded at run time, never linked and never downloaded. Its network sees the reflected light with albedo and
-//! normals as guides and runs on the CPU, where its results do not depend on the number of threads.
+//! normals as guides, after [`crate::filter`] took out the fireflies, and runs on the CPU, where its results do not depend on the number of threads.
 
 mod library;
 mod search;
 
 use crate::error::{DenoiseError, Result};
+use crate::filter::{self, Settings};
 use crate::frame::Frame;
 use eagpt_scene::Image;
 use library::{GuideImages, Library};
@@ -115,15 +116,20 @@ impl Oidn {
     pub(crate) fn reflected(&self, frame: &Frame) -> Result<Image<3>> {
         let device = self.library.open(rayon::current_num_threads())?;
         // Around a hole with an emitter in it the network darkens the wall, and at its edge whatever is there only in part.
-        let color = whole(&frame.reflected, &frame.coverage);
+        // What is left of fireflies are blotches; the filter's first steps know the samples' scatter, the network does not.
+        let [calm, excess] = filter::calmed(frame, &Settings::default());
+        let color = whole(&calm, &frame.coverage);
         let guides = GuideImages {
             albedo: &whole(&frame.albedo, &frame.coverage),
             normal: &filled(&frame.normal, &frame.coverage),
         };
         let mut denoised = device.denoise(&color, &guides)?;
         let coverage = frame.coverage.pixels();
-        for (pixel, [coverage]) in denoised.pixels_mut().iter_mut().zip(coverage) {
-            *pixel = pixel.map(|value| value * coverage);
+        let rest = coverage.iter().zip(excess.pixels());
+        for (pixel, ([coverage], excess)) in denoised.pixels_mut().iter_mut().zip(rest) {
+            for c in 0..3 {
+                pixel[c] = pixel[c] * coverage + excess[c];
+            }
         }
         Ok(denoised)
     }

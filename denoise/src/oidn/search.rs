@@ -83,8 +83,8 @@ mod tests {
         assert!(within(dir.path()).is_empty());
         let file = lib.join(NAMES[0]);
         std::fs::write(&file, "").unwrap();
-        assert_eq!(within(dir.path()), [file.clone()]);
-        assert_eq!(within(&lib), [file.clone()]);
+        assert_eq!(within(dir.path()), std::slice::from_ref(&file));
+        assert_eq!(within(&lib), std::slice::from_ref(&file));
         assert_eq!(within(&file), [file]);
         // A name that is not there stands for itself: the error has to name it.
         let absent = dir.path().join("absent.so");
