@@ -6,12 +6,12 @@
 //! regression") and Bitterli et al. 2016 ("Nonlinearly weighted first-order regression for denoising Monte Carlo renderings"), where it
 //! beats weighted means: those flatten every gradient. Steps:
 //!
-//! 1. [`guides`]: how far two pixels are apart as surfaces: plane distance and normal.
-//! 2. [`outliers`]: values far above their surroundings are lowered.
-//! 3. [`regression`] with weights by the guides alone: a first estimate, blind to shadows.
+//! 1. `guides`: how far two pixels are apart as surfaces: plane distance and normal.
+//! 2. `outliers`: values far above their surroundings are lowered.
+//! 3. `regression` with weights by the guides alone: a first estimate, blind to shadows.
 //! 4. Values are lowered to the first estimate plus some standard deviations of their mean, known from the samples' second moment.
-//! 5. [`regression`] again, weights by the first estimate, too: edges of shadows stay.
-//! 6. [`outliers`]: the light cut off in 2 and 4 is spread widely and added, since it is as real as the rest.
+//! 5. `regression` again, weights by the first estimate, too: edges of shadows stay.
+//! 6. `outliers`: the light cut off in 2 and 4 is spread widely and added, since it is as real as the rest.
 //!
 //! Sums run over a pixel's window in a fixed order: the result does not depend on the number of threads.
 
