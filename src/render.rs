@@ -1,6 +1,7 @@
 //! `eagpt render`: images of a scene from the cameras of a dataset.
 
 mod aov;
+mod denoise;
 mod display;
 mod shots;
 
@@ -11,7 +12,9 @@ use crate::record::{FILE_NAME, Input, RecordBuilder};
 use anyhow::Result;
 use aov::Aov;
 use clap::{Args, ValueEnum};
+use denoise::{Choice, Denoising};
 use display::DisplayArgs;
+use eagpt_denoise::Denoiser;
 use eagpt_scene::dataset::{SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
@@ -79,6 +82,13 @@ pub(crate) struct RenderArgs {
     /// Also write these quantities of the camera rays, separated by commas
     #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
     aov: Vec<Aov>,
+    /// Take the noise of sampled light out of the images, guided by albedo, normals and positions; emitters keep their values.
+    /// 0-bounce has no noise and stays as it is
+    #[arg(long, value_enum, default_value = "none")]
+    denoise: Choice,
+    /// Library of Open Image Denoise, or its folder [default: EAGPT_OIDN, then where the system keeps libraries]
+    #[arg(long, value_name = "PATH")]
+    oidn: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -94,6 +104,7 @@ pub(crate) struct RenderArgs {
 const EXAMPLES: &str = "Examples:
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --aov normal,depth,albedo --out renders/0
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 16 --denoise auto --out renders/quick
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --camera-path fly:0000,0016,0032 --out fly
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --camera-path turntable --exposure auto \\
       --tone-map agx --out turn";
@@ -130,6 +141,7 @@ struct Options<'a> {
     rays_per_axis: u32,
     light: LightOptions,
     aov: &'a [Aov],
+    denoise: Denoising,
     /// What only PNGs show.
     display: Display,
     camera_path: Option<PathRecord<'a>>,
@@ -145,7 +157,13 @@ fn share(text: &str) -> Result<f32, String> {
 
 pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let (integrator, light) = (integrator(args), light(args));
+    let noisy = integrator != Integrator::ZeroBounce;
+    let denoiser = denoise::denoiser(args)?.filter(|_| noisy);
     let mut builder = RecordBuilder::begin("render", &())?;
+    if args.denoise != Choice::None && !noisy {
+        let warning = "--denoise: 0-bounce samples no light, there is nothing to denoise";
+        builder.record.warnings.push(warning.to_owned());
+    }
     let dataset = Dataset::open_cameras(&args.cameras)?;
     let shots = Shots::choose(args, &dataset, &mut builder.record.warnings)?;
     let outputs = planned(args, &shots);
@@ -176,13 +194,18 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         .display
         .resolve(scene.as_ref(), &shots.list, &integrator, &light)?;
     let total = shots.list.len() as u64;
+    let mut denoising = 0.0;
     reporter.begin("rendering", "views", 0, total);
     for (done, shot) in (1..).zip(&shots.list) {
         let started = Instant::now();
         let camera = shot.camera.magnified(args.antialias);
-        let rendered = scene
-            .render(&camera, &integrator, &shots.light(&light, done - 1))?
-            .averaged(args.antialias);
+        let rays = scene.render(&camera, &integrator, &shots.light(&light, done - 1))?;
+        let mut rendered = rays.averaged(args.antialias);
+        if let Some(denoiser) = &denoiser {
+            let started = Instant::now();
+            rendered.radiance = denoise::denoised(args, denoiser, &camera, &rays, &rendered)?;
+            denoising += started.elapsed().as_secs_f64();
+        }
         write_view(args, &display, shot, &rendered)?;
         let seconds = started.elapsed().as_secs_f64();
         builder.took(&format!("views/{}", shot.name), seconds);
@@ -206,8 +229,15 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         light,
         aov: &args.aov,
         display,
+        denoise: Denoising {
+            asked: args.denoise,
+            ran: denoiser.as_ref().map(Denoiser::identity),
+        },
         camera_path: shots.path_record(),
     })?;
+    if denoiser.is_some() {
+        builder.took("denoising", denoising);
+    }
     let record = &mut builder.record;
     record.seed = Some(light.seed);
     record.device = Some(scene.device());

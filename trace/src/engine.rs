@@ -22,6 +22,8 @@ pub enum TraceError {
 pub struct RenderedView {
     /// Linear radiance, premultiplied by the opacity.
     pub radiance: Image<3>,
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no light is sampled.
+    pub second_moment: Image<1>,
     /// Blended sums of the camera rays.
     pub sums: SumImage,
     /// Rays traced beside those of the camera.
@@ -33,6 +35,7 @@ impl RenderedView {
     pub fn averaged(&self, factor: u32) -> Self {
         Self {
             radiance: self.radiance.averaged(factor),
+            second_moment: self.second_moment.averaged(factor),
             sums: self.sums.averaged(factor),
             num_rays: self.num_rays,
         }

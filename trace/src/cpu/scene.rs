@@ -88,11 +88,12 @@ impl Tracer for CpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
         let sums = self.camera_sums(camera)?;
-        let (radiance, num_rays) = transport::render(self, camera, &sums, integrator, options);
+        let light = transport::render(self, camera, &sums, integrator, options);
         Ok(RenderedView {
-            radiance,
+            radiance: light.radiance,
+            second_moment: light.second_moment,
             sums,
-            num_rays,
+            num_rays: light.num_rays,
         })
     }
 }

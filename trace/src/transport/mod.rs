@@ -15,11 +15,12 @@ pub mod start;
 
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
+use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use lights::{BounceSampler, Lights};
-use path::Paths;
+use path::{PathLight, Paths};
 use points::Points;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -101,15 +102,15 @@ pub trait RayTracer: Sync {
     fn lights(&self) -> Option<&Lights>;
 }
 
-/// Light of every pixel of `camera`, given the blended sums of its camera rays, and the number of rays it took beside those. Deterministic
-/// for a seed: each pixel has its own random numbers and adds its samples in order.
+/// Light of every pixel of `camera`, given the blended sums of its camera rays. Deterministic for a seed: each pixel has
+/// its own random numbers and adds its samples in order.
 pub fn render(
     scene: &impl RayTracer,
     camera: &Camera,
     sums: &SumImage,
     integrator: &Integrator,
     options: &LightOptions,
-) -> (Image<3>, u64) {
+) -> Light {
     let frame = camera.ray_frame();
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
     let lights = match options.sampling {
@@ -117,22 +118,25 @@ pub fn render(
         Sampling::NextEvent => scene.lights(),
     };
     let sampler = BounceSampler::new(lights, LIGHT_SHARE);
-    let light = |pixel: usize| -> (Vec3, u32) {
+    let light = |pixel: usize| -> (Vec3, f32, u32) {
         let seen = &sums.pixels[pixel];
         if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
-            return (seen.radiance(), 0);
+            return (seen.radiance(), 0.0, 0);
         }
         let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
         let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
         let Some(surface) = Surface::at(frame.origin, direction, seen) else {
-            return (Vec3::ZERO, 0);
+            return (Vec3::ZERO, 0.0, 0);
         };
         let points = Points::new(key, pixel as u32);
+        let mut samples = Samples::default();
         match *integrator {
-            Integrator::ZeroBounce => (seen.radiance(), 0),
+            Integrator::ZeroBounce => {}
             Integrator::OneBounce { num_samples } => {
-                let arriving = irradiance_over_pi(scene, &sampler, &surface, num_samples, &points);
-                (seen.albedo() * arriving, num_samples)
+                for s in 0..num_samples {
+                    let light = bounced(scene, &sampler, &surface, &points, s);
+                    samples.add(PathLight { light, num_rays: 1 });
+                }
             }
             Integrator::Path {
                 num_samples,
@@ -146,29 +150,84 @@ pub fn render(
                     roulette_from,
                     threshold: options.emission_threshold,
                 };
-                let (mut total, mut num_rays) = (Vec3::ZERO, 0);
-                for sample in 0..num_samples {
-                    let path = paths.sample(&surface, &points, sample);
-                    total += path.light;
-                    num_rays += path.num_rays;
+                for s in 0..num_samples {
+                    samples.add(paths.sample(&surface, &points, s));
                 }
-                (seen.albedo() * total / num_samples as f32, num_rays)
             }
         }
+        let (mean, second_moment) = samples.moments();
+        (seen.albedo() * mean, second_moment, samples.num_rays)
     };
-    let (pixels, num_rays): (Vec<[f32; 3]>, Vec<u32>) = (0..camera.num_pixels())
+    let pixels: Vec<(Vec3, f32, u32)> = (0..camera.num_pixels())
         .into_par_iter()
         .map(light)
-        .map(|(light, num_rays)| (light.to_array(), num_rays))
-        .unzip();
-    let num_rays = num_rays.into_iter().map(u64::from).sum();
-    let image = Image::from_pixels(camera.width, camera.height, pixels)
-        .expect("one light value for each pixel");
-    (image, num_rays)
+        .collect();
+    let (width, height) = (camera.width, camera.height);
+    let radiance = pixels.iter().map(|(light, ..)| light.to_array()).collect();
+    let second_moment = pixels.iter().map(|&(_, moment, _)| [moment]).collect();
+    let one_each = "one value for each pixel";
+    Light {
+        radiance: Image::from_pixels(width, height, radiance).expect(one_each),
+        second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
+        num_rays: pixels.iter().map(|&(.., rays)| u64::from(rays)).sum(),
+    }
 }
 
-/// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance of one hit each in
-/// sampled directions. Linear in R, it needs no blended rays.
+/// What [`render`] finds for every pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// Linear radiance.
+    pub radiance: Image<3>,
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no light is sampled. With the mean it
+    /// says how noisy a pixel is.
+    pub second_moment: Image<1>,
+    /// Rays traced beside those of the camera.
+    pub num_rays: u64,
+}
+
+/// Light that samples bring to one point, before the albedo.
+#[derive(Default)]
+struct Samples {
+    total: Vec3,
+    squares: f32,
+    num: u32,
+    num_rays: u32,
+}
+
+impl Samples {
+    fn add(&mut self, path: PathLight) {
+        self.total += path.light;
+        self.squares += luminance(path.light.to_array()).powi(2);
+        self.num += 1;
+        self.num_rays += path.num_rays;
+    }
+
+    /// The mean and the mean squared luminance.
+    fn moments(&self) -> (Vec3, f32) {
+        if self.num == 0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        (self.total / self.num as f32, self.squares / self.num as f32)
+    }
+}
+
+/// What the direction of one sample brings of `1/π · ∫ R(ω) (ω·n) dω`. Linear in R, it needs no blended ray.
+fn bounced(
+    scene: &impl RayTracer,
+    sampler: &BounceSampler<'_>,
+    surface: &Surface,
+    points: &Points,
+    sample: u32,
+) -> Vec3 {
+    let bounce = sampler.sample(surface, points.block(sample, 0));
+    bounce.map_or(Vec3::ZERO, |bounce| {
+        let ray = surface.ray(bounce.direction);
+        scene.sample_radiance(&ray, points.word(sample)) * bounce.weight
+    })
+}
+
+/// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance met in
+/// sampled directions.
 pub fn irradiance_over_pi(
     scene: &impl RayTracer,
     sampler: &BounceSampler<'_>,
@@ -177,11 +236,7 @@ pub fn irradiance_over_pi(
     points: &Points,
 ) -> Vec3 {
     let total: Vec3 = (0..num_samples)
-        .filter_map(|sample| {
-            let bounce = sampler.sample(surface, points.block(sample, 0))?;
-            let ray = surface.ray(bounce.direction);
-            Some(scene.sample_radiance(&ray, points.word(sample)) * bounce.weight)
-        })
+        .map(|sample| bounced(scene, sampler, surface, points, sample))
         .sum();
     total / num_samples as f32
 }
