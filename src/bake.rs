@@ -140,21 +140,14 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     let mut builder = RecordBuilder::begin("bake", &options)?;
     let mut reporter = Reporter::new(global);
-    let mut unheard = None;
     let mut warnings = Vec::new();
-    let outcome = bake(&request, &mut |message| {
-        if let BakeProgress::Warning { text } = &message {
+    let listen = |reporter: &mut Reporter, message: &BakeProgress| {
+        if let BakeProgress::Warning { text } = message {
             warnings.push(text.clone());
         }
-        if let Err(error) = tell(&mut reporter, &message) {
-            unheard.get_or_insert(error);
-        }
-    });
-    reporter.finish();
-    let summary = outcome?;
-    if let Some(error) = unheard {
-        return Err(error);
-    }
+        tell(reporter, message)
+    };
+    let summary = reporter.follow(listen, |progress| bake(&request, progress))?;
     let Some(scene) = &summary.scene else {
         return unfinished(args, &request, &summary, &reporter);
     };

@@ -50,6 +50,26 @@ impl Reporter {
         Self { style, task: None }
     }
 
+    /// Runs a job, telling its messages one by one by `tell`. What cannot be told is an error only after the job: its work counts.
+    ///
+    /// # Errors
+    /// The job's, or the first of `tell`.
+    pub(crate) fn follow<M, T, E: Into<anyhow::Error>>(
+        &mut self,
+        mut tell: impl FnMut(&mut Self, &M) -> Result<()>,
+        job: impl FnOnce(&mut dyn FnMut(M)) -> Result<T, E>,
+    ) -> Result<T> {
+        let mut untold = None;
+        let outcome = job(&mut |message| {
+            if let Err(error) = tell(self, &message) {
+                untold.get_or_insert(error);
+            }
+        });
+        self.finish();
+        let outcome = outcome.map_err(Into::into)?;
+        untold.map_or(Ok(outcome), Err)
+    }
+
     /// Begins a task of `total` steps, `done` of which are done.
     pub(crate) fn begin(&mut self, name: &str, unit: &'static str, done: u64, total: u64) {
         self.finish();

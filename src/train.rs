@@ -175,17 +175,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     check_target(&request)?;
     let mut builder = RecordBuilder::begin("train", &request.options)?;
     let mut reporter = Reporter::new(global);
-    let mut unheard = None;
-    let outcome = eagpt_train::train(&request, &mut |message| {
-        if let Err(error) = tell(&mut reporter, &message) {
-            unheard.get_or_insert(error);
-        }
-    });
-    reporter.finish();
-    let summary = outcome?;
-    if let Some(error) = unheard {
-        return Err(error);
-    }
+    let summary = reporter.follow(tell, |progress| eagpt_train::train(&request, progress))?;
     fill_record(&mut builder, &request, &summary)?;
     let record = builder.write(&request.out)?;
     let path = summary.scene.as_ref().unwrap_or(&record);
