@@ -5,7 +5,7 @@
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
-//! - [`interrupt`]: Ctrl-C.
+//! - [`interrupt`]: what Ctrl-C does.
 
 mod bake;
 mod cli;

@@ -41,11 +41,11 @@ impl<T: RayTracer> Paths<'_, T> {
         let mut path = PathLight::default();
         for number in 0..self.max_bounces {
             let block = |k: u32| points.block(sample, BLOCKS * number + k);
-            if let Some(lights) = self.lights {
-                if let Some(light) = self.towards_light(lights, &surface, block(1)) {
-                    path.light += throughput * light;
-                    path.num_rays += 1;
-                }
+            if let Some(lights) = self.lights
+                && let Some(light) = self.towards_light(lights, &surface, block(1))
+            {
+                path.light += throughput * light;
+                path.num_rays += 1;
             }
             let [a, b, survive, _] = block(0);
             let ray = surface.ray(cosine_direction(surface.normal, a, b));

@@ -93,8 +93,8 @@ impl Bake<'_> {
         let missing: Vec<usize> = (mine.into_iter())
             .filter(|&view| !self.image_path(view).exists())
             .collect();
-        let mut done = total - missing.len();
-        (self.progress)(BakeProgress::Rendering { done, total });
+        let found = total - missing.len();
+        (self.progress)(BakeProgress::Rendering { done: found, total });
         let engine = CpuScene::new(&self.scene);
         let options = self.request.options;
         let integrator = Integrator::Path {
@@ -102,7 +102,7 @@ impl Bake<'_> {
             max_bounces: options.max_bounces,
             roulette_from: method.roulette_from,
         };
-        for view in missing {
+        for (done, view) in (found + 1..).zip(missing) {
             if self.stopped() {
                 return Ok(false);
             }
@@ -120,7 +120,6 @@ impl Bake<'_> {
                 files::create_dir(parent)?;
             }
             exr::write_rgb(&path, &rendered.radiance, Precision::Float)?;
-            done += 1;
             (self.progress)(BakeProgress::Rendering { done, total });
         }
         Ok(true)
