@@ -1,6 +1,6 @@
 //! Folders that results go to: nothing that this program did not make is overwritten without being told to.
 
-use crate::record::{FILE_NAME, Record};
+use crate::record::Record;
 use anyhow::{Result, anyhow, bail};
 use eagpt_scene::files;
 use std::collections::HashSet;
@@ -28,6 +28,8 @@ impl Replace {
 pub(crate) struct Target<'a> {
     /// The folder.
     pub(crate) dir: &'a Path,
+    /// File name of the result's record: [`FILE_NAME`] but where results share a folder.
+    pub(crate) record: &'a str,
     /// Name of the command, as in its record: `--force` replaces results of the same command only.
     pub(crate) command: &'a str,
     /// Files that the command reads: they are never replaced nor removed.
@@ -59,7 +61,7 @@ impl Target<'_> {
         if self.replace == Replace::Allow {
             return self.earlier().map(|_| ());
         }
-        let others = iter::once(Path::new(FILE_NAME)).chain(files.iter().map(PathBuf::as_path));
+        let others = iter::once(Path::new(self.record)).chain(files.iter().map(PathBuf::as_path));
         for file in others {
             if self.dir.join(file).exists() {
                 bail!(
@@ -91,7 +93,7 @@ impl Target<'_> {
 
     /// The record of the result that may be replaced, if there is one.
     fn earlier(&self) -> Result<Option<Record>> {
-        let path = self.dir.join(FILE_NAME);
+        let path = self.dir.join(self.record);
         if !path.exists() {
             return Ok(None);
         }
@@ -101,7 +103,7 @@ impl Target<'_> {
     /// Removes the files that a record lists, the record first: without one, what is left is known to be incomplete.
     fn remove_earlier(&self, earlier: &Record) -> Result<()> {
         let inputs = self.resolved_inputs();
-        files::remove_if_there(&self.dir.join(FILE_NAME))?;
+        files::remove_if_there(&self.dir.join(self.record))?;
         for relative in earlier.outputs.iter().map(Path::new) {
             let path = self.dir.join(relative);
             // A record is a file like any other: it does not get to name files elsewhere.
@@ -208,7 +210,7 @@ pub(crate) fn place(dir: &Path, file: &Path) -> Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::RecordBuilder;
+    use crate::record::{FILE_NAME, RecordBuilder};
 
     fn names(files: &[&str]) -> Vec<PathBuf> {
         files.iter().map(PathBuf::from).collect()
@@ -217,6 +219,7 @@ mod tests {
     fn target<'a>(dir: &'a Path, inputs: &'a [PathBuf], replace: Replace) -> Target<'a> {
         Target {
             dir,
+            record: FILE_NAME,
             command: "render",
             inputs,
             replace,

@@ -173,6 +173,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     inputs.extend(path_file.clone());
     let target = Target {
         dir: &args.out,
+        record: FILE_NAME,
         command: "render",
         inputs: &inputs,
         replace: Replace::from_flag(args.force),

@@ -6,7 +6,7 @@ use crate::cli::{self, GlobalArgs};
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
-use crate::record::{Input, RecordBuilder, SplitRecord};
+use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use crate::terminal;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -210,6 +210,7 @@ fn check_target(request: &TrainRequest) -> Result<()> {
     let replace = Replace::from_flag(goes_on || is_run);
     let target = Target {
         dir: &request.out,
+        record: FILE_NAME,
         command: "train",
         inputs: &[],
         replace,

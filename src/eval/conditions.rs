@@ -4,7 +4,7 @@ use super::{COLUMN_WIDTH, EvalArgs, table};
 use crate::cli::{self, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
-use crate::record::{Input, RecordBuilder, SplitRecord};
+use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use crate::terminal;
 use anyhow::{Result, bail};
 use eagpt_eval::job::Mean;
@@ -45,6 +45,7 @@ pub(super) fn run(args: &EvalArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let files = files(&job, &out, &mut builder)?;
     let target = Target {
         dir: &out,
+        record: FILE_NAME,
         command: "eval",
         inputs: &files.inputs,
         replace: Replace::from_flag(args.force),

@@ -3,7 +3,7 @@
 use crate::cli::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
-use crate::record::{Input, RecordBuilder};
+use crate::record::{FILE_NAME, Input, RecordBuilder};
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
@@ -70,6 +70,7 @@ pub(super) fn run(args: &TableArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
     let target = Target {
         dir: &args.out,
+        record: FILE_NAME,
         command: "eval table",
         inputs: &inputs,
         replace: Replace::from_flag(args.force),

@@ -55,7 +55,7 @@ impl Aov {
                 write_signed(png_path, &image)?;
             }
             // Half precision has steps of millimetres at a few metres: too coarse for a depth.
-            Self::Depth => exr::write_single(exr_path, &depth(camera, sums), Precision::Float)?,
+            Self::Depth => exr::write_single(exr_path, &sums.depth(camera), Precision::Float)?,
             Self::Albedo => {
                 let image = sums.extract(|s| s.albedo().to_array());
                 exr::write_rgb(exr_path, &image, Precision::Half)?;
@@ -74,18 +74,6 @@ impl Aov {
         }
         Ok(())
     }
-}
-
-/// Depth along the optical axis; sums hold distances along the rays.
-fn depth(camera: &Camera, sums: &SumImage) -> Image<1> {
-    let (frame, forward) = (camera.ray_frame(), camera.forward());
-    let mut pixel = 0_u32;
-    sums.extract(|s| {
-        let (x, y) = (pixel % sums.width, pixel / sums.width);
-        pixel += 1;
-        let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-        [s.mean_distance() * direction.dot(forward)]
-    })
 }
 
 /// Shows −1 to 1 as black to white.

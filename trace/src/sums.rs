@@ -1,6 +1,6 @@
 //! What a ray collects: one vector of 16 lanes, so that blending a hit is one multiply-add over a SIMD register.
 
-use eagpt_scene::Image;
+use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -187,6 +187,18 @@ impl SumImage {
     /// Radiance R of every pixel.
     pub fn radiance(&self) -> Image<3> {
         self.extract(|sums| sums.radiance().to_array())
+    }
+
+    /// Depth of every pixel along the optical axis of the `camera` the sums are of; the sums themselves hold distances along rays.
+    pub fn depth(&self, camera: &Camera) -> Image<1> {
+        let (frame, forward) = (camera.ray_frame(), camera.forward());
+        let mut pixel = 0_u32;
+        self.extract(|sums| {
+            let (x, y) = (pixel % self.width, pixel / self.width);
+            pixel += 1;
+            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            [sums.mean_distance() * direction.dot(forward)]
+        })
     }
 }
 

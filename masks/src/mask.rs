@@ -1,0 +1,277 @@
+//! One view's mask: pixels, connected regions, and the operations that tidy them up.
+
+use crate::options::{Border, MaskOptions};
+use eagpt_scene::Image;
+use image::{GrayImage, Luma};
+use imageproc::distance_transform::Norm;
+use imageproc::morphology;
+use imageproc::region_labelling::{Connectivity, connected_components};
+
+/// How far from its border a lamp is looked for, pixels: as far as demosaicing and optics spread an edge.
+const BORDER_REACH: u32 = 2;
+/// Least brightness of a border pixel relative to its lamp: the pixel's share of lamp.
+const BORDER_SHARE: f32 = 0.5;
+
+const ON: Luma<u8> = Luma([255]);
+const OFF: Luma<u8> = Luma([0]);
+
+/// A set of pixels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mask {
+    pixels: GrayImage,
+}
+
+/// A connected part of a mask, diagonal neighbours included.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Region {
+    /// Its pixels (column, row), row by row; never empty.
+    pub pixels: Vec<[u32; 2]>,
+}
+
+impl Region {
+    /// The mean of its pixels' centres, pixels from the image's corner.
+    pub fn centre(&self) -> [f64; 2] {
+        let sum = self.pixels.iter().fold([0.0; 2], |sum, pixel| {
+            [0, 1].map(|axis: usize| sum[axis] + f64::from(pixel[axis]) + 0.5)
+        });
+        sum.map(|sum| sum / self.pixels.len() as f64)
+    }
+}
+
+impl Mask {
+    /// No pixel.
+    pub fn empty(width: u32, height: u32) -> Self {
+        Self {
+            pixels: GrayImage::new(width, height),
+        }
+    }
+
+    /// The pixels (column, row) that `is_in` says.
+    pub fn from_fn(width: u32, height: u32, is_in: impl Fn(u32, u32) -> bool) -> Self {
+        let pixels = GrayImage::from_fn(width, height, |x, y| if is_in(x, y) { ON } else { OFF });
+        Self { pixels }
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> u32 {
+        self.pixels.width()
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> u32 {
+        self.pixels.height()
+    }
+
+    /// Whether a pixel is in the mask; what is outside of the image is not.
+    pub fn has(&self, x: u32, y: u32) -> bool {
+        self.pixels.get_pixel_checked(x, y) == Some(&ON)
+    }
+
+    /// Number of pixels in the mask.
+    pub fn count(&self) -> u64 {
+        self.pixels.pixels().filter(|&&p| p == ON).count() as u64
+    }
+
+    /// Share of the image in the mask.
+    pub fn coverage(&self) -> f64 {
+        self.count() as f64 / (f64::from(self.width()) * f64::from(self.height()))
+    }
+
+    /// The mask as it is stored: 1 where it is, 0 elsewhere.
+    pub fn image(&self) -> Image<1> {
+        let values = self.pixels.pixels().map(|&p| [f32::from(p == ON)]);
+        Image::from_pixels(self.width(), self.height(), values.collect())
+            .expect("one value for each pixel")
+    }
+
+    /// Pixels of either.
+    pub fn add(&mut self, other: &Self) {
+        self.combine(other, |mine, its| mine | its);
+    }
+
+    /// Pixels that are not in `other`.
+    pub fn subtract(&mut self, other: &Self) {
+        self.combine(other, |mine, its| mine & !its);
+    }
+
+    fn combine(&mut self, other: &Self, f: impl Fn(u8, u8) -> u8) {
+        debug_assert_eq!(self.pixels.dimensions(), other.pixels.dimensions());
+        for (mine, its) in self.pixels.pixels_mut().zip(other.pixels.pixels()) {
+            mine.0[0] = f(mine.0[0], its.0[0]);
+        }
+    }
+
+    /// Takes the pixels of a region out.
+    pub fn remove(&mut self, region: &Region) {
+        for &[x, y] in &region.pixels {
+            self.pixels.put_pixel(x, y, OFF);
+        }
+    }
+
+    /// Connected regions in the order of their first pixels.
+    pub fn regions(&self) -> Vec<Region> {
+        let labels = connected_components(&self.pixels, Connectivity::Eight, OFF);
+        let mut regions: Vec<Region> = Vec::new();
+        let mut index_of_label = Vec::new();
+        for (x, y, &Luma([label])) in labels.enumerate_pixels() {
+            let label = label as usize;
+            if label == 0 {
+                continue;
+            }
+            if index_of_label.len() <= label {
+                index_of_label.resize(label + 1, None);
+            }
+            let index = *index_of_label[label].get_or_insert_with(|| {
+                regions.push(Region { pixels: Vec::new() });
+                regions.len() - 1
+            });
+            regions[index].pixels.push([x, y]);
+        }
+        regions
+    }
+
+    /// Closes gaps, drops small regions and grows what is left, as the options say.
+    pub fn tidy(&mut self, options: &MaskOptions) {
+        if options.closing_radius > 0 {
+            self.close(options.closing_radius);
+        }
+        if options.min_pixels > 1 {
+            for region in self.regions() {
+                if region.pixels.len() < options.min_pixels as usize {
+                    self.remove(&region);
+                }
+            }
+        }
+        if options.grow_radius > 0 {
+            morphology::dilate_mut(&mut self.pixels, Norm::L2, options.grow_radius);
+        }
+    }
+
+    /// Fills gaps up to twice as wide as `radius`. The image is taken to go on beyond its edges as it is there.
+    fn close(&mut self, radius: u8) {
+        let pad = 2 * u32::from(radius);
+        let (width, height) = self.pixels.dimensions();
+        let nearest = |at: u32, size: u32| at.saturating_sub(pad).min(size - 1);
+        let mut padded = GrayImage::from_fn(width + 2 * pad, height + 2 * pad, |x, y| {
+            *self.pixels.get_pixel(nearest(x, width), nearest(y, height))
+        });
+        morphology::close_mut(&mut padded, Norm::L2, radius);
+        for (x, y, pixel) in self.pixels.enumerate_pixels_mut() {
+            *pixel = *padded.get_pixel(x + pad, y + pad);
+        }
+    }
+}
+
+/// Pixels whose value is at least `level`, less those that show their lamp only in part if `border` says so.
+pub fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
+    let (width, height) = values.size();
+    let value = |x: u32, y: u32| values.get(x, y)[0];
+    let mask = Mask::from_fn(width, height, |x, y| value(x, y) >= level);
+    if border == Border::Full {
+        return mask;
+    }
+    let around = |x: u32, y: u32| {
+        let reach = BORDER_REACH;
+        let columns = x.saturating_sub(reach)..=(x + reach).min(width - 1);
+        let rows = y.saturating_sub(reach)..=(y + reach).min(height - 1);
+        rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    };
+    Mask::from_fn(width, height, |x, y| {
+        if !mask.has(x, y) {
+            return false;
+        }
+        let inside = around(x, y).all(|(x, y)| mask.has(x, y));
+        inside || {
+            let lamp = around(x, y).fold(0.0, |lamp: f32, (x, y)| lamp.max(value(x, y)));
+            value(x, y) >= BORDER_SHARE * lamp
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mask(rows: &[&str]) -> Mask {
+        Mask::from_fn(rows[0].len() as u32, rows.len() as u32, |x, y| {
+            rows[y as usize].as_bytes()[x as usize] == b'#'
+        })
+    }
+
+    #[test]
+    fn regions_touch_at_corners_and_come_in_order() {
+        let regions = mask(&["#..#", ".#..", "...#"]).regions();
+        let pixels: Vec<_> = regions.into_iter().map(|r| r.pixels).collect();
+        assert_eq!(pixels, [vec![[0, 0], [1, 1]], vec![[3, 0]], vec![[3, 2]]]);
+    }
+
+    #[test]
+    fn the_centre_is_among_pixel_centres() {
+        let region = Region {
+            pixels: vec![[0, 0], [1, 0], [0, 1], [1, 1]],
+        };
+        assert_eq!(region.centre(), [1.0, 1.0]);
+    }
+
+    #[test]
+    fn labels_are_added_and_reflections_subtracted() {
+        let mut sum = mask(&["##.."]);
+        sum.add(&mask(&[".##."]));
+        assert_eq!(sum, mask(&["###."]));
+        sum.subtract(&mask(&["#..#"]));
+        assert_eq!(sum, mask(&[".##."]));
+        assert_eq!(sum.count(), 2);
+        assert_eq!(sum.coverage(), 0.5);
+        assert_eq!(sum.image().values(), [0.0, 1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn small_regions_go_and_gaps_close_also_at_the_edge() {
+        let options = MaskOptions {
+            closing_radius: 1,
+            min_pixels: 3,
+            ..MaskOptions::default()
+        };
+        let mut tidied = mask(&["##..##....", "##..##...#", "##..##...."]);
+        tidied.tidy(&options);
+        assert_eq!(tidied, mask(&["######....", "######....", "######...."]));
+    }
+
+    #[test]
+    fn growing_adds_a_rim() {
+        let mut grown = mask(&[".....", ".....", "..#..", ".....", "....."]);
+        grown.tidy(&MaskOptions {
+            min_pixels: 0,
+            grow_radius: 1,
+            ..MaskOptions::default()
+        });
+        assert_eq!(grown, mask(&[".....", "..#..", ".###.", "..#..", "....."]));
+    }
+
+    /// A lamp of 10 that covers half and more of some pixels of its border, less of others, on a wall of 0.5.
+    #[test]
+    fn border_pixels_belong_to_what_covers_most_of_them() {
+        let row = [0.5, 2.0, 10.0, 10.0, 6.0, 0.5];
+        let values =
+            Image::from_pixels(6, 3, [row; 3].as_flattened().iter().map(|&v| [v]).collect())
+                .unwrap();
+        let half = at_least(&values, 1.0, Border::Half);
+        assert_eq!(half, mask(&["..###.", "..###.", "..###."]));
+        let full = at_least(&values, 1.0, Border::Full);
+        assert_eq!(full, mask(&[".####.", ".####.", ".####."]));
+    }
+
+    /// Shading inside of a lamp is not a border.
+    #[test]
+    fn the_inside_of_a_lamp_stays() {
+        let values = Image::from_pixels(
+            9,
+            9,
+            (0..81)
+                .map(|i| [if i == 40 { 100.0 } else { 10.0 }])
+                .collect(),
+        )
+        .unwrap();
+        assert_eq!(at_least(&values, 1.0, Border::Half).count(), 81);
+    }
+}

@@ -1,0 +1,219 @@
+//! What was found, for people and for machines.
+
+use crate::consistency::{Support, Verdict};
+use crate::level::Level;
+use crate::options::MaskOptions;
+use eagpt_scene::{Result, SceneError, files};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// All that was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MaskReport {
+    /// Effective options.
+    pub options: MaskOptions,
+    /// The level of linear radiance that was used, if there was one.
+    pub threshold: Option<f32>,
+    /// How it was found, if it was.
+    pub level: Option<Level>,
+    /// Each view, in the order of the dataset.
+    pub views: Vec<ViewReport>,
+    /// Each region of each view, those that were dropped included.
+    pub regions: Vec<RegionReport>,
+}
+
+/// One view.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// Its name.
+    pub name: String,
+    /// What to make of it.
+    pub verdict: ViewVerdict,
+    /// Pixels in its mask; null without a mask.
+    pub num_pixels: Option<u64>,
+    /// Their share of the image.
+    pub coverage: Option<f64>,
+    /// Regions in its mask, those that were dropped left out.
+    pub num_regions: usize,
+    /// Whether there was a label for it.
+    pub labelled: bool,
+    /// Regions that other views do not confirm.
+    pub num_inconsistent: usize,
+    /// Where it sees regions that others confirm, the share that it does not mask; null if that is nothing to speak of.
+    pub missed: Option<f64>,
+}
+
+/// What to make of a view's mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ViewVerdict {
+    /// There is a mask, and other views do not object.
+    Good,
+    /// The mask is empty: no emitter is seen.
+    Empty,
+    /// There is no mask: nothing is known.
+    Unknown,
+    /// Other views do not confirm some of its regions.
+    Inconsistent,
+    /// Other views show a lamp where it has none.
+    Incomplete,
+}
+
+impl ViewVerdict {
+    /// As in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Empty => "empty",
+            Self::Unknown => "unknown",
+            Self::Inconsistent => "inconsistent",
+            Self::Incomplete => "incomplete",
+        }
+    }
+}
+
+impl ViewReport {
+    /// The verdict that follows from the numbers.
+    pub(crate) fn judge(&self) -> ViewVerdict {
+        match self {
+            Self {
+                num_pixels: None, ..
+            } => ViewVerdict::Unknown,
+            Self {
+                missed: Some(_), ..
+            } => ViewVerdict::Incomplete,
+            view if view.num_inconsistent > 0 => ViewVerdict::Inconsistent,
+            Self {
+                num_pixels: Some(0),
+                ..
+            } => ViewVerdict::Empty,
+            _ => ViewVerdict::Good,
+        }
+    }
+}
+
+/// One region.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RegionReport {
+    /// Name of its view.
+    pub view: String,
+    /// Mean of its pixels' centres, pixels from the image's top left corner.
+    pub centre: [f64; 2],
+    /// Number of its pixels.
+    pub num_pixels: usize,
+    /// What other views say; null if they were not asked.
+    pub verdict: Option<Verdict>,
+    /// What they see.
+    #[serde(flatten)]
+    pub support: Support,
+    /// Whether it left the mask.
+    pub dropped: bool,
+}
+
+impl MaskReport {
+    /// Writes `report.json`, `views.csv` and `table.md` into `folder`, which has to be there.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the file that cannot be written.
+    pub(crate) fn write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join("report.json");
+        let json = serde_json::to_vec_pretty(self)
+            .map_err(|error| SceneError::invalid(&path, "report", error.to_string()))?;
+        files::write_bytes_atomic(&path, &json)?;
+        files::write_bytes_atomic(&folder.join("views.csv"), self.csv().as_bytes())?;
+        files::write_bytes_atomic(&folder.join("table.md"), self.markdown().as_bytes())
+    }
+
+    /// Number of views with a verdict.
+    pub fn num_with(&self, verdict: ViewVerdict) -> usize {
+        let views = self.views.iter();
+        views.filter(|view| view.verdict == verdict).count()
+    }
+
+    /// Mean coverage of the views with a mask; `None` if there are none.
+    pub fn mean_coverage(&self) -> Option<f64> {
+        let coverages: Vec<f64> = self.views.iter().filter_map(|v| v.coverage).collect();
+        (!coverages.is_empty()).then(|| coverages.iter().sum::<f64>() / coverages.len() as f64)
+    }
+
+    fn csv(&self) -> String {
+        let mut text = String::from(
+            "view,verdict,num_pixels,coverage,num_regions,labelled,num_inconsistent,missed\n",
+        );
+        for view in &self.views {
+            let name = match view.name.contains([',', '"', '\n']) {
+                true => format!("\"{}\"", view.name.replace('"', "\"\"")),
+                false => view.name.clone(),
+            };
+            let fields = [
+                name,
+                view.verdict.name().to_owned(),
+                view.num_pixels.map_or(String::new(), |n| n.to_string()),
+                view.coverage
+                    .map_or(String::new(), |share| share.to_string()),
+                view.num_regions.to_string(),
+                view.labelled.to_string(),
+                view.num_inconsistent.to_string(),
+                view.missed.map_or(String::new(), |share| share.to_string()),
+            ];
+            text += &fields.join(",");
+            text.push('\n');
+        }
+        text
+    }
+
+    fn markdown(&self) -> String {
+        let mut text = String::from(
+            "| view | verdict | coverage (%) | regions | not confirmed | missed (%) |\n|---|---|---:|---:|---:|---:|\n",
+        );
+        let percent =
+            |share: Option<f64>| share.map_or("–".to_owned(), |s| format!("{:.2}", 100.0 * s));
+        for view in &self.views {
+            // Writing to a string cannot fail.
+            writeln!(
+                text,
+                "| {} | {} | {} | {} | {} | {} |",
+                view.name.replace('|', "\\|"),
+                view.verdict.name(),
+                percent(view.coverage),
+                view.num_regions,
+                view.num_inconsistent,
+                percent(view.missed),
+            )
+            .expect("strings grow");
+        }
+        text += &format!(
+            "\nMean coverage of views with a mask: {} %.",
+            percent(self.mean_coverage())
+        );
+        if let Some(threshold) = self.threshold {
+            text += &format!(" Threshold: {threshold} linear radiance.");
+        }
+        let mut odd = self
+            .regions
+            .iter()
+            .filter(|region| region.verdict == Some(Verdict::Inconsistent))
+            .peekable();
+        if odd.peek().is_some() {
+            text += "\n\nRegions that other views do not confirm:\n\n| view | centre (px) | pixels | masked elsewhere (%) | views | dropped |\n|---|---|---:|---:|---:|---|\n";
+        } else {
+            text.push('\n');
+        }
+        for region in odd {
+            writeln!(
+                text,
+                "| {} | {:.0}, {:.0} | {} | {} | {} | {} |",
+                region.view.replace('|', "\\|"),
+                region.centre[0],
+                region.centre[1],
+                region.num_pixels,
+                percent(region.support.share()),
+                region.support.num_views,
+                if region.dropped { "yes" } else { "no" },
+            )
+            .expect("strings grow");
+        }
+        text
+    }
+}
