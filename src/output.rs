@@ -28,7 +28,7 @@ impl Replace {
 pub(crate) struct Target<'a> {
     /// The folder.
     pub(crate) dir: &'a Path,
-    /// File name of the result's record: [`FILE_NAME`] but where results share a folder.
+    /// File name of the result's record: `record.json` but where results share a folder.
     pub(crate) record: &'a str,
     /// Name of the command, as in its record: `--force` replaces results of the same command only.
     pub(crate) command: &'a str,

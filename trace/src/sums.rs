@@ -245,4 +245,34 @@ mod tests {
             rays[2]
         );
     }
+
+    #[test]
+    fn depth_is_along_the_optical_axis() {
+        // A wall 2 units in front of the camera: distances grow towards the corners, depths do not.
+        let camera = Camera {
+            width: 4,
+            height: 2,
+            fx: 2.0,
+            fy: 2.0,
+            cx: 2.0,
+            cy: 1.0,
+            world_from_camera: Default::default(),
+        };
+        let frame = camera.ray_frame();
+        let pixels = (0..8_u32).map(|i| {
+            let direction = frame.direction((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5);
+            let mut sums = Sums::default();
+            sums.0[lane::ALPHA] = 0.5;
+            sums.0[lane::DISTANCE] = 0.5 * 2.0 / direction.z;
+            sums
+        });
+        let sums = SumImage {
+            width: 4,
+            height: 2,
+            pixels: pixels.collect(),
+        };
+        for [value] in sums.depth(&camera).pixels() {
+            assert!((value - 2.0).abs() < 1e-6, "{value}");
+        }
+    }
 }
