@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, edit, eval, export, masks, render, train};
+use crate::{bake, edit, eval, export, masks, render, run, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -52,6 +52,8 @@ pub(crate) struct GlobalArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Init(run::InitArgs),
+    Run(run::RunArgs),
     Masks(masks::MasksArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
@@ -61,21 +63,28 @@ pub(crate) enum Command {
     Export(export::ExportArgs),
 }
 
-pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
+pub(crate) fn start(cli: &Cli) -> Result<ExitCode> {
     if let Some(threads) = cli.global.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.get())
             .build_global()
             .with_context(|| format!("--threads {threads}"))?;
     }
-    match cli.command {
-        Command::Masks(args) => masks::run(&args, &cli.global),
-        Command::Train(args) => train::run(&args, &cli.global),
-        Command::Edit(args) => edit::run(&args, &cli.global),
-        Command::Render(args) => render::run(&args, &cli.global),
-        Command::Bake(args) => bake::run(&args, &cli.global),
-        Command::Eval(args) => eval::run(&args, &cli.global),
-        Command::Export(args) => export::run(&args, &cli.global),
+    dispatch(&cli.command, &cli.global)
+}
+
+/// Runs a command.
+pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCode> {
+    match command {
+        Command::Init(args) => run::init(args, global),
+        Command::Run(args) => run::run(args, global),
+        Command::Masks(args) => masks::run(args, global),
+        Command::Train(args) => train::run(args, global),
+        Command::Edit(args) => edit::run(args, global),
+        Command::Render(args) => render::run(args, global),
+        Command::Bake(args) => bake::run(args, global),
+        Command::Eval(args) => eval::run(args, global),
+        Command::Export(args) => export::run(args, global),
     }
 }
 

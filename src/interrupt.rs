@@ -3,8 +3,8 @@
 use crate::terminal;
 use anyhow::{Context, Result};
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Exit code of a run stopped by Ctrl-C: 128 and the number of the signal, as shells have it.
 const EXIT_INTERRUPTED: u8 = 130;
@@ -14,12 +14,16 @@ pub(crate) fn exit_code() -> ExitCode {
     ExitCode::from(EXIT_INTERRUPTED)
 }
 
-/// A flag that the first Ctrl-C sets.
+/// The flag that the first Ctrl-C sets, one for the whole program: from the first call on, Ctrl-C no longer ends it at once.
 ///
 /// # Errors
 /// If the system takes no handler.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
+    static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    if let Some(flag) = FLAG.get() {
+        return Ok(Arc::clone(flag));
+    }
+    let stop = Arc::clone(FLAG.get_or_init(Arc::default));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {

@@ -2,6 +2,7 @@
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
 //! - [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`mod@run`]: all of them, one after the other.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
@@ -18,6 +19,7 @@ mod output;
 mod progress;
 mod record;
 mod render;
+mod run;
 mod terminal;
 mod train;
 
@@ -27,7 +29,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
     terminal::init(&cli.global);
-    match cli::run(cli) {
+    match cli::start(&cli) {
         Ok(code) => code,
         Err(error) => {
             terminal::line(&format!("error: {}", terminal::one_line(&error)));

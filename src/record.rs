@@ -7,6 +7,7 @@ use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::{Dataset, files};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::cell::RefCell;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
@@ -113,6 +114,31 @@ impl Input {
     }
 }
 
+thread_local! {
+    /// Arguments of a command that another command runs.
+    static INNER_ARGUMENTS: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
+}
+
+/// Runs a command as if it had been called with `arguments`: its record tells those, and not what the program was started with.
+pub(crate) fn with_arguments<T>(arguments: Vec<String>, command: impl FnOnce() -> T) -> T {
+    INNER_ARGUMENTS.set(Some(arguments));
+    let outcome = command();
+    INNER_ARGUMENTS.set(None);
+    outcome
+}
+
+/// The arguments of the command under way.
+fn arguments() -> Vec<String> {
+    INNER_ARGUMENTS
+        .with_borrow(Clone::clone)
+        .unwrap_or_else(|| {
+            let arguments = std::env::args_os().skip(1);
+            arguments
+                .map(|argument| argument.to_string_lossy().into_owned())
+                .collect()
+        })
+}
+
 /// A record under way: the clock runs from [`RecordBuilder::begin`].
 pub(crate) struct RecordBuilder {
     pub(crate) record: Record,
@@ -129,10 +155,7 @@ impl RecordBuilder {
             program: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: command.to_owned(),
-            arguments: std::env::args_os()
-                .skip(1)
-                .map(|argument| argument.to_string_lossy().into_owned())
-                .collect(),
+            arguments: arguments(),
             options: json(options)?,
             seed: None,
             device: None,
@@ -202,8 +225,15 @@ fn rounded(seconds: f64) -> Value {
     Value::from((seconds * 1e3).round() / 1e3)
 }
 
+/// Lets [`peak_memory_mib`] begin anew, where the system can: what a command needs is its own.
+pub(crate) fn forget_peak_memory() {
+    if let Err(error) = std::fs::write("/proc/self/clear_refs", "5") {
+        tracing::debug!("peak memory counts from the start of the program: {error}");
+    }
+}
+
 /// Peak resident memory, as the Linux kernel tells.
-fn peak_memory_mib() -> Option<f64> {
+pub(crate) fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;

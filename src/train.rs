@@ -84,6 +84,9 @@ pub(crate) struct TrainArgs {
     /// Memory that images may take, MiB [default: half of what is free]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..))]
     memory: Option<u64>,
+    /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it [default: those of the dataset]
+    #[arg(long, value_name = "DIR")]
+    masks: Option<PathBuf>,
     /// Print the effective options as TOML and stop
     #[arg(long)]
     dump_config: bool,
@@ -155,6 +158,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let out = args.out.clone().unwrap_or_default();
     let request = TrainRequest {
         dataset,
+        masks: args.masks.clone(),
         out,
         options,
         existing: match (args.resume, args.force) {

@@ -47,6 +47,8 @@ pub enum BadViews {
 pub struct TrainRequest {
     /// The dataset's folder or its transforms file.
     pub dataset: PathBuf,
+    /// Folder whose `Emissive-exr` holds the emission masks; without it, those of the dataset.
+    pub masks: Option<PathBuf>,
     /// The folder for results.
     pub out: PathBuf,
     /// Options.
@@ -99,7 +101,11 @@ pub fn train(
 ) -> Result<TrainSummary> {
     let options = &request.options;
     options.validate()?;
-    let dataset = Arc::new(Dataset::open(&request.dataset)?);
+    let mut dataset = Dataset::open(&request.dataset)?;
+    if let Some(masks) = &request.masks {
+        dataset = dataset.with_masks(masks)?;
+    }
+    let dataset = Arc::new(dataset);
     let split = dataset.split(options.split)?;
     let fingerprint = plan::fingerprint(&dataset, options)?;
     let folder = plan::Folder::new(&request.out);

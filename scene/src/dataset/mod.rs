@@ -126,6 +126,26 @@ impl Dataset {
         open::open(root, open::Images::IfThere)
     }
 
+    /// The same dataset with the emission masks in `folder/Emissive-exr` in place of its own; a view without one there has none.
+    ///
+    /// # Errors
+    /// [`crate::SceneError::Invalid`] naming the folder if it has no mask for any view.
+    pub fn with_masks(mut self, folder: &Path) -> Result<Self> {
+        let masks = folder.join(EMISSION_DIR);
+        for frame in &mut self.frames {
+            let path = masks.join(format!("{}.exr", frame.name));
+            frame.files.emission = path.is_file().then_some(path);
+        }
+        if self.frames.iter().all(|f| f.files.emission.is_none()) {
+            return Err(crate::SceneError::invalid(
+                &masks,
+                "masks",
+                format!("none is called like a view, as {}.exr", self.frames[0].name),
+            ));
+        }
+        Ok(self)
+    }
+
     /// The folder of the dataset.
     pub fn root(&self) -> &Path {
         &self.root

@@ -22,6 +22,20 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// A string, number or boolean, as text.
+    ///
+    /// # Errors
+    /// [`crate::SceneError::Script`] if it is none of them.
+    pub fn scalar(&self) -> Result<String> {
+        match self.value.get_ref() {
+            DeValue::String(text) => Ok(text.to_string()),
+            DeValue::Boolean(flag) => Ok(flag.to_string()),
+            DeValue::Float(float) => Ok(float.as_str().to_owned()),
+            DeValue::Integer(integer) if integer.radix() == 10 => Ok(integer.as_str().to_owned()),
+            _ => Err(self.unfit("string, number or boolean")),
+        }
+    }
+
     /// `true` or `false`.
     ///
     /// # Errors

@@ -1,0 +1,96 @@
+//! `eagpt run`: the whole chain from one file.
+//!
+//! - [`project`]: the file, and the options of each command in it.
+//! - [`plan`]: which commands follow from it, and what each reads and makes.
+//! - [`state`]: what was made from what, so that only what has changed is made again.
+//! - [`execute`]: the commands, one after the other.
+//! - [`verify`]: everything again, compared to the bit.
+
+mod execute;
+mod init;
+mod plan;
+mod project;
+mod state;
+mod verify;
+
+pub(crate) use init::{InitArgs, run as init};
+
+use crate::cli::GlobalArgs;
+use crate::terminal;
+use anyhow::Result;
+use clap::Args;
+use execute::{Range, Status};
+use plan::Plan;
+use project::Project;
+use state::Folder;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Run the whole chain that a project file describes
+///
+/// A project is a TOML file with a section for each step, whose keys are the options of the command of that step (`eagpt init` writes
+/// one with comments). Steps run only if their options, their inputs or what they take from earlier steps have changed since
+/// they last ran; a step that was stopped goes on where it can. All results go into one folder, as the commands write them, with run.json,
+/// which says what was made from what.
+#[derive(Debug, Args)]
+#[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
+pub(crate) struct RunArgs {
+    /// Project file
+    #[arg(value_name = "PROJECT.toml", required_unless_present = "verify")]
+    project: Option<PathBuf>,
+    /// Folder for all results [default: `out` of the project]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print the steps with their commands, what would run and why, time and memory, and do nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Stop after this step
+    #[arg(long, value_name = "STEP")]
+    until: Option<String>,
+    /// Run this step and everything after it, changed or not
+    #[arg(long, value_name = "STEP")]
+    from: Option<String>,
+    /// Make everything again that a finished run in RUN has made, in a folder of its own, and say what differs; exit code 1 if
+    /// anything does
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["project", "out", "dry_run", "from"])]
+    verify: Option<PathBuf>,
+}
+
+const OUTPUTS_AND_EXAMPLES: &str = "Folders in DIR, each as the command of that name writes it:
+  ingest/ dataset/ masks/ train/ edit/ bake/ render/CONDITION/MODE/ eval/CONDITION/MODE/ table/
+  report.html    everything to look at, one file
+  run.json       steps, commands, digests of what was read and made, times
+  project.toml   the project as it was run
+
+Examples:
+  eagpt init kitchen.toml --dataset kitchen
+  eagpt run kitchen.toml --dry-run
+  eagpt run kitchen.toml
+  eagpt run kitchen.toml --from masks --until train
+  eagpt run --verify runs/kitchen";
+
+pub(crate) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    if let Some(run) = &args.verify {
+        return verify::run(run, args.until.as_deref(), global);
+    }
+    // clap asks for it unless --verify is given.
+    let path = args.project.clone().unwrap_or_default();
+    let project = Project::read(&path, args.out.as_deref())?;
+    let plan = Plan::of(&project)?;
+    let range = Range::new(&plan, args.from.as_deref(), args.until.as_deref())?;
+    if args.dry_run {
+        let folder = Folder::look_at(&project.out)?;
+        return execute::dry_run(&plan, &folder, &range, global);
+    }
+    let mut folder = Folder::open(&project.out)?;
+    folder.keep_project(&project)?;
+    match execute::run(&plan, &mut folder, &range, global)? {
+        Status::Done => Ok(ExitCode::SUCCESS),
+        Status::Interrupted => {
+            if !global.quiet {
+                terminal::line("stopped: the same command goes on from here");
+            }
+            Ok(crate::interrupt::exit_code())
+        }
+    }
+}

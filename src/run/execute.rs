@@ -1,0 +1,310 @@
+//! The steps of a run, one after the other.
+
+use super::plan::{Plan, Restart, Step};
+use super::state::{Folder, StepRecord};
+use crate::cli::{self, GlobalArgs};
+use crate::output;
+use crate::progress::{Reporter, duration};
+use crate::record;
+use crate::terminal;
+use anyhow::{Context, Result, bail};
+use eagpt_scene::files;
+use serde::Serialize;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Status {
+    Done,
+    /// Ctrl-C.
+    Interrupted,
+}
+
+/// Which steps may run.
+#[derive(Debug)]
+pub(super) struct Range {
+    /// From here on steps run whether anything has changed or not.
+    from: Option<usize>,
+    /// The last step.
+    until: usize,
+}
+
+impl Range {
+    /// The steps between two names.
+    ///
+    /// # Errors
+    /// If there is no such step, or the last comes before the first.
+    pub(super) fn new(plan: &Plan, from: Option<&str>, until: Option<&str>) -> Result<Self> {
+        let last = plan.steps.len() - 1;
+        let from_index = from.map(|name| plan.find(name)).transpose()?;
+        let until_index = until.map(|name| plan.find_last(name)).transpose()?;
+        let range = Self {
+            from: from_index,
+            until: until_index.unwrap_or(last),
+        };
+        if range.from.is_some_and(|from| from > range.until) {
+            bail!(
+                "--from {}: comes after --until {}",
+                from.unwrap_or_default(),
+                until.unwrap_or_default()
+            );
+        }
+        Ok(range)
+    }
+
+    fn is_forced(&self, index: usize) -> bool {
+        self.from.is_some_and(|from| index >= from)
+    }
+}
+
+/// Why a step runs or does not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Reason {
+    /// It has been done and nothing has changed.
+    UpToDate,
+    /// It has not been done.
+    New,
+    /// It was begun and stopped.
+    Unfinished,
+    /// Its options or what it reads have changed.
+    Changed,
+    /// Its products have changed or are gone.
+    Damaged,
+    /// `--from` says so.
+    Asked,
+    /// A step before it will run, and may change what this one takes.
+    Depends,
+}
+
+impl Reason {
+    fn text(self) -> &'static str {
+        match self {
+            Self::UpToDate => "up to date",
+            Self::New => "new",
+            Self::Unfinished => "goes on",
+            Self::Changed => "changed",
+            Self::Damaged => "results were changed",
+            Self::Asked => "asked for",
+            Self::Depends => "depends on a step before",
+        }
+    }
+}
+
+fn reason(step: &Step, folder: &mut Folder, key: &str, forced: bool) -> Reason {
+    let Some(record) = folder.record.steps.get(&step.name).cloned() else {
+        return Reason::New;
+    };
+    if forced {
+        Reason::Asked
+    } else if record.key != key {
+        Reason::Changed
+    } else if !record.done {
+        Reason::Unfinished
+    } else if !folder.is_intact(step, &record) {
+        Reason::Damaged
+    } else {
+        Reason::UpToDate
+    }
+}
+
+/// Runs what has to run.
+///
+/// # Errors
+/// The error of a command, with the name of its step.
+pub(super) fn run(
+    plan: &Plan,
+    folder: &mut Folder,
+    range: &Range,
+    global: &GlobalArgs,
+) -> Result<Status> {
+    let stop = crate::interrupt::stop_flag()?;
+    let reporter = Reporter::new(global);
+    let total = range.until + 1;
+    for (index, step) in plan.steps.iter().take(total).enumerate() {
+        let key = folder.key(plan, step)?;
+        let reason = reason(step, folder, &key, range.is_forced(index));
+        reporter.note(&format!(
+            "[{}/{total}] {}: {}",
+            index + 1,
+            step.name,
+            reason.text()
+        ));
+        reporter.message(&Told::new(step, index, total, reason))?;
+        if reason == Reason::UpToDate {
+            continue;
+        }
+        let code = execute(step, folder, key, reason, global)
+            .with_context(|| format!("step {}", step.name))?;
+        if stop.load(Ordering::Relaxed) || code == crate::interrupt::exit_code() {
+            return Ok(Status::Interrupted);
+        }
+        if code != ExitCode::SUCCESS {
+            bail!("step {}: did not come to its end", step.name);
+        }
+    }
+    Ok(Status::Done)
+}
+
+/// Runs one step and notes what it made.
+fn execute(
+    step: &Step,
+    folder: &mut Folder,
+    key: String,
+    reason: Reason,
+    global: &GlobalArgs,
+) -> Result<ExitCode> {
+    let mut arguments = step.arguments.clone();
+    let again = again(step, folder, reason);
+    if again == Some(FORCE) {
+        remove_files(step)?;
+    }
+    arguments.extend(again.map(str::to_owned));
+    let begun = StepRecord {
+        command: arguments.clone(),
+        key,
+        ..StepRecord::default()
+    };
+    folder.record.steps.insert(step.name.clone(), begun.clone());
+    folder.save()?;
+    let parsed = Step {
+        name: step.name.clone(),
+        arguments: arguments.clone(),
+        reads: Vec::new(),
+        after: Vec::new(),
+        products: Vec::new(),
+        restart: step.restart,
+    };
+    let command = parsed.parse()?;
+    record::forget_peak_memory();
+    let started = Instant::now();
+    let code = record::with_arguments(arguments, || cli::dispatch(&command, global))?;
+    if code == ExitCode::SUCCESS {
+        let products = folder.products(step)?;
+        let done = StepRecord {
+            done: true,
+            products,
+            seconds: started.elapsed().as_secs_f64(),
+            peak_memory_mib: record::peak_memory_mib(),
+            ..begun
+        };
+        folder.record.steps.insert(step.name.clone(), done);
+        folder.save()?;
+    }
+    Ok(code)
+}
+
+/// The flag by which commands replace their own earlier results.
+const FORCE: &str = "--force";
+
+/// Removes products that are single files: one without its record, as of a step that was killed, is nobody's to a command.
+fn remove_files(step: &Step) -> Result<()> {
+    for product in step.products.iter().filter(|product| product.is_file()) {
+        files::remove_if_there(product)?;
+        files::remove_if_there(&output::record_path(product))?;
+    }
+    Ok(())
+}
+
+/// How a command is told about what an earlier one has left.
+fn again(step: &Step, folder: &Folder, reason: Reason) -> Option<&'static str> {
+    let resumes = match step.restart {
+        Restart::Resume(left) => {
+            let out = step.products.first().and_then(|product| product.parent());
+            reason == Reason::Unfinished && out.is_some_and(|out| out.join(left).exists())
+        }
+        Restart::Itself => reason == Reason::Unfinished,
+        Restart::Anew => false,
+    };
+    let is_known = folder.record.steps.contains_key(&step.name);
+    match step.restart {
+        Restart::Resume(_) if resumes => Some("--resume"),
+        _ if resumes || !is_known => None,
+        _ => Some(FORCE),
+    }
+}
+
+/// A step as it is told to machines.
+#[derive(Serialize)]
+struct Told<'a> {
+    message: &'static str,
+    step: &'a str,
+    index: usize,
+    total: usize,
+    reason: Reason,
+    command: String,
+}
+
+impl<'a> Told<'a> {
+    fn new(step: &'a Step, index: usize, total: usize, reason: Reason) -> Self {
+        Self {
+            message: "step",
+            step: &step.name,
+            index: index + 1,
+            total,
+            reason,
+            command: step.shown(),
+        }
+    }
+}
+
+/// Prints what would run.
+///
+/// # Errors
+/// If what the steps read is not there, or standard output cannot be written.
+pub(super) fn dry_run(
+    plan: &Plan,
+    folder: &Folder,
+    range: &Range,
+    global: &GlobalArgs,
+) -> Result<ExitCode> {
+    let mut folder = Folder::look_at(&folder.dir)?;
+    let reporter = Reporter::new(global);
+    let mut runs = vec![false; plan.steps.len()];
+    let (mut text, mut seconds, mut num_unknown) = (String::new(), 0.0, 0);
+    let total = range.until + 1;
+    for (index, step) in plan.steps.iter().take(total).enumerate() {
+        let key = folder.key(plan, step)?;
+        let mut why = reason(step, &mut folder, &key, range.is_forced(index));
+        if why == Reason::UpToDate && step.after.iter().any(|&earlier| runs[earlier]) {
+            why = Reason::Depends;
+        }
+        runs[index] = why != Reason::UpToDate;
+        reporter.message(&Told::new(step, index, total, why))?;
+        let known = folder.record.steps.get(&step.name);
+        let known = known.filter(|record| record.seconds > 0.0);
+        let mut cost = String::new();
+        if let Some(record) = known {
+            cost = format!(", {} last time", duration(record.seconds));
+            if let Some(mib) = record.peak_memory_mib {
+                cost += &format!(" and {mib:.0} MiB");
+            }
+        }
+        if runs[index] {
+            seconds += known.map_or(0.0, |record| record.seconds);
+            num_unknown += usize::from(known.is_none());
+        }
+        text += &format!(
+            "[{}/{total}] {}: {}{cost}\n    {}\n",
+            index + 1,
+            step.name,
+            why.text(),
+            step.shown()
+        );
+    }
+    let num = runs.iter().filter(|&&runs| runs).count();
+    text += &format!("{num} of {total} steps would run");
+    if num > 0 {
+        text += &format!(
+            ": {} by what they took last time, {num_unknown} of them never ran",
+            duration(seconds)
+        );
+    }
+    text.push('\n');
+    if !global.json {
+        terminal::print(&text)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,385 @@
+//! The commands that follow from a project, in an order in which each finds what it needs.
+
+use super::project::{ORIGINAL, Options, Project, Relight, Source};
+use crate::cli::{Cli, Command};
+use anyhow::{Result, anyhow, bail};
+use clap::Parser;
+use eagpt_edit::Script;
+use eagpt_scene::Dataset;
+use std::path::{Path, PathBuf};
+
+/// One command of the chain.
+#[derive(Debug)]
+pub(super) struct Step {
+    /// Its name, as `render/original/path`.
+    pub(super) name: String,
+    /// Its arguments, the command's name first.
+    pub(super) arguments: Vec<String>,
+    /// Files and folders outside of the run that it reads.
+    pub(super) reads: Vec<PathBuf>,
+    /// Indices of the steps whose products it takes.
+    pub(super) after: Vec<usize>,
+    /// Files and folders that others take from it.
+    pub(super) products: Vec<PathBuf>,
+    /// How it goes on after it was stopped.
+    pub(super) restart: Restart,
+}
+
+/// What to do about what a step has left that was stopped, or whose inputs have changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Restart {
+    /// It begins again.
+    Anew,
+    /// `--resume` goes on if nothing has changed, where this file is there.
+    Resume(&'static str),
+    /// The command finds out itself.
+    Itself,
+}
+
+/// All steps.
+#[derive(Debug)]
+pub(super) struct Plan {
+    pub(super) steps: Vec<Step>,
+    /// Folder for all results.
+    pub(super) out: PathBuf,
+    /// Folder of the project file.
+    pub(super) here: PathBuf,
+}
+
+impl Plan {
+    /// The steps of a project. Every command is parsed: an option that cannot be is found here, before anything runs.
+    pub(super) fn of(project: &Project) -> Result<Self> {
+        let mut plan = Self {
+            steps: Vec::new(),
+            out: project.out.clone(),
+            here: project.path.parent().unwrap_or(Path::new("")).to_owned(),
+        };
+        let Source::Dataset(dataset) = &project.source;
+        let masks = project
+            .masks
+            .as_ref()
+            .map(|options| plan.masks(dataset, options));
+        let train = plan.train(dataset, masks, &project.train);
+        let scene = plan.out.join("train/scene.ply");
+        let mut evaluated = plan.condition(
+            project,
+            &Condition {
+                name: ORIGINAL,
+                scene: &scene,
+                made_by: train,
+                dataset,
+                reference: Some(dataset),
+                split: None,
+                is_changed: false,
+            },
+        );
+        for relight in &project.relight {
+            let (scene, edit) = plan.edit(relight, &scene, train);
+            evaluated.extend(plan.condition(
+                project,
+                &Condition {
+                    name: &relight.name,
+                    scene: &scene,
+                    made_by: edit,
+                    dataset,
+                    reference: relight.reference.as_deref(),
+                    split: relight.split.as_deref(),
+                    is_changed: true,
+                },
+            ));
+        }
+        if !evaluated.is_empty() {
+            plan.table(&evaluated);
+        }
+        plan.check_inputs(project)?;
+        for step in &plan.steps {
+            step.parse().map_err(|error| {
+                anyhow!("{}: step {}: {error}", project.path.display(), step.name)
+            })?;
+        }
+        Ok(plan)
+    }
+
+    /// Reads what people write and what every later step needs: an error should come before hours of work.
+    fn check_inputs(&self, project: &Project) -> Result<()> {
+        let Source::Dataset(dataset) = &project.source;
+        let dataset = Dataset::open(dataset)?;
+        for relight in &project.relight {
+            Script::read(&relight.script)?;
+            if let Some(reference) = &relight.reference {
+                let reference = Dataset::open(reference)?;
+                let is_there = |name: &str| reference.frames().iter().any(|f| f.name == name);
+                if !dataset.frames().iter().any(|frame| is_there(&frame.name)) {
+                    bail!(
+                        "{}: frames: no view is called like one of {}",
+                        reference.transforms().display(),
+                        dataset.transforms().display()
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The index of a step; a name without "/" stands for the first of its kind too.
+    pub(super) fn find(&self, name: &str) -> Result<usize> {
+        let mut names = self.steps.iter().map(|step| step.name.as_str());
+        let kind = |full: &str| full.split('/').next() == Some(name);
+        let found = names
+            .clone()
+            .position(|full| full == name)
+            .or_else(|| names.clone().position(kind));
+        found.ok_or_else(|| {
+            let all: Vec<&str> = names.by_ref().collect();
+            anyhow!("`{name}` is no step; there are {}", all.join(", "))
+        })
+    }
+
+    /// The index of a step; a name without "/" stands for the last of its kind too.
+    pub(super) fn find_last(&self, name: &str) -> Result<usize> {
+        let kind = |step: &Step| step.name.split('/').next() == Some(name);
+        match self.steps.iter().rposition(kind) {
+            Some(index) => Ok(index),
+            None => self.find(name),
+        }
+    }
+
+    fn push(&mut self, step: Step) -> usize {
+        self.steps.push(step);
+        self.steps.len() - 1
+    }
+
+    fn masks(&mut self, dataset: &Path, options: &Options) -> usize {
+        let out = self.out.join("masks");
+        let mut arguments = words(&["masks"], &[dataset]);
+        arguments.extend(options.iter().cloned());
+        self.push(Step {
+            name: "masks".to_owned(),
+            arguments: with_out(arguments, &out),
+            reads: vec![dataset.to_owned()],
+            after: Vec::new(),
+            products: vec![out.join("Emissive-exr")],
+            restart: Restart::Anew,
+        })
+    }
+
+    fn train(&mut self, dataset: &Path, masks: Option<usize>, options: &Options) -> usize {
+        let out = self.out.join("train");
+        let mut arguments = words(&["train"], &[dataset]);
+        if masks.is_some() {
+            arguments.extend(words(&["--masks"], &[&self.out.join("masks")]));
+        }
+        arguments.extend(options.iter().cloned());
+        self.push(Step {
+            name: "train".to_owned(),
+            arguments: with_out(arguments, &out),
+            reads: vec![dataset.to_owned()],
+            after: masks.into_iter().collect(),
+            products: vec![out.join("scene.ply")],
+            restart: Restart::Resume("checkpoints"),
+        })
+    }
+
+    fn edit(&mut self, relight: &Relight, scene: &Path, train: usize) -> (PathBuf, usize) {
+        let out = self.out.join("edit").join(format!("{}.ply", relight.name));
+        let step = self.push(Step {
+            name: format!("edit/{}", relight.name),
+            arguments: with_out(words(&["edit"], &[scene, &relight.script]), &out),
+            reads: vec![relight.script.clone()],
+            after: vec![train],
+            products: vec![out.clone()],
+            restart: Restart::Anew,
+        });
+        (out, step)
+    }
+
+    /// Baking, rendering and measuring of one light; returns the evaluations.
+    fn condition(&mut self, project: &Project, condition: &Condition<'_>) -> Vec<Evaluated> {
+        let mut rendered = Vec::new();
+        for (mode, options) in &project.modes {
+            let step = self.render(mode, mode, condition, options);
+            rendered.push((mode.clone(), step));
+        }
+        let zero_bounce = project.modes.iter().find(|(mode, _)| mode == "0-bounce");
+        if let (Some(options), true) = (&project.bake, condition.is_changed) {
+            let baked = self.bake(condition, options);
+            let seen = Condition {
+                scene: &self
+                    .out
+                    .join("bake")
+                    .join(format!("{}.ply", condition.name)),
+                made_by: baked,
+                ..*condition
+            };
+            let options = zero_bounce.map(|(_, options)| options.clone());
+            let step = self.render("baked", "0-bounce", &seen, &options.unwrap_or_default());
+            rendered.push(("baked".to_owned(), step));
+        }
+        let Some(reference) = condition.reference else {
+            return Vec::new();
+        };
+        rendered
+            .into_iter()
+            .map(|(row, step)| self.eval(project, &row, step, condition, reference))
+            .collect()
+    }
+
+    fn bake(&mut self, condition: &Condition<'_>, options: &Options) -> usize {
+        let out = self
+            .out
+            .join("bake")
+            .join(format!("{}.ply", condition.name));
+        let mut arguments = words(&["bake"], &[condition.scene]);
+        arguments.extend(words(&["--cameras"], &[condition.dataset]));
+        arguments.extend(options.iter().cloned());
+        self.push(Step {
+            name: format!("bake/{}", condition.name),
+            arguments: with_out(arguments, &out),
+            reads: vec![transforms(condition.dataset)],
+            after: vec![condition.made_by],
+            products: vec![out],
+            restart: Restart::Itself,
+        })
+    }
+
+    fn render(
+        &mut self,
+        row: &str,
+        mode: &str,
+        condition: &Condition<'_>,
+        options: &Options,
+    ) -> usize {
+        let out = self.out.join("render").join(condition.name).join(row);
+        let mut arguments = words(&["render"], &[condition.scene]);
+        arguments.extend(words(&["--cameras"], &[condition.dataset]));
+        arguments.extend(["--mode".to_owned(), mode.to_owned()]);
+        arguments.extend(options.iter().cloned());
+        self.push(Step {
+            name: format!("render/{}/{row}", condition.name),
+            arguments: with_out(arguments, &out),
+            reads: vec![transforms(condition.dataset)],
+            after: vec![condition.made_by],
+            products: vec![out],
+            restart: Restart::Anew,
+        })
+    }
+
+    fn eval(
+        &mut self,
+        project: &Project,
+        row: &str,
+        render: usize,
+        condition: &Condition<'_>,
+        reference: &Path,
+    ) -> Evaluated {
+        let renders = self.out.join("render").join(condition.name).join(row);
+        let out = self.out.join("eval").join(condition.name).join(row);
+        let mut arguments = words(&["eval"], &[&renders]);
+        arguments.extend(words(&["--reference"], &[reference]));
+        arguments.extend(["--name".to_owned(), condition.name.to_owned()]);
+        if let Some(split) = condition.split {
+            arguments.extend(["--split".to_owned(), split.to_owned()]);
+        }
+        let mut reads = vec![reference.to_owned()];
+        if condition.is_changed {
+            arguments.extend(words(&["--before"], &[condition.dataset]));
+            reads.push(condition.dataset.to_owned());
+        }
+        arguments.extend(project.eval.iter().cloned());
+        let step = self.push(Step {
+            name: format!("eval/{}/{row}", condition.name),
+            arguments: with_out(arguments, &out),
+            reads,
+            after: vec![render],
+            products: vec![out.join("metrics.json")],
+            restart: Restart::Anew,
+        });
+        Evaluated {
+            row: row.to_owned(),
+            folder: out,
+            step,
+        }
+    }
+
+    fn table(&mut self, evaluated: &[Evaluated]) {
+        let mut arguments = words(&["eval", "table"], &[]);
+        let cells = evaluated.iter();
+        arguments.extend(cells.map(|one| format!("{}={}", one.row, one.folder.display())));
+        let out = self.out.join("table");
+        self.push(Step {
+            name: "table".to_owned(),
+            arguments: with_out(arguments, &out),
+            reads: Vec::new(),
+            after: evaluated.iter().map(|one| one.step).collect(),
+            products: vec![out],
+            restart: Restart::Anew,
+        });
+    }
+}
+
+/// A light to render and measure.
+#[derive(Clone, Copy)]
+struct Condition<'a> {
+    name: &'a str,
+    scene: &'a Path,
+    /// The step that makes the scene.
+    made_by: usize,
+    /// Dataset whose cameras count.
+    dataset: &'a Path,
+    reference: Option<&'a Path>,
+    split: Option<&'a str>,
+    /// Whether it is another light than that of the photographs.
+    is_changed: bool,
+}
+
+/// An evaluation on its way into the table.
+struct Evaluated {
+    row: String,
+    folder: PathBuf,
+    step: usize,
+}
+
+impl Step {
+    /// The command with its arguments checked.
+    pub(super) fn parse(&self) -> Result<Command> {
+        let words = std::iter::once("eagpt").chain(self.arguments.iter().map(String::as_str));
+        let cli = Cli::try_parse_from(words).map_err(|error| {
+            let text = error.to_string();
+            let first = text.lines().next().unwrap_or_default();
+            anyhow!("{}", first.trim_start_matches("error: ").to_owned())
+        })?;
+        Ok(cli.command)
+    }
+
+    /// The command as one would type it.
+    pub(super) fn shown(&self) -> String {
+        let quoted = self.arguments.iter().map(|word| {
+            let is_plain = |c: char| c.is_alphanumeric() || "-_./,=:+%@".contains(c);
+            match !word.is_empty() && word.chars().all(is_plain) {
+                true => word.clone(),
+                false => format!("'{}'", word.replace('\'', "'\\''")),
+            }
+        });
+        format!("eagpt {}", quoted.collect::<Vec<_>>().join(" "))
+    }
+}
+
+fn words(words: &[&str], paths: &[&Path]) -> Vec<String> {
+    let words = words.iter().map(|word| (*word).to_owned());
+    let paths = paths.iter().map(|path| path.display().to_string());
+    words.chain(paths).collect()
+}
+
+fn with_out(mut arguments: Vec<String>, out: &Path) -> Vec<String> {
+    arguments.extend(words(&["--out"], &[out]));
+    arguments
+}
+
+/// What a command reads that needs the cameras of a dataset alone.
+fn transforms(dataset: &Path) -> PathBuf {
+    if dataset.is_dir() {
+        dataset.join(eagpt_scene::dataset::TRANSFORMS_FILE)
+    } else {
+        dataset.to_owned()
+    }
+}

@@ -1,0 +1,330 @@
+//! The project file: a section for each step, whose keys are the options of a command.
+
+use crate::cli::Cli;
+use anyhow::Result;
+use clap::{ArgAction, Command, CommandFactory};
+use eagpt_scene::script::{Node, Table, Text};
+use eagpt_scene::{SceneError, files};
+use std::any::TypeId;
+use std::path::{Path, PathBuf};
+
+/// A project, its file checked as far as that goes without looking at what it names.
+#[derive(Debug)]
+pub(super) struct Project {
+    /// The file.
+    pub(super) path: PathBuf,
+    /// Its content.
+    pub(super) text: String,
+    /// Folder for all results.
+    pub(super) out: PathBuf,
+    /// Where the photographs come from.
+    pub(super) source: Source,
+    /// Options of `eagpt masks`; `None` if masks are to be those of the dataset.
+    pub(super) masks: Option<Options>,
+    /// Options of `eagpt train`.
+    pub(super) train: Options,
+    /// Changes of the light, to be rendered and, where there are references, measured.
+    pub(super) relight: Vec<Relight>,
+    /// Modes of rendering, in the order of the file, with their options of `eagpt render`.
+    pub(super) modes: Vec<(String, Options)>,
+    /// Options of `eagpt bake`; `None` if nothing is baked.
+    pub(super) bake: Option<Options>,
+    /// Options of `eagpt eval`.
+    pub(super) eval: Options,
+}
+
+/// Where the photographs come from.
+#[derive(Debug)]
+pub(super) enum Source {
+    /// A dataset that is there.
+    Dataset(PathBuf),
+}
+
+/// A change of the light.
+#[derive(Debug)]
+pub(super) struct Relight {
+    /// Its name.
+    pub(super) name: String,
+    /// The edit script.
+    pub(super) script: PathBuf,
+    /// Dataset with what it should look like.
+    pub(super) reference: Option<PathBuf>,
+    /// Views of the reference to measure; else the test views.
+    pub(super) split: Option<String>,
+}
+
+/// Arguments of a command that a section of the project gives.
+pub(super) type Options = Vec<String>;
+
+/// Modes that `eagpt render` has.
+const MODES: [&str; 3] = ["0-bounce", "1-bounce", "path"];
+/// Name of the condition that was photographed.
+pub(super) const ORIGINAL: &str = "original";
+
+impl Project {
+    /// Reads a project file; `out` goes before what it says itself. Paths in it are relative to its folder.
+    pub(super) fn read(path: &Path, out: Option<&Path>) -> Result<Self> {
+        Self::parse(path, &files::read(path)?, out)
+    }
+
+    /// As [`Self::read`] for a file's content.
+    pub(super) fn parse(path: &Path, bytes: &[u8], out: Option<&Path>) -> Result<Self> {
+        let text = Text::new(path, bytes)?;
+        let value = text.parse()?;
+        let root = Node::root(text, &value).table(&[
+            "out", "seed", "dataset", "masks", "train", "relight", "render", "bake", "eval",
+        ])?;
+        let here = path.parent().unwrap_or(Path::new(""));
+        let at = |node: Node<'_>| -> Result<PathBuf> { Ok(here.join(node.string()?)) };
+        let command = Cli::command();
+        let reader = Reader {
+            command: &command,
+            here,
+            seed: root
+                .get("seed")
+                .map(|node| node.whole(0..=u32::MAX))
+                .transpose()?,
+        };
+        let out = match (out, root.get("out")) {
+            (Some(out), _) => out.to_owned(),
+            (None, Some(node)) => at(node)?,
+            (None, None) => path.with_extension(""),
+        };
+        let section = |name: &str| match root.get(name) {
+            Some(node) => reader.section(name, &node).map(Some),
+            None => Ok(None),
+        };
+        let dataset = root.need("dataset")?;
+        let relight = root.get("relight").map(|node| node.array()).transpose()?;
+        let relight = relight.unwrap_or_default();
+        let relight: Vec<Relight> = relight
+            .iter()
+            .map(|node| reader.relight(node))
+            .collect::<Result<_>>()?;
+        if let Some((twice, node)) = relight.iter().enumerate().find_map(|(i, one)| {
+            let twice = relight[..i].iter().any(|other| other.name == one.name);
+            twice.then_some((&one.name, root.get("relight")?))
+        }) {
+            return Err(node
+                .error(format!("two conditions are called `{twice}`"))
+                .into());
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            text: String::from_utf8_lossy(bytes).into_owned(),
+            out,
+            source: Source::Dataset(at(dataset)?),
+            masks: section("masks")?,
+            train: section("train")?.unwrap_or_else(|| reader.seeded("train")),
+            modes: reader.modes(&root)?,
+            bake: section("bake")?,
+            eval: section("eval")?.unwrap_or_default(),
+            relight,
+        })
+    }
+}
+
+/// Turns keys and values into arguments of the command that knows them.
+struct Reader<'a> {
+    command: &'a Command,
+    /// Folder of the project file.
+    here: &'a Path,
+    /// Seed of every command that has one.
+    seed: Option<u32>,
+}
+
+/// Options that are for `eagpt run` to give.
+const RESERVED: [&str; 8] = [
+    "out",
+    "force",
+    "resume",
+    "cameras",
+    "reference",
+    "mode",
+    "name",
+    "json",
+];
+
+impl Reader<'_> {
+    /// The seed of the project for a command that takes one.
+    fn seeded(&self, name: &str) -> Options {
+        let takes_seed = self.find(name, "seed").is_some();
+        match self.seed.filter(|_| takes_seed) {
+            Some(seed) => vec!["--seed".to_owned(), seed.to_string()],
+            None => Vec::new(),
+        }
+    }
+
+    fn find(&self, name: &str, option: &str) -> Option<&clap::Arg> {
+        let command = self.command.find_subcommand(name)?;
+        let mut arguments = command.get_arguments();
+        arguments.find(|argument| argument.get_long() == Some(option))
+    }
+
+    /// The options of a section that is called like its command.
+    fn section(&self, name: &str, node: &Node<'_>) -> Result<Options> {
+        self.options(name, &node.any_table()?, &[])
+    }
+
+    /// The options that a table gives to a command, keys of `own` left out.
+    fn options(&self, name: &str, table: &Table<'_>, own: &[&str]) -> Result<Options> {
+        let mut options = Vec::new();
+        if table.get("seed").is_none() {
+            options.extend(self.seeded(name));
+        }
+        for (key, node) in table.entries().filter(|(key, _)| !own.contains(key)) {
+            let long = key.replace('_', "-");
+            let known = self
+                .find(name, &long)
+                .filter(|_| !RESERVED.contains(&long.as_str()));
+            let Some(argument) = known else {
+                return Err(node.error(self.unknown(name)).into());
+            };
+            self.push(&mut options, argument, &format!("--{long}"), &node)?;
+        }
+        Ok(options)
+    }
+
+    fn unknown(&self, name: &str) -> String {
+        let command = self.command.find_subcommand(name);
+        let arguments = command.into_iter().flat_map(Command::get_arguments);
+        let known: Vec<String> = arguments
+            .filter(|argument| !argument.is_global_set())
+            .filter_map(|argument| argument.get_long())
+            .filter(|long| !RESERVED.contains(long))
+            .map(|long| long.replace('-', "_"))
+            .collect();
+        format!(
+            "no such option of `eagpt {name}`; it has {}",
+            known.join(", ")
+        )
+    }
+
+    fn push(
+        &self,
+        options: &mut Options,
+        argument: &clap::Arg,
+        flag: &str,
+        node: &Node<'_>,
+    ) -> Result<()> {
+        if matches!(argument.get_action(), ArgAction::SetTrue) {
+            if node.flag()? {
+                options.push(flag.to_owned());
+            }
+            return Ok(());
+        }
+        let is_path = argument.get_value_parser().type_id() == TypeId::of::<PathBuf>();
+        let text = |node: &Node<'_>| -> Result<String, SceneError> {
+            let text = node.scalar()?;
+            if is_path {
+                return Ok(self.here.join(&text).display().to_string());
+            }
+            Ok(text)
+        };
+        let Ok(items) = node.array() else {
+            options.extend([flag.to_owned(), text(node)?]);
+            return Ok(());
+        };
+        let items: Vec<String> = items.iter().map(text).collect::<Result<_, _>>()?;
+        if argument.get_value_delimiter().is_some() {
+            options.extend([flag.to_owned(), items.join(",")]);
+        } else if matches!(argument.get_action(), ArgAction::Append) {
+            options.extend(items.into_iter().flat_map(|item| [flag.to_owned(), item]));
+        } else {
+            return Err(node.error("takes one value, not several").into());
+        }
+        Ok(())
+    }
+
+    fn relight(&self, node: &Node<'_>) -> Result<Relight> {
+        let table = node.table(&["name", "script", "reference", "split"])?;
+        let name = table.need("name")?;
+        let is_name = |text: &str| {
+            let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+            !text.is_empty() && text != ORIGINAL && text.chars().all(plain)
+        };
+        if !is_name(name.string()?) {
+            return Err(name
+                .error(format!(
+                    "`{}` is no name of letters, digits, - and _ other than `{ORIGINAL}`",
+                    name.string()?
+                ))
+                .into());
+        }
+        let path = |key: &str| -> Result<Option<PathBuf>> {
+            let node = table.get(key);
+            let text = node.map(|node| node.string()).transpose()?;
+            Ok(text.map(|text| self.here.join(text)))
+        };
+        table.need("script")?;
+        Ok(Relight {
+            name: name.string()?.to_owned(),
+            script: path("script")?.unwrap_or_default(),
+            reference: path("reference")?,
+            split: table
+                .get("split")
+                .map(|node| node.string().map(str::to_owned))
+                .transpose()?,
+        })
+    }
+
+    /// `[render]` holds options of all modes and `modes`, `[render.path]` those of one mode.
+    fn modes(&self, root: &Table<'_>) -> Result<Vec<(String, Options)>> {
+        let Some(node) = root.get("render") else {
+            let seeded = |mode: &str| (mode.to_owned(), self.seeded("render"));
+            return Ok(MODES.map(seeded).into());
+        };
+        let table = node.any_table()?;
+        let names: Vec<String> = match table.get("modes") {
+            None => MODES.map(str::to_owned).into(),
+            Some(list) => list
+                .array()?
+                .iter()
+                .map(|mode| match mode.string()? {
+                    name if MODES.contains(&name) => Ok(name.to_owned()),
+                    name => Err(mode.error(format!(
+                        "`{name}` is no mode; there are {}",
+                        MODES.join(", ")
+                    ))),
+                })
+                .collect::<Result<_, SceneError>>()?,
+        };
+        let mut own = vec!["modes"];
+        own.extend(MODES);
+        let common = self.options("render", &table, &own)?;
+        let mut modes = Vec::new();
+        for name in names {
+            let mut options = common.clone();
+            if let Some(node) = table.get(&name) {
+                let table = node.any_table()?;
+                // The mode's own options come last, and win.
+                remove_given(&mut options, &table);
+                options.extend(self.options("render", &table, &[])?);
+                remove_first_seed(&mut options);
+            }
+            modes.push((name, options));
+        }
+        Ok(modes)
+    }
+}
+
+/// Takes options out that a more special table gives as well.
+fn remove_given(options: &mut Options, table: &Table<'_>) {
+    for (key, _) in table.entries() {
+        let flag = format!("--{}", key.replace('_', "-"));
+        while let Some(at) = options.iter().position(|option| *option == flag) {
+            let has_value = options
+                .get(at + 1)
+                .is_some_and(|next| !next.starts_with("--"));
+            options.drain(at..=at + usize::from(has_value));
+        }
+    }
+}
+
+/// The project's seed may have come twice, from the common table and from that of the mode.
+fn remove_first_seed(options: &mut Options) {
+    let seeds = options.iter().filter(|option| *option == "--seed").count();
+    if let (2.., Some(at)) = (seeds, options.iter().position(|option| option == "--seed")) {
+        options.drain(at..at + 2);
+    }
+}
