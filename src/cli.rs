@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, edit, eval, export, masks, render, run, train};
+use crate::{bake, edit, eval, export, masks, render, report, run, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -54,6 +54,7 @@ pub(crate) struct GlobalArgs {
 pub(crate) enum Command {
     Init(run::InitArgs),
     Run(run::RunArgs),
+    Report(report::ReportArgs),
     Masks(masks::MasksArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
@@ -78,6 +79,7 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
     match command {
         Command::Init(args) => run::init(args, global),
         Command::Run(args) => run::run(args, global),
+        Command::Report(args) => report::run(args, global),
         Command::Masks(args) => masks::run(args, global),
         Command::Train(args) => train::run(args, global),
         Command::Edit(args) => edit::run(args, global),

@@ -19,6 +19,7 @@ mod output;
 mod progress;
 mod record;
 mod render;
+mod report;
 mod run;
 mod terminal;
 mod train;

@@ -1,13 +1,14 @@
 //! The steps of a run, one after the other.
 
 use super::plan::{Plan, Restart, Step};
-use super::state::{Folder, StepRecord};
+use super::state::Folder;
 use crate::cli::{self, GlobalArgs};
 use crate::output;
 use crate::progress::{Reporter, duration};
 use crate::record;
 use crate::terminal;
 use anyhow::{Context, Result, bail};
+use eagpt_report::run::StepRecord;
 use eagpt_scene::files;
 use serde::Serialize;
 use std::process::ExitCode;
@@ -136,7 +137,7 @@ pub(super) fn run(
         if reason == Reason::UpToDate {
             continue;
         }
-        let code = execute(step, folder, key, reason, global)
+        let code = execute(plan, index, folder, (key, reason), global)
             .with_context(|| format!("step {}", step.name))?;
         if stop.load(Ordering::Relaxed) || code == crate::interrupt::exit_code() {
             return Ok(Status::Interrupted);
@@ -150,12 +151,13 @@ pub(super) fn run(
 
 /// Runs one step and notes what it made.
 fn execute(
-    step: &Step,
+    plan: &Plan,
+    index: usize,
     folder: &mut Folder,
-    key: String,
-    reason: Reason,
+    (key, reason): (String, Reason),
     global: &GlobalArgs,
 ) -> Result<ExitCode> {
+    let step = &plan.steps[index];
     let mut arguments = step.arguments.clone();
     let again = again(step, folder, reason);
     if again == Some(FORCE) {
@@ -163,6 +165,7 @@ fn execute(
     }
     arguments.extend(again.map(str::to_owned));
     let begun = StepRecord {
+        index,
         command: arguments.clone(),
         key,
         ..StepRecord::default()

@@ -91,6 +91,7 @@ impl Plan {
         if !evaluated.is_empty() {
             plan.table(&evaluated);
         }
+        plan.report();
         plan.check_inputs(project)?;
         for step in &plan.steps {
             step.parse().map_err(|error| {
@@ -299,6 +300,18 @@ impl Plan {
             folder: out,
             step,
         }
+    }
+
+    fn report(&mut self) {
+        let out = self.out.join("report.html");
+        self.push(Step {
+            name: "report".to_owned(),
+            arguments: with_out(words(&["report"], &[&self.out]), &out),
+            reads: Vec::new(),
+            after: (0..self.steps.len()).collect(),
+            products: vec![out],
+            restart: Restart::Anew,
+        });
     }
 
     fn table(&mut self, evaluated: &[Evaluated]) {

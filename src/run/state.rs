@@ -3,6 +3,7 @@
 use super::plan::{Plan, Step};
 use super::project::Project;
 use anyhow::{Context, Result, bail};
+use eagpt_report::run::{PROJECT_FILE, RUN_FILE, RunRecord, StepRecord, read_json};
 use eagpt_scene::files;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,42 +11,10 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// File name of what is known of a run.
-pub(super) const RUN_FILE: &str = "run.json";
-/// File name of the copy of the project.
-pub(super) const PROJECT_FILE: &str = "project.toml";
 /// File that a run holds a lock on.
 const LOCK_FILE: &str = ".lock";
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
-
-/// What is known of a run.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct RunRecord {
-    /// Version of the program.
-    pub(super) version: String,
-    /// The project file, absolute: paths in it are relative to its folder.
-    pub(super) project: PathBuf,
-    /// Finished and begun steps by name.
-    pub(super) steps: BTreeMap<String, StepRecord>,
-}
-
-/// A step that was begun.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct StepRecord {
-    /// Its command.
-    pub(super) command: Vec<String>,
-    /// Digest of its command and everything it reads.
-    pub(super) key: String,
-    /// Whether it came to its end.
-    pub(super) done: bool,
-    /// Digest of each of its products, relative to the run.
-    pub(super) products: BTreeMap<PathBuf, String>,
-    /// Wall time of the process that finished it, seconds.
-    pub(super) seconds: f64,
-    /// Largest resident memory, MiB; null where the system does not tell.
-    pub(super) peak_memory_mib: Option<f64>,
-}
 
 /// The folder of a run.
 #[derive(Debug)]
@@ -91,8 +60,8 @@ impl Folder {
     /// # Errors
     /// If its files cannot be read.
     pub(super) fn look_at(dir: &Path) -> Result<Self> {
-        let record = read_json(&dir.join(RUN_FILE))?;
-        let digests = read_json(&dir.join(DIGESTS_FILE))?;
+        let record = RunRecord::read(dir)?;
+        let digests = read_json::<Digests>(&dir.join(DIGESTS_FILE))?;
         Ok(Self {
             dir: dir.to_owned(),
             record: record.unwrap_or_default(),
@@ -237,17 +206,6 @@ fn collect(dir: &Path, all: &mut Vec<PathBuf>) -> std::io::Result<()> {
         }
     }
     Ok(())
-}
-
-fn read_json<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<Option<T>> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let bytes = files::read(path)?;
-    let value = serde_json::from_slice(&bytes);
-    value
-        .map(Some)
-        .with_context(|| format!("{}: no file of a run", path.display()))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {

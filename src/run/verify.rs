@@ -3,11 +3,12 @@
 use super::execute::{self, Range, Status};
 use super::plan::Plan;
 use super::project::Project;
-use super::state::{Folder, PROJECT_FILE};
+use super::state::Folder;
 use crate::cli::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::{Context, Result, bail};
+use eagpt_report::run::PROJECT_FILE;
 use eagpt_scene::files;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

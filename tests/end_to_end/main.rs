@@ -18,4 +18,5 @@ mod masks;
 mod misuse;
 mod pipeline;
 mod relight;
+mod run;
 mod support;

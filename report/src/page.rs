@@ -1,0 +1,44 @@
+//! The page: template, style and script, all in one file.
+
+use crate::error::Result;
+use crate::gather::Content;
+use minijinja::value::{Serde, Value};
+use minijinja::{AutoEscape, Environment, context};
+
+/// The page without its content.
+const TEMPLATE: &str = include_str!("../page/report.html");
+/// How it looks, on displays and on paper.
+const STYLE: &str = include_str!("../page/style.css");
+/// What sliders and buttons do; the page is readable without.
+const SCRIPT: &str = include_str!("../page/script.js");
+
+/// Fills the page.
+///
+/// # Errors
+/// [`crate::ReportError::Page`] if the template cannot take the content.
+pub fn render(content: &Content) -> Result<String> {
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_template("report", TEMPLATE)?;
+    let template = environment.get_template("report")?;
+    let content = Value::from(Serde(content));
+    Ok(template.render(context! { content, style => STYLE, script => SCRIPT })?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_escaped_and_an_empty_run_has_a_page() {
+        let content = Content {
+            title: "<b>room</b>".to_owned(),
+            warnings: vec!["a < b".to_owned()],
+            ..Content::default()
+        };
+        let html = render(&content).unwrap();
+        assert!(html.contains("&lt;b&gt;room&lt;&#x2f;b&gt;"), "{html}");
+        assert!(html.contains("a &lt; b"));
+        assert!(!html.contains("http"), "the page must need no network");
+    }
+}

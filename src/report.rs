@@ -1,0 +1,42 @@
+//! `eagpt report`: the results of a run on one page.
+
+use crate::cli::GlobalArgs;
+use crate::output;
+use crate::progress::Reporter;
+use anyhow::{Result, bail};
+use clap::Args;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Put the results of a run on one page
+///
+/// The page is one HTML file with all pictures, tables and curves in it. It needs no network; sliders aside, it needs no JavaScript.
+/// `eagpt run` writes it as its last step.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Example:\n  eagpt report runs/kitchen --out kitchen.html")]
+pub(crate) struct ReportArgs {
+    /// Folder of a run, as `eagpt run` leaves it
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// File to write
+    #[arg(long, value_name = "FILE.html")]
+    out: PathBuf,
+    /// Replace the file if it is there
+    #[arg(long)]
+    force: bool,
+}
+
+pub(crate) fn run(args: &ReportArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    if args.out.exists() && !args.force {
+        bail!(
+            "{}: is there already: --force replaces it",
+            args.out.display()
+        );
+    }
+    output::create_parent(&args.out)?;
+    eagpt_report::write(&args.run, &args.out)?;
+    let reporter = Reporter::new(global);
+    reporter.note(&format!("{}", args.out.display()));
+    reporter.message(&serde_json::json!({ "message": "done", "path": args.out }))?;
+    Ok(ExitCode::SUCCESS)
+}

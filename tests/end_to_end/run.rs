@@ -1,0 +1,266 @@
+//! The whole chain from a project file.
+
+use crate::support::Workplace;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+const PROJECT: &str = r#"
+out = "run"
+seed = 3
+dataset = "room"
+[masks]
+[train]
+preset = "draft"
+iterations = 60
+albedo_iterations = 10
+[render]
+modes = ["0-bounce", "path"]
+aov = ["albedo"]
+spp = 4
+[render.path]
+bounces = 3
+[[relight]]
+name = "dim"
+script = "dim.toml"
+reference = "room"
+[bake]
+samples = 8
+bounces = 2
+"#;
+
+const DIM: &str =
+    "[[step]]\nselect = { emission = { min = 0.1 } }\nthen = [{ scale_light = 0.5 }]\n";
+
+fn place() -> Workplace {
+    let place = Workplace::new();
+    place.write("p.toml", PROJECT);
+    place.write("dim.toml", DIM);
+    place
+}
+
+/// Steps with the reasons they ran for, as the program tells them to machines.
+fn reasons(place: &Workplace, arguments: &str) -> Vec<(String, String)> {
+    let told = place.succeeds(&format!("run p.toml --json {arguments}"));
+    let steps = told
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap())
+        .filter(|message| message["message"] == "step");
+    steps
+        .map(|step| {
+            let text = |key: &str| step[key].as_str().unwrap().to_owned();
+            (text("step"), text("reason"))
+        })
+        .collect()
+}
+
+/// Everything but times, locks and logs.
+fn results(place: &Workplace, dir: &str) -> BTreeMap<String, Vec<u8>> {
+    let mut files = place.contents(dir);
+    files.retain(|name, _| {
+        let kept = ["scene.ply", "metrics.json", ".exr"];
+        kept.iter().any(|end| name.ends_with(end))
+            || name.starts_with("edit") && name.ends_with(".ply")
+    });
+    // How long a frame took is part of the metrics.
+    for (name, bytes) in &mut files {
+        if name.ends_with("metrics.json") {
+            let mut value: Value = serde_json::from_slice(bytes).unwrap();
+            value["render"]["seconds_per_frame"] = Value::Null;
+            *bytes = value.to_string().into_bytes();
+        }
+    }
+    files
+}
+
+#[test]
+fn only_what_has_changed_runs_again() {
+    let place = place();
+    let dry = place.succeeds("run p.toml --dry-run");
+    assert!(
+        dry.contains("eagpt train room --masks run/masks --seed 3"),
+        "{dry}"
+    );
+    assert!(!place.path("run").exists(), "a dry run wrote something");
+
+    let first = reasons(&place, "");
+    let names: Vec<&str> = first.iter().map(|step| step.0.as_str()).collect();
+    let wanted = [
+        "masks",
+        "train",
+        "render/original/0-bounce",
+        "render/original/path",
+        "eval/original/0-bounce",
+        "eval/original/path",
+        "edit/dim",
+        "render/dim/0-bounce",
+        "render/dim/path",
+        "bake/dim",
+        "render/dim/baked",
+        "eval/dim/0-bounce",
+        "eval/dim/path",
+        "eval/dim/baked",
+        "table",
+        "report",
+    ];
+    assert_eq!(names, wanted);
+    assert!(first.iter().all(|step| step.1 == "new"), "{first:?}");
+    let page = String::from_utf8(place.bytes("run/report.html")).unwrap();
+    for part in [
+        "Light: original",
+        "Light: dim",
+        "baked",
+        "data:image/jpeg",
+        "\\toprule",
+    ] {
+        assert!(page.contains(part), "no `{part}` in the report");
+    }
+    // A record tells the command of its step.
+    let record = place.json("run/render/dim/path/record.json");
+    assert_eq!(record["arguments"][0], "render");
+    assert_eq!(record["options"]["bounces"], 3);
+
+    let again = reasons(&place, "");
+    assert!(again.iter().all(|step| step.1 == "up-to-date"), "{again:?}");
+
+    // The numbers of the separate commands.
+    place.succeeds("masks room --out masks");
+    place.succeeds("train room --masks masks --preset draft --iterations 60 --albedo-iterations 10 --seed 3 --out alone");
+    assert!(place.bytes("alone/scene.ply") == place.bytes("run/train/scene.ply"));
+
+    // An option of baking concerns what is baked, and nothing before.
+    place.write("p.toml", PROJECT.replace("samples = 8", "samples = 9"));
+    let changed: Vec<String> = reasons(&place, "")
+        .into_iter()
+        .filter(|step| step.1 != "up-to-date")
+        .map(|step| step.0)
+        .collect();
+    assert_eq!(
+        changed,
+        [
+            "bake/dim",
+            "render/dim/baked",
+            "eval/dim/baked",
+            "table",
+            "report"
+        ]
+    );
+    // A result that was tampered with is made again.
+    place.write("run/edit/dim.ply", b"ply");
+    let mended = reasons(&place, "--until edit");
+    assert_eq!(mended.last().unwrap().1, "damaged");
+
+    let forced = reasons(&place, "--from table");
+    let forced: Vec<&str> = forced
+        .iter()
+        .filter(|step| step.1 != "up-to-date")
+        .map(|step| step.0.as_str())
+        .collect();
+    assert_eq!(forced, ["table", "report"]);
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_results() {
+    let place = place();
+    place.succeeds("run p.toml --out whole");
+    let wanted = results(&place, "whole");
+    for millis in [150, 700, 300] {
+        let mut child = place
+            .command("run p.toml --out broken --quiet")
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(millis));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    place.succeeds("run p.toml --out broken");
+    let found = results(&place, "broken");
+    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(&found), names(&wanted));
+    for (name, bytes) in &found {
+        // Paths are part of what metrics say.
+        let same = if name.ends_with("metrics.json") {
+            String::from_utf8_lossy(bytes)
+                .replace("broken", "whole")
+                .as_bytes()
+                == wanted[name]
+        } else {
+            *bytes == wanted[name]
+        };
+        assert!(same, "{name} differs");
+    }
+}
+
+#[test]
+fn a_run_is_verified_to_the_bit() {
+    let place = place();
+    place.succeeds("run p.toml --until train");
+    let told = place.succeeds("run --verify run --until train");
+    assert!(told.contains("same  train/scene.ply"), "{told}");
+    assert!(!place.path("run.verify").exists());
+    // Somebody else's run.
+    let mut record = place.json("run/run.json");
+    record["steps"]["train"]["products"]["train/scene.ply"] = "0".repeat(64).into();
+    place.write("run/run.json", record.to_string());
+    let output = place.run("run --verify run --until train");
+    assert_eq!(output.status.code(), Some(1));
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.contains("differs  train/scene.ply"), "{told}");
+    assert!(place.path("run.verify/train/scene.ply").exists());
+}
+
+#[test]
+fn a_project_is_checked_before_anything_runs() {
+    let place = place();
+    for (from, to, parts) in [
+        (
+            "spp = 4",
+            "spps = 4",
+            vec!["p.toml: line 13: render.spps: no such option of `eagpt render`"],
+        ),
+        (
+            "[bake]",
+            "[bakes]",
+            vec!["p.toml: line ", "bakes: no such key"],
+        ),
+        (
+            "preset = \"draft\"",
+            "preset = \"swift\"",
+            vec!["p.toml", "step train", "swift"],
+        ),
+        (
+            "out = \"run\"",
+            "out = 3",
+            vec!["p.toml: line 2: out: is of type integer, not string"],
+        ),
+        (
+            "\"path\"]",
+            "\"paths\"]",
+            vec!["line 12", "`paths` is no mode"],
+        ),
+        (
+            "script = \"dim.toml\"",
+            "script = \"gone.toml\"",
+            vec!["gone.toml: read"],
+        ),
+        (
+            "dataset = \"room\"",
+            "dataset = \"rooms\"",
+            vec!["rooms", "read"],
+        ),
+        (
+            "samples = 8",
+            "out = \"x.ply\"",
+            vec!["bake.out: no such option"],
+        ),
+    ] {
+        place.write("p.toml", PROJECT.replace(from, to));
+        place.fails_cleanly("run p.toml", &parts);
+    }
+    place.write("p.toml", PROJECT);
+    place.fails_cleanly("run p.toml --until paint", &["`paint` is no step", "train"]);
+    place.fails_cleanly("run p.toml --from table --until masks", &["comes after"]);
+    place.fails_cleanly("run --verify room", &["room: no run"]);
+    place.succeeds("init new.toml --dataset room --preset draft");
+    place.succeeds("run new.toml --dry-run");
+    place.fails_cleanly("init new.toml", &["is there already"]);
+}
