@@ -243,7 +243,7 @@ struct Told<'a> {
 impl<'a> Told<'a> {
     fn new(step: &'a Step, index: usize, total: usize, reason: Reason) -> Self {
         Self {
-            message: "step",
+            message: "run-step",
             step: &step.name,
             index: index + 1,
             total,
