@@ -1,0 +1,15 @@
+//! COLMAP: its models in and out, upright with the floor on z = 0, as datasets.
+//!
+//! - [`model`]: cameras, images, points, rigs and frames; reading and writing, text and binary.
+//! - [`mod@align`]: where the floor is and which way the walls go, from a model alone.
+//! - [`import`]: a model and linear images become a dataset.
+//! - [`run`]: drives an installed `colmap`.
+//!
+//! Poses are COLMAP's, camera from world with OpenCV axes, until [`import`] writes them. What a file says is never trusted: counts are
+//! held against the bytes that are there before anything is allocated.
+
+pub mod error;
+pub mod model;
+
+pub use error::{ColmapError, Result};
+pub use model::{Model, Rigid, Similarity};
