@@ -8,8 +8,10 @@
 //! Poses are COLMAP's, camera from world with OpenCV axes, until [`import`] writes them. What a file says is never trusted: counts are
 //! held against the bytes that are there before anything is allocated.
 
+pub mod align;
 pub mod error;
 pub mod model;
 
+pub use align::{Alignment, align};
 pub use error::{ColmapError, Result};
 pub use model::{Model, Rigid, Similarity};
