@@ -12,8 +12,10 @@ pub mod align;
 pub mod error;
 pub mod import;
 pub mod model;
+pub mod run;
 
 pub use align::{Alignment, align};
 pub use error::{ColmapError, Result};
 pub use import::import;
 pub use model::{Model, Rigid, Similarity};
+pub use run::run;
