@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, edit, eval, export, masks, render, report, run, train};
+use crate::{bake, colmap, edit, eval, export, masks, render, report, run, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -56,6 +56,7 @@ pub(crate) enum Command {
     Run(run::RunArgs),
     Report(report::ReportArgs),
     Masks(masks::MasksArgs),
+    Colmap(colmap::ColmapArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
@@ -87,6 +88,7 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Bake(args) => bake::run(args, global),
         Command::Eval(args) => eval::run(args, global),
         Command::Export(args) => export::run(args, global),
+        Command::Colmap(args) => colmap::run(args, global),
     }
 }
 

@@ -1,8 +1,8 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
-//! - [`mod@run`]: all of them, one after the other.
+//! - [`mod@colmap`], [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
@@ -10,6 +10,7 @@
 
 mod bake;
 mod cli;
+mod colmap;
 mod edit;
 mod eval;
 mod export;
