@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, edit, eval, export, render, train};
+use crate::{bake, edit, eval, export, render, synth, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -58,6 +58,7 @@ pub(crate) enum Command {
     Bake(bake::BakeArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
+    Synth(synth::SynthArgs),
 }
 
 pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
@@ -74,6 +75,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
         Command::Bake(args) => bake::run(&args, &cli.global),
         Command::Eval(args) => eval::run(&args, &cli.global),
         Command::Export(args) => export::run(&args, &cli.global),
+        Command::Synth(args) => synth::run(&args, &cli.global),
     }
 }
 

@@ -18,6 +18,12 @@ pub enum Purpose {
     Render = 4,
     /// Irradiance samples of light baking.
     Bake = 5,
+    /// Paths of light in a virtual room.
+    Simulate = 20,
+    /// Noise of a virtual camera and of what is reconstructed from its pictures.
+    Capture = 21,
+    /// Uneven things in a virtual room: books, leaves.
+    Furnish = 22,
 }
 
 /// A keyed family of streams: fixed seed, purpose and iteration.
