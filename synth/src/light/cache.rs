@@ -4,7 +4,7 @@
 //! after bounce, in all conditions (the progressive form of radiosity, gathered by Monte Carlo). The result is read where a ray from a
 //! pixel's surface ends, never at the pixel itself, so that the grid does not show.
 
-use super::emitters::{LightSample, cosine_direction};
+use super::emitters::{Receiver, cosine_direction};
 use super::path::Lighting;
 use super::points::Points;
 use crate::room::{Hit, LIFT, MAX_CONDITIONS, Room};
@@ -149,40 +149,52 @@ impl Cache {
         let start = |a: f32, b: f32| {
             let st = (corner + Vec2::new(a, b)) / size;
             let point = room.point(grid.surface, grid.face, st);
-            (st, point.position + point.normal * LIFT, point.normal)
+            let receiver = Receiver {
+                position: point.position + point.normal * LIFT,
+                normal: point.normal,
+            };
+            (st, receiver)
         };
-        let mut albedo = Vec3::ZERO;
+        let conditions = 0..room.num_conditions();
+        let (mut albedo, mut direct) = (Vec3::ZERO, [Vec3::ZERO; MAX_CONDITIONS]);
         let (mut links, mut num_buried) = (Vec::new(), 0);
         for sample in 0..options.num_links {
             let [a, b, c, d] = points.block(sample, 0);
-            let (st, position, normal) = start(a, b);
+            let (st, at) = start(a, b);
             albedo += room.albedo(grid.surface, grid.face, st);
-            let direction = cosine_direction(normal, Vec2::new(c, d));
-            match room.meet(position, direction) {
+            let direction = cosine_direction(at.normal, Vec2::new(c, d));
+            match room.meet(at.position, direction) {
                 Some(hit) if hit.is_inside => num_buried += 1,
-                Some(hit) => links.push(self.cell(&hit).unwrap_or(NOWHERE)),
+                Some(hit) => {
+                    for condition in conditions.clone() {
+                        let emitted = room.emitted_in(condition, hit.surface, hit.face);
+                        if emitted != Vec3::ZERO {
+                            let bounce = (direction, &hit);
+                            let weight = lighting.weight_of_bounce(condition, &at, bounce);
+                            direct[condition] += emitted * (weight / options.num_links as f32);
+                        }
+                    }
+                    links.push(self.cell(&hit).unwrap_or(NOWHERE));
+                }
                 None => links.push(NOWHERE),
             }
         }
-        let is_buried = num_buried as f32 > MAX_BURIED * options.num_links as f32;
-        let mut direct = [Vec3::ZERO; MAX_CONDITIONS];
-        if is_buried {
+        let open = 1.0 - num_buried as f32 / options.num_links as f32;
+        if open < 1.0 - MAX_BURIED {
             links.clear();
+            direct = [Vec3::ZERO; MAX_CONDITIONS];
         } else {
-            for (condition, direct) in (0..room.num_conditions()).zip(&mut direct) {
+            for condition in conditions {
                 for sample in 0..options.num_direct {
                     let [a, b, c, d] = points.block(sample, 1);
                     // The place within the cell: a lattice that does not share numbers with the choice of light.
                     let turn = (sample as f32 + 0.5) / options.num_direct as f32;
-                    let (_, position, normal) = start(turn, d);
-                    let uniform = Vec3::new(a, b, c);
-                    *direct += lighting.emitters[condition]
-                        .sample(room, position, uniform)
-                        .map_or(Vec3::ZERO, |light| straight(room, position, normal, &light));
+                    let (_, at) = start(turn, d);
+                    let light = lighting.direct(condition, &at, Vec3::new(a, b, c));
+                    direct[condition] += light / options.num_direct as f32;
                 }
                 // Places inside of something are as buried for shadow rays as they are for links.
-                let open = 1.0 - num_buried as f32 / options.num_links as f32;
-                *direct /= options.num_direct as f32 * open;
+                direct[condition] /= open;
             }
         }
         Cell {
@@ -216,13 +228,4 @@ impl Cache {
         }
         light
     }
-}
-
-/// Light that comes straight from a light, over π.
-fn straight(room: &Room, position: Vec3, normal: Vec3, light: &LightSample) -> Vec3 {
-    let cosine = normal.dot(light.direction);
-    if cosine <= 0.0 || !room.is_free(position, light.position) {
-        return Vec3::ZERO;
-    }
-    light.radiance * (cosine / (std::f32::consts::PI * light.pdf))
 }

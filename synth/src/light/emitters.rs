@@ -1,6 +1,6 @@
 //! Directions towards lights.
 
-use crate::room::shape::{Ball, Shape};
+use crate::room::shape::{Ball, Drum, Shape};
 use crate::room::{Hit, LIFT, Room};
 use eagpt_scene::color::luminance;
 use glam::{Vec2, Vec3};
@@ -22,6 +22,8 @@ struct Emitter {
     luminance: f32,
     area: f32,
     centre: Vec3,
+    /// Nothing of it is farther from its centre than this.
+    reach: f32,
     kind: Kind,
 }
 
@@ -30,7 +32,18 @@ enum Kind {
     /// Shines to one side of the plane through its centre, which this normal points to.
     Flat(Vec3),
     Ball(Ball),
-    Round,
+    /// The outside of a drum.
+    Mantle(Drum),
+    Other,
+}
+
+/// A point that asks for light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Receiver {
+    /// Position, lifted off its surface.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
 }
 
 /// A direction in which a light may be.
@@ -44,6 +57,16 @@ pub struct LightSample {
     pub pdf: f32,
     /// Radiance that comes from there, if nothing is in between.
     pub radiance: Vec3,
+}
+
+impl Receiver {
+    /// The point of a hit.
+    pub fn of(hit: &Hit) -> Self {
+        Self {
+            position: hit.position + hit.normal * LIFT,
+            normal: hit.normal,
+        }
+    }
 }
 
 impl Emitters {
@@ -66,6 +89,7 @@ impl Emitters {
                     luminance: luminance(radiance.to_array()),
                     area,
                     centre: centre(&surface.shape, face),
+                    reach: 0.5 * (surface.shape.bounds()[1] - surface.shape.bounds()[0]).length(),
                     kind: kind(&surface.shape, face),
                 });
             }
@@ -78,16 +102,15 @@ impl Emitters {
         Self { all, of_surface }
     }
 
-    /// Chooses a direction towards a light as seen from `position`, about in proportion to the light it would bring; `uniform` are three
-    /// numbers in [0, 1).
-    pub fn sample(&self, room: &Room, position: Vec3, uniform: Vec3) -> Option<LightSample> {
-        let total: f32 = self.all.iter().map(|e| e.weight(position)).sum();
+    /// Chooses a direction towards a light, about in proportion to the light it would bring; `uniform` are three numbers in [0, 1).
+    pub fn sample(&self, room: &Room, receiver: &Receiver, uniform: Vec3) -> Option<LightSample> {
+        let total: f32 = self.all.iter().map(|e| e.weight(receiver)).sum();
         if total <= 0.0 {
             return None;
         }
         let (mut left, mut chosen) = (uniform.z * total, None);
         for emitter in &self.all {
-            let weight = emitter.weight(position);
+            let weight = emitter.weight(receiver);
             if weight > 0.0 {
                 chosen = Some((emitter, weight));
                 if left < weight {
@@ -97,15 +120,15 @@ impl Emitters {
             }
         }
         let (emitter, weight) = chosen?;
-        let sample = emitter.sample(room, position, uniform.truncate())?;
+        let sample = emitter.sample(room, receiver.position, uniform.truncate())?;
         Some(LightSample {
             pdf: sample.pdf * weight / total,
             ..sample
         })
     }
 
-    /// Density with which [`Self::sample`] chooses the direction from `position` to `hit`; 0 for what does not shine.
-    pub fn pdf(&self, position: Vec3, hit: &Hit) -> f32 {
+    /// Density with which [`Self::sample`] chooses the direction to `hit`, per steradian; 0 for what does not shine.
+    pub fn pdf(&self, receiver: &Receiver, hit: &Hit) -> f32 {
         let first = self.of_surface[hit.surface as usize];
         if first == 0 {
             return 0.0;
@@ -118,30 +141,42 @@ impl Emitters {
         else {
             return 0.0;
         };
-        let total: f32 = self.all.iter().map(|e| e.weight(position)).sum();
-        let weight = emitter.weight(position);
+        let total: f32 = self.all.iter().map(|e| e.weight(receiver)).sum();
+        let weight = emitter.weight(receiver);
         if weight <= 0.0 {
             return 0.0;
         }
-        let cosine = hit
-            .normal
-            .dot((position - hit.position).normalize_or_zero());
-        weight / total * emitter.pdf(position, hit.distance, cosine)
+        weight / total * emitter.pdf(receiver.position, hit)
     }
 }
 
 impl Emitter {
-    /// About the light that arrives at `position`, were nothing in between.
+    /// About the light that arrives at a point, were nothing in between; 0 only where none can.
     #[inline]
-    fn weight(&self, position: Vec3) -> f32 {
-        let offset = position - self.centre;
-        if let Kind::Flat(normal) = self.kind
-            && offset.dot(normal) <= 0.0
-        {
-            return 0.0;
-        }
-        // Close to a light its middle says little: never nearer than its own size.
-        self.luminance * self.area / offset.length_squared().max(0.25 * self.area)
+    fn weight(&self, receiver: &Receiver) -> f32 {
+        let offset = receiver.position - self.centre;
+        let distance2 = offset.length_squared();
+        let distance = distance2.sqrt();
+        let seen = match &self.kind {
+            Kind::Flat(normal) => {
+                let height = offset.dot(*normal);
+                if height <= 0.0 {
+                    return 0.0;
+                }
+                // Close by, the middle says little of the rest.
+                self.area * (height / distance).max(0.2)
+            }
+            Kind::Ball(_) => 0.25 * self.area,
+            Kind::Mantle(drum) => {
+                let along = drum.axes.z_axis.dot(offset) / distance;
+                self.area / PI * (1.0 - along * along).max(0.04).sqrt()
+            }
+            Kind::Other => 0.5 * self.area,
+        };
+        // Of a light whose sphere lies half below the horizon only a part arrives; of one wholly below nothing does.
+        let cosine = -receiver.normal.dot(offset) / distance;
+        let above = (cosine + self.reach / distance).clamp(0.0, 1.0);
+        self.luminance * seen * above / distance2.max(0.25 * self.area)
     }
 
     fn sample(&self, room: &Room, position: Vec3, uniform: Vec2) -> Option<LightSample> {
@@ -159,6 +194,13 @@ impl Emitter {
             });
         }
         let shape = &room.surfaces()[self.surface as usize].shape;
+        let (uniform, share) = match &self.kind {
+            Kind::Mantle(drum) => {
+                let arc = Arc::of(drum, position);
+                (uniform.with_x(arc.turn(uniform.x)), arc.share)
+            }
+            _ => (uniform, 1.0),
+        };
         let point = shape.point(self.face, shape.uniform_st(self.face, uniform));
         let offset = point.position - position;
         let distance = offset.length();
@@ -167,21 +209,70 @@ impl Emitter {
         (cosine > 0.0 && distance > 0.0).then(|| LightSample {
             direction,
             position: point.position + point.normal * LIFT,
-            pdf: distance * distance / (cosine * self.area),
+            pdf: distance * distance / (cosine * self.area * share),
             radiance: self.radiance,
         })
     }
 
-    fn pdf(&self, position: Vec3, distance: f32, cosine: f32) -> f32 {
+    fn pdf(&self, position: Vec3, hit: &Hit) -> f32 {
         if let Kind::Ball(ball) = &self.kind
             && let Some(cone) = Cone::of(ball, position)
         {
             return cone.pdf();
         }
+        let cosine = hit
+            .normal
+            .dot((position - hit.position).normalize_or_zero());
         if cosine <= 0.0 {
             return 0.0;
         }
-        distance * distance / (cosine * self.area)
+        let share = match &self.kind {
+            Kind::Mantle(drum) => {
+                let arc = Arc::of(drum, position);
+                if !arc.contains(hit.st.x) {
+                    return 0.0;
+                }
+                arc.share
+            }
+            _ => 1.0,
+        };
+        hit.distance * hit.distance / (cosine * self.area * share)
+    }
+}
+
+/// The part of a drum's mantle that faces a point. Where the drum is a cone a little of what it leaves out may be seen, and a
+/// little of what it contains may not: the former is left to bounces.
+struct Arc {
+    /// Its middle, in turns about the axis.
+    middle: f32,
+    /// Its share of the mantle.
+    share: f32,
+}
+
+impl Arc {
+    fn of(drum: &Drum, position: Vec3) -> Self {
+        let offset = position - drum.base;
+        let (x, y) = (offset.dot(drum.axes.x_axis), offset.dot(drum.axes.y_axis));
+        let distance = x.hypot(y);
+        let [base, top] = drum.radii;
+        Self {
+            middle: y.atan2(x) / TAU,
+            share: if distance > base.max(top) {
+                (base.min(top) / distance).acos() / PI
+            } else {
+                1.0
+            },
+        }
+    }
+
+    /// Turns from 0 to 1, for a uniform number.
+    fn turn(&self, uniform: f32) -> f32 {
+        (self.middle + (uniform - 0.5) * self.share).rem_euclid(1.0)
+    }
+
+    fn contains(&self, turn: f32) -> bool {
+        let from_middle = turn - self.middle;
+        (from_middle - from_middle.round()).abs() <= 0.5 * self.share
     }
 }
 
@@ -241,7 +332,8 @@ fn centre(shape: &Shape, face: u32) -> Vec3 {
 fn kind(shape: &Shape, face: u32) -> Kind {
     match shape {
         Shape::Ball(ball) => Kind::Ball(*ball),
-        Shape::Drum(_) if face < 2 => Kind::Round,
+        Shape::Drum(drum) if face == 0 => Kind::Mantle(*drum),
+        Shape::Drum(_) if face == 1 => Kind::Other,
         _ => Kind::Flat(shape.point(face, Vec2::splat(0.5)).normal),
     }
 }

@@ -1,11 +1,10 @@
 //! Light that leaves a surface: next-event estimation and cosine-weighted bounces, weighted by the balance heuristic (Veach 1997).
 
 use super::cache::Cache;
-use super::emitters::{Emitters, cosine_direction, cosine_pdf};
+use super::emitters::{Emitters, Receiver, cosine_direction, cosine_pdf};
 use super::points::Points;
-use crate::room::{Hit, LIFT, MAX_CONDITIONS, PerCondition, Room};
+use crate::room::{Hit, MAX_CONDITIONS, PerCondition, Room};
 use glam::{Vec2, Vec3};
-use std::f32::consts::PI;
 
 /// Paths end at random from this bounce on.
 const ROULETTE_FROM: u32 = 4;
@@ -43,28 +42,25 @@ impl<'a> Lighting<'a> {
         let mut throughput = Vec3::ONE;
         let num = self.emitters.len();
         let mut is_on = [true; MAX_CONDITIONS];
-        let (mut position, mut normal) = (hit.position + hit.normal * LIFT, hit.normal);
+        let mut at = Receiver::of(hit);
         for bounce in 0..draw.max_bounces {
             let block = draw.block + BLOCKS * bounce;
             let [a, b, c, roulette] = points.block(draw.sample, block);
             for condition in 0..num {
                 if is_on[condition] {
                     let uniform = Vec3::new(a, b, c);
-                    total[condition] +=
-                        throughput * self.direct(condition, position, normal, uniform);
+                    total[condition] += throughput * self.direct(condition, &at, uniform);
                 }
             }
             let [a, b, ..] = points.block(draw.sample, block + 1);
-            let direction = cosine_direction(normal, Vec2::new(a, b));
-            let Some(next) = self.room.meet(position, direction) else {
+            let direction = cosine_direction(at.normal, Vec2::new(a, b));
+            let Some(next) = self.room.meet(at.position, direction) else {
                 break;
             };
             if let Some(emitted) = self.room.emitted(next.surface, next.face) {
-                let from_bounce = cosine_pdf(normal, direction);
                 for condition in 0..num {
                     if is_on[condition] && emitted[condition] != Vec3::ZERO {
-                        let from_light = self.emitters[condition].pdf(position, &next);
-                        let weight = from_bounce / (from_bounce + from_light);
+                        let weight = self.weight_of_bounce(condition, &at, (direction, &next));
                         total[condition] += throughput * emitted[condition] * weight;
                         is_on[condition] = false;
                     }
@@ -89,23 +85,34 @@ impl<'a> Lighting<'a> {
                 }
                 throughput /= survival;
             }
-            (position, normal) = (next.position + next.normal * LIFT, next.normal);
+            at = Receiver::of(&next);
         }
         total
     }
 
-    /// One sample of the light that comes straight from lights, over π.
-    fn direct(&self, condition: usize, position: Vec3, normal: Vec3, uniform: Vec3) -> Vec3 {
-        let emitters = &self.emitters[condition];
-        let Some(sample) = emitters.sample(self.room, position, uniform) else {
+    /// One sample of the light that comes straight from lights, over π, weighted against what bounces find.
+    pub(super) fn direct(&self, condition: usize, at: &Receiver, uniform: Vec3) -> Vec3 {
+        let Some(sample) = self.emitters[condition].sample(self.room, at, uniform) else {
             return Vec3::ZERO;
         };
-        let cosine = normal.dot(sample.direction);
-        if cosine <= 0.0 || !self.room.is_free(position, sample.position) {
+        let from_bounce = cosine_pdf(at.normal, sample.direction);
+        if from_bounce == 0.0 || !self.room.is_free(at.position, sample.position) {
             return Vec3::ZERO;
         }
-        let from_bounce = cosine / PI;
         sample.radiance * (from_bounce / (sample.pdf + from_bounce))
+    }
+
+    /// The weight of light that a bounce along `direction` finds at `hit`.
+    pub(super) fn weight_of_bounce(
+        &self,
+        condition: usize,
+        at: &Receiver,
+        (direction, hit): (Vec3, &Hit),
+    ) -> f32 {
+        let from_bounce = cosine_pdf(at.normal, direction);
+        let from_light = self.emitters[condition].pdf(at, hit);
+        // A bounce along the horizon has no density of its own to speak of.
+        from_bounce / (from_bounce + from_light).max(f32::MIN_POSITIVE)
     }
 
     /// Light that a point seen along `direction` sends back: what it emits, and one sample of what it reflects diffusely.

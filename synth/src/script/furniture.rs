@@ -225,7 +225,13 @@ impl Builder<'_> {
         let stem = height - 0.5 * tall - 0.02;
         self.drum(Vec3::Z * 0.02, stem, [0.014; 2], (Ends::Closed, pole));
         let radii = [radius, 0.72 * radius];
-        self.drum(Vec3::Z * (height - tall), tall, radii, (Ends::Open, shade));
+        // Closed by diffusers: light out of a tube would be hard to find.
+        self.drum(
+            Vec3::Z * (height - tall),
+            tall,
+            radii,
+            (Ends::Closed, shade),
+        );
         Ok(())
     }
 
@@ -240,7 +246,7 @@ impl Builder<'_> {
             Vec3::ZERO,
             tall,
             [radius, 0.55 * radius],
-            (Ends::Open, shade),
+            (Ends::Closed, shade),
         );
         self.drum(Vec3::Z * tall, length, [0.008; 2], (Ends::Closed, cord));
         Ok(())
