@@ -9,6 +9,7 @@ use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use eagpt_scene::files;
 use eagpt_synth::capture::{self, LightMethod, Parts};
+use eagpt_synth::photograph::SampleNoise;
 use eagpt_synth::scenes::{self, SCENES};
 use eagpt_synth::{SceneScript, SynthOptions, SynthProgress, simulate};
 use serde::Serialize;
@@ -52,6 +53,9 @@ pub(crate) struct SynthArgs {
     /// How light that was reflected before is found
     #[arg(long, value_enum, default_value = "cached")]
     light: LightArg,
+    /// Leave the noise of sampled light in the truth, instead of filtering it
+    #[arg(long)]
+    unfiltered: bool,
     /// Points of the truth's clouds, 0 to 100000000
     #[arg(long, value_name = "N", default_value_t = SynthOptions::default().num_points, value_parser = clap::value_parser!(u32).range(..=100_000_000))]
     points: u32,
@@ -219,6 +223,11 @@ fn options(args: &SynthArgs) -> SynthOptions {
         light: match args.light {
             LightArg::Cached => LightMethod::Cached,
             LightArg::Paths => LightMethod::Paths,
+        },
+        noise: if args.unfiltered {
+            SampleNoise::Kept
+        } else {
+            SampleNoise::Filtered
         },
         num_points: args.points,
         seed: args.seed,

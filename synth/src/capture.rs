@@ -10,7 +10,7 @@ use crate::dng::{self, DngInfo};
 use crate::error::{Result, SynthError};
 use crate::light::points::MAX_SAMPLES;
 use crate::light::{Cache, CacheOptions, Lighting};
-use crate::photograph::{Photograph, Sampling};
+use crate::photograph::{Photograph, SampleNoise, Sampling};
 use crate::rig::Sensor;
 use crate::script::{CameraPlan, SceneScript};
 use eagpt_scene::dataset::{DatasetInfo, DatasetWriter, UpAxis};
@@ -67,8 +67,10 @@ pub struct SynthOptions {
     pub num_views: Option<u32>,
     /// Samples for each pixel of the truth, 1 to 65,536.
     pub num_samples: u32,
-    /// Whether every path is followed to its end instead of into light that was solved once for the room: unbiased, and noisier.
+    /// How light that was reflected before is found.
     pub light: LightMethod,
+    /// What is done about the noise of sampled light.
+    pub noise: SampleNoise,
     /// Points of each condition's cloud.
     pub num_points: u32,
     /// Seed of all random numbers.
@@ -92,8 +94,9 @@ impl Default for SynthOptions {
             parts: Parts::All,
             size: None,
             num_views: None,
-            num_samples: 32,
+            num_samples: 16,
             light: LightMethod::Cached,
+            noise: SampleNoise::Filtered,
             num_points: 20_000,
             seed: 0,
         }
@@ -277,6 +280,7 @@ impl Job<'_> {
         let sampling = Sampling {
             num_samples: self.options.num_samples,
             num_cells: self.script.rig.oversampling,
+            noise: self.options.noise,
         };
         let key = RandomKey::new(self.options.seed, Purpose::Simulate, index as u32);
         Photograph::take(&self.lighting, camera, sampling, key)

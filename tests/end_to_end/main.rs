@@ -18,3 +18,4 @@ mod misuse;
 mod pipeline;
 mod relight;
 mod support;
+mod synth;
