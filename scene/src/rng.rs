@@ -18,12 +18,14 @@ pub enum Purpose {
     Render = 4,
     /// Irradiance samples of light baking.
     Bake = 5,
+    /// Hypotheses of planes, when a model of cameras is aligned.
+    Align = 20,
     /// Paths of light in a virtual room.
-    Simulate = 20,
+    Simulate = 30,
     /// Noise of a virtual camera and of what is reconstructed from its pictures.
-    Capture = 21,
+    Capture = 31,
     /// Uneven things in a virtual room: books, leaves.
-    Furnish = 22,
+    Furnish = 32,
 }
 
 /// A keyed family of streams: fixed seed, purpose and iteration.
