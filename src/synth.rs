@@ -22,7 +22,8 @@ use std::process::ExitCode;
 /// photographed as a camera would: through a colour filter array, with vignetting, noise, clipping, in brackets of DNG files.
 ///
 /// In CAPTURE come <condition>/<position>_<exposure>.dng, capture.toml (which files belong together), truth/<condition>/ (a dataset
-/// without noise: radiance, emission masks, normals, depth, albedo, cameras, points) and synth.json (everything that is true of it).
+/// without noise: radiance, emission masks, normals, depth, albedo, cameras, points), colmap/sparse/0 (the model COLMAP would give, in a
+/// frame of its own) and synth.json (everything that is true of it).
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct SynthArgs {

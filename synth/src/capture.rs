@@ -2,6 +2,7 @@
 
 mod layout;
 mod manifest;
+mod model;
 mod points;
 
 pub use layout::outputs;
@@ -15,9 +16,11 @@ use crate::rig::Sensor;
 use crate::script::{CameraPlan, SceneScript};
 use eagpt_scene::dataset::{DatasetInfo, DatasetWriter, UpAxis};
 use eagpt_scene::exr::Precision;
+use eagpt_scene::lens::Lens;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, files};
 use layout::{Shot, position_name};
+use model::ModelSource;
 use points::PointSource;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -197,13 +200,20 @@ pub fn simulate(
         lighting.cache = Some(cache);
         progress(SynthProgress::Lit { num_cells });
     }
+    let cameras = plan.cameras();
+    let margin = match cameras.first() {
+        // Without a capture, too: the truth is the same whatever is written.
+        Some(camera) => script.rig.margin(camera)?,
+        None => 0,
+    };
     let job = Job {
         script,
         out,
         options,
         sensor: Sensor::new(&script.rig, script.room.brightest()),
         lighting,
-        cameras: plan.cameras(),
+        cameras,
+        margin,
     };
     job.run(&plan, progress)
 }
@@ -215,6 +225,8 @@ struct Job<'a> {
     lighting: Lighting<'a>,
     sensor: Sensor,
     cameras: Vec<Camera>,
+    /// Pixels that the lens sees beyond the edges of the truth.
+    margin: u32,
 }
 
 impl Job<'_> {
@@ -236,6 +248,11 @@ impl Job<'_> {
                 files::create_dir(&self.out.join(condition))?;
             }
         }
+        let lens = match self.cameras.first() {
+            Some(camera) if parts.has_capture() => Some(self.script.rig.lens(camera)?),
+            _ => None,
+        };
+        let mut model = lens.map(|lens| ModelSource::new(self, lens));
         let mut points = PointSource::new(self.options, total, self.script.conditions.len());
         for (index, camera) in self.cameras.iter().enumerate() {
             let photograph = self.photograph(index, camera);
@@ -244,8 +261,9 @@ impl Job<'_> {
                 points.look(index, condition, &view);
                 writer.write_view(&view)?;
             }
-            if parts.has_capture() {
-                self.shoot(index, &photograph, plan)?;
+            if let (Some(model), Some(lens)) = (&mut model, &lens) {
+                model.look(self, index, &photograph);
+                self.shoot(index, (&photograph, lens), plan)?;
             }
             progress(SynthProgress::Photographing {
                 done: index + 1,
@@ -263,7 +281,11 @@ impl Job<'_> {
         if parts.has_capture() {
             manifest::write(self.out, self.script, total)?;
         }
-        layout::write_truth(self)?;
+        let model_from_world = match model {
+            Some(model) => Some(model.write(self)?),
+            None => None,
+        };
+        layout::write_truth(self, lens.as_ref(), model_from_world)?;
         let num_exposures = self.script.rig.exposures_s.len();
         Ok(SynthSummary {
             files: outputs(self.script, self.options),
@@ -280,6 +302,7 @@ impl Job<'_> {
         let sampling = Sampling {
             num_samples: self.options.num_samples,
             num_cells: self.script.rig.oversampling,
+            margin: self.margin,
             noise: self.options.noise,
         };
         let key = RandomKey::new(self.options.seed, Purpose::Simulate, index as u32);
@@ -287,8 +310,23 @@ impl Job<'_> {
     }
 
     /// Takes the brackets of a position.
-    fn shoot(&self, position: usize, photograph: &Photograph, plan: &CameraPlan) -> Result<()> {
+    fn shoot(
+        &self,
+        position: usize,
+        (photograph, lens): (&Photograph, &Lens),
+        plan: &CameraPlan,
+    ) -> Result<()> {
         let rig = &self.script.rig;
+        let camera = photograph.fine_camera();
+        let mut on_sensor = Vec::new();
+        for condition in 0..self.script.conditions.len() {
+            let light = photograph.fine(condition);
+            on_sensor.push(if rig.is_straight() {
+                light.clone()
+            } else {
+                rig.through_lens(light, &camera, lens)?
+            });
+        }
         let shots = (0..self.script.conditions.len()).flat_map(|condition| {
             (0..rig.exposures_s.len()).map(move |exposure| Shot {
                 condition,
@@ -301,7 +339,7 @@ impl Job<'_> {
             let exposure_s = rig.exposures_s[shot.exposure];
             let number = (shot.condition * self.cameras.len() + position) as u32;
             let key = RandomKey::new(self.options.seed, Purpose::Capture, number);
-            let light = photograph.fine(shot.condition);
+            let light = &on_sensor[shot.condition];
             let mosaic = self
                 .sensor
                 .expose(light, exposure_s, (key, shot.exposure as u32));

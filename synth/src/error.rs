@@ -1,5 +1,6 @@
 //! The error of this crate.
 
+use eagpt_colmap::ColmapError;
 use eagpt_scene::SceneError;
 
 /// Result with [`SynthError`].
@@ -11,6 +12,9 @@ pub enum SynthError {
     /// A file could not be read, written or understood.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The COLMAP model could not be written.
+    #[error(transparent)]
+    Colmap(#[from] ColmapError),
     /// An option has an impossible value.
     #[error("option {field}: {problem}")]
     Option {

@@ -19,6 +19,8 @@ pub struct Sampling {
     pub num_samples: u32,
     /// Cells along each side of a pixel, whose light is kept apart: the pixels of the sensor.
     pub num_cells: u32,
+    /// Pixels around the camera's image that are photographed, too, for a lens that sees more.
+    pub margin: u32,
     /// What is done about noise.
     pub noise: SampleNoise,
 }
@@ -44,12 +46,14 @@ impl Sampling {
 #[derive(Debug, Clone)]
 pub struct Photograph {
     camera: Camera,
-    num_cells: u32,
-    /// Linear radiance in each condition, `num_cells` times as large as the camera's image along each side.
+    /// The camera with the margin.
+    wide: Camera,
+    sampling: Sampling,
+    /// Linear radiance in each condition, margin included, `num_cells` times as large as the wide camera's image along each side.
     radiance: Vec<Image<3>>,
-    /// Mean diffuse albedo in each condition, of the camera's size; black where surfaces shine.
+    /// Mean diffuse albedo in each condition, margin included; black where surfaces shine.
     albedo: Vec<Image<3>>,
-    /// What the ray through each pixel's centre meets.
+    /// What the ray through each pixel's centre meets, margin included.
     centres: Vec<Option<Hit>>,
 }
 
@@ -61,10 +65,11 @@ impl Photograph {
         sampling: Sampling,
         key: RandomKey,
     ) -> Self {
-        let frame = camera.ray_frame();
-        let num_pixels = camera.num_pixels() as u32;
+        let wide = widened(camera, sampling.margin);
+        let frame = wide.ray_frame();
+        let num_pixels = wide.num_pixels() as u32;
         let place =
-            |pixel: u32| Vec2::new((pixel % camera.width) as f32, (pixel / camera.width) as f32);
+            |pixel: u32| Vec2::new((pixel % wide.width) as f32, (pixel / wide.width) as f32);
         let pixels: Vec<Pixel> = (0..num_pixels)
             .into_par_iter()
             .map(|pixel| {
@@ -78,7 +83,7 @@ impl Photograph {
             lighting.room.meet(frame.origin, direction)
         });
         let exposure = Exposure {
-            camera,
+            camera: &wide,
             num_cells: sampling.num_cells,
             per_cell: sampling.per_cell(),
             pixels,
@@ -86,7 +91,8 @@ impl Photograph {
         let conditions = 0..lighting.room.num_conditions();
         Self {
             camera: *camera,
-            num_cells: sampling.num_cells,
+            wide,
+            sampling,
             radiance: conditions
                 .clone()
                 .map(|condition| exposure.fine(condition, sampling.noise))
@@ -98,12 +104,17 @@ impl Photograph {
         }
     }
 
-    /// Light on the sensor in a condition: the camera's image, finer by the number of cells along each side.
+    /// Light in a condition, margin included, finer than the camera's image by the number of cells along each side.
     pub fn fine(&self, condition: usize) -> &Image<3> {
         &self.radiance[condition]
     }
 
-    /// What the ray through the centre of each pixel meets, row by row.
+    /// The pinhole camera of [`Self::fine`].
+    pub fn fine_camera(&self) -> Camera {
+        self.wide.magnified(self.sampling.num_cells)
+    }
+
+    /// What the ray through the centre of each pixel meets, margin included, row by row.
     pub fn centres(&self) -> &[Option<Hit>] {
         &self.centres
     }
@@ -118,12 +129,12 @@ impl Photograph {
         View {
             name: name.to_owned(),
             camera: self.camera,
-            radiance: self.radiance[condition].averaged(self.num_cells),
+            radiance: self.cropped(&self.radiance[condition].averaged(self.sampling.num_cells)),
             emission: Some(self.derived(|hit| [f32::from(u8::from(shines(hit)))])),
             normal: Some(self.derived(|hit| hit.normal.to_array())),
             alpha: None,
             depth: Some(self.derived(|hit| [(hit.position - origin).dot(forward)])),
-            albedo: Some(self.albedo[condition].clone()),
+            albedo: Some(self.cropped(&self.albedo[condition])),
         }
     }
 
@@ -132,7 +143,26 @@ impl Photograph {
             .centres
             .iter()
             .map(|hit| hit.as_ref().map_or([0.0; C], &value));
-        image(&self.camera, values.collect())
+        self.cropped(&image(&self.wide, values.collect()))
+    }
+
+    /// An image without its margin.
+    fn cropped<const C: usize>(&self, wide: &Image<C>) -> Image<C> {
+        let (margin, camera) = (self.sampling.margin, &self.camera);
+        let pixels = (0..camera.height)
+            .flat_map(|y| (0..camera.width).map(move |x| wide.get(x + margin, y + margin)));
+        image(camera, pixels.collect())
+    }
+}
+
+/// A camera that sees `margin` more pixels on all sides.
+fn widened(camera: &Camera, margin: u32) -> Camera {
+    Camera {
+        width: camera.width + 2 * margin,
+        height: camera.height + 2 * margin,
+        cx: camera.cx + f64::from(margin),
+        cy: camera.cy + f64::from(margin),
+        ..*camera
     }
 }
 

@@ -3,9 +3,11 @@
 use super::{Job, Parts, SynthOptions};
 use crate::error::Result;
 use crate::script::SceneScript;
+use eagpt_colmap::model::Similarity;
 use eagpt_scene::dataset::{
     ALBEDO_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE,
 };
+use eagpt_scene::lens::Lens;
 use eagpt_scene::{SceneError, files};
 use serde_json::json;
 use std::path::PathBuf;
@@ -74,12 +76,17 @@ pub fn outputs(script: &SceneScript, options: &SynthOptions) -> Vec<PathBuf> {
     }
     if options.parts != Parts::Truth {
         files.push(PathBuf::from(MANIFEST_FILE));
+        files.extend(super::model::files());
     }
     files
 }
 
 /// Writes what is true of the capture.
-pub(super) fn write_truth(job: &Job<'_>) -> Result<()> {
+pub(super) fn write_truth(
+    job: &Job<'_>,
+    lens: Option<&Lens>,
+    model_from_world: Option<Similarity>,
+) -> Result<()> {
     let rig = &job.script.rig;
     let [width, height] = job.options.plan(job.script).size;
     let value = json!({
@@ -98,6 +105,8 @@ pub(super) fn write_truth(job: &Job<'_>) -> Result<()> {
         "as_shot_neutral": rig.as_shot_neutral(),
         "radiance_of_clipping_at_1s": job.sensor.clip_of_second(),
         "electrons_of_step": job.sensor.electrons_of_step(),
+        "lens": lens.map(|lens| json!({ "model": lens.model().name(), "params": lens.params() })),
+        "model_from_world": model_from_world,
         "options": job.options,
     });
     let path = job.out.join(TRUTH_FILE);

@@ -1,5 +1,6 @@
 //! The camera that photographs the room: lens, sensor, exposures.
 
+mod lens;
 mod sensor;
 
 pub use sensor::Sensor;
