@@ -1,5 +1,10 @@
 //! Captures against their own truth, read by an independent decoder.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
+)]
+
 use eagpt_colmap::model::{Model, Observations};
 use eagpt_scene::Dataset;
 use eagpt_synth::capture::Parts;

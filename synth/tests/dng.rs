@@ -1,5 +1,10 @@
 //! DNG files against a reader of somebody else's.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
+)]
+
 use eagpt_synth::dng::{self, CfaColor, DngInfo, Mosaic};
 use std::collections::BTreeMap;
 use std::path::Path;

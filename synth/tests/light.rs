@@ -1,5 +1,10 @@
 //! The path tracer against closed forms, and its two methods against each other.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
+)]
+
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_synth::light::path::{Draw, MAX_BOUNCES};
 use eagpt_synth::light::points::Points;

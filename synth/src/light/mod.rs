@@ -2,7 +2,7 @@
 //!
 //! - [`points`]: where it is sampled.
 //! - [`emitters`]: directions towards lights.
-//! - [`path`]: paths.
+//! - [`mod@path`]: light followed from surface to surface.
 //! - [`cache`]: light that is solved once for the whole room, for the far ends of paths.
 
 pub mod cache;

@@ -421,7 +421,7 @@ impl Builder<'_> {
         let profile = [[0.06, 0.0], [0.055, 0.015], [0.13, 0.05], [0.15, 0.075]];
         self.turned(&profile.map(Vec2::from_array), bowl);
         for (i, &finish) in fruits.iter().enumerate() {
-            let (ring, angle) = ((i > 0) as u32 as f32, TAU * i as f32 / 5.0);
+            let (ring, angle) = (f32::from(u8::from(i > 0)), TAU * i as f32 / 5.0);
             let reach = 0.085 * ring;
             let z = 0.075 + 0.035 - 0.008 * ring;
             let radius = self.between(0.034, 0.042);
