@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, colmap, edit, eval, export, masks, render, report, run, train};
+use crate::{bake, colmap, edit, eval, export, masks, render, report, run, synth, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -63,6 +63,7 @@ pub(crate) enum Command {
     Bake(bake::BakeArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
+    Synth(synth::SynthArgs),
 }
 
 pub(crate) fn start(cli: &Cli) -> Result<ExitCode> {
@@ -89,6 +90,7 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Eval(args) => eval::run(args, global),
         Command::Export(args) => export::run(args, global),
         Command::Colmap(args) => colmap::run(args, global),
+        Command::Synth(args) => synth::run(args, global),
     }
 }
 

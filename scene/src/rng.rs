@@ -20,6 +20,12 @@ pub enum Purpose {
     Bake = 5,
     /// Hypotheses of planes, when a model of cameras is aligned.
     Align = 20,
+    /// Paths of light in a virtual room.
+    Simulate = 30,
+    /// Noise of a virtual camera and of what is reconstructed from its pictures.
+    Capture = 31,
+    /// Uneven things in a virtual room: books, leaves.
+    Furnish = 32,
 }
 
 /// A keyed family of streams: fixed seed, purpose and iteration.

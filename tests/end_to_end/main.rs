@@ -21,3 +21,4 @@ mod pipeline;
 mod relight;
 mod run;
 mod support;
+mod synth;

@@ -57,21 +57,26 @@ pub struct Settings {
     pub cut: f32,
 }
 
+impl Settings {
+    /// The default.
+    pub const DEFAULT: Self = Self {
+        radius: 10,
+        first_radius: 7,
+        spatial: 0.6,
+        stride: 1,
+        first_stride: 2,
+        normal: 0.4,
+        plane: 0.1,
+        left: 0.5,
+        relative: 0.02,
+        ridge: 1e-2,
+        cut: 1.0,
+    };
+}
+
 impl Default for Settings {
     fn default() -> Self {
-        Self {
-            radius: 10,
-            first_radius: 7,
-            spatial: 0.6,
-            stride: 1,
-            first_stride: 2,
-            normal: 0.4,
-            plane: 0.1,
-            left: 0.5,
-            relative: 0.02,
-            ridge: 1e-2,
-            cut: 1.0,
-        }
+        Self::DEFAULT
     }
 }
 

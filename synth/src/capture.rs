@@ -1,0 +1,380 @@
+//! The job: a scene file in, a capture and its truth out.
+
+mod layout;
+mod manifest;
+mod model;
+mod points;
+
+pub use layout::outputs;
+
+use crate::dng::{self, DngInfo};
+use crate::error::{Result, SynthError};
+use crate::light::points::MAX_SAMPLES;
+use crate::light::{Cache, CacheOptions, Lighting};
+use crate::photograph::{Photograph, SampleNoise, Sampling};
+use crate::rig::Sensor;
+use crate::script::{CameraPlan, SceneScript};
+use eagpt_scene::dataset::{DatasetInfo, DatasetWriter, UpAxis};
+use eagpt_scene::exr::Precision;
+use eagpt_scene::lens::Lens;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, files};
+use layout::{Shot, position_name};
+use model::ModelSource;
+use points::PointSource;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// When the first shot is taken, by the camera's clock: 2026-03-01 10:00:00.
+const FIRST_SHOT_MS: u64 = 1_772_359_200_000;
+/// Time between shots of a bracket, beside their exposures.
+const BETWEEN_SHOTS_MS: u64 = 250;
+/// Time to carry the tripod to the next position.
+const BETWEEN_POSITIONS_MS: u64 = 20_000;
+/// Time between conditions.
+const BETWEEN_CONDITIONS_MS: u64 = 1_800_000;
+
+/// What is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Parts {
+    /// Capture and truth.
+    #[default]
+    All,
+    /// The RAW capture alone.
+    Capture,
+    /// The true dataset alone.
+    Truth,
+}
+
+impl Parts {
+    fn has_truth(self) -> bool {
+        self != Self::Capture
+    }
+
+    fn has_capture(self) -> bool {
+        self != Self::Truth
+    }
+}
+
+/// How a scene is photographed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SynthOptions {
+    /// What is written.
+    pub parts: Parts,
+    /// Size of the truth images, pixels; `None` for the scene's.
+    pub size: Option<[u32; 2]>,
+    /// Number of positions; `None` for the scene's.
+    pub num_views: Option<u32>,
+    /// Samples for each pixel of the truth, 1 to 65,536.
+    pub num_samples: u32,
+    /// How light that was reflected before is found.
+    pub light: LightMethod,
+    /// What is done about the noise of sampled light.
+    pub noise: SampleNoise,
+    /// Points of each condition's cloud.
+    pub num_points: u32,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+/// How indirect light is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LightMethod {
+    /// A final gather at every pixel into light solved once for the room.
+    #[default]
+    Cached,
+    /// Paths to their end: the unbiased reference.
+    Paths,
+}
+
+impl Default for SynthOptions {
+    fn default() -> Self {
+        Self {
+            parts: Parts::All,
+            size: None,
+            num_views: None,
+            num_samples: 16,
+            light: LightMethod::Cached,
+            noise: SampleNoise::Filtered,
+            num_points: 20_000,
+            seed: 0,
+        }
+    }
+}
+
+impl SynthOptions {
+    /// Checks all values.
+    ///
+    /// # Errors
+    /// [`SynthError::Option`] naming the first that cannot be.
+    pub fn validate(&self) -> Result<()> {
+        let option = |field, problem: String| Err(SynthError::Option { field, problem });
+        if let Some([width, height]) = self.size
+            && !([width, height]
+                .iter()
+                .all(|side| (8..=16_384).contains(side)))
+        {
+            return option(
+                "size",
+                format!("{width}x{height}: sides are 8 to 16384 pixels"),
+            );
+        }
+        if let Some(num @ (0 | 10_001..)) = self.num_views {
+            return option("num_views", format!("{num} is not from 1 to 10000"));
+        }
+        if !(1..=MAX_SAMPLES).contains(&self.num_samples) {
+            let num = self.num_samples;
+            return option(
+                "num_samples",
+                format!("{num} is not from 1 to {MAX_SAMPLES}"),
+            );
+        }
+        if self.num_points > 100_000_000 {
+            let num = self.num_points;
+            return option("num_points", format!("{num} is above 100000000"));
+        }
+        Ok(())
+    }
+
+    /// The cameras' plan of a scene under these options.
+    pub fn plan(&self, script: &SceneScript) -> CameraPlan {
+        let plan = &script.cameras;
+        CameraPlan {
+            num_views: self.num_views.unwrap_or(plan.num_views),
+            size: self.size.unwrap_or(plan.size),
+            ..plan.clone()
+        }
+    }
+}
+
+/// What the job tells while it works.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "message", rename_all = "snake_case")]
+pub enum SynthProgress {
+    /// The light of the room has been solved.
+    Lit {
+        /// Cells of its surfaces.
+        num_cells: usize,
+    },
+    /// Views have been photographed.
+    Photographing {
+        /// Views done.
+        done: usize,
+        /// Views of the job.
+        total: usize,
+    },
+}
+
+/// What came out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SynthSummary {
+    /// All files, relative to the folder.
+    pub files: Vec<PathBuf>,
+    /// Number of positions.
+    pub num_views: usize,
+    /// Number of RAW files.
+    pub num_shots: usize,
+}
+
+/// Photographs a scene into `out`, which is created; files that are there are replaced.
+///
+/// # Errors
+/// [`SynthError`] for an option that cannot be or a file that cannot be written.
+pub fn simulate(
+    script: &SceneScript,
+    out: &Path,
+    options: &SynthOptions,
+    progress: &mut dyn FnMut(SynthProgress),
+) -> Result<SynthSummary> {
+    options.validate()?;
+    let plan = options.plan(script);
+    let mut lighting = Lighting::new(&script.room);
+    if options.light == LightMethod::Cached {
+        let key = RandomKey::new(options.seed, Purpose::Simulate, u32::MAX);
+        let cache = Cache::solve(&lighting, key, &CacheOptions::default());
+        let num_cells = cache.num_cells();
+        lighting.cache = Some(cache);
+        progress(SynthProgress::Lit { num_cells });
+    }
+    let cameras = plan.cameras();
+    let margin = match cameras.first() {
+        // Without a capture, too: the truth is the same whatever is written.
+        Some(camera) => script.rig.margin(camera)?,
+        None => 0,
+    };
+    let job = Job {
+        script,
+        out,
+        options,
+        sensor: Sensor::new(&script.rig, script.room.brightest()),
+        lighting,
+        cameras,
+        margin,
+    };
+    job.run(&plan, progress)
+}
+
+struct Job<'a> {
+    script: &'a SceneScript,
+    out: &'a Path,
+    options: &'a SynthOptions,
+    lighting: Lighting<'a>,
+    sensor: Sensor,
+    cameras: Vec<Camera>,
+    /// Pixels that the lens sees beyond the edges of the truth.
+    margin: u32,
+}
+
+impl Job<'_> {
+    fn run(
+        &self,
+        plan: &CameraPlan,
+        progress: &mut dyn FnMut(SynthProgress),
+    ) -> Result<SynthSummary> {
+        let (parts, total) = (self.options.parts, self.cameras.len());
+        let mut truths = Vec::new();
+        if parts.has_truth() {
+            for condition in &self.script.conditions {
+                let dir = self.out.join("truth").join(condition);
+                truths.push(DatasetWriter::create(&dir, Precision::Half)?);
+            }
+        }
+        if parts.has_capture() {
+            for condition in &self.script.conditions {
+                files::create_dir(&self.out.join(condition))?;
+            }
+        }
+        let lens = match self.cameras.first() {
+            Some(camera) if parts.has_capture() => Some(self.script.rig.lens(camera)?),
+            _ => None,
+        };
+        let mut model = lens.map(|lens| ModelSource::new(self, lens));
+        let mut points = PointSource::new(self.options, total, self.script.conditions.len());
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let photograph = self.photograph(index, camera);
+            for (condition, writer) in truths.iter_mut().enumerate() {
+                let view = photograph.view(&self.lighting, condition, &position_name(index));
+                points.look(index, condition, &view);
+                writer.write_view(&view)?;
+            }
+            if let (Some(model), Some(lens)) = (&mut model, &lens) {
+                model.look(self, index, &photograph);
+                self.shoot(index, (&photograph, lens), plan)?;
+            }
+            progress(SynthProgress::Photographing {
+                done: index + 1,
+                total,
+            });
+        }
+        for (writer, cloud) in truths.into_iter().zip(points.clouds()) {
+            writer.write_points(&cloud)?;
+            writer.finish(&DatasetInfo {
+                up_axis: Some(UpAxis::Z),
+                metres_per_unit: Some(1.0),
+                ..DatasetInfo::default()
+            })?;
+        }
+        if parts.has_capture() {
+            manifest::write(self.out, self.script, total)?;
+        }
+        let model_from_world = match model {
+            Some(model) => Some(model.write(self)?),
+            None => None,
+        };
+        layout::write_truth(self, lens.as_ref(), model_from_world)?;
+        let num_exposures = self.script.rig.exposures_s.len();
+        Ok(SynthSummary {
+            files: outputs(self.script, self.options),
+            num_views: total,
+            num_shots: if parts.has_capture() {
+                total * self.script.conditions.len() * num_exposures
+            } else {
+                0
+            },
+        })
+    }
+
+    fn photograph(&self, index: usize, camera: &Camera) -> Photograph {
+        let sampling = Sampling {
+            num_samples: self.options.num_samples,
+            num_cells: self.script.rig.oversampling,
+            margin: self.margin,
+            noise: self.options.noise,
+        };
+        let key = RandomKey::new(self.options.seed, Purpose::Simulate, index as u32);
+        Photograph::take(&self.lighting, camera, sampling, key)
+    }
+
+    /// Takes the brackets of a position.
+    fn shoot(
+        &self,
+        position: usize,
+        (photograph, lens): (&Photograph, &Lens),
+        plan: &CameraPlan,
+    ) -> Result<()> {
+        let rig = &self.script.rig;
+        let camera = photograph.fine_camera();
+        let mut on_sensor = Vec::new();
+        for condition in 0..self.script.conditions.len() {
+            let light = photograph.fine(condition);
+            on_sensor.push(if rig.is_straight() {
+                light.clone()
+            } else {
+                rig.through_lens(light, &camera, lens)?
+            });
+        }
+        let shots = (0..self.script.conditions.len()).flat_map(|condition| {
+            (0..rig.exposures_s.len()).map(move |exposure| Shot {
+                condition,
+                position,
+                exposure,
+            })
+        });
+        let shots: Vec<Shot> = shots.collect();
+        shots.into_par_iter().try_for_each(|shot| {
+            let exposure_s = rig.exposures_s[shot.exposure];
+            let number = (shot.condition * self.cameras.len() + position) as u32;
+            let key = RandomKey::new(self.options.seed, Purpose::Capture, number);
+            let light = &on_sensor[shot.condition];
+            let mosaic = self
+                .sensor
+                .expose(light, exposure_s, (key, shot.exposure as u32));
+            let info = DngInfo {
+                make: rig.make.clone(),
+                model: rig.model.clone(),
+                cfa: rig.cfa(),
+                black: [rig.black; 4],
+                white: rig.white,
+                as_shot_neutral: rig.as_shot_neutral(),
+                camera_from_xyz: rig.camera_from_xyz,
+                exposure_s: Some(exposure_s),
+                iso: rig.iso,
+                f_number: rig.f_number,
+                focal_length_mm: round_to(rig.focal_length_mm(plan.fov_x_rad), 0.1),
+                taken_ms: self.taken_ms(shot),
+            };
+            let path = self.out.join(shot.file(&self.script.conditions));
+            dng::write(&path, &mosaic, &info)
+        })?;
+        Ok(())
+    }
+
+    /// When a shot begins: brackets, positions and conditions one after the other.
+    fn taken_ms(&self, shot: Shot) -> u64 {
+        let length = |seconds: &f64| (seconds * 1e3) as u64 + BETWEEN_SHOTS_MS;
+        let exposures = &self.script.rig.exposures_s;
+        let bracket: u64 = exposures.iter().map(length).sum();
+        let before: u64 = exposures[..shot.exposure].iter().map(length).sum();
+        let position = bracket + BETWEEN_POSITIONS_MS;
+        let condition = position * self.cameras.len() as u64 + BETWEEN_CONDITIONS_MS;
+        FIRST_SHOT_MS + condition * shot.condition as u64 + position * shot.position as u64 + before
+    }
+}
+
+fn round_to(value: f64, step: f64) -> f64 {
+    (value / step).round() * step
+}

@@ -1,0 +1,231 @@
+//! Light that has been bounced already: irradiance on a grid over all surfaces, solved once for the room.
+//!
+//! Cells are some centimetres wide. From each, rays go out once and remember the cell they meet; light then travels along these links, bounce
+//! after bounce, in all conditions (the progressive form of radiosity, gathered by Monte Carlo). The result is read where a ray from a
+//! pixel's surface ends, never at the pixel itself, so that the grid does not show.
+
+use super::emitters::{Receiver, cosine_direction};
+use super::path::Lighting;
+use super::points::Points;
+use crate::room::{Hit, LIFT, MAX_CONDITIONS, Room};
+use eagpt_scene::rng::RandomKey;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Cells along a side of a face, at most.
+const MAX_CELLS: f32 = 96.0;
+/// A cell of which more rays than this share start inside of something counts as buried.
+const MAX_BURIED: f32 = 0.75;
+/// Bounces that light is followed over; albedos of 0.8 leave 1 % of the light after as many.
+const NUM_SWEEPS: usize = 24;
+/// A link to nothing.
+const NOWHERE: u32 = u32::MAX;
+
+/// How the light of a room is solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CacheOptions {
+    /// Width of a cell, metres.
+    pub cell_m: f32,
+    /// Rays that leave a cell.
+    pub num_links: u32,
+    /// Shadow rays from a cell in each condition.
+    pub num_direct: u32,
+}
+
+impl Default for CacheOptions {
+    fn default() -> Self {
+        Self {
+            cell_m: 0.1,
+            num_links: 96,
+            num_direct: 32,
+        }
+    }
+}
+
+/// Irradiance over π in each condition and cell.
+#[derive(Debug, Clone)]
+pub struct Cache {
+    grids: Vec<Grid>,
+    /// Index into `grids` of each surface's first face.
+    first_grid: Vec<u32>,
+    light: Vec<Vec<Vec3>>,
+}
+
+/// The cells of a face.
+#[derive(Debug, Clone, Copy)]
+struct Grid {
+    surface: u32,
+    face: u32,
+    size: [u32; 2],
+    first_cell: u32,
+}
+
+/// What is known of a cell before light travels.
+struct Cell {
+    albedo: Vec3,
+    direct: [Vec3; MAX_CONDITIONS],
+    links: Vec<u32>,
+}
+
+impl Cache {
+    /// Solves the light of a room.
+    pub fn solve(lighting: &Lighting<'_>, key: RandomKey, options: &CacheOptions) -> Self {
+        let room = lighting.room;
+        let mut cache = Self {
+            grids: Vec::new(),
+            first_grid: Vec::new(),
+            light: Vec::new(),
+        };
+        let mut num_cells = 0;
+        for (surface, it) in (0..).zip(room.surfaces()) {
+            cache.first_grid.push(cache.grids.len() as u32);
+            for face in 0..it.shape.num_faces() {
+                let cells = it.shape.extent(face) / options.cell_m;
+                let size = [cells.x, cells.y].map(|n| n.ceil().clamp(1.0, MAX_CELLS) as u32);
+                let size = if it.shape.area(face) > 0.0 {
+                    size
+                } else {
+                    [0; 2]
+                };
+                cache.grids.push(Grid {
+                    surface,
+                    face,
+                    size,
+                    first_cell: num_cells,
+                });
+                num_cells += size[0] * size[1];
+            }
+        }
+        let grids = cache.grids.par_iter();
+        let cells: Vec<Cell> = grids
+            .flat_map_iter(|grid| (0..grid.size[0] * grid.size[1]).map(move |cell| (grid, cell)))
+            .map(|(grid, cell)| cache.look(lighting, grid, cell, (key, options)))
+            .collect();
+        for condition in 0..room.num_conditions() {
+            cache.light.push(cache.travel(room, condition, &cells));
+        }
+        cache
+    }
+
+    /// Number of cells.
+    pub fn num_cells(&self) -> usize {
+        self.grids.last().map_or(0, |grid| {
+            (grid.first_cell + grid.size[0] * grid.size[1]) as usize
+        })
+    }
+
+    /// Irradiance over π at a point.
+    pub fn arriving(&self, condition: usize, hit: &Hit) -> Vec3 {
+        self.light
+            .get(condition)
+            .and_then(|light| light.get(self.cell(hit)? as usize))
+            .copied()
+            .unwrap_or(Vec3::ZERO)
+    }
+
+    fn cell(&self, hit: &Hit) -> Option<u32> {
+        let grid = &self.grids[(self.first_grid[hit.surface as usize] + hit.face) as usize];
+        let [columns, rows] = grid.size;
+        if hit.is_inside || columns * rows == 0 {
+            return None;
+        }
+        let column = ((hit.st.x * columns as f32) as u32).min(columns - 1);
+        let row = ((hit.st.y * rows as f32) as u32).min(rows - 1);
+        Some(grid.first_cell + row * columns + column)
+    }
+
+    /// Sends out the rays of a cell.
+    fn look(
+        &self,
+        lighting: &Lighting<'_>,
+        grid: &Grid,
+        cell: u32,
+        (key, options): (RandomKey, &CacheOptions),
+    ) -> Cell {
+        let room = lighting.room;
+        let points = Points::new(key, grid.first_cell + cell);
+        let corner = Vec2::new((cell % grid.size[0]) as f32, (cell / grid.size[0]) as f32);
+        let size = Vec2::new(grid.size[0] as f32, grid.size[1] as f32);
+        let start = |a: f32, b: f32| {
+            let st = (corner + Vec2::new(a, b)) / size;
+            let point = room.point(grid.surface, grid.face, st);
+            let receiver = Receiver {
+                position: point.position + point.normal * LIFT,
+                normal: point.normal,
+            };
+            (st, receiver)
+        };
+        let conditions = 0..room.num_conditions();
+        let (mut albedo, mut direct) = (Vec3::ZERO, [Vec3::ZERO; MAX_CONDITIONS]);
+        let (mut links, mut num_buried) = (Vec::new(), 0);
+        for sample in 0..options.num_links {
+            let [a, b, c, d] = points.block(sample, 0);
+            let (st, at) = start(a, b);
+            albedo += room.albedo(grid.surface, grid.face, st);
+            let direction = cosine_direction(at.normal, Vec2::new(c, d));
+            match room.meet(at.position, direction) {
+                Some(hit) if hit.is_inside => num_buried += 1,
+                Some(hit) => {
+                    for condition in conditions.clone() {
+                        let emitted = room.emitted_in(condition, hit.surface, hit.face);
+                        if emitted != Vec3::ZERO {
+                            let bounce = (direction, &hit);
+                            let weight = lighting.weight_of_bounce(condition, &at, bounce);
+                            direct[condition] += emitted * (weight / options.num_links as f32);
+                        }
+                    }
+                    links.push(self.cell(&hit).unwrap_or(NOWHERE));
+                }
+                None => links.push(NOWHERE),
+            }
+        }
+        let open = 1.0 - num_buried as f32 / options.num_links as f32;
+        if open < 1.0 - MAX_BURIED {
+            links.clear();
+            direct = [Vec3::ZERO; MAX_CONDITIONS];
+        } else {
+            for condition in conditions {
+                for sample in 0..options.num_direct {
+                    let [a, b, c, d] = points.block(sample, 1);
+                    // The place within the cell: a lattice that does not share numbers with the choice of light.
+                    let turn = (sample as f32 + 0.5) / options.num_direct as f32;
+                    let (_, at) = start(turn, d);
+                    let light = lighting.direct(condition, &at, Vec3::new(a, b, c));
+                    direct[condition] += light / options.num_direct as f32;
+                }
+                // Places inside of something are as buried for shadow rays as they are for links.
+                direct[condition] /= open;
+            }
+        }
+        Cell {
+            albedo: albedo / options.num_links as f32,
+            direct,
+            links,
+        }
+    }
+
+    /// Light of one condition after all bounces.
+    fn travel(&self, room: &Room, condition: usize, cells: &[Cell]) -> Vec<Vec3> {
+        // What shines reflects nothing, and its own light has been counted as direct.
+        let mut albedos: Vec<Vec3> = cells.iter().map(|cell| cell.albedo).collect();
+        for grid in &self.grids {
+            if room.emitted_in(condition, grid.surface, grid.face) != Vec3::ZERO {
+                let (first, num) = (grid.first_cell, grid.size[0] * grid.size[1]);
+                albedos[first as usize..(first + num) as usize].fill(Vec3::ZERO);
+            }
+        }
+        let mut light: Vec<Vec3> = cells.iter().map(|cell| cell.direct[condition]).collect();
+        for _ in 0..NUM_SWEEPS {
+            let reflected: Vec<Vec3> = light.iter().zip(&albedos).map(|(l, a)| *l * *a).collect();
+            light = cells
+                .par_iter()
+                .map(|cell| {
+                    let linked = cell.links.iter().filter(|link| **link != NOWHERE);
+                    let sum: Vec3 = linked.map(|&link| reflected[link as usize]).sum();
+                    cell.direct[condition] + sum / cell.links.len().max(1) as f32
+                })
+                .collect();
+        }
+        light
+    }
+}

@@ -1,0 +1,158 @@
+//! Light that leaves a surface: next-event estimation and cosine-weighted bounces, weighted by the balance heuristic (Veach 1997).
+
+use super::cache::Cache;
+use super::emitters::{Emitters, Receiver, cosine_direction, cosine_pdf};
+use super::points::Points;
+use crate::room::{Hit, MAX_CONDITIONS, PerCondition, Room};
+use glam::{Vec2, Vec3};
+
+/// Paths end at random from this bounce on.
+const ROULETTE_FROM: u32 = 4;
+/// Paths end here at the latest. Behind the roulette few come so far; what they carry is far below noise.
+pub const MAX_BOUNCES: u32 = 32;
+/// Fours of numbers for each bounce.
+const BLOCKS: u32 = 2;
+
+/// What light is computed from.
+#[derive(Debug, Clone)]
+pub struct Lighting<'a> {
+    /// The room.
+    pub room: &'a Room,
+    /// Its lights in each condition.
+    pub emitters: Vec<Emitters>,
+    /// Light that is known already; without it every path is followed to its end.
+    pub cache: Option<Cache>,
+}
+
+impl<'a> Lighting<'a> {
+    /// All light by paths.
+    pub fn new(room: &'a Room) -> Self {
+        let conditions = 0..room.num_conditions();
+        Self {
+            room,
+            emitters: conditions.map(|c| Emitters::new(room, c)).collect(),
+            cache: None,
+        }
+    }
+
+    /// One sample of the light that reaches a white surface at `hit` and leaves it by diffuse reflection, in each condition: irradiance over
+    /// π. `block` is the first unused four of `points`; at most `max_bounces` surfaces reflect.
+    pub fn arriving(&self, hit: &Hit, points: &Points, draw: Draw) -> PerCondition {
+        let mut total = [Vec3::ZERO; MAX_CONDITIONS];
+        let mut throughput = Vec3::ONE;
+        let num = self.emitters.len();
+        let mut is_on = [true; MAX_CONDITIONS];
+        let mut at = Receiver::of(hit);
+        for bounce in 0..draw.max_bounces {
+            let block = draw.block + BLOCKS * bounce;
+            let [a, b, c, roulette] = points.block(draw.sample, block);
+            for condition in 0..num {
+                if is_on[condition] {
+                    let uniform = Vec3::new(a, b, c);
+                    total[condition] += throughput * self.direct(condition, &at, uniform);
+                }
+            }
+            let [a, b, ..] = points.block(draw.sample, block + 1);
+            let direction = cosine_direction(at.normal, Vec2::new(a, b));
+            let Some(next) = self.room.meet(at.position, direction) else {
+                break;
+            };
+            if let Some(emitted) = self.room.emitted(next.surface, next.face) {
+                for condition in 0..num {
+                    if is_on[condition] && emitted[condition] != Vec3::ZERO {
+                        let weight = self.weight_of_bounce(condition, &at, (direction, &next));
+                        total[condition] += throughput * emitted[condition] * weight;
+                        is_on[condition] = false;
+                    }
+                }
+                if !is_on[..num].contains(&true) {
+                    break;
+                }
+            }
+            throughput *= self.room.albedo(next.surface, next.face, next.st);
+            if let Some(cache) = &self.cache {
+                for condition in 0..num {
+                    if is_on[condition] {
+                        total[condition] += throughput * cache.arriving(condition, &next);
+                    }
+                }
+                break;
+            }
+            if bounce + 1 >= ROULETTE_FROM {
+                let survival = throughput.max_element().min(1.0);
+                if roulette >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+            at = Receiver::of(&next);
+        }
+        total
+    }
+
+    /// One sample of the light that comes straight from lights, over π, weighted against what bounces find.
+    pub(super) fn direct(&self, condition: usize, at: &Receiver, uniform: Vec3) -> Vec3 {
+        let Some(sample) = self.emitters[condition].sample(self.room, at, uniform) else {
+            return Vec3::ZERO;
+        };
+        let from_bounce = cosine_pdf(at.normal, sample.direction);
+        if from_bounce == 0.0 || !self.room.is_free(at.position, sample.position) {
+            return Vec3::ZERO;
+        }
+        sample.radiance * (from_bounce / (sample.pdf + from_bounce))
+    }
+
+    /// The weight of light that a bounce along `direction` finds at `hit`.
+    pub(super) fn weight_of_bounce(
+        &self,
+        condition: usize,
+        at: &Receiver,
+        (direction, hit): (Vec3, &Hit),
+    ) -> f32 {
+        let from_bounce = cosine_pdf(at.normal, direction);
+        let from_light = self.emitters[condition].pdf(at, hit);
+        // A bounce along the horizon has no density of its own to speak of.
+        from_bounce / (from_bounce + from_light).max(f32::MIN_POSITIVE)
+    }
+
+    /// Light that a point seen along `direction` sends back: what it emits, and one sample of what it reflects diffusely.
+    pub fn leaving(&self, hit: &Hit, points: &Points, draw: Draw) -> PerCondition {
+        let albedo = self.room.albedo(hit.surface, hit.face, hit.st);
+        let emitted = self.room.emitted(hit.surface, hit.face);
+        let mut light = match &self.cache {
+            Some(cache) => std::array::from_fn(|c| cache.arriving(c, hit)),
+            None => self.arriving(hit, points, draw),
+        };
+        for (condition, light) in light.iter_mut().enumerate() {
+            let own = emitted.map_or(Vec3::ZERO, |e| e[condition]);
+            *light = if own == Vec3::ZERO {
+                *light * albedo
+            } else {
+                own
+            };
+        }
+        light
+    }
+}
+
+/// Which numbers a sample takes, and how far it goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Draw {
+    /// Number of the sample.
+    pub sample: u32,
+    /// First four of numbers.
+    pub block: u32,
+    /// Surfaces that reflect, at most.
+    pub max_bounces: u32,
+}
+
+/// A direction mirrored at a varnished surface with normal `normal`, spread by `roughness`.
+pub fn mirrored(direction: Vec3, normal: Vec3, roughness: f32, uniform: Vec2) -> Vec3 {
+    let mirrored = direction - normal * (2.0 * direction.dot(normal));
+    let spread = cosine_direction(mirrored, uniform);
+    // A cosine lobe shrunk to the roughness: its density does not matter, as it is all that the coat mirrors.
+    let across = spread - mirrored * spread.dot(mirrored);
+    let turned = (mirrored + across * roughness).normalize();
+    let below = turned.dot(normal).min(0.0);
+    (turned - normal * (2.0 * below)).normalize()
+}

@@ -1,0 +1,171 @@
+//! What a camera sees: light, and what is known of the surfaces behind every pixel.
+
+mod exposure;
+
+use crate::light::Lighting;
+use crate::light::points::Points;
+use crate::room::Hit;
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Image, View};
+use exposure::{Exposure, Pixel, expose};
+use glam::Vec2;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How pixels are sampled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sampling {
+    /// Rays for each pixel of the camera, at least one for each cell; rounded up to as many in every cell.
+    pub num_samples: u32,
+    /// Cells along each side of a pixel, whose light is kept apart: the pixels of the sensor.
+    pub num_cells: u32,
+    /// Pixels around the camera's image that are photographed, too, for a lens that sees more.
+    pub margin: u32,
+    /// What is done about noise.
+    pub noise: SampleNoise,
+}
+
+/// What is done about the noise of sampled light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SampleNoise {
+    /// Light that arrives at surfaces is filtered; what they make of it, their texture and what shines stay as sampled.
+    #[default]
+    Filtered,
+    /// All light stays as sampled.
+    Kept,
+}
+
+impl Sampling {
+    fn per_cell(&self) -> u32 {
+        self.num_samples.div_ceil(self.num_cells * self.num_cells)
+    }
+}
+
+/// A photograph before any camera adds its noise, in all conditions.
+#[derive(Debug, Clone)]
+pub struct Photograph {
+    camera: Camera,
+    /// The camera with the margin.
+    wide: Camera,
+    sampling: Sampling,
+    /// Linear radiance in each condition, margin included, `num_cells` times as large as the wide camera's image along each side.
+    radiance: Vec<Image<3>>,
+    /// Mean diffuse albedo in each condition, margin included; black where surfaces shine.
+    albedo: Vec<Image<3>>,
+    /// What the ray through each pixel's centre meets, margin included.
+    centres: Vec<Option<Hit>>,
+}
+
+impl Photograph {
+    /// Takes a photograph. The same bits for any number of threads.
+    pub fn take(
+        lighting: &Lighting<'_>,
+        camera: &Camera,
+        sampling: Sampling,
+        key: RandomKey,
+    ) -> Self {
+        let wide = widened(camera, sampling.margin);
+        let frame = wide.ray_frame();
+        let num_pixels = wide.num_pixels() as u32;
+        let place =
+            |pixel: u32| Vec2::new((pixel % wide.width) as f32, (pixel / wide.width) as f32);
+        let pixels: Vec<Pixel> = (0..num_pixels)
+            .into_par_iter()
+            .map(|pixel| {
+                let points = Points::new(key, pixel);
+                expose(lighting, &frame, place(pixel), sampling, &points)
+            })
+            .collect();
+        let centres = (0..num_pixels).into_par_iter().map(|pixel| {
+            let at = place(pixel) + 0.5;
+            let direction = frame.direction(at.x, at.y);
+            lighting.room.meet(frame.origin, direction)
+        });
+        let exposure = Exposure {
+            camera: &wide,
+            num_cells: sampling.num_cells,
+            per_cell: sampling.per_cell(),
+            pixels,
+        };
+        let conditions = 0..lighting.room.num_conditions();
+        Self {
+            camera: *camera,
+            wide,
+            sampling,
+            radiance: conditions
+                .clone()
+                .map(|condition| exposure.fine(condition, sampling.noise))
+                .collect(),
+            albedo: conditions
+                .map(|condition| exposure.image(|pixel| pixel.sums[condition].albedo.to_array()))
+                .collect(),
+            centres: centres.collect(),
+        }
+    }
+
+    /// Light in a condition, margin included, finer than the camera's image by the number of cells along each side.
+    pub fn fine(&self, condition: usize) -> &Image<3> {
+        &self.radiance[condition]
+    }
+
+    /// The pinhole camera of [`Self::fine`].
+    pub fn fine_camera(&self) -> Camera {
+        self.wide.magnified(self.sampling.num_cells)
+    }
+
+    /// What the ray through the centre of each pixel meets, margin included, row by row.
+    pub fn centres(&self) -> &[Option<Hit>] {
+        &self.centres
+    }
+
+    /// The photograph in a condition with everything that is known about it. Radiance and albedo are means over the pixel; mask, normal
+    /// and depth are those of its centre.
+    pub fn view(&self, lighting: &Lighting<'_>, condition: usize, name: &str) -> View {
+        let room = lighting.room;
+        let (origin, forward) = (self.camera.origin(), self.camera.forward());
+        let shines =
+            |hit: &Hit| room.emitted_in(condition, hit.surface, hit.face) != glam::Vec3::ZERO;
+        View {
+            name: name.to_owned(),
+            camera: self.camera,
+            radiance: self.cropped(&self.radiance[condition].averaged(self.sampling.num_cells)),
+            emission: Some(self.derived(|hit| [f32::from(u8::from(shines(hit)))])),
+            normal: Some(self.derived(|hit| hit.normal.to_array())),
+            alpha: None,
+            depth: Some(self.derived(|hit| [(hit.position - origin).dot(forward)])),
+            albedo: Some(self.cropped(&self.albedo[condition])),
+        }
+    }
+
+    fn derived<const C: usize>(&self, value: impl Fn(&Hit) -> [f32; C]) -> Image<C> {
+        let values = self
+            .centres
+            .iter()
+            .map(|hit| hit.as_ref().map_or([0.0; C], &value));
+        self.cropped(&image(&self.wide, values.collect()))
+    }
+
+    /// An image without its margin.
+    fn cropped<const C: usize>(&self, wide: &Image<C>) -> Image<C> {
+        let (margin, camera) = (self.sampling.margin, &self.camera);
+        let pixels = (0..camera.height)
+            .flat_map(|y| (0..camera.width).map(move |x| wide.get(x + margin, y + margin)));
+        image(camera, pixels.collect())
+    }
+}
+
+/// A camera that sees `margin` more pixels on all sides.
+fn widened(camera: &Camera, margin: u32) -> Camera {
+    Camera {
+        width: camera.width + 2 * margin,
+        height: camera.height + 2 * margin,
+        cx: camera.cx + f64::from(margin),
+        cy: camera.cy + f64::from(margin),
+        ..*camera
+    }
+}
+
+fn image<const C: usize>(camera: &Camera, pixels: Vec<[f32; C]>) -> Image<C> {
+    Image::from_pixels(camera.width, camera.height, pixels).expect("one value for each pixel")
+}

@@ -1,0 +1,206 @@
+//! A room: surfaces with materials, lights, and the conditions they are switched in.
+
+pub mod bvh;
+pub mod pattern;
+pub mod shape;
+
+use bvh::Bvh;
+use glam::{Vec2, Vec3};
+use pattern::{PatternPoint, Texture};
+use shape::{Crossing, Shape, SurfacePoint};
+
+/// Conditions that light is computed for at once, at most.
+pub const MAX_CONDITIONS: usize = 4;
+/// Distances to surfaces below this are not looked at, and rays start this far above theirs, metres: room-sized floats have steps of 2e-7.
+pub const LIFT: f32 = 1e-4;
+
+/// Light in each of the conditions.
+pub type PerCondition = [Vec3; MAX_CONDITIONS];
+
+/// What a surface is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    /// Diffuse albedo.
+    pub texture: Texture,
+    /// A coat of varnish, if there is one.
+    pub gloss: Option<Gloss>,
+}
+
+/// A clear coat: it mirrors the room to who looks at it. The light that it throws onto other surfaces is left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gloss {
+    /// Reflectance at normal incidence, 0 to 1.
+    pub reflectance: f32,
+    /// Spread of the mirrored directions, sine of an angle.
+    pub roughness: f32,
+}
+
+/// A shape in the room.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Where it is.
+    pub shape: Shape,
+    /// Index of its material.
+    pub material: u32,
+    /// Index of the light it belongs to, if it shines.
+    pub light: Option<u32>,
+}
+
+/// A light: surfaces that shine together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// Name.
+    pub name: String,
+    /// Linear Rec.709 radiance in each condition; black where it is off. A surface that shines does not reflect.
+    pub radiance: PerCondition,
+}
+
+/// Surfaces, materials and lights.
+#[derive(Debug, Clone)]
+pub struct Room {
+    surfaces: Vec<Surface>,
+    shapes: Vec<Shape>,
+    materials: Vec<Material>,
+    lights: Vec<Light>,
+    num_conditions: usize,
+    bvh: Bvh,
+}
+
+/// A point of the room that a ray has met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray, metres.
+    pub distance: f32,
+    /// World position.
+    pub position: Vec3,
+    /// Unit normal, turned to where the ray came from.
+    pub normal: Vec3,
+    /// Index of the surface.
+    pub surface: u32,
+    /// Face of its shape.
+    pub face: u32,
+    /// Coordinates on the face, 0 to 1.
+    pub st: Vec2,
+    /// Whether it is the inside of a closed shape, where nobody looks from.
+    pub is_inside: bool,
+}
+
+impl Room {
+    /// A room of these surfaces, whose indices of materials and lights have to exist.
+    ///
+    /// # Panics
+    /// If there are more conditions than [`MAX_CONDITIONS`].
+    pub fn new(
+        surfaces: Vec<Surface>,
+        materials: Vec<Material>,
+        lights: Vec<Light>,
+        num_conditions: usize,
+    ) -> Self {
+        assert!(
+            num_conditions <= MAX_CONDITIONS,
+            "{num_conditions} conditions"
+        );
+        let shapes: Vec<Shape> = surfaces.iter().map(|surface| surface.shape).collect();
+        Self {
+            bvh: Bvh::new(&shapes),
+            surfaces,
+            shapes,
+            materials,
+            lights,
+            num_conditions,
+        }
+    }
+
+    /// All surfaces.
+    pub fn surfaces(&self) -> &[Surface] {
+        &self.surfaces
+    }
+
+    /// Number of conditions.
+    pub fn num_conditions(&self) -> usize {
+        self.num_conditions
+    }
+
+    /// Corners of the axis-aligned box around everything.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        let boxes = self.shapes.iter().map(Shape::bounds);
+        boxes
+            .reduce(|[low, high], [l, h]| [low.min(l), high.max(h)])
+            .unwrap_or([Vec3::ZERO; 2])
+    }
+
+    /// The first surface that a ray meets. `direction` is of unit length.
+    pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        let range = [LIFT, f32::INFINITY];
+        let (index, crossing) = self.bvh.nearest(&self.shapes, origin, direction, range)?;
+        let Crossing {
+            distance,
+            face,
+            st,
+            normal,
+        } = crossing;
+        let away = normal.dot(direction) > 0.0;
+        Some(Hit {
+            distance,
+            position: origin + direction * distance,
+            normal: if away { -normal } else { normal },
+            surface: index,
+            face,
+            st,
+            is_inside: away && self.shapes[index as usize].is_closed(),
+        })
+    }
+
+    /// Whether nothing is in the way between two points, both lifted off their surfaces.
+    pub fn is_free(&self, from: Vec3, to: Vec3) -> bool {
+        let offset = to - from;
+        let distance = offset.length();
+        let range = [LIFT, distance - LIFT];
+        distance <= 2.0 * LIFT
+            || self
+                .bvh
+                .is_free(&self.shapes, from, offset / distance, range)
+    }
+
+    /// What a surface is made of.
+    pub fn material(&self, surface: u32) -> &Material {
+        &self.materials[self.surfaces[surface as usize].material as usize]
+    }
+
+    /// Diffuse albedo of a point.
+    pub fn albedo(&self, surface: u32, face: u32, st: Vec2) -> Vec3 {
+        let extent = self.shapes[surface as usize].extent(face);
+        self.material(surface).texture.albedo(&PatternPoint {
+            place: st * extent,
+            extent,
+            seed: surface * 8 + face,
+        })
+    }
+
+    /// Light that a face sends out by itself in each condition; the back of a quad does not shine.
+    pub fn emitted(&self, surface: u32, face: u32) -> Option<&PerCondition> {
+        let Surface { shape, light, .. } = &self.surfaces[surface as usize];
+        let light = (*light)?;
+        if matches!(shape, Shape::Quad(_)) && face == 1 {
+            return None;
+        }
+        Some(&self.lights[light as usize].radiance)
+    }
+
+    /// Light that a face sends out by itself in a condition.
+    pub fn emitted_in(&self, condition: usize, surface: u32, face: u32) -> Vec3 {
+        self.emitted(surface, face)
+            .map_or(Vec3::ZERO, |light| light[condition])
+    }
+
+    /// A point of a surface.
+    pub fn point(&self, surface: u32, face: u32, st: Vec2) -> SurfacePoint {
+        self.shapes[surface as usize].point(face, st)
+    }
+
+    /// The brightest radiance of any light in any condition.
+    pub fn brightest(&self) -> f32 {
+        let all = self.lights.iter().flat_map(|light| light.radiance);
+        all.map(Vec3::max_element).fold(0.0, f32::max)
+    }
+}

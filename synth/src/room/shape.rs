@@ -1,0 +1,459 @@
+//! Shapes in closed form: where a ray meets them, and points on them.
+//!
+//! A surface point is known by its face and two coordinates `st` from 0 to 1 on it. All lengths are metres.
+
+use glam::{Mat3, Vec2, Vec3};
+use std::f32::consts::{PI, TAU};
+
+/// A quadrilateral, a parallelogram. Face 0 is the side that its normal `edges[0] × edges[1]` points to, face 1 the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quad {
+    corner: Vec3,
+    edges: [Vec3; 2],
+    /// `(p − corner) · duals[i]` is coordinate i of p.
+    duals: [Vec3; 2],
+    normal: Vec3,
+}
+
+/// A box. Faces 0 to 5 look along −x, +x, −y, +y, −z, +z of its own axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Middle.
+    pub centre: Vec3,
+    /// Half the lengths of the edges.
+    pub half: Vec3,
+    /// Its axes as columns; orthonormal.
+    pub axes: Mat3,
+}
+
+/// A sphere, one face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball {
+    /// Middle.
+    pub centre: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+/// A cylinder or frustum of a cone. Faces: 0 outside, 1 inside, 2 the disc at its base, 3 the disc on top.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drum {
+    /// Middle of the base.
+    pub base: Vec3,
+    /// Its axes as columns, the third along the drum; orthonormal.
+    pub axes: Mat3,
+    /// Length along the axis.
+    pub height: f32,
+    /// Radius at the base and on top.
+    pub radii: [f32; 2],
+    /// Whether there are discs at the ends.
+    pub ends: Ends,
+}
+
+/// Whether a [`Drum`] is closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ends {
+    /// A can.
+    Closed,
+    /// A tube, as a lamp shade.
+    Open,
+}
+
+/// A shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A parallelogram.
+    Quad(Quad),
+    /// A box.
+    Block(Block),
+    /// A sphere.
+    Ball(Ball),
+    /// A cylinder or frustum.
+    Drum(Drum),
+}
+
+/// Where a ray meets a shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossing {
+    /// Distance along the ray.
+    pub distance: f32,
+    /// Face.
+    pub face: u32,
+    /// Coordinates on the face, 0 to 1.
+    pub st: Vec2,
+    /// Unit normal of the face, outwards.
+    pub normal: Vec3,
+}
+
+/// A point of a shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    /// World position.
+    pub position: Vec3,
+    /// Unit normal of the face, outwards.
+    pub normal: Vec3,
+}
+
+impl Quad {
+    /// A quad from a corner and its two edges, which are not parallel.
+    pub fn new(corner: Vec3, edges: [Vec3; 2]) -> Self {
+        let across = edges[0].cross(edges[1]);
+        let square = across.length_squared();
+        Self {
+            corner,
+            edges,
+            duals: [
+                edges[1].cross(across) / square,
+                across.cross(edges[0]) / square,
+            ],
+            normal: across / square.sqrt(),
+        }
+    }
+
+    fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
+        let slope = direction.dot(self.normal);
+        let distance = (self.corner - origin).dot(self.normal) / slope;
+        // A ray within the plane gives infinity or NaN, which no range contains.
+        if !(distance > range[0] && distance < range[1]) {
+            return None;
+        }
+        let offset = origin + direction * distance - self.corner;
+        let st = Vec2::new(offset.dot(self.duals[0]), offset.dot(self.duals[1]));
+        let inside = st.min_element() >= 0.0 && st.max_element() <= 1.0;
+        let front = slope < 0.0;
+        inside.then_some(Crossing {
+            distance,
+            face: u32::from(!front),
+            st,
+            normal: if front { self.normal } else { -self.normal },
+        })
+    }
+}
+
+impl Block {
+    /// The two axes that span the faces of `axis`, the upright one second where there is one.
+    const SPAN: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
+
+    fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
+        let local_origin = self.axes.transpose() * (origin - self.centre);
+        let local = self.axes.transpose() * direction;
+        let inverse = local.recip();
+        let a = (-self.half - local_origin) * inverse;
+        let b = (self.half - local_origin) * inverse;
+        let (near, far) = (a.min(b), a.max(b));
+        let (enter, leave) = (near.max_element(), far.min_element());
+        if enter.is_nan() || leave.is_nan() || enter > leave {
+            return None;
+        }
+        let (distance, by_axis) = if enter > range[0] {
+            (enter, near)
+        } else {
+            (leave, far)
+        };
+        if !(distance > range[0] && distance < range[1]) {
+            return None;
+        }
+        let axis = (0..3).find(|&axis| by_axis[axis] == distance).unwrap_or(0);
+        let at = local_origin + local * distance;
+        let positive = at[axis] > 0.0;
+        let outwards = self.axes.col(axis) * if positive { 1.0 } else { -1.0 };
+        let st = |i: usize| {
+            let along = Self::SPAN[axis][i];
+            (0.5 * (at[along] / self.half[along] + 1.0)).clamp(0.0, 1.0)
+        };
+        Some(Crossing {
+            distance,
+            face: 2 * axis as u32 + u32::from(positive),
+            st: Vec2::new(st(0), st(1)),
+            normal: outwards,
+        })
+    }
+}
+
+impl Ball {
+    fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
+        let offset = self.centre - origin;
+        let along = offset.dot(direction);
+        // The squared distance of the ray's line from the middle, from a difference of vectors: of squares it would lose digits.
+        let aside = (offset - direction * along).length_squared();
+        let square = self.radius * self.radius - aside;
+        if square < 0.0 {
+            return None;
+        }
+        let half = square.sqrt();
+        let within = |t: &f32| *t > range[0] && *t < range[1];
+        let distance = [along - half, along + half].into_iter().find(within)?;
+        let normal = (origin + direction * distance - self.centre).normalize();
+        Some(Crossing {
+            distance,
+            face: 0,
+            st: Vec2::new(turn(normal.x, normal.y), 0.5 * (normal.z + 1.0)),
+            normal,
+        })
+    }
+}
+
+impl Drum {
+    fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
+        let o = self.axes.transpose() * (origin - self.base);
+        let d = self.axes.transpose() * direction;
+        let mut best = None;
+        let mut range = range;
+        let mut offer = |crossing: Option<Crossing>, range: &mut [f32; 2]| {
+            if let Some(found) = crossing {
+                range[1] = found.distance;
+                best = Some(found);
+            }
+        };
+        offer(self.meet_side(o, d, range), &mut range);
+        if self.ends == Ends::Closed {
+            offer(self.meet_disc(o, d, range, End::Base), &mut range);
+            offer(self.meet_disc(o, d, range, End::Top), &mut range);
+        }
+        best
+    }
+
+    fn slope(&self) -> f32 {
+        (self.radii[1] - self.radii[0]) / self.height
+    }
+
+    fn meet_side(&self, o: Vec3, d: Vec3, range: [f32; 2]) -> Option<Crossing> {
+        let slope = self.slope();
+        let radius = self.radii[0] + slope * o.z;
+        let a = d.x * d.x + d.y * d.y - slope * slope * d.z * d.z;
+        let half_b = o.x * d.x + o.y * d.y - slope * d.z * radius;
+        let c = o.x * o.x + o.y * o.y - radius * radius;
+        let square = half_b * half_b - a * c;
+        if square < 0.0 {
+            return None;
+        }
+        // The stable pair of roots; one of them is infinite where a ray runs along the mantle.
+        let q = -(half_b + square.sqrt().copysign(half_b));
+        let roots = [q / a, c / q];
+        let height = self.height;
+        let fits = |t: &f32| {
+            let z = o.z + t * d.z;
+            *t > range[0] && *t < range[1] && (0.0..=height).contains(&z)
+        };
+        let distance = roots.into_iter().filter(fits).reduce(f32::min)?;
+        let at = o + d * distance;
+        let local = Vec3::new(at.x, at.y, -slope * (self.radii[0] + slope * at.z)).normalize();
+        let outwards = self.axes * local;
+        let inside = local.dot(d) > 0.0;
+        Some(Crossing {
+            distance,
+            face: u32::from(inside),
+            st: Vec2::new(turn(at.x, at.y), (at.z / self.height).clamp(0.0, 1.0)),
+            normal: outwards,
+        })
+    }
+
+    fn meet_disc(&self, o: Vec3, d: Vec3, range: [f32; 2], end: End) -> Option<Crossing> {
+        let (z, radius, side) = match end {
+            End::Base => (0.0, self.radii[0], -1.0),
+            End::Top => (self.height, self.radii[1], 1.0),
+        };
+        let distance = (z - o.z) / d.z;
+        if !(distance > range[0] && distance < range[1]) {
+            return None;
+        }
+        let at = (o + d * distance).truncate();
+        (at.length_squared() <= radius * radius).then(|| Crossing {
+            distance,
+            face: if side < 0.0 { 2 } else { 3 },
+            st: Vec2::new(turn(at.x, at.y), at.length_squared() / (radius * radius)),
+            normal: self.axes.z_axis * side,
+        })
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    Base,
+    Top,
+}
+
+/// The angle of (x, y) in turns, 0 to 1.
+fn turn(x: f32, y: f32) -> f32 {
+    (y.atan2(x) / TAU).rem_euclid(1.0).min(1.0)
+}
+
+impl Shape {
+    /// The first crossing with the ray whose distance lies strictly within `range`. `direction` is of unit length.
+    #[inline]
+    pub fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
+        match self {
+            Self::Quad(quad) => quad.meet(origin, direction, range),
+            Self::Block(block) => block.meet(origin, direction, range),
+            Self::Ball(ball) => ball.meet(origin, direction, range),
+            Self::Drum(drum) => drum.meet(origin, direction, range),
+        }
+    }
+
+    /// Number of faces.
+    pub fn num_faces(&self) -> u32 {
+        match self {
+            Self::Quad(_) => 2,
+            Self::Block(_) => 6,
+            Self::Ball(_) => 1,
+            Self::Drum(_) => 4,
+        }
+    }
+
+    /// Whether the inside cannot be seen.
+    pub fn is_closed(&self) -> bool {
+        match self {
+            Self::Quad(_) => false,
+            Self::Block(_) | Self::Ball(_) => true,
+            Self::Drum(drum) => drum.ends == Ends::Closed,
+        }
+    }
+
+    /// Lengths of a face along its two coordinates, about; what patterns and grids are laid out by.
+    pub fn extent(&self, face: u32) -> Vec2 {
+        match self {
+            Self::Quad(quad) => Vec2::new(quad.edges[0].length(), quad.edges[1].length()),
+            Self::Block(block) => {
+                let [s, t] = Block::SPAN[face as usize / 2];
+                2.0 * Vec2::new(block.half[s], block.half[t])
+            }
+            Self::Ball(ball) => Vec2::new(TAU * ball.radius, PI * ball.radius),
+            Self::Drum(drum) => {
+                let [base, top] = drum.radii;
+                match face {
+                    2 => Vec2::new(PI * base, base),
+                    3 => Vec2::new(PI * top, top),
+                    _ => Vec2::new(PI * (base + top), drum.height),
+                }
+            }
+        }
+    }
+
+    /// Area of a face; 0 for one that cannot be seen from outside.
+    pub fn area(&self, face: u32) -> f32 {
+        match self {
+            Self::Quad(quad) => quad.edges[0].cross(quad.edges[1]).length(),
+            Self::Block(_) => self.extent(face).element_product(),
+            Self::Ball(ball) => 4.0 * PI * ball.radius * ball.radius,
+            Self::Drum(drum) => {
+                let [base, top] = drum.radii;
+                let slant = drum.height.hypot(top - base);
+                match (face, drum.ends) {
+                    (0, _) | (1, Ends::Open) => PI * (base + top) * slant,
+                    (2, Ends::Closed) => PI * base * base,
+                    (3, Ends::Closed) => PI * top * top,
+                    _ => 0.0,
+                }
+            }
+        }
+    }
+
+    /// The point of a face with coordinates `st`.
+    pub fn point(&self, face: u32, st: Vec2) -> SurfacePoint {
+        match self {
+            Self::Quad(quad) => SurfacePoint {
+                position: quad.corner + quad.edges[0] * st.x + quad.edges[1] * st.y,
+                normal: if face == 0 { quad.normal } else { -quad.normal },
+            },
+            Self::Block(block) => {
+                let axis = face as usize / 2;
+                let side = if face % 2 == 1 { 1.0 } else { -1.0 };
+                let [s, t] = Block::SPAN[axis];
+                let mut local = Vec3::ZERO;
+                local[axis] = side * block.half[axis];
+                local[s] = (2.0 * st.x - 1.0) * block.half[s];
+                local[t] = (2.0 * st.y - 1.0) * block.half[t];
+                SurfacePoint {
+                    position: block.centre + block.axes * local,
+                    normal: block.axes.col(axis) * side,
+                }
+            }
+            Self::Ball(ball) => {
+                let z = 2.0 * st.y - 1.0;
+                let (sin, cos) = (TAU * st.x).sin_cos();
+                let flat = (1.0 - z * z).max(0.0).sqrt();
+                let normal = Vec3::new(flat * cos, flat * sin, z);
+                SurfacePoint {
+                    position: ball.centre + normal * ball.radius,
+                    normal,
+                }
+            }
+            Self::Drum(drum) => drum.point(face, st),
+        }
+    }
+
+    /// `st` of a point that is uniform over the area of a face, for two uniform numbers.
+    pub fn uniform_st(&self, face: u32, uniform: Vec2) -> Vec2 {
+        let Self::Drum(drum) = self else {
+            return uniform;
+        };
+        let [base, top] = drum.radii;
+        if face >= 2 || base == top {
+            return uniform;
+        }
+        // The radius grows linearly: its square is uniform between those of the ends.
+        let square = base * base + uniform.y * (top * top - base * base);
+        Vec2::new(uniform.x, (square.sqrt() - base) / (top - base))
+    }
+
+    /// Corners of the axis-aligned box around the shape.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        match self {
+            Self::Quad(quad) => {
+                let far = quad.corner + quad.edges[0] + quad.edges[1];
+                let others = [quad.corner + quad.edges[0], quad.corner + quad.edges[1]];
+                let all = [quad.corner, far, others[0], others[1]];
+                let low = all.into_iter().reduce(Vec3::min).unwrap_or(quad.corner);
+                let high = all.into_iter().reduce(Vec3::max).unwrap_or(quad.corner);
+                [low, high]
+            }
+            Self::Block(block) => {
+                let axes = block.axes;
+                let reach = axes.x_axis.abs() * block.half.x
+                    + axes.y_axis.abs() * block.half.y
+                    + axes.z_axis.abs() * block.half.z;
+                [block.centre - reach, block.centre + reach]
+            }
+            Self::Ball(ball) => [ball.centre - ball.radius, ball.centre + ball.radius],
+            Self::Drum(drum) => {
+                let axis = drum.axes.z_axis;
+                // A disc reaches √(1 − a²) of its radius along an axis that its normal has the component a of.
+                let flat = (Vec3::ONE - axis * axis).max(Vec3::ZERO).map(f32::sqrt);
+                let top = drum.base + axis * drum.height;
+                let [r0, r1] = drum.radii.map(|radius| flat * radius);
+                [
+                    (drum.base - r0).min(top - r1),
+                    (drum.base + r0).max(top + r1),
+                ]
+            }
+        }
+    }
+}
+
+impl Drum {
+    fn point(&self, face: u32, st: Vec2) -> SurfacePoint {
+        let (sin, cos) = (TAU * st.x).sin_cos();
+        let (local, normal) = match face {
+            2 => (
+                Vec3::new(cos, sin, 0.0) * (self.radii[0] * st.y.sqrt()),
+                Vec3::NEG_Z,
+            ),
+            3 => (
+                (Vec3::new(cos, sin, 0.0) * (self.radii[1] * st.y.sqrt())).with_z(self.height),
+                Vec3::Z,
+            ),
+            _ => {
+                let radius = self.radii[0] + (self.radii[1] - self.radii[0]) * st.y;
+                let outwards = Vec3::new(cos, sin, -self.slope()).normalize();
+                (
+                    Vec3::new(radius * cos, radius * sin, st.y * self.height),
+                    if face == 1 { -outwards } else { outwards },
+                )
+            }
+        };
+        SurfacePoint {
+            position: self.base + self.axes * local,
+            normal: self.axes * normal,
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! The scenes that come with the program.
+
+/// A scene file within the program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EmbeddedScene {
+    /// What it is called on the command line.
+    pub name: &'static str,
+    /// One line for people.
+    pub about: &'static str,
+    /// The file.
+    pub toml: &'static str,
+}
+
+/// All of them.
+pub const SCENES: [EmbeddedScene; 2] = [
+    EmbeddedScene {
+        name: "furnished-room",
+        about: "a living room with a window and lamps, by day and in the evening",
+        toml: include_str!("../scenes/furnished-room.toml"),
+    },
+    EmbeddedScene {
+        name: "small-room",
+        about: "a box with a few things in it, for tests: seconds",
+        toml: include_str!("../scenes/small-room.toml"),
+    },
+];
+
+/// The scene of this name.
+pub fn embedded(name: &str) -> Option<EmbeddedScene> {
+    SCENES.into_iter().find(|scene| scene.name == name)
+}

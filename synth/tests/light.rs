@@ -1,0 +1,192 @@
+//! The path tracer against closed forms, and its two methods against each other.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
+)]
+
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_synth::light::path::{Draw, MAX_BOUNCES};
+use eagpt_synth::light::points::Points;
+use eagpt_synth::light::{Cache, CacheOptions, Lighting};
+use eagpt_synth::room::pattern::Texture;
+use eagpt_synth::room::shape::{Ball, Quad, Shape};
+use eagpt_synth::room::{Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
+use glam::Vec3;
+use std::f32::consts::TAU;
+
+const RADIANCE: Vec3 = Vec3::new(8.0, 6.0, 4.0);
+
+fn key(iteration: u32) -> RandomKey {
+    RandomKey::new(3, Purpose::Simulate, iteration)
+}
+
+/// A room of reflecting shapes of one albedo and shining ones.
+fn room(albedo: Vec3, shapes: &[Shape], shining: &[Shape]) -> Room {
+    let matt = Material {
+        texture: Texture::plain(albedo),
+        gloss: None,
+    };
+    let surface = |light: Option<u32>| {
+        move |shape: &Shape| Surface {
+            shape: *shape,
+            material: 0,
+            light,
+        }
+    };
+    let surfaces = shapes
+        .iter()
+        .map(surface(None))
+        .chain(shining.iter().map(surface(Some(0))));
+    let mut radiance = [Vec3::ZERO; MAX_CONDITIONS];
+    (radiance[0], radiance[1]) = (RADIANCE, 0.5 * RADIANCE);
+    let light = Light {
+        name: "light".to_owned(),
+        radiance,
+    };
+    Room::new(surfaces.collect(), vec![matt], vec![light], 2)
+}
+
+/// Mean light that arrives at a hit, over π, in the first condition; half as much has to arrive in the second.
+fn arriving(lighting: &Lighting<'_>, hit: &Hit, max_bounces: u32) -> Vec3 {
+    let num = 1 << 14;
+    let points = Points::new(key(0), 7);
+    let mut total = [Vec3::ZERO; 2];
+    for sample in 0..num {
+        let draw = Draw {
+            sample,
+            block: 0,
+            max_bounces,
+        };
+        let light = lighting.arriving(hit, &points, draw);
+        total[0] += light[0];
+        total[1] += light[1];
+    }
+    let [first, second] = total.map(|sum| sum / num as f32);
+    // The same paths with half the light: single-precision sums of 16,384 terms.
+    assert!((first - 2.0 * second).abs().max_element() < 1e-3 * first.max_element());
+    first
+}
+
+fn floor() -> Shape {
+    Shape::Quad(Quad::new(
+        Vec3::new(-20.0, -20.0, 0.0),
+        [Vec3::X * 40.0, Vec3::Y * 40.0],
+    ))
+}
+
+fn down(room: &Room) -> Hit {
+    room.meet(Vec3::new(0.0, 0.0, 0.1), Vec3::NEG_Z).unwrap()
+}
+
+/// Relative tolerance of 16,384 stratified samples of integrands that vary by their own size: √(1/16,384) is 0.8 %, Sobol points do
+/// several times better.
+const TOLERANCE: f32 = 4e-3;
+
+#[track_caller]
+fn assert_close(found: Vec3, wanted: Vec3) {
+    let error = (found / wanted - 1.0).abs().max_element();
+    assert!(error < TOLERANCE, "{found} is not {wanted}: {error}");
+}
+
+#[test]
+fn a_rectangle_overhead_has_its_form_factor() {
+    let (x, y, height) = (0.7, 0.4, 1.3);
+    let light = Quad::new(
+        Vec3::new(-x, y, height),
+        [Vec3::X * (2.0 * x), Vec3::NEG_Y * (2.0 * y)],
+    );
+    let room = room(Vec3::splat(0.5), &[floor()], &[Shape::Quad(light)]);
+    // Parallel rectangle above a corner (Howell, configuration B-4), four times.
+    let corner = |x: f32, y: f32| {
+        let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+        (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / TAU
+    };
+    let factor = 4.0 * corner(x / height, y / height);
+    let found = arriving(&Lighting::new(&room), &down(&room), 1);
+    assert_close(found, RADIANCE * factor);
+}
+
+#[test]
+fn a_ball_has_the_square_of_its_sine() {
+    for (centre, radius) in [
+        (Vec3::new(0.0, 0.0, 2.0), 0.3),
+        (Vec3::new(1.5, 0.5, 1.0), 0.4),
+        (Vec3::new(0.1, 0.0, 0.6), 0.5),
+    ] {
+        let ball = Shape::Ball(Ball { centre, radius });
+        let room = room(Vec3::splat(0.5), &[floor()], &[ball]);
+        // Sphere above the horizon: sin² of its half angle times the cosine of its middle.
+        let distance = centre.length();
+        let factor = (radius / distance).powi(2) * centre.z / distance;
+        let hit = down(&room);
+        let found = arriving(&Lighting::new(&room), &hit, 1);
+        assert_close(found, RADIANCE * factor);
+    }
+}
+
+/// A shining ball in the middle of a hollow one: by symmetry every point of the wall reflects the same, ρ L F / (1 − ρ (1 − F)) with the
+/// share F = (r / R)² of its view that the light takes.
+#[test]
+fn light_in_a_hollow_ball_is_a_geometric_series() {
+    let ball = |radius: f32| {
+        Shape::Ball(Ball {
+            centre: Vec3::new(0.3, -0.2, 1.0),
+            radius,
+        })
+    };
+    for albedo in [0.3_f32, 0.8] {
+        let room = room(Vec3::splat(albedo), &[ball(2.0)], &[ball(0.5)]);
+        let factor = (0.5_f32 / 2.0).powi(2);
+        let wanted = RADIANCE * (factor / (1.0 - albedo * (1.0 - factor)));
+        let hit = room.meet(Vec3::new(0.3, -0.2, 2.0), Vec3::X).unwrap();
+        let found = arriving(&Lighting::new(&room), &hit, MAX_BOUNCES);
+        assert_close(found, wanted);
+        // One bounce is direct light alone, two add its first reflection.
+        let one = arriving(&Lighting::new(&room), &hit, 1);
+        assert_close(one, RADIANCE * factor);
+        let two = arriving(&Lighting::new(&room), &hit, 2);
+        assert_close(two, RADIANCE * (factor * (1.0 + albedo * (1.0 - factor))));
+    }
+}
+
+#[test]
+fn solved_light_agrees_with_paths() {
+    let wall = |corner: Vec3, a: Vec3, b: Vec3| Shape::Quad(Quad::new(corner, [a, b]));
+    let (x, y, z) = (Vec3::X * 3.0, Vec3::Y * 2.0, Vec3::Z * 2.5);
+    let walls = [
+        wall(Vec3::ZERO, x, y),
+        wall(y + z, x, -y),
+        wall(Vec3::ZERO, z, x),
+        wall(y, x, z),
+        wall(Vec3::ZERO, y, z),
+        wall(x, z, y),
+        Shape::Ball(Ball {
+            centre: Vec3::new(0.7, 0.6, 0.4),
+            radius: 0.4,
+        }),
+    ];
+    let lamp = Shape::Ball(Ball {
+        centre: Vec3::new(2.0, 1.2, 1.8),
+        radius: 0.15,
+    });
+    let room = room(Vec3::new(0.7, 0.5, 0.3), &walls, &[lamp]);
+    let paths = Lighting::new(&room);
+    let mut solved = Lighting::new(&room);
+    solved.cache = Some(Cache::solve(&solved, key(1), &CacheOptions::default()));
+    for direction in [
+        Vec3::NEG_Z,
+        Vec3::new(0.9, 0.2, 0.1),
+        Vec3::new(-0.8, -0.3, -0.5),
+        Vec3::new(0.1, 0.9, 0.4),
+    ] {
+        let hit = room
+            .meet(Vec3::new(1.2, 1.0, 1.1), direction.normalize())
+            .unwrap();
+        let wanted = arriving(&paths, &hit, MAX_BOUNCES);
+        let found = arriving(&solved, &hit, MAX_BOUNCES);
+        // Cells of 10 cm blur the light of the wall close to the lamp, and their 96 rays leave it a percent of noise.
+        let error = (found / wanted - 1.0).abs().max_element();
+        assert!(error < 0.02, "{found} is not {wanted}: {error}");
+    }
+}
