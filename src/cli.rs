@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, edit, eval, export, render, train};
+use crate::{bake, edit, eval, export, ingest, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -52,6 +52,7 @@ pub(crate) struct GlobalArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Ingest(ingest::IngestArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
@@ -68,6 +69,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
             .with_context(|| format!("--threads {threads}"))?;
     }
     match cli.command {
+        Command::Ingest(args) => ingest::run(&args, &cli.global),
         Command::Train(args) => train::run(&args, &cli.global),
         Command::Edit(args) => edit::run(&args, &cli.global),
         Command::Render(args) => render::run(&args, &cli.global),

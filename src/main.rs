@@ -1,7 +1,7 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`ingest`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
@@ -12,6 +12,7 @@ mod cli;
 mod edit;
 mod eval;
 mod export;
+mod ingest;
 mod interrupt;
 mod output;
 mod progress;
