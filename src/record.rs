@@ -1,15 +1,13 @@
 //! The record beside every result: enough to repeat it, and to know what it cost.
 
-mod clock;
-
 use anyhow::{Context, Result};
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
-use eagpt_scene::{Dataset, files};
+use eagpt_scene::{Dataset, clock, files};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// File name of the record in a folder of results.
 pub(crate) const FILE_NAME: &str = "record.json";
@@ -141,7 +139,7 @@ impl RecordBuilder {
             split: None,
             warnings: Vec::new(),
             complete: true,
-            started: clock::rfc3339(SystemTime::now()),
+            started: now_rfc3339(),
             seconds: Map::new(),
             peak_memory_mib: None,
             outputs: Vec::new(),
@@ -195,6 +193,12 @@ impl RecordBuilder {
 /// Through text: it holds the shortest form of a float, `to_value` would widen 0.7 to 0.699999988.
 fn json(options: &impl Serialize) -> Result<Value> {
     Ok(serde_json::from_str(&serde_json::to_string(options)?)?)
+}
+
+/// The time in UTC. A clock set before 1970 tells nothing worth keeping.
+fn now_rfc3339() -> String {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    clock::rfc3339_from_unix(since.map_or(0, |since| since.as_secs()))
 }
 
 /// Seconds to the millisecond.

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, HashMap};
 /// Adds what is wrong with stacks that can be read each.
 pub(crate) fn check(gathered: &mut Gathered, max_pause_s: f64) {
     let mut problems = Vec::new();
-    double_files(&gathered.stacks, &mut problems);
+    double_files(gathered, &mut problems);
     double_names(&gathered.stacks, &mut problems);
     deviating(&gathered.stacks, &mut problems);
     apertures(&gathered.stacks, &mut problems);
@@ -18,12 +18,12 @@ pub(crate) fn check(gathered: &mut Gathered, max_pause_s: f64) {
 }
 
 /// The same photograph twice.
-fn double_files(stacks: &[Stack], problems: &mut Vec<Problem>) {
+fn double_files(gathered: &Gathered, problems: &mut Vec<Problem>) {
     let mut seen: HashMap<&str, &str> = HashMap::new();
-    for shot in stacks.iter().flat_map(|stack| &stack.shots) {
+    for shot in gathered.stacks.iter().flat_map(|stack| &stack.shots) {
         if let Some(first) = seen.get(shot.blake3.as_str()) {
-            // Its exposure is double as well where both are in one stack.
-            if !problems.iter().any(|p| p.subject == shot.name) {
+            // Where both are in one stack, the exposure is double and has its line.
+            if !gathered.problems.iter().any(|p| p.subject == shot.name) {
                 problems.push(Problem::new(
                     &shot.name,
                     Remedy::LeaveOutFile,

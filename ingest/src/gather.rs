@@ -104,22 +104,12 @@ fn found_stacks(
         .collect();
     let mut photographs = read_all(capture, &paths, gathered, tell);
     for folder in folders {
-        let label = match (&folder.position, folder.condition.as_str()) {
-            (Some(position), condition) if condition != ONLY_CONDITION => {
-                format!("{condition}/{position}")
-            }
-            (Some(position), _) => position.clone(),
-            (None, condition) => condition.to_owned(),
-        };
-        let num_files = folder.files.len();
         let shots: Vec<Photograph> = folder
             .files
             .iter()
             .filter_map(|file| photographs.remove(file))
             .collect();
-        let unread = num_files - shots.len();
-        folder_stacks(&folder, shots, unread, options, gathered);
-        tracing::debug!("{label}: {num_files} files");
+        folder_stacks(&folder, shots, options, gathered);
     }
     name_positions(gathered);
     Ok(())
@@ -168,13 +158,9 @@ pub(crate) fn file_problem(name: &str, path: &Path, error: &IngestError) -> Prob
 fn folder_stacks(
     folder: &Folder,
     mut shots: Vec<Photograph>,
-    unread: usize,
     options: &IngestOptions,
     gathered: &mut Gathered,
 ) {
-    if shots.is_empty() {
-        return;
-    }
     let stem = |shot: &Photograph| {
         let stem = shot.path.file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
@@ -201,6 +187,9 @@ fn folder_stacks(
             "no exposure time in the metadata: --exposures states it, or a capture.toml",
         ));
         shots.retain(|shot| shot.header.metadata.exposure_s.is_some());
+    }
+    if shots.is_empty() {
+        return;
     }
     let keys: Vec<Key> = shots
         .iter()
@@ -233,19 +222,19 @@ fn folder_stacks(
         };
         if let Some(bracket) = bracket.as_ref().filter(|_| folder.position.is_none()) {
             let deviation = bracket.deviation(&keys, &group);
-            report(&mut stack, &deviation, bracket, unread > 0, gathered);
+            report(&stack, &deviation, bracket, &folder.files, gathered);
         }
         stack.sort();
         gathered.stacks.push(stack);
     }
 }
 
-/// Says how a stack differs from the bracket, and takes out what is one too many.
+/// Says how a stack differs from the bracket.
 fn report(
-    stack: &mut Stack,
+    stack: &Stack,
     deviation: &group::Deviation,
     bracket: &Bracket,
-    unread: bool,
+    files: &[PathBuf],
     gathered: &mut Gathered,
 ) {
     let name = stack.name();
@@ -257,19 +246,15 @@ fn report(
         });
         seconds(exposure / per_second)
     };
-    if !deviation.missing.is_empty() {
+    let explained = unread_of(stack, files, gathered, deviation.missing.len());
+    if !deviation.missing.is_empty() && !explained {
         let missing: Vec<String> = deviation.missing.iter().map(|e| times(*e)).collect();
         let files: Vec<String> = stack.shots.iter().map(|shot| shot.name.clone()).collect();
-        let hint = if unread {
-            ", perhaps a file that could not be read"
-        } else {
-            ""
-        };
         gathered.problems.push(Problem::new(
             &name,
             Remedy::LeaveOutStack,
             format!(
-                "misses {} of {}: {}{hint}; has {}",
+                "misses {} of {}: {}; has {}",
                 missing.len(),
                 counted(bracket.0.len(), "exposure"),
                 missing.join(", "),
@@ -312,6 +297,46 @@ fn report(
             times(*expected)
         ));
     }
+}
+
+/// Whether files that could not be read explain what a stack misses. They have a line already, which is made to concern the stack.
+fn unread_of(
+    stack: &Stack,
+    files: &[PathBuf],
+    gathered: &mut Gathered,
+    num_missing: usize,
+) -> bool {
+    let stem = |path: &Path| {
+        path.file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let in_stack = |path: &PathBuf| stack.shots.iter().any(|shot| shot.path == *path);
+    let mut found = Vec::new();
+    for (index, path) in files.iter().enumerate() {
+        let name = stem(path);
+        let belongs = match group::split_name(&name) {
+            Some((prefix, _)) if prefix == stack.position => true,
+            // Without a name to go by, whose neighbours are in the stack.
+            _ => {
+                let before = index.checked_sub(1).and_then(|index| files.get(index));
+                before.is_some_and(in_stack) && files.get(index + 1).is_some_and(in_stack)
+            }
+        };
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        let line = gathered.problems.iter().position(|problem| {
+            problem.subject.rsplit('/').next() == Some(file.as_ref()) && !in_stack(path)
+        });
+        found.extend(line.filter(|_| belongs));
+    }
+    if found.len() < num_missing {
+        return false;
+    }
+    for line in found {
+        gathered.problems[line].concerns.push(stack.name());
+    }
+    true
 }
 
 /// An exposure time as people write it.

@@ -215,7 +215,7 @@ fn by_name(keys: &[Key]) -> Option<Vec<Group>> {
     }
     let mut sizes: Vec<usize> = groups.values().map(Vec::len).collect();
     sizes.sort_unstable();
-    let usual = sizes[sizes.len() / 2];
+    let usual = *sizes.get(sizes.len() / 2)?;
     // A counter of the camera also has an underscore before it: its numbers do not begin anew for each stack.
     let anew = groups
         .values()
@@ -255,3 +255,6 @@ pub(crate) fn name_of_group(stems: &[&str]) -> String {
         _ => first.to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests;

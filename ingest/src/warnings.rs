@@ -3,14 +3,26 @@
 use crate::capture::{Quality, ShotReport, StackReport};
 use crate::noise::median;
 
-/// Errors of stated exposures above this share show as bands of brightness: cameras round 1/32 to 1/30, which is 6.7 %.
-const EXPOSURE_ERROR: f64 = 0.03;
-/// Share of blocks that may differ between two shots: people breathe, screens flicker.
-const MOVED: f64 = 0.05;
-/// Share of samples clipped in all shots that a lamp or two cannot explain.
-const CLIPPED: f64 = 0.001;
-/// Share of samples that are dark in all shots.
-const DARK: f64 = 0.05;
+/// Where a measure becomes a warning, as shares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Limits {
+    /// Error of a stated exposure: more shows as bands of brightness. Cameras round 1/32 to 1/30, which is 6.7 %.
+    pub(crate) exposure_error: f64,
+    /// Blocks that differ between two shots: people breathe, screens flicker.
+    pub(crate) moved: f64,
+    /// Samples clipped in all shots: more than a lamp or two explain.
+    pub(crate) clipped: f64,
+    /// Samples that are dark in all shots.
+    pub(crate) dark: f64,
+}
+
+/// The limits.
+pub(crate) const LIMITS: Limits = Limits {
+    exposure_error: 0.03,
+    moved: 0.05,
+    clipped: 0.001,
+    dark: 0.05,
+};
 /// Sharpness below this share of the capture's median.
 const SOFT: f64 = 0.5;
 /// Fewer stacks have no usual sharpness.
@@ -24,31 +36,27 @@ pub(crate) fn of_stack(
     estimated: bool,
 ) -> Vec<String> {
     let mut warnings = Vec::new();
-    if !estimated {
-        for shot in shots
-            .iter()
-            .filter(|shot| shot.exposure_error.abs() > EXPOSURE_ERROR)
-        {
-            warnings.push(format!(
-                "{}: the exposure is {:+.1} % off what the file says, by the other shots: --exposure-ratios estimate corrects that",
-                shot.file,
-                100.0 * shot.exposure_error
-            ));
-        }
+    let wrong = |shot: &&ShotReport| shot.exposure_error.abs() > LIMITS.exposure_error;
+    for shot in shots.iter().filter(wrong).filter(|_| !estimated) {
+        warnings.push(format!(
+            "{}: the exposure is {:+.1} % off what the file says, by the other shots: --exposure-ratios estimate corrects that",
+            shot.file,
+            100.0 * shot.exposure_error
+        ));
     }
-    if quality.moved_share > MOVED {
+    if quality.moved_share > LIMITS.moved {
         warnings.push(format!(
             "{name}: {:.0} % of the picture changed between two shots: something moved, or the light did",
             100.0 * quality.moved_share
         ));
     }
-    if quality.clipped_share > CLIPPED {
+    if quality.clipped_share > LIMITS.clipped {
         warnings.push(format!(
             "{name}: {:.2} % of the samples are clipped in all shots: a shorter exposure is missing",
             100.0 * quality.clipped_share
         ));
     }
-    if quality.dark_share > DARK {
+    if quality.dark_share > LIMITS.dark {
         warnings.push(format!(
             "{name}: {:.1} % of the samples are dark in all shots: a longer exposure is missing",
             100.0 * quality.dark_share
@@ -63,11 +71,8 @@ pub(crate) fn compare<'a>(reports: impl Iterator<Item = &'a mut StackReport>) {
     if reports.len() < MIN_FOR_MEDIAN {
         return;
     }
-    let mut values: Vec<f32> = reports
-        .iter()
-        .map(|report| report.quality.sharpness as f32)
-        .collect();
-    let usual = f64::from(median(&mut values));
+    let sharpness = reports.iter().map(|report| report.quality.sharpness as f32);
+    let usual = f64::from(median(&mut sharpness.collect::<Vec<_>>()));
     for report in reports {
         if report.quality.sharpness < SOFT * usual {
             report.warnings.push(format!(

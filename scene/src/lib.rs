@@ -7,6 +7,7 @@
 
 pub mod camera;
 pub mod camera_path;
+pub mod clock;
 pub mod color;
 pub mod dataset;
 pub mod error;

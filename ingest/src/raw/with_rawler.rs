@@ -40,6 +40,11 @@ fn short(error: &rawler::RawlerError) -> String {
     match error {
         rawler::RawlerError::Unsupported {
             what, model, make, ..
+        } if make.is_empty() && model.is_empty() => {
+            format!("damaged, or of no known camera: {what}")
+        }
+        rawler::RawlerError::Unsupported {
+            what, model, make, ..
         } => format!("{make} {model} is not supported: {what}"),
         rawler::RawlerError::DecoderFailed(text) => {
             let text = text.lines().next().unwrap_or_default();

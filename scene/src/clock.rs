@@ -1,21 +1,29 @@
-//! Time stamps.
+//! Time stamps: the Gregorian calendar, without time zones.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+/// Seconds since 1970-01-01 as RFC 3339 in UTC, to the second.
+pub fn rfc3339_from_unix(unix_s: u64) -> String {
+    let (date, time) = (date(unix_s / 86_400), time(unix_s));
+    format!("{}T{}Z", joined(date, '-', 4), joined(time, ':', 2))
+}
 
-/// `time` in UTC as RFC 3339, to the second.
-pub(super) fn rfc3339(time: SystemTime) -> String {
-    // A clock set before 1970 tells nothing worth keeping.
-    let seconds = time
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_secs());
-    let (year, month, day) = civil_from_days(seconds / 86_400);
-    let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
+/// Seconds since 1970-01-01, in the time of the camera's clock, as EXIF writes them.
+pub fn exif_from_unix(unix_s: u64) -> String {
+    let (date, time) = (date(unix_s / 86_400), time(unix_s));
+    format!("{} {}", joined(date, ':', 4), joined(time, ':', 2))
+}
+
+fn joined([a, b, c]: [u64; 3], by: char, digits: usize) -> String {
+    format!("{a:0digits$}{by}{b:02}{by}{c:02}")
+}
+
+/// Hour, minute, second.
+fn time(unix_s: u64) -> [u64; 3] {
+    [unix_s / 3600 % 24, unix_s / 60 % 60, unix_s % 60]
 }
 
 /// Gregorian year, month and day of a day counted from 1970-01-01 (Howard Hinnant, "chrono-compatible low-level date
 /// algorithms"): years begin in March, so that the leap day is the last.
-fn civil_from_days(days: u64) -> (u64, u64, u64) {
+fn date(days: u64) -> [u64; 3] {
     let days = days + 719_468;
     let (era, day_of_era) = (days / 146_097, days % 146_097);
     let year_of_era =
@@ -29,13 +37,12 @@ fn civil_from_days(days: u64) -> (u64, u64, u64) {
         shifted_month - 9
     };
     let year = era * 400 + year_of_era + u64::from(month <= 2);
-    (year, month, day)
+    [year, month, day]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     #[test]
     fn known_moments() {
@@ -45,7 +52,8 @@ mod tests {
             (1_234_567_890, "2009-02-13T23:31:30Z"),
             (4_107_542_400, "2100-03-01T00:00:00Z"),
         ] {
-            assert_eq!(rfc3339(UNIX_EPOCH + Duration::from_secs(seconds)), text);
+            assert_eq!(rfc3339_from_unix(seconds), text);
         }
+        assert_eq!(exif_from_unix(1_234_567_890), "2009:02:13 23:31:30");
     }
 }
