@@ -10,7 +10,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use eagpt_ingest::{
     Demosaic, ExposureRatios, IngestError, IngestOptions, IngestProgress, IngestRequest,
-    Vignetting, WhiteBalance, ingest,
+    LensOption, Vignetting, WhiteBalance, ingest,
 };
 use eagpt_scene::exr::Precision;
 use std::path::PathBuf;
@@ -72,6 +72,9 @@ pub(crate) struct IngestArgs {
     /// Folder with a stack of an evenly lit surface; a, b and c are fitted to it
     #[arg(long, value_name = "DIR", conflicts_with_all = ["vignetting", "flat_field"])]
     fit_vignetting: Option<PathBuf>,
+    /// Distortion to take out: a model of COLMAP and its parameters in pixels of the sensor, `OPENCV fx,fy,cx,cy,k1,k2,p1,p2`
+    #[arg(long, value_name = "MODEL PARAMS", value_parser = lens)]
+    lens: Option<LensOption>,
     /// Longest side of the images, pixels, at least 16; larger ones are averaged [default: as the sensor has it]
     #[arg(long, value_name = "N")]
     long_side: Option<u32>,
@@ -132,6 +135,22 @@ fn polynomial(text: &str) -> Result<[f32; 3], String> {
     three(text).ok_or_else(|| format!("`{text}` is not A,B,C: three numbers"))
 }
 
+fn lens(text: &str) -> Result<LensOption, String> {
+    let parts = text.trim().split_once(' ').and_then(|(model, params)| {
+        let params: Option<Vec<f64>> = params
+            .split(',')
+            .map(|part| part.trim().parse().ok())
+            .collect();
+        Some(LensOption {
+            model: model.to_owned(),
+            params: params?,
+        })
+    });
+    parts.ok_or_else(|| {
+        format!("`{text}` is not a model, a space, and numbers with commas between them")
+    })
+}
+
 fn white_balance(text: &str) -> Result<WhiteBalance, String> {
     if text == "as-shot" {
         return Ok(WhiteBalance::AsShot);
@@ -181,6 +200,7 @@ fn options(args: &IngestArgs) -> IngestOptions {
             DemosaicArg::Ahd => Demosaic::Ahd,
         },
         vignetting,
+        lens: args.lens.clone(),
         long_side: args.long_side,
         precision: if args.float {
             Precision::Float

@@ -20,6 +20,8 @@ pub struct Capture {
     pub color: ColorTransform,
     /// The falloff that was divided by; `None`: none was.
     pub falloff: Option<Falloff>,
+    /// Camera of the written images if a lens was given; `None`: images are as the lens drew them.
+    pub pinhole: Option<Pinhole>,
     /// Radiance of a sample at saturation in a shot of 1 s at ISO 100 and f/1.
     pub scale: f64,
     /// What the previews were multiplied by before they were encoded as sRGB.
@@ -32,6 +34,23 @@ pub struct Capture {
     pub left_out: Vec<Problem>,
     /// What else a reader should know.
     pub notes: Vec<String>,
+}
+
+/// A pinhole camera, in pixels of the written images; the principal point is measured from the image's corner.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Pinhole {
+    /// Width of the images.
+    pub width: u32,
+    /// Height of the images.
+    pub height: u32,
+    /// Focal length along x.
+    pub fx: f64,
+    /// Focal length along y.
+    pub fy: f64,
+    /// Principal point.
+    pub cx: f64,
+    /// Principal point.
+    pub cy: f64,
 }
 
 /// A stack as it was merged.

@@ -2,12 +2,13 @@
 
 use crate::color::ColorTransform;
 use crate::demosaic::{Demosaic, interpolate};
-use crate::merge::{CLIPPED, MergeCounts, Shot, merge};
+use crate::merge::{CLIPPED, DARK, MergeCounts, Shot, merge};
 use crate::noise::Noise;
 use crate::raw::{Layout, RawFrame};
 use crate::resample::{fitted, shrink, shrink_flags};
 use crate::vignetting::Falloff;
 use eagpt_scene::Image;
+use eagpt_scene::lens::Undistortion;
 use rayon::prelude::*;
 
 /// What is decided for a whole capture.
@@ -19,6 +20,7 @@ pub(crate) struct Recipe {
     pub(crate) scale: f64,
     pub(crate) clip: f32,
     pub(crate) demosaic: Demosaic,
+    pub(crate) undistortion: Option<Undistortion>,
     pub(crate) long_side: Option<u32>,
 }
 
@@ -27,7 +29,7 @@ pub(crate) struct Recipe {
 pub(crate) struct Developed {
     /// Linear Rec.709, not negative.
     pub(crate) image: Image<3>,
-    /// [`CLIPPED`] and [`crate::merge::DARK`] for each pixel.
+    /// [`CLIPPED`] and [`DARK`] for each pixel.
     pub(crate) flags: Vec<u8>,
     /// Samples that are clipped or dark in all shots.
     pub(crate) counts: MergeCounts,
@@ -126,6 +128,9 @@ pub(crate) fn develop(
     }
     let sharpness = sharpness(&image, floor * scale);
     let mut flags = flags;
+    if let Some(undistortion) = &recipe.undistortion {
+        (image, flags) = undistorted(undistortion, image, flags);
+    }
     if let Some(long_side) = recipe.long_side {
         let size = fitted(image.size(), long_side);
         flags = shrink_flags(&flags, image.size(), size);
@@ -139,6 +144,34 @@ pub(crate) fn develop(
         negative_share,
         sharpness,
     }
+}
+
+/// The image of the pinhole camera; a pixel has the flags of what it was taken from, in whatever share.
+fn undistorted(
+    undistortion: &Undistortion,
+    image: Image<3>,
+    flags: Vec<u8>,
+) -> (Image<3>, Vec<u8>) {
+    let (width, height) = image.size();
+    let share = |flags: u8, flag: u8| f32::from(u8::from(flags & flag != 0));
+    let shares = flags.iter().map(|&f| [share(f, CLIPPED), share(f, DARK)]);
+    let shares = Image::from_pixels(width, height, shares.collect());
+    // The sizes are those that the lens was made for.
+    let (Ok(moved), Some(Ok(shares))) = (
+        undistortion.apply(&image),
+        shares.map(|shares| undistortion.apply(&shares)),
+    ) else {
+        return (image, flags);
+    };
+    let flag = |share: f32, flag: u8| if share > 1e-3 { flag } else { 0 };
+    let flags = shares.image.pixels().iter();
+    let flags = flags
+        .map(|[clipped, dark]| flag(*clipped, CLIPPED) | flag(*dark, DARK))
+        .collect();
+    (
+        moved.image.map(|pixel| pixel.map(|value| value.max(0.0))),
+        flags,
+    )
 }
 
 /// Flags of pixels: those of their samples, and clipped where a neighbour is, since colours are interpolated from it.

@@ -7,7 +7,7 @@ use crate::manifest::{self, ListedStack, Manifest};
 use crate::options::IngestOptions;
 use crate::problem::{Problem, Remedy, counted};
 use crate::raw;
-use crate::stack::{ONLY_CONDITION, Photograph, Stack};
+use crate::stack::{Photograph, Stack};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! The job: a folder of photographs in, images of linear light and a report out.
 
-use crate::capture::{Capture, Quality, ShotReport, StackReport};
+use crate::capture::{Capture, Pinhole, Quality, ShotReport, StackReport};
 use crate::check::check;
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::develop::{Developed, Recipe, develop};
@@ -11,9 +11,12 @@ use crate::output::{self, Done, Kept, WORK};
 use crate::prepare::{self, available_memory, needed_memory};
 use crate::problem::{Problem, Remedy, counted};
 use crate::report;
+use crate::resample::fitted;
 use crate::stack::Stack;
 use crate::survey::{self, Survey, estimated, read_shots, survey};
 use crate::warnings;
+use eagpt_scene::lens::Undistortion;
+use glam::DAffine3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -265,6 +268,7 @@ fn merge_all(
         scale,
         clip: options.clip(),
         demosaic: options.demosaic,
+        undistortion: decisions.undistortion,
         long_side: options.long_side,
     };
     let planned = plan(request, gathered.stacks, surveys, &recipe)?;
@@ -302,6 +306,9 @@ fn merge_all(
         options: options.clone(),
         color: recipe.color,
         falloff: recipe.falloff,
+        pinhole: recipe
+            .undistortion
+            .map(|undistortion| pinhole(&undistortion, options.long_side)),
         scale,
         preview_exposure,
         conditions,
@@ -358,6 +365,7 @@ fn plan(
             (recipe.color, &recipe.falloff, recipe.scale, recipe.clip),
             (
                 recipe.demosaic,
+                &request.options.lens,
                 recipe.long_side,
                 request.options.precision,
                 &files,
@@ -506,6 +514,22 @@ fn stack_report(planned: &Planned, developed: &Developed, recipe: &Recipe) -> St
         shots,
         noise: survey.noise,
         quality,
+    }
+}
+
+/// The camera of the written images.
+fn pinhole(undistortion: &Undistortion, long_side: Option<u32>) -> Pinhole {
+    let camera = undistortion.camera(DAffine3::IDENTITY);
+    let size = (camera.width, camera.height);
+    let (width, height) = long_side.map_or(size, |side| fitted(size, side));
+    let camera = camera.resized(width, height);
+    Pinhole {
+        width,
+        height,
+        fx: camera.fx,
+        fy: camera.fy,
+        cx: camera.cx,
+        cy: camera.cy,
     }
 }
 

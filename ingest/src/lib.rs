@@ -43,7 +43,7 @@ pub use color::WhiteBalance;
 pub use demosaic::Demosaic;
 pub use error::{IngestError, Result};
 pub use job::{IngestProgress, IngestRequest, IngestSummary, ingest};
-pub use options::{ExposureRatios, IngestOptions};
+pub use options::{ExposureRatios, IngestOptions, LensOption};
 pub use prepare::check_places;
 pub use problem::Problem;
 pub use vignetting::Vignetting;

@@ -5,6 +5,8 @@ use crate::demosaic::Demosaic;
 use crate::error::{IngestError, Result};
 use crate::vignetting::{Falloff, Vignetting};
 use eagpt_scene::exr::Precision;
+use eagpt_scene::lens::undistort::UndistortOptions;
+use eagpt_scene::lens::{Lens, LensModel, Undistortion};
 use serde::{Deserialize, Serialize};
 
 /// Where exposure ratios come from.
@@ -16,6 +18,36 @@ pub enum ExposureRatios {
     Metadata,
     /// The photographs, where enough of the scene is well exposed in two neighbouring shots.
     Estimate,
+}
+
+/// A lens whose distortion is taken out, in pixels of the sensor's image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LensOption {
+    /// COLMAP's name of the model, as `OPENCV`.
+    pub model: String,
+    /// Its parameters in COLMAP's order, as fx, fy, cx, cy, k1, k2, p1, p2.
+    pub params: Vec<f64>,
+}
+
+impl LensOption {
+    /// The lens for images of `size` pixels, and the pinhole camera that takes its place.
+    ///
+    /// # Errors
+    /// [`IngestError::Option`] if there is no such model, it has other parameters, or no pinhole camera shows what it sees.
+    pub fn undistortion(&self, size: (u32, u32)) -> Result<Undistortion> {
+        let error = |problem: String| IngestError::Option {
+            field: "lens",
+            value: format!("{} {:?}: {problem}", self.model, self.params),
+            wanted: "a camera model of COLMAP and its parameters",
+        };
+        let model: LensModel = self
+            .model
+            .parse()
+            .map_err(|_| error("no such model".to_owned()))?;
+        let lens = Lens::new(model, size, &self.params).map_err(error)?;
+        Undistortion::new(&lens, &UndistortOptions::default()).map_err(error)
+    }
 }
 
 /// What decides the result, beside the photographs.
@@ -41,6 +73,8 @@ pub struct IngestOptions {
     pub demosaic: Demosaic,
     /// Where the falloff of the lens is from.
     pub vignetting: Vignetting,
+    /// Lens whose distortion is taken out; `None`: images stay as they are.
+    pub lens: Option<LensOption>,
     /// Longest side of the written images in pixels; `None`: as the sensor has it.
     pub long_side: Option<u32>,
     /// Sample type of the EXR files.
@@ -61,6 +95,7 @@ impl Default for IngestOptions {
             scale: None,
             demosaic: Demosaic::Ppg,
             vignetting: Vignetting::None,
+            lens: None,
             long_side: None,
             precision: Precision::Half,
             skip_bad: false,

@@ -11,6 +11,7 @@ use crate::raw::{CameraColor, Kind, Layout, RawFrame, kind_of};
 use crate::stack::{Photograph, Stack};
 use crate::survey::{Survey, read_shots};
 use crate::vignetting::{Falloff, Grid, Vignetting};
+use eagpt_scene::lens::Undistortion;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,7 @@ const MIDDLE_GREY: f64 = 0.18;
 pub(crate) struct Decisions {
     pub(crate) color: ColorTransform,
     pub(crate) falloff: Option<Falloff>,
+    pub(crate) undistortion: Option<Undistortion>,
 }
 
 /// Refuses an output inside of the capture: the next run would take it for photographs.
@@ -93,6 +95,9 @@ pub(crate) fn decide(
             wanted: "a falloff that leaves light everywhere",
         });
     }
+    let size = (first.header.width, first.header.height);
+    let lens = options.lens.as_ref();
+    let undistortion = lens.map(|lens| lens.undistortion(size)).transpose()?;
     let factors = match (
         &options.white_balance,
         manifest.and_then(|m| m.white_balance),
@@ -105,6 +110,7 @@ pub(crate) fn decide(
     Ok(Decisions {
         color: transform(&first.header.color, &first.header.layout, factors),
         falloff,
+        undistortion,
     })
 }
 

@@ -6,7 +6,7 @@
 mod common;
 
 use common::*;
-use eagpt_ingest::{Demosaic, ExposureRatios, IngestOptions, Vignetting, WhiteBalance};
+use eagpt_ingest::{Demosaic, ExposureRatios, IngestOptions, LensOption, Vignetting, WhiteBalance};
 use eagpt_scene::{Image, exr};
 
 /// The bounds of a good merge: what the noise of this camera and the interpolation of its colours leave, by a factor of two.
@@ -78,8 +78,8 @@ fn lamps_have_no_rims() {
         let image = radiance(&place, &out, 0);
         let truth = room(0).truth();
         let scale = agreement(&image, &truth, |_| true).scale;
-        // Beside the lamp, further out than the two pixels that a filter of five blends: nothing is darker than half of what is there or
-        // brighter than twice that, and no channel is off by more than a third beside green.
+        // Beside the lamp and its blurred edge, as far as filters reach: nothing much darker or brighter than what is there, and no
+        // strong cast. Measured: shares of 0.8 to 1.3. Without the compressed scale, shares are negative and in the tens.
         for y in 25..75 {
             for x in 35..85 {
                 let distance = (x as f32 - 60.0).hypot(y as f32 - 50.0);
@@ -89,11 +89,11 @@ fn lamps_have_no_rims() {
                 let (value, truth) = (image.get(x, y), truth.get(x, y));
                 let share = [0, 1, 2].map(|c| value[c] / scale / truth[c]);
                 assert!(
-                    share.iter().all(|s| (0.5..2.0).contains(s)),
+                    share.iter().all(|s| (0.6..1.6).contains(s)),
                     "{method:?} {x} {y}: {share:?}"
                 );
                 let cast = share[0].max(share[2]) / share[1].max(1e-6);
-                assert!(cast < 1.35, "{method:?} {x} {y}: {share:?}");
+                assert!(cast < 1.5, "{method:?} {x} {y}: {share:?}");
             }
         }
     }
@@ -158,7 +158,7 @@ fn what_clips_in_all_shots_is_marked_and_stays_neutral() {
     }
     let summary = place.ingests("c", "out", options());
     let stack = &summary.capture.stacks[0];
-    assert!(stack.quality.clipped_share > 0.005);
+    assert!(stack.quality.clipped_share > 0.005, "{stack:?}");
     assert!(
         stack
             .warnings
@@ -239,6 +239,31 @@ fn white_balance_falloff_and_size_are_as_asked_for() {
     let truth = room(0).truth().averaged(4);
     let agreement = agreement(&small, &truth, |_| true);
     assert!(agreement.median_error < 0.005, "{agreement:?}");
+}
+
+#[test]
+fn a_lens_is_taken_out() {
+    let place = Place::new();
+    place.capture("c", 1);
+    let options = IngestOptions {
+        // Light from a barrel: the truth through the same resampling is what has to come out.
+        lens: Some(LensOption {
+            model: "OPENCV".to_owned(),
+            params: vec![200.0, 200.0, 120.0, 80.0, -0.1, 0.01, 0.0, 0.0],
+        }),
+        ..options()
+    };
+    let summary = place.ingests("c", "out", options.clone());
+    let undistortion = options.lens.unwrap().undistortion((WIDTH, HEIGHT)).unwrap();
+    let truth = undistortion.apply(&room(0).truth()).unwrap().image;
+    let image = radiance(&place, "out", 0);
+    let agreement = agreement(&image, &truth, |_| true);
+    assert!(agreement.psnr_pq_db > 45.0, "{agreement:?}");
+    let pinhole = summary.capture.pinhole.unwrap();
+    assert_eq!((pinhole.width, pinhole.height), image.size());
+    assert!((pinhole.fx - 200.0).abs() < 1.0, "{pinhole:?}");
+    let mask = image::open(place.path("out/Unreliable/p0.png")).unwrap();
+    assert_eq!((mask.width(), mask.height()), image.size());
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod denoise;
 mod determinism;
 mod edit;
 mod errors;
+mod ingest;
 mod misuse;
 mod pipeline;
 mod relight;

@@ -70,11 +70,13 @@ impl Subject {
         let lamp = 1.0 - edge.clamp(0.0, 1.0);
         let wave = 0.5 + 0.4 * u.sin() * v.cos();
         let tint = 0.5 + 0.4 * (u * 0.7 + 1.0).cos();
-        [
+        let wall = [
             0.05 + 0.3 * wave,
-            0.05 + 0.25 * wave * tint + 0.05,
+            0.1 + 0.25 * wave * tint,
             0.06 + 0.2 * tint,
-        ]
+        ];
+        let shade = [14.0, 13.0, 11.0];
+        [0, 1, 2].map(|c| wall[c] + lamp * (shade[c] - wall[c]))
     }
 
     pub(crate) fn truth(self) -> Image<3> {
