@@ -140,6 +140,7 @@ pub(crate) fn interpolate(
                         color[channel] = curve.expand(*value);
                     }
                 }
+                confine(header, samples, top + row, colors);
                 let measured = &samples[(top + row) * width..][..width];
                 for (column, (color, value)) in colors.iter_mut().zip(measured).enumerate() {
                     color[header.channel(top + row, column)] = *value;
@@ -172,5 +173,46 @@ impl Curve {
     fn expand(self, v: f32) -> f32 {
         let square = (v.abs() + self.root) * (v.abs() + self.root);
         (square * square - self.floor).copysign(v)
+    }
+}
+
+/// How many times as bright as a sample the brightest around it has to be for the place to count as beside a lamp.
+const LAMP_CONTRAST: f32 = 12.0;
+/// How far an interpolated value may leave the range of its neighbours there.
+const LAMP_SLACK: f32 = 1.25;
+/// Pixels to each side that count for the contrast: what the filters reach.
+const LAMP_REACH: usize = 3;
+
+/// Beside lamps, keeps interpolated values near the range of the measured ones of their channel beside them. Elsewhere filters
+/// are right to leave that range, and better for it, also where a lamp fills part of a pixel.
+fn confine(header: &Header, samples: &[f32], row: usize, colors: &mut [[f32; 3]]) {
+    let (width, height) = (header.width as usize, header.height as usize);
+    let line = |y: usize| &samples[y * width..][..width];
+    let mut high = line(row).to_vec();
+    for y in row.saturating_sub(LAMP_REACH)..(row + LAMP_REACH + 1).min(height) {
+        for (high, value) in high.iter_mut().zip(line(y)) {
+            *high = high.max(*value);
+        }
+    }
+    for (column, color) in colors.iter_mut().enumerate() {
+        let reach = column.saturating_sub(LAMP_REACH)..(column + LAMP_REACH + 1).min(width);
+        let brightest = high[reach].iter().copied().fold(0.0, f32::max);
+        if brightest < LAMP_CONTRAST * line(row)[column].max(f32::MIN_POSITIVE) {
+            continue;
+        }
+        let mut range = [(f32::INFINITY, f32::NEG_INFINITY); 3];
+        for y in row.saturating_sub(1)..(row + 2).min(height) {
+            for x in column.saturating_sub(1)..(column + 2).min(width) {
+                let (low, high) = &mut range[header.channel(y, x)];
+                let value = samples[y * width + x];
+                *low = low.min(value);
+                *high = high.max(value);
+            }
+        }
+        for (value, (low, high)) in color.iter_mut().zip(range) {
+            if low > 0.0 && low <= high {
+                *value = value.clamp(low / LAMP_SLACK, high * LAMP_SLACK);
+            }
+        }
     }
 }
