@@ -52,6 +52,9 @@ fn double_names(stacks: &[Stack], problems: &mut Vec<Problem>) {
     }
 }
 
+/// A property of a photograph, as people read it.
+type Property = fn(&Photograph) -> String;
+
 /// What is not as in most stacks: camera, focal length, size and layout.
 fn deviating(stacks: &[Stack], problems: &mut Vec<Problem>) {
     let shots = || {
@@ -59,7 +62,7 @@ fn deviating(stacks: &[Stack], problems: &mut Vec<Problem>) {
             .iter()
             .flat_map(|stack| stack.shots.iter().map(move |shot| (stack, shot)))
     };
-    let properties: [(&str, fn(&Photograph) -> String); 3] = [
+    let properties: [(&str, Property); 3] = [
         ("camera", |shot| shot.header.metadata.camera()),
         ("focal length", |shot| {
             shot.header

@@ -150,3 +150,68 @@ pub enum WhiteBalance {
         rectangle: [u32; 4],
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A real camera's matrix for D65.
+    const CAMERA_FROM_XYZ: [[f64; 3]; 3] = [
+        [0.7374, -0.2389, -0.0551],
+        [-0.5435, 1.3162, 0.2519],
+        [-0.1006, 0.1795, 0.6552],
+    ];
+
+    fn camera(matrices: Vec<(u16, [[f64; 3]; 3])>) -> CameraColor {
+        CameraColor {
+            as_shot: None,
+            matrices,
+        }
+    }
+
+    #[track_caller]
+    fn assert_color(found: [f32; 3], expected: [f32; 3]) {
+        for channel in 0..3 {
+            assert!(
+                (found[channel] - expected[channel]).abs() < 2e-5,
+                "{found:?}, expected {expected:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn under_d65_the_matrix_alone_gives_colours_back() {
+        let camera_from_rec709 =
+            DMat3::from_cols_array_2d(&CAMERA_FROM_XYZ).transpose() * XYZ_FROM_REC709;
+        let neutral = camera_from_rec709 * DVec3::ONE;
+        let factors = (DVec3::splat(neutral.y) / neutral).as_vec3().to_array();
+        let transform = ColorTransform::new(&camera(vec![(D65, CAMERA_FROM_XYZ)]), factors);
+        let [x, y] = transform.white_xy.unwrap();
+        // The white point of Rec.709.
+        assert!(
+            (x - 0.3127).abs() < 1e-4 && (y - 0.3290).abs() < 1e-4,
+            "{x} {y}"
+        );
+        for color in [[0.8, 0.2, 0.1], [0.1, 0.6, 0.3], [0.05, 0.1, 0.9]] {
+            let seen = camera_from_rec709 * DVec3::from_array(color) / neutral.y;
+            let balanced = [0, 1, 2].map(|c| seen[c] as f32 * factors[c]);
+            assert_color(transform.apply(balanced), color.map(|v| v as f32));
+        }
+    }
+
+    #[test]
+    fn neutral_stays_neutral_under_any_light() {
+        let warm = [[0.9, -0.3, -0.1], [-0.45, 1.25, 0.22], [-0.05, 0.2, 0.5]];
+        let both = camera(vec![(17, warm), (D65, CAMERA_FROM_XYZ)]);
+        for factors in [[1.3, 1.0, 2.9], [2.0, 1.0, 1.8], [2.7, 1.0, 1.3]] {
+            assert_color(
+                ColorTransform::new(&both, factors).apply([0.4; 3]),
+                [0.4; 3],
+            );
+        }
+        // Without a matrix, colours stay those of the camera.
+        let plain = ColorTransform::new(&camera(Vec::new()), [4.0, 2.0, 3.0]);
+        assert_eq!(plain.white_balance, [2.0, 1.0, 1.5]);
+        assert_color(plain.apply([0.3, 0.2, 0.1]), [0.3, 0.2, 0.1]);
+    }
+}

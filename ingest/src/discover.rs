@@ -40,7 +40,7 @@ struct Listing {
 pub(crate) fn discover(capture: &Path, stacks_in_folders: bool) -> Result<Found> {
     let mut found = Found::default();
     let top = list(capture)?;
-    if let Some(files) = photographs(capture, "", top.files, &mut found) {
+    if let Some(files) = photographs(capture, "", &top.files, &mut found) {
         found.folders.push(Folder {
             condition: ONLY_CONDITION.to_owned(),
             position: None,
@@ -50,7 +50,7 @@ pub(crate) fn discover(capture: &Path, stacks_in_folders: bool) -> Result<Found>
     for folder in &top.folders {
         let condition = name_of(folder);
         let inside = list(folder)?;
-        let files = photographs(capture, &condition, inside.files, &mut found);
+        let files = photographs(capture, &condition, &inside.files, &mut found);
         match files {
             Some(files) if stacks_in_folders && inside.folders.is_empty() => {
                 found.folders.push(Folder {
@@ -69,7 +69,7 @@ pub(crate) fn discover(capture: &Path, stacks_in_folders: bool) -> Result<Found>
         for stack in &inside.folders {
             let position = name_of(stack);
             let label = format!("{condition}/{position}");
-            if let Some(files) = photographs(capture, &label, list(stack)?.files, &mut found) {
+            if let Some(files) = photographs(capture, &label, &list(stack)?.files, &mut found) {
                 found.folders.push(Folder {
                     condition: condition.clone(),
                     position: Some(position),
@@ -96,7 +96,7 @@ pub(crate) fn discover(capture: &Path, stacks_in_folders: bool) -> Result<Found>
 fn photographs(
     capture: &Path,
     label: &str,
-    files: Vec<PathBuf>,
+    files: &[PathBuf],
     found: &mut Found,
 ) -> Option<Vec<PathBuf>> {
     let of_kind = |kind: Kind| -> Vec<PathBuf> {

@@ -220,7 +220,7 @@ fn by_name(keys: &[Key]) -> Option<Vec<Group>> {
     let anew = groups
         .values()
         .all(|group| group.iter().all(|(index, _)| *index as usize <= usual + 1));
-    if usual < 2 || usual > MAX_SHOTS || !anew {
+    if !(2..=MAX_SHOTS).contains(&usual) || !anew {
         return None;
     }
     let mut named: Vec<(&str, Group)> = groups

@@ -12,7 +12,7 @@ use crate::prepare::{self, available_memory, needed_memory};
 use crate::problem::{Problem, Remedy, counted};
 use crate::report;
 use crate::resample::fitted;
-use crate::stack::Stack;
+use crate::stack::{Photograph, Stack};
 use crate::survey::{self, Survey, estimated, read_shots, survey};
 use crate::warnings;
 use eagpt_scene::lens::Undistortion;
@@ -145,7 +145,7 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<IngestSummary> 
     for note in &gathered.notes {
         tell(IngestProgress::Note { text: note.clone() });
     }
-    merge_all(request, gathered, surveys, decisions, left_out, tell)
+    merge_all(request, gathered, surveys, &decisions, left_out, tell)
 }
 
 /// Takes out what the problems concern, so that what follows sees only good stacks, and returns the problems. Without `--skip-bad` the
@@ -255,7 +255,7 @@ fn merge_all(
     request: &IngestRequest,
     gathered: Gathered,
     surveys: Vec<Option<Survey>>,
-    decisions: prepare::Decisions,
+    decisions: &prepare::Decisions,
     left_out: Vec<Problem>,
     tell: Tell<'_>,
 ) -> Result<IngestSummary> {
@@ -354,7 +354,7 @@ fn plan(
         .any(|stack| stack.condition != stacks[0].condition);
     let mut all = Vec::with_capacity(stacks.len());
     for (stack, survey) in stacks.into_iter().zip(surveys) {
-        let stated: Vec<f64> = stack.shots.iter().map(|shot| shot.exposure()).collect();
+        let stated: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
         let exposures = match request.options.exposure_ratios {
             ExposureRatios::Metadata => stated,
             ExposureRatios::Estimate => estimated(&stated, &survey.ratios),
@@ -464,7 +464,7 @@ fn stack_report(planned: &Planned, developed: &Developed, recipe: &Recipe) -> St
         exposures,
         ..
     } = planned;
-    let stated: Vec<f64> = stack.shots.iter().map(|shot| shot.exposure()).collect();
+    let stated: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
     let measured = survey::estimated(&stated, &survey.ratios);
     let shots: Vec<ShotReport> = stack
         .shots

@@ -127,3 +127,81 @@ fn merge_row(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::NoiseSource;
+    use crate::raw::{Black, CameraColor, Header, Layout, Metadata, Samples};
+
+    /// A row of samples with a black level of 100 and white at 1100.
+    fn frame(samples: &[u16]) -> RawFrame {
+        RawFrame {
+            header: Header {
+                width: samples.len() as u32,
+                height: 1,
+                layout: Layout::Mosaic {
+                    columns: 2,
+                    rows: 2,
+                    channels: vec![0, 1, 1, 2],
+                },
+                black: Black {
+                    columns: 1,
+                    rows: 1,
+                    levels: vec![100.0],
+                },
+                white: [1100.0; 3],
+                color: CameraColor::default(),
+                metadata: Metadata::default(),
+            },
+            samples: Samples::Integer(samples.to_vec()),
+        }
+    }
+
+    fn merged(short: &[u16], long: &[u16], noise: &Noise) -> Merged {
+        let frames = [frame(short), frame(long)];
+        let shots = [0, 1].map(|index| Shot {
+            frame: &frames[index],
+            exposure: [1.0, 4.0][index],
+        });
+        merge(&shots, noise, 0.95)
+    }
+
+    const PHOTONS: Noise = Noise {
+        gain: 1e-3,
+        read: 1e-30,
+        source: NoiseSource::Assumed,
+    };
+
+    #[test]
+    fn photon_noise_alone_means_sums_over_sums() {
+        // 0.1 + 0.42 over 1 + 4; the second clips in the long shot, the third in both.
+        let merged = merged(&[200, 400, 1100], &[520, 1060, 1100], &PHOTONS);
+        assert!((merged.radiance[0] - 0.104).abs() < 1e-6, "{merged:?}");
+        assert!((merged.radiance[1] - 0.3).abs() < 1e-6, "{merged:?}");
+        assert_eq!(merged.radiance[2], 1.0);
+        assert_eq!(merged.flags, [0, 0, CLIPPED]);
+        let counts = merged.counts();
+        assert_eq!((counts.clipped, counts.dark), (1, 0));
+    }
+
+    #[test]
+    fn read_noise_alone_means_least_squares_and_keeps_what_is_below_black() {
+        let read = Noise {
+            gain: 1e-12,
+            read: 1e-4,
+            source: NoiseSource::Assumed,
+        };
+        // (0.1·1 + 0.44·4) / (1 + 16); then −0.01 and −0.005, dark.
+        let merged = merged(&[200, 90], &[540, 95], &read);
+        assert!(
+            (merged.radiance[0] - 1.86 / 17.0).abs() < 1e-6,
+            "{merged:?}"
+        );
+        assert!(
+            (merged.radiance[1] + 0.03 / 17.0).abs() < 1e-6,
+            "{merged:?}"
+        );
+        assert_eq!(merged.flags, [0, DARK]);
+    }
+}

@@ -168,7 +168,7 @@ fn fit(points: &[Point]) -> Option<(f64, f64)> {
         }
         let determinant = s * sxx - sx * sx;
         // A single level of signal cannot tell two numbers apart.
-        if !(determinant > 1e-9 * s * sxx) {
+        if determinant.is_nan() || determinant <= 1e-9 * s * sxx {
             return None;
         }
         let gain = ((s * sxy - sx * sy) / determinant).max(f64::from(MIN_GAIN));

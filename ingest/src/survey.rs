@@ -8,7 +8,7 @@ use crate::error::IngestError;
 use crate::merge::Shot;
 use crate::noise::{Noise, estimate, median};
 use crate::raw::{self, RawFrame};
-use crate::stack::Stack;
+use crate::stack::{Photograph, Stack};
 use crate::thumb::{Comparison, Thumb, compare};
 use eagpt_scene::color::luminance;
 use rayon::prelude::*;
@@ -66,7 +66,7 @@ pub(crate) fn survey(
 ) -> Result<Survey, Unreadable> {
     let frames = read_shots(stack)?;
     let thumbs: Vec<Thumb> = frames.iter().map(Thumb::new).collect();
-    let exposures: Vec<f64> = stack.shots.iter().map(|shot| shot.exposure()).collect();
+    let exposures: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
     let profile = stack
         .shots
         .iter()

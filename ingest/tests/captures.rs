@@ -1,7 +1,10 @@
 //! Captures with something wrong, and captures that are gone on with.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::panic, reason = "a helper outside of test functions does")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking, helpers outside of test functions included"
+)]
 
 mod common;
 

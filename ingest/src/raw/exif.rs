@@ -54,7 +54,7 @@ pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
     metadata.noise = metadata.noise.or_else(|| noise(&found));
 }
 
-fn field<'a>(exif: &'a Exif, tag: Tag) -> Option<&'a Value> {
+fn field(exif: &Exif, tag: Tag) -> Option<&Value> {
     // The same number in whichever directory it stands.
     let elsewhere = Tag(
         if tag.context() == Context::Exif {

@@ -227,8 +227,10 @@ impl Header {
         }
         let most_black = levels.iter().copied().fold(0.0, f32::max);
         let least_white = self.white.into_iter().fold(f32::INFINITY, f32::min);
-        // NaN has to fail as well.
-        if !levels.iter().all(|v| v.is_finite()) || !(least_white > most_black) {
+        if !levels.iter().all(|v| v.is_finite())
+            || least_white.is_nan()
+            || least_white <= most_black
+        {
             return error(
                 "white level",
                 format!("{least_white} with a black level of {most_black}"),
