@@ -200,7 +200,9 @@ fn confine(header: &Header, samples: &[f32], row: usize, colors: &mut [[f32; 3]]
         if brightest < LAMP_CONTRAST * line(row)[column].max(f32::MIN_POSITIVE) {
             continue;
         }
-        let mut range = [(f32::INFINITY, f32::NEG_INFINITY); 3];
+        // The pixel's own sample counts for all channels: a dark wire before a window has no neighbour that is as dark.
+        let own = line(row)[column];
+        let mut range = [(own, own); 3];
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let (low, high) = &mut range[header.channel(y, x)];
