@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, colmap, edit, eval, export, masks, render, report, run, synth, train};
+use crate::{bake, colmap, edit, eval, export, ingest, masks, render, report, run, synth, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -57,6 +57,7 @@ pub(crate) enum Command {
     Report(report::ReportArgs),
     Masks(masks::MasksArgs),
     Colmap(colmap::ColmapArgs),
+    Ingest(ingest::IngestArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
@@ -91,6 +92,7 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Export(args) => export::run(args, global),
         Command::Colmap(args) => colmap::run(args, global),
         Command::Synth(args) => synth::run(args, global),
+        Command::Ingest(args) => ingest::run(args, global),
     }
 }
 

@@ -1,7 +1,7 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`synth`], [`mod@colmap`], [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`synth`], [`ingest`], [`mod@colmap`], [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
@@ -14,6 +14,7 @@ mod colmap;
 mod edit;
 mod eval;
 mod export;
+mod ingest;
 mod interrupt;
 mod masks;
 mod output;

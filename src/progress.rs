@@ -131,6 +131,11 @@ impl Reporter {
         }
     }
 
+    /// Whether machines listen, who get messages and no lines.
+    pub(crate) fn is_json(&self) -> bool {
+        self.style == Style::Json
+    }
+
     /// Warns.
     pub(crate) fn warning(&self, text: &str) {
         self.note(&format!("warning: {text}"));

@@ -26,17 +26,39 @@ pub fn write_srgb8(path: &Path, image: &Image<3>) -> Result<()> {
 /// # Errors
 /// [`SceneError::Invalid`] if there are not `height · width · 3` bytes or none, or [`SceneError::Io`].
 pub fn write_rgb8(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
-    let num_wanted = u64::from(width) * u64::from(height) * 3;
+    write8(path, (width, height), bytes, ExtendedColorType::Rgb8)
+}
+
+/// Writes one byte a pixel, `[height, width]`, as a grey picture. Atomic.
+///
+/// # Errors
+/// As [`write_rgb8`], for `height · width` bytes.
+pub fn write_gray8(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+    write8(path, (width, height), bytes, ExtendedColorType::L8)
+}
+
+fn write8(
+    path: &Path,
+    (width, height): (u32, u32),
+    bytes: &[u8],
+    color: ExtendedColorType,
+) -> Result<()> {
+    let num_wanted = u64::from(width) * u64::from(height) * u64::from(color.channel_count());
     if bytes.is_empty() || bytes.len() as u64 != num_wanted {
+        let kind = if color == ExtendedColorType::L8 {
+            "grey"
+        } else {
+            "RGB"
+        };
         return Err(SceneError::invalid(
             path,
             "size",
-            format!("{} bytes for {width}x{height} RGB", bytes.len()),
+            format!("{} bytes for {width}x{height} {kind}", bytes.len()),
         ));
     }
     let mut encoded = Vec::new();
     PngEncoder::new(&mut encoded)
-        .write_image(bytes, width, height, ExtendedColorType::Rgb8)
+        .write_image(bytes, width, height, color)
         .map_err(|e| SceneError::invalid(path, "image", e.to_string()))?;
     files::write_bytes_atomic(path, &encoded)
 }

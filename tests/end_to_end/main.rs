@@ -15,6 +15,7 @@ mod denoise;
 mod determinism;
 mod edit;
 mod errors;
+mod ingest;
 mod masks;
 mod misuse;
 mod pipeline;

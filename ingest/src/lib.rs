@@ -1,0 +1,49 @@
+//! RAW brackets to linear HDR images.
+//!
+//! A capture is a folder of photographs: positions of the camera, times lighting conditions, times exposures. [`ingest`] finds out which
+//! shots belong together, says what is wrong with them, merges each stack where the sensor measured it, and writes linear
+//! Rec.709 images with previews, masks of what cannot be trusted, and a report.
+//!
+//! - [`raw`]: decoders behind one seam; [`manifest`], [`stack`]: which photographs belong together;
+//! - [`noise`], [`merge`]: the sensor's noise, and the most likely radiance given all shots;
+//! - [`demosaic`], [`color`], [`vignetting`]: from the sensor's samples to colours;
+//! - [`capture`]: what was decided and measured, as it is written.
+//!
+//! One stack is in memory at a time. Sums run in a fixed order: the same photographs give the same bits for any number of threads.
+
+pub mod capture;
+mod check;
+pub mod color;
+pub mod demosaic;
+mod develop;
+mod discover;
+pub mod error;
+mod gather;
+mod group;
+mod job;
+pub mod manifest;
+pub mod merge;
+pub mod noise;
+mod numbers;
+pub mod options;
+mod output;
+mod prepare;
+pub mod problem;
+pub mod raw;
+mod report;
+mod resample;
+pub mod stack;
+mod survey;
+mod thumb;
+pub mod vignetting;
+mod warnings;
+
+pub use capture::{Capture, Quality, StackReport};
+pub use color::WhiteBalance;
+pub use demosaic::Demosaic;
+pub use error::{IngestError, Result};
+pub use job::{IngestProgress, IngestRequest, IngestSummary, ingest};
+pub use options::{ExposureRatios, IngestOptions, LensOption};
+pub use prepare::check_places;
+pub use problem::Problem;
+pub use vignetting::Vignetting;

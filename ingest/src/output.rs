@@ -1,0 +1,250 @@
+//! Files of a stack: radiance, preview, mask, and what is kept to go on after an interruption.
+
+use crate::capture::{StackFiles, StackReport};
+use crate::develop::Developed;
+use crate::error::{IngestError, Result};
+use crate::resample::{fitted, shrink};
+use crate::stack::{ONLY_CONDITION, Stack};
+use eagpt_scene::color::srgb8_from_linear;
+use eagpt_scene::exr::{Precision, write_rgb};
+use eagpt_scene::{Image, files, png};
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use rayon::prelude::*;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Folder of what is kept to go on after an interruption, below the output.
+pub(crate) const WORK: &str = "work";
+/// Width of the pictures in the report.
+const THUMBNAIL_SIDE: u32 = 320;
+/// JPEG quality of the pictures in the report.
+const THUMBNAIL_QUALITY: u8 = 80;
+
+/// A stack that is done.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Done {
+    /// Digest of everything that decides the files.
+    pub(crate) key: String,
+    pub(crate) report: StackReport,
+    /// A small JPEG, base64.
+    pub(crate) thumbnail: String,
+}
+
+/// Something kept under the digest of what decided it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Kept<T> {
+    pub(crate) key: String,
+    pub(crate) value: T,
+}
+
+/// Names of the files of a stack; folders of conditions only where there are several.
+pub(crate) fn stack_files(stack: &Stack, several: bool) -> StackFiles {
+    let Stack {
+        condition,
+        position,
+        ..
+    } = stack;
+    let folder = if several || condition != ONLY_CONDITION {
+        format!("{condition}/")
+    } else {
+        String::new()
+    };
+    StackFiles {
+        radiance: format!("{folder}Radiance-exr/{position}.exr"),
+        preview: format!("{folder}Preview/{position}.png"),
+        unreliable: format!("{folder}Unreliable/{position}.png"),
+    }
+}
+
+/// File below [`WORK`] for a stack.
+pub(crate) fn work_file(kind: &str, stack: &Stack) -> PathBuf {
+    PathBuf::from(WORK)
+        .join(kind)
+        .join(&stack.condition)
+        .join(format!("{}.json", stack.position))
+}
+
+/// Reads what was kept; `None` if nothing was, or what is there cannot be read, as after a change of versions.
+pub(crate) fn read_kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    if !path.exists() {
+        return None;
+    }
+    let bytes = files::read(path).ok()?;
+    serde_json::from_slice(&bytes).ok()
+}
+
+/// Writes JSON; atomic.
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let mut text = serde_json::to_string_pretty(value).map_err(|error| {
+        IngestError::Scene(eagpt_scene::SceneError::invalid(
+            path,
+            "JSON",
+            error.to_string(),
+        ))
+    })?;
+    text.push('\n');
+    write_text(path, &text)
+}
+
+/// Writes text; atomic.
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<()> {
+    create_parent(path)?;
+    Ok(files::write_bytes_atomic(path, text.as_bytes())?)
+}
+
+fn create_parent(path: &Path) -> Result<()> {
+    match path.parent() {
+        Some(parent) => Ok(files::create_dir(parent)?),
+        None => Ok(()),
+    }
+}
+
+/// Writes radiance, preview and mask.
+pub(crate) fn write_stack(
+    out: &Path,
+    files: &StackFiles,
+    developed: &Developed,
+    preview_exposure: f64,
+    precision: Precision,
+) -> Result<()> {
+    let paths = [&files.radiance, &files.preview, &files.unreliable].map(|file| out.join(file));
+    for path in &paths {
+        create_parent(path)?;
+    }
+    let image = &developed.image;
+    let (width, height) = image.size();
+    let radiance = || {
+        fit_in_half(image, precision, |image| {
+            write_rgb(&paths[0], image, precision)
+        })
+    };
+    let pictures = || -> Result<()> {
+        let bytes = encoded(image, preview_exposure);
+        png::write_rgb8(&paths[1], width, height, &bytes)?;
+        Ok(png::write_gray8(
+            &paths[2],
+            width,
+            height,
+            &developed.flags,
+        )?)
+    };
+    let (first, second) = rayon::join(radiance, pictures);
+    first?;
+    second
+}
+
+/// What is brighter than half precision holds becomes the brightest that it holds: a lamp is a lamp at 65,504.
+fn fit_in_half(
+    image: &Image<3>,
+    precision: Precision,
+    write: impl FnOnce(&Image<3>) -> eagpt_scene::Result<()>,
+) -> Result<()> {
+    const LARGEST: f32 = 65_504.0;
+    let too_bright = precision == Precision::Half && image.values().iter().any(|v| *v > LARGEST);
+    if too_bright {
+        return Ok(write(&image.map(|pixel| pixel.map(|v| v.min(LARGEST))))?);
+    }
+    Ok(write(image)?)
+}
+
+/// Bytes of sRGB after a factor.
+fn encoded(image: &Image<3>, exposure: f64) -> Vec<u8> {
+    // A table over the exponent and eight bits of the mantissa: half a code off at most, and many times as fast as powers.
+    const STEPS_PER_OCTAVE: u32 = 256;
+    const SHIFT: u32 = 23 - STEPS_PER_OCTAVE.trailing_zeros();
+    const LOWEST: f32 = 1.0 / 16_384.0;
+    let first = LOWEST.to_bits() >> SHIFT;
+    let num = (1.0_f32.to_bits() >> SHIFT) - first;
+    let table: Vec<u8> = (0..num)
+        .map(|step| {
+            let [low, high] = [step, step + 1].map(|step| f32::from_bits((first + step) << SHIFT));
+            srgb8_from_linear(0.5 * (low + high))
+        })
+        .collect();
+    let exposure = exposure as f32;
+    let mut bytes = vec![0_u8; image.values().len()];
+    bytes
+        .par_chunks_mut(1 << 14)
+        .zip(image.values().par_chunks(1 << 14))
+        .for_each(|(bytes, values)| {
+            for (byte, value) in bytes.iter_mut().zip(values) {
+                let value = value * exposure;
+                *byte = if value >= 1.0 {
+                    255
+                } else if value < LOWEST {
+                    0
+                } else {
+                    table[((value.to_bits() >> SHIFT) - first) as usize]
+                };
+            }
+        });
+    bytes
+}
+
+/// A small JPEG, base64, for the report.
+pub(crate) fn thumbnail(image: &Image<3>, exposure: f64) -> String {
+    let small = shrink(image, fitted(image.size(), THUMBNAIL_SIDE));
+    let bytes = encoded(&small, exposure);
+    let mut jpeg = Vec::new();
+    let written = JpegEncoder::new_with_quality(&mut jpeg, THUMBNAIL_QUALITY).write_image(
+        &bytes,
+        small.width(),
+        small.height(),
+        ExtendedColorType::Rgb8,
+    );
+    // A report without a picture is still a report.
+    if written.is_err() {
+        return String::new();
+    }
+    base64(&jpeg)
+}
+
+/// Base64 (RFC 4648) with padding.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let byte = |index: usize| u32::from(chunk.get(index).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            let value = (word >> (18 - 6 * digit)) & 63;
+            text.push(if digit <= chunk.len() {
+                char::from(DIGITS[value as usize])
+            } else {
+                '='
+            });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_test_vectors() {
+        for (bytes, text) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+        ] {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
+
+    #[test]
+    fn previews_are_within_one_code_of_srgb() {
+        let values: Vec<[f32; 3]> = (0..1000)
+            .map(|i| [i as f32 / 700.0, i as f32 / 70_000.0, 0.5])
+            .collect();
+        let image = Image::from_pixels(1000, 1, values).unwrap();
+        for (byte, value) in encoded(&image, 1.0).iter().zip(image.values()) {
+            assert!(byte.abs_diff(srgb8_from_linear(*value)) <= 1, "{value}");
+        }
+    }
+}

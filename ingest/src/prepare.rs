@@ -1,0 +1,315 @@
+//! What is decided once for a capture, before anything is merged: colours, falloff, scale, memory.
+
+use crate::color::{ColorTransform, WhiteBalance};
+use crate::error::{IngestError, Result};
+use crate::gather::Gathered;
+use crate::job::grey_card;
+use crate::merge::{CLIPPED, Shot, merge};
+use crate::noise::Noise;
+use crate::options::IngestOptions;
+use crate::raw::{CameraColor, Kind, Layout, RawFrame, kind_of};
+use crate::stack::{Photograph, Stack};
+use crate::survey::{Survey, read_shots};
+use crate::vignetting::{Falloff, Grid, Vignetting};
+use eagpt_scene::lens::Undistortion;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Luminance that the geometric mean of a capture gets: middle grey.
+const MIDDLE_GREY: f64 = 0.18;
+
+/// What is decided once.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Decisions {
+    pub(crate) color: ColorTransform,
+    pub(crate) falloff: Option<Falloff>,
+    pub(crate) undistortion: Option<Undistortion>,
+}
+
+/// Refuses an output inside of the capture: the next run would take it for photographs.
+///
+/// # Errors
+/// [`IngestError::Option`] if it is.
+pub fn check_places(capture: &Path, out: &Path) -> Result<()> {
+    let capture = capture
+        .canonicalize()
+        .unwrap_or_else(|_| capture.to_owned());
+    // The output need not be there yet: the nearest folder that is decides.
+    let existing = out.ancestors().find_map(|place| {
+        let place = if place.as_os_str().is_empty() {
+            Path::new(".")
+        } else {
+            place
+        };
+        place.canonicalize().ok()
+    });
+    if existing.is_some_and(|place| place.starts_with(&capture)) {
+        return Err(IngestError::Option {
+            field: "out",
+            value: out.display().to_string(),
+            wanted: "a folder outside of the capture",
+        });
+    }
+    Ok(())
+}
+
+/// Colours and falloff.
+pub(crate) fn decide(
+    capture: &Path,
+    options: &IngestOptions,
+    gathered: &Gathered,
+) -> Result<Decisions> {
+    let Some(first) = gathered
+        .stacks
+        .first()
+        .and_then(|stack| stack.shots.first())
+    else {
+        return Err(IngestError::Empty {
+            capture: capture.to_owned(),
+            problem: "no stack is left".to_owned(),
+        });
+    };
+    let manifest = gathered.manifest.as_ref();
+    let falloff = match (&options.vignetting, manifest.and_then(|m| m.vignetting)) {
+        (Vignetting::None, None) => None,
+        (Vignetting::None, Some(abc)) => Some(Falloff::Polynomial(abc)),
+        (Vignetting::Polynomial(abc), _) => Some(Falloff::Polynomial(*abc)),
+        (Vignetting::FlatField(folder), _) => {
+            Some(Falloff::Grid(flat_field(folder, first, options.clip())?))
+        }
+        (Vignetting::Fit(folder), _) => {
+            let grid = flat_field(folder, first, options.clip())?;
+            let abc = grid.fit(first.header.width as usize, first.header.height as usize);
+            Some(Falloff::Polynomial(abc.ok_or_else(|| {
+                flat_error(folder, "determines no falloff")
+            })?))
+        }
+    };
+    if let Some(bad) = falloff.as_ref().filter(|falloff| !falloff.is_usable()) {
+        return Err(IngestError::Option {
+            field: "vignetting",
+            value: match bad {
+                Falloff::Polynomial(abc) => format!("{abc:?}"),
+                Falloff::Grid(_) => "the flat field".to_owned(),
+            },
+            wanted: "a falloff that leaves light everywhere",
+        });
+    }
+    let size = (first.header.width, first.header.height);
+    let lens = options.lens.as_ref();
+    let undistortion = lens.map(|lens| lens.undistortion(size)).transpose()?;
+    let factors = match (
+        &options.white_balance,
+        manifest.and_then(|m| m.white_balance),
+    ) {
+        (WhiteBalance::Factors(factors), _) => *factors,
+        (WhiteBalance::AsShot, Some(factors)) => factors,
+        (WhiteBalance::AsShot, None) => as_shot(first)?,
+        (WhiteBalance::GreyCard { .. }, _) => card_factors(options, gathered, falloff.as_ref())?,
+    };
+    Ok(Decisions {
+        color: transform(&first.header.color, &first.header.layout, factors),
+        falloff,
+        undistortion,
+    })
+}
+
+fn transform(color: &CameraColor, layout: &Layout, factors: [f32; 3]) -> ColorTransform {
+    if *layout == Layout::Rgb && color.matrices.is_empty() && factors == [1.0; 3] {
+        return ColorTransform::IDENTITY;
+    }
+    ColorTransform::new(color, factors)
+}
+
+fn as_shot(first: &Photograph) -> Result<[f32; 3]> {
+    match (first.header.color.as_shot, kind_of(&first.path)) {
+        (Some(factors), _) => Ok(factors),
+        // Linear files are taken for what they are: colours that someone else has made.
+        (None, Some(Kind::Linear)) => Ok([1.0; 3]),
+        (None, _) => Err(IngestError::photograph(
+            &first.path,
+            "white balance",
+            "not in the file: --white-balance states it, as three factors or by a grey card",
+        )),
+    }
+}
+
+/// Factors that make the card neutral.
+fn card_factors(
+    options: &IngestOptions,
+    gathered: &Gathered,
+    falloff: Option<&Falloff>,
+) -> Result<[f32; 3]> {
+    let Some((name, [left, top, width, height])) = grey_card(options) else {
+        return Ok([1.0; 3]);
+    };
+    let option = |value: String, wanted| IngestError::Option {
+        field: "white_balance",
+        value,
+        wanted,
+    };
+    let stack = gathered
+        .stacks
+        .iter()
+        .find(|stack| stack.name() == name || stack.position == name);
+    let stack = stack.ok_or_else(|| option(name.to_owned(), "the name of a stack"))?;
+    let frames = read_shots(stack).map_err(|unreadable| unreadable.error)?;
+    let header = &frames[0].header;
+    let end = |start: u32, length: u32, limit: u32| {
+        start.checked_add(length).is_some_and(|end| end <= limit)
+    };
+    if width < 4
+        || height < 4
+        || !end(left, width, header.width)
+        || !end(top, height, header.height)
+    {
+        let wanted = "a rectangle of at least 4x4 pixels within the image";
+        return Err(option(format!("{left},{top},{width},{height}"), wanted));
+    }
+    let exposures: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
+    let merged = merge(&shots(&frames, &exposures), &Noise::ASSUMED, options.clip());
+    let (mut sums, mut counts) = ([0.0_f64; 3], [0_u64; 3]);
+    let per_pixel = header.row_len() / header.width as usize;
+    for row in top as usize..(top + height) as usize {
+        let factors =
+            falloff.map(|f| f.row_factors(header.width as usize, header.height as usize, row));
+        for sample in left as usize * per_pixel..(left + width) as usize * per_pixel {
+            let index = row * header.row_len() + sample;
+            if merged.flags[index] & CLIPPED == 0 {
+                let channel = header.channel(row, sample);
+                let factor = factors
+                    .as_ref()
+                    .map_or(1.0, |f| f[sample / per_pixel][channel]);
+                sums[channel] += f64::from(merged.radiance[index] * factor);
+                counts[channel] += 1;
+            }
+        }
+    }
+    let means = [0, 1, 2].map(|c| sums[c] / counts[c].max(1) as f64);
+    if means.iter().any(|mean| *mean <= 0.0) {
+        return Err(option(
+            format!("{means:?}"),
+            "a rectangle with light in it that is not clipped",
+        ));
+    }
+    Ok(means.map(|mean| (means[1] / mean) as f32))
+}
+
+fn shots<'a>(frames: &'a [RawFrame], exposures: &[f64]) -> Vec<Shot<'a>> {
+    let pairs = frames.iter().zip(exposures);
+    pairs
+        .map(|(frame, &exposure)| Shot { frame, exposure })
+        .collect()
+}
+
+fn flat_error(folder: &Path, problem: &str) -> IngestError {
+    IngestError::photograph(folder, "flat field", problem)
+}
+
+/// The falloff in a folder of photographs of an even surface.
+fn flat_field(folder: &Path, first: &Photograph, clip: f32) -> Result<Grid> {
+    let entries =
+        std::fs::read_dir(folder).map_err(|e| eagpt_scene::SceneError::io(folder, "read", e))?;
+    let mut paths: Vec<PathBuf> = Vec::new();
+    for entry in entries {
+        let path = entry
+            .map_err(|e| eagpt_scene::SceneError::io(folder, "read", e))?
+            .path();
+        if kind_of(&path).is_some_and(|kind| Some(kind) == kind_of(&first.path)) {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    let mut frames = Vec::new();
+    for path in &paths {
+        let frame = crate::raw::read(path)?;
+        let (header, expected) = (&frame.header, &first.header);
+        if (header.width, header.height, &header.layout)
+            != (expected.width, expected.height, &expected.layout)
+        {
+            return Err(flat_error(
+                path,
+                &format!(
+                    "{}x{} pixels, the capture has {}x{}",
+                    header.width, header.height, expected.width, expected.height
+                ),
+            ));
+        }
+        frames.push(frame);
+    }
+    if frames.is_empty() {
+        return Err(flat_error(folder, "no photographs of the capture's kind"));
+    }
+    let exposure = |frame: &RawFrame| frame.header.metadata.exposure().unwrap_or(1.0);
+    frames.sort_by(|a, b| exposure(a).total_cmp(&exposure(b)));
+    let exposures: Vec<f64> = frames.iter().map(exposure).collect();
+    let merged = merge(&shots(&frames, &exposures), &Noise::ASSUMED, clip);
+    Grid::measure(&frames[0].header, &merged).ok_or_else(|| flat_error(folder, "clipped or dark"))
+}
+
+/// Radiance of the range per exposure, and what previews are multiplied by.
+pub(crate) fn scales(given: Option<f64>, surveys: &[Survey]) -> (f64, f64) {
+    let sum: f64 = surveys.iter().map(|survey| survey.log_luminance).sum();
+    let mean = (sum / surveys.len().max(1) as f64).exp();
+    // Through f32, which is what images are multiplied by.
+    let automatic = f64::from((MIDDLE_GREY / mean) as f32);
+    match given {
+        None => (automatic, 1.0),
+        Some(scale) => (scale, automatic / scale),
+    }
+}
+
+/// Digest of what decides something.
+pub(crate) fn digest(value: &impl Serialize) -> String {
+    // What cannot be put into JSON gets a key that fits nothing.
+    let text = serde_json::to_string(value).unwrap_or_default();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+    hasher.update(text.as_bytes());
+    hasher.finalize().to_hex().to_string()
+}
+
+/// What is known of the shots of a stack before they are decoded.
+pub(crate) fn shots_key(stack: &Stack) -> Vec<(String, f64)> {
+    stack
+        .shots
+        .iter()
+        .map(|shot| (shot.blake3.clone(), shot.exposure()))
+        .collect()
+}
+
+/// Bytes that merging a stack takes at most: first all shots and the merged samples, then colours, and the image with what is
+/// written of it.
+pub(crate) fn needed_memory(stack: &Stack) -> u64 {
+    let Some(first) = stack.shots.first() else {
+        return 0;
+    };
+    let pixels = u64::from(first.header.width) * u64::from(first.header.height);
+    let per_pixel = if first.header.layout == Layout::Rgb {
+        3
+    } else {
+        1
+    };
+    let sample = if first.header.white[0].is_finite() {
+        2
+    } else {
+        4
+    };
+    let shots = stack.shots.len() as u64 * sample * per_pixel;
+    // f32 and a flag for each sample beside the shots; or f32 RGB, samples, f16 RGB and one plane of f32, a flag and 8-bit RGB.
+    let merging = shots + 5 * per_pixel;
+    let writing = 12 + 5 * per_pixel + 6 + 4 + 1 + 3;
+    // The file of a shot is in memory while it is decoded.
+    let files = 2 * 2 * sample * per_pixel;
+    pixels * (merging + files).max(writing)
+}
+
+/// Bytes that the system can still give, as Linux tells; `None` elsewhere.
+pub(crate) fn available_memory() -> Option<u64> {
+    let info = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = info
+        .lines()
+        .find(|line| line.starts_with("MemAvailable:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
+}

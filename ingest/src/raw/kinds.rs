@@ -1,0 +1,37 @@
+//! Which files of a folder are photographs, by their extensions.
+
+use std::path::Path;
+
+/// What a file is, by its extension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// A camera's RAW file.
+    Raw,
+    /// TIFF, PNG or EXR with light in linear numbers.
+    Linear,
+    /// A picture for the display, of no use here.
+    Display,
+}
+
+const RAW: [&str; 36] = [
+    "3fr", "ari", "arw", "cr2", "cr3", "crm", "crw", "dcr", "dcs", "dng", "erf", "fff", "iiq",
+    "kdc", "mdc", "mef", "mos", "mrw", "nef", "nrw", "orf", "ori", "pef", "qtk", "raf", "raw",
+    "rw2", "rwl", "rwz", "sr2", "srf", "srw", "tfr", "x3f", "ptx", "gpr",
+];
+const LINEAR: [&str; 4] = ["exr", "png", "tif", "tiff"];
+const DISPLAY: [&str; 8] = ["avif", "bmp", "gif", "heic", "heif", "jpeg", "jpg", "webp"];
+
+/// What a file is, by its extension; `None` for what is no image.
+pub fn kind_of(path: &Path) -> Option<Kind> {
+    let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+    let is_in = |list: &[&str]| list.contains(&extension.as_str());
+    if is_in(&RAW) {
+        Some(Kind::Raw)
+    } else if is_in(&LINEAR) {
+        Some(Kind::Linear)
+    } else if is_in(&DISPLAY) {
+        Some(Kind::Display)
+    } else {
+        None
+    }
+}

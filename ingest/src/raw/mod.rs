@@ -1,0 +1,403 @@
+//! Photographs as the sensor saw them: one seam between decoders and everything else.
+//!
+//! [`inspect`] tells what a file says about itself, [`read`] decodes its samples. Nothing is scaled, clipped or balanced here:
+//! samples below the black level stay, since the mean of a dark shot would be too bright without them. Which decoder reads
+//! RAW files is decided by the features `rawler` and `rawloader`; with both, `rawloader` is asked for what `rawler` cannot read.
+
+mod exif;
+mod kinds;
+mod linear;
+mod panics;
+#[cfg(feature = "rawler")]
+mod with_rawler;
+#[cfg(feature = "rawloader")]
+mod with_rawloader;
+
+pub use kinds::{Kind, kind_of};
+
+use crate::error::{IngestError, Result};
+use eagpt_scene::files;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Largest image that is decoded, in pixels: above any camera of today, far below what exhausts memory.
+pub(crate) const MAX_PIXELS: u64 = 1 << 28;
+
+/// Longest period of channels times that of black levels along a row: X-Trans (6) with levels of its own for each column.
+const MAX_PERIOD: usize = 36;
+
+/// A decoded photograph.
+#[derive(Debug, Clone)]
+pub struct RawFrame {
+    /// What the file says about itself.
+    pub header: Header,
+    /// `[height, width]` for a mosaic, `[height, width, 3]` for linear RGB.
+    pub samples: Samples,
+}
+
+/// Samples as they are in the file.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Samples {
+    /// Integers of up to 16 bits.
+    Integer(Vec<u16>),
+    /// Floating point.
+    Float(Vec<f32>),
+}
+
+/// What a file says about itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Width in pixels, borders cut off.
+    pub width: u32,
+    /// Height in pixels, borders cut off.
+    pub height: u32,
+    /// How colours are laid out.
+    pub layout: Layout,
+    /// Black level at the positions of a repeating block.
+    pub black: Black,
+    /// Value at which a channel saturates, R, G, B; infinite where the format has none.
+    #[serde(with = "crate::numbers::or_null")]
+    pub white: [f32; 3],
+    /// What the camera knows of colour.
+    pub color: CameraColor,
+    /// Exposure, camera, lens, time.
+    pub metadata: Metadata,
+}
+
+/// How colours are laid out on the sensor or in the file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Layout {
+    /// A colour filter array: the channels (0 red, 1 green, 2 blue) of the block at the top left, row by row.
+    Mosaic {
+        /// Columns of the block: 2 for Bayer, 6 for X-Trans.
+        columns: u8,
+        /// Rows of the block.
+        rows: u8,
+        /// `rows · columns` channels.
+        channels: Vec<u8>,
+    },
+    /// Three samples at each pixel.
+    Rgb,
+}
+
+/// Black level, repeated over the image from its top left.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Black {
+    /// Columns of the block.
+    pub columns: usize,
+    /// Rows of the block.
+    pub rows: usize,
+    /// `rows · columns` levels, or three for RGB.
+    pub levels: Vec<f32>,
+}
+
+/// What the camera knows of colour.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct CameraColor {
+    /// Factors that make a neutral surface equal in all channels, as the camera chose them; green is 1.
+    pub as_shot: Option<[f32; 3]>,
+    /// Camera from XYZ, row by row, for illuminants by their number in EXIF's LightSource (21: D65).
+    pub matrices: Vec<(u16, [[f64; 3]; 3])>,
+}
+
+/// Exposure, camera, lens, time. What the file does not say is `None`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Metadata {
+    /// Maker of the camera.
+    pub make: String,
+    /// Model of the camera.
+    pub model: String,
+    /// Exposure time in seconds.
+    pub exposure_s: Option<f64>,
+    /// ISO speed.
+    pub iso: Option<f64>,
+    /// Aperture as f-number.
+    pub f_number: Option<f64>,
+    /// Focal length in millimetres.
+    pub focal_mm: Option<f64>,
+    /// Local time of the shot in seconds since 1970-01-01, as if it were UTC.
+    pub time_s: Option<f64>,
+    /// Noise variance s·x + o of a value x where saturation is 1 (DNG's NoiseProfile), of green where there are several.
+    pub noise: Option<[f64; 2]>,
+    /// EXIF orientation, 1 to 8. Images stay as the sensor has them.
+    pub orientation: Option<u16>,
+    /// What read the file.
+    pub decoder: String,
+}
+
+impl Metadata {
+    /// Exposure that ratios come from: seconds at ISO 100 and f/1; `None` if the time is unknown. What a whole capture has in common
+    /// and does not say, as the aperture of an adapted lens, counts as 1.
+    pub fn exposure(&self) -> Option<f64> {
+        let gain = self.iso.unwrap_or(100.0) / 100.0;
+        let stop = self.f_number.unwrap_or(1.0);
+        Some(self.exposure_s? * gain / (stop * stop))
+    }
+
+    /// Maker and model.
+    pub fn camera(&self) -> String {
+        let (make, model) = (self.make.trim(), self.model.trim());
+        let name = if model.starts_with(make) {
+            model.to_owned()
+        } else {
+            format!("{make} {model}")
+        };
+        if name.is_empty() {
+            "unknown camera".to_owned()
+        } else {
+            name
+        }
+    }
+}
+
+impl Header {
+    /// Samples of a row: the width, times three for RGB.
+    pub fn row_len(&self) -> usize {
+        let per_pixel = if self.layout == Layout::Rgb { 3 } else { 1 };
+        self.width as usize * per_pixel
+    }
+
+    /// Channel (0 red, 1 green, 2 blue) of a sample of a row.
+    pub fn channel(&self, row: usize, sample: usize) -> usize {
+        match &self.layout {
+            Layout::Rgb => sample % 3,
+            Layout::Mosaic {
+                columns,
+                rows,
+                channels,
+            } => {
+                let (columns, rows) = (usize::from(*columns), usize::from(*rows));
+                usize::from(channels[row % rows * columns + sample % columns])
+            }
+        }
+    }
+
+    /// Black level of a sample of a row.
+    pub fn black_at(&self, row: usize, sample: usize) -> f32 {
+        let Black {
+            columns,
+            rows,
+            levels,
+        } = &self.black;
+        levels[row % rows * columns + sample % columns]
+    }
+
+    fn pattern_columns(&self) -> usize {
+        match &self.layout {
+            Layout::Rgb => 3,
+            Layout::Mosaic { columns, .. } => usize::from(*columns),
+        }
+    }
+
+    /// Refuses what no image can be: sizes of 0 or beyond [`MAX_PIXELS`], levels that leave no range.
+    pub(crate) fn check(self, path: &Path) -> Result<Self> {
+        let error = |field, problem: String| Err(IngestError::photograph(path, field, problem));
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        if pixels == 0 || pixels > MAX_PIXELS {
+            return error("size", format!("{}x{} pixels", self.width, self.height));
+        }
+        if let Layout::Mosaic {
+            columns,
+            rows,
+            channels,
+        } = &self.layout
+        {
+            let block = usize::from(*columns) * usize::from(*rows);
+            if block == 0 || channels.len() != block || channels.iter().any(|&c| c > 2) {
+                return error(
+                    "colour filter array",
+                    format!(
+                        "{columns}x{rows} of channels {channels:?}: only red, green and blue are known"
+                    ),
+                );
+            }
+        }
+        let Black {
+            columns,
+            rows,
+            levels,
+        } = &self.black;
+        if levels.is_empty() || columns * rows != levels.len() {
+            return error("black level", format!("{levels:?} for {columns}x{rows}"));
+        }
+        if columns * self.pattern_columns() > MAX_PERIOD {
+            return error("black level", format!("repeats after {columns} columns"));
+        }
+        let most_black = levels.iter().copied().fold(0.0, f32::max);
+        let least_white = self.white.into_iter().fold(f32::INFINITY, f32::min);
+        if !levels.iter().all(|v| v.is_finite())
+            || least_white.is_nan()
+            || least_white <= most_black
+        {
+            return error(
+                "white level",
+                format!("{least_white} with a black level of {most_black}"),
+            );
+        }
+        let exposure = self.metadata.exposure();
+        if let Some(exposure) = exposure.filter(|e| !(e.is_finite() && *e > 0.0)) {
+            return error("exposure", format!("{exposure} s at ISO 100 and f/1"));
+        }
+        Ok(self)
+    }
+}
+
+impl RawFrame {
+    /// A row with the black level taken off, as a fraction of the range up to white; as `out` is long.
+    pub fn scaled_row(&self, row: usize, out: &mut [f32]) {
+        let header = &self.header;
+        let start = row * header.row_len();
+        let period = header.black.columns * header.pattern_columns();
+        let mut table = [(0.0, 1.0); MAX_PERIOD];
+        for (sample, entry) in table.iter_mut().enumerate().take(period) {
+            let black = header.black_at(row, sample);
+            let white = header.white[header.channel(row, sample)];
+            let range = if white.is_finite() {
+                white - black
+            } else {
+                1.0
+            };
+            *entry = (black, 1.0 / range);
+        }
+        let table = &table[..period];
+        match &self.samples {
+            Samples::Integer(samples) => {
+                let samples = &samples[start..start + out.len()];
+                for (out, samples) in out.chunks_mut(period).zip(samples.chunks(period)) {
+                    for ((out, sample), (black, scale)) in out.iter_mut().zip(samples).zip(table) {
+                        *out = (f32::from(*sample) - black) * scale;
+                    }
+                }
+            }
+            Samples::Float(samples) => {
+                let samples = &samples[start..start + out.len()];
+                for (out, samples) in out.chunks_mut(period).zip(samples.chunks(period)) {
+                    for ((out, sample), (black, scale)) in out.iter_mut().zip(samples).zip(table) {
+                        *out = (sample - black) * scale;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What a file says about itself, without its samples, and the BLAKE3 digest of all of it, hexadecimal.
+///
+/// # Errors
+/// [`IngestError::Photograph`] if the file is no photograph that can be used: 8 bits, a reduced RAW with three components, an
+/// unknown camera or format, a damaged header; [`IngestError::Scene`] if it cannot be read.
+pub fn inspect(path: &Path) -> Result<(Header, String)> {
+    let bytes = Arc::new(files::read(path)?);
+    let digest = blake3::hash(&bytes).to_hex().to_string();
+    decode(path, &bytes, Want::Header).map(|frame| (frame.header, digest))
+}
+
+/// Decodes a photograph.
+///
+/// # Errors
+/// As [`inspect`], and if the samples are damaged or end early.
+pub fn read(path: &Path) -> Result<RawFrame> {
+    decode(path, &Arc::new(files::read(path)?), Want::Samples)
+}
+
+/// Whether samples are wanted or the header alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Want {
+    Header,
+    Samples,
+}
+
+impl Samples {
+    fn len(&self) -> usize {
+        match self {
+            Self::Integer(samples) => samples.len(),
+            Self::Float(samples) => samples.len(),
+        }
+    }
+}
+
+fn decode(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawFrame> {
+    let frame = match kind_of(path) {
+        Some(Kind::Linear) => linear::read(path, bytes, want)?,
+        Some(Kind::Raw) => decode_raw(path, bytes, want)?,
+        Some(Kind::Display) => {
+            return Err(IngestError::photograph(
+                path,
+                "format",
+                "an 8-bit picture: only the camera's RAW files, or linear TIFF, PNG (16 bits) and EXR, hold the light",
+            ));
+        }
+        None => return Err(IngestError::photograph(path, "format", "no known format")),
+    };
+    let header = frame.header.check(path)?;
+    let num_wanted = header.row_len() * header.height as usize;
+    if want == Want::Samples && frame.samples.len() != num_wanted {
+        return Err(IngestError::photograph(
+            path,
+            "samples",
+            format!("{} of {num_wanted}", frame.samples.len()),
+        ));
+    }
+    Ok(RawFrame { header, ..frame })
+}
+
+#[cfg(any(feature = "rawler", feature = "rawloader"))]
+fn decode_raw(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawFrame> {
+    #[cfg(feature = "rawler")]
+    let first = with_rawler::read(path, bytes, want);
+    #[cfg(all(feature = "rawler", feature = "rawloader"))]
+    // The message of the decoder that knows more cameras is the one to show.
+    let first = first.or_else(|error| with_rawloader::read(path, bytes, want).map_err(|_| error));
+    #[cfg(not(feature = "rawler"))]
+    let first = with_rawloader::read(path, bytes, want);
+    first
+}
+
+#[cfg(not(any(feature = "rawler", feature = "rawloader")))]
+fn decode_raw(path: &Path, _: &Arc<Vec<u8>>, _: Want) -> Result<RawFrame> {
+    Err(IngestError::photograph(
+        path,
+        "format",
+        "RAW, but this program was built without a RAW decoder",
+    ))
+}
+
+/// The part of a sensor's samples that is image, in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Window {
+    pub(crate) left: usize,
+    pub(crate) top: usize,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+}
+
+impl Window {
+    /// Cuts the window out of rows of `stride` pixels with `per_pixel` samples each; `None` if it is not inside.
+    #[cfg(any(feature = "rawler", feature = "rawloader"))]
+    pub(crate) fn cut<T: Copy>(
+        self,
+        samples: Vec<T>,
+        stride: usize,
+        per_pixel: usize,
+    ) -> Option<Vec<T>> {
+        let row = stride * per_pixel;
+        if row == 0 {
+            return None;
+        }
+        if self.left == 0
+            && self.top == 0
+            && self.width == stride
+            && samples.len() == row * self.height
+        {
+            return Some(samples);
+        }
+        if self.left + self.width > stride || (self.top + self.height) * row > samples.len() {
+            return None;
+        }
+        let rows = samples.chunks_exact(row).skip(self.top).take(self.height);
+        let (from, to) = (self.left * per_pixel, (self.left + self.width) * per_pixel);
+        Some(rows.flat_map(|row| row[from..to].iter().copied()).collect())
+    }
+}

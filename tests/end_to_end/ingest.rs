@@ -1,0 +1,147 @@
+//! `eagpt ingest`: brackets in, images of linear light and a report out.
+
+use crate::support::Workplace;
+use eagpt_scene::exr;
+use eagpt_synth::dng::{self, DngInfo, Mosaic, RGGB};
+
+const SIZE: (u32, u32) = (96, 64);
+
+/// A bracket of three shots of a grey ramp at each position, `c/p<position>_<index>.dng`.
+fn capture(place: &Workplace, positions: u32) {
+    std::fs::create_dir_all(place.path("c")).unwrap();
+    for position in 0..positions {
+        for index in 0..3 {
+            let exposure_s = 0.01 * 4.0_f64.powi(index);
+            let samples = (0..SIZE.0 * SIZE.1).map(|i| {
+                // Different photographs differ.
+                let light = f64::from(i % SIZE.0 + 4 * position + 1) * exposure_s / 30.0;
+                (512.0 + 15_871.0 * light.min(1.0)) as u16
+            });
+            let mosaic = Mosaic {
+                width: SIZE.0,
+                height: SIZE.1,
+                samples: samples.collect(),
+            };
+            let info = DngInfo {
+                make: "Virtual".to_owned(),
+                model: "Rig".to_owned(),
+                cfa: RGGB,
+                black: [512; 4],
+                white: 16_383,
+                as_shot_neutral: [1.0; 3],
+                camera_from_xyz: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                exposure_s: Some(exposure_s),
+                iso: 100,
+                f_number: 8.0,
+                focal_length_mm: 16.0,
+                taken_ms: 1_700_000_000_000 + 1000 * (3 * u64::from(position) + index as u64),
+            };
+            let path = place.path(&format!("c/p{position}_{index}.dng"));
+            dng::write(&path, &mosaic, &info).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_capture_becomes_images_a_record_and_a_report() {
+    let place = Workplace::new();
+    capture(&place, 2);
+    place.succeeds("ingest c --out out --long-side 48");
+    let mut made = place.names("out");
+    made.retain(|name| !name.starts_with("work/"));
+    let expected = [
+        "Preview/p0.png",
+        "Preview/p1.png",
+        "Radiance-exr/p0.exr",
+        "Radiance-exr/p1.exr",
+        "Unreliable/p0.png",
+        "Unreliable/p1.png",
+        "capture.json",
+        "record.json",
+        "report.html",
+        "report.json",
+    ];
+    assert_eq!(made, expected);
+    let image = exr::read_rgb(&place.path("out/Radiance-exr/p0.exr")).unwrap();
+    assert_eq!(image.size(), (48, 32));
+    // A ramp: 90 is three times as bright as 30, and neutral light stays neutral.
+    let [left, right] = [14, 44].map(|x| image.get(x, 16));
+    assert!(
+        (right[1] / left[1] - 89.5 / 29.5).abs() < 0.05,
+        "{left:?} {right:?}"
+    );
+    assert!((right[0] / right[1] - 1.0).abs() < 0.02, "{right:?}");
+    let record = place.json("out/record.json");
+    assert_eq!(record["command"], "ingest");
+    assert_eq!(record["inputs"].as_array().unwrap().len(), 6);
+    assert_eq!(record["options"]["long_side"], 48);
+    assert_eq!(place.json("out/capture.json")["camera"], "Virtual Rig");
+    let page = String::from_utf8(place.bytes("out/report.html")).unwrap();
+    assert!(page.contains("data:image/jpeg;base64,") && !page.contains("<script"));
+}
+
+#[test]
+fn the_same_command_goes_on_and_force_starts_over() {
+    let place = Workplace::new();
+    capture(&place, 2);
+    place.succeeds("ingest c --out out --scale 0.01");
+    let before = place.contents("out");
+    capture(&place, 3);
+    let text = place.succeeds("ingest c --out out --scale 0.01 --json");
+    assert!(text.contains("\"num_kept\":2"), "{text}");
+    let after = place.contents("out");
+    assert_eq!(before["Radiance-exr/p0.exr"], after["Radiance-exr/p0.exr"]);
+    assert!(after.contains_key("Radiance-exr/p2.exr"));
+    place.fails_cleanly(
+        "ingest c --out out --scale 0.02",
+        &["out: p0: was made with other options", "--force"],
+    );
+    std::fs::remove_file(place.path("c/p2_0.dng")).unwrap();
+    std::fs::remove_file(place.path("c/p2_1.dng")).unwrap();
+    std::fs::remove_file(place.path("c/p2_2.dng")).unwrap();
+    place.succeeds("ingest c --out out --scale 0.02 --force");
+    assert!(
+        !place
+            .names("out")
+            .contains(&"Radiance-exr/p2.exr".to_owned())
+    );
+    // What another command has made is not touched.
+    place.train("run");
+    place.fails_cleanly("ingest c --out run --force", &["`train`"]);
+}
+
+#[test]
+fn everything_wrong_is_a_line_each() {
+    let place = Workplace::new();
+    capture(&place, 3);
+    std::fs::remove_file(place.path("c/p0_1.dng")).unwrap();
+    place.write("c/p1_2.dng", "no photograph");
+    let output = place.run("ingest c --out out --quiet");
+    assert_eq!(output.status.code(), Some(1));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let lines: Vec<&str> = stderr.lines().collect();
+    assert_eq!(lines.len(), 3, "{stderr}");
+    for (line, part) in lines.iter().zip([
+        "p1_2.dng: RAW: ",
+        "p0: misses 1 of 3 exposures: 1/25 s",
+        "c: 2 problems",
+    ]) {
+        assert!(line.starts_with("error: ") && line.contains(part), "{line}");
+    }
+    assert!(!place.path("out/Radiance-exr").exists());
+    place.succeeds("ingest c --out out --skip-bad");
+    let record = place.json("out/record.json");
+    assert_eq!(record["warnings"].as_array().unwrap().len(), 2);
+    place.fails("ingest c --out c/out", &["outside of the capture"]);
+    assert_eq!(
+        place
+            .run("ingest c --out d --white-balance warm")
+            .status
+            .code(),
+        Some(2)
+    );
+    place.fails(
+        "ingest c --out d --vignetting=-2,0,0",
+        &["option vignetting"],
+    );
+}
