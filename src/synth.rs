@@ -156,7 +156,7 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
     record.seed = Some(args.seed);
     record.device = Some("cpu".to_owned());
     let names = summary.files.iter().map(|file| file.to_string_lossy());
-    record.outputs = names.map(|name| name.into_owned()).collect();
+    record.outputs = names.map(std::borrow::Cow::into_owned).collect();
     let record_path = builder.write(out)?;
     reporter.note(&format!(
         "{}: {} positions, {} conditions, {} RAW files",

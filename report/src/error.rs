@@ -27,7 +27,7 @@ pub enum ReportError {
 
 impl ReportError {
     /// A [`ReportError::Content`].
-    pub(crate) fn content(path: &Path, problem: impl ToString) -> Self {
+    pub(crate) fn content(path: &Path, problem: &impl ToString) -> Self {
         Self::Content {
             path: path.to_owned(),
             problem: problem.to_string(),

@@ -197,7 +197,7 @@ pub struct Step {
 pub fn gather(dir: &Path) -> Result<Content> {
     let run = RunRecord::read(dir)?;
     let run =
-        run.ok_or_else(|| ReportError::content(dir, "no run.json: not the folder of a run"))?;
+        run.ok_or_else(|| ReportError::content(dir, &"no run.json: not the folder of a run"))?;
     let mut content = Content {
         title: run
             .project
@@ -514,7 +514,8 @@ fn curves(dir: &Path) -> Result<Vec<Curve>> {
     let text = String::from_utf8_lossy(&files::read(&path)?).into_owned();
     let mut stages: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
     for line in text.lines() {
-        let line: Value = serde_json::from_str(line).map_err(|e| ReportError::content(&path, e))?;
+        let line: Value =
+            serde_json::from_str(line).map_err(|e| ReportError::content(&path, &e))?;
         let stage = line["stage"].as_str().unwrap_or_default();
         let point = (line["iteration"].as_f64(), line["smoothed"].as_f64());
         let (Some(iteration), Some(loss)) = point else {

@@ -40,7 +40,7 @@ impl Picture {
     pub fn of_png(path: &Path) -> Result<Self> {
         let bytes = files::read(path)?;
         let decoded = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png).decode();
-        let image = decoded.map_err(|e| ReportError::content(path, e))?;
+        let image = decoded.map_err(|e| ReportError::content(path, &e))?;
         Self::of(path, image.into_rgb8())
     }
 
@@ -55,7 +55,7 @@ impl Picture {
             .iter()
             .map(|&v| srgb8_from_linear(v.max(0.0)));
         let image = RgbImage::from_raw(light.width(), light.height(), bytes.collect())
-            .ok_or_else(|| ReportError::content(path, "no pixels"))?;
+            .ok_or_else(|| ReportError::content(path, &"no pixels"))?;
         Self::of(path, image)
     }
 
@@ -71,7 +71,7 @@ impl Picture {
         let mut encoded = Vec::new();
         JpegEncoder::new_with_quality(&mut encoded, QUALITY)
             .encode_image(&shown)
-            .map_err(|e| ReportError::content(path, e))?;
+            .map_err(|e| ReportError::content(path, &e))?;
         Ok(Self {
             uri: format!("data:image/jpeg;base64,{}", STANDARD.encode(encoded)),
             width: shown.width(),

@@ -68,5 +68,5 @@ pub fn read_json<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<Option<T>> {
     }
     let bytes = files::read(path)?;
     let value = serde_json::from_slice(&bytes);
-    value.map(Some).map_err(|e| ReportError::content(path, e))
+    value.map(Some).map_err(|e| ReportError::content(path, &e))
 }

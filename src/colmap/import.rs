@@ -4,14 +4,16 @@ use crate::cli::{self, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use eagpt_colmap::align::{AlignOptions, Alignment, Anchor, Manual, Mode, Scale};
+use eagpt_colmap::align::{AlignOptions, Alignment, Anchor, KnownCamera, Manual, Mode, Scale};
 use eagpt_colmap::import::{
     AlignedModel, Depth, ImportOptions, ImportPlan, ImportProgress, ImportReport, Missing,
     PointFilter, Srgb8,
 };
 use eagpt_colmap::model::PointId;
+use eagpt_scene::Dataset;
+use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::lens::Field;
 use eagpt_scene::lens::undistort::UndistortOptions;
 use serde::Serialize;
@@ -89,6 +91,9 @@ struct AlignArgs {
     /// manual: a place on the floor in the model's world; may be given often, as for a plane through four
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     floor_at: Vec<[f64; 3]>,
+    /// like: dataset with cameras of the same names, whose world the model is moved into; z has to be up there
+    #[arg(long, value_name = "DATASET", required_if_eq("align", "like"))]
+    like: Option<PathBuf>,
     /// Leave the yaw as it is, do not turn walls to the axes
     #[arg(long)]
     no_walls: bool,
@@ -112,6 +117,8 @@ enum AlignArg {
     Floor,
     /// From --floor-points or --floor-at
     Manual,
+    /// To the cameras of --like
+    Like,
     /// Not at all
     None,
 }
@@ -171,12 +178,12 @@ fn known_distance(text: &str) -> Result<Scale, String> {
 }
 
 impl ImportArgs {
-    fn options(&self) -> ImportOptions {
+    fn options(&self) -> Result<ImportOptions> {
         let align = &self.align;
         let camera_height = align
             .camera_height
             .map(|metres| Scale::CameraHeight { metres });
-        ImportOptions {
+        Ok(ImportOptions {
             images: self.images.clone(),
             conditions: self.conditions.clone(),
             srgb8: if self.allow_srgb8 {
@@ -205,6 +212,7 @@ impl ImportArgs {
                 mode: match align.align {
                     AlignArg::Floor => Mode::Floor,
                     AlignArg::Manual => Mode::Manual,
+                    AlignArg::Like => Mode::Reference,
                     AlignArg::None => Mode::None,
                 },
                 manual: Manual {
@@ -212,6 +220,7 @@ impl ImportArgs {
                     floor_points: align.floor_points.iter().copied().map(PointId).collect(),
                     floor_positions: align.floor_at.clone(),
                 },
+                known_cameras: self.known_cameras()?,
                 scale: align.known_distance.clone().or(camera_height),
                 walls: !align.no_walls,
                 min_confidence: align.min_confidence,
@@ -228,7 +237,28 @@ impl ImportArgs {
             } else {
                 Depth::Half
             },
+        })
+    }
+
+    /// Cameras of the dataset to be like.
+    fn known_cameras(&self) -> Result<Vec<KnownCamera>> {
+        let like = self.align.like.as_ref();
+        let Some(path) = like.filter(|_| self.align.align == AlignArg::Like) else {
+            return Ok(Vec::new());
+        };
+        let dataset = Dataset::open_cameras(path)?;
+        if dataset.up() != UpAxis::Z {
+            bail!(
+                "{}: up_axis: {}, must be z",
+                dataset.transforms().display(),
+                dataset.up()
+            );
         }
+        let known = dataset.frames().iter().map(|frame| KnownCamera {
+            name: frame.name.clone(),
+            centre: frame.camera.world_from_camera.translation.to_array(),
+        });
+        Ok(known.collect())
     }
 }
 
@@ -241,7 +271,7 @@ struct Recorded<'a> {
 }
 
 pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let options = args.options();
+    let options = args.options()?;
     let recorded = Recorded {
         model: &args.model,
         options: &options,

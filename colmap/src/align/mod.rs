@@ -13,6 +13,7 @@ pub mod floor;
 pub mod gravity;
 mod manual;
 mod numeric;
+mod reference;
 mod scale;
 pub mod walls;
 
@@ -20,6 +21,7 @@ pub mod walls;
 mod tests;
 
 pub use manual::Manual;
+pub use reference::{KnownCamera, ReferenceReport, similarity};
 pub use scale::{Anchor, Scale};
 
 use crate::error::{ColmapError, Result};
@@ -39,6 +41,8 @@ pub enum Mode {
     Floor,
     /// From points or positions that the user names.
     Manual,
+    /// From cameras whose places are known: the world becomes theirs.
+    Reference,
     /// Not at all: the world stays as it is.
     None,
 }
@@ -51,6 +55,8 @@ pub struct AlignOptions {
     pub mode: Mode,
     /// What the user says.
     pub manual: Manual,
+    /// Cameras whose places are known, for [`Mode::Reference`].
+    pub known_cameras: Vec<KnownCamera>,
     /// What makes the scene metric.
     pub scale: Option<Scale>,
     /// Turn walls to the axes; else yaw stays as near to the model's as the floor permits.
@@ -70,6 +76,7 @@ impl Default for AlignOptions {
         Self {
             mode: Mode::Floor,
             manual: Manual::default(),
+            known_cameras: Vec::new(),
             scale: None,
             walls: true,
             min_confidence: 0.2,
@@ -94,6 +101,10 @@ impl AlignOptions {
             let problem = format!("{:?} is not above 0", self.max_error_px);
             return Err(ColmapError::option("max_error_px", problem));
         }
+        if self.mode == Mode::Reference && self.scale.is_some() {
+            let problem = "the world of known cameras has its scale";
+            return Err(ColmapError::option("scale", problem));
+        }
         self.manual.validate(self.mode)?;
         self.scale.as_ref().map_or(Ok(()), Scale::validate)
     }
@@ -112,6 +123,8 @@ pub struct Alignment {
     pub floor: Option<FloorReport>,
     /// The walls; null if they were not looked for or are not there.
     pub walls: Option<WallReport>,
+    /// Fit to known cameras; null if there were none.
+    pub reference: Option<ReferenceReport>,
     /// 0 to 1: how sure the floor is; 1 if the user said where it is, null without one.
     pub confidence: Option<f64>,
     /// Whether a unit of the aligned world is a metre.
@@ -170,6 +183,7 @@ pub fn align(model: &Model, options: &AlignOptions) -> Result<Alignment> {
     let mut warnings = Vec::new();
     let (found, confidence) = match options.mode {
         Mode::None => (None, None),
+        Mode::Reference => return reference::align(model, &evidence, &options.known_cameras),
         Mode::Manual => {
             let (plane, gravity) = manual::plane(model, &evidence, &options.manual)?;
             (Some((plane, gravity, None)), Some(1.0))
@@ -218,6 +232,7 @@ pub fn align(model: &Model, options: &AlignOptions) -> Result<Alignment> {
         gravity: gravity.map(|gravity| gravity.report),
         floor,
         walls,
+        reference: None,
         confidence,
         is_metric: metric.is_some(),
         camera_height: Some(factor * height),

@@ -129,6 +129,7 @@ pub(super) fn without_floor(model: &Model, options: &AlignOptions) -> Result<Ali
         gravity: None,
         floor: None,
         walls: None,
+        reference: None,
         confidence: None,
         is_metric: metric.is_some(),
         camera_height: None,

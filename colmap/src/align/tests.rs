@@ -405,35 +405,46 @@ fn kitchen(test: &str) -> Option<PathBuf> {
     None
 }
 
-/// Rotation of the best similarity between two lists of points (Umeyama, PAMI 1991), its scale and translation.
-fn similarity(from: &[DVec3], to: &[DVec3]) -> Similarity {
-    let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len() as f64;
-    let (from_mean, to_mean) = (mean(from), mean(to));
-    let mut covariance = nalgebra::Matrix3::<f64>::zeros();
-    let mut square = 0.0;
-    for (a, b) in from.iter().zip(to) {
-        let (a, b) = (*a - from_mean, *b - to_mean);
-        square += a.length_squared();
-        covariance += nalgebra::Vector3::from(b.to_array())
-            * nalgebra::Vector3::from(a.to_array()).transpose();
+#[test]
+fn known_cameras_bring_their_world_back() {
+    let mut room = Room::new();
+    room.cameras(12);
+    let model_from_room = frame(3.7, [0.4, -1.1, 2.0]);
+    let model = room.model(&model_from_room);
+    let known: Vec<KnownCamera> = room
+        .world_from_camera
+        .iter()
+        .enumerate()
+        .map(|(i, pose)| KnownCamera {
+            name: format!("{i:04}"),
+            centre: pose.translation.to_array(),
+        })
+        .collect();
+    let with = |known_cameras: Vec<KnownCamera>| AlignOptions {
+        mode: Mode::Reference,
+        known_cameras,
+        ..AlignOptions::default()
+    };
+    let found = align(&model, &with(known.clone())).unwrap();
+    for point in [DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0)] {
+        let back = found.aligned_from_model.apply(model_from_room.apply(point));
+        // Sums of doubles of a few units.
+        assert!((back - point).length() < 1e-9, "{back} for {point}");
     }
-    let svd = covariance.svd(true, true);
-    let (u, vt) = (svd.u.unwrap(), svd.v_t.unwrap());
-    let mut sign = nalgebra::Matrix3::identity();
-    sign[(2, 2)] = (u * vt).determinant().signum();
-    let rotation = u * sign * vt;
-    let scale = (0..3)
-        .map(|i| svd.singular_values[i] * sign[(i, i)])
-        .sum::<f64>()
-        / square;
-    let columns =
-        [0, 1, 2].map(|c| DVec3::new(rotation[(0, c)], rotation[(1, c)], rotation[(2, c)]));
-    let matrix = DMat3::from_cols(columns[0], columns[1], columns[2]);
-    Similarity {
-        scale,
-        rotation: DQuat::from_mat3(&matrix),
-        translation: to_mean - scale * (matrix * from_mean),
+    let report = found.reference.unwrap();
+    assert_eq!(report.num_cameras, 12);
+    assert!((report.scale * 3.7 - 1.0).abs() < 1e-9 && report.largest_error < 1e-9);
+
+    let problem = align(&model, &with(known[..2].to_vec()))
+        .unwrap_err()
+        .to_string();
+    assert!(problem.contains("2 images of the model"), "{problem}");
+    let mut shuffled = known.clone();
+    for (i, camera) in shuffled.iter_mut().enumerate() {
+        camera.centre = known[(5 * i + 3) % 12].centre;
     }
+    let problem = align(&model, &with(shuffled)).unwrap_err().to_string();
+    assert!(problem.contains("not the same"), "{problem}");
 }
 
 #[test]
@@ -467,7 +478,7 @@ fn the_kitchen_becomes_upright() {
         own.push(image.camera_from_world.centre());
         world.push(DVec3::new(at(0), at(1), at(2)));
     }
-    let model_from_world = similarity(&world, &own);
+    let model_from_world = similarity(&world, &own).unwrap();
     let alignment = align(&model, &AlignOptions::default()).unwrap();
     let [tilt, yaw, height] = errors(&alignment, &model_from_world);
     let size = numeric::size(&model.points.iter().map(|p| p.position).collect::<Vec<_>>());
@@ -485,7 +496,7 @@ fn the_kitchen_becomes_upright() {
         .iter()
         .map(|i| i.camera_from_world.centre())
         .collect();
-    let back = similarity(&centres, &own);
+    let back = similarity(&centres, &own).unwrap();
     for (moved, image) in moved.images.iter().zip(&model.images) {
         let again = back.camera_from_new(&moved.camera_from_world);
         let own = &image.camera_from_world;
