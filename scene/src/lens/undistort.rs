@@ -1,0 +1,309 @@
+//! A pinhole camera for a lens, and images moved between the two.
+
+use super::{Lens, Remapped, remap};
+use crate::camera::Camera;
+use crate::image::Image;
+use glam::{DAffine3, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// What the pinhole image shows of the lens's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Field {
+    /// A rectangle in which every pixel is known.
+    #[default]
+    Inside,
+    /// Everything the lens shows, up to the largest angle of view; pixels it does not show are unknown.
+    All,
+    /// As many pixels as the lens's image has, with its principal point; pixels it does not show are unknown.
+    Same,
+}
+
+/// How to choose a pinhole camera for a lens.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct UndistortOptions {
+    /// What the pinhole image shows.
+    pub field: Field,
+    /// Largest angle of view, degrees across the image in either direction, above 0 and at most 170: fisheye lenses show more than a
+    /// plane can.
+    pub max_fov_deg: f64,
+}
+
+impl Default for UndistortOptions {
+    fn default() -> Self {
+        Self {
+            field: Field::Inside,
+            max_fov_deg: 120.0,
+        }
+    }
+}
+
+impl UndistortOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// The option, its value and its range.
+    pub fn validate(&self) -> Result<(), String> {
+        if self.max_fov_deg > 0.0 && self.max_fov_deg <= 170.0 {
+            return Ok(());
+        }
+        Err(format!(
+            "max_fov_deg: {:?} is not above 0 and at most 170",
+            self.max_fov_deg
+        ))
+    }
+}
+
+/// A lens and the pinhole camera that takes its place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Undistortion {
+    lens: Lens,
+    /// In camera space.
+    pinhole: Camera,
+}
+
+/// Positions along an edge of the image that are looked at; finer than any lens bends within a pixel of its size.
+const NUM_EDGE_POINTS: u32 = 512;
+
+impl Undistortion {
+    /// Chooses the pinhole camera: it looks along the lens's axis, with the lens's number of pixels a radian on the axis. A lens that
+    /// is a pinhole stays as it is.
+    ///
+    /// # Errors
+    /// If the options are out of range, or the lens shows nothing around its axis that a plane could show.
+    pub fn new(lens: &Lens, options: &UndistortOptions) -> Result<Self, String> {
+        options.validate()?;
+        let done = |pinhole| Self {
+            lens: *lens,
+            pinhole,
+        };
+        if let Some(pinhole) = lens.as_pinhole(DAffine3::IDENTITY) {
+            return Ok(done(pinhole));
+        }
+        let (centre, focal) = axis(lens).ok_or_else(|| {
+            let model = lens.model();
+            format!("the optical axis of the {model} lens has no image")
+        })?;
+        let (width, height) = lens.size();
+        let mut pinhole = Camera {
+            width,
+            height,
+            fx: focal.x,
+            fy: focal.y,
+            cx: centre.x,
+            cy: centre.y,
+            world_from_camera: DAffine3::IDENTITY,
+        };
+        if options.field == Field::Same {
+            return Ok(done(pinhole));
+        }
+        let limit = (0.5 * options.max_fov_deg).to_radians().tan();
+        let mut bounds = edge_bounds(lens, options.field).clamped(limit);
+        if options.field == Field::Inside {
+            bounds = bounds.shrunk_to_known(lens, focal);
+        }
+        let size = (bounds.high - bounds.low) * focal;
+        let whole = match options.field {
+            // Rounding must not bring an unknown pixel in.
+            Field::Inside => size.floor(),
+            Field::All | Field::Same => size.ceil(),
+        };
+        if !(whole.min_element() >= 1.0 && whole.max_element() <= f64::from(super::MAX_SIZE)) {
+            return Err(format!(
+                "a pinhole image of the {} lens would have {}x{} pixels",
+                lens.model(),
+                whole.x,
+                whole.y
+            ));
+        }
+        (pinhole.width, pinhole.height) = (whole.x as u32, whole.y as u32);
+        // What rounding takes or adds is the same on both sides.
+        let principal = -bounds.low * focal + 0.5 * (whole - size);
+        (pinhole.cx, pinhole.cy) = (principal.x, principal.y);
+        Ok(done(pinhole))
+    }
+
+    /// The lens.
+    pub fn lens(&self) -> &Lens {
+        &self.lens
+    }
+
+    /// The pinhole camera at a pose.
+    pub fn camera(&self, world_from_camera: DAffine3) -> Camera {
+        Camera {
+            world_from_camera,
+            ..self.pinhole
+        }
+    }
+
+    /// Whether images stay as they are.
+    pub fn is_identity(&self) -> bool {
+        self.lens.as_pinhole(DAffine3::IDENTITY) == Some(self.pinhole)
+    }
+
+    /// The pinhole image of an image that the lens took, whose size is the lens's; linear light stays linear.
+    ///
+    /// # Errors
+    /// If the image has another size.
+    pub fn apply<const C: usize>(&self, image: &Image<C>) -> Result<Remapped<C>, String> {
+        check_size(image, self.lens.size())?;
+        if self.is_identity() {
+            return Ok(Remapped {
+                image: image.clone(),
+                valid: Image::filled(image.width(), image.height(), [1.0]),
+            });
+        }
+        let size = (self.pinhole.width, self.pinhole.height);
+        Ok(remap(image, size, |pixel| {
+            self.lens.project(pinhole_direction(&self.pinhole, pixel))
+        }))
+    }
+}
+
+/// What `lens` would have taken where `camera` took `image`: the opposite of [`Undistortion::apply`], for cameras that exist only in a
+/// computer. The pose does not matter.
+///
+/// # Errors
+/// If the image has not the camera's size.
+pub fn distort<const C: usize>(
+    image: &Image<C>,
+    camera: &Camera,
+    lens: &Lens,
+) -> Result<Remapped<C>, String> {
+    check_size(image, (camera.width, camera.height))?;
+    Ok(remap(image, lens.size(), |pixel| {
+        let ray = lens.unproject(pixel).filter(|ray| ray.z > 0.0)?;
+        let plane = ray.truncate() / ray.z;
+        Some(plane * DVec2::new(camera.fx, camera.fy) + DVec2::new(camera.cx, camera.cy))
+    }))
+}
+
+fn check_size<const C: usize>(image: &Image<C>, wanted: (u32, u32)) -> Result<(), String> {
+    let (width, height) = image.size();
+    if (width, height) == wanted {
+        return Ok(());
+    }
+    Err(format!(
+        "{width}x{height}, but its camera has {}x{}",
+        wanted.0, wanted.1
+    ))
+}
+
+fn pinhole_direction(camera: &Camera, pixel: DVec2) -> DVec3 {
+    let plane = (pixel - DVec2::new(camera.cx, camera.cy)) / DVec2::new(camera.fx, camera.fy);
+    plane.extend(1.0)
+}
+
+/// Where the optical axis is in the image, and pixels a radian there.
+fn axis(lens: &Lens) -> Option<(DVec2, DVec2)> {
+    // Central differences of an even function: an error of the order of 1e-8.
+    const STEP: f64 = 1e-4;
+    let at = |x: f64, y: f64| lens.project(DVec3::new(x, y, 1.0));
+    let across = at(STEP, 0.0)? - at(-STEP, 0.0)?;
+    let down = at(0.0, STEP)? - at(0.0, -STEP)?;
+    let focal = DVec2::new(across.x, down.y) / (2.0 * STEP);
+    Some((at(0.0, 0.0)?, focal))
+}
+
+/// A rectangle in the plane at distance 1.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    low: DVec2,
+    high: DVec2,
+}
+
+/// The rectangle inside of the image's edges, or around them, as seen from the axis.
+fn edge_bounds(lens: &Lens, field: Field) -> Bounds {
+    let (width, height) = lens.size();
+    let (width, height) = (f64::from(width), f64::from(height));
+    let along = (0..=NUM_EDGE_POINTS).map(|i| f64::from(i) / f64::from(NUM_EDGE_POINTS));
+    let plane = |x: f64, y: f64| {
+        let ray = lens.unproject(DVec2::new(x, y)).filter(|ray| ray.z > 0.0)?;
+        Some(ray.truncate() / ray.z)
+    };
+    // The larger of two bounds is the inner one on the low side.
+    let inner = field == Field::Inside;
+    let fold = |values: &mut dyn Iterator<Item = f64>, is_low: bool, open: f64| {
+        let chosen = values.reduce(|a, b| if inner == is_low { a.max(b) } else { a.min(b) });
+        chosen.unwrap_or(open)
+    };
+    let left = fold(
+        &mut along
+            .clone()
+            .filter_map(|t| plane(0.0, t * height))
+            .map(|p| p.x),
+        true,
+        f64::NEG_INFINITY,
+    );
+    let right = fold(
+        &mut along
+            .clone()
+            .filter_map(|t| plane(width, t * height))
+            .map(|p| p.x),
+        false,
+        f64::INFINITY,
+    );
+    let top = fold(
+        &mut along
+            .clone()
+            .filter_map(|t| plane(t * width, 0.0))
+            .map(|p| p.y),
+        true,
+        f64::NEG_INFINITY,
+    );
+    let bottom = fold(
+        &mut along.filter_map(|t| plane(t * width, height)).map(|p| p.y),
+        false,
+        f64::INFINITY,
+    );
+    Bounds {
+        low: DVec2::new(left, top),
+        high: DVec2::new(right, bottom),
+    }
+}
+
+impl Bounds {
+    fn clamped(self, limit: f64) -> Self {
+        Self {
+            low: self.low.max(DVec2::splat(-limit)),
+            high: self.high.min(DVec2::splat(limit)),
+        }
+    }
+
+    /// Draws the sides in until all of them lie in the lens's image: its corners may be beyond what the edges' middles show.
+    fn shrunk_to_known(mut self, lens: &Lens, focal: DVec2) -> Self {
+        const NUM_STEPS: f64 = 512.0;
+        let step = ((self.high - self.low) / NUM_STEPS).max(1.0 / focal);
+        let known = |p: DVec2| {
+            let pixel = lens.project(p.extend(1.0));
+            pixel.is_some_and(|pixel| lens.contains(pixel))
+        };
+        while self.low.cmplt(self.high).all() {
+            let sides = self.unknown_on_sides(known);
+            let worst = sides.into_iter().max().unwrap_or(0);
+            if worst == 0 {
+                break;
+            }
+            let [left, right, top, bottom] = sides.map(|num| f64::from(u8::from(num == worst)));
+            self.low += step * DVec2::new(left, top);
+            self.high -= step * DVec2::new(right, bottom);
+        }
+        self
+    }
+
+    /// Numbers of unknown positions on the left, right, upper and lower side.
+    fn unknown_on_sides(&self, known: impl Fn(DVec2) -> bool) -> [usize; 4] {
+        let size = self.high - self.low;
+        let along = (0..=NUM_EDGE_POINTS).map(|i| f64::from(i) / f64::from(NUM_EDGE_POINTS));
+        let count =
+            |start: DVec2, way: DVec2| along.clone().filter(|&t| !known(start + way * t)).count();
+        let (across, down) = (DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y));
+        [
+            count(self.low, down),
+            count(self.low + across, down),
+            count(self.low, across),
+            count(self.low + down, across),
+        ]
+    }
+}
