@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, edit, eval, export, masks, render, train};
+use crate::{bake, dataset, edit, eval, export, masks, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -52,6 +52,7 @@ pub(crate) struct GlobalArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Dataset(dataset::DatasetArgs),
     Masks(masks::MasksArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
@@ -69,6 +70,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
             .with_context(|| format!("--threads {threads}"))?;
     }
     match cli.command {
+        Command::Dataset(args) => dataset::run(&args, &cli.global),
         Command::Masks(args) => masks::run(&args, &cli.global),
         Command::Train(args) => train::run(&args, &cli.global),
         Command::Edit(args) => edit::run(&args, &cli.global),
@@ -123,7 +125,8 @@ mod tests {
         let mut command = Cli::command();
         command.build();
         command.clone().debug_assert();
-        for sub in command.get_subcommands() {
+        let commands = command.get_subcommands();
+        for sub in commands.flat_map(|sub| std::iter::once(sub).chain(sub.get_subcommands())) {
             for argument in sub.get_arguments() {
                 assert!(
                     argument.get_help().is_some(),

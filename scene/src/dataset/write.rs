@@ -2,7 +2,7 @@
 
 use super::{
     ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR,
-    TRANSFORMS_FILE, UpAxis, View, open::is_frame_name, pose,
+    TRANSFORMS_FILE, UpAxis, View, is_frame_name, pose,
 };
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};
@@ -50,11 +50,21 @@ impl DatasetWriter {
         })
     }
 
-    /// Writes the images of `view`, those it has.
+    /// Writes the images of `view`, those it has, and lists it.
+    ///
+    /// # Errors
+    /// As [`Self::write_images`].
+    pub fn write_view(&mut self, view: &View) -> Result<()> {
+        self.write_images(view)?;
+        self.list(&view.name, view.camera);
+        Ok(())
+    }
+
+    /// Writes the images of `view`, those it has, for who writes many views at a time; [`Self::list`] has to follow.
     ///
     /// # Errors
     /// As [`exr::write_rgb`], or [`SceneError::Invalid`] for a name that would leave the folder.
-    pub fn write_view(&mut self, view: &View) -> Result<()> {
+    pub fn write_images(&self, view: &View) -> Result<()> {
         let transforms = self.root.join(TRANSFORMS_FILE);
         check_name(&transforms, self.cameras.len(), &view.name)?;
         self.write_rgb(RADIANCE_DIR, &view.name, Some(&view.radiance))?;
@@ -62,9 +72,12 @@ impl DatasetWriter {
         self.write_rgb(ALBEDO_DIR, &view.name, view.albedo.as_ref())?;
         self.write_single(EMISSION_DIR, &view.name, view.emission.as_ref())?;
         self.write_single(ALPHA_DIR, &view.name, view.alpha.as_ref())?;
-        self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())?;
-        self.cameras.push((view.name.clone(), view.camera));
-        Ok(())
+        self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())
+    }
+
+    /// Puts a view after those that are listed already.
+    pub fn list(&mut self, name: &str, camera: Camera) {
+        self.cameras.push((name.to_owned(), camera));
     }
 
     /// Writes the point cloud that training starts from.
