@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, dataset, edit, eval, export, masks, render, train};
+use crate::{bake, colmap, dataset, edit, eval, export, masks, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -52,6 +52,7 @@ pub(crate) struct GlobalArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Colmap(colmap::ColmapArgs),
     Dataset(dataset::DatasetArgs),
     Masks(masks::MasksArgs),
     Train(train::TrainArgs),
@@ -70,6 +71,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
             .with_context(|| format!("--threads {threads}"))?;
     }
     match cli.command {
+        Command::Colmap(args) => colmap::run(&args, &cli.global),
         Command::Dataset(args) => dataset::run(&args, &cli.global),
         Command::Masks(args) => masks::run(&args, &cli.global),
         Command::Train(args) => train::run(&args, &cli.global),

@@ -1,5 +1,6 @@
 //! `eagpt dataset`: datasets of other programs in and out, and what is in a dataset.
 
+mod export;
 mod import;
 
 use crate::cli::GlobalArgs;
@@ -18,10 +19,12 @@ pub(crate) struct DatasetArgs {
 #[derive(Debug, Subcommand)]
 enum DatasetCommand {
     Import(Box<import::ImportArgs>),
+    Export(export::ExportArgs),
 }
 
 pub(crate) fn run(args: &DatasetArgs, global: &GlobalArgs) -> Result<ExitCode> {
     match &args.command {
         DatasetCommand::Import(args) => import::run(args, global),
+        DatasetCommand::Export(args) => export::run(args, global),
     }
 }

@@ -13,6 +13,9 @@ pub enum ConvertError {
     /// A file could not be read or written; the message is that of the scene crate.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A COLMAP model could not be written; the message is that of the colmap crate.
+    #[error(transparent)]
+    Colmap(#[from] eagpt_colmap::ColmapError),
     /// An option is out of its range or does not go with the data.
     #[error("option {field}: {problem}")]
     Option {

@@ -10,11 +10,13 @@
 
 pub mod color;
 pub mod error;
+pub mod export;
 pub mod import;
 pub mod pictures;
 pub mod source;
 pub mod world;
 
 pub use error::{ConvertError, Result};
+pub use export::{ExportFormat, ExportProgress, ExportSummary, export};
 pub use import::{ImportOptions, ImportProgress, ImportSummary, import};
 pub use source::{Source, SourceFormat};

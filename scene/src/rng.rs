@@ -18,6 +18,8 @@ pub enum Purpose {
     Render = 4,
     /// Irradiance samples of light baking.
     Bake = 5,
+    /// Hypotheses of planes, when a model of cameras is aligned.
+    Align = 20,
 }
 
 /// A keyed family of streams: fixed seed, purpose and iteration.

@@ -19,19 +19,16 @@ use crate::source::{Source, SourceFrame};
 use crate::world;
 use eagpt_scene::dataset::{
     ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetWriter, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
-    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis,
+    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR,
 };
 use eagpt_scene::lens::Undistortion;
 use eagpt_scene::ply::PointCloud;
-use eagpt_scene::{Lens, exr, files, ply};
+use eagpt_scene::{Lens, ply};
 use glam::DMat3;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use view::Imported;
-
-/// Folder of the masks of known pixels.
-pub const VALID_DIR: &str = "Valid-exr";
 
 /// What the job tells as it goes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -127,7 +124,6 @@ pub fn import(
     let job = Job {
         new_from_source: options.world.new_from_source(up),
         matrix: (!source.color.is_identity()).then(|| source.color.matrix()),
-        out,
         lenses: &lenses,
     };
     let points = points(&source, job.new_from_source)?;
@@ -171,6 +167,9 @@ pub fn import(
     if options.world == world::World::ZUp {
         info.up_axis = Some(UpAxis::Z);
     }
+    if let Some(rows) = &mut info.aligned_from_model {
+        *rows = turned_rows(job.new_from_source, rows);
+    }
     let is_there = |name: &String| views.iter().any(|view: &ViewReport| view.name == *name);
     for list in [&mut info.train_names, &mut info.test_names]
         .into_iter()
@@ -205,6 +204,17 @@ fn points(source: &Source, new_from_source: DMat3) -> Result<Option<PointCloud>>
         *position = (new_from_source * position.as_dvec3()).as_vec3();
     }
     Ok(Some(cloud))
+}
+
+/// Rows of a similarity into a world that was turned.
+fn turned_rows(turn: DMat3, rows: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    let mut new = *rows;
+    for (r, row) in new.iter_mut().take(3).enumerate() {
+        for (c, value) in row.iter_mut().enumerate() {
+            *value = (0..3).map(|k| turn.col(k)[r] * rows[k][c]).sum();
+        }
+    }
+    new
 }
 
 /// Pinhole cameras for the lenses of a source, of which there are few.
@@ -262,7 +272,6 @@ struct Job<'a> {
     new_from_source: DMat3,
     /// Of colours, if they change.
     matrix: Option<DMat3>,
-    out: &'a Path,
     lenses: &'a Lenses,
 }
 
@@ -284,11 +293,7 @@ impl Job<'_> {
         )?;
         writer.write_images(&view)?;
         if let Some(valid) = valid {
-            let path = self.out.join(image_file(VALID_DIR, &view.name));
-            if let Some(folder) = path.parent() {
-                files::create_dir(folder)?;
-            }
-            exr::write_single(&path, &valid, exr::Precision::Half)?;
+            writer.write_valid(&view.name, &valid)?;
         }
         Ok(imported)
     }

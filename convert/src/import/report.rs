@@ -129,7 +129,7 @@ impl ImportReport {
             self.warnings.push(format!(
                 "{num_masked} views have pixels that are not known: {} says which, training does not ask yet and takes them for black; \
                  --field inside leaves out what the lens does not show",
-                super::VALID_DIR
+                eagpt_scene::dataset::VALID_DIR
             ));
         }
         if self.num_points.is_none() {

@@ -289,7 +289,11 @@ fn matrix<const N: usize>(entry: &Object<'_>, key: &str) -> Result<[[f64; N]; N]
         .ok_or_else(|| entry.invalid(key, "missing"))?;
     let mut matrix = [[0.0; N]; N];
     let column = |value: &serde_json::Value| -> Option<[f64; N]> {
-        let numbers: Option<Vec<f64>> = value.as_array()?.iter().map(serde_json::Value::as_f64).collect();
+        let numbers: Option<Vec<f64>> = value
+            .as_array()?
+            .iter()
+            .map(serde_json::Value::as_f64)
+            .collect();
         let numbers = <[f64; N]>::try_from(numbers?.as_slice()).ok()?;
         numbers.iter().all(|n| n.is_finite()).then_some(numbers)
     };

@@ -118,6 +118,29 @@ impl<'a> Object<'a> {
         }
     }
 
+    /// Four rows of four finite numbers.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn matrix(&self, key: &str) -> Result<Option<[[f64; 4]; 4]>> {
+        let Some(rows) = self.array(key)? else {
+            return Ok(None);
+        };
+        let row = |value: &Value| -> Option<[f64; 4]> {
+            let cells: Vec<f64> = value
+                .as_array()?
+                .iter()
+                .map(Value::as_f64)
+                .collect::<Option<_>>()?;
+            cells.try_into().ok()
+        };
+        let matrix: Option<Vec<[f64; 4]>> = rows.iter().map(row).collect();
+        match matrix.and_then(|rows| <[[f64; 4]; 4]>::try_from(rows).ok()) {
+            Some(matrix) => Ok(Some(matrix)),
+            None => Err(self.invalid(key, "not four rows of four numbers")),
+        }
+    }
+
     /// A text.
     ///
     /// # Errors

@@ -15,8 +15,10 @@
 //! | `Alpha-exr` | opacity, 0 to 1 |
 //! | `Depth-exr` | depth along the optical axis, scene units |
 //! | `DiffCol` | diffuse albedo |
+//! | `Valid-exr` | 1 where the radiance is known, 0 where it is not; written by importers, not read yet |
 //!
-//! Beyond the keys of either format, `up_axis` ("z", "-y", …) and `metres_per_unit` are read and written.
+//! Beyond the keys of either format, `up_axis` ("z", "-y", …), `metres_per_unit` and `aligned_from_model` (rows of a 4×4 similarity)
+//! are read and written.
 
 mod cache;
 pub mod intrinsics;
@@ -55,10 +57,14 @@ pub const ALPHA_DIR: &str = "Alpha-exr";
 pub const DEPTH_DIR: &str = "Depth-exr";
 /// Folder of the diffuse albedos.
 pub const ALBEDO_DIR: &str = "DiffCol";
+/// Folder of the masks of known pixels.
+pub const VALID_DIR: &str = "Valid-exr";
 /// The file of cameras.
 pub const TRANSFORMS_FILE: &str = "transforms.json";
 /// The point cloud that training starts from.
 pub const POINTS_FILE: &str = "points3d.ply";
+/// Key of the similarity from a model of structure from motion.
+const ALIGNED_KEY: &str = "aligned_from_model";
 
 /// A posed image of a dataset, not loaded.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,6 +118,7 @@ pub struct Dataset {
     frames: Vec<Frame>,
     up_axis: Option<UpAxis>,
     metres_per_unit: Option<f64>,
+    aligned_from_model: Option<[[f64; 4]; 4]>,
     listed: ListedSplit,
     points: Option<PathBuf>,
 }
@@ -194,6 +201,11 @@ impl Dataset {
         self.metres_per_unit
     }
 
+    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to this one, if the file tells.
+    pub fn aligned_from_model(&self) -> Option<&[[f64; 4]; 4]> {
+        self.aligned_from_model.as_ref()
+    }
+
     /// What a writer needs to keep beside the frames.
     pub fn info(&self) -> DatasetInfo {
         let names = |indices: &Option<Vec<usize>>| {
@@ -210,6 +222,7 @@ impl Dataset {
             metres_per_unit: self.metres_per_unit,
             train_names: names(&self.listed.train),
             test_names: names(&self.listed.test),
+            aligned_from_model: self.aligned_from_model,
         }
     }
 

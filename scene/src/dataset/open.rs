@@ -3,8 +3,8 @@
 use super::intrinsics::{self, Dialect};
 use super::json::{Object, excerpt};
 use super::{
-    ALBEDO_DIR, ALPHA_DIR, BadFrame, DEPTH_DIR, Dataset, EMISSION_DIR, Frame, ListedSplit,
-    NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, ViewFiles, pose,
+    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, DEPTH_DIR, Dataset, EMISSION_DIR, Frame,
+    ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, ViewFiles, pose,
 };
 use crate::error::{Result, SceneError};
 use crate::exr;
@@ -95,6 +95,7 @@ fn read(
     Ok(Dataset {
         up_axis: up_axis(&top)?,
         metres_per_unit: top.positive("metres_per_unit")?,
+        aligned_from_model: top.matrix(ALIGNED_KEY)?,
         listed: listed_split(&top, &listed_names, &left_out)?,
         points: points(&top, &root)?,
         frames,

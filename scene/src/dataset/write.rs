@@ -1,8 +1,8 @@
 //! Writing datasets, as EAG-PT has them.
 
 use super::{
-    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR,
-    TRANSFORMS_FILE, UpAxis, View, is_frame_name, pose,
+    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
+    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR, View, is_frame_name, pose,
 };
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};
@@ -24,6 +24,8 @@ pub struct DatasetInfo {
     pub train_names: Option<Vec<String>>,
     /// Names of the frames to test on, if the dataset prescribes them.
     pub test_names: Option<Vec<String>>,
+    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to that of the dataset, if it came from one.
+    pub aligned_from_model: Option<[[f64; 4]; 4]>,
 }
 
 /// Writes a dataset view by view. `transforms.json` comes last, so that a folder without one is an unfinished dataset.
@@ -50,20 +52,20 @@ impl DatasetWriter {
         })
     }
 
-    /// Writes the images of `view`, those it has, and lists it.
+    /// Writes the images of `view`, those it has.
     ///
     /// # Errors
-    /// As [`Self::write_images`].
+    /// As [`exr::write_rgb`], or [`SceneError::Invalid`] for a name that would leave the folder.
     pub fn write_view(&mut self, view: &View) -> Result<()> {
         self.write_images(view)?;
         self.list(&view.name, view.camera);
         Ok(())
     }
 
-    /// Writes the images of `view`, those it has, for who writes many views at a time; [`Self::list`] has to follow.
+    /// Writes the images of `view` without listing its camera: several threads may do so at once. [`Self::list`] has to follow.
     ///
     /// # Errors
-    /// As [`exr::write_rgb`], or [`SceneError::Invalid`] for a name that would leave the folder.
+    /// As [`Self::write_view`].
     pub fn write_images(&self, view: &View) -> Result<()> {
         let transforms = self.root.join(TRANSFORMS_FILE);
         check_name(&transforms, self.cameras.len(), &view.name)?;
@@ -75,7 +77,15 @@ impl DatasetWriter {
         self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())
     }
 
-    /// Puts a view after those that are listed already.
+    /// Writes where the image of a view is known: 1, and 0 where its radiance means nothing.
+    ///
+    /// # Errors
+    /// As [`exr::write_single`].
+    pub fn write_valid(&self, name: &str, valid: &crate::Image<1>) -> Result<()> {
+        self.write_single(VALID_DIR, name, Some(valid))
+    }
+
+    /// Lists a camera: of images that [`Self::write_images`] writes, or of none.
     pub fn list(&mut self, name: &str, camera: Camera) {
         self.cameras.push((name.to_owned(), camera));
     }
@@ -141,6 +151,13 @@ pub fn write_transforms(
     }
     if let Some(metres) = info.metres_per_unit {
         top.insert("metres_per_unit".to_owned(), json!(metres));
+    }
+    if let Some(rows) = &info.aligned_from_model {
+        if rows.as_flattened().iter().any(|value| !value.is_finite()) {
+            let problem = format!("{rows:?} is not finite");
+            return Err(SceneError::invalid(path, ALIGNED_KEY, problem));
+        }
+        top.insert(ALIGNED_KEY.to_owned(), json!(rows));
     }
     for (key, names) in [
         ("train_filenames", &info.train_names),

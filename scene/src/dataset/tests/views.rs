@@ -15,6 +15,12 @@ fn a_written_dataset_reads_back_the_same() {
         metres_per_unit: Some(0.1),
         train_names: Some(vec!["b".to_owned()]),
         test_names: Some(vec!["10/a".to_owned()]),
+        aligned_from_model: Some([
+            [0.1, -1.0 / 3.0, 0.0, 4.0],
+            [1.0 / 3.0, 0.1, 0.0, -5e-7],
+            [0.0, 0.0, 0.348, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ]),
     };
     let mut writer = DatasetWriter::create(folder.root(), Precision::Float).unwrap();
     for view in &views {

@@ -1,0 +1,458 @@
+//! The floor among the points below the cameras.
+//!
+//! Horizontal planes are found one after the other by RANSAC (Fischler and Bolles, CACM 1981) with a truncated squared loss and a fit to the
+//! inliers of every better hypothesis. Tables, seats and sills are planes as well, but the floor lies below them; a polished floor shows the room once more
+//! upside down, and the mirrored ceiling lies lower still, but what is seen in it stands above the floor as well.
+
+use super::gravity::{Gravity, shown};
+use super::{AlignOptions, Evidence, Plane, numeric};
+use crate::error::{ColmapError, Result};
+use eagpt_scene::rng::{Purpose, RandomKey};
+use glam::DVec3;
+use serde::Serialize;
+use std::collections::HashSet;
+
+/// What is known of the floor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FloorReport {
+    /// Points on it.
+    pub num_inliers: usize,
+    /// Points that were looked at.
+    pub num_points: usize,
+    /// Root mean square distance of the inliers, model units.
+    pub residual: f64,
+    /// Largest distance of an inlier, model units.
+    pub tolerance: f64,
+    /// Angle between the floor and what the cameras call level, degrees.
+    pub tilt_from_gravity_deg: f64,
+    /// Standard deviation of the floor's tilt, from residuals and spread, degrees.
+    pub residual_tilt_deg: f64,
+    /// Standard deviation of its height, model units.
+    pub height_std: f64,
+    /// Share of the room, seen from above, in which the floor was seen.
+    pub coverage: f64,
+    /// Points below the floor that are not seen in it as in a mirror.
+    pub num_below: usize,
+    /// Points below the floor that are.
+    pub num_mirrored: usize,
+    /// Horizontal planes that were found below the cameras, the floor included.
+    pub num_planes: usize,
+    /// 0 to 1.
+    pub confidence: f64,
+}
+
+/// Half the thickness of a plane, in sizes of the scene.
+const TOLERANCE: f64 = 0.005;
+/// Largest angle between a plane and what cameras call level, radians.
+const MAX_TILT: f64 = 12.0 / 180.0 * std::f64::consts::PI;
+/// Points of one hypothesis lie in a slab of this thickness, in sizes of the scene: 6° over half of it.
+const SLAB: f64 = 0.05;
+/// Points that hypotheses are judged by.
+const MAX_POINTS: usize = 20_000;
+const NUM_HYPOTHESES: u32 = 1500;
+const MAX_PLANES: usize = 12;
+/// A plane has at least so many points,
+const MIN_INLIERS: usize = 12;
+/// and this share of all.
+const MIN_SHARE: f64 = 0.01;
+/// Smaller standard deviation of a plane's points along it, in sizes of the scene.
+const MIN_EXTENT: f64 = 0.03;
+/// A plane has so many times the points of a slab right above it.
+const MIN_CONTRAST: f64 = 2.5;
+/// Share of a plane's points that are seen higher up as well if it is a mirror image.
+const MIRRORED_SHARE: f64 = 0.6;
+/// Cells along each axis of the map that coverage is measured on.
+const NUM_CELLS: usize = 12;
+/// Coverage that is as good as any: furniture stands on the rest.
+const FULL_COVERAGE: f64 = 0.2;
+/// Share of points below a plane that makes it no floor.
+const MAX_BELOW: f64 = 0.125;
+/// Roll that photographers do not notice, radians: cameras are not taken for better levels than that.
+const MIN_ROLL: f64 = 1.0 / 180.0 * std::f64::consts::PI;
+/// Share of cameras that have to be above the floor.
+const CAMERAS_ABOVE: f64 = 0.95;
+
+struct Candidate {
+    plane: Plane,
+    inliers: Vec<DVec3>,
+}
+
+/// Finds the floor and tells how sure it is.
+///
+/// # Errors
+/// [`ColmapError::Align`] if no plane can be it.
+pub(super) fn find(
+    evidence: &Evidence,
+    gravity: &Gravity,
+    options: &AlignOptions,
+) -> Result<(Plane, FloorReport)> {
+    let tolerance = TOLERANCE * evidence.size;
+    let heights = evidence.centres.iter().map(|c| c.dot(gravity.up)).collect();
+    let lowest_camera = numeric::quantile(heights, 1.0 - CAMERAS_ABOVE);
+    let below: Vec<DVec3> = evidence
+        .points
+        .iter()
+        .copied()
+        .filter(|p| p.dot(gravity.up) < lowest_camera - 2.0 * tolerance)
+        .collect();
+    let num_needed = MIN_INLIERS.max((MIN_SHARE * evidence.points.len() as f64) as usize);
+    let candidates = planes(&below, gravity.up, tolerance, num_needed, options.seed);
+    let wide: Vec<Candidate> = candidates
+        .into_iter()
+        .filter(|candidate| {
+            extent(candidate) >= MIN_EXTENT * evidence.size
+                && stands_out(candidate, &below, tolerance)
+        })
+        .collect();
+    let chosen = choose(evidence, &wide, tolerance).ok_or_else(|| {
+        ColmapError::Align(format!(
+            "no floor: among {} points below the cameras no level plane (up is {}) has {num_needed} points that spread; \
+             name points of the floor, or say what is up",
+            below.len(),
+            shown(gravity.up)
+        ))
+    })?;
+    let refined = refine(evidence, gravity, &wide[chosen.index].plane, tolerance);
+    let mut report = report(evidence, gravity, &refined, chosen.is_mirror);
+    report.num_planes = wide.len();
+    Ok((refined.plane, report))
+}
+
+/// Level planes, those with most points first.
+fn planes(
+    below: &[DVec3],
+    up: DVec3,
+    tolerance: f64,
+    num_needed: usize,
+    seed: u64,
+) -> Vec<Candidate> {
+    let mut left = below.to_vec();
+    left.sort_by(|a, b| a.dot(up).total_cmp(&b.dot(up)));
+    let mut found = Vec::new();
+    while found.len() < MAX_PLANES && left.len() >= num_needed.max(3) {
+        let key = RandomKey::new(seed, Purpose::Align, found.len() as u32);
+        let judged = numeric::thinned(&left, MAX_POINTS);
+        let Some(plane) = best_plane(&judged, up, tolerance, key) else {
+            break;
+        };
+        let inliers: Vec<DVec3> = below
+            .iter()
+            .copied()
+            .filter(|p| plane.height(*p).abs() <= tolerance)
+            .collect();
+        let num_left = left.len();
+        left.retain(|p| plane.height(*p).abs() > 2.0 * tolerance);
+        if inliers.len() < num_needed || left.len() == num_left {
+            break;
+        }
+        found.push(Candidate { plane, inliers });
+    }
+    found
+}
+
+/// The plane of the best hypothesis; `points` are in the order of their heights.
+fn best_plane(points: &[DVec3], up: DVec3, tolerance: f64, key: RandomKey) -> Option<Plane> {
+    let slab = SLAB / TOLERANCE * tolerance;
+    let mut best: Option<(f64, Plane)> = None;
+    for index in 0..NUM_HYPOTHESES {
+        let words = key.stream(index, 0).next_words();
+        let first = words[0] as usize % points.len();
+        let height = points[first].dot(up);
+        let low = points.partition_point(|p| p.dot(up) < height - slab);
+        let high = points.partition_point(|p| p.dot(up) <= height + slab);
+        let other = |word: u32| points[low + word as usize % (high - low)];
+        let Some(plane) = through(points[first], other(words[1]), other(words[2]), up) else {
+            continue;
+        };
+        let score = score(points, &plane, tolerance);
+        if best.is_none_or(|(earlier, _)| score > earlier) {
+            let fitted = fit(points, &plane, tolerance, up).unwrap_or(plane);
+            let refitted = self::score(points, &fitted, tolerance);
+            best = Some(if refitted > score {
+                (refitted, fitted)
+            } else {
+                (score, plane)
+            });
+        }
+    }
+    best.map(|(_, plane)| plane)
+}
+
+fn through(a: DVec3, b: DVec3, c: DVec3, up: DVec3) -> Option<Plane> {
+    let normal = (b - a).cross(c - a).try_normalize()?;
+    level(a, normal, up)
+}
+
+/// The plane with its normal up, if it is level.
+fn level(point: DVec3, normal: DVec3, up: DVec3) -> Option<Plane> {
+    let normal = if normal.dot(up) < 0.0 {
+        -normal
+    } else {
+        normal
+    };
+    (normal.dot(up) >= MAX_TILT.cos()).then_some(Plane { point, normal })
+}
+
+fn score(points: &[DVec3], plane: &Plane, tolerance: f64) -> f64 {
+    points
+        .iter()
+        .map(|p| (plane.height(*p) / tolerance).powi(2))
+        .map(|square| (1.0 - square).max(0.0))
+        .sum()
+}
+
+/// Least squares on the inliers.
+fn fit(points: &[DVec3], plane: &Plane, tolerance: f64, up: DVec3) -> Option<Plane> {
+    let inliers = || {
+        points
+            .iter()
+            .filter(|p| plane.height(**p).abs() <= tolerance)
+    };
+    let num = inliers().count();
+    let mean = inliers().sum::<DVec3>() / num.max(1) as f64;
+    let [(_, normal), ..] = numeric::eigen(inliers().map(|p| (1.0, *p - mean)));
+    level(mean, normal, up).filter(|_| num >= 3)
+}
+
+/// The smaller standard deviation of a candidate's points along it.
+fn extent(candidate: &Candidate) -> f64 {
+    let num = candidate.inliers.len() as f64;
+    let mean = candidate.inliers.iter().sum::<DVec3>() / num;
+    let [_, (minor, _), _] = numeric::eigen(candidate.inliers.iter().map(|p| (1.0, *p - mean)));
+    (minor / num).sqrt()
+}
+
+/// Whether a candidate has more points than the space right above it: walls have as many at every height.
+fn stands_out(candidate: &Candidate, below: &[DVec3], tolerance: f64) -> bool {
+    let heights = below.iter().map(|p| candidate.plane.height(*p) / tolerance);
+    let num_above = heights.filter(|h| (2.0..6.0).contains(h)).count();
+    // That slab is twice as thick.
+    candidate.inliers.len() as f64 >= MIN_CONTRAST * 0.5 * num_above as f64
+}
+
+/// The candidate that is the floor.
+struct Chosen {
+    index: usize,
+    /// Whether a lower candidate is something seen in it.
+    is_mirror: bool,
+}
+
+/// The lowest candidate that is not the image of something in a mirror above it.
+fn choose(evidence: &Evidence, candidates: &[Candidate], tolerance: f64) -> Option<Chosen> {
+    let centre = evidence.centres.iter().sum::<DVec3>() / evidence.centres.len().max(1) as f64;
+    let mut order: Vec<usize> = (0..candidates.len()).collect();
+    // Cameras are higher above a lower plane.
+    order.sort_by(|a, b| {
+        let height = |i: &usize| candidates[*i].plane.height(centre);
+        height(b).total_cmp(&height(a))
+    });
+    let is_image = |low: usize, mirror: usize| {
+        let plane = &candidates[mirror].plane;
+        let points = Points::above(evidence, plane, tolerance);
+        let inliers = &candidates[low].inliers;
+        let num_beyond = inliers
+            .iter()
+            .filter(|p| plane.height(**p) < -3.0 * tolerance)
+            .count();
+        let num_twice = inliers
+            .iter()
+            .filter(|p| points.has_near(plane.mirrored(**p)))
+            .count();
+        num_beyond * 2 > inliers.len() && num_twice as f64 >= MIRRORED_SHARE * inliers.len() as f64
+    };
+    let mut from_below = order.iter().enumerate();
+    let floor = |(at, low): &(usize, &usize)| {
+        !order[at + 1..]
+            .iter()
+            .any(|mirror| is_image(**low, *mirror))
+    };
+    from_below.find(floor).map(|(at, index)| Chosen {
+        index: *index,
+        is_mirror: at > 0,
+    })
+}
+
+/// Points in a grid, to ask whether there is one near a place.
+struct Points {
+    cells: HashSet<[i64; 3]>,
+    cell: f64,
+}
+
+impl Points {
+    fn above(evidence: &Evidence, plane: &Plane, tolerance: f64) -> Self {
+        // Mirrored points are as inexact as the plane, and twice as far from it.
+        let cell = 3.0 * tolerance;
+        let above = evidence
+            .points
+            .iter()
+            .filter(|p| plane.height(**p) > 3.0 * tolerance);
+        Self {
+            cells: above.map(|p| Self::key(*p, cell)).collect(),
+            cell,
+        }
+    }
+
+    fn key(p: DVec3, cell: f64) -> [i64; 3] {
+        // The cast saturates, far beyond any point that counts.
+        (p / cell).floor().to_array().map(|c| c as i64)
+    }
+
+    fn has_near(&self, p: DVec3) -> bool {
+        let [x, y, z] = Self::key(p, self.cell);
+        (-1..=1).any(|i| {
+            (-1..=1).any(|j| {
+                (-1..=1).any(|k| {
+                    let beside = [
+                        x.saturating_add(i),
+                        y.saturating_add(j),
+                        z.saturating_add(k),
+                    ];
+                    self.cells.contains(&beside)
+                })
+            })
+        })
+    }
+}
+
+/// A floor with its final normal.
+struct Refined {
+    plane: Plane,
+    inliers: Vec<DVec3>,
+    residual: f64,
+    tolerance: f64,
+}
+
+/// Fits the plane to all of its points and to the cameras' level axes together, each weighed by what it scatters.
+fn refine(evidence: &Evidence, gravity: &Gravity, start: &Plane, tolerance: f64) -> Refined {
+    const NUM_ROUNDS: usize = 8;
+    let mut plane = *start;
+    let mut tolerance = tolerance;
+    let mut residual = tolerance;
+    let inliers_of = |plane: &Plane, tolerance: f64| -> Vec<DVec3> {
+        let near = |p: &&DVec3| plane.height(**p).abs() <= tolerance;
+        evidence.points.iter().filter(near).copied().collect()
+    };
+    for _ in 0..NUM_ROUNDS {
+        let inliers = inliers_of(&plane, tolerance);
+        if inliers.len() < MIN_INLIERS {
+            break;
+        }
+        let mean = inliers.iter().sum::<DVec3>() / inliers.len() as f64;
+        let squares = inliers
+            .iter()
+            .map(|p| plane.height(*p).powi(2))
+            .sum::<f64>();
+        residual = (squares / inliers.len() as f64)
+            .sqrt()
+            .max(1e-9 * evidence.size);
+        let roll = gravity.roll_std.max(MIN_ROLL);
+        let points = inliers.iter().map(|p| (residual.powi(-2), *p - mean));
+        let cameras = gravity.level.iter().map(|axis| (roll.powi(-2), *axis));
+        let [(_, normal), ..] = numeric::eigen(points.chain(cameras));
+        plane = Plane {
+            point: mean,
+            normal: if normal.dot(gravity.up) < 0.0 {
+                -normal
+            } else {
+                normal
+            },
+        };
+        // Points of skirting boards and rugs go, those of the floor stay: three deviations, but no less than a fifth of the start.
+        tolerance =
+            (3.0 * residual).clamp(0.2 * TOLERANCE * evidence.size, TOLERANCE * evidence.size);
+    }
+    let inliers = inliers_of(&plane, tolerance);
+    // The median is what few points above and below do not move.
+    let height = numeric::median(inliers.iter().map(|p| p.dot(plane.normal)).collect());
+    plane.point += (height - plane.point.dot(plane.normal)) * plane.normal;
+    Refined {
+        plane,
+        inliers,
+        residual,
+        tolerance,
+    }
+}
+
+fn report(
+    evidence: &Evidence,
+    gravity: &Gravity,
+    refined: &Refined,
+    is_mirror: bool,
+) -> FloorReport {
+    let Refined {
+        plane,
+        inliers,
+        residual,
+        tolerance,
+    } = refined;
+    let thickness = 3.0 * TOLERANCE * evidence.size;
+    let above = Points::above(evidence, plane, TOLERANCE * evidence.size);
+    let below = evidence
+        .points
+        .iter()
+        .filter(|p| plane.height(**p) < -thickness);
+    let (mut num_below, mut num_mirrored) = (0, 0);
+    for point in below {
+        let is_mirrored = is_mirror && above.has_near(plane.mirrored(*point));
+        *(if is_mirrored {
+            &mut num_mirrored
+        } else {
+            &mut num_below
+        }) += 1;
+    }
+    let num = inliers.len().max(1) as f64;
+    let mean = inliers.iter().sum::<DVec3>() / num;
+    let [_, (minor, _), _] = numeric::eigen(inliers.iter().map(|p| (1.0, *p - mean)));
+    let tilt_std = residual / minor.max(f64::MIN_POSITIVE).sqrt();
+    let tilt = plane
+        .normal
+        .dot(gravity.up)
+        .clamp(-1.0, 1.0)
+        .acos()
+        .to_degrees();
+    let coverage = coverage(evidence, plane, inliers);
+    let share_below = num_below as f64 / evidence.points.len() as f64;
+    let support = num / (num + 20.0);
+    let agreement = (-0.5 * (tilt / 5.0).powi(2)).exp();
+    let clean = (1.0 - share_below / MAX_BELOW).max(0.0);
+    FloorReport {
+        num_inliers: inliers.len(),
+        num_points: evidence.points.len(),
+        residual: *residual,
+        tolerance: *tolerance,
+        tilt_from_gravity_deg: tilt,
+        residual_tilt_deg: tilt_std.to_degrees(),
+        height_std: residual / num.sqrt(),
+        coverage,
+        num_below,
+        num_mirrored,
+        num_planes: 1,
+        confidence: support * agreement * clean * (coverage / FULL_COVERAGE).min(1.0),
+    }
+}
+
+/// Share of the cells of a map of the room, from the 5th to the 95th percentile of the points, that have a point of the floor.
+fn coverage(evidence: &Evidence, plane: &Plane, inliers: &[DVec3]) -> f64 {
+    let axes = numeric::tangents(plane.normal);
+    let bounds = axes.map(|axis| {
+        let along: Vec<f64> = evidence.points.iter().map(|p| p.dot(axis)).collect();
+        (
+            numeric::quantile(along.clone(), 0.05),
+            numeric::quantile(along, 0.95),
+        )
+    });
+    let mut seen = HashSet::new();
+    for point in inliers {
+        let cell = [0, 1].map(|i| {
+            let (low, high) = bounds[i];
+            let at = (point.dot(axes[i]) - low) / (high - low).max(f64::MIN_POSITIVE);
+            (0.0..1.0)
+                .contains(&at)
+                .then_some((at * NUM_CELLS as f64) as usize)
+        });
+        if let [Some(x), Some(y)] = cell {
+            seen.insert([x, y]);
+        }
+    }
+    seen.len() as f64 / (NUM_CELLS * NUM_CELLS) as f64
+}

@@ -1,0 +1,173 @@
+//! Folders of images: which files there are, by the names of the views.
+
+use super::Srgb8;
+use crate::error::{ColmapError, Result};
+use eagpt_scene::color::linear_from_srgb;
+use eagpt_scene::dataset::{ALPHA_DIR, EMISSION_DIR, RADIANCE_DIR};
+use eagpt_scene::{Image, SceneError, exr};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folders within folders that are looked into.
+const MAX_DEPTH: usize = 8;
+
+/// An image file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Source {
+    /// Linear EXR
+    Linear(PathBuf),
+    /// 8-bit sRGB PNG or JPEG
+    Srgb8(PathBuf),
+}
+
+/// A folder of images by their names without extension, "/" between folders.
+#[derive(Debug)]
+pub struct Folder {
+    dir: PathBuf,
+    images: BTreeMap<String, Source>,
+}
+
+impl Source {
+    pub(super) fn path(&self) -> &PathBuf {
+        match self {
+            Self::Linear(path) | Self::Srgb8(path) => path,
+        }
+    }
+
+    /// Width and height, from the file's header.
+    pub(super) fn size(&self) -> Result<(u32, u32)> {
+        match self {
+            Self::Linear(path) => Ok(exr::read_size(path)?),
+            Self::Srgb8(path) => {
+                image::image_dimensions(path).map_err(|error| decode_error(path, &error))
+            }
+        }
+    }
+
+    /// Linear radiance.
+    pub(super) fn read(&self) -> Result<Image<3>> {
+        match self {
+            Self::Linear(path) => Ok(exr::read_rgb(path)?),
+            Self::Srgb8(path) => {
+                let decoded = image::open(path).map_err(|error| decode_error(path, &error))?;
+                let rgb = decoded.into_rgb8();
+                let (width, height) = rgb.dimensions();
+                let table: Vec<f32> = (0..=255_u8)
+                    .map(|v| linear_from_srgb(f32::from(v) / 255.0))
+                    .collect();
+                let pixels = rgb
+                    .pixels()
+                    .map(|p| p.0.map(|v| table[usize::from(v)]))
+                    .collect();
+                Image::from_pixels(width, height, pixels)
+                    .ok_or_else(|| ColmapError::invalid(path, "another number of pixels"))
+            }
+        }
+    }
+}
+
+fn decode_error(path: &Path, error: &image::ImageError) -> ColmapError {
+    ColmapError::invalid(path, format!("cannot be decoded: {error}"))
+}
+
+impl Folder {
+    /// Looks for images in `dir`, or in its folder `Radiance-exr` if it has one.
+    ///
+    /// # Errors
+    /// If a folder cannot be read, holds no images, or holds two of one name.
+    pub fn scan(dir: &Path, srgb8: Srgb8) -> Result<Self> {
+        let radiance = dir.join(RADIANCE_DIR);
+        let root = if radiance.is_dir() {
+            radiance
+        } else {
+            dir.to_owned()
+        };
+        let mut folder = Self {
+            dir: dir.to_owned(),
+            images: BTreeMap::new(),
+        };
+        let num_pictures = folder.collect(&root, "", 0, srgb8)?;
+        if folder.images.is_empty() {
+            let problem = match num_pictures {
+                0 => "no EXR images".to_owned(),
+                num => format!(
+                    "no linear EXR images, but {num} 8-bit pictures, which are taken only if you say so"
+                ),
+            };
+            return Err(ColmapError::invalid(&root, problem));
+        }
+        Ok(folder)
+    }
+
+    /// Collects images and returns how many 8-bit pictures were passed over.
+    fn collect(&mut self, dir: &Path, prefix: &str, depth: usize, srgb8: Srgb8) -> Result<usize> {
+        let io = |error| SceneError::io(dir, "read", error);
+        let mut num_pictures = 0;
+        for entry in fs::read_dir(dir).map_err(io)? {
+            let entry = entry.map_err(io)?;
+            let path = entry.path();
+            let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+                continue;
+            };
+            if path.is_dir() {
+                if depth < MAX_DEPTH {
+                    let inside = format!("{prefix}{name}/");
+                    num_pictures += self.collect(&path, &inside, depth + 1, srgb8)?;
+                }
+                continue;
+            }
+            let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
+            let name = format!("{prefix}{stem}");
+            let source = match extension.to_ascii_lowercase().as_str() {
+                "exr" => Source::Linear(path.clone()),
+                "png" | "jpg" | "jpeg" if srgb8 == Srgb8::Decode => Source::Srgb8(path.clone()),
+                "png" | "jpg" | "jpeg" => {
+                    num_pictures += 1;
+                    continue;
+                }
+                _ => continue,
+            };
+            match self.images.get(&name) {
+                // A preview beside its image.
+                Some(Source::Linear(_)) if matches!(source, Source::Srgb8(_)) => {}
+                Some(Source::Srgb8(_)) if matches!(source, Source::Linear(_)) => {
+                    self.images.insert(name, source);
+                }
+                Some(other) => {
+                    let problem = format!("{} has the same name", other.path().display());
+                    return Err(ColmapError::invalid(&path, problem));
+                }
+                None => {
+                    self.images.insert(name, source);
+                }
+            }
+        }
+        Ok(num_pictures)
+    }
+
+    /// Names of all images.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.images.keys().map(String::as_str)
+    }
+
+    /// The image of a view, and the name it has here: its own, or the last part of it if no other image ends so.
+    pub(super) fn find(&self, name: &str) -> Option<(&str, &Source)> {
+        if let Some((own, source)) = self.images.get_key_value(name) {
+            return Some((own, source));
+        }
+        let last = |name: &str| name.rsplit('/').next().unwrap_or_default().to_owned();
+        let wanted = last(name);
+        let mut ending = self.images.iter().filter(|(own, _)| last(own) == wanted);
+        let (own, source) = ending.next()?;
+        ending.next().is_none().then_some((own.as_str(), source))
+    }
+
+    /// The emission mask and the opacity of an image of this folder, where they are.
+    pub(super) fn beside(&self, own_name: &str) -> [Option<PathBuf>; 2] {
+        [EMISSION_DIR, ALPHA_DIR].map(|folder| {
+            let path = self.dir.join(folder).join(format!("{own_name}.exr"));
+            path.is_file().then_some(path)
+        })
+    }
+}

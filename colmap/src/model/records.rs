@@ -1,0 +1,331 @@
+//! The records of the five files, field by field; one description for text and binary.
+
+use super::fields::{Sink, Source, Written};
+use super::{
+    CameraId, FrameId, ImageId, ModelCamera, ModelImage, ModelPoint, Observation, Observations,
+    PointId, Rig, RigFrame, RigId, Rigid, SensorId, SensorType, TrackElement,
+};
+use crate::error::Result;
+use eagpt_scene::Lens;
+use glam::{DQuat, DVec2, DVec3};
+
+/// Quaternions shorter than this have no direction.
+const MIN_QUATERNION: f64 = 1e-6;
+/// Quaternions nearer than this to unit length stay as they are: a model that is read and written keeps its bits.
+const QUATERNION_TOLERANCE: f64 = 1e-12;
+/// Bytes of a pose: a quaternion and a translation.
+const POSE_BYTES: u64 = 7 * 8;
+
+impl SensorType {
+    /// All kinds with their names in text files.
+    pub(super) const ALL: [(Self, &'static str); 3] = [
+        (Self::Invalid, "INVALID"),
+        (Self::Camera, "CAMERA"),
+        (Self::Imu, "IMU"),
+    ];
+}
+
+/// A record of a file.
+pub(super) trait Record: Sized {
+    /// Its first field, which no other record may share.
+    type Id: Copy + Eq + std::hash::Hash + std::fmt::Display;
+    /// What messages call it.
+    const NAME: &'static str;
+    /// Comment in text files.
+    const HEADER: &'static str;
+    /// The fewest bytes it takes.
+    const MIN_BYTES: u64;
+
+    fn id(&self) -> Self::Id;
+    fn read(source: &mut impl Source, observations: Observations) -> Result<Self>;
+    fn write(&self, sink: &mut impl Sink) -> Written;
+}
+
+impl Record for ModelCamera {
+    type Id = CameraId;
+    const NAME: &'static str = "camera";
+    const HEADER: &'static str = "CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]";
+    const MIN_BYTES: u64 = 4 + 4 + 8 + 8 + 2 * 8;
+
+    fn id(&self) -> CameraId {
+        self.id
+    }
+
+    fn read(source: &mut impl Source, _: Observations) -> Result<Self> {
+        let id = CameraId(source.u32("the number of a camera")?);
+        let model = source.model()?;
+        let (width, height) = (source.u64("the width")?, source.u64("the height")?);
+        let pixels = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
+        let names = model.param_names();
+        let params = names
+            .iter()
+            .map(|name| source.f64(name))
+            .collect::<Result<Vec<_>>>()?;
+        let lens = Lens::new(model, (pixels(width), pixels(height)), &params)
+            .map_err(|problem| source.error(format!("camera {id}: {problem}")))?;
+        Ok(Self { id, lens })
+    }
+
+    fn write(&self, sink: &mut impl Sink) -> Written {
+        sink.u32(self.id.0)?;
+        sink.model(self.lens.model())?;
+        let (width, height) = self.lens.size();
+        sink.u64(width.into())?;
+        sink.u64(height.into())?;
+        for param in self.lens.params() {
+            sink.f64(*param)?;
+        }
+        sink.end_line()
+    }
+}
+
+impl Record for ModelImage {
+    type Id = ImageId;
+    const NAME: &'static str = "image";
+    const HEADER: &'static str = "IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; next line: POINTS2D[] as (X, Y, POINT3D_ID)";
+    const MIN_BYTES: u64 = 4 + POSE_BYTES + 4 + 1 + 8;
+
+    fn id(&self) -> ImageId {
+        self.id
+    }
+
+    fn read(source: &mut impl Source, observations: Observations) -> Result<Self> {
+        const FIELDS: usize = 3;
+        const BYTES: u64 = 24;
+        let id = ImageId(source.u32("the number of an image")?);
+        let camera_from_world = pose(source)?;
+        let camera = CameraId(source.u32("the camera of an image")?);
+        let name = source.name()?;
+        source.next_line()?;
+        let num = source.list("features", FIELDS, BYTES)?;
+        let mut list = Vec::new();
+        if observations == Observations::Keep {
+            list.reserve_exact(num);
+            for _ in 0..num {
+                list.push(Observation {
+                    at: DVec2::new(source.f64("x of a feature")?, source.f64("y of a feature")?),
+                    point: source.point_or_none()?.map(PointId),
+                });
+            }
+        } else {
+            source.skip(num, FIELDS, BYTES)?;
+        }
+        Ok(Self {
+            id,
+            camera_from_world,
+            camera,
+            name,
+            observations: list,
+        })
+    }
+
+    fn write(&self, sink: &mut impl Sink) -> Written {
+        sink.u32(self.id.0)?;
+        write_pose(sink, &self.camera_from_world)?;
+        sink.u32(self.camera.0)?;
+        sink.name(&self.name)?;
+        sink.end_line()?;
+        sink.list(self.observations.len())?;
+        for observation in &self.observations {
+            sink.f64(observation.at.x)?;
+            sink.f64(observation.at.y)?;
+            sink.point_or_none(observation.point.map(|id| id.0))?;
+        }
+        sink.end_line()
+    }
+}
+
+impl Record for ModelPoint {
+    type Id = PointId;
+    const NAME: &'static str = "point";
+    const HEADER: &'static str =
+        "POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)";
+    const MIN_BYTES: u64 = 8 + 3 * 8 + 3 + 8 + 8;
+
+    fn id(&self) -> PointId {
+        self.id
+    }
+
+    fn read(source: &mut impl Source, observations: Observations) -> Result<Self> {
+        const FIELDS: usize = 2;
+        const BYTES: u64 = 8;
+        let id = PointId(source.u64("the number of a point")?);
+        let position = vector(source, ["x of a point", "y of a point", "z of a point"])?;
+        let color_srgb8 = [source.u8("red")?, source.u8("green")?, source.u8("blue")?];
+        let error_px = source.f64("the error of a point")?;
+        let num = source.list("observations", FIELDS, BYTES)?;
+        let mut track = Vec::new();
+        if observations == Observations::Keep {
+            track.reserve_exact(num);
+            for _ in 0..num {
+                track.push(TrackElement {
+                    image: ImageId(source.u32("the image of an observation")?),
+                    observation: source.u32("the index of an observation")?,
+                });
+            }
+        } else {
+            source.skip(num, FIELDS, BYTES)?;
+        }
+        Ok(Self {
+            id,
+            position,
+            color_srgb8,
+            error_px,
+            track_length: u32::try_from(num).unwrap_or(u32::MAX),
+            track,
+        })
+    }
+
+    fn write(&self, sink: &mut impl Sink) -> Written {
+        sink.u64(self.id.0)?;
+        for value in self.position.to_array() {
+            sink.f64(value)?;
+        }
+        for value in self.color_srgb8 {
+            sink.u8(value)?;
+        }
+        sink.f64(self.error_px)?;
+        sink.list(self.track.len())?;
+        for element in &self.track {
+            sink.u32(element.image.0)?;
+            sink.u32(element.observation)?;
+        }
+        sink.end_line()
+    }
+}
+
+impl Record for Rig {
+    type Id = RigId;
+    const NAME: &'static str = "rig";
+    const HEADER: &'static str = "RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])";
+    const MIN_BYTES: u64 = 4 + 4;
+
+    fn id(&self) -> RigId {
+        self.id
+    }
+
+    fn read(source: &mut impl Source, _: Observations) -> Result<Self> {
+        let id = RigId(source.u32("the number of a rig")?);
+        let num_sensors = source.short_list("sensors", 8)?;
+        let reference = (num_sensors > 0).then(|| sensor(source)).transpose()?;
+        let mut others = Vec::new();
+        for _ in 1..num_sensors {
+            let sensor = sensor(source)?;
+            let has_pose = source.u8("whether a sensor has a pose")?;
+            if has_pose > 1 {
+                return Err(source.error(format!("whether a sensor has a pose is {has_pose}")));
+            }
+            let pose = (has_pose == 1).then(|| pose(source)).transpose()?;
+            others.push((sensor, pose));
+        }
+        Ok(Self {
+            id,
+            reference,
+            others,
+        })
+    }
+
+    fn write(&self, sink: &mut impl Sink) -> Written {
+        sink.u32(self.id.0)?;
+        let num_sensors = self.reference.map_or(0, |_| 1 + self.others.len());
+        sink.u32(u32::try_from(num_sensors).unwrap_or(u32::MAX))?;
+        if let Some(reference) = self.reference {
+            write_sensor(sink, reference)?;
+            for (sensor, pose) in &self.others {
+                write_sensor(sink, *sensor)?;
+                sink.u8(pose.is_some().into())?;
+                if let Some(pose) = pose {
+                    write_pose(sink, pose)?;
+                }
+            }
+        }
+        sink.end_line()
+    }
+}
+
+impl Record for RigFrame {
+    type Id = FrameId;
+    const NAME: &'static str = "frame";
+    const HEADER: &'static str = "FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, TZ], NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)";
+    const MIN_BYTES: u64 = 4 + 4 + POSE_BYTES + 4;
+
+    fn id(&self) -> FrameId {
+        self.id
+    }
+
+    fn read(source: &mut impl Source, _: Observations) -> Result<Self> {
+        let id = FrameId(source.u32("the number of a frame")?);
+        let rig = RigId(source.u32("the rig of a frame")?);
+        let rig_from_world = pose(source)?;
+        let num = source.short_list("data of a frame", 16)?;
+        let mut data = Vec::with_capacity(num);
+        for _ in 0..num {
+            data.push((sensor(source)?, source.u64("the number of a datum")?));
+        }
+        Ok(Self {
+            id,
+            rig,
+            rig_from_world,
+            data,
+        })
+    }
+
+    fn write(&self, sink: &mut impl Sink) -> Written {
+        sink.u32(self.id.0)?;
+        sink.u32(self.rig.0)?;
+        write_pose(sink, &self.rig_from_world)?;
+        sink.u32(u32::try_from(self.data.len()).unwrap_or(u32::MAX))?;
+        for (sensor, datum) in &self.data {
+            write_sensor(sink, *sensor)?;
+            sink.u64(*datum)?;
+        }
+        sink.end_line()
+    }
+}
+
+fn vector(source: &mut impl Source, fields: [&'static str; 3]) -> Result<DVec3> {
+    let mut read = |axis: usize| source.finite(fields[axis]);
+    Ok(DVec3::new(read(0)?, read(1)?, read(2)?))
+}
+
+fn pose(source: &mut impl Source) -> Result<Rigid> {
+    let w = source.finite("qw")?;
+    let v = vector(source, ["qx", "qy", "qz"])?;
+    let quaternion = DQuat::from_xyzw(v.x, v.y, v.z, w);
+    let length = quaternion.length();
+    if length < MIN_QUATERNION || !length.is_finite() {
+        return Err(source.error(format!(
+            "the quaternion [{w:?}, {:?}, {:?}, {:?}] has no direction",
+            v.x, v.y, v.z
+        )));
+    }
+    let rotation = if (length - 1.0).abs() <= QUATERNION_TOLERANCE {
+        quaternion
+    } else {
+        quaternion / length
+    };
+    Ok(Rigid {
+        rotation,
+        translation: vector(source, ["tx", "ty", "tz"])?,
+    })
+}
+
+fn write_pose(sink: &mut impl Sink, pose: &Rigid) -> Written {
+    let (q, t) = (pose.rotation, pose.translation);
+    for value in [q.w, q.x, q.y, q.z, t.x, t.y, t.z] {
+        sink.f64(value)?;
+    }
+    Ok(())
+}
+
+fn sensor(source: &mut impl Source) -> Result<SensorId> {
+    Ok(SensorId {
+        kind: source.sensor_type()?,
+        number: source.u32("the number of a sensor")?,
+    })
+}
+
+fn write_sensor(sink: &mut impl Sink, sensor: SensorId) -> Written {
+    sink.sensor_type(sensor.kind)?;
+    sink.u32(sensor.number)
+}

@@ -1,0 +1,439 @@
+//! Drives an installed `colmap`: features, matches, a sparse model; on the CPU, without a display.
+//!
+//! The steps are separate calls of the program. Its options have changed their names over the years (3.8 to 4.x); those that a step
+//! takes are read from its `--help`, so that one table of settings serves all versions.
+
+mod log;
+mod program;
+
+use crate::error::{ColmapError, Result};
+use crate::model::{Form, Model, Observations};
+use eagpt_scene::lens::LensModel;
+use eagpt_scene::{SceneError, files};
+use log::Step;
+use program::Program;
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// File of the report, in the folder of the model.
+pub const REPORT_FILE: &str = "run.json";
+/// File of what `colmap` said, in the folder of the model.
+pub const LOG_FILE: &str = "colmap.log";
+/// Folder of work under way, in the folder of the model; removed at the end.
+pub const WORK_DIR: &str = "work";
+
+/// Options of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunOptions {
+    /// The program, by its name or path.
+    pub program: PathBuf,
+    /// Camera model, by COLMAP's name.
+    pub camera_model: String,
+    /// Which images share a camera.
+    pub cameras: Cameras,
+    /// Which images are compared.
+    pub matcher: Matcher,
+    /// Folder of masks, NAME.EXT.png for the image NAME.EXT: black is not looked at.
+    pub masks: Option<PathBuf>,
+    /// Images are made smaller than this for the search for features, pixels along the longer edge.
+    pub max_image_size: u32,
+    /// Most features of an image.
+    pub max_features: u32,
+    /// Threads; all if none are said.
+    pub threads: Option<u32>,
+}
+
+impl Default for RunOptions {
+    fn default() -> Self {
+        Self {
+            program: PathBuf::from("colmap"),
+            camera_model: LensModel::OpenCv.name().to_owned(),
+            cameras: Cameras::Auto,
+            matcher: Matcher::Auto,
+            masks: None,
+            max_image_size: 3200,
+            max_features: 8192,
+            threads: None,
+        }
+    }
+}
+
+/// Which images share a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cameras {
+    /// All of a folder if the images are in folders, else all.
+    #[default]
+    Auto,
+    /// All: one body, one lens, one focal length.
+    Single,
+    /// All of a folder.
+    PerFolder,
+    /// None.
+    PerImage,
+}
+
+/// Which images are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Matcher {
+    /// Each with each up to [`MAX_EXHAUSTIVE`] images, beyond that in sequence.
+    #[default]
+    Auto,
+    /// Each with each.
+    Exhaustive,
+    /// Each with those that follow in the order of names.
+    Sequential,
+}
+
+/// Most images that [`Matcher::Auto`] compares each with each: an hour or two on a few cores.
+pub const MAX_EXHAUSTIVE: usize = 400;
+
+impl RunOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// The option and its value.
+    pub fn validate(&self) -> Result<()> {
+        self.camera_model
+            .parse::<LensModel>()
+            .map_err(|problem| ColmapError::option("camera_model", problem))?;
+        for (option, value) in [
+            ("max_image_size", self.max_image_size),
+            ("max_features", self.max_features),
+            ("threads", self.threads.unwrap_or(1)),
+        ] {
+            if value == 0 || i32::try_from(value).is_err() {
+                return Err(ColmapError::option(
+                    option,
+                    format!("{value} is not 1 to 2147483647"),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a run tells on its way.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "message", rename_all = "snake_case")]
+pub enum RunProgress {
+    /// A step begins.
+    Step {
+        /// "features", "matches" or "model".
+        step: &'static str,
+    },
+    /// A line of the program's log.
+    Line {
+        /// The step.
+        step: &'static str,
+        /// The line.
+        text: String,
+        /// How far the step is, if the line says so.
+        done: Option<Done>,
+    },
+}
+
+/// How far a step is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Done {
+    /// Parts done.
+    pub done: u64,
+    /// Parts in all.
+    pub total: u64,
+}
+
+/// What a run ended in; `run.json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct RunReport {
+    /// The program's own name and version.
+    pub version: String,
+    /// Images with a pose, by name.
+    pub registered: Vec<String>,
+    /// Images without.
+    pub lost: Vec<String>,
+    /// Points.
+    pub num_points: usize,
+    /// Models that the images fell into; the largest one was taken.
+    pub num_models: usize,
+    /// How images were compared.
+    pub matcher: Matcher,
+}
+
+/// The names of the images COLMAP would see in a folder, relative to it, sorted.
+///
+/// # Errors
+/// If the folder cannot be read or has no pictures of 8 bits.
+pub fn list_images(dir: &Path) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    let mut num_exr = 0;
+    collect(dir, "", &mut names, &mut num_exr)?;
+    names.sort();
+    if names.is_empty() {
+        let problem = match num_exr {
+            0 => "no images (JPEG, PNG, TIFF)".to_owned(),
+            num => format!(
+                "{num} EXR images, which COLMAP does not read: name a folder of PNG or JPEG pictures of the same names"
+            ),
+        };
+        return Err(ColmapError::invalid(dir, problem));
+    }
+    Ok(names)
+}
+
+fn collect(dir: &Path, prefix: &str, names: &mut Vec<String>, num_exr: &mut usize) -> Result<()> {
+    const MAX_DEPTH: usize = 8;
+    let io = |error| SceneError::io(dir, "read", error);
+    for entry in fs::read_dir(dir).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            continue;
+        };
+        let relative = format!("{prefix}{name}");
+        if path.is_dir() {
+            if prefix.matches('/').count() < MAX_DEPTH {
+                collect(&path, &format!("{relative}/"), names, num_exr)?;
+            }
+            continue;
+        }
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or_default();
+        match extension.to_ascii_lowercase().as_str() {
+            "jpg" | "jpeg" | "png" | "tif" | "tiff" | "bmp" => names.push(relative),
+            "exr" => *num_exr += 1,
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Runs COLMAP on the images in `images` and writes the largest model into `out`.
+///
+/// # Errors
+/// [`ColmapError::Program`] without the program, where a step fails, or where no model comes out; [`ColmapError`] for images and options.
+pub fn run(
+    images: &Path,
+    out: &Path,
+    options: &RunOptions,
+    progress: &mut dyn FnMut(RunProgress),
+) -> Result<RunReport> {
+    options.validate()?;
+    let names = list_images(images)?;
+    if let Some(masks) = options.masks.as_deref().filter(|masks| !masks.is_dir()) {
+        return Err(ColmapError::invalid(masks, "no folder of masks"));
+    }
+    let program = Program::find(&options.program)?;
+    let matcher = match options.matcher {
+        Matcher::Auto if names.len() <= MAX_EXHAUSTIVE => Matcher::Exhaustive,
+        Matcher::Auto => Matcher::Sequential,
+        chosen => chosen,
+    };
+    let work = out.join(WORK_DIR);
+    files::remove_if_there(&work)?;
+    let sparse = work.join("sparse");
+    files::create_dir(&sparse)?;
+    let places = Places {
+        images,
+        database: work.join("database.db"),
+        sparse: &sparse,
+    };
+    let log_path = out.join(LOG_FILE);
+    files::remove_if_there(&log_path)?;
+    for step in [Step::Features, Step::Matches, Step::Model] {
+        progress(RunProgress::Step { step: step.name() });
+        let arguments = arguments(&program, step, matcher, &places, (options, &names))?;
+        program.run(step, &arguments, &log_path, progress)?;
+    }
+    let (model, num_models) = largest(&sparse, &log_path)?;
+    model.write(out, Form::Binary)?;
+    let registered: HashSet<&str> = model.images.iter().map(|i| i.name.as_str()).collect();
+    let (registered, lost) = names
+        .into_iter()
+        .partition(|name| registered.contains(name.as_str()));
+    let report = RunReport {
+        version: program.version,
+        registered,
+        lost,
+        num_points: model.points.len(),
+        num_models,
+        matcher,
+    };
+    let path = out.join(REPORT_FILE);
+    let mut text = serde_json::to_vec_pretty(&report)
+        .map_err(|error| ColmapError::invalid(&path, error.to_string()))?;
+    text.push(b'\n');
+    files::write_bytes_atomic(&path, &text)?;
+    files::remove_if_there(&work)?;
+    Ok(report)
+}
+
+struct Places<'a> {
+    images: &'a Path,
+    database: PathBuf,
+    sparse: &'a Path,
+}
+
+/// The command of a step and its arguments.
+fn arguments(
+    program: &Program,
+    step: Step,
+    matcher: Matcher,
+    places: &Places<'_>,
+    (options, names): (&RunOptions, &[String]),
+) -> Result<Vec<String>> {
+    let command = match (step, matcher) {
+        (Step::Features, _) => "feature_extractor",
+        (Step::Matches, Matcher::Sequential) => "sequential_matcher",
+        (Step::Matches, _) => "exhaustive_matcher",
+        (Step::Model, _) => "mapper",
+    };
+    let mut call = program.call(command)?;
+    call.path(&["database_path"], &places.database)?;
+    if step != Step::Matches {
+        call.path(&["image_path"], places.images)?;
+    }
+    let threads = options.threads.map(|num| num.to_string());
+    match step {
+        Step::Features => {
+            let in_folders = names.iter().all(|name| name.contains('/'));
+            let [single, folder] = match options.cameras {
+                Cameras::Auto => [!in_folders, in_folders],
+                Cameras::Single => [true, false],
+                Cameras::PerFolder => [false, true],
+                Cameras::PerImage => [false, false],
+            };
+            call.needed(&["ImageReader.camera_model"], &options.camera_model)?;
+            call.flag(&["ImageReader.single_camera"], single);
+            call.flag(&["ImageReader.single_camera_per_folder"], folder);
+            if let Some(masks) = &options.masks {
+                call.path(&["ImageReader.mask_path"], masks)?;
+            }
+            call.needed(
+                &["FeatureExtraction.use_gpu", "SiftExtraction.use_gpu"],
+                "0",
+            )?;
+            let max_size = options.max_image_size.to_string();
+            call.wanted(
+                &[
+                    "FeatureExtraction.max_image_size",
+                    "SiftExtraction.max_image_size",
+                ],
+                &max_size,
+            );
+            call.wanted(
+                &["SiftExtraction.max_num_features"],
+                &options.max_features.to_string(),
+            );
+            // Painted walls and doors: features of two thirds of the usual contrast still match.
+            call.wanted(&["SiftExtraction.peak_threshold"], "0.0045");
+            if let Some(threads) = &threads {
+                call.wanted(
+                    &[
+                        "FeatureExtraction.num_threads",
+                        "SiftExtraction.num_threads",
+                    ],
+                    threads,
+                );
+            }
+        }
+        Step::Matches => {
+            call.needed(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], "0")?;
+            // Cupboards and chairs repeat: a second look along epipolar lines finds what the ratio test threw away.
+            call.wanted(
+                &[
+                    "FeatureMatching.guided_matching",
+                    "SiftMatching.guided_matching",
+                ],
+                "1",
+            );
+            if matcher == Matcher::Sequential {
+                call.wanted(&["SequentialMatching.overlap"], "20");
+            }
+            if let Some(threads) = &threads {
+                call.wanted(
+                    &["FeatureMatching.num_threads", "SiftMatching.num_threads"],
+                    threads,
+                );
+            }
+        }
+        Step::Model => {
+            call.path(&["output_path"], places.sparse)?;
+            // In a small room most pairs see little in common.
+            call.wanted(&["Mapper.abs_pose_min_num_inliers"], "20");
+            if let Some(threads) = &threads {
+                call.wanted(&["Mapper.num_threads"], threads);
+            }
+        }
+    }
+    Ok(call.arguments)
+}
+
+/// The model with most images among those in `sparse`, and how many there are.
+fn largest(sparse: &Path, log: &Path) -> Result<(Model, usize)> {
+    let io = |error| SceneError::io(sparse, "read", error);
+    let mut dirs = Vec::new();
+    for entry in fs::read_dir(sparse).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        if Form::of(&path).is_some() {
+            dirs.push(path);
+        }
+    }
+    dirs.sort();
+    let mut best: Option<Model> = None;
+    for dir in &dirs {
+        let model = Model::read(dir, Observations::Keep)?;
+        let more = |best: &Model| model.images.len() > best.images.len();
+        if best.as_ref().is_none_or(more) {
+            best = Some(model);
+        }
+    }
+    let best = best.filter(|model| !model.images.is_empty()).ok_or_else(|| {
+        ColmapError::Program(format!(
+            "no images could be registered: they need texture and overlap; what it said is in {}",
+            log.display()
+        ))
+    })?;
+    Ok((best, dirs.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_listed_and_exr_is_explained() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir(dir.path().join("b")).unwrap();
+        for name in ["z.JPG", "b/a.png", "notes.txt"] {
+            fs::write(dir.path().join(name), "").unwrap();
+        }
+        assert_eq!(list_images(dir.path()).unwrap(), ["b/a.png", "z.JPG"]);
+        let linear = tempfile::tempdir().unwrap();
+        fs::write(linear.path().join("a.exr"), "").unwrap();
+        let message = list_images(linear.path()).unwrap_err().to_string();
+        assert!(message.contains("1 EXR images"), "{message}");
+    }
+
+    #[test]
+    fn a_missing_program_says_how_to_install_it() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("a.png"), "").unwrap();
+        let options = RunOptions {
+            program: PathBuf::from("/nonexistent/colmap"),
+            ..RunOptions::default()
+        };
+        let outcome = run(dir.path(), dir.path(), &options, &mut |_| ());
+        let message = outcome.unwrap_err().to_string();
+        assert!(message.contains("apt-get install colmap"), "{message}");
+        let options = RunOptions {
+            camera_model: "LENS".to_owned(),
+            ..RunOptions::default()
+        };
+        assert!(options.validate().is_err());
+    }
+}

@@ -1,0 +1,377 @@
+//! `eagpt colmap import`: a COLMAP model and linear images become a dataset.
+
+use crate::cli::{self, GlobalArgs};
+use crate::output::{Replace, Target};
+use crate::progress::Reporter;
+use crate::record::{FILE_NAME, Input, RecordBuilder};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use eagpt_colmap::align::{AlignOptions, Alignment, Anchor, Manual, Mode, Scale};
+use eagpt_colmap::import::{
+    AlignedModel, Depth, ImportOptions, ImportPlan, ImportProgress, ImportReport, Missing,
+    PointFilter, Srgb8,
+};
+use eagpt_colmap::model::PointId;
+use eagpt_scene::lens::Field;
+use eagpt_scene::lens::undistort::UndistortOptions;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Make a dataset of a COLMAP model and linear images
+///
+/// Reads text and binary models of every version, with all 18 camera models, rigs and frames. Finds the floor without looking at images,
+/// from how cameras are held and where points lie, and puts it on z = 0, walls along x and y. Images are undistorted to pinhole cameras
+/// in linear light. Images that COLMAP has no pose of are listed.
+///
+/// --images is what `eagpt ingest` wrote, DIR/Radiance-exr/NAME.exr, or any folder of EXR files; NAME is that of the image in the model,
+/// without its extension. Emission masks and opacities in DIR/Emissive-exr and DIR/Alpha-exr come along. Images may be of another
+/// size than those COLMAP saw, if they show the same.
+#[derive(Debug, Args)]
+#[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
+pub(crate) struct ImportArgs {
+    /// Folder of the model: cameras, images, points3D, and rigs and frames if there are, .bin or .txt
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Folder of the linear images; without it, cameras and points alone are imported
+    #[arg(long, value_name = "DIR")]
+    images: Option<PathBuf>,
+    /// Folder for the dataset; created
+    #[arg(long, value_name = "DATASET")]
+    out: PathBuf,
+    /// Lightings of one room, DIR/NAME each: a dataset DATASET/NAME is made of each, with the same poses
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    conditions: Vec<String>,
+    /// Take 8-bit sRGB pictures (PNG, JPEG) where there is no EXR; light above their white is lost
+    #[arg(long)]
+    allow_srgb8: bool,
+    /// Leave registered images without a file out, instead of refusing
+    #[arg(long)]
+    skip_missing: bool,
+    /// Write 32-bit images instead of 16-bit ones
+    #[arg(long)]
+    float32: bool,
+    /// Fewest observations of a point that is kept
+    #[arg(long, value_name = "N", default_value_t = PointFilter::default().min_track)]
+    min_track: u32,
+    /// Largest reprojection error of a point that is kept, pixels, above 0
+    #[arg(long, value_name = "PX", default_value_t = PointFilter::default().max_error_px)]
+    max_error: f64,
+    /// Write the aligned model, rigs and frames included, into DATASET/colmap
+    #[arg(long)]
+    write_model: bool,
+    /// Find the floor and tell, but write nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Replace an earlier import in DATASET
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    align: AlignArgs,
+    #[command(flatten)]
+    undistort: UndistortArgs,
+}
+
+/// The floor.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Alignment options")]
+struct AlignArgs {
+    /// How to find the floor
+    #[arg(long, value_enum, default_value = "floor")]
+    align: AlignArg,
+    /// What is up in the model's world; with --align floor in place of the cameras' word, with manual one place of the floor then
+    /// suffices
+    #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
+    up: Option<[f64; 3]>,
+    /// manual: numbers of points of the model on the floor
+    #[arg(long, value_name = "ID,…", value_delimiter = ',')]
+    floor_points: Vec<u64>,
+    /// manual: a place on the floor in the model's world; may be given often, as for a plane through four
+    #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
+    floor_at: Vec<[f64; 3]>,
+    /// Leave the yaw as it is, do not turn walls to the axes
+    #[arg(long)]
+    no_walls: bool,
+    /// Least confidence of a floor that is accepted, 0 to 1
+    #[arg(long, value_name = "C", default_value_t = AlignOptions::default().min_confidence)]
+    min_confidence: f64,
+    /// Make the scene metric by a known distance: two images of the model or points of it, as point:17, and metres
+    #[arg(long, value_name = "FROM,TO,METRES", value_parser = known_distance, conflicts_with = "camera_height")]
+    known_distance: Option<Scale>,
+    /// Make the scene metric by the median height of the cameras above the floor, metres
+    #[arg(long, value_name = "METRES")]
+    camera_height: Option<f64>,
+    /// Seed of the search for planes, 0 to 2^63 − 1
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    seed: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum AlignArg {
+    /// From cameras and points
+    Floor,
+    /// From --floor-points or --floor-at
+    Manual,
+    /// Not at all
+    None,
+}
+
+/// The pinhole cameras.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Undistortion options")]
+struct UndistortArgs {
+    /// What pinhole images show of those of the lens
+    #[arg(long, value_enum, default_value = "inside")]
+    field: FieldArg,
+    /// Largest angle of view of a pinhole image, degrees, above 0 to 170
+    #[arg(long, value_name = "DEGREES", default_value_t = UndistortOptions::default().max_fov_deg)]
+    max_fov: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FieldArg {
+    /// A rectangle in which every pixel is known
+    Inside,
+    /// Everything; pixels the lens does not show are 0, and 0 in Valid-exr, which training does not read yet
+    All,
+    /// As many pixels as the image has, with its principal point; unknown ones as with `all`
+    Same,
+}
+
+const OUTPUTS_AND_EXAMPLES: &str = "Files in DATASET (of several conditions in DATASET/NAME):
+  transforms.json  cameras, up axis, scale, aligned_from_model: the transform from the model's world
+  points3d.ply     points, coloured
+  Radiance-exr/    images, undistorted
+  import.json      what was found: floor, confidence, cameras, unregistered images
+  record.json      version, options, inputs, times, memory
+
+Examples:
+  eagpt colmap import sparse/0 --images capture --out kitchen
+  eagpt colmap import sparse/0 --images capture --out lecture --conditions day,lamp-a,lamp-b --camera-height 1.55
+  eagpt colmap import sparse/0 --images capture --out kitchen --dry-run
+  eagpt colmap import sparse/0 --images capture --out kitchen --align manual --floor-points 17,230,1044
+  eagpt colmap import sparse/0 --images capture --out kitchen --up 0,-1,0 --known-distance a.jpg,b.jpg,1.2";
+
+fn position(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let position = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+    position.ok_or_else(|| format!("`{text}` is not X,Y,Z"))
+}
+
+fn known_distance(text: &str) -> Result<Scale, String> {
+    let [from, to, metres] = <[&str; 3]>::try_from(text.split(',').collect::<Vec<_>>())
+        .map_err(|_| format!("`{text}` is not FROM,TO,METRES"))?;
+    Ok(Scale::Distance {
+        from: from.parse::<Anchor>()?,
+        to: to.parse::<Anchor>()?,
+        metres: metres
+            .parse()
+            .map_err(|_| format!("`{metres}` is no number of metres"))?,
+    })
+}
+
+impl ImportArgs {
+    fn options(&self) -> ImportOptions {
+        let align = &self.align;
+        let camera_height = align
+            .camera_height
+            .map(|metres| Scale::CameraHeight { metres });
+        ImportOptions {
+            images: self.images.clone(),
+            conditions: self.conditions.clone(),
+            srgb8: if self.allow_srgb8 {
+                Srgb8::Decode
+            } else {
+                Srgb8::Refuse
+            },
+            missing: if self.skip_missing {
+                Missing::Skip
+            } else {
+                Missing::Refuse
+            },
+            points: PointFilter {
+                min_track: self.min_track,
+                max_error_px: self.max_error,
+            },
+            undistort: UndistortOptions {
+                field: match self.undistort.field {
+                    FieldArg::Inside => Field::Inside,
+                    FieldArg::All => Field::All,
+                    FieldArg::Same => Field::Same,
+                },
+                max_fov_deg: self.undistort.max_fov,
+            },
+            align: AlignOptions {
+                mode: match align.align {
+                    AlignArg::Floor => Mode::Floor,
+                    AlignArg::Manual => Mode::Manual,
+                    AlignArg::None => Mode::None,
+                },
+                manual: Manual {
+                    up: align.up,
+                    floor_points: align.floor_points.iter().copied().map(PointId).collect(),
+                    floor_positions: align.floor_at.clone(),
+                },
+                scale: align.known_distance.clone().or(camera_height),
+                walls: !align.no_walls,
+                min_confidence: align.min_confidence,
+                seed: align.seed,
+                ..AlignOptions::default()
+            },
+            aligned_model: if self.write_model {
+                AlignedModel::Write
+            } else {
+                AlignedModel::Leave
+            },
+            precision: if self.float32 {
+                Depth::Float
+            } else {
+                Depth::Half
+            },
+        }
+    }
+}
+
+/// What decides the result, for the record.
+#[derive(Serialize)]
+struct Recorded<'a> {
+    model: &'a PathBuf,
+    #[serde(flatten)]
+    options: &'a ImportOptions,
+}
+
+pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let options = args.options();
+    let recorded = Recorded {
+        model: &args.model,
+        options: &options,
+    };
+    let mut builder = RecordBuilder::begin("colmap import", &recorded)?;
+    let plan = ImportPlan::new(&args.model, &options)?;
+    let mut reporter = Reporter::new(global);
+    tell_alignment(&reporter, plan.alignment())?;
+    for warning in plan.warnings() {
+        reporter.warning(warning);
+    }
+    if args.dry_run {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut inputs = plan.images();
+    inputs.extend(plan.inputs());
+    let target = Target {
+        dir: &args.out,
+        record: FILE_NAME,
+        command: "colmap import",
+        inputs: &inputs,
+        replace: Replace::from_flag(args.force),
+    };
+    let files = plan.files();
+    target.check(&files)?;
+    builder.record.inputs = plan
+        .inputs()
+        .iter()
+        .map(|path| Input::of(path))
+        .collect::<Result<_>>()?;
+    target.prepare()?;
+    let report = reporter.follow(tell, |progress| plan.run(&args.out, progress))?;
+    reporter.note(&summary(&report));
+    reporter.message(&Finished {
+        message: "imported",
+        out: &args.out,
+        num_views: num_views(&report),
+        num_points: report.points.num_kept,
+    })?;
+    builder.record.seed = Some(options.align.seed);
+    builder.record.warnings.clone_from(&report.warnings);
+    let written = files.iter().filter(|file| args.out.join(file).is_file());
+    builder.record.outputs = written.map(|file| file.display().to_string()).collect();
+    builder.write(&args.out)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+#[derive(Serialize)]
+struct Finished<'a> {
+    message: &'static str,
+    out: &'a PathBuf,
+    num_views: usize,
+    num_points: usize,
+}
+
+#[derive(Serialize)]
+struct Aligned<'a> {
+    message: &'static str,
+    #[serde(flatten)]
+    alignment: &'a Alignment,
+}
+
+fn tell(reporter: &mut Reporter, message: &ImportProgress) -> Result<()> {
+    match message {
+        ImportProgress::Image {
+            condition,
+            done,
+            total,
+            ..
+        } => {
+            if !reporter.is_at("images") {
+                reporter.begin("images", "images", 0, *total as u64);
+            }
+            let done = *done as u64;
+            reporter.advance(done, || condition.clone().unwrap_or_default());
+            reporter.step_message(done, message)
+        }
+        ImportProgress::Warning { text } => {
+            reporter.warning(text);
+            reporter.message(message)
+        }
+    }
+}
+
+fn tell_alignment(reporter: &Reporter, alignment: &Alignment) -> Result<()> {
+    if let Some(floor) = &alignment.floor {
+        reporter.note(&format!(
+            "floor: {} of {} points, tilt ± {:.2}°, {:.1}° from the cameras' level, {} points below; confidence {:.2}",
+            floor.num_inliers,
+            floor.num_points,
+            floor.residual_tilt_deg,
+            floor.tilt_from_gravity_deg,
+            floor.num_below + floor.num_mirrored,
+            floor.confidence
+        ));
+    }
+    if let Some(walls) = &alignment.walls {
+        reporter.note(&format!(
+            "walls: {} lines, yaw ± {:.2}°",
+            walls.num_lines, walls.yaw_std_deg
+        ));
+    }
+    if let Some(height) = alignment.camera_height {
+        let unit = if alignment.is_metric { "m" } else { "units" };
+        reporter.note(&format!("cameras: {height:.2} {unit} above the floor"));
+    }
+    reporter.message(&Aligned {
+        message: "aligned",
+        alignment,
+    })
+}
+
+fn num_views(report: &ImportReport) -> usize {
+    report.conditions.iter().map(|c| c.registered.len()).sum()
+}
+
+fn summary(report: &ImportReport) -> String {
+    let mut text = format!(
+        "{} views, {} of {} points",
+        num_views(report),
+        report.points.num_kept,
+        report.points.num_points
+    );
+    for camera in &report.cameras {
+        let [width, height] = camera.image_size;
+        let [pinhole_width, pinhole_height] = camera.pinhole_size;
+        text += &format!(
+            "\ncamera {}: {} {width}x{height} to pinhole {pinhole_width}x{pinhole_height}, {} views",
+            camera.camera, camera.model, camera.num_views
+        );
+    }
+    text
+}
