@@ -1,5 +1,6 @@
 //! `eagpt dataset`: datasets of other programs in and out, and what is in a dataset.
 
+mod check;
 mod export;
 mod import;
 
@@ -20,11 +21,13 @@ pub(crate) struct DatasetArgs {
 enum DatasetCommand {
     Import(Box<import::ImportArgs>),
     Export(export::ExportArgs),
+    Check(check::CheckArgs),
 }
 
 pub(crate) fn run(args: &DatasetArgs, global: &GlobalArgs) -> Result<ExitCode> {
     match &args.command {
         DatasetCommand::Import(args) => import::run(args, global),
         DatasetCommand::Export(args) => export::run(args, global),
+        DatasetCommand::Check(args) => check::run(args, global),
     }
 }

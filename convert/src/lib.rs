@@ -8,12 +8,14 @@
 //!
 //! Conventions of colour are in [`color`] alone, conventions of poses in [`world`] and [`eagpt_scene::dataset::pose`].
 
+pub mod check;
 pub mod color;
 pub mod error;
 pub mod export;
 pub mod import;
 pub mod pictures;
 pub mod source;
+pub mod surface;
 pub mod world;
 
 pub use error::{ConvertError, Result};
