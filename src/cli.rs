@@ -1,6 +1,6 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, colmap, dataset, edit, eval, export, masks, render, train};
+use crate::{bake, colmap, dataset, edit, eval, export, masks, normals, render, train};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -55,6 +55,7 @@ pub(crate) enum Command {
     Colmap(colmap::ColmapArgs),
     Dataset(dataset::DatasetArgs),
     Masks(masks::MasksArgs),
+    Normals(normals::NormalsArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
@@ -74,6 +75,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode> {
         Command::Colmap(args) => colmap::run(&args, &cli.global),
         Command::Dataset(args) => dataset::run(&args, &cli.global),
         Command::Masks(args) => masks::run(&args, &cli.global),
+        Command::Normals(args) => normals::run(&args, &cli.global),
         Command::Train(args) => train::run(&args, &cli.global),
         Command::Edit(args) => edit::run(&args, &cli.global),
         Command::Render(args) => render::run(&args, &cli.global),

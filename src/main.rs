@@ -1,7 +1,7 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`mod@colmap`], [`dataset`], [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
@@ -16,6 +16,7 @@ mod eval;
 mod export;
 mod interrupt;
 mod masks;
+mod normals;
 mod output;
 mod progress;
 mod record;

@@ -13,6 +13,7 @@ pub mod color;
 pub mod error;
 pub mod export;
 pub mod import;
+pub mod normals;
 pub mod pictures;
 pub mod source;
 pub mod surface;

@@ -32,6 +32,8 @@ const MAX_NORMAL_ANGLE_DEG: f64 = 35.0;
 const MAX_DEPTH_FACTOR: f64 = 3.0;
 /// Share of pixels at one largest value of at most 1 that a photograph has only where it was clipped.
 const MAX_CLIPPED: f64 = 1e-4;
+/// Fewer pixels than this may share a largest value by chance, in half precision above all.
+const MIN_CLIPPED: usize = 10;
 /// Share of points that no picture shows.
 const MIN_IN_VIEW: f64 = 0.5;
 
@@ -240,7 +242,9 @@ fn warn_of_images(report: &CheckReport, texts: &mut Vec<String>) {
     }
     let is_clipped = |view: &&ViewCheck| {
         let num_pixels = f64::from(view.size[0]) * f64::from(view.size[1]);
-        view.max_radiance <= 1.0 && view.num_at_maximum as f64 > MAX_CLIPPED * num_pixels
+        view.max_radiance <= 1.0
+            && view.num_at_maximum >= MIN_CLIPPED
+            && view.num_at_maximum as f64 > MAX_CLIPPED * num_pixels
     };
     let clipped: Vec<&ViewCheck> = report.views.iter().filter(is_clipped).collect();
     if let Some(worst) = clipped.iter().max_by_key(|view| view.num_at_maximum) {
