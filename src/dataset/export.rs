@@ -92,7 +92,9 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         inputs: &inputs,
         replace: Replace::from_flag(args.force),
     };
-    target.check(&planned_files(&dataset, format, images))?;
+    let planned = planned_files(&dataset, format, images);
+    target.check(&planned)?;
+    super::refuse_foreign(&args.out, &planned)?;
     target.prepare()?;
     let mut reporter = Reporter::new(global);
     let summary = reporter.follow(tell, |progress| {

@@ -167,7 +167,9 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         inputs: &inputs,
         replace: Replace::from_flag(args.force),
     };
-    target.check(&planned_files(&source))?;
+    let planned = planned_files(&source);
+    target.check(&planned)?;
+    super::refuse_foreign(&args.out, &planned)?;
     let mut reporter = Reporter::new(global);
     reporter.note(&format!(
         "{}: format {}, {} frames",
