@@ -2,10 +2,10 @@
 //!
 //! - [`model`]: cameras, images, points, rigs and frames; reading and writing, text and binary.
 //! - [`mod@align`]: where the floor is and which way the walls go, from a model alone.
-//! - [`import`]: a model and linear images become a dataset.
-//! - [`run`]: drives an installed `colmap`.
+//! - [`mod@import`]: a model and linear images become a dataset.
+//! - [`mod@run`]: drives an installed `colmap`.
 //!
-//! Poses are COLMAP's, camera from world with OpenCV axes, until [`import`] writes them. What a file says is never trusted: counts are
+//! Poses are COLMAP's, camera from world with OpenCV axes, until [`mod@import`] writes them. What a file says is never trusted: counts are
 //! held against the bytes that are there before anything is allocated.
 
 pub mod align;

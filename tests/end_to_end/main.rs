@@ -10,6 +10,7 @@
 
 mod bake;
 mod camera_path;
+mod colmap;
 mod dataset;
 mod denoise;
 mod determinism;

@@ -93,10 +93,11 @@ struct Histogram {
 
 impl Histogram {
     fn new(values: impl Iterator<Item = f64> + Clone, bin: f64) -> Self {
-        let low = values.clone().fold(f64::INFINITY, f64::min);
+        // An empty bin on either side: a wall at the end is a peak too.
+        let low = values.clone().fold(f64::INFINITY, f64::min) - bin;
         let high = values.clone().fold(f64::NEG_INFINITY, f64::max);
         // Points are within a size of the scene, a bin is a fraction of it: a few hundred bins.
-        let mut counts = vec![0.0; ((high - low) / bin) as usize + 2];
+        let mut counts = vec![0.0; ((high - low) / bin) as usize + 3];
         for value in values {
             let at = (value - low) / bin;
             let (index, share) = (at as usize, at.fract());

@@ -412,7 +412,7 @@ fn find_conditions(
     }
     finder.finish(root)?;
     for condition in &conditions {
-        if condition.photographs.iter().any(|p| p.is_srgb8()) {
+        if condition.photographs.iter().any(Photograph::is_srgb8) {
             warnings.push(
                 "8-bit sRGB pictures are decoded: light above their white is lost, and lamps are not brighter than paper"
                     .to_owned(),
