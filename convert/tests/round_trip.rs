@@ -14,7 +14,7 @@ use eagpt_convert::export::Images;
 use eagpt_convert::{ExportFormat, ImportOptions, Source, export, import};
 use eagpt_scene::Dataset;
 use eagpt_testkit::room::{self, RoomOptions};
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use std::path::Path;
 
 fn room(root: &Path) -> Dataset {
@@ -107,7 +107,7 @@ fn colmap_keeps_cameras_to_rounding() {
     }
     let points = original.points().unwrap().unwrap();
     for (point, position) in model.points.iter().zip(&points.positions) {
-        assert_eq!(point.position, DVec3::from(position.as_dvec3()));
+        assert_eq!(point.position, position.as_dvec3());
     }
 }
 
