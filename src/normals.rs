@@ -22,7 +22,7 @@ use std::process::ExitCode;
 /// checked the same way. Where no reading stands out, nothing is written.
 ///
 /// Writes Normal-exr/<view>.exr (world space, unit length, turned to the camera, 0 where unknown) and into normals/ previews and
-/// report.json. Views without a map have no normals, which training makes up for by itself.
+/// report.json. The maps may also be made here, by a network in ONNX that you have (--onnx). Views without a map have no normals, which training makes up for by itself.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct NormalsArgs {
@@ -30,8 +30,15 @@ pub(crate) struct NormalsArgs {
     #[arg(value_name = "DATASET")]
     dataset: PathBuf,
     /// Folder of maps, <view>.exr or <view>.png, made of the dataset's own images; views may be missing
-    #[arg(long, value_name = "DIR")]
-    maps: PathBuf,
+    #[arg(
+        long,
+        value_name = "DIR",
+        required_unless_present = "onnx",
+        conflicts_with = "onnx"
+    )]
+    maps: Option<PathBuf>,
+    #[command(flatten)]
+    network: NetworkArgs,
     /// What follows the view's name in the names of maps, as _normal in 0001_normal.png
     #[arg(
         long,
@@ -58,10 +65,50 @@ pub(crate) struct NormalsArgs {
     force: bool,
 }
 
+/// A network that makes the maps.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Network")]
+struct NetworkArgs {
+    /// Network to make maps with: an ONNX model of one picture (1x3xHxW or 1xHxWx3) whose output has three channels, or four with a
+    /// confidence. Its maps go to normals/network/ as they come out
+    #[arg(long, value_name = "MODEL.onnx")]
+    onnx: Option<PathBuf>,
+    /// Library of ONNX Runtime [default: as EAGPT_ONNXRUNTIME says, else where the dynamic loader looks]
+    #[arg(long, value_name = "FILE", requires = "onnx")]
+    onnxruntime: Option<PathBuf>,
+    /// Width and height of the network's picture, pixels, 1 to 8192 each [default: what the model says, else the view's, rounded]
+    #[arg(long, value_name = "WxH", requires = "onnx", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// What the sides of the picture are rounded to a multiple of, where the model leaves them open, 1 to 1024
+    #[arg(long, value_name = "PIXELS", requires = "onnx", default_value_t = 32)]
+    multiple: u32,
+    /// What is taken from the picture's sRGB values, by channel
+    #[arg(long, value_name = "R,G,B", requires = "onnx", default_value = "0.485,0.456,0.406", value_parser = three)]
+    mean: [f32; 3],
+    /// What the rest is divided by, by channel, each above 0
+    #[arg(long, value_name = "R,G,B", requires = "onnx", default_value = "0.229,0.224,0.225", value_parser = three)]
+    deviation: [f32; 3],
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
+    match sides {
+        Some((Ok(width), Ok(height))) => Ok([width, height]),
+        _ => Err("not a width and a height, as 640x480".to_owned()),
+    }
+}
+
+fn three(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let numbers = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
+    numbers.ok_or_else(|| "not three numbers, as 0.5,0.5,0.5".to_owned())
+}
+
 const EXAMPLES: &str = "Examples:
   eagpt normals kitchen --maps stable-normal/kitchen
   eagpt normals kitchen --maps dsine --suffix _normal --space camera --axes opengl
-  eagpt normals kitchen --maps omnidata --out normals-omnidata";
+  eagpt normals kitchen --maps omnidata --out normals-omnidata
+  eagpt normals kitchen --onnx dsine.onnx --onnxruntime /opt/onnxruntime/lib/libonnxruntime.so";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SpaceArg {
@@ -103,6 +150,7 @@ const RECORD: &str = "normals.record.json";
 struct Recorded<'a> {
     dataset: &'a Path,
     maps: &'a Path,
+    network: Option<&'a NetworkRecord>,
     #[serde(flatten)]
     options: &'a NormalOptions,
     /// How the maps were read.
@@ -111,17 +159,21 @@ struct Recorded<'a> {
 
 pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args);
+    let network = network(&args.network)?;
+    let dataset = Dataset::open(&args.dataset)?;
+    let out = args.out.clone();
+    let out = out.unwrap_or_else(|| dataset.root().to_owned());
+    let maps = args.maps.clone();
+    let maps = maps.unwrap_or_else(|| out.join(NETWORK_DIR));
     let recorded = |reading| Recorded {
         dataset: &args.dataset,
-        maps: &args.maps,
+        maps: &maps,
+        network: network.as_ref(),
         options: &options,
         reading,
     };
     let mut builder = RecordBuilder::begin("normals", &recorded(None))?;
-    let dataset = Dataset::open(&args.dataset)?;
-    let out = args.out.clone();
-    let out = out.unwrap_or_else(|| dataset.root().to_owned());
-    let inputs = inputs(&dataset, &args.maps, &args.suffix);
+    let inputs = inputs(&dataset, args.maps.as_deref(), &args.suffix);
     let target = Target {
         dir: &out,
         record: RECORD,
@@ -129,24 +181,40 @@ pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
         inputs: &inputs,
         replace: Replace::from_flag(args.force),
     };
-    target.check(&planned_files(&dataset))?;
+    let mut planned = planned_files(&dataset);
+    if network.is_some() {
+        let frames = dataset.frames().iter();
+        planned.extend(frames.map(|f| Path::new(NETWORK_DIR).join(format!("{}.exr", f.name))));
+    }
+    target.check(&planned)?;
     target.prepare()?;
     let request = NormalRequest {
         dataset: &dataset,
-        maps: args.maps.clone(),
+        maps: maps.clone(),
         out,
         options: options.clone(),
     };
     let mut reporter = Reporter::new(global);
+    if let Some(network) = &network {
+        estimate(&mut reporter, &dataset, network, &maps)?;
+    }
     let summary = reporter.follow(tell, |progress| make_normals(&request, progress))?;
     builder.set_options(&recorded(Some(summary.report.reading)))?;
     let record = &mut builder.record;
     record.inputs.push(Input::of_cameras(&dataset)?);
+    if let Some(model) = &args.network.onnx {
+        record.inputs.push(Input::of(model)?);
+    }
     record.warnings.clone_from(&summary.warnings);
     let outputs = summary.outputs.iter();
     record.outputs = outputs
         .map(|path| path.to_string_lossy().into_owned())
         .collect();
+    if network.is_some() {
+        let maps = planned.iter().filter(|file| file.starts_with(NETWORK_DIR));
+        let maps = maps.map(|file| file.to_string_lossy().into_owned());
+        record.outputs.extend(maps);
+    }
     builder.write_to(&request.out.join(RECORD))?;
     close(&reporter, &request.out, &summary)?;
     Ok(ExitCode::SUCCESS)
@@ -173,11 +241,12 @@ fn options(args: &NormalsArgs) -> NormalOptions {
 }
 
 /// Files that normals must not replace: those of the dataset but its normals, and the maps.
-fn inputs(dataset: &Dataset, maps: &Path, suffix: &str) -> Vec<PathBuf> {
+fn inputs(dataset: &Dataset, maps: Option<&Path>, suffix: &str) -> Vec<PathBuf> {
     let frames = dataset.frames().iter();
     let normals: Vec<&PathBuf> = frames.filter_map(|f| f.files.normal.as_ref()).collect();
     let mut files = cli::dataset_files(dataset);
     files.retain(|file| !normals.contains(&file));
+    let Some(maps) = maps else { return files };
     for frame in dataset.frames() {
         let map = |extension| maps.join(format!("{}{suffix}.{extension}", frame.name));
         files.extend(["exr", "png"].map(map));
@@ -185,9 +254,62 @@ fn inputs(dataset: &Dataset, maps: &Path, suffix: &str) -> Vec<PathBuf> {
     files
 }
 
+/// Folder of a network's own maps, inside of the folder of results.
+const NETWORK_DIR: &str = "normals/network";
+
+/// A network and what it wants to see, as the record has it.
+#[cfg(feature = "onnx")]
+type NetworkRecord = eagpt_convert::normals::NetworkOptions;
+#[cfg(not(feature = "onnx"))]
+type NetworkRecord = ();
+
+#[cfg(feature = "onnx")]
+fn network(args: &NetworkArgs) -> Result<Option<NetworkRecord>> {
+    let Some(model) = &args.onnx else {
+        return Ok(None);
+    };
+    let options = NetworkRecord {
+        model: model.clone(),
+        library: args.onnxruntime.clone(),
+        size: args.size,
+        multiple: args.multiple,
+        mean: args.mean,
+        deviation: args.deviation,
+    };
+    options.validate()?;
+    Ok(Some(options))
+}
+
+#[cfg(not(feature = "onnx"))]
+fn network(args: &NetworkArgs) -> Result<Option<NetworkRecord>> {
+    if args.onnx.is_some() {
+        anyhow::bail!("--onnx: this program was built without it: cargo build --features onnx");
+    }
+    Ok(None)
+}
+
+/// Makes maps by a network.
+#[cfg(feature = "onnx")]
+fn estimate(
+    reporter: &mut Reporter,
+    dataset: &Dataset,
+    network: &NetworkRecord,
+    maps: &Path,
+) -> Result<()> {
+    reporter.follow(tell, |progress| {
+        eagpt_convert::normals::run_network(dataset, network, maps, progress)
+    })
+}
+
+#[cfg(not(feature = "onnx"))]
+fn estimate(_: &mut Reporter, _: &Dataset, (): &NetworkRecord, _: &Path) -> Result<()> {
+    Ok(())
+}
+
 /// Shows a message of the job.
 fn tell(reporter: &mut Reporter, message: &NormalProgress) -> Result<()> {
     let (name, done, total) = match message {
+        NormalProgress::Estimating { done, total } => ("estimating", *done, *total),
         NormalProgress::Comparing { done, total } => ("comparing", *done, *total),
         NormalProgress::Writing { done, total } => ("writing", *done, *total),
         NormalProgress::Reading(reading) => {

@@ -42,6 +42,14 @@ pub enum ConvertError {
         /// What is wrong with which.
         problems: Vec<Problem>,
     },
+    /// A network or the library that runs it.
+    #[error("{}: {problem}", path.display())]
+    Network {
+        /// The model or the library.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
     /// The axes of normal maps are neither given nor to be found out.
     #[error("{}: axes auto: {problem}", path.display())]
     UnclearAxes {

@@ -10,9 +10,13 @@
 
 mod axes;
 mod maps;
+#[cfg(feature = "onnx")]
+mod network;
 mod reference;
 
 pub use axes::Axes;
+#[cfg(feature = "onnx")]
+pub use network::{LIBRARY_VARIABLE, NetworkOptions, run_network};
 pub use reference::Reference;
 
 use crate::error::{ConvertError, Problem, Result};
@@ -90,6 +94,13 @@ pub struct NormalRequest<'a> {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum NormalProgress {
+    /// A network has looked at so many views.
+    Estimating {
+        /// Views done.
+        done: usize,
+        /// Views in all.
+        total: usize,
+    },
     /// So many views were compared with the dataset.
     Comparing {
         /// Views done.
