@@ -7,6 +7,11 @@
 //! - [`output`]: folders and files that results go to.
 //! - [`interrupt`]: what Ctrl-C does.
 
+#![allow(
+    rustdoc::invalid_html_tags,
+    reason = "comments of options are their help, which names files as <view>.exr"
+)]
+
 mod bake;
 mod cli;
 mod colmap;

@@ -2,8 +2,8 @@
 //!
 //! | format | what is written | read by |
 //! |---|---|---|
-//! | [`colmap`] | `sparse/0/` (binary), `images/` | whatever reads a COLMAP project |
-//! | [`nerfstudio`] | `transforms.json`, `images/`, `sparse_pc.ply` | nerfstudio, brush, and we |
+//! | colmap | `sparse/0/` (binary), `images/` | whatever reads a COLMAP project |
+//! | nerfstudio | `transforms.json`, `images/`, `sparse_pc.ply` | nerfstudio, brush, and we |
 //! | eagpt | `transforms.json`, `Radiance-exr/` | EAG-PT, and we |
 //!
 //! The world stays as it is: poses and points have the digits of the dataset, and a dataset that was imported goes back to the same

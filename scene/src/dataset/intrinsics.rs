@@ -56,7 +56,7 @@ pub(super) fn camera(
     pinhole(dialect, top, frame, size, world_from_camera)
 }
 
-/// As [`camera`] with no regard to distortion: the focal lengths and the principal point of whatever lens it is.
+/// Focal lengths and principal point of whatever lens it is, with no regard to distortion; otherwise as datasets are opened.
 ///
 /// # Errors
 /// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values, or a stated size that is not `size`.
