@@ -1,6 +1,9 @@
 //! The commands, and the options that all of them share.
 
-use crate::{bake, colmap, edit, eval, export, ingest, masks, render, report, run, synth, train};
+use crate::{
+    bake, colmap, dataset, edit, eval, export, ingest, masks, normals, render, report, run, synth,
+    train,
+};
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
@@ -58,6 +61,8 @@ pub(crate) enum Command {
     Masks(masks::MasksArgs),
     Colmap(colmap::ColmapArgs),
     Ingest(ingest::IngestArgs),
+    Dataset(dataset::DatasetArgs),
+    Normals(normals::NormalsArgs),
     Train(train::TrainArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
@@ -93,6 +98,8 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Colmap(args) => colmap::run(args, global),
         Command::Synth(args) => synth::run(args, global),
         Command::Ingest(args) => ingest::run(args, global),
+        Command::Dataset(args) => dataset::run(args, global),
+        Command::Normals(args) => normals::run(args, global),
     }
 }
 
@@ -140,7 +147,8 @@ mod tests {
         let mut command = Cli::command();
         command.build();
         command.clone().debug_assert();
-        for sub in command.get_subcommands() {
+        let commands = command.get_subcommands();
+        for sub in commands.flat_map(|sub| std::iter::once(sub).chain(sub.get_subcommands())) {
             for argument in sub.get_arguments() {
                 assert!(
                     argument.get_help().is_some(),

@@ -1,22 +1,29 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`synth`], [`ingest`], [`mod@colmap`], [`mod@masks`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
 //! - [`interrupt`]: what Ctrl-C does.
 
+#![allow(
+    rustdoc::invalid_html_tags,
+    reason = "comments of options are their help, which names files as <view>.exr"
+)]
+
 mod bake;
 mod cli;
 mod colmap;
+mod dataset;
 mod edit;
 mod eval;
 mod export;
 mod ingest;
 mod interrupt;
 mod masks;
+mod normals;
 mod output;
 mod progress;
 mod record;

@@ -11,6 +11,7 @@
 mod bake;
 mod camera_path;
 mod colmap;
+mod dataset;
 mod denoise;
 mod determinism;
 mod edit;

@@ -1,4 +1,4 @@
-//! Pinhole intrinsics in their many spellings.
+//! Intrinsics in their many spellings.
 
 use super::json::{Object, excerpt};
 use crate::camera::Camera;
@@ -7,7 +7,7 @@ use glam::DAffine3;
 
 /// Keys that EAG-PT and nerfstudio spell differently.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Dialect {
+pub enum Dialect {
     /// `fx`, `fy`, `file_name`
     EagPt,
     /// `fl_x`, `fl_y`, `file_path`
@@ -53,6 +53,20 @@ pub(super) fn camera(
     for object in [top, frame] {
         check_undistorted(object)?;
     }
+    pinhole(dialect, top, frame, size, world_from_camera)
+}
+
+/// Focal lengths and principal point of whatever lens it is, with no regard to distortion; otherwise as datasets are opened.
+///
+/// # Errors
+/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values, or a stated size that is not `size`.
+pub fn pinhole(
+    dialect: Dialect,
+    top: &Object<'_>,
+    frame: &Object<'_>,
+    size: (u32, u32),
+    world_from_camera: DAffine3,
+) -> Result<Camera> {
     let (width, height) = (f64::from(size.0), f64::from(size.1));
     for (key, pixels) in [("w", width), ("h", height)] {
         if let Some((object, stated)) = lookup(top, frame, key)?
@@ -117,7 +131,10 @@ fn focal(
 }
 
 /// The number at `key` and where it stands; stated in both places it has to be the same.
-fn lookup<'o, 'a>(
+///
+/// # Errors
+/// [`crate::SceneError::Invalid`] naming the key.
+pub fn lookup<'o, 'a>(
     top: &'o Object<'a>,
     frame: &'o Object<'a>,
     key: &str,

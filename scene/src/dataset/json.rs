@@ -6,16 +6,21 @@ use std::path::Path;
 
 /// An object of a JSON file; `place` is "" at the top, else as `frames[3]`.
 #[derive(Clone, Copy)]
-pub(crate) struct Object<'a> {
-    pub(crate) path: &'a Path,
-    pub(crate) map: &'a Map<String, Value>,
+pub struct Object<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// Keys and values.
+    pub map: &'a Map<String, Value>,
     /// The list it is in, and where.
-    pub(crate) within: Option<(&'static str, usize)>,
+    pub within: Option<(&'static str, usize)>,
 }
 
 impl<'a> Object<'a> {
     /// The whole of a file.
-    pub(crate) fn root(path: &'a Path, value: &'a Value) -> Result<Self> {
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if it is no object.
+    pub fn root(path: &'a Path, value: &'a Value) -> Result<Self> {
         let map = value
             .as_object()
             .ok_or_else(|| SceneError::invalid(path, "JSON", "not an object"))?;
@@ -27,7 +32,10 @@ impl<'a> Object<'a> {
     }
 
     /// The objects of a list that has to be there and not be empty.
-    pub(crate) fn objects(&self, list: &'static str) -> Result<Vec<Self>> {
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if it is not, or holds something else.
+    pub fn objects(&self, list: &'static str) -> Result<Vec<Self>> {
         let values = self
             .array(list)?
             .ok_or_else(|| self.invalid(list, "missing"))?;
@@ -49,28 +57,33 @@ impl<'a> Object<'a> {
     }
 
     /// `key` with the place of the object in front.
-    pub(crate) fn field(&self, key: &str) -> String {
+    pub fn field(&self, key: &str) -> String {
         match self.within {
             Some((list, index)) => format!("{list}[{index}].{key}"),
             None => key.to_owned(),
         }
     }
 
-    pub(crate) fn invalid(&self, key: &str, problem: impl Into<String>) -> SceneError {
+    /// A [`SceneError::Invalid`] for `key`.
+    pub fn invalid(&self, key: &str, problem: impl Into<String>) -> SceneError {
         SceneError::invalid(self.path, self.field(key), problem)
     }
 
-    pub(crate) fn unsupported(&self, key: &str, problem: impl Into<String>) -> SceneError {
+    /// A [`SceneError::Unsupported`] for `key`.
+    pub fn unsupported(&self, key: &str, problem: impl Into<String>) -> SceneError {
         SceneError::unsupported(self.path, self.field(key), problem)
     }
 
     /// The value of `key`; null counts as absent.
-    pub(crate) fn get(&self, key: &str) -> Option<&'a Value> {
+    pub fn get(&self, key: &str) -> Option<&'a Value> {
         self.map.get(key).filter(|value| !value.is_null())
     }
 
     /// A finite number.
-    pub(crate) fn number(&self, key: &str) -> Result<Option<f64>> {
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -81,7 +94,10 @@ impl<'a> Object<'a> {
     }
 
     /// A number above 0.
-    pub(crate) fn positive(&self, key: &str) -> Result<Option<f64>> {
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn positive(&self, key: &str) -> Result<Option<f64>> {
         match self.number(key)? {
             Some(number) if number <= 0.0 => {
                 Err(self.invalid(key, format!("{number:?} is not above 0")))
@@ -91,7 +107,10 @@ impl<'a> Object<'a> {
     }
 
     /// A whole number of pixels, 1 to 2¹⁶ − 1.
-    pub(crate) fn pixels(&self, key: &str) -> Result<Option<u32>> {
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn pixels(&self, key: &str) -> Result<Option<u32>> {
         match self.number(key)? {
             None => Ok(None),
             Some(n) if n.fract() == 0.0 && (1.0..=65535.0).contains(&n) => Ok(Some(n as u32)),
@@ -100,7 +119,10 @@ impl<'a> Object<'a> {
     }
 
     /// Four rows of four finite numbers.
-    pub(crate) fn matrix(&self, key: &str) -> Result<Option<[[f64; 4]; 4]>> {
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn matrix(&self, key: &str) -> Result<Option<[[f64; 4]; 4]>> {
         let Some(rows) = self.array(key)? else {
             return Ok(None);
         };
@@ -119,7 +141,11 @@ impl<'a> Object<'a> {
         }
     }
 
-    pub(crate) fn string(&self, key: &str) -> Result<Option<&'a str>> {
+    /// A text.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn string(&self, key: &str) -> Result<Option<&'a str>> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -129,7 +155,11 @@ impl<'a> Object<'a> {
         }
     }
 
-    pub(crate) fn array(&self, key: &str) -> Result<Option<&'a [Value]>> {
+    /// A list.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if there is something else.
+    pub fn array(&self, key: &str) -> Result<Option<&'a [Value]>> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -141,7 +171,7 @@ impl<'a> Object<'a> {
 }
 
 /// A value as text, short enough for one line.
-pub(crate) fn excerpt(value: &Value) -> String {
+pub fn excerpt(value: &Value) -> String {
     const MAX_CHARS: usize = 60;
     let text = value.to_string();
     match text.char_indices().nth(MAX_CHARS) {

@@ -21,10 +21,10 @@
 //! are read and written.
 
 mod cache;
-mod intrinsics;
-pub(crate) mod json;
+pub mod intrinsics;
+pub mod json;
 mod open;
-pub(crate) mod pose;
+pub mod pose;
 mod split;
 mod up;
 mod view;
@@ -34,13 +34,14 @@ mod write;
 mod tests;
 
 pub use cache::ViewCache;
+pub use open::is_frame_name;
 pub use split::{Split, SplitRule, Subset};
 pub use up::UpAxis;
 pub use view::View;
 pub use write::{DatasetInfo, DatasetWriter, write_transforms};
 
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Result, SceneError};
 use crate::ply::{self, PointCloud};
 use std::path::{Path, PathBuf};
 
@@ -93,6 +94,15 @@ pub struct ViewFiles {
     pub albedo: Option<PathBuf>,
 }
 
+/// A frame that cannot be used.
+#[derive(Debug)]
+pub struct BadFrame {
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub error: SceneError,
+}
+
 /// Names of frames that the file itself assigns to training and testing, as indices.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct ListedSplit {
@@ -119,7 +129,7 @@ impl Dataset {
     /// Checks all poses and intrinsics and reads the header of every radiance image, but no pixels.
     ///
     /// # Errors
-    /// [`crate::SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
+    /// [`SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
     pub fn open(root: &Path) -> Result<Self> {
         open::open(root, open::Images::Needed)
     }
@@ -136,7 +146,7 @@ impl Dataset {
     /// The same dataset with the emission masks in `folder/Emissive-exr` in place of its own; a view without one there has none.
     ///
     /// # Errors
-    /// [`crate::SceneError::Invalid`] naming the folder if it has no mask for any view.
+    /// [`SceneError::Invalid`] naming the folder if it has no mask for any view.
     pub fn with_masks(mut self, folder: &Path) -> Result<Self> {
         let masks = folder.join(EMISSION_DIR);
         for frame in &mut self.frames {
@@ -144,13 +154,21 @@ impl Dataset {
             frame.files.emission = path.is_file().then_some(path);
         }
         if self.frames.iter().all(|f| f.files.emission.is_none()) {
-            return Err(crate::SceneError::invalid(
+            return Err(SceneError::invalid(
                 &masks,
                 "masks",
                 format!("none is called like a view, as {}.exr", self.frames[0].name),
             ));
         }
         Ok(self)
+    }
+
+    /// As [`Self::open`] for who wants to know all that is wrong: frames that cannot be used are left out, and why is told of each.
+    ///
+    /// # Errors
+    /// As [`Self::open`] for what is wrong with the file as a whole, and if no frame is left.
+    pub fn survey(root: &Path) -> Result<(Self, Vec<BadFrame>)> {
+        open::survey(root)
     }
 
     /// The folder of the dataset.
@@ -231,13 +249,18 @@ impl Dataset {
     /// Loads and checks the images of a frame.
     ///
     /// # Errors
-    /// [`crate::SceneError`] naming the image file: unreadable, of another size than the radiance, or with values that
+    /// [`SceneError`] naming the image file: unreadable, of another size than the radiance, or with values that
     /// cannot be (with the pixel).
     ///
     /// # Panics
     /// If `index` is not below [`Self::len`].
     pub fn load_view(&self, index: usize) -> Result<View> {
         view::load(&self.frames[index])
+    }
+
+    /// The file of the point cloud, if there is one.
+    pub fn points_file(&self) -> Option<&Path> {
+        self.points.as_deref()
     }
 
     /// The point cloud of the dataset, if it has one.
@@ -251,7 +274,7 @@ impl Dataset {
     /// Divides the frames into training and test views.
     ///
     /// # Errors
-    /// [`crate::SceneError::Invalid`] naming the file, the rule and the numbers if either subset is empty or the file lacks
+    /// [`SceneError::Invalid`] naming the file, the rule and the numbers if either subset is empty or the file lacks
     /// the lists that the rule needs.
     pub fn split(&self, rule: SplitRule) -> Result<Split> {
         split::split(self, rule)

@@ -3,14 +3,14 @@
 use super::intrinsics::{self, Dialect};
 use super::json::{Object, excerpt};
 use super::{
-    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, DEPTH_DIR, Dataset, EMISSION_DIR, Frame, ListedSplit,
-    NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, ViewFiles, pose,
+    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, DEPTH_DIR, Dataset, EMISSION_DIR, Frame,
+    ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, ViewFiles, pose,
 };
 use crate::error::{Result, SceneError};
 use crate::exr;
 use crate::files;
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 
 /// Where the images of a frame are, before they are looked for.
@@ -31,6 +31,27 @@ pub(super) enum Images {
 }
 
 pub(super) fn open(path: &Path, images: Images) -> Result<Dataset> {
+    read(path, images, |bad| Err(bad.error))
+}
+
+pub(super) fn survey(path: &Path) -> Result<(Dataset, Vec<BadFrame>)> {
+    let mut all_bad = Vec::new();
+    let dataset = read(path, Images::Needed, |bad| {
+        all_bad.push(bad);
+        Ok(())
+    })?;
+    match all_bad.is_empty() || !dataset.is_empty() {
+        true => Ok((dataset, all_bad)),
+        false => Err(all_bad.swap_remove(0).error),
+    }
+}
+
+/// The dataset of the frames that can be used; `on_bad` decides about the others.
+fn read(
+    path: &Path,
+    images: Images,
+    mut on_bad: impl FnMut(BadFrame) -> Result<()>,
+) -> Result<Dataset> {
     let transforms = if path.is_dir() {
         path.join(TRANSFORMS_FILE)
     } else {
@@ -48,20 +69,34 @@ pub(super) fn open(path: &Path, images: Images) -> Result<Dataset> {
     let objects = top.objects("frames")?;
     let (dialect, located) = locate(&root, &objects)?;
     check_unique(&objects, &located)?;
-    let frames = objects
-        .iter()
-        .zip(&located)
-        .map(|(object, located)| {
-            let size = image_size(images, dialect, &top, object, located)?;
-            frame(&root, dialect, &top, object, located, size)
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let mut frames = Vec::with_capacity(objects.len());
+    // Of frames that cannot be used: what the lists of the file call them.
+    let mut left_out = HashSet::new();
+    // What the lists of the file call the frames that can be used.
+    let mut listed_names = Vec::with_capacity(objects.len());
+    for (object, located) in objects.iter().zip(&located) {
+        let frame = image_size(images, dialect, &top, object, located)
+            .and_then(|size| frame(&root, dialect, &top, object, located, size));
+        match frame {
+            Ok(frame) => {
+                listed_names.push(located.listed_as.as_str());
+                frames.push(frame);
+            }
+            Err(error) => {
+                left_out.insert(located.listed_as.as_str());
+                on_bad(BadFrame {
+                    name: located.name.clone(),
+                    error,
+                })?;
+            }
+        }
+    }
     warn_of_ignored_keys(&top, &objects);
     Ok(Dataset {
         up_axis: up_axis(&top)?,
         metres_per_unit: top.positive("metres_per_unit")?,
         aligned_from_model: top.matrix(ALIGNED_KEY)?,
-        listed: listed_split(&top, &located)?,
+        listed: listed_split(&top, &listed_names, &left_out)?,
         points: points(&top, &root)?,
         frames,
         root,
@@ -104,7 +139,7 @@ fn locate_eag_pt(root: &Path, object: &Object<'_>) -> Result<Located> {
 
 /// Whether `name` can name a frame. Names become paths of results: they must stay inside the folder they are put in,
 /// and on one line of a message.
-pub(super) fn is_frame_name(name: &str) -> bool {
+pub fn is_frame_name(name: &str) -> bool {
     let mut components = Path::new(name).components().peekable();
     components.peek().is_some()
         && components.all(|part| matches!(part, Component::Normal(_)))
@@ -240,18 +275,22 @@ fn up_axis(top: &Object<'_>) -> Result<Option<UpAxis>> {
         .map_err(|problem| top.invalid(key, problem))
 }
 
-/// The lists of nerfstudio; without a test list the validation list takes its place.
-fn listed_split(top: &Object<'_>, located: &[Located]) -> Result<ListedSplit> {
-    let index_by_name: HashMap<&str, usize> = located
+/// The lists of nerfstudio; without a test list the validation list takes its place. Names that are `left_out` are passed over.
+fn listed_split(top: &Object<'_>, names: &[&str], left_out: &HashSet<&str>) -> Result<ListedSplit> {
+    let index_by_name: HashMap<&str, usize> = names
         .iter()
         .enumerate()
-        .map(|(index, item)| (item.listed_as.as_str(), index))
+        .map(|(index, name)| (*name, index))
         .collect();
     let read = |key: &str| -> Result<Option<Vec<usize>>> {
         let Some(names) = top.array(key)? else {
             return Ok(None);
         };
-        let indices = names.iter().enumerate().map(|(at, name)| {
+        let there = names.iter().enumerate().filter(|(_, name)| {
+            let name = name.as_str();
+            name.is_none_or(|name| !left_out.contains(name))
+        });
+        let indices = there.map(|(at, name)| {
             let index = name.as_str().and_then(|name| index_by_name.get(name));
             index.copied().ok_or_else(|| {
                 let problem = format!("{} is not the name of a frame", excerpt(name));

@@ -1,4 +1,5 @@
-//! Camera poses: OpenGL axes and row-major matrices on disk, OpenCV axes and [`DAffine3`] in memory.
+//! Camera poses: OpenGL axes and row-major matrices on disk, OpenCV axes and [`DAffine3`] in memory. The one place that turns one into
+//! the other.
 
 use super::json::{Object, excerpt};
 use crate::error::Result;
@@ -19,7 +20,7 @@ const MIN_DETERMINANT: f64 = 1e-6;
 ///
 /// # Errors
 /// [`crate::SceneError::Invalid`] naming the frame and the offending number.
-pub(super) fn read(frame: &Object<'_>) -> Result<DAffine3> {
+pub fn read(frame: &Object<'_>) -> Result<DAffine3> {
     let rows = frame
         .array(KEY)?
         .ok_or_else(|| frame.invalid(KEY, "missing"))?;
@@ -51,8 +52,11 @@ pub(super) fn read(frame: &Object<'_>) -> Result<DAffine3> {
     from_rows(&matrix).map_err(|problem| frame.invalid(KEY, problem))
 }
 
-/// The pose with OpenCV axes of a row-major camera-to-world matrix with OpenGL axes; or what is wrong with it.
-pub(crate) fn from_rows(matrix: &[[f64; 4]; 4]) -> std::result::Result<DAffine3, String> {
+/// The pose with OpenCV axes of a row-major camera-to-world matrix with OpenGL axes.
+///
+/// # Errors
+/// What is wrong with it: a last row other than 0 0 0 1, or columns that are no rotation.
+pub fn from_rows(matrix: &[[f64; 4]; 4]) -> std::result::Result<DAffine3, String> {
     let last = matrix[3];
     if last
         .iter()
@@ -71,7 +75,7 @@ pub(crate) fn from_rows(matrix: &[[f64; 4]; 4]) -> std::result::Result<DAffine3,
 }
 
 /// The 4×4 row-major matrix with OpenGL axes of a pose with OpenCV axes.
-pub(super) fn to_json(world_from_camera: &DAffine3) -> Value {
+pub fn to_json(world_from_camera: &DAffine3) -> Value {
     let rotation = flip_axes(world_from_camera.matrix3).transpose();
     let row = |axis: DVec3, offset: f64| json!([axis.x, axis.y, axis.z, offset]);
     let t = world_from_camera.translation;
@@ -89,7 +93,11 @@ fn flip_axes(world_from_camera: DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis, -m.y_axis, -m.z_axis)
 }
 
-fn check_rotation(m: DMat3) -> std::result::Result<(), String> {
+/// Whether columns are a rotation up to rounding.
+///
+/// # Errors
+/// What is wrong: singular, mirrored, or not orthonormal.
+pub fn check_rotation(m: DMat3) -> std::result::Result<(), String> {
     let lengths = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
     let determinant = m.determinant();
     let smallest = MIN_DETERMINANT * lengths.element_product();

@@ -2,7 +2,7 @@
 
 use super::{
     ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
-    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR, View, open::is_frame_name, pose,
+    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR, View, is_frame_name, pose,
 };
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};

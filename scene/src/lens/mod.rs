@@ -20,7 +20,7 @@ mod tests;
 
 pub use model::LensModel;
 pub use remap::{Remapped, remap};
-pub use undistort::{Field, Undistortion};
+pub use undistort::{Field, UndistortOptions, Undistortion};
 
 use crate::camera::Camera;
 use distortion::{Distortion, Order};

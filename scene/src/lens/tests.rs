@@ -1,6 +1,6 @@
 //! Lenses against COLMAP's own numbers, and against themselves.
 
-use super::undistort::{UndistortOptions, distort};
+use super::undistort::distort;
 use super::*;
 use crate::image::Image;
 use glam::DMat3;
@@ -318,4 +318,39 @@ fn an_image_survives_being_distorted_and_undistorted() {
     assert!(worst < 0.01, "{worst}");
     let message = undistortion.apply(&wanted).unwrap_err();
     assert!(message.contains("320x240"), "{message}");
+}
+
+#[test]
+fn a_shrunk_pinhole_image_shows_the_same() {
+    let lens = Lens::new(
+        LensModel::OpenCv,
+        (64, 48),
+        &[50.0, 52.0, 31.0, 25.0, -0.1, 0.02, 0.001, 0.0],
+    )
+    .unwrap();
+    let whole = Undistortion::new(&lens, &UndistortOptions::default()).unwrap();
+    let camera = whole.camera(DAffine3::IDENTITY);
+    let (width, height) = (camera.width, camera.height);
+    let half = whole.resized((width / 2, height)).unwrap();
+    let at = DVec2::new(f64::from(width), f64::from(height));
+    for share in [DVec2::new(0.1, 0.9), DVec2::new(0.5, 0.3)] {
+        let position = at * share;
+        let squeezed = position * DVec2::new(f64::from(width / 2) / f64::from(width), 1.0);
+        let (a, b) = (
+            whole.source_from_target(position),
+            half.source_from_target(squeezed),
+        );
+        assert!((a.unwrap() - b.unwrap()).length() < 1e-12);
+    }
+    assert!(whole.resized((0, 4)).is_err());
+    // Nearest pixels are pixels of the source; a pinhole that stays a pinhole keeps all.
+    let mut stripes = Image::filled(64, 48, [1.0]);
+    for x in (0..64).step_by(2) {
+        (0..48).for_each(|y| stripes.pixels_mut()[y * 64 + x] = [7.0]);
+    }
+    let picked = half.apply_nearest(&stripes).unwrap();
+    assert!(picked.values().iter().all(|v| [1.0, 7.0].contains(v)));
+    let pinhole = Lens::new(LensModel::Pinhole, (64, 48), &[50.0, 52.0, 31.0, 25.0]).unwrap();
+    let same = Undistortion::new(&pinhole, &UndistortOptions::default()).unwrap();
+    assert_eq!(same.apply_nearest(&stripes).unwrap(), stripes);
 }

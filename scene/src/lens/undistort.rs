@@ -137,6 +137,64 @@ impl Undistortion {
         }
     }
 
+    /// The same with a pinhole image of another size (width, height): the same picture with other pixels.
+    ///
+    /// # Errors
+    /// If a side is 0 or beyond [`super::MAX_SIZE`].
+    pub fn resized(&self, size: (u32, u32)) -> Result<Self, String> {
+        let (width, height) = size;
+        if ![width, height]
+            .iter()
+            .all(|n| (1..=super::MAX_SIZE).contains(n))
+        {
+            return Err(format!(
+                "{width}x{height} pixels, not 1 to {} each",
+                super::MAX_SIZE
+            ));
+        }
+        let old = &self.pinhole;
+        let by_x = f64::from(width) / f64::from(old.width);
+        let by_y = f64::from(height) / f64::from(old.height);
+        let pinhole = Camera {
+            width,
+            height,
+            fx: old.fx * by_x,
+            fy: old.fy * by_y,
+            cx: old.cx * by_x,
+            cy: old.cy * by_y,
+            ..*old
+        };
+        Ok(Self { pinhole, ..*self })
+    }
+
+    /// Where the lens's image has what the pinhole image has at a position, pixels; `None` where the lens shows nothing.
+    pub fn source_from_target(&self, pixel: DVec2) -> Option<DVec2> {
+        self.lens.project(pinhole_direction(&self.pinhole, pixel))
+    }
+
+    /// As [`Self::apply`] for images whose values must not be mixed, as depths across an edge: the nearest pixel of the lens's image; 0
+    /// where there is none.
+    ///
+    /// # Errors
+    /// If the image has another size than the lens.
+    pub fn apply_nearest<const C: usize>(&self, image: &Image<C>) -> Result<Image<C>, String> {
+        check_size(image, self.lens.size())?;
+        if self.is_identity() {
+            return Ok(image.clone());
+        }
+        let mut picked = Image::filled(self.pinhole.width, self.pinhole.height, [0.0; C]);
+        let width = self.pinhole.width as usize;
+        let (last_x, last_y) = (image.width() - 1, image.height() - 1);
+        for (index, pixel) in picked.pixels_mut().iter_mut().enumerate() {
+            let centre = DVec2::new((index % width) as f64, (index / width) as f64) + 0.5;
+            let at = self.source_from_target(centre);
+            if let Some(at) = at.filter(|at| self.lens.contains(*at)) {
+                *pixel = image.get((at.x as u32).min(last_x), (at.y as u32).min(last_y));
+            }
+        }
+        Ok(picked)
+    }
+
     /// Whether images stay as they are.
     pub fn is_identity(&self) -> bool {
         self.lens.as_pinhole(DAffine3::IDENTITY) == Some(self.pinhole)
@@ -155,9 +213,7 @@ impl Undistortion {
             });
         }
         let size = (self.pinhole.width, self.pinhole.height);
-        Ok(remap(image, size, |pixel| {
-            self.lens.project(pinhole_direction(&self.pinhole, pixel))
-        }))
+        Ok(remap(image, size, |pixel| self.source_from_target(pixel)))
     }
 }
 

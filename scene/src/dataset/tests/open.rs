@@ -452,3 +452,36 @@ fn kitchen_opens() {
     // The cloud has 58,800 points on some 100 square metres: a point every 4 cm.
     assert!(median < 0.04, "{median}");
 }
+
+#[test]
+fn a_survey_tells_of_every_bad_frame_and_goes_on() {
+    let folder = folder_with(&["a", "b", "c"]);
+    let mirrored = json!([[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    folder.transforms(
+        &json!({"fx": 3.0, "train_filenames": ["a", "b"], "test_filenames": ["c", "d"], "frames": [
+            {"file_name": "a", "transform_matrix": identity()},
+            {"file_name": "b", "transform_matrix": mirrored},
+            {"file_name": "c", "transform_matrix": identity()},
+            {"file_name": "d", "transform_matrix": identity()},
+        ]}),
+    );
+    let (dataset, bad) = Dataset::survey(folder.root()).unwrap();
+    let names: Vec<&str> = dataset.frames().iter().map(|f| f.name.as_str()).collect();
+    assert_eq!(names, ["a", "c"]);
+    let bad: Vec<String> = bad
+        .iter()
+        .map(|b| format!("{}: {}", b.name, b.error))
+        .collect();
+    assert!(
+        bad[0].starts_with("b: ") && bad[0].contains("mirrored"),
+        "{bad:?}"
+    );
+    assert!(
+        bad[1].starts_with("d: ") && bad[1].contains("no image"),
+        "{bad:?}"
+    );
+    // The lists lose the bad frames, and no more.
+    let split = dataset.split(SplitRule::Listed).unwrap();
+    assert_eq!((split.train, split.test), (vec![0], vec![1]));
+    assert!(folder.open().is_err());
+}

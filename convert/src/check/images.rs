@@ -1,0 +1,226 @@
+//! What the images of a view hold.
+
+use super::report::{Kind, ValueRange, ViewCheck};
+use crate::error::Problem;
+use crate::surface::normals_from_depth;
+use eagpt_scene::{Frame, Image, Result, exr};
+use glam::Vec3;
+use std::path::Path;
+
+/// How far masks may leave 0 to 1: half precision and resampling overshoot this much.
+const MASK_TOLERANCE: f32 = 1e-3;
+/// Normals shorter than this are unknown.
+const MIN_NORMAL_LENGTH: f32 = 1e-3;
+/// How far known normals may be from unit length before it is told.
+const MAX_LENGTH_ERROR: f32 = 0.05;
+
+/// What was seen of a view: its numbers, its ranges by kind, what is broken.
+pub(super) struct Looked {
+    pub(super) view: ViewCheck,
+    pub(super) ranges: Vec<(Kind, ValueRange)>,
+    pub(super) problems: Vec<Problem>,
+    /// Median of depth over the depth of points, if there are both.
+    pub(super) depth_over_points: Option<f64>,
+}
+
+/// Reads all images of a view, whatever is wrong with some of them. `points` is a sample of the cloud.
+pub(super) fn look(frame: &Frame, valid: Option<&Path>, points: &[Vec3]) -> Looked {
+    let mut looked = Looked {
+        view: ViewCheck {
+            name: frame.name.clone(),
+            size: [frame.camera.width, frame.camera.height],
+            ..ViewCheck::default()
+        },
+        ranges: Vec::new(),
+        problems: Vec::new(),
+        depth_over_points: None,
+    };
+    let files = &frame.files;
+    if let Some(radiance) = looked.read(frame, Kind::Radiance, Some(&files.radiance), exr::read_rgb)
+    {
+        looked.radiance(&radiance, &files.radiance);
+    }
+    let emission = looked.read(
+        frame,
+        Kind::Emission,
+        files.emission.as_deref(),
+        exr::read_single,
+    );
+    if let (Some(mask), Some(path)) = (&emission, &files.emission) {
+        looked.mask(mask, path);
+        looked.view.emission = Some(share(mask.values(), |v| v >= 0.5));
+    }
+    let alpha = looked.read(frame, Kind::Alpha, files.alpha.as_deref(), exr::read_single);
+    if let (Some(mask), Some(path)) = (&alpha, &files.alpha) {
+        looked.mask(mask, path);
+    }
+    if let Some(mask) = looked.read(frame, Kind::Valid, valid, exr::read_single) {
+        looked.view.valid = Some(share(mask.values(), |v| v > 0.0));
+    }
+    let albedo = looked.read(frame, Kind::Albedo, files.albedo.as_deref(), exr::read_rgb);
+    if let (Some(albedo), Some(path)) = (&albedo, &files.albedo) {
+        looked.refuse(path, albedo, "is not finite and at least 0", |v| {
+            !(v.is_finite() && v >= 0.0)
+        });
+    }
+    let depth = looked.read(frame, Kind::Depth, files.depth.as_deref(), exr::read_single);
+    if let (Some(depth), Some(path)) = (&depth, &files.depth) {
+        looked.refuse(path, depth, "is not a depth", |v| v.is_nan() || v < 0.0);
+        looked.view.depth = Some(share(depth.values(), |v| v > 0.0 && v.is_finite()));
+        looked.depth_over_points = depth_over_points(depth, frame, points);
+    }
+    let normal = looked.read(frame, Kind::Normal, files.normal.as_deref(), exr::read_rgb);
+    if let (Some(normal), Some(path)) = (&normal, &files.normal) {
+        looked.refuse(path, normal, "is not finite", |v| !v.is_finite());
+        looked.normals(normal, depth.as_ref(), frame);
+    }
+    looked
+}
+
+impl Looked {
+    fn problem(&mut self, problem: impl std::fmt::Display) {
+        self.problems.push(Problem::new(&self.view.name, problem));
+    }
+
+    /// The image of a kind, if it is there, can be read and has the right size.
+    fn read<const C: usize>(
+        &mut self,
+        frame: &Frame,
+        kind: Kind,
+        path: Option<&Path>,
+        read: impl Fn(&Path) -> Result<Image<C>>,
+    ) -> Option<Image<C>> {
+        let path = path?;
+        let image = match read(path) {
+            Ok(image) => image,
+            Err(error) => {
+                self.problem(error);
+                return None;
+            }
+        };
+        self.ranges.push((kind, ValueRange::of(image.values())));
+        let wanted = (frame.camera.width, frame.camera.height);
+        if image.size() == wanted {
+            return Some(image);
+        }
+        let (width, height) = image.size();
+        self.problem(format!(
+            "{}: size: {width}x{height}, but the radiance is {}x{}",
+            path.display(),
+            wanted.0,
+            wanted.1
+        ));
+        None
+    }
+
+    /// Notes pixels with a channel that `is_bad`, all of them in one line.
+    fn refuse<const C: usize>(
+        &mut self,
+        path: &Path,
+        image: &Image<C>,
+        what: &str,
+        is_bad: impl Fn(f32) -> bool,
+    ) {
+        let has_bad = |pixel: &&[f32; C]| pixel.iter().any(|v| is_bad(*v));
+        let num_bad = image.pixels().iter().filter(has_bad).count();
+        let Some(first) = image.values().iter().position(|v| is_bad(*v)) else {
+            return;
+        };
+        let (pixel, width) = (first / C, image.width() as usize);
+        self.problem(format!(
+            "{}: pixel ({}, {}): {:?} {what}; {num_bad} of {} pixels are like this",
+            path.display(),
+            pixel % width,
+            pixel / width,
+            image.values()[first],
+            image.pixels().len()
+        ));
+    }
+
+    fn radiance(&mut self, image: &Image<3>, path: &Path) {
+        self.refuse(path, image, "is not finite", |v| !v.is_finite());
+        self.refuse(path, image, "is negative", |v| v < 0.0);
+        let count = |is: &dyn Fn(f32) -> bool| {
+            let has = |pixel: &&[f32; 3]| pixel.iter().any(|v| is(*v));
+            image.pixels().iter().filter(has).count()
+        };
+        self.view.num_not_finite = count(&|v| !v.is_finite());
+        self.view.num_negative = count(&|v| v < 0.0);
+        let finite = image.values().iter().copied().filter(|v| v.is_finite());
+        let most = finite.fold(0.0, f32::max);
+        self.view.max_radiance = most;
+        if most > 0.0 {
+            self.view.num_at_maximum = count(&|v| v == most);
+        }
+        let luminances = image.pixels().iter();
+        let luminances = luminances.map(|rgb| f64::from(eagpt_scene::color::luminance(*rgb)));
+        let (sum, num) = luminances
+            .filter(|l| l.is_finite())
+            .fold((0.0, 0.0_f64), |(sum, num), l| (sum + l, num + 1.0));
+        self.view.mean_luminance = sum / num.max(1.0);
+    }
+
+    fn mask(&mut self, mask: &Image<1>, path: &Path) {
+        self.refuse(path, mask, "is outside 0 to 1", |v| {
+            !(-MASK_TOLERANCE..=1.0 + MASK_TOLERANCE).contains(&v)
+        });
+    }
+
+    fn normals(&mut self, normal: &Image<3>, depth: Option<&Image<1>>, frame: &Frame) {
+        let rays = frame.camera.ray_frame();
+        let width = normal.width() as usize;
+        let known = |pixel: &[f32; 3]| Vec3::from(*pixel).length() >= MIN_NORMAL_LENGTH;
+        let (mut num_known, mut num_facing, mut num_long) = (0_usize, 0_usize, 0_usize);
+        for (index, pixel) in normal.pixels().iter().enumerate() {
+            if !known(pixel) {
+                continue;
+            }
+            let vector = Vec3::from(*pixel);
+            num_known += 1;
+            num_long += usize::from((vector.length() - 1.0).abs() > MAX_LENGTH_ERROR);
+            let at = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
+            num_facing += usize::from(vector.dot(rays.direction(at.0, at.1)) < 0.0);
+        }
+        let all = normal.pixels().len().max(1);
+        self.view.normal = Some(num_known as f64 / all as f64);
+        if num_known > 0 {
+            self.view.normals_facing = Some(num_facing as f64 / num_known as f64);
+            self.view.normals_not_unit = Some(num_long as f64 / num_known as f64);
+        }
+        if let Some(depth) = depth {
+            let spanned = normals_from_depth(depth, &frame.camera);
+            let pairs = normal.pixels().iter().zip(spanned.pixels());
+            let both = pairs.filter(|(a, b)| known(a) && known(b));
+            let angles = both.map(|(a, b)| {
+                let cosine = Vec3::from(*a).normalize().dot(Vec3::from(*b));
+                f64::from(cosine.clamp(-1.0, 1.0)).acos().to_degrees()
+            });
+            self.view.normal_from_depth_deg = median(angles.collect());
+        }
+    }
+}
+
+fn share(values: &[f32], is: impl Fn(f32) -> bool) -> f64 {
+    let num = values.iter().filter(|v| is(**v)).count();
+    num as f64 / values.len().max(1) as f64
+}
+
+/// How depths compare with those of points in the picture; occluded points make it smaller than 1.
+fn depth_over_points(depth: &Image<1>, frame: &Frame, points: &[Vec3]) -> Option<f64> {
+    let ratios = points.iter().filter_map(|point| {
+        let at = frame.camera.project(*point);
+        let inside = at.z > 0.0 && at.x >= 0.0 && at.y >= 0.0;
+        if !inside || at.x >= depth.width() as f32 || at.y >= depth.height() as f32 {
+            return None;
+        }
+        let [stored] = depth.get(at.x as u32, at.y as u32);
+        (stored > 0.0 && stored.is_finite()).then(|| f64::from(stored / at.z))
+    });
+    median(ratios.collect())
+}
+
+/// The median; `None` of nothing.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}

@@ -1,0 +1,125 @@
+//! Colour of sources: gains, primaries and a scale, to linear Rec.709.
+//!
+//! Matrices are derived from chromaticities: a colour space's XYZ of R, G and B are those of its primaries, scaled so that their sum is
+//! that of its white (SMPTE RP 177). Both spaces here have the white D65, so no adaptation comes in between, and grey stays grey.
+
+use glam::{DMat3, DVec2, DVec3};
+use serde::Serialize;
+
+/// D65 (ITU-R BT.709, IEC 61966-2-1).
+const D65: DVec2 = DVec2::new(0.3127, 0.3290);
+
+/// Primaries of linear light, with the white D65.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Primaries {
+    /// ITU-R BT.709, those of sRGB: ours.
+    #[default]
+    Rec709,
+    /// Those of digital cinema (SMPTE RP 431-2) with the white D65 (SMPTE EG 432-1), which displays have.
+    ///
+    /// Eyeful Tower says "DCI-P3" and names no white. Its white balance makes grey equal in R, G and B, which is the white of whatever
+    /// space they are in; with the white of cinema projectors, adapted to D65, entries of the matrix would differ by up to 0.07.
+    P3D65,
+}
+
+impl Primaries {
+    fn chromaticities(self) -> [DVec2; 3] {
+        match self {
+            Self::Rec709 => [
+                DVec2::new(0.640, 0.330),
+                DVec2::new(0.300, 0.600),
+                DVec2::new(0.150, 0.060),
+            ],
+            Self::P3D65 => [
+                DVec2::new(0.680, 0.320),
+                DVec2::new(0.265, 0.690),
+                DVec2::new(0.150, 0.060),
+            ],
+        }
+    }
+
+    fn xyz_from_rgb(self) -> DMat3 {
+        let xyz = |xy: DVec2| DVec3::new(xy.x, xy.y, 1.0 - xy.x - xy.y) / xy.y;
+        let [r, g, b] = self.chromaticities().map(xyz);
+        let primaries = DMat3::from_cols(r, g, b);
+        primaries * DMat3::from_diagonal(primaries.inverse() * xyz(D65))
+    }
+
+    /// The matrix that turns linear light of these primaries into that of Rec.709.
+    pub fn rec709_from_rgb(self) -> DMat3 {
+        match self {
+            Self::Rec709 => DMat3::IDENTITY,
+            Self::P3D65 => Self::Rec709.xyz_from_rgb().inverse() * self.xyz_from_rgb(),
+        }
+    }
+}
+
+/// What turns a source's linear values into ours: white balance in the source's space, then its primaries, then a scale.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ColorTransform {
+    /// Factors of R, G, B.
+    pub gains: [f64; 3],
+    /// Primaries of the source.
+    pub primaries: Primaries,
+    /// Factor of all.
+    pub scale: f64,
+}
+
+impl Default for ColorTransform {
+    fn default() -> Self {
+        Self {
+            gains: [1.0; 3],
+            primaries: Primaries::Rec709,
+            scale: 1.0,
+        }
+    }
+}
+
+impl ColorTransform {
+    /// The matrix of all three.
+    pub fn matrix(&self) -> DMat3 {
+        let gains = DMat3::from_diagonal(DVec3::from(self.gains));
+        self.primaries.rec709_from_rgb() * gains * self.scale
+    }
+
+    /// Whether values keep their bits.
+    pub fn is_identity(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn p3_agrees_with_published_numbers_and_keeps_grey() {
+        let matrix = Primaries::P3D65.rec709_from_rgb();
+        // Apple's and the W3C's (CSS Color 4) linear display-p3 to linear sRGB, to six decimals.
+        let wanted = [
+            [1.224_940, -0.224_940, 0.0],
+            [-0.042_057, 1.042_057, 0.0],
+            [-0.019_638, -0.078_636, 1.098_274],
+        ];
+        for (r, row) in wanted.iter().enumerate() {
+            for (c, value) in row.iter().enumerate() {
+                let own = matrix.col(c)[r];
+                assert!((own - value).abs() < 2e-6, "{r} {c}: {own} {value}");
+            }
+        }
+        assert!((matrix * DVec3::ONE - DVec3::ONE).length() < 1e-12);
+    }
+
+    #[test]
+    fn gains_come_before_primaries() {
+        let color = ColorTransform {
+            gains: [0.5, 1.0, 2.0],
+            primaries: Primaries::P3D65,
+            scale: 3.0,
+        };
+        let light = color.matrix() * DVec3::new(2.0, 1.0, 0.5);
+        assert!((light - 3.0).length() < 1e-11, "{light}");
+        assert!(!color.is_identity() && ColorTransform::default().is_identity());
+    }
+}

@@ -1,0 +1,300 @@
+//! A source becomes our dataset.
+//!
+//! Light becomes linear Rec.709, cameras pinholes; images of a lens that distorts are resampled, others keep their pixels. Negative
+//! radiances, which a source's noise or its wider primaries leave behind, become 0 and are counted; what is not finite is a bad frame.
+//!
+//! By default the pinhole image is a rectangle of known pixels. Where it is chosen to show more, or where the source has masks of
+//! pixels to use, [`VALID_DIR`] says which pixels are known: 1 known, 0 not. Opacity (`Alpha-exr`) says something else: how much of a known
+//! pixel there is.
+
+mod options;
+mod report;
+mod view;
+
+pub use options::{BadFrames, ImportOptions, Ldr};
+pub use report::{ImportReport, LensReport, REPORT_FILE, ViewReport};
+
+use crate::error::{ConvertError, Problem, Result};
+use crate::source::{Source, SourceFrame};
+use crate::world;
+use eagpt_scene::dataset::{
+    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetWriter, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
+    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR,
+};
+use eagpt_scene::lens::Undistortion;
+use eagpt_scene::ply::PointCloud;
+use eagpt_scene::{Lens, ply};
+use glam::DMat3;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use view::Imported;
+
+/// What the job tells as it goes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "message", rename_all = "kebab-case")]
+pub enum ImportProgress {
+    /// So many views are written.
+    Importing {
+        /// Views done.
+        done: usize,
+        /// Views in all.
+        total: usize,
+    },
+    /// A frame that cannot be used.
+    Bad(Problem),
+    /// What was found out or decided.
+    Note {
+        /// In one line.
+        text: String,
+    },
+    /// What a reader of the result has to know.
+    Warning {
+        /// In one line.
+        text: String,
+    },
+}
+
+/// What became of it.
+#[derive(Debug, Clone)]
+pub struct ImportSummary {
+    /// All that was found out and decided.
+    pub report: ImportReport,
+    /// Files written, relative to the dataset's folder.
+    pub outputs: Vec<PathBuf>,
+}
+
+/// The files that an import may write, relative to the dataset's folder.
+pub fn planned_files(source: &Source) -> Vec<PathBuf> {
+    let mut planned: Vec<PathBuf> = [TRANSFORMS_FILE, REPORT_FILE].map(PathBuf::from).into();
+    if source.points.is_some() {
+        planned.push(POINTS_FILE.into());
+    }
+    for frame in &source.frames {
+        let files = &frame.files;
+        let kinds = [
+            (RADIANCE_DIR, true),
+            // A PNG may turn out to have one.
+            (
+                ALPHA_DIR,
+                files.alpha.is_some() || !crate::pictures::is_exr(&files.radiance),
+            ),
+            (EMISSION_DIR, files.emission.is_some()),
+            (NORMAL_DIR, files.normal.is_some()),
+            (DEPTH_DIR, files.depth.is_some()),
+            (ALBEDO_DIR, files.albedo.is_some()),
+            (VALID_DIR, true),
+        ];
+        let there = kinds.into_iter().filter(|(_, is_there)| *is_there);
+        planned.extend(there.map(|(folder, _)| image_file(folder, &frame.name)));
+    }
+    planned
+}
+
+fn image_file(folder: &str, name: &str) -> PathBuf {
+    Path::new(folder).join(format!("{name}.exr"))
+}
+
+/// Imports a source into the folder `out`; as many views are in memory as there are threads.
+///
+/// # Errors
+/// [`ConvertError::BadFrames`] with all frames that cannot be used, before anything is written if that shows without reading pixels;
+/// an option out of range; a file that cannot be written.
+pub fn import(
+    source: &Source,
+    out: &Path,
+    options: &ImportOptions,
+    progress: &mut dyn FnMut(ImportProgress),
+) -> Result<ImportSummary> {
+    options.validate()?;
+    let mut source = source.clone();
+    let lenses = Lenses::choose(&mut source, options)?;
+    for problem in &source.problems {
+        progress(ImportProgress::Bad(problem.clone()));
+    }
+    if source.frames.is_empty()
+        || (!source.problems.is_empty() && options.bad_frames == BadFrames::Refuse)
+    {
+        return Err(source.bad_frames());
+    }
+    for text in &source.notes {
+        progress(ImportProgress::Note { text: text.clone() });
+    }
+    let up = source.info.up_axis.unwrap_or_default();
+    let job = Job {
+        new_from_source: options.world.new_from_source(up),
+        matrix: (!source.color.is_identity()).then(|| source.color.matrix()),
+        lenses: &lenses,
+    };
+    let points = points(&source, job.new_from_source)?;
+    let mut writer = DatasetWriter::create(out, options.precision)?;
+    let mut views = Vec::new();
+    let total = source.frames.len();
+    // Views are done in batches and listed in their order.
+    for batch in source.frames.chunks(rayon::current_num_threads().max(1)) {
+        let done: Vec<Result<Imported>> = batch
+            .par_iter()
+            .map(|frame| job.view(frame, &writer))
+            .collect();
+        for (frame, outcome) in batch.iter().zip(done) {
+            match outcome {
+                Ok(imported) => {
+                    writer.list(&frame.name, imported.camera);
+                    views.push(imported.report);
+                }
+                Err(error) => {
+                    let problem = Problem::new(&frame.name, error);
+                    progress(ImportProgress::Bad(problem.clone()));
+                    source.problems.push(problem);
+                }
+            }
+            let done = views.len() + source.problems.len();
+            progress(ImportProgress::Importing {
+                done: done.min(total),
+                total,
+            });
+        }
+    }
+    let has_failed = !source.problems.is_empty() && options.bad_frames == BadFrames::Refuse;
+    if views.is_empty() || has_failed {
+        source.frames.truncate(views.len());
+        return Err(source.bad_frames());
+    }
+    if let Some(cloud) = &points {
+        writer.write_points(cloud)?;
+    }
+    let mut info = source.info.clone();
+    if options.world == world::World::ZUp {
+        info.up_axis = Some(UpAxis::Z);
+    }
+    if let Some(rows) = &mut info.aligned_from_model {
+        *rows = turned_rows(job.new_from_source, rows);
+    }
+    let is_there = |name: &String| views.iter().any(|view: &ViewReport| view.name == *name);
+    for list in [&mut info.train_names, &mut info.test_names]
+        .into_iter()
+        .flatten()
+    {
+        list.retain(is_there);
+    }
+    writer.finish(&info)?;
+    let mut report = ImportReport::new(&source, options, job.new_from_source);
+    report.lenses = lenses.report();
+    report.num_points = points.as_ref().map(PointCloud::len);
+    report.views = views;
+    report.warn_of_views();
+    for text in &report.warnings {
+        progress(ImportProgress::Warning { text: text.clone() });
+    }
+    report.write(&out.join(REPORT_FILE))?;
+    let written = planned_files(&source).into_iter();
+    Ok(ImportSummary {
+        report,
+        outputs: written.filter(|file| out.join(file).is_file()).collect(),
+    })
+}
+
+/// The point cloud in the dataset's world.
+fn points(source: &Source, new_from_source: DMat3) -> Result<Option<PointCloud>> {
+    let Some(path) = &source.points else {
+        return Ok(None);
+    };
+    let mut cloud = ply::read_points(path)?;
+    for position in &mut cloud.positions {
+        *position = (new_from_source * position.as_dvec3()).as_vec3();
+    }
+    Ok(Some(cloud))
+}
+
+/// Rows of a similarity into a world that was turned.
+fn turned_rows(turn: DMat3, rows: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    let mut new = *rows;
+    for (r, row) in new.iter_mut().take(3).enumerate() {
+        for (c, value) in row.iter_mut().enumerate() {
+            *value = (0..3).map(|k| turn.col(k)[r] * rows[k][c]).sum();
+        }
+    }
+    new
+}
+
+/// Pinhole cameras for the lenses of a source, of which there are few.
+struct Lenses {
+    chosen: Vec<Undistortion>,
+}
+
+impl Lenses {
+    /// Chooses a pinhole for every lens; frames whose lens has none become bad ones.
+    fn choose(source: &mut Source, options: &ImportOptions) -> Result<Self> {
+        let mut chosen: Vec<Undistortion> = Vec::new();
+        let mut failed: Vec<(Lens, String)> = Vec::new();
+        let frames = std::mem::take(&mut source.frames);
+        for frame in frames {
+            let lens = frame.lens;
+            if !chosen.iter().any(|c| *c.lens() == lens) && !failed.iter().any(|(f, _)| *f == lens)
+            {
+                match pinhole(&lens, options) {
+                    Ok(undistortion) => chosen.push(undistortion),
+                    Err(problem) => failed.push((lens, problem)),
+                }
+            }
+            match failed.iter().find(|(f, _)| *f == lens) {
+                Some((_, problem)) => source.problems.push(Problem::new(&frame.name, problem)),
+                None => source.frames.push(frame),
+            }
+        }
+        Ok(Self { chosen })
+    }
+
+    fn of(&self, lens: &Lens) -> Option<&Undistortion> {
+        self.chosen.iter().find(|chosen| chosen.lens() == lens)
+    }
+
+    fn report(&self) -> Vec<LensReport> {
+        self.chosen.iter().map(LensReport::new).collect()
+    }
+}
+
+fn pinhole(lens: &Lens, options: &ImportOptions) -> Result<Undistortion, String> {
+    let undistortion = Undistortion::new(lens, &options.undistort)?;
+    let camera = undistortion.camera(glam::DAffine3::IDENTITY);
+    let longest = camera.width.max(camera.height);
+    match options.max_edge {
+        Some(edge) if edge < longest => {
+            let by = f64::from(edge) / f64::from(longest);
+            let shrunk = |n: u32| ((f64::from(n) * by).round() as u32).max(1);
+            undistortion.resized((shrunk(camera.width), shrunk(camera.height)))
+        }
+        _ => Ok(undistortion),
+    }
+}
+
+struct Job<'a> {
+    new_from_source: DMat3,
+    /// Of colours, if they change.
+    matrix: Option<DMat3>,
+    lenses: &'a Lenses,
+}
+
+impl Job<'_> {
+    /// Reads, converts and writes the images of a frame.
+    fn view(&self, frame: &SourceFrame, writer: &DatasetWriter) -> Result<Imported> {
+        let undistortion = self.lenses.of(&frame.lens).ok_or_else(|| {
+            ConvertError::invalid(
+                &frame.files.radiance,
+                "lens",
+                "no pinhole was chosen for it",
+            )
+        })?;
+        let (view, valid, imported) = view::convert(
+            frame,
+            undistortion,
+            self.matrix.as_ref(),
+            self.new_from_source,
+        )?;
+        writer.write_images(&view)?;
+        if let Some(valid) = valid {
+            writer.write_valid(&view.name, &valid)?;
+        }
+        Ok(imported)
+    }
+}

@@ -1,0 +1,289 @@
+//! `transforms.json` of nerfstudio and of instant-NGP, and Blender scenes in their form.
+//!
+//! Poses are camera to world with OpenGL axes in a world with z up, as they stand in the file: an `applied_transform` or `applied_scale`
+//! that nerfstudio has put in is kept, so that `ply_file_path` and everything else made beside the file fits; it is told in a note.
+//! What nerfstudio does when it trains (recentre, turn, scale) is not in the file.
+//!
+//! | key | becomes |
+//! |---|---|
+//! | `file_path` | the photograph; without an extension `.exr`, `.png`, `.jpg` are looked for |
+//! | `mask_path` | pixels to use, black are not: [`eagpt_scene::dataset::VALID_DIR`] |
+//! | `depth_file_path` | depth, in units of `--depth-unit` (nerfstudio: millimetres) times `applied_scale` |
+//! | `ply_file_path` | the point cloud |
+//! | `train_filenames`, `val_filenames`, `test_filenames` | the dataset's own split |
+//!
+//! A folder with `transforms_train.json`, and `transforms_val.json` or `transforms_test.json` beside it, is one dataset with that split.
+
+use super::{
+    Depth, Source, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
+    read_json, size_of,
+};
+use crate::error::{Problem, Result};
+use crate::import::ImportOptions;
+use eagpt_scene::dataset::json::{Object, excerpt};
+use eagpt_scene::dataset::{TRANSFORMS_FILE, UpAxis, pose};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+
+/// Extensions that are tried where a path has none.
+const EXTENSIONS: [&str; 4] = ["exr", "png", "jpg", "jpeg"];
+/// Files of Blender scenes and the subset that they list.
+const SPLIT_FILES: [(&str, Subset); 3] = [
+    ("transforms_train.json", Subset::Train),
+    ("transforms_val.json", Subset::Validation),
+    ("transforms_test.json", Subset::Test),
+];
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Subset {
+    Train,
+    Validation,
+    Test,
+}
+
+/// Whose `transforms.json` it is, by the keys in it.
+pub(super) fn dialect(path: &Path) -> Result<SourceFormat> {
+    let file = file_of(path);
+    let value = read_json(&file)?;
+    let top = Object::root(&file, &value)?;
+    let first = top.objects("frames")?[0];
+    if first.get("file_name").is_some() {
+        return Ok(SourceFormat::Eagpt);
+    }
+    let is_ngp = top.get("aabb_scale").is_some()
+        || (top.get("camera_angle_x").is_some() && top.get("camera_model").is_none());
+    Ok(if is_ngp {
+        SourceFormat::InstantNgp
+    } else {
+        SourceFormat::Nerfstudio
+    })
+}
+
+fn file_of(path: &Path) -> PathBuf {
+    if path.is_file() {
+        path.to_owned()
+    } else {
+        path.join(TRANSFORMS_FILE)
+    }
+}
+
+pub(super) fn read(path: &Path, format: SourceFormat, options: &ImportOptions) -> Result<Source> {
+    let file = file_of(path);
+    let root = match file.parent() {
+        Some(parent) if parent.as_os_str().is_empty() => PathBuf::from("."),
+        Some(parent) => parent.to_owned(),
+        None => PathBuf::from("."),
+    };
+    let split: Vec<(PathBuf, Subset)> = SPLIT_FILES
+        .iter()
+        .map(|(name, subset)| (root.join(name), *subset))
+        .filter(|(path, _)| path.is_file())
+        .collect();
+    if file.is_file() || split.is_empty() {
+        let mut source = new_source(format, &root, &file);
+        read_file(&mut source, &file, options)?;
+        return Ok(source);
+    }
+    let mut source = new_source(format, &root, &split[0].0);
+    let mut names: HashMap<u8, Vec<String>> = HashMap::new();
+    for (path, subset) in &split {
+        names.insert(*subset as u8, read_file(&mut source, path, options)?);
+    }
+    source.info.train_names = names.remove(&(Subset::Train as u8));
+    let validation = names.remove(&(Subset::Validation as u8));
+    source.info.test_names = names.remove(&(Subset::Test as u8)).or(validation);
+    Ok(source)
+}
+
+fn new_source(format: SourceFormat, root: &Path, file: &Path) -> Source {
+    let mut source = Source::new(format, root, file.to_owned());
+    source.info.up_axis = Some(UpAxis::Z);
+    source.points = points_beside(root);
+    source
+}
+
+/// Adds the frames of a file and returns their names.
+fn read_file(source: &mut Source, file: &Path, options: &ImportOptions) -> Result<Vec<String>> {
+    let value = read_json(file)?;
+    let top = Object::root(file, &value)?;
+    let objects = top.objects("frames")?;
+    let root = source.root.clone();
+    let depth_unit = options.depth_unit * top.positive("applied_scale")?.unwrap_or(1.0);
+    let paths: Vec<Option<&str>> = objects
+        .iter()
+        .map(|o| o.string("file_path").ok()?)
+        .collect();
+    let names = names(&paths);
+    let mut name_by_path = HashMap::new();
+    for (index, (object, name)) in objects.iter().zip(&names).enumerate() {
+        match (paths[index], name) {
+            (Some(path), Some(name)) => {
+                name_by_path.insert(path, name.as_str());
+                let frame = frame(&root, &top, object, (path, name), depth_unit);
+                source.add(name, frame);
+            }
+            _ => {
+                let value = object.get("file_path").unwrap_or(&Value::Null);
+                let problem =
+                    object.invalid("file_path", format!("{} names no file", excerpt(value)));
+                source
+                    .problems
+                    .push(Problem::new(&format!("frames[{index}]"), problem));
+            }
+        }
+    }
+    read_split(source, &top, &name_by_path)?;
+    if let Some(relative) = top.string("ply_file_path")? {
+        let path = root.join(relative);
+        if path.is_file() {
+            source.points = Some(path);
+        } else {
+            source.warnings.push(format!(
+                "{}: ply_file_path: there is no {}: no point cloud",
+                file.display(),
+                path.display()
+            ));
+        }
+    }
+    tell_of_keys(source, &top);
+    Ok(names.into_iter().flatten().collect())
+}
+
+fn tell_of_keys(source: &mut Source, top: &Object<'_>) {
+    for key in ["applied_transform", "applied_scale"] {
+        if let Some(value) = top.get(key) {
+            source.notes.push(format!(
+                "{key} {}: the world stays that of the file, as its points do",
+                excerpt(value)
+            ));
+        }
+    }
+    if let Some(value) = top.get("fisheye_crop_radius") {
+        source.warnings.push(format!(
+            "{}: fisheye_crop_radius {}: not applied, --max-fov keeps the image's rim out",
+            top.path.display(),
+            excerpt(value)
+        ));
+    }
+}
+
+fn frame(
+    root: &Path,
+    top: &Object<'_>,
+    object: &Object<'_>,
+    (path, name): (&str, &str),
+    depth_unit: f64,
+) -> Result<SourceFrame> {
+    let radiance = with_extension(&root.join(path));
+    let size = size_of(&radiance)?;
+    let beside = |key: &str| -> Result<Option<PathBuf>> {
+        let Some(relative) = object.string(key)? else {
+            return Ok(None);
+        };
+        let path = root.join(relative);
+        match path.is_file() {
+            true => Ok(Some(path)),
+            false => Err(object
+                .invalid(key, format!("there is no {}", path.display()))
+                .into()),
+        }
+    };
+    let depth = beside("depth_file_path")?;
+    Ok(SourceFrame {
+        name: name.to_owned(),
+        lens: lens::from_json(top, object, size)?,
+        world_from_camera: pose::read(object)?,
+        files: SourceFiles {
+            radiance,
+            valid: beside("mask_path")?,
+            depth: depth.map(|path| Depth {
+                path,
+                unit: depth_unit,
+            }),
+            ..SourceFiles::default()
+        },
+    })
+}
+
+/// The file of a path that may lack its extension.
+fn with_extension(path: &Path) -> PathBuf {
+    if path.is_file() || path.extension().is_some() {
+        return path.to_owned();
+    }
+    let candidates = EXTENSIONS.map(|extension| path.with_extension(extension));
+    let there = candidates.iter().find_map(|path| if_there(path.clone()));
+    there.unwrap_or_else(|| path.with_extension(EXTENSIONS[0]))
+}
+
+/// Names of frames: paths without extension and without the folders that all share; `None` for what cannot name a file.
+fn names(paths: &[Option<&str>]) -> Vec<Option<String>> {
+    let stems: Vec<Option<Vec<String>>> = paths.iter().map(|path| stem((*path)?)).collect();
+    let folders: Vec<&[String]> = stems
+        .iter()
+        .flatten()
+        .map(|parts| &parts[..parts.len() - 1])
+        .collect();
+    let num_shared = folders.first().map_or(0, |first| {
+        let shared = |other: &&[String]| {
+            let pairs = first.iter().zip(other.iter());
+            pairs.take_while(|(a, b)| a == b).count()
+        };
+        folders.iter().map(shared).min().unwrap_or(0)
+    });
+    let name = |parts: Option<Vec<String>>| Some(parts?[num_shared..].join("/"));
+    stems.into_iter().map(name).collect()
+}
+
+/// The parts of a path, the last without extension; parts that lead upwards are left out of names.
+fn stem(path: &str) -> Option<Vec<String>> {
+    if path.contains(|c: char| c == '\\' || c.is_control()) || path.ends_with('/') {
+        return None;
+    }
+    let mut parts: Vec<String> = Path::new(path)
+        .components()
+        .filter_map(|part| match part {
+            Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
+            _ => None,
+        })
+        .collect();
+    let last = parts.pop()?;
+    let stem = Path::new(&last).file_stem()?.to_string_lossy().into_owned();
+    parts.push(stem);
+    Some(parts)
+}
+
+/// The lists of a file; names in them are paths, as in `frames`.
+fn read_split(
+    source: &mut Source,
+    top: &Object<'_>,
+    name_by_path: &HashMap<&str, &str>,
+) -> Result<()> {
+    let mut read = |key: &str| -> Result<Option<Vec<String>>> {
+        let Some(listed) = top.array(key)? else {
+            return Ok(None);
+        };
+        let mut names = Vec::with_capacity(listed.len());
+        for value in listed {
+            match value.as_str().and_then(|path| name_by_path.get(path)) {
+                Some(name) => names.push((*name).to_owned()),
+                None => source.warnings.push(format!(
+                    "{}: {key}: {} is no frame",
+                    top.path.display(),
+                    excerpt(value)
+                )),
+            }
+        }
+        Ok(Some(names))
+    };
+    let (train, validation, test) = (
+        read("train_filenames")?,
+        read("val_filenames")?,
+        read("test_filenames")?,
+    );
+    if train.is_some() || validation.is_some() || test.is_some() {
+        source.info.train_names = train;
+        source.info.test_names = test.or(validation);
+    }
+    Ok(())
+}

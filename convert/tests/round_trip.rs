@@ -1,0 +1,140 @@
+//! A dataset written for another program comes back with the same cameras, points and light.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+mod common;
+
+use eagpt_colmap::Model;
+use eagpt_colmap::model::Observations;
+use eagpt_convert::export::Images;
+use eagpt_convert::{ExportFormat, ImportOptions, Source, export, import};
+use eagpt_scene::Dataset;
+use eagpt_testkit::room::{self, RoomOptions};
+use glam::DAffine3;
+use std::path::Path;
+
+fn room(root: &Path) -> Dataset {
+    let options = RoomOptions {
+        num_views: 3,
+        width: 24,
+        height: 16,
+        num_samples: 2,
+        num_points: 100,
+        seed: 5,
+    };
+    room::write(root, &options, |_| ()).unwrap();
+    Dataset::open(root).unwrap()
+}
+
+#[track_caller]
+fn assert_same(a: &Dataset, b: &Dataset) {
+    assert_eq!(a.info(), b.info());
+    assert_eq!(a.points().unwrap(), b.points().unwrap());
+    for index in 0..a.len() {
+        assert_eq!(a.load_view(index).unwrap(), b.load_view(index).unwrap());
+    }
+}
+
+#[test]
+fn nerfstudio_and_eagpt_keep_every_bit() {
+    let dir = tempfile::tempdir().unwrap();
+    let original = room(&dir.path().join("room"));
+    for (format, name) in [
+        (ExportFormat::Nerfstudio, "nerfstudio"),
+        (ExportFormat::Eagpt, "eagpt"),
+    ] {
+        let out = dir.path().join(name);
+        export(&original, format, Images::Copy, &out, &mut |_| ()).unwrap();
+        assert_same(&original, &Dataset::open(&out).unwrap());
+    }
+    // By the importer as well, which knows nothing of our folders beside.
+    let options = ImportOptions::default();
+    let source = Source::open(&dir.path().join("nerfstudio"), None, &options).unwrap();
+    let back = dir.path().join("back");
+    import(&source, &back, &options, &mut |_| ()).unwrap();
+    let back = Dataset::open(&back).unwrap();
+    for index in 0..3 {
+        let (a, b) = (
+            original.load_view(index).unwrap(),
+            back.load_view(index).unwrap(),
+        );
+        assert_eq!((a.camera, a.radiance), (b.camera, b.radiance));
+    }
+    assert_eq!(original.points().unwrap(), back.points().unwrap());
+}
+
+#[test]
+fn colmap_keeps_cameras_to_rounding() {
+    let dir = tempfile::tempdir().unwrap();
+    let original = room(&dir.path().join("room"));
+    let out = dir.path().join("project");
+    export(
+        &original,
+        ExportFormat::Colmap,
+        Images::Copy,
+        &out,
+        &mut |_| (),
+    )
+    .unwrap();
+    let model = Model::read(&out.join("sparse/0"), Observations::Keep).unwrap();
+    assert_eq!(
+        (model.cameras.len(), model.images.len(), model.points.len()),
+        (1, 3, 100)
+    );
+    assert!(model.rigs.is_none() && model.frames.is_none());
+    for (image, frame) in model.images.iter().zip(original.frames()) {
+        assert!(out.join("images").join(&image.name).is_file());
+        assert!(out.join("Normal-exr").join(&image.name).is_file());
+        let lens = model.camera(image.camera).unwrap().lens;
+        let back = lens
+            .as_pinhole(image.camera_from_world.inverse().affine())
+            .unwrap();
+        let (a, b) = (back.world_from_camera, frame.camera.world_from_camera);
+        // The rotations of the room are orthonormal to single precision; a quaternion makes them so to double.
+        let error = (a.matrix3 - b.matrix3).to_cols_array().map(f64::abs);
+        assert!(error.iter().all(|e| *e < 1e-7), "{error:?}");
+        assert!((a.translation - b.translation).length() < 1e-6);
+        let pose = DAffine3::IDENTITY;
+        let intrinsics = |camera: eagpt_scene::Camera| eagpt_scene::Camera {
+            world_from_camera: pose,
+            ..camera
+        };
+        assert_eq!(intrinsics(back), intrinsics(frame.camera));
+    }
+    let points = original.points().unwrap().unwrap();
+    for (point, position) in model.points.iter().zip(&points.positions) {
+        assert_eq!(point.position, position.as_dvec3());
+    }
+}
+
+/// Imported with a world that was kept, a source's own poses come back to the last bit.
+#[test]
+fn an_import_exports_to_the_cameras_it_came_from() {
+    let dir = tempfile::tempdir().unwrap();
+    let root = dir.path().join("source");
+    common::instant_ngp(&root);
+    let options = ImportOptions::default();
+    let source = Source::open(&root, None, &options).unwrap();
+    let (imported, exported) = (dir.path().join("ours"), dir.path().join("theirs"));
+    import(&source, &imported, &options, &mut |_| ()).unwrap();
+    let ours = Dataset::open(&imported).unwrap();
+    export(
+        &ours,
+        ExportFormat::Nerfstudio,
+        Images::Copy,
+        &exported,
+        &mut |_| (),
+    )
+    .unwrap();
+    let again = Source::open(&exported, None, &options).unwrap();
+    for (a, b) in source.frames.iter().zip(&again.frames) {
+        assert_eq!(
+            (&a.name, a.world_from_camera),
+            (&b.name, b.world_from_camera)
+        );
+    }
+}

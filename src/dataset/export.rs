@@ -1,0 +1,142 @@
+//! `eagpt dataset export`: a dataset for other programs.
+
+use crate::cli::{self, GlobalArgs};
+use crate::output::{Replace, Target};
+use crate::progress::Reporter;
+use crate::record::{FILE_NAME, Input, RecordBuilder};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use eagpt_convert::export::{Images, planned_files};
+use eagpt_convert::{ExportFormat, ExportProgress, export};
+use eagpt_scene::Dataset;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Write a dataset for other programs
+///
+/// The world stays as it is, images are copied byte by byte: what comes back by `eagpt dataset import` has the same cameras and colours.
+/// Masks of lights, normals, depths and albedos, for which COLMAP and nerfstudio have no place, go into our own folders beside.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct ExportArgs {
+    /// Dataset: a folder with a transforms.json, or that file
+    #[arg(value_name = "DATASET")]
+    dataset: PathBuf,
+    /// Layout to write
+    #[arg(long, value_enum)]
+    format: FormatArg,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Whether images are copied
+    #[arg(long, value_enum, default_value = "copy")]
+    images: ImagesArg,
+    /// Replace an earlier result of this command
+    #[arg(long)]
+    force: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt dataset export kitchen --format colmap --out kitchen-colmap
+  eagpt dataset export kitchen --format nerfstudio --images none --out kitchen-cameras";
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FormatArg {
+    /// A COLMAP project: sparse/0 (binary, pinhole cameras, points without tracks) and images
+    Colmap,
+    /// nerfstudio's transforms.json, images and sparse_pc.ply
+    Nerfstudio,
+    /// EAG-PT's folder, ours
+    Eagpt,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ImagesArg {
+    /// All of them
+    Copy,
+    /// None: cameras and points alone
+    None,
+}
+
+#[derive(Serialize)]
+struct Recorded<'a> {
+    dataset: &'a Path,
+    format: ExportFormat,
+    images: Images,
+}
+
+pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let format = match args.format {
+        FormatArg::Colmap => ExportFormat::Colmap,
+        FormatArg::Nerfstudio => ExportFormat::Nerfstudio,
+        FormatArg::Eagpt => ExportFormat::Eagpt,
+    };
+    let images = match args.images {
+        ImagesArg::Copy => Images::Copy,
+        ImagesArg::None => Images::None,
+    };
+    let recorded = Recorded {
+        dataset: &args.dataset,
+        format,
+        images,
+    };
+    let mut builder = RecordBuilder::begin("dataset export", &recorded)?;
+    let dataset = Dataset::open(&args.dataset)?;
+    let mut inputs = cli::dataset_files(&dataset);
+    inputs.extend(dataset.points_file().map(Path::to_owned));
+    let target = Target {
+        dir: &args.out,
+        record: FILE_NAME,
+        command: "dataset export",
+        inputs: &inputs,
+        replace: Replace::from_flag(args.force),
+    };
+    let planned = planned_files(&dataset, format, images);
+    target.check(&planned)?;
+    super::refuse_foreign(&args.out, &planned)?;
+    target.prepare()?;
+    let mut reporter = Reporter::new(global);
+    let summary = reporter.follow(tell, |progress| {
+        export(&dataset, format, images, &args.out, progress)
+    })?;
+    let record = &mut builder.record;
+    record.inputs.push(Input::of_cameras(&dataset)?);
+    record.warnings.clone_from(&summary.warnings);
+    let outputs = summary.outputs.iter();
+    record.outputs = outputs
+        .map(|path| path.to_string_lossy().into_owned())
+        .collect();
+    builder.write(&args.out)?;
+    reporter.note(&format!(
+        "{}: {} views, {} points",
+        args.out.display(),
+        dataset.len(),
+        summary.num_points
+    ));
+    reporter.message(&serde_json::json!({
+        "message": "done",
+        "path": args.out,
+        "format": format,
+        "num_views": dataset.len(),
+        "num_points": summary.num_points,
+    }))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Shows a message of the job.
+fn tell(reporter: &mut Reporter, message: &ExportProgress) -> Result<()> {
+    match message {
+        ExportProgress::Exporting { done, total } => {
+            if !reporter.is_at("exporting") {
+                reporter.begin("exporting", "views", 0, *total as u64);
+            }
+            reporter.advance(*done as u64, String::new);
+            reporter.step_message(*done as u64, message)
+        }
+        ExportProgress::Warning { text } => {
+            reporter.warning(text);
+            reporter.message(message)
+        }
+    }
+}
