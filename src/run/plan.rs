@@ -1,11 +1,12 @@
 //! The commands that follow from a project, in an order in which each finds what it needs.
 
-use super::project::{ORIGINAL, Options, Project, Relight, Source};
+use super::project::{Capture, ORIGINAL, Options, Project, Relight, Source};
 use crate::cli::{Cli, Command};
 use anyhow::{Result, anyhow, bail};
 use clap::Parser;
 use eagpt_edit::Script;
 use eagpt_scene::Dataset;
+use eagpt_scene::dataset::TRANSFORMS_FILE;
 use std::path::{Path, PathBuf};
 
 /// One command of the chain.
@@ -54,7 +55,11 @@ impl Plan {
             out: project.out.clone(),
             here: project.path.parent().unwrap_or(Path::new("")).to_owned(),
         };
-        let Source::Dataset(dataset) = &project.source;
+        let dataset = match &project.source {
+            Source::Dataset(path) => path.clone(),
+            Source::Capture(capture) => plan.capture(capture),
+        };
+        let dataset = dataset.as_path();
         let masks = project
             .masks
             .as_ref()
@@ -75,6 +80,9 @@ impl Plan {
         );
         for relight in &project.relight {
             let (scene, edit) = plan.edit(relight, &scene, train);
+            let of_capture = relight.condition.as_ref();
+            let of_capture = of_capture.map(|name| plan.out.join("dataset").join(name));
+            let reference = relight.reference.clone().or(of_capture);
             evaluated.extend(plan.condition(
                 project,
                 &Condition {
@@ -82,7 +90,7 @@ impl Plan {
                     scene: &scene,
                     made_by: edit,
                     dataset,
-                    reference: relight.reference.as_deref(),
+                    reference: reference.as_deref(),
                     split: relight.split.as_deref(),
                     is_changed: true,
                 },
@@ -103,11 +111,13 @@ impl Plan {
 
     /// Reads what people write and what every later step needs: an error should come before hours of work.
     fn check_inputs(&self, project: &Project) -> Result<()> {
-        let Source::Dataset(dataset) = &project.source;
-        let dataset = Dataset::open(dataset)?;
+        let dataset = match &project.source {
+            Source::Dataset(path) => Some(Dataset::open(path)?),
+            Source::Capture(_) => None,
+        };
         for relight in &project.relight {
             Script::read(&relight.script)?;
-            if let Some(reference) = &relight.reference {
+            if let (Some(dataset), Some(reference)) = (&dataset, &relight.reference) {
                 let reference = Dataset::open(reference)?;
                 let is_there = |name: &str| reference.frames().iter().any(|f| f.name == name);
                 if !dataset.frames().iter().any(|frame| is_there(&frame.name)) {
@@ -150,15 +160,79 @@ impl Plan {
         self.steps.len() - 1
     }
 
+    /// From photographs to the dataset of the first lighting; returns its folder.
+    fn capture(&mut self, capture: &Capture) -> PathBuf {
+        let ingested = self.out.join("ingest");
+        let mut arguments = words(&["ingest"], &[&capture.photographs]);
+        arguments.extend(capture.ingest.iter().cloned());
+        let first = capture.conditions.first();
+        let ingest = self.push(Step {
+            name: "ingest".to_owned(),
+            arguments: with_out(arguments, &ingested),
+            reads: vec![capture.photographs.clone()],
+            after: Vec::new(),
+            products: vec![ingested.clone()],
+            restart: Restart::Itself,
+        });
+        let (model, reads, after) = match &capture.model {
+            Some(model) => (model.clone(), vec![model.clone()], vec![ingest]),
+            None => {
+                let out = self.out.join("colmap");
+                let previews = first.map_or(ingested.clone(), |first| ingested.join(first));
+                let mut arguments = words(&["colmap", "run"], &[&previews.join("Preview")]);
+                arguments.extend(capture.colmap.iter().cloned());
+                let colmap = self.push(Step {
+                    name: "colmap".to_owned(),
+                    arguments: with_out(arguments, &out),
+                    reads: Vec::new(),
+                    after: vec![ingest],
+                    products: vec![out.clone()],
+                    restart: Restart::Anew,
+                });
+                (out, Vec::new(), vec![ingest, colmap])
+            }
+        };
+        let out = self.out.join("dataset");
+        let mut arguments = words(&["colmap", "import"], &[&model]);
+        arguments.extend(words(&["--images"], &[&ingested]));
+        if !capture.conditions.is_empty() {
+            arguments.extend(["--conditions".to_owned(), capture.conditions.join(",")]);
+        }
+        arguments.extend(capture.poses.iter().cloned());
+        self.push(Step {
+            name: "poses".to_owned(),
+            arguments: with_out(arguments, &out),
+            reads,
+            after,
+            products: vec![out.clone()],
+            restart: Restart::Anew,
+        });
+        first.map_or(out.clone(), |first| out.join(first))
+    }
+
+    /// Divides what a step reads into the files of the outside world and the steps that make the others.
+    fn sources(&self, paths: &[&Path]) -> (Vec<PathBuf>, Vec<usize>) {
+        let (mut reads, mut after) = (Vec::new(), Vec::new());
+        for path in paths {
+            let makes = |step: &Step| step.products.iter().any(|made| path.starts_with(made));
+            match self.steps.iter().position(makes) {
+                Some(maker) => after.push(maker),
+                None => reads.push((*path).to_owned()),
+            }
+        }
+        (reads, after)
+    }
+
     fn masks(&mut self, dataset: &Path, options: &Options) -> usize {
         let out = self.out.join("masks");
         let mut arguments = words(&["masks"], &[dataset]);
         arguments.extend(options.iter().cloned());
+        let (reads, after) = self.sources(&[dataset]);
         self.push(Step {
             name: "masks".to_owned(),
             arguments: with_out(arguments, &out),
-            reads: vec![dataset.to_owned()],
-            after: Vec::new(),
+            reads,
+            after,
             products: vec![out.join("Emissive-exr")],
             restart: Restart::Anew,
         })
@@ -171,11 +245,13 @@ impl Plan {
             arguments.extend(words(&["--masks"], &[&self.out.join("masks")]));
         }
         arguments.extend(options.iter().cloned());
+        let (reads, mut after) = self.sources(&[dataset]);
+        after.extend(masks);
         self.push(Step {
             name: "train".to_owned(),
             arguments: with_out(arguments, &out),
-            reads: vec![dataset.to_owned()],
-            after: masks.into_iter().collect(),
+            reads,
+            after,
             products: vec![out.join("scene.ply")],
             restart: Restart::Resume("checkpoints"),
         })
@@ -233,11 +309,13 @@ impl Plan {
         let mut arguments = words(&["bake"], &[condition.scene]);
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
         arguments.extend(options.iter().cloned());
+        let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
+        after.push(condition.made_by);
         self.push(Step {
             name: format!("bake/{}", condition.name),
             arguments: with_out(arguments, &out),
-            reads: vec![transforms(condition.dataset)],
-            after: vec![condition.made_by],
+            reads,
+            after,
             products: vec![out],
             restart: Restart::Itself,
         })
@@ -255,11 +333,13 @@ impl Plan {
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
         arguments.extend(["--mode".to_owned(), mode.to_owned()]);
         arguments.extend(options.iter().cloned());
+        let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
+        after.push(condition.made_by);
         self.push(Step {
             name: format!("render/{}/{row}", condition.name),
             arguments: with_out(arguments, &out),
-            reads: vec![transforms(condition.dataset)],
-            after: vec![condition.made_by],
+            reads,
+            after,
             products: vec![out],
             restart: Restart::Anew,
         })
@@ -281,17 +361,19 @@ impl Plan {
         if let Some(split) = condition.split {
             arguments.extend(["--split".to_owned(), split.to_owned()]);
         }
-        let mut reads = vec![reference.to_owned()];
+        let mut datasets = vec![reference];
         if condition.is_changed {
             arguments.extend(words(&["--before"], &[condition.dataset]));
-            reads.push(condition.dataset.to_owned());
+            datasets.push(condition.dataset);
         }
+        let (reads, mut after) = self.sources(&datasets);
+        after.push(render);
         arguments.extend(project.eval.iter().cloned());
         let step = self.push(Step {
             name: format!("eval/{}/{row}", condition.name),
             arguments: with_out(arguments, &out),
             reads,
-            after: vec![render],
+            after,
             products: vec![out.join("metrics.json")],
             restart: Restart::Anew,
         });
@@ -390,9 +472,9 @@ fn with_out(mut arguments: Vec<String>, out: &Path) -> Vec<String> {
 
 /// What a command reads that needs the cameras of a dataset alone.
 fn transforms(dataset: &Path) -> PathBuf {
-    if dataset.is_dir() {
-        dataset.join(eagpt_scene::dataset::TRANSFORMS_FILE)
-    } else {
+    if dataset.is_file() {
         dataset.to_owned()
+    } else {
+        dataset.join(TRANSFORMS_FILE)
     }
 }

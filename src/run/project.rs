@@ -38,6 +38,25 @@ pub(super) struct Project {
 pub(super) enum Source {
     /// A dataset that is there.
     Dataset(PathBuf),
+    /// Photographs, of which a dataset is to be made.
+    Capture(Capture),
+}
+
+/// Photographs of a room.
+#[derive(Debug)]
+pub(super) struct Capture {
+    /// Folder of RAW brackets.
+    pub(super) photographs: PathBuf,
+    /// Lightings, each a folder of the photographs; the first is the one to train on. Empty if there is but one.
+    pub(super) conditions: Vec<String>,
+    /// Options of `eagpt ingest`.
+    pub(super) ingest: Options,
+    /// Poses that are there already, a COLMAP model of the previews.
+    pub(super) model: Option<PathBuf>,
+    /// Options of `eagpt colmap run`, where there is no model.
+    pub(super) colmap: Options,
+    /// Options of `eagpt colmap import`.
+    pub(super) poses: Options,
 }
 
 /// A change of the light.
@@ -49,6 +68,8 @@ pub(super) struct Relight {
     pub(super) script: PathBuf,
     /// Dataset with what it should look like.
     pub(super) reference: Option<PathBuf>,
+    /// Lighting of the capture that shows it.
+    pub(super) condition: Option<String>,
     /// Views of the reference to measure; else the test views.
     pub(super) split: Option<String>,
 }
@@ -72,7 +93,20 @@ impl Project {
         let text = Text::new(path, bytes)?;
         let value = text.parse()?;
         let root = Node::root(text, &value).table(&[
-            "out", "seed", "dataset", "masks", "train", "relight", "render", "bake", "eval",
+            "out",
+            "seed",
+            "dataset",
+            "capture",
+            "conditions",
+            "ingest",
+            "colmap",
+            "poses",
+            "masks",
+            "train",
+            "relight",
+            "render",
+            "bake",
+            "eval",
         ])?;
         let here = path.parent().unwrap_or(Path::new(""));
         let at = |node: Node<'_>| -> Result<PathBuf> { Ok(here.join(node.string()?)) };
@@ -94,7 +128,16 @@ impl Project {
             Some(node) => reader.section(name, &node).map(Some),
             None => Ok(None),
         };
-        let dataset = root.need("dataset")?;
+        let source = match root.one_of(&["dataset", "capture"])? {
+            ("dataset", node) => {
+                let only_of_captures = ["conditions", "ingest", "colmap", "poses"];
+                if let Some(stray) = only_of_captures.iter().find_map(|key| root.get(key)) {
+                    return Err(stray.error("is for a capture, not for a dataset").into());
+                }
+                Source::Dataset(at(node)?)
+            }
+            (_, node) => Source::Capture(reader.capture(&root, at(node)?)?),
+        };
         let relight = root.get("relight").map(|node| node.array()).transpose()?;
         let relight = relight.unwrap_or_default();
         let relight: Vec<Relight> = relight
@@ -113,7 +156,7 @@ impl Project {
             path: path.to_owned(),
             text: String::from_utf8_lossy(bytes).into_owned(),
             out,
-            source: Source::Dataset(at(dataset)?),
+            source,
             masks: section("masks")?,
             train: section("train")?.unwrap_or_else(|| reader.seeded("train")),
             modes: reader.modes(&root)?,
@@ -134,7 +177,7 @@ struct Reader<'a> {
 }
 
 /// Options that are for `eagpt run` to give.
-const RESERVED: [&str; 8] = [
+const RESERVED: [&str; 11] = [
     "out",
     "force",
     "resume",
@@ -143,6 +186,9 @@ const RESERVED: [&str; 8] = [
     "mode",
     "name",
     "json",
+    "images",
+    "conditions",
+    "dry-run",
 ];
 
 impl Reader<'_> {
@@ -155,9 +201,14 @@ impl Reader<'_> {
         }
     }
 
+    /// A command by its name, as `colmap import`.
+    fn command(&self, name: &str) -> Option<&Command> {
+        let mut words = name.split(' ');
+        words.try_fold(self.command, |command, word| command.find_subcommand(word))
+    }
+
     fn find(&self, name: &str, option: &str) -> Option<&clap::Arg> {
-        let command = self.command.find_subcommand(name)?;
-        let mut arguments = command.get_arguments();
+        let mut arguments = self.command(name)?.get_arguments();
         arguments.find(|argument| argument.get_long() == Some(option))
     }
 
@@ -186,8 +237,10 @@ impl Reader<'_> {
     }
 
     fn unknown(&self, name: &str) -> String {
-        let command = self.command.find_subcommand(name);
-        let arguments = command.into_iter().flat_map(Command::get_arguments);
+        let arguments = self
+            .command(name)
+            .into_iter()
+            .flat_map(Command::get_arguments);
         let known: Vec<String> = arguments
             .filter(|argument| !argument.is_global_set())
             .filter_map(|argument| argument.get_long())
@@ -236,8 +289,37 @@ impl Reader<'_> {
         Ok(())
     }
 
+    fn capture(&self, root: &Table<'_>, photographs: PathBuf) -> Result<Capture> {
+        let section = |name: &str, command: &str, own: &[&str]| match root.get(name) {
+            Some(node) => self.options(command, &node.any_table()?, own),
+            None => Ok(self.seeded(command)),
+        };
+        let names = root
+            .get("conditions")
+            .map(|node| node.array())
+            .transpose()?;
+        let names = names.unwrap_or_default();
+        let conditions: Vec<String> = names
+            .iter()
+            .map(|name| name.string().map(str::to_owned))
+            .collect::<Result<_, SceneError>>()?;
+        let model = match root.get("poses") {
+            Some(node) => node.any_table()?.get("model"),
+            None => None,
+        };
+        let model = model.map(|node| node.string()).transpose()?;
+        Ok(Capture {
+            photographs,
+            conditions,
+            ingest: section("ingest", "ingest", &[])?,
+            model: model.map(|path| self.here.join(path)),
+            colmap: section("colmap", "colmap run", &[])?,
+            poses: section("poses", "colmap import", &["model"])?,
+        })
+    }
+
     fn relight(&self, node: &Node<'_>) -> Result<Relight> {
-        let table = node.table(&["name", "script", "reference", "split"])?;
+        let table = node.table(&["name", "script", "reference", "condition", "split"])?;
         let name = table.need("name")?;
         let is_name = |text: &str| {
             let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
@@ -261,6 +343,10 @@ impl Reader<'_> {
             name: name.string()?.to_owned(),
             script: path("script")?.unwrap_or_default(),
             reference: path("reference")?,
+            condition: table
+                .get("condition")
+                .map(|node| node.string().map(str::to_owned))
+                .transpose()?,
             split: table
                 .get("split")
                 .map(|node| node.string().map(str::to_owned))
