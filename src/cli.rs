@@ -1,8 +1,8 @@
 //! The commands, and the options that all of them share.
 
 use crate::{
-    bake, colmap, dataset, edit, eval, export, ingest, masks, normals, render, report, run, synth,
-    train,
+    bake, colmap, dataset, demo, edit, eval, export, ingest, masks, normals, render, report, run,
+    synth, train,
 };
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -10,7 +10,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{SplitRule, Subset};
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// From HDR photographs of a room to a relightable scene of 2D Gaussians
@@ -55,6 +55,7 @@ pub(crate) struct GlobalArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Demo(demo::DemoArgs),
     Init(run::InitArgs),
     Run(run::RunArgs),
     Report(report::ReportArgs),
@@ -85,6 +86,7 @@ pub(crate) fn start(cli: &Cli) -> Result<ExitCode> {
 /// Runs a command.
 pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCode> {
     match command {
+        Command::Demo(args) => demo::run(args, global),
         Command::Init(args) => run::init(args, global),
         Command::Run(args) => run::run(args, global),
         Command::Report(args) => report::run(args, global),
@@ -117,6 +119,23 @@ pub(crate) fn subset() -> impl TypedValueParser<Value = Subset> {
 /// Parses a seed: what TOML and JSON numbers can hold.
 pub(crate) fn seed() -> impl TypedValueParser<Value = u64> {
     clap::value_parser!(u64).range(..=i64::MAX as u64)
+}
+
+/// Shows a file with the program that the system has for its kind.
+///
+/// # Errors
+/// If there is no such program.
+pub(crate) fn open_file(path: &Path) -> Result<()> {
+    let program = match std::env::consts::OS {
+        "macos" => "open",
+        "windows" => "explorer",
+        _ => "xdg-open",
+    };
+    std::process::Command::new(program)
+        .arg(path)
+        .spawn()
+        .map(|_| ())
+        .with_context(|| format!("{program} {}", path.display()))
 }
 
 /// All files of a dataset: what no command that reads it may replace.

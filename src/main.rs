@@ -2,6 +2,7 @@
 //!
 //! - [`cli`]: the commands and the options they share; each command's own options are in its module.
 //! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`mod@demo`]: a simulated capture, and all that follows.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
@@ -17,6 +18,7 @@ mod bake;
 mod cli;
 mod colmap;
 mod dataset;
+mod demo;
 mod edit;
 mod eval;
 mod export;

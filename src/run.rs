@@ -15,6 +15,22 @@ mod verify;
 
 pub(crate) use init::{InitArgs, run as init};
 
+/// Runs a project to its end.
+///
+/// # Errors
+/// As `eagpt run`.
+pub(crate) fn project(path: PathBuf, global: &GlobalArgs) -> Result<ExitCode> {
+    let args = RunArgs {
+        project: Some(path),
+        out: None,
+        dry_run: false,
+        until: None,
+        from: None,
+        verify: None,
+    };
+    run(&args, global)
+}
+
 use crate::cli::GlobalArgs;
 use crate::terminal;
 use anyhow::Result;

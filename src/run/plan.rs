@@ -1,6 +1,6 @@
 //! The commands that follow from a project, in an order in which each finds what it needs.
 
-use super::project::{Capture, ORIGINAL, Options, Project, Relight, Source};
+use super::project::{Capture, ORIGINAL, Options, Photographs, Project, Relight, Source};
 use crate::cli::{Cli, Command};
 use anyhow::{Result, anyhow, bail};
 use clap::Parser;
@@ -66,6 +66,7 @@ impl Plan {
             .map(|options| plan.masks(dataset, options));
         let train = plan.train(dataset, masks, &project.train);
         let scene = plan.out.join("train/scene.ply");
+        let dataset = project.measure.as_deref().unwrap_or(dataset);
         let mut evaluated = plan.condition(
             project,
             &Condition {
@@ -117,7 +118,10 @@ impl Plan {
         };
         for relight in &project.relight {
             Script::read(&relight.script)?;
-            if let (Some(dataset), Some(reference)) = (&dataset, &relight.reference) {
+            let reference = relight.reference.as_ref();
+            // What the run itself makes is not there yet.
+            let reference = reference.filter(|path| !path.starts_with(&self.out));
+            if let (Some(dataset), Some(reference)) = (&dataset, reference) {
                 let reference = Dataset::open(reference)?;
                 let is_there = |name: &str| reference.frames().iter().any(|f| f.name == name);
                 if !dataset.frames().iter().any(|frame| is_there(&frame.name)) {
@@ -163,19 +167,31 @@ impl Plan {
     /// From photographs to the dataset of the first lighting; returns its folder.
     fn capture(&mut self, capture: &Capture) -> PathBuf {
         let ingested = self.out.join("ingest");
-        let mut arguments = words(&["ingest"], &[&capture.photographs]);
+        let (photographs, reads, after) = match &capture.photographs {
+            Photographs::Taken(path) => (path.clone(), vec![path.clone()], Vec::new()),
+            Photographs::Simulated(scene, options) => {
+                let out = self.out.join("capture");
+                let simulate = self.simulate(scene, options, &out);
+                (out, Vec::new(), vec![simulate])
+            }
+        };
+        let mut arguments = words(&["ingest"], &[&photographs]);
         arguments.extend(capture.ingest.iter().cloned());
         let first = capture.conditions.first();
         let ingest = self.push(Step {
             name: "ingest".to_owned(),
             arguments: with_out(arguments, &ingested),
-            reads: vec![capture.photographs.clone()],
-            after: Vec::new(),
+            reads,
+            after,
             products: vec![ingested.clone()],
             restart: Restart::Itself,
         });
         let (model, reads, after) = match &capture.model {
-            Some(model) => (model.clone(), vec![model.clone()], vec![ingest]),
+            Some(model) => {
+                let (reads, mut after) = self.sources(&[model]);
+                after.push(ingest);
+                (model.clone(), reads, after)
+            }
             None => {
                 let out = self.out.join("colmap");
                 let previews = first.map_or(ingested.clone(), |first| ingested.join(first));
@@ -208,6 +224,20 @@ impl Plan {
             restart: Restart::Anew,
         });
         first.map_or(out.clone(), |first| out.join(first))
+    }
+
+    fn simulate(&mut self, scene: &str, options: &Options, out: &Path) -> usize {
+        let mut arguments = words(&["synth", scene], &[]);
+        arguments.extend(options.iter().cloned());
+        let is_file = scene.contains(['/', '.']);
+        self.push(Step {
+            name: "simulate".to_owned(),
+            arguments: with_out(arguments, out),
+            reads: is_file.then(|| scene.into()).into_iter().collect(),
+            after: Vec::new(),
+            products: vec![out.to_owned()],
+            restart: Restart::Anew,
+        })
     }
 
     /// Divides what a step reads into the files of the outside world and the steps that make the others.

@@ -23,6 +23,8 @@ pub(super) struct Project {
     pub(super) masks: Option<Options>,
     /// Options of `eagpt train`.
     pub(super) train: Options,
+    /// Dataset whose cameras are rendered and whose images measure the result, if not those that are trained on.
+    pub(super) measure: Option<PathBuf>,
     /// Changes of the light, to be rendered and, where there are references, measured.
     pub(super) relight: Vec<Relight>,
     /// Modes of rendering, in the order of the file, with their options of `eagpt render`.
@@ -42,11 +44,20 @@ pub(super) enum Source {
     Capture(Capture),
 }
 
+/// RAW brackets.
+#[derive(Debug)]
+pub(super) enum Photographs {
+    /// In a folder that is there.
+    Taken(PathBuf),
+    /// To be taken of a virtual room: the scene and options of `eagpt synth`.
+    Simulated(String, Options),
+}
+
 /// Photographs of a room.
 #[derive(Debug)]
 pub(super) struct Capture {
-    /// Folder of RAW brackets.
-    pub(super) photographs: PathBuf,
+    /// Where the RAW brackets are.
+    pub(super) photographs: Photographs,
     /// Lightings, each a folder of the photographs; the first is the one to train on. Empty if there is but one.
     pub(super) conditions: Vec<String>,
     /// Options of `eagpt ingest`.
@@ -97,7 +108,10 @@ impl Project {
             "seed",
             "dataset",
             "capture",
+            "simulate",
+            "synth",
             "conditions",
+            "measure",
             "ingest",
             "colmap",
             "poses",
@@ -128,15 +142,27 @@ impl Project {
             Some(node) => reader.section(name, &node).map(Some),
             None => Ok(None),
         };
-        let source = match root.one_of(&["dataset", "capture"])? {
+        let source = match root.one_of(&["dataset", "capture", "simulate"])? {
             ("dataset", node) => {
-                let only_of_captures = ["conditions", "ingest", "colmap", "poses"];
+                let only_of_captures = ["synth", "conditions", "ingest", "colmap", "poses"];
                 if let Some(stray) = only_of_captures.iter().find_map(|key| root.get(key)) {
                     return Err(stray.error("is for a capture, not for a dataset").into());
                 }
                 Source::Dataset(at(node)?)
             }
-            (_, node) => Source::Capture(reader.capture(&root, at(node)?)?),
+            ("capture", node) => {
+                Source::Capture(reader.capture(&root, Photographs::Taken(at(node)?))?)
+            }
+            (_, node) => {
+                let options = section("synth")?.unwrap_or_else(|| reader.seeded("synth"));
+                let scene = match node.string()? {
+                    // A name is that of a scene that comes with the program.
+                    name if !name.contains(['/', '.']) => name.to_owned(),
+                    path => here.join(path).display().to_string(),
+                };
+                let photographs = Photographs::Simulated(scene, options);
+                Source::Capture(reader.capture(&root, photographs)?)
+            }
         };
         let relight = root.get("relight").map(|node| node.array()).transpose()?;
         let relight = relight.unwrap_or_default();
@@ -157,6 +183,8 @@ impl Project {
             text: String::from_utf8_lossy(bytes).into_owned(),
             out,
             source,
+            measure: root.get("measure").map(at).transpose()?,
+
             masks: section("masks")?,
             train: section("train")?.unwrap_or_else(|| reader.seeded("train")),
             modes: reader.modes(&root)?,
@@ -289,7 +317,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn capture(&self, root: &Table<'_>, photographs: PathBuf) -> Result<Capture> {
+    fn capture(&self, root: &Table<'_>, photographs: Photographs) -> Result<Capture> {
         let section = |name: &str, command: &str, own: &[&str]| match root.get(name) {
             Some(node) => self.options(command, &node.any_table()?, own),
             None => Ok(self.seeded(command)),

@@ -1,0 +1,93 @@
+//! `eagpt demo`: the whole chain on a simulated capture.
+
+use crate::cli::{self, GlobalArgs};
+use crate::progress::Reporter;
+use crate::run;
+use anyhow::{Result, bail};
+use clap::Args;
+use eagpt_scene::files;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Show the whole chain on a simulated capture
+///
+/// A virtual camera photographs a furnished room by day and in the evening, in RAW brackets. They are merged, posed, masked and trained on
+/// by day; then the window goes dark and three lamps go on, by an edit script, and what comes out is compared with what the virtual
+/// evening really looked like. DIR/run/report.html shows it all. Takes a few minutes and needs nothing but this program.
+///
+/// DIR/demo.toml is the project that was run: `eagpt run DIR/demo.toml` goes on where it was stopped, and runs what you change.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  eagpt demo\n  eagpt demo --quick --out out/demo")]
+pub(crate) struct DemoArgs {
+    /// Folder for everything; created
+    #[arg(long, value_name = "DIR", default_value = "eagpt-demo")]
+    out: PathBuf,
+    /// A smaller room, fewer samples: to see that everything works
+    #[arg(long)]
+    quick: bool,
+    /// Seed of everything, 0 to 2^32 − 1
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u32,
+    /// Show the report with the program that opens HTML files
+    #[arg(long)]
+    open: bool,
+}
+
+const PROJECT: &str = include_str!("demo/project.toml");
+const EVENING: &str = include_str!("demo/evening.toml");
+
+/// Options that make the difference between the demo and its quick form: placeholder, text, text if quick.
+const CHOICES: [(&str, &str, &str); 4] = [
+    (
+        "{synth}",
+        "spp = 8",
+        "spp = 4\nviews = 24\nsize = \"120x80\"",
+    ),
+    (
+        "{train}",
+        "preset = \"draft\"\ngaussians = 30000",
+        "preset = \"draft\"\ngaussians = 8000\niterations = 300\nalbedo_iterations = 60",
+    ),
+    (
+        "{render}",
+        "spp = 32\nrussian_roulette = 2",
+        "spp = 8\nrussian_roulette = 2",
+    ),
+    ("{bake}", "samples = 128", "samples = 32\nbounces = 4"),
+];
+
+pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let mut project = PROJECT.replace("{seed}", &args.seed.to_string());
+    for (placeholder, text, quick) in CHOICES {
+        project = project.replace(placeholder, if args.quick { quick } else { text });
+    }
+    let path = args.out.join("demo.toml");
+    // A project that somebody has changed is theirs.
+    keep(&path, &project)?;
+    keep(&args.out.join("evening.toml"), EVENING)?;
+    let code = run::project(path, global)?;
+    if code != ExitCode::SUCCESS {
+        return Ok(code);
+    }
+    let report = args.out.join("run/report.html");
+    Reporter::new(global).note(&format!("report: {}", report.display()));
+    if args.open {
+        cli::open_file(&report)?;
+    }
+    Ok(code)
+}
+
+/// Writes a file, or makes sure that it is the one that is there.
+fn keep(path: &Path, text: &str) -> Result<()> {
+    if path.exists() {
+        if files::read(path)? == text.as_bytes() {
+            return Ok(());
+        }
+        bail!(
+            "{}: is not what these options write: `eagpt run` takes it as it is, --out names another folder",
+            path.display()
+        );
+    }
+    crate::output::create_parent(path)?;
+    Ok(files::write_bytes_atomic(path, text.as_bytes())?)
+}
