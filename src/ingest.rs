@@ -239,7 +239,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
         match message {
             IngestProgress::Warning { text } => warnings.push(text.clone()),
             IngestProgress::Problem(problem) if skip_bad => {
-                warnings.push(format!("left out: {problem}"))
+                warnings.push(format!("left out: {problem}"));
             }
             _ => {}
         }
