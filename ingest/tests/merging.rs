@@ -71,7 +71,7 @@ fn a_bracket_gives_the_light_back_with_one_scale_for_all() {
 fn lamps_have_no_rims() {
     let place = Place::new();
     place.capture("c", 1);
-    for method in [Demosaic::Ppg, Demosaic::Vng, Demosaic::Ahd, Demosaic::Mhc] {
+    for method in [Demosaic::Ppg, Demosaic::Vng, Demosaic::Ahd] {
         let out = format!("{method:?}");
         let options = IngestOptions {
             demosaic: method,
@@ -82,7 +82,7 @@ fn lamps_have_no_rims() {
         let truth = room(0).truth();
         let scale = agreement(&image, &truth, |_| true).scale;
         // Beside the lamp and its blurred edge, as far as filters reach: nothing much darker or brighter than what is there, and no
-        // strong cast. Measured: shares of 0.5 (MHC) to 1.65 (VNG), 0.7 to 1.5 for PPG, of a red that is a hundredth of the lamp's.
+        // strong cast. Measured: shares of 0.7 to 1.65 (VNG; 1.5 for PPG), of a red that is a hundredth of the lamp's.
         for y in 25..75 {
             for x in 35..85 {
                 let distance = (x as f32 - 60.0).hypot(y as f32 - 50.0);
@@ -92,7 +92,7 @@ fn lamps_have_no_rims() {
                 let (value, truth) = (image.get(x, y), truth.get(x, y));
                 let share = [0, 1, 2].map(|c| value[c] / scale / truth[c]);
                 assert!(
-                    share.iter().all(|s| (0.45..1.8).contains(s)),
+                    share.iter().all(|s| (0.6..1.8).contains(s)),
                     "{method:?} {x} {y}: {share:?}"
                 );
                 let cast = share[0].max(share[2]) / share[1].max(1e-6);

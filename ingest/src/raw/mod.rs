@@ -7,6 +7,7 @@
 mod exif;
 mod kinds;
 mod linear;
+#[cfg(any(feature = "rawler", feature = "rawloader"))]
 mod panics;
 #[cfg(feature = "rawler")]
 mod with_rawler;
@@ -365,6 +366,7 @@ fn decode_raw(path: &Path, _: &Arc<Vec<u8>>, _: Want) -> Result<RawFrame> {
 }
 
 /// The part of a sensor's samples that is image, in pixels.
+#[cfg(any(feature = "rawler", feature = "rawloader"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Window {
     pub(crate) left: usize,
@@ -373,9 +375,9 @@ pub(crate) struct Window {
     pub(crate) height: usize,
 }
 
+#[cfg(any(feature = "rawler", feature = "rawloader"))]
 impl Window {
     /// Cuts the window out of rows of `stride` pixels with `per_pixel` samples each; `None` if it is not inside.
-    #[cfg(any(feature = "rawler", feature = "rawloader"))]
     pub(crate) fn cut<T: Copy>(
         self,
         samples: Vec<T>,
