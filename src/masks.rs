@@ -98,7 +98,7 @@ enum RuleArg {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum BorderArg {
-    /// If they are at least half as bright as the light beside them
+    /// If they are at least halfway between the light and what is beside it
     Half,
     /// If they are at the threshold
     Full,

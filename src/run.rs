@@ -1,6 +1,6 @@
 //! `eagpt run`: the whole chain from one file.
 //!
-//! - [`project`]: the file, and the options of each command in it.
+//! - [`mod@project`]: the file, and the options of each command in it.
 //! - [`plan`]: which commands follow from it, and what each reads and makes.
 //! - [`state`]: what was made from what, so that only what has changed is made again.
 //! - [`execute`]: the commands, one after the other.

@@ -9,7 +9,7 @@ use imageproc::region_labelling::{Connectivity, connected_components};
 
 /// How far from its border a lamp is looked for, pixels: as far as demosaicing and optics spread an edge.
 const BORDER_REACH: u32 = 2;
-/// Least brightness of a border pixel relative to its lamp: the pixel's share of lamp.
+/// Least share of lamp in a border pixel.
 const BORDER_SHARE: f32 = 0.5;
 
 const ON: Luma<u8> = Luma([255]);
@@ -162,7 +162,7 @@ impl Mask {
     }
 }
 
-/// Pixels whose value is at least `level`, less those that show their lamp only in part if `border` says so.
+/// Pixels whose value is at least `level`; with [`Border::Half`], the border of each lamp is where pixels are half lamp and half what is beside it.
 pub fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     let (width, height) = values.size();
     let value = |x: u32, y: u32| values.get(x, y)[0];
@@ -170,21 +170,28 @@ pub fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     if border == Border::Full {
         return mask;
     }
-    let around = |x: u32, y: u32| {
-        let reach = BORDER_REACH;
+    let around = |x: u32, y: u32, reach: u32| {
         let columns = x.saturating_sub(reach)..=(x + reach).min(width - 1);
         let rows = y.saturating_sub(reach)..=(y + reach).min(height - 1);
         rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
     };
     Mask::from_fn(width, height, |x, y| {
-        if !mask.has(x, y) {
+        let is_bright = mask.has(x, y);
+        // A pixel that is half a dim lamp may be below the level.
+        if !is_bright && !around(x, y, 1).any(|(x, y)| mask.has(x, y)) {
             return false;
         }
-        let inside = around(x, y).all(|(x, y)| mask.has(x, y));
-        inside || {
-            let lamp = around(x, y).fold(0.0, |lamp: f32, (x, y)| lamp.max(value(x, y)));
-            value(x, y) >= BORDER_SHARE * lamp
+        if around(x, y, BORDER_REACH).all(|(x, y)| mask.has(x, y)) {
+            return true;
         }
+        let (mut lamp, mut beside) = (0.0_f32, f32::INFINITY);
+        for (x, y) in around(x, y, BORDER_REACH) {
+            lamp = lamp.max(value(x, y));
+            if !mask.has(x, y) {
+                beside = beside.min(value(x, y));
+            }
+        }
+        value(x, y) >= beside + BORDER_SHARE * (lamp - beside)
     })
 }
 
@@ -251,6 +258,7 @@ mod tests {
     /// A lamp of 10 that covers half and more of some pixels of its border, less of others, on a wall of 0.5.
     #[test]
     fn border_pixels_belong_to_what_covers_most_of_them() {
+        // Shares of 0.16, 1, 1, 0.58.
         let row = [0.5, 2.0, 10.0, 10.0, 6.0, 0.5];
         let values =
             Image::from_pixels(6, 3, [row; 3].as_flattened().iter().map(|&v| [v]).collect())
@@ -259,6 +267,19 @@ mod tests {
         assert_eq!(half, mask(&["..###.", "..###.", "..###."]));
         let full = at_least(&values, 1.0, Border::Full);
         assert_eq!(full, mask(&[".####.", ".####.", ".####."]));
+    }
+
+    /// Half of a lamp of 10 beside a wall of 3 is 6.5; of a lamp of 4 beside black it is 2, below the level.
+    #[test]
+    fn a_border_lies_halfway_between_lamp_and_wall() {
+        let image = |row: [f32; 6]| {
+            let pixels = [row; 3].as_flattened().iter().map(|&v| [v]).collect();
+            Image::from_pixels(6, 3, pixels).unwrap()
+        };
+        let beside_wall = at_least(&image([3.0, 3.0, 6.0, 10.0, 10.0, 10.0]), 5.0, Border::Half);
+        assert_eq!(beside_wall, mask(&["...###", "...###", "...###"]));
+        let beside_black = at_least(&image([0.0, 0.0, 2.1, 4.0, 4.0, 4.0]), 3.0, Border::Half);
+        assert_eq!(beside_black, mask(&["..####", "..####", "..####"]));
     }
 
     /// Shading inside of a lamp is not a border.

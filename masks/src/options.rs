@@ -68,8 +68,8 @@ impl Rule {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Border {
-    /// A pixel at a border belongs to the lamp if it is at least half as bright as the lamp within two pixels: where the lamp covers half of it,
-    /// however bright it is and however the optics blur it.
+    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and what is beside it, both within two pixels: where
+    /// the lamp covers half of it, however bright it is and however the optics blur it.
     Half,
     /// All that is at the level belongs to the lamp: bright lamps gain a rim.
     Full,

@@ -269,3 +269,54 @@ fn a_project_is_checked_before_anything_runs() {
     place.succeeds("run new.toml --dry-run");
     place.fails_cleanly("init new.toml", &["is there already"]);
 }
+
+/// From RAW brackets of a virtual room to the report, as the demo does it.
+#[test]
+fn a_simulated_capture_becomes_a_report() {
+    let place = Workplace::new();
+    let project = r#"
+out = "run"
+simulate = "small-room"
+conditions = ["day", "evening"]
+measure = "run/capture/truth/day"
+[synth]
+views = 10
+size = "48x32"
+spp = 2
+[ingest]
+vignetting = "-0.22,0.05,-0.01"
+[poses]
+model = "run/capture/colmap/sparse/0"
+align = "like"
+like = "run/capture/truth/day"
+[train]
+preset = "draft"
+iterations = 40
+albedo_iterations = 5
+[render]
+modes = ["0-bounce"]
+aov = ["albedo"]
+[[relight]]
+name = "dim"
+script = "dim.toml"
+condition = "evening"
+"#;
+    place.write("p.toml", project);
+    place.write("dim.toml", DIM);
+    // The views of the capture and those of the truth differ in size by what the lens cuts off: a light of the capture is measured by its own.
+    place.succeeds("run p.toml --until train");
+    let dataset = place.json("run/dataset/day/transforms.json");
+    assert_eq!(dataset["frames"].as_array().unwrap().len(), 10);
+    let import = place.json("run/dataset/import.json");
+    assert_eq!(import["alignment"]["reference"]["num_cameras"], 10);
+    let without = project.replace("condition = \"evening\"", "");
+    place.write("p.toml", without);
+    place.succeeds("run p.toml");
+    let mean = &place.json("run/eval/original/0-bounce/metrics.json")["mean"];
+    assert!(
+        mean["albedo_psnr_srgb_db"].as_f64().unwrap() > 5.0,
+        "{mean}"
+    );
+    let page = String::from_utf8(place.bytes("run/report.html")).unwrap();
+    assert!(page.contains("simulate") && page.contains("Light: dim"));
+}
