@@ -9,10 +9,12 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
 /// File that a run holds a lock on.
 const LOCK_FILE: &str = ".lock";
+/// How long a lock is waited for.
+const LOCK_PATIENCE: Duration = Duration::from_secs(2);
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
 
@@ -40,13 +42,20 @@ impl Folder {
             .write(true)
             .open(&path)
             .with_context(|| format!("{}: open", path.display()))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                bail!("{}: another run is at work in this folder", dir.display());
-            }
-            Err(TryLockError::Error(error)) => {
-                return Err(error).with_context(|| format!("{}: lock", path.display()));
+        let asked = Instant::now();
+        loop {
+            match lock.try_lock() {
+                Ok(()) => break,
+                // A run that was killed holds its lock until the system has cleared it away.
+                Err(TryLockError::WouldBlock) if asked.elapsed() < LOCK_PATIENCE => {
+                    std::thread::sleep(LOCK_PATIENCE / 20);
+                }
+                Err(TryLockError::WouldBlock) => {
+                    bail!("{}: another run is at work in this folder", dir.display());
+                }
+                Err(TryLockError::Error(error)) => {
+                    return Err(error).with_context(|| format!("{}: lock", path.display()));
+                }
             }
         }
         Ok(Self {
