@@ -259,11 +259,7 @@ fn tell(reporter: &mut Reporter, message: &MaskProgress) -> Result<()> {
             return reporter.message(message);
         }
     };
-    if done == 1 {
-        reporter.begin(name, "views", 0, total as u64);
-    }
-    reporter.advance(done as u64, String::new);
-    reporter.step_message(done as u64, message)
+    reporter.count((name, "views"), (done, total), message)
 }
 
 /// Says what came of it.

@@ -117,6 +117,23 @@ impl Reporter {
         }
     }
 
+    /// Shows that `done` of `total` steps of the task `name` are done, which begins with the first of them, and tells machines.
+    ///
+    /// # Errors
+    /// As [`Self::step_message`].
+    pub(crate) fn count(
+        &mut self,
+        (name, unit): (&str, &'static str),
+        (done, total): (usize, usize),
+        message: &impl Serialize,
+    ) -> Result<()> {
+        if done == 1 {
+            self.begin(name, unit, 0, total as u64);
+        }
+        self.advance(done as u64, String::new);
+        self.step_message(done as u64, message)
+    }
+
     /// Ends the task.
     pub(crate) fn finish(&mut self) {
         if let Some(Task { bar: Some(bar), .. }) = self.task.take() {

@@ -2,6 +2,7 @@
 //!
 //! - [`mod@project`]: the file, and the options of each command in it.
 //! - [`plan`]: which commands follow from it, and what each reads and makes.
+//! - [`step`]: one of them.
 //! - [`state`]: what was made from what, so that only what has changed is made again.
 //! - [`execute`]: the commands, one after the other.
 //! - [`verify`]: everything again, compared to the bit.
@@ -11,6 +12,7 @@ mod init;
 mod plan;
 mod project;
 mod state;
+mod step;
 mod verify;
 
 pub(crate) use init::{InitArgs, run as init};
@@ -95,8 +97,8 @@ pub(crate) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let plan = Plan::of(&project)?;
     let range = Range::new(&plan, args.from.as_deref(), args.until.as_deref())?;
     if args.dry_run {
-        let folder = Folder::look_at(&project.out)?;
-        return execute::dry_run(&plan, &folder, &range, global);
+        let mut folder = Folder::look_at(&project.out)?;
+        return execute::dry_run(&plan, &mut folder, &range, global);
     }
     let mut folder = Folder::open(&project.out)?;
     folder.keep_project(&project)?;

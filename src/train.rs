@@ -226,11 +226,7 @@ fn check_target(request: &TrainRequest) -> Result<()> {
 fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
     match message {
         TrainProgress::ReadingViews { done, total } => {
-            if *done == 1 {
-                reporter.begin("reading", "views", 0, *total as u64);
-            }
-            reporter.advance(*done as u64, String::new);
-            return reporter.step_message(*done as u64, message);
+            return reporter.count(("reading", "views"), (*done, *total), message);
         }
         TrainProgress::Gathering { done, total } => {
             if *done == 0 {

@@ -4,10 +4,11 @@
 //! that needs no network, no other file and, for all but the sliders, no script. Pictures are embedded as JPEG, at most a display's size.
 //!
 //! - [`mod@run`]: `run.json`, what was made from what.
-//! - [`gather`]: what goes on the page.
+//! - [`content`]: what is on the page; [`gather`]: how it is read.
 //! - [`picture`], [`curve`]: pictures and curves as text.
 //! - [`page`]: the template.
 
+pub mod content;
 pub mod curve;
 pub mod error;
 pub mod gather;

@@ -1,7 +1,7 @@
 //! The page: template, style and script, all in one file.
 
+use crate::content::Content;
 use crate::error::Result;
-use crate::gather::Content;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 

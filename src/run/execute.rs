@@ -1,7 +1,8 @@
 //! The steps of a run, one after the other.
 
-use super::plan::{Plan, Restart, Step};
+use super::plan::Plan;
 use super::state::Folder;
+use super::step::{Restart, Step, parse};
 use crate::cli::{self, GlobalArgs};
 use crate::output;
 use crate::progress::{Reporter, duration};
@@ -172,15 +173,7 @@ fn execute(
     };
     folder.record.steps.insert(step.name.clone(), begun.clone());
     folder.save()?;
-    let parsed = Step {
-        name: step.name.clone(),
-        arguments: arguments.clone(),
-        reads: Vec::new(),
-        after: Vec::new(),
-        products: Vec::new(),
-        restart: step.restart,
-    };
-    let command = parsed.parse()?;
+    let command = parse(&arguments)?;
     record::forget_peak_memory();
     let started = Instant::now();
     let code = record::with_arguments(arguments, || cli::dispatch(&command, global))?;
@@ -259,18 +252,17 @@ impl<'a> Told<'a> {
 /// If what the steps read is not there, or standard output cannot be written.
 pub(super) fn dry_run(
     plan: &Plan,
-    folder: &Folder,
+    folder: &mut Folder,
     range: &Range,
     global: &GlobalArgs,
 ) -> Result<ExitCode> {
-    let mut folder = Folder::look_at(&folder.dir)?;
     let reporter = Reporter::new(global);
     let mut runs = vec![false; plan.steps.len()];
     let (mut text, mut seconds, mut num_unknown) = (String::new(), 0.0, 0);
     let total = range.until + 1;
     for (index, step) in plan.steps.iter().take(total).enumerate() {
         let key = folder.key(plan, step)?;
-        let mut why = reason(step, &mut folder, &key, range.is_forced(index));
+        let mut why = reason(step, folder, &key, range.is_forced(index));
         if why == Reason::UpToDate && step.after.iter().any(|&earlier| runs[earlier]) {
             why = Reason::Depends;
         }

@@ -1,41 +1,12 @@
 //! The commands that follow from a project, in an order in which each finds what it needs.
 
 use super::project::{Capture, ORIGINAL, Options, Photographs, Project, Relight, Source};
-use crate::cli::{Cli, Command};
+use super::step::{Restart, Step, parse};
 use anyhow::{Result, anyhow, bail};
-use clap::Parser;
 use eagpt_edit::Script;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::TRANSFORMS_FILE;
 use std::path::{Path, PathBuf};
-
-/// One command of the chain.
-#[derive(Debug)]
-pub(super) struct Step {
-    /// Its name, as `render/original/path`.
-    pub(super) name: String,
-    /// Its arguments, the command's name first.
-    pub(super) arguments: Vec<String>,
-    /// Files and folders outside of the run that it reads.
-    pub(super) reads: Vec<PathBuf>,
-    /// Indices of the steps whose products it takes.
-    pub(super) after: Vec<usize>,
-    /// Files and folders that others take from it.
-    pub(super) products: Vec<PathBuf>,
-    /// How it goes on after it was stopped.
-    pub(super) restart: Restart,
-}
-
-/// What to do about what a step has left that was stopped, or whose inputs have changed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Restart {
-    /// It begins again.
-    Anew,
-    /// `--resume` goes on if nothing has changed, where this file is there.
-    Resume(&'static str),
-    /// The command finds out itself.
-    Itself,
-}
 
 /// All steps.
 #[derive(Debug)]
@@ -103,7 +74,7 @@ impl Plan {
         plan.report();
         plan.check_inputs(project)?;
         for step in &plan.steps {
-            step.parse().map_err(|error| {
+            parse(&step.arguments).map_err(|error| {
                 anyhow!("{}: step {}: {error}", project.path.display(), step.name)
             })?;
         }
@@ -336,19 +307,7 @@ impl Plan {
             .out
             .join("bake")
             .join(format!("{}.ply", condition.name));
-        let mut arguments = words(&["bake"], &[condition.scene]);
-        arguments.extend(words(&["--cameras"], &[condition.dataset]));
-        arguments.extend(options.iter().cloned());
-        let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
-        after.push(condition.made_by);
-        self.push(Step {
-            name: format!("bake/{}", condition.name),
-            arguments: with_out(arguments, &out),
-            reads,
-            after,
-            products: vec![out],
-            restart: Restart::Itself,
-        })
+        self.look(format!("bake/{}", condition.name), condition, options, out)
     }
 
     fn render(
@@ -359,19 +318,42 @@ impl Plan {
         options: &Options,
     ) -> usize {
         let out = self.out.join("render").join(condition.name).join(row);
-        let mut arguments = words(&["render"], &[condition.scene]);
+        let mut all = words(&["--mode", mode], &[]);
+        all.extend(options.iter().cloned());
+        self.look(
+            format!("render/{}/{row}", condition.name),
+            condition,
+            &all,
+            out,
+        )
+    }
+
+    /// A command that takes the scene and the cameras of a condition; its name begins that of the step.
+    fn look(
+        &mut self,
+        name: String,
+        condition: &Condition<'_>,
+        options: &Options,
+        out: PathBuf,
+    ) -> usize {
+        let command = name.split('/').next().unwrap_or_default();
+        let mut arguments = words(&[command], &[condition.scene]);
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
-        arguments.extend(["--mode".to_owned(), mode.to_owned()]);
         arguments.extend(options.iter().cloned());
+        let restart = if command == "bake" {
+            Restart::Itself
+        } else {
+            Restart::Anew
+        };
         let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
         after.push(condition.made_by);
         self.push(Step {
-            name: format!("render/{}/{row}", condition.name),
+            name,
             arguments: with_out(arguments, &out),
             reads,
             after,
             products: vec![out],
-            restart: Restart::Anew,
+            restart,
         })
     }
 
@@ -462,31 +444,6 @@ struct Evaluated {
     row: String,
     folder: PathBuf,
     step: usize,
-}
-
-impl Step {
-    /// The command with its arguments checked.
-    pub(super) fn parse(&self) -> Result<Command> {
-        let words = std::iter::once("eagpt").chain(self.arguments.iter().map(String::as_str));
-        let cli = Cli::try_parse_from(words).map_err(|error| {
-            let text = error.to_string();
-            let first = text.lines().next().unwrap_or_default();
-            anyhow!("{}", first.trim_start_matches("error: ").to_owned())
-        })?;
-        Ok(cli.command)
-    }
-
-    /// The command as one would type it.
-    pub(super) fn shown(&self) -> String {
-        let quoted = self.arguments.iter().map(|word| {
-            let is_plain = |c: char| c.is_alphanumeric() || "-_./,=:+%@".contains(c);
-            match !word.is_empty() && word.chars().all(is_plain) {
-                true => word.clone(),
-                false => format!("'{}'", word.replace('\'', "'\\''")),
-            }
-        });
-        format!("eagpt {}", quoted.collect::<Vec<_>>().join(" "))
-    }
 }
 
 fn words(words: &[&str], paths: &[&Path]) -> Vec<String> {

@@ -242,24 +242,34 @@ impl Reader<'_> {
 
     /// The options of a section that is called like its command.
     fn section(&self, name: &str, node: &Node<'_>) -> Result<Options> {
-        self.options(name, &node.any_table()?, &[])
+        self.options(name, &[&node.any_table()?], &[])
     }
 
-    /// The options that a table gives to a command, keys of `own` left out.
-    fn options(&self, name: &str, table: &Table<'_>, own: &[&str]) -> Result<Options> {
+    /// The options that tables give to a command, a later one before an earlier; keys of `own` in the first are not the command's.
+    fn options(&self, name: &str, tables: &[&Table<'_>], own: &[&str]) -> Result<Options> {
         let mut options = Vec::new();
-        if table.get("seed").is_none() {
+        if tables.iter().all(|table| table.get("seed").is_none()) {
             options.extend(self.seeded(name));
         }
-        for (key, node) in table.entries().filter(|(key, _)| !own.contains(key)) {
-            let long = key.replace('_', "-");
-            let known = self
-                .find(name, &long)
-                .filter(|_| !RESERVED.contains(&long.as_str()));
-            let Some(argument) = known else {
-                return Err(node.error(self.unknown(name)).into());
-            };
-            self.push(&mut options, argument, &format!("--{long}"), &node)?;
+        for (index, table) in tables.iter().enumerate() {
+            for (key, node) in table.entries() {
+                if index == 0 && own.contains(&key) {
+                    continue;
+                }
+                let long = key.replace('_', "-");
+                let known = self
+                    .find(name, &long)
+                    .filter(|_| !RESERVED.contains(&long.as_str()));
+                let Some(argument) = known else {
+                    return Err(node.error(self.unknown(name)).into());
+                };
+                if tables[index + 1..]
+                    .iter()
+                    .all(|later| later.get(key).is_none())
+                {
+                    self.push(&mut options, argument, &format!("--{long}"), &node)?;
+                }
+            }
         }
         Ok(options)
     }
@@ -319,7 +329,7 @@ impl Reader<'_> {
 
     fn capture(&self, root: &Table<'_>, photographs: Photographs) -> Result<Capture> {
         let section = |name: &str, command: &str, own: &[&str]| match root.get(name) {
-            Some(node) => self.options(command, &node.any_table()?, own),
+            Some(node) => self.options(command, &[&node.any_table()?], own),
             None => Ok(self.seeded(command)),
         };
         let names = root
@@ -405,40 +415,13 @@ impl Reader<'_> {
         };
         let mut own = vec!["modes"];
         own.extend(MODES);
-        let common = self.options("render", &table, &own)?;
-        let mut modes = Vec::new();
-        for name in names {
-            let mut options = common.clone();
-            if let Some(node) = table.get(&name) {
-                let table = node.any_table()?;
-                // The mode's own options come last, and win.
-                remove_given(&mut options, &table);
-                options.extend(self.options("render", &table, &[])?);
-                remove_first_seed(&mut options);
-            }
-            modes.push((name, options));
-        }
-        Ok(modes)
-    }
-}
-
-/// Takes options out that a more special table gives as well.
-fn remove_given(options: &mut Options, table: &Table<'_>) {
-    for (key, _) in table.entries() {
-        let flag = format!("--{}", key.replace('_', "-"));
-        while let Some(at) = options.iter().position(|option| *option == flag) {
-            let has_value = options
-                .get(at + 1)
-                .is_some_and(|next| !next.starts_with("--"));
-            options.drain(at..=at + usize::from(has_value));
-        }
-    }
-}
-
-/// The project's seed may have come twice, from the common table and from that of the mode.
-fn remove_first_seed(options: &mut Options) {
-    let seeds = options.iter().filter(|option| *option == "--seed").count();
-    if let (2.., Some(at)) = (seeds, options.iter().position(|option| option == "--seed")) {
-        options.drain(at..at + 2);
+        let options = |name: &str| match table.get(name) {
+            Some(special) => self.options("render", &[&table, &special.any_table()?], &own),
+            None => self.options("render", &[&table], &own),
+        };
+        let modes = names
+            .into_iter()
+            .map(|name| Ok((name.clone(), options(&name)?)));
+        modes.collect()
     }
 }

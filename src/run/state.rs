@@ -1,7 +1,8 @@
 //! What was made from what: digests of inputs and products, kept in the folder of results.
 
-use super::plan::{Plan, Step};
+use super::plan::Plan;
 use super::project::Project;
+use super::step::Step;
 use anyhow::{Context, Result, bail};
 use eagpt_report::run::{PROJECT_FILE, RUN_FILE, RunRecord, StepRecord, read_json};
 use eagpt_scene::files;

@@ -265,6 +265,17 @@ fn a_project_is_checked_before_anything_runs() {
     place.fails_cleanly("run p.toml --until paint", &["`paint` is no step", "train"]);
     place.fails_cleanly("run p.toml --from table --until masks", &["comes after"]);
     place.fails_cleanly("run --verify room", &["room: no run"]);
+    // What all modes are given, a mode has unless it says otherwise.
+    place.write("p.toml", PROJECT.replace("spp = 4", "spp = 4\nseed = 5"));
+    let dry = place.succeeds("run p.toml --dry-run");
+    let line = |end: &str| dry.lines().find(|line| line.ends_with(end)).unwrap();
+    for end in ["render/original/0-bounce", "render/original/path"] {
+        let line = line(end);
+        assert_eq!(line.matches("--seed 5").count(), 1, "{line}");
+        assert_eq!(line.matches("--seed").count(), 1, "{line}");
+    }
+    assert!(line("render/original/path").contains("--bounces 3"));
+    place.write("p.toml", PROJECT);
     place.succeeds("init new.toml --dataset room --preset draft");
     place.succeeds("run new.toml --dry-run");
     place.fails_cleanly("init new.toml", &["is there already"]);

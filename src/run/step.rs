@@ -1,0 +1,59 @@
+//! A command of the chain, with what it reads and makes.
+
+use crate::cli::{Cli, Command};
+use anyhow::{Result, anyhow};
+use clap::Parser;
+use std::path::PathBuf;
+
+/// One command of the chain.
+#[derive(Debug)]
+pub(super) struct Step {
+    /// Its name, as `render/original/path`.
+    pub(super) name: String,
+    /// Its arguments, the command's name first.
+    pub(super) arguments: Vec<String>,
+    /// Files and folders outside of the run that it reads.
+    pub(super) reads: Vec<PathBuf>,
+    /// Indices of the steps whose products it takes.
+    pub(super) after: Vec<usize>,
+    /// Files and folders that others take from it.
+    pub(super) products: Vec<PathBuf>,
+    /// How it goes on after it was stopped.
+    pub(super) restart: Restart,
+}
+
+/// What to do about what a step has left that was stopped, or whose inputs have changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Restart {
+    /// It begins again.
+    Anew,
+    /// `--resume` goes on if nothing has changed, where this file is there.
+    Resume(&'static str),
+    /// The command finds out itself.
+    Itself,
+}
+
+impl Step {
+    /// The command as one would type it.
+    pub(super) fn shown(&self) -> String {
+        let quoted = self.arguments.iter().map(|word| {
+            let is_plain = |c: char| c.is_alphanumeric() || "-_./,=:+%@".contains(c);
+            match !word.is_empty() && word.chars().all(is_plain) {
+                true => word.clone(),
+                false => format!("'{}'", word.replace('\'', "'\\''")),
+            }
+        });
+        format!("eagpt {}", quoted.collect::<Vec<_>>().join(" "))
+    }
+}
+
+/// The command of arguments, checked.
+pub(super) fn parse(arguments: &[String]) -> Result<Command> {
+    let words = std::iter::once("eagpt").chain(arguments.iter().map(String::as_str));
+    let cli = Cli::try_parse_from(words).map_err(|error| {
+        let text = error.to_string();
+        let first = text.lines().next().unwrap_or_default();
+        anyhow!("{}", first.trim_start_matches("error: ").to_owned())
+    })?;
+    Ok(cli.command)
+}
