@@ -87,6 +87,9 @@ pub(crate) struct TrainArgs {
     /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it [default: those of the dataset]
     #[arg(long, value_name = "DIR")]
     masks: Option<PathBuf>,
+    /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it [default: those of the dataset]
+    #[arg(long, value_name = "DIR")]
+    normals: Option<PathBuf>,
     /// Print the effective options as TOML and stop
     #[arg(long)]
     dump_config: bool,
@@ -159,6 +162,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let request = TrainRequest {
         dataset,
         masks: args.masks.clone(),
+        normals: args.normals.clone(),
         out,
         options,
         existing: match (args.resume, args.force) {

@@ -15,7 +15,7 @@ use eagpt_colmap::model::PointId;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::lens::Field;
-use eagpt_scene::lens::undistort::UndistortOptions;
+use eagpt_scene::lens::undistort::{Pinhole, UndistortOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -91,8 +91,9 @@ struct AlignArgs {
     /// manual: a place on the floor in the model's world; may be given often, as for a plane through four
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     floor_at: Vec<[f64; 3]>,
-    /// like: dataset with cameras of the same names, whose world the model is moved into; z has to be up there
-    #[arg(long, value_name = "DATASET", required_if_eq("align", "like"))]
+    /// --align like: dataset with cameras of the same names, whose world the model is moved into; z has to be up there. --field like: whose
+    /// pinhole camera images are made for
+    #[arg(long, value_name = "DATASET", required_if_eq_any([("align", "like"), ("field", "like")]))]
     like: Option<PathBuf>,
     /// Leave the yaw as it is, do not turn walls to the axes
     #[arg(long)]
@@ -143,6 +144,8 @@ enum FieldArg {
     All,
     /// As many pixels as the image has, with its principal point; unknown ones as with `all`
     Same,
+    /// What the cameras of --like show, which must be the same but for their poses, with as many pixels; unknown ones as with `all`
+    Like,
 }
 
 const OUTPUTS_AND_EXAMPLES: &str = "Files in DATASET (of several conditions in DATASET/NAME):
@@ -201,8 +204,9 @@ impl ImportArgs {
                 max_error_px: self.max_error,
             },
             undistort: UndistortOptions {
+                pinhole: self.known_pinhole()?,
                 field: match self.undistort.field {
-                    FieldArg::Inside => Field::Inside,
+                    FieldArg::Inside | FieldArg::Like => Field::Inside,
                     FieldArg::All => Field::All,
                     FieldArg::Same => Field::Same,
                 },
@@ -242,11 +246,10 @@ impl ImportArgs {
 
     /// Cameras of the dataset to be like.
     fn known_cameras(&self) -> Result<Vec<KnownCamera>> {
-        let like = self.align.like.as_ref();
-        let Some(path) = like.filter(|_| self.align.align == AlignArg::Like) else {
+        if self.align.align != AlignArg::Like {
             return Ok(Vec::new());
-        };
-        let dataset = Dataset::open_cameras(path)?;
+        }
+        let dataset = self.like()?;
         if dataset.up() != UpAxis::Z {
             bail!(
                 "{}: up_axis: {}, must be z",
@@ -259,6 +262,30 @@ impl ImportArgs {
             centre: frame.camera.world_from_camera.translation.to_array(),
         });
         Ok(known.collect())
+    }
+
+    /// The camera of the dataset to be like.
+    fn known_pinhole(&self) -> Result<Option<Pinhole>> {
+        if self.undistort.field != FieldArg::Like {
+            return Ok(None);
+        }
+        let dataset = self.like()?;
+        let mut pinholes = dataset.frames().iter().map(|f| Pinhole::of(&f.camera));
+        let first = pinholes.next();
+        if pinholes.any(|other| Some(other) != first) {
+            bail!(
+                "{}: frames: cameras differ by more than their poses, --field like needs one for all",
+                dataset.transforms().display()
+            );
+        }
+        Ok(first)
+    }
+
+    fn like(&self) -> Result<Dataset> {
+        match &self.align.like {
+            Some(path) => Ok(Dataset::open_cameras(path)?),
+            None => bail!("--like: a dataset is missing, which `like` is to be like"),
+        }
     }
 }
 

@@ -241,6 +241,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
         up_axis: args.up_axis,
         metres_per_unit: args.metres_per_unit,
         undistort: UndistortOptions {
+            pinhole: None,
             field: match args.field {
                 FieldArg::Inside => Field::Inside,
                 FieldArg::All => Field::All,

@@ -82,6 +82,11 @@ threshold = "auto"          # or a linear radiance; the paper takes 1.5
 # labels = "labels/lamps"
 # inconsistent = "drop"     # what other views do not confirm
 
+# Which way surfaces face, by an estimator: its maps, or a network that you have. Without this section, the normals that the dataset has.
+# [normals]
+# maps = "normals/stable-normal"
+# onnx = "dsine.onnx"
+
 [train]
 preset = "{preset}"
 # gaussians = 60000

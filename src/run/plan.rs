@@ -5,7 +5,7 @@ use super::step::{Restart, Step, parse};
 use anyhow::{Result, anyhow, bail};
 use eagpt_edit::Script;
 use eagpt_scene::Dataset;
-use eagpt_scene::dataset::TRANSFORMS_FILE;
+use eagpt_scene::dataset::{EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE};
 use std::path::{Path, PathBuf};
 
 /// All steps.
@@ -34,8 +34,12 @@ impl Plan {
         let masks = project
             .masks
             .as_ref()
-            .map(|options| plan.masks(dataset, options));
-        let train = plan.train(dataset, masks, &project.train);
+            .map(|options| plan.maps(["masks", EMISSION_DIR], dataset, options));
+        let normals = project
+            .normals
+            .as_ref()
+            .map(|options| plan.maps(["normals", NORMAL_DIR], dataset, options));
+        let train = plan.train(dataset, [masks, normals], &project.train);
         let scene = plan.out.join("train/scene.ply");
         let dataset = project.measure.as_deref().unwrap_or(dataset);
         let mut evaluated = plan.condition(
@@ -135,6 +139,18 @@ impl Plan {
         self.steps.len() - 1
     }
 
+    /// Adds a step whose command gets options of the project, and reads what they name.
+    fn push_with(&mut self, options: &Options, mut step: Step) -> usize {
+        step.arguments.extend(options.words.iter().cloned());
+        let paths: Vec<&Path> = options.paths.iter().map(PathBuf::as_path).collect();
+        let (reads, after) = self.sources(&paths);
+        step.reads.extend(reads);
+        step.after.extend(after);
+        step.after.sort_unstable();
+        step.after.dedup();
+        self.push(step)
+    }
+
     /// From photographs to the dataset of the first lighting; returns its folder.
     fn capture(&mut self, capture: &Capture) -> PathBuf {
         let ingested = self.out.join("ingest");
@@ -146,17 +162,16 @@ impl Plan {
                 (out, Vec::new(), vec![simulate])
             }
         };
-        let mut arguments = words(&["ingest"], &[&photographs]);
-        arguments.extend(capture.ingest.iter().cloned());
         let first = capture.conditions.first();
-        let ingest = self.push(Step {
+        let ingest = Step {
             name: "ingest".to_owned(),
-            arguments: with_out(arguments, &ingested),
+            arguments: with_out(words(&["ingest"], &[&photographs]), &ingested),
             reads,
             after,
             products: vec![ingested.clone()],
             restart: Restart::Itself,
-        });
+        };
+        let ingest = self.push_with(&capture.ingest, ingest);
         let (model, reads, after) = match &capture.model {
             Some(model) => {
                 let (reads, mut after) = self.sources(&[model]);
@@ -166,16 +181,16 @@ impl Plan {
             None => {
                 let out = self.out.join("colmap");
                 let previews = first.map_or(ingested.clone(), |first| ingested.join(first));
-                let mut arguments = words(&["colmap", "run"], &[&previews.join("Preview")]);
-                arguments.extend(capture.colmap.iter().cloned());
-                let colmap = self.push(Step {
+                let arguments = words(&["colmap", "run"], &[&previews.join("Preview")]);
+                let colmap = Step {
                     name: "colmap".to_owned(),
                     arguments: with_out(arguments, &out),
                     reads: Vec::new(),
                     after: vec![ingest],
                     products: vec![out.clone()],
                     restart: Restart::Anew,
-                });
+                };
+                let colmap = self.push_with(&capture.colmap, colmap);
                 (out, Vec::new(), vec![ingest, colmap])
             }
         };
@@ -185,30 +200,29 @@ impl Plan {
         if !capture.conditions.is_empty() {
             arguments.extend(["--conditions".to_owned(), capture.conditions.join(",")]);
         }
-        arguments.extend(capture.poses.iter().cloned());
-        self.push(Step {
+        let poses = Step {
             name: "poses".to_owned(),
             arguments: with_out(arguments, &out),
             reads,
             after,
             products: vec![out.clone()],
             restart: Restart::Anew,
-        });
+        };
+        self.push_with(&capture.poses, poses);
         first.map_or(out.clone(), |first| out.join(first))
     }
 
     fn simulate(&mut self, scene: &str, options: &Options, out: &Path) -> usize {
-        let mut arguments = words(&["synth", scene], &[]);
-        arguments.extend(options.iter().cloned());
         let is_file = scene.contains(['/', '.']);
-        self.push(Step {
+        let simulate = Step {
             name: "simulate".to_owned(),
-            arguments: with_out(arguments, out),
+            arguments: with_out(words(&["synth", scene], &[]), out),
             reads: is_file.then(|| scene.into()).into_iter().collect(),
             after: Vec::new(),
             products: vec![out.to_owned()],
             restart: Restart::Anew,
-        })
+        };
+        self.push_with(options, simulate)
     }
 
     /// Divides what a step reads into the files of the outside world and the steps that make the others.
@@ -224,38 +238,39 @@ impl Plan {
         (reads, after)
     }
 
-    fn masks(&mut self, dataset: &Path, options: &Options) -> usize {
-        let out = self.out.join("masks");
-        let mut arguments = words(&["masks"], &[dataset]);
-        arguments.extend(options.iter().cloned());
+    /// What a command adds to a dataset, inside of a folder that is called like the command.
+    fn maps(&mut self, [command, maps]: [&str; 2], dataset: &Path, options: &Options) -> usize {
+        let out = self.out.join(command);
         let (reads, after) = self.sources(&[dataset]);
-        self.push(Step {
-            name: "masks".to_owned(),
-            arguments: with_out(arguments, &out),
+        let step = Step {
+            name: command.to_owned(),
+            arguments: with_out(words(&[command], &[dataset]), &out),
             reads,
             after,
-            products: vec![out.join("Emissive-exr")],
+            products: vec![out.join(maps)],
             restart: Restart::Anew,
-        })
+        };
+        self.push_with(options, step)
     }
 
-    fn train(&mut self, dataset: &Path, masks: Option<usize>, options: &Options) -> usize {
+    fn train(&mut self, dataset: &Path, maps: [Option<usize>; 2], options: &Options) -> usize {
         let out = self.out.join("train");
         let mut arguments = words(&["train"], &[dataset]);
-        if masks.is_some() {
-            arguments.extend(words(&["--masks"], &[&self.out.join("masks")]));
-        }
-        arguments.extend(options.iter().cloned());
         let (reads, mut after) = self.sources(&[dataset]);
-        after.extend(masks);
-        self.push(Step {
+        for step in maps.into_iter().flatten() {
+            let name = &self.steps[step].name;
+            arguments.extend(words(&[&format!("--{name}")], &[&self.out.join(name)]));
+            after.push(step);
+        }
+        let train = Step {
             name: "train".to_owned(),
             arguments: with_out(arguments, &out),
             reads,
             after,
             products: vec![out.join("scene.ply")],
             restart: Restart::Resume("checkpoints"),
-        })
+        };
+        self.push_with(options, train)
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path, train: usize) -> (PathBuf, usize) {
@@ -307,7 +322,8 @@ impl Plan {
             .out
             .join("bake")
             .join(format!("{}.ply", condition.name));
-        self.look(format!("bake/{}", condition.name), condition, options, out)
+        let name = format!("bake/{}", condition.name);
+        self.look(name, &[], condition, options, out)
     }
 
     fn render(
@@ -318,20 +334,15 @@ impl Plan {
         options: &Options,
     ) -> usize {
         let out = self.out.join("render").join(condition.name).join(row);
-        let mut all = words(&["--mode", mode], &[]);
-        all.extend(options.iter().cloned());
-        self.look(
-            format!("render/{}/{row}", condition.name),
-            condition,
-            &all,
-            out,
-        )
+        let name = format!("render/{}/{row}", condition.name);
+        self.look(name, &["--mode", mode], condition, options, out)
     }
 
     /// A command that takes the scene and the cameras of a condition; its name begins that of the step.
     fn look(
         &mut self,
         name: String,
+        own: &[&str],
         condition: &Condition<'_>,
         options: &Options,
         out: PathBuf,
@@ -339,7 +350,7 @@ impl Plan {
         let command = name.split('/').next().unwrap_or_default();
         let mut arguments = words(&[command], &[condition.scene]);
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
-        arguments.extend(options.iter().cloned());
+        arguments.extend(words(own, &[]));
         let restart = if command == "bake" {
             Restart::Itself
         } else {
@@ -347,14 +358,15 @@ impl Plan {
         };
         let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
         after.push(condition.made_by);
-        self.push(Step {
+        let look = Step {
             name,
             arguments: with_out(arguments, &out),
             reads,
             after,
             products: vec![out],
             restart,
-        })
+        };
+        self.push_with(options, look)
     }
 
     fn eval(
@@ -380,15 +392,15 @@ impl Plan {
         }
         let (reads, mut after) = self.sources(&datasets);
         after.push(render);
-        arguments.extend(project.eval.iter().cloned());
-        let step = self.push(Step {
+        let step = Step {
             name: format!("eval/{}/{row}", condition.name),
             arguments: with_out(arguments, &out),
             reads,
             after,
             products: vec![out.join("metrics.json")],
             restart: Restart::Anew,
-        });
+        };
+        let step = self.push_with(&project.eval, step);
         Evaluated {
             row: row.to_owned(),
             folder: out,

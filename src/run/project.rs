@@ -21,6 +21,8 @@ pub(super) struct Project {
     pub(super) source: Source,
     /// Options of `eagpt masks`; `None` if masks are to be those of the dataset.
     pub(super) masks: Option<Options>,
+    /// Options of `eagpt normals`; `None` if normals are to be those of the dataset.
+    pub(super) normals: Option<Options>,
     /// Options of `eagpt train`.
     pub(super) train: Options,
     /// Dataset whose cameras are rendered and whose images measure the result, if not those that are trained on.
@@ -86,7 +88,13 @@ pub(super) struct Relight {
 }
 
 /// Arguments of a command that a section of the project gives.
-pub(super) type Options = Vec<String>;
+#[derive(Debug, Clone, Default)]
+pub(super) struct Options {
+    /// As typed.
+    pub(super) words: Vec<String>,
+    /// Files and folders among them.
+    pub(super) paths: Vec<PathBuf>,
+}
 
 /// Modes that `eagpt render` has.
 const MODES: [&str; 3] = ["0-bounce", "1-bounce", "path"];
@@ -116,6 +124,7 @@ impl Project {
             "colmap",
             "poses",
             "masks",
+            "normals",
             "train",
             "relight",
             "render",
@@ -184,8 +193,8 @@ impl Project {
             out,
             source,
             measure: root.get("measure").map(at).transpose()?,
-
             masks: section("masks")?,
+            normals: section("normals")?,
             train: section("train")?.unwrap_or_else(|| reader.seeded("train")),
             modes: reader.modes(&root)?,
             bake: section("bake")?,
@@ -223,9 +232,13 @@ impl Reader<'_> {
     /// The seed of the project for a command that takes one.
     fn seeded(&self, name: &str) -> Options {
         let takes_seed = self.find(name, "seed").is_some();
-        match self.seed.filter(|_| takes_seed) {
+        let words = match self.seed.filter(|_| takes_seed) {
             Some(seed) => vec!["--seed".to_owned(), seed.to_string()],
             None => Vec::new(),
+        };
+        Options {
+            words,
+            paths: Vec::new(),
         }
     }
 
@@ -247,9 +260,9 @@ impl Reader<'_> {
 
     /// The options that tables give to a command, a later one before an earlier; keys of `own` in the first are not the command's.
     fn options(&self, name: &str, tables: &[&Table<'_>], own: &[&str]) -> Result<Options> {
-        let mut options = Vec::new();
+        let mut options = Options::default();
         if tables.iter().all(|table| table.get("seed").is_none()) {
-            options.extend(self.seeded(name));
+            options = self.seeded(name);
         }
         for (index, table) in tables.iter().enumerate() {
             for (key, node) in table.entries() {
@@ -300,27 +313,33 @@ impl Reader<'_> {
     ) -> Result<()> {
         if matches!(argument.get_action(), ArgAction::SetTrue) {
             if node.flag()? {
-                options.push(flag.to_owned());
+                options.words.push(flag.to_owned());
             }
             return Ok(());
         }
         let is_path = argument.get_value_parser().type_id() == TypeId::of::<PathBuf>();
-        let text = |node: &Node<'_>| -> Result<String, SceneError> {
+        let paths = &mut options.paths;
+        let mut text = |node: &Node<'_>| -> Result<String, SceneError> {
             let text = node.scalar()?;
             if is_path {
-                return Ok(self.here.join(&text).display().to_string());
+                let path = self.here.join(&text);
+                let text = path.display().to_string();
+                paths.push(path);
+                return Ok(text);
             }
             Ok(text)
         };
         let Ok(items) = node.array() else {
-            options.extend([flag.to_owned(), text(node)?]);
+            let word = text(node)?;
+            options.words.extend([flag.to_owned(), word]);
             return Ok(());
         };
-        let items: Vec<String> = items.iter().map(text).collect::<Result<_, _>>()?;
+        let items: Vec<String> = items.iter().map(&mut text).collect::<Result<_, _>>()?;
         if argument.get_value_delimiter().is_some() {
-            options.extend([flag.to_owned(), items.join(",")]);
+            options.words.extend([flag.to_owned(), items.join(",")]);
         } else if matches!(argument.get_action(), ArgAction::Append) {
-            options.extend(items.into_iter().flat_map(|item| [flag.to_owned(), item]));
+            let words = items.into_iter().flat_map(|item| [flag.to_owned(), item]);
+            options.words.extend(words);
         } else {
             return Err(node.error("takes one value, not several").into());
         }

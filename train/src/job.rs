@@ -49,6 +49,8 @@ pub struct TrainRequest {
     pub dataset: PathBuf,
     /// Folder whose `Emissive-exr` holds the emission masks; without it, those of the dataset.
     pub masks: Option<PathBuf>,
+    /// Folder whose `Normal-exr` holds the normals; without it, those of the dataset.
+    pub normals: Option<PathBuf>,
     /// The folder for results.
     pub out: PathBuf,
     /// Options.
@@ -104,6 +106,9 @@ pub fn train(
     let mut dataset = Dataset::open(&request.dataset)?;
     if let Some(masks) = &request.masks {
         dataset = dataset.with_masks(masks)?;
+    }
+    if let Some(normals) = &request.normals {
+        dataset = dataset.with_normals(normals)?;
     }
     let dataset = Arc::new(dataset);
     let split = dataset.split(options.split)?;

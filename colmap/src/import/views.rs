@@ -5,7 +5,7 @@ use super::{Condition, ImportOptions, ImportProgress, Missing, listed, undistort
 use crate::error::{ColmapError, Result};
 use crate::model::{CameraId, Model};
 use eagpt_scene::dataset::{ALPHA_DIR, DatasetWriter, EMISSION_DIR, RADIANCE_DIR, VALID_DIR, View};
-use eagpt_scene::lens::{Undistortion, undistort::Field};
+use eagpt_scene::lens::Undistortion;
 use eagpt_scene::{Image, exr};
 use glam::DAffine3;
 use rayon::prelude::*;
@@ -229,7 +229,7 @@ impl Finder<'_> {
             Ok(undistortion) => Some(Photograph {
                 name: name.clone(),
                 image: index,
-                may_be_cut: options.field != Field::Inside && !undistortion.is_identity(),
+                may_be_cut: !options.shows_known_pixels_only() && !undistortion.is_identity(),
                 undistortion: *undistortion,
                 files,
             }),

@@ -147,20 +147,38 @@ impl Dataset {
     ///
     /// # Errors
     /// [`SceneError::Invalid`] naming the folder if it has no mask for any view.
-    pub fn with_masks(mut self, folder: &Path) -> Result<Self> {
-        let masks = folder.join(EMISSION_DIR);
+    pub fn with_masks(self, folder: &Path) -> Result<Self> {
+        self.with_maps(&folder.join(EMISSION_DIR), |files| &mut files.emission)
+    }
+
+    /// The same dataset with the normals in `folder/Normal-exr` in place of its own; a view without any there has none.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] naming the folder if it has no normals for any view.
+    pub fn with_normals(self, folder: &Path) -> Result<Self> {
+        self.with_maps(&folder.join(NORMAL_DIR), |files| &mut files.normal)
+    }
+
+    fn with_maps(
+        mut self,
+        folder: &Path,
+        map_of: impl Fn(&mut ViewFiles) -> &mut Option<PathBuf>,
+    ) -> Result<Self> {
+        let mut is_any = false;
         for frame in &mut self.frames {
-            let path = masks.join(format!("{}.exr", frame.name));
-            frame.files.emission = path.is_file().then_some(path);
+            let path = folder.join(format!("{}.exr", frame.name));
+            let map = path.is_file().then_some(path);
+            is_any |= map.is_some();
+            *map_of(&mut frame.files) = map;
         }
-        if self.frames.iter().all(|f| f.files.emission.is_none()) {
-            return Err(SceneError::invalid(
-                &masks,
-                "masks",
-                format!("none is called like a view, as {}.exr", self.frames[0].name),
-            ));
+        if is_any {
+            return Ok(self);
         }
-        Ok(self)
+        Err(SceneError::invalid(
+            folder,
+            "maps",
+            format!("none is called like a view, as {}.exr", self.frames[0].name),
+        ))
     }
 
     /// As [`Self::open`] for who wants to know all that is wrong: frames that cannot be used are left out, and why is told of each.

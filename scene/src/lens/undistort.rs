@@ -19,10 +19,74 @@ pub enum Field {
     Same,
 }
 
+/// A pinhole camera without a pose; as the fields of [`Camera`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pinhole {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Focal length along x, pixels.
+    pub fx: f64,
+    /// Focal length along y, pixels.
+    pub fy: f64,
+    /// Principal point, pixels from the left edge.
+    pub cx: f64,
+    /// Principal point, pixels from the top edge.
+    pub cy: f64,
+}
+
+impl Pinhole {
+    /// That of a camera.
+    pub fn of(camera: &Camera) -> Self {
+        let &Camera {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            ..
+        } = camera;
+        Self {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+        }
+    }
+
+    /// The camera at a pose.
+    pub fn at(&self, world_from_camera: DAffine3) -> Camera {
+        let &Self {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+        } = self;
+        Camera {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            world_from_camera,
+        }
+    }
+}
+
 /// How to choose a pinhole camera for a lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct UndistortOptions {
+    /// This one, whatever else is said; pixels the lens does not show are unknown.
+    pub pinhole: Option<Pinhole>,
     /// What the pinhole image shows.
     pub field: Field,
     /// Largest angle of view, degrees across the image in either direction, above 0 and at most 170: fisheye lenses show more than a
@@ -33,6 +97,7 @@ pub struct UndistortOptions {
 impl Default for UndistortOptions {
     fn default() -> Self {
         Self {
+            pinhole: None,
             field: Field::Inside,
             max_fov_deg: 120.0,
         }
@@ -53,6 +118,11 @@ impl UndistortOptions {
             self.max_fov_deg
         ))
     }
+
+    /// Whether every pixel of the pinhole image is known, whatever the lens.
+    pub fn shows_known_pixels_only(&self) -> bool {
+        self.pinhole.is_none() && self.field == Field::Inside
+    }
 }
 
 /// A lens and the pinhole camera that takes its place.
@@ -68,7 +138,7 @@ const NUM_EDGE_POINTS: u32 = 512;
 
 impl Undistortion {
     /// Chooses the pinhole camera: it looks along the lens's axis, with the lens's number of pixels a radian on the axis. A lens that
-    /// is a pinhole stays as it is.
+    /// is a pinhole stays as it is; a camera that is given is taken.
     ///
     /// # Errors
     /// If the options are out of range, or the lens shows nothing around its axis that a plane could show.
@@ -78,6 +148,9 @@ impl Undistortion {
             lens: *lens,
             pinhole,
         };
+        if let Some(given) = options.pinhole {
+            return Ok(done(given.at(DAffine3::IDENTITY)));
+        }
         if let Some(pinhole) = lens.as_pinhole(DAffine3::IDENTITY) {
             return Ok(done(pinhole));
         }
