@@ -1,8 +1,8 @@
 //! The commands, and the options that all of them share.
 
 use crate::{
-    bake, colmap, dataset, demo, edit, eval, export, ingest, masks, normals, render, report, run,
-    synth, train,
+    bake, colmap, dataset, demo, doctor, edit, eval, export, ingest, masks, normals, render,
+    report, run, shell, synth, train,
 };
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -71,6 +71,9 @@ pub(crate) enum Command {
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
     Synth(synth::SynthArgs),
+    Doctor(doctor::DoctorArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 pub(crate) fn start(cli: &Cli) -> Result<ExitCode> {
@@ -102,6 +105,9 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Ingest(args) => ingest::run(args, global),
         Command::Dataset(args) => dataset::run(args, global),
         Command::Normals(args) => normals::run(args, global),
+        Command::Doctor(args) => doctor::run(args, global),
+        Command::Completions(args) => shell::completions(args),
+        Command::Man(args) => shell::man(args, global),
     }
 }
 

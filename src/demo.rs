@@ -45,12 +45,12 @@ const CHOICES: [(&str, &str, &str); 4] = [
     ),
     (
         "{train}",
-        "preset = \"draft\"\ngaussians = 30000",
+        "preset = \"draft\"\ngaussians = 40000\niterations = 1200\nset = [\"albedo.num_samples=192\"]",
         "preset = \"draft\"\ngaussians = 8000\niterations = 300\nalbedo_iterations = 60",
     ),
     (
         "{render}",
-        "spp = 32\nrussian_roulette = 2",
+        "spp = 16\nrussian_roulette = 2",
         "spp = 8\nrussian_roulette = 2",
     ),
     ("{bake}", "samples = 128", "samples = 32\nbounces = 4"),

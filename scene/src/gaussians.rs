@@ -1,5 +1,6 @@
 //! 2D Gaussians as struct of arrays, with activated (physical) values.
 
+use crate::rng::{Purpose, RandomKey};
 use glam::{Quat, Vec2, Vec3};
 
 /// One 2D Gaussian: a flat, elliptical surface element that carries light and material.
@@ -116,4 +117,26 @@ impl FromIterator<Gaussian> for Gaussians {
         }
         set
     }
+}
+
+/// Random Gaussians in a box around the origin, of all orientations, elongations and opacities: what engines are compared on.
+pub fn random_cloud(num: usize, seed: u64) -> Gaussians {
+    let key = RandomKey::new(seed, Purpose::Initialise, 0);
+    (0..num as u32)
+        .map(|i| {
+            let mut stream = key.stream(i, 0);
+            let mut next = || stream.next_uniforms();
+            let ([a, b, c, d], [e, f, g, h], [k, l, m, n], [o, p, q, r]) =
+                (next(), next(), next(), next());
+            Gaussian {
+                position: Vec3::new(a - 0.5, b - 0.5, c - 0.5) * 2.0,
+                scale: Vec2::new(0.02 + 0.2 * d * d, 0.02 + 0.2 * e * e),
+                rotation: Quat::from_xyzw(f - 0.5, g - 0.5, h - 0.5, k - 0.5 + 1e-3).normalize(),
+                opacity: 0.02 + 0.979 * l,
+                radiance: Vec3::new(m, n, o) * 4.0,
+                emission: p,
+                albedo: Vec3::new(q, r, a),
+            }
+        })
+        .collect()
 }

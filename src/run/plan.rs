@@ -139,9 +139,10 @@ impl Plan {
         self.steps.len() - 1
     }
 
-    /// Adds a step whose command gets options of the project, and reads what they name.
-    fn push_with(&mut self, options: &Options, mut step: Step) -> usize {
+    /// Adds a step whose command gets options of the project, and reads what they name, and a place to write to.
+    fn push_with(&mut self, options: &Options, out: &Path, mut step: Step) -> usize {
         step.arguments.extend(options.words.iter().cloned());
+        step.arguments.extend(words(&["--out"], &[out]));
         let paths: Vec<&Path> = options.paths.iter().map(PathBuf::as_path).collect();
         let (reads, after) = self.sources(&paths);
         step.reads.extend(reads);
@@ -165,13 +166,13 @@ impl Plan {
         let first = capture.conditions.first();
         let ingest = Step {
             name: "ingest".to_owned(),
-            arguments: with_out(words(&["ingest"], &[&photographs]), &ingested),
+            arguments: words(&["ingest"], &[&photographs]),
             reads,
             after,
             products: vec![ingested.clone()],
             restart: Restart::Itself,
         };
-        let ingest = self.push_with(&capture.ingest, ingest);
+        let ingest = self.push_with(&capture.ingest, &ingested, ingest);
         let (model, reads, after) = match &capture.model {
             Some(model) => {
                 let (reads, mut after) = self.sources(&[model]);
@@ -184,13 +185,13 @@ impl Plan {
                 let arguments = words(&["colmap", "run"], &[&previews.join("Preview")]);
                 let colmap = Step {
                     name: "colmap".to_owned(),
-                    arguments: with_out(arguments, &out),
+                    arguments,
                     reads: Vec::new(),
                     after: vec![ingest],
                     products: vec![out.clone()],
                     restart: Restart::Anew,
                 };
-                let colmap = self.push_with(&capture.colmap, colmap);
+                let colmap = self.push_with(&capture.colmap, &out, colmap);
                 (out, Vec::new(), vec![ingest, colmap])
             }
         };
@@ -202,13 +203,13 @@ impl Plan {
         }
         let poses = Step {
             name: "poses".to_owned(),
-            arguments: with_out(arguments, &out),
+            arguments,
             reads,
             after,
             products: vec![out.clone()],
             restart: Restart::Anew,
         };
-        self.push_with(&capture.poses, poses);
+        self.push_with(&capture.poses, &out, poses);
         first.map_or(out.clone(), |first| out.join(first))
     }
 
@@ -216,13 +217,13 @@ impl Plan {
         let is_file = scene.contains(['/', '.']);
         let simulate = Step {
             name: "simulate".to_owned(),
-            arguments: with_out(words(&["synth", scene], &[]), out),
+            arguments: words(&["synth", scene], &[]),
             reads: is_file.then(|| scene.into()).into_iter().collect(),
             after: Vec::new(),
             products: vec![out.to_owned()],
             restart: Restart::Anew,
         };
-        self.push_with(options, simulate)
+        self.push_with(options, out, simulate)
     }
 
     /// Divides what a step reads into the files of the outside world and the steps that make the others.
@@ -244,13 +245,13 @@ impl Plan {
         let (reads, after) = self.sources(&[dataset]);
         let step = Step {
             name: command.to_owned(),
-            arguments: with_out(words(&[command], &[dataset]), &out),
+            arguments: words(&[command], &[dataset]),
             reads,
             after,
             products: vec![out.join(maps)],
             restart: Restart::Anew,
         };
-        self.push_with(options, step)
+        self.push_with(options, &out, step)
     }
 
     fn train(&mut self, dataset: &Path, maps: [Option<usize>; 2], options: &Options) -> usize {
@@ -264,13 +265,13 @@ impl Plan {
         }
         let train = Step {
             name: "train".to_owned(),
-            arguments: with_out(arguments, &out),
+            arguments,
             reads,
             after,
             products: vec![out.join("scene.ply")],
             restart: Restart::Resume("checkpoints"),
         };
-        self.push_with(options, train)
+        self.push_with(options, &out, train)
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path, train: usize) -> (PathBuf, usize) {
@@ -360,13 +361,13 @@ impl Plan {
         after.push(condition.made_by);
         let look = Step {
             name,
-            arguments: with_out(arguments, &out),
+            arguments,
             reads,
             after,
-            products: vec![out],
+            products: vec![out.clone()],
             restart,
         };
-        self.push_with(options, look)
+        self.push_with(options, &out, look)
     }
 
     fn eval(
@@ -394,13 +395,13 @@ impl Plan {
         after.push(render);
         let step = Step {
             name: format!("eval/{}/{row}", condition.name),
-            arguments: with_out(arguments, &out),
+            arguments,
             reads,
             after,
             products: vec![out.join("metrics.json")],
             restart: Restart::Anew,
         };
-        let step = self.push_with(&project.eval, step);
+        let step = self.push_with(&project.eval, &out, step);
         Evaluated {
             row: row.to_owned(),
             folder: out,

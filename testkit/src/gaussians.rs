@@ -1,30 +1,9 @@
 //! Gaussians of known shape, and cameras to look at them.
 
+pub use eagpt_scene::random_cloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussian, Gaussians};
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
-
-/// Random Gaussians in a box around the origin, of all orientations, elongations and opacities.
-pub fn random_cloud(num: usize, seed: u64) -> Gaussians {
-    let key = RandomKey::new(seed, Purpose::Initialise, 0);
-    (0..num as u32)
-        .map(|i| {
-            let mut stream = key.stream(i, 0);
-            let mut next = || stream.next_uniforms();
-            let ([a, b, c, d], [e, f, g, h], [k, l, m, n], [o, p, q, r]) =
-                (next(), next(), next(), next());
-            Gaussian {
-                position: Vec3::new(a - 0.5, b - 0.5, c - 0.5) * 2.0,
-                scale: Vec2::new(0.02 + 0.2 * d * d, 0.02 + 0.2 * e * e),
-                rotation: Quat::from_xyzw(f - 0.5, g - 0.5, h - 0.5, k - 0.5 + 1e-3).normalize(),
-                opacity: 0.02 + 0.979 * l,
-                radiance: Vec3::new(m, n, o) * 4.0,
-                emission: p,
-                albedo: Vec3::new(q, r, a),
-            }
-        })
-        .collect()
-}
 
 /// A camera at `origin` looking at `target`, z up, 60° across.
 pub fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> Camera {

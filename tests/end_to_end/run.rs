@@ -299,7 +299,10 @@ vignetting = "-0.22,0.05,-0.01"
 [poses]
 model = "run/capture/colmap/sparse/0"
 align = "like"
+field = "like"
 like = "run/capture/truth/day"
+[normals]
+maps = "run/capture/truth/day/Normal-exr"
 [train]
 preset = "draft"
 iterations = 40
@@ -314,10 +317,24 @@ condition = "evening"
 "#;
     place.write("p.toml", project);
     place.write("dim.toml", DIM);
-    // The views of the capture and those of the truth differ in size by what the lens cuts off: a light of the capture is measured by its own.
+    // A light of the capture is measured by its own photographs.
     place.succeeds("run p.toml --until train");
     let dataset = place.json("run/dataset/day/transforms.json");
+    let truth = place.json("run/capture/truth/day/transforms.json");
     assert_eq!(dataset["frames"].as_array().unwrap().len(), 10);
+    for key in ["w", "h", "fx", "fy", "cx", "cy"] {
+        assert_eq!(dataset[key], truth[key], "{key}");
+    }
+    // What the rig knows of its room fits the world that the model was moved into.
+    let reading = &place.json("run/normals/normals/report.json")["reading"];
+    assert_eq!(reading["space"], "world", "{reading}");
+    assert_eq!(reading["axes"], "x,y,z", "{reading}");
+    let trained = place.json("run/train/record.json");
+    let arguments = trained["arguments"].as_array().unwrap();
+    assert!(
+        arguments.iter().any(|word| word == "--normals"),
+        "{arguments:?}"
+    );
     let import = place.json("run/dataset/import.json");
     assert_eq!(import["alignment"]["reference"]["num_cameras"], 10);
     let without = project.replace("condition = \"evening\"", "");

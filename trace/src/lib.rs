@@ -9,6 +9,7 @@
 //! - [`sums`]: the quantities a ray collects, as one vector of 16 lanes.
 //! - [`blend`]: blending of ordered hits and its adjoint, shared by every way of finding hits.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
+//! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
 //! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays.
 //! - [`transport`]: `0-bounce`, `1-bounce` and `path` renderings on any [`Tracer`].
 //!
@@ -19,6 +20,7 @@ pub mod cpu;
 pub mod engine;
 pub mod model;
 pub mod oracle;
+pub mod parity;
 pub mod ray;
 pub mod sums;
 pub mod surfel;

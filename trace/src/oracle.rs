@@ -54,6 +54,12 @@ pub struct OracleHit {
     normal: DVec3,
 }
 
+/// Whether single precision may see hits differently: one lies on the rim of its Gaussian, or two are about to swap places.
+pub fn is_ambiguous(hits: &[OracleHit]) -> bool {
+    hits.iter().any(|hit| (hit.edge - 1.0).abs() < 1e-3)
+        || hits.windows(2).any(|pair| (pair[1].t - pair[0].t) < 1e-5)
+}
+
 /// All hits of a ray in order, before any is skipped.
 pub fn hits(gaussians: &[OracleGaussian], origin: DVec3, direction: DVec3) -> Vec<OracleHit> {
     let mut found: Vec<OracleHit> = gaussians

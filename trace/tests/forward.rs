@@ -5,16 +5,11 @@ use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};
+use eagpt_trace::parity::PARITY_TOLERANCE;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::sums::{NUM_LANES, lane};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
-
-/// Whether a hit may legally differ between single and double precision: it lies on the rim, or two hits swap places.
-fn is_ambiguous(hits: &[oracle::OracleHit]) -> bool {
-    hits.iter().any(|hit| (hit.edge - 1.0).abs() < 1e-3)
-        || hits.windows(2).any(|pair| (pair[1].t - pair[0].t) < 1e-5)
-}
 
 fn cameras() -> Vec<eagpt_scene::Camera> {
     [
@@ -41,7 +36,7 @@ fn sums_match_the_oracle() {
             let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5).as_dvec3();
             // Hits beyond the first end of the ray do not matter, but near-ties there are harmless to skip, too.
-            if is_ambiguous(&oracle::hits(
+            if oracle::is_ambiguous(&oracle::hits(
                 &oracle_gaussians,
                 frame.origin.as_dvec3(),
                 direction,
@@ -53,8 +48,7 @@ fn sums_match_the_oracle() {
             compared += 1;
             hit += i32::from(expected[lane::ALPHA] > 0.5);
             for k in 0..NUM_LANES {
-                // Worst seen 6e-5, on rays that graze thin discs; four times that.
-                let tolerance = 2.5e-4 * (1.0 + expected[k].abs());
+                let tolerance = PARITY_TOLERANCE * (1.0 + expected[k].abs());
                 assert!(
                     (f64::from(sums.0[k]) - expected[k]).abs() < tolerance,
                     "lane {k} of pixel ({x}, {y}): {} instead of {}",

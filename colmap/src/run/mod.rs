@@ -163,6 +163,14 @@ pub struct RunReport {
     pub matcher: Matcher,
 }
 
+/// Name and version of an installed COLMAP, as it tells them.
+///
+/// # Errors
+/// [`ColmapError::Program`] if it cannot be started, with how to install it.
+pub fn version(program: &Path) -> Result<String> {
+    Program::find(program).map(|program| program.version)
+}
+
 /// The names of the images COLMAP would see in a folder, relative to it, sorted.
 ///
 /// # Errors

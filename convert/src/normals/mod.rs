@@ -16,7 +16,7 @@ mod reference;
 
 pub use axes::Axes;
 #[cfg(feature = "onnx")]
-pub use network::{LIBRARY_VARIABLE, NetworkOptions, run_network};
+pub use network::{LIBRARY_VARIABLE, NetworkOptions, find_runtime, run_network};
 pub use reference::Reference;
 
 use crate::error::{ConvertError, Problem, Result};

@@ -167,12 +167,7 @@ impl<'a> Network<'a> {
             path: path.to_owned(),
             problem,
         };
-        let library = options.library.clone();
-        let library = library.or_else(|| std::env::var_os(LIBRARY_VARIABLE).map(PathBuf::from));
-        let library = library.unwrap_or_else(|| {
-            use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
-            format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}").into()
-        });
+        let library = library_file(options.library.as_deref());
         let environment = environment(&library).map_err(|error| problem(&library, error))?;
         let of_model = |error: String| problem(&options.model, error);
         let session = Session::builder(&environment)
@@ -275,6 +270,23 @@ impl<'a> Network<'a> {
             "no output has three channels; there are {shapes:?}"
         )))
     }
+}
+
+/// The library to load: as it is named, as [`LIBRARY_VARIABLE`] says, or for the dynamic loader to find.
+fn library_file(named: Option<&Path>) -> PathBuf {
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+    let named = named.map(Path::to_owned);
+    let named = named.or_else(|| std::env::var_os(LIBRARY_VARIABLE).map(PathBuf::from));
+    named.unwrap_or_else(|| format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}").into())
+}
+
+/// Loads ONNX Runtime from where networks take it if they are told nothing else; returns the library's file, as the loader was asked for it.
+///
+/// # Errors
+/// Why it cannot be loaded, and how to name it.
+pub fn find_runtime() -> std::result::Result<PathBuf, String> {
+    let library = library_file(None);
+    environment(&library).map(|_| library)
 }
 
 /// ONNX Runtime, of which a process has one: the library that was named first stays.

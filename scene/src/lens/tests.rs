@@ -1,6 +1,6 @@
 //! Lenses against COLMAP's own numbers, and against themselves.
 
-use super::undistort::distort;
+use super::undistort::{Pinhole, distort};
 use super::*;
 use crate::image::Image;
 use glam::DMat3;
@@ -318,6 +318,44 @@ fn an_image_survives_being_distorted_and_undistorted() {
     assert!(worst < 0.01, "{worst}");
     let message = undistortion.apply(&wanted).unwrap_err();
     assert!(message.contains("320x240"), "{message}");
+}
+
+#[test]
+fn a_camera_that_is_given_is_taken() {
+    let params = [300.0, 305.0, 160.0, 118.0, -0.2, 0.05, 1e-3, -5e-4];
+    let lens = Lens::new(LensModel::OpenCv, (320, 240), &params).unwrap();
+    let given = Pinhole {
+        width: 100,
+        height: 90,
+        fx: 140.0,
+        fy: 150.0,
+        cx: 40.0,
+        cy: 50.0,
+    };
+    let options = UndistortOptions {
+        pinhole: Some(given),
+        ..UndistortOptions::default()
+    };
+    assert!(!options.shows_known_pixels_only());
+    let undistortion = Undistortion::new(&lens, &options).unwrap();
+    let camera = undistortion.camera(DAffine3::IDENTITY);
+    assert_eq!(Pinhole::of(&camera), given);
+    // Of a lens that is a pinhole already, too.
+    let plain = Lens::new(LensModel::Pinhole, (320, 240), &params[..4]).unwrap();
+    let same = Undistortion::new(&plain, &options).unwrap();
+    assert_eq!(Pinhole::of(&same.camera(DAffine3::IDENTITY)), given);
+    let taken = picture(lens.size(), |pixel| lens.unproject(pixel));
+    let got = undistortion.apply(&taken).unwrap();
+    assert_eq!(got.num_unknown(), 0);
+    let centre = DVec2::new(given.cx, given.cy);
+    let focal = DVec2::new(given.fx, given.fy);
+    let wanted = picture((given.width, given.height), |pixel| {
+        Some(((pixel - centre) / focal).extend(1.0))
+    });
+    let worst = got.image.values().iter().zip(wanted.values());
+    let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // A pixel is 2.1 of the lens's; a wave of 4.5 a radian, averaged over 1/140 of it: (4.5/140)²/24 and what Catmull-Rom adds.
+    assert!(worst < 0.002, "{worst}");
 }
 
 #[test]

@@ -17,7 +17,7 @@ use glam::{DQuat, DVec2, DVec3, Vec3};
 use std::path::PathBuf;
 
 /// Points that are begun in each view.
-const POINTS_OF_VIEW: u32 = 250;
+const POINTS_OF_VIEW: u32 = 500;
 /// Standard deviation of a feature's place, pixels of the sensor.
 const FEATURE_NOISE_PX: f64 = 0.4;
 /// Standard deviation of a point along each axis, in pixels of the sensor at its distance.

@@ -5,6 +5,7 @@ use crate::checkpoint::{self, Checkpoint, Fingerprint};
 use crate::error::{Result, TrainError};
 use crate::options::{Stage, StageChoice, TrainOptions};
 use eagpt_scene::dataset::Split;
+use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Dataset, SceneError, files};
 use std::path::{Path, PathBuf};
 
@@ -218,7 +219,7 @@ pub(super) fn image_budget(
     let cloud = dataset.points()?.map_or(0, |points| points.len());
     let num_gaussians = request.options.gaussians_for(cloud) as u64;
     let fixed = num_gaussians * BYTES_PER_GAUSSIAN + largest * BYTES_PER_PIXEL;
-    let Some(available) = available_bytes() else {
+    let Some(available) = available_memory() else {
         return Ok(request.image_budget.unwrap_or(all as usize));
     };
     let one_view = largest * BYTES_PER_VIEW_PIXEL;
@@ -239,17 +240,4 @@ pub(super) fn image_budget(
         .image_budget
         .unwrap_or(((available - least) / 2).min(all) as usize)
         .max(one_view as usize))
-}
-
-/// Memory that new allocations can have, by the kernel's own estimate; `None` where there is no such file.
-fn available_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text
-        .lines()
-        .find(|line| line.starts_with("MemAvailable:"))?;
-    line.split_whitespace()
-        .nth(1)?
-        .parse::<u64>()
-        .ok()
-        .map(|kib| kib * 1024)
 }
