@@ -16,6 +16,8 @@ pub mod files;
 pub mod gaussians;
 pub mod image;
 pub mod lens;
+pub mod pictures;
+pub mod plane;
 pub mod ply;
 pub mod png;
 pub mod rng;
