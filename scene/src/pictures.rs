@@ -174,6 +174,7 @@ fn decode(path: &Path) -> Result<DynamicImage> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{assert_error, for_each_truncation};
     use ::image::{ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
     #[test]
@@ -194,6 +195,27 @@ mod tests {
         let light = read_light(&path).unwrap();
         assert!((light.radiance.get(0, 0)[0] - 0.2).abs() < 1e-6);
         assert!((light.alpha.unwrap().get(0, 0)[0] - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn truncated_pictures_are_told_of_in_one_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.jpg");
+        let color = RgbImage::from_fn(9, 7, |x, y| Rgb([x as u8 * 20, y as u8 * 30, 7]));
+        for format in [ImageFormat::Jpeg, ImageFormat::Png] {
+            color.save_with_format(&path, format).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            for_each_truncation(&bytes, 400, |prefix| {
+                std::fs::write(&path, prefix).unwrap();
+                // Some decoders make do with what is there.
+                if let Err(error) = read_light(&path) {
+                    assert_error::<()>(Err(error), &["a.jpg: "]);
+                }
+                if let Err(error) = size(&path) {
+                    assert_error::<()>(Err(error), &["a.jpg: "]);
+                }
+            });
+        }
     }
 
     #[test]
