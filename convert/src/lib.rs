@@ -14,7 +14,6 @@ pub mod error;
 pub mod export;
 pub mod import;
 pub mod normals;
-pub mod pictures;
 pub mod source;
 pub mod surface;
 pub mod world;

@@ -1,9 +1,9 @@
 //! Normals that other data of a dataset imply: those of the surface that a depth map spans, and of the plane around a point.
 
+use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
 
@@ -65,29 +65,17 @@ pub fn normals_of_points(positions: &[Vec3]) -> Vec<Vec3> {
         .par_iter()
         .map(|point| {
             let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
-            let near: Vec<Vec3> = near.iter().map(|n| positions[n.item as usize]).collect();
-            plane_normal(&near).unwrap_or(Vec3::ZERO)
+            let near = near.iter().map(|n| positions[n.item as usize]);
+            flat_normal(near).unwrap_or(Vec3::ZERO)
         })
         .collect()
 }
 
-fn plane_normal(points: &[Vec3]) -> Option<Vec3> {
-    let mean = points.iter().map(|p| p.as_dvec3()).sum::<glam::DVec3>() / points.len() as f64;
-    let mut covariance = Matrix3::<f64>::zeros();
-    for point in points {
-        let d = point.as_dvec3() - mean;
-        let d = Vector3::new(d.x, d.y, d.z);
-        covariance += d * d.transpose();
-    }
-    let eigen = SymmetricEigen::new(covariance);
-    let smallest = eigen.eigenvalues.imin();
-    let mut variances: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
-    variances.sort_unstable_by(f64::total_cmp);
-    if variances[0] > MAX_THICKNESS * variances[1] {
-        return None;
-    }
-    let normal = eigen.eigenvectors.column(smallest);
-    Vec3::new(normal[0] as f32, normal[1] as f32, normal[2] as f32).try_normalize()
+/// The normal of points that lie in a plane.
+fn flat_normal(points: impl Iterator<Item = Vec3> + Clone) -> Option<Vec3> {
+    let plane = FittedPlane::through(points);
+    let [thickness, width, _] = plane.variances;
+    plane.normal.filter(|_| thickness <= MAX_THICKNESS * width)
 }
 
 #[cfg(test)]

@@ -5,8 +5,9 @@
 
 use crate::encode::{assert_comparable, pq_encoded, srgb_clipped};
 use crate::error::Result;
-use crate::flip::{FlipOptions, flip_hdr};
-use crate::pair::decibels;
+use crate::flip::FlipOptions;
+use crate::known::{KnownPixels, pack};
+use crate::pair::{decibels, flip_hdr_known};
 use crate::psnr::psnr;
 use crate::scene_metrics::emits;
 use eagpt_scene::Image;
@@ -56,28 +57,34 @@ pub struct AlignedMetrics {
     /// See [`crate::psnr_pq`]; infinite for equal images, which is `null` in JSON.
     #[serde(with = "decibels")]
     pub psnr_pq_aligned_db: f64,
-    /// Mean of [`flip_hdr`]; 0 for equal images.
+    /// Mean of [`crate::flip_hdr`]; 0 for equal images.
     pub flip_hdr_aligned: f64,
 }
 
-/// Measures a linear Rec.709 image, multiplied by `scale`, against its reference.
+/// Measures a linear Rec.709 image, multiplied by `scale`, against its reference where that is `known`.
 ///
 /// # Errors
-/// As [`flip_hdr`].
+/// As [`crate::flip_hdr`].
 ///
 /// # Panics
-/// If the sizes differ or the images have no pixels.
+/// If the sizes differ or no pixel is known.
 pub fn compare_aligned(
     reference: &Image<3>,
     test: &Image<3>,
     scale: f64,
+    known: Option<&KnownPixels>,
     options: &FlipOptions,
 ) -> Result<AlignedMetrics> {
     let test = test.map(|pixel| pixel.map(|value| (f64::from(value) * scale) as f32));
+    let test = match known {
+        Some(known) => known.with_reference(reference, &test),
+        None => test,
+    };
+    let (a, b) = (pack(known, reference), pack(known, &test));
     Ok(AlignedMetrics {
-        psnr_srgb_aligned_db: psnr(&srgb_clipped(reference), &srgb_clipped(&test)),
-        psnr_pq_aligned_db: psnr(&pq_encoded(reference), &pq_encoded(&test)),
-        flip_hdr_aligned: flip_hdr(reference, &test, options)?.mean,
+        psnr_srgb_aligned_db: psnr(&srgb_clipped(&a), &srgb_clipped(&b)),
+        psnr_pq_aligned_db: psnr(&pq_encoded(&a), &pq_encoded(&b)),
+        flip_hdr_aligned: flip_hdr_known(reference, &test, known, options)?.mean,
     })
 }
 
@@ -105,11 +112,13 @@ mod tests {
         let test = reference.map(|pixel| pixel.map(|v| 2.0 * v));
         let scale = fitted(&reference, &test, None).unwrap();
         assert_eq!(scale, 0.5);
-        let found = compare_aligned(&reference, &test, scale, &FlipOptions::default()).unwrap();
+        let found =
+            compare_aligned(&reference, &test, scale, None, &FlipOptions::default()).unwrap();
         assert_eq!(found.psnr_srgb_aligned_db, f64::INFINITY);
         assert_eq!(found.psnr_pq_aligned_db, f64::INFINITY);
         assert_eq!(found.flip_hdr_aligned, 0.0);
-        let at_one = compare_aligned(&reference, &test, 1.0, &FlipOptions::default()).unwrap();
+        let at_one =
+            compare_aligned(&reference, &test, 1.0, None, &FlipOptions::default()).unwrap();
         assert!(at_one.psnr_srgb_aligned_db < 20.0 && at_one.flip_hdr_aligned > 0.05);
     }
 

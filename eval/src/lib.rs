@@ -7,7 +7,8 @@
 //! - [`scene_metrics`]: albedo, normals, depth and emission;
 //! - [`pair`]: all image metrics of one pair;
 //! - [`align`]: the same after one factor for the exposure of all views;
-//! - [`regions`]: the error of emitters, of what a new light reaches and of its shadows.
+//! - [`regions`]: the error of emitters, of what a new light reaches and of its shadows;
+//! - [`known`]: what becomes of these where a reference is not known everywhere.
 //!
 //! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes tables and error maps,
 //! [`evaluate_conditions`] does so for several lightings of a room, and [`tabulate()`] puts evaluations of several
@@ -21,6 +22,7 @@ mod encode;
 pub mod error;
 pub mod flip;
 pub mod job;
+pub mod known;
 pub mod metrics;
 pub mod pair;
 pub mod psnr;
@@ -39,8 +41,9 @@ pub use job::{
     Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, ViewMetrics, evaluate,
     evaluate_conditions,
 };
+pub use known::KnownPixels;
 pub use metrics::{METRICS, MeanOf, Metric};
-pub use pair::{Comparison, ImageMetrics, compare};
+pub use pair::{Comparison, ImageMetrics, compare, compare_known};
 pub use psnr::{psnr, psnr_linear, psnr_pq, psnr_srgb};
 pub use regions::{LightChange, Region, RegionMetrics, Regions, region_metrics};
 pub use ssim::{SsimGradient, ssim, ssim_srgb, ssim_with_gradient};

@@ -2,9 +2,10 @@
 
 use crate::encode::{assert_comparable, pq_encoded, srgb_clipped};
 use crate::error::Result;
-use crate::flip::{FlipOptions, FlipParameters, flip_hdr, flip_ldr};
+use crate::flip::{self, FlipHdr, FlipOptions, FlipParameters, flip_hdr, flip_ldr};
+use crate::known::{KnownPixels, pack};
 use crate::psnr::psnr;
-use crate::ssim::ssim;
+use crate::ssim::ssim_in;
 use eagpt_scene::Image;
 use serde::{Deserialize, Serialize};
 
@@ -47,22 +48,67 @@ pub struct Comparison {
 /// # Panics
 /// If the sizes differ or the images have no pixels.
 pub fn compare(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) -> Result<Comparison> {
+    compare_known(reference, test, None, options)
+}
+
+/// As [`compare`] where `known` says which pixels of the reference mean something: see [`crate::known`]. The error of others is 0 in the
+/// map.
+///
+/// # Errors
+/// As [`flip_hdr`].
+///
+/// # Panics
+/// As [`compare`], and if no pixel is known.
+pub fn compare_known(
+    reference: &Image<3>,
+    test: &Image<3>,
+    known: Option<&KnownPixels>,
+    options: &FlipOptions,
+) -> Result<Comparison> {
     assert_comparable(reference, test);
-    let hdr = flip_hdr(reference, test, options)?;
-    let psnr_pq_db = psnr(&pq_encoded(reference), &pq_encoded(test));
-    let (reference_srgb, test_srgb) = (srgb_clipped(reference), srgb_clipped(test));
+    let completed = known.map(|known| known.with_reference(reference, test));
+    let test = completed.as_ref().unwrap_or(test);
+    let hdr = flip_hdr_known(reference, test, known, options)?;
+    let pq = [reference, test].map(|image| pq_encoded(&pack(known, image)));
+    let linear = [reference, test].map(|image| pack(known, image));
+    let srgb = [reference, test].map(srgb_clipped);
+    let known_srgb = [&srgb[0], &srgb[1]].map(|image| pack(known, image));
+    let windows = known.map(KnownPixels::windows);
+    let ldr = flip_ldr(&srgb[0], &srgb[1], options.ppd)?;
     Ok(Comparison {
         metrics: ImageMetrics {
-            psnr_srgb_db: psnr(&reference_srgb, &test_srgb),
-            psnr_linear_db: psnr(reference, test),
-            psnr_pq_db,
-            ssim_srgb: ssim(&reference_srgb, &test_srgb),
+            psnr_srgb_db: psnr(&known_srgb[0], &known_srgb[1]),
+            psnr_linear_db: psnr(&linear[0], &linear[1]),
+            psnr_pq_db: psnr(&pq[0], &pq[1]),
+            ssim_srgb: ssim_in(&srgb[0], &srgb[1], windows.as_ref()),
             flip_hdr: hdr.mean,
-            flip_ldr_srgb: flip_ldr(&reference_srgb, &test_srgb, options.ppd)?.mean,
+            flip_ldr_srgb: known.map_or(ldr.mean, |_| flip::mean(&pack(known, &ldr.error))),
             flip_hdr_parameters: hdr.parameters,
         },
         flip_hdr_error: hdr.error,
     })
+}
+
+/// HDR-FLIP at the exposures of what is known of the reference, averaged over that.
+pub(crate) fn flip_hdr_known(
+    reference: &Image<3>,
+    test: &Image<3>,
+    known: Option<&KnownPixels>,
+    options: &FlipOptions,
+) -> Result<FlipHdr> {
+    if known.is_none() {
+        return flip_hdr(reference, test, options);
+    }
+    let chosen = FlipParameters::for_reference(options, &pack(known, reference))?;
+    let options = FlipOptions {
+        start_exposure: Some(chosen.start_exposure),
+        stop_exposure: Some(chosen.stop_exposure),
+        num_exposures: Some(chosen.num_exposures),
+        ..*options
+    };
+    let mut hdr = flip_hdr(reference, test, &options)?;
+    hdr.mean = flip::mean(&pack(known, &hdr.error));
+    Ok(hdr)
 }
 
 /// JSON has no infinity: equal images have `null` decibels.

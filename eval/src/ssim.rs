@@ -2,7 +2,8 @@
 //!
 //! An 11x11 Gaussian window with sigma 1.5, zeros outside the image, each channel on its own, then the mean over all
 //! pixels and channels; C1 = 0.01², C2 = 0.03² for a peak of 1. This is the form of the 3DGS family, whose training
-//! loss it is; scikit-image crops the border and so differs there.
+//! loss it is; scikit-image crops the border and so differs there. Where images are not known everywhere, the mean is that over the
+//! windows that touch no unknown pixel.
 //!
 //! With x the reference, y the test image and B the window (its own adjoint, because it is symmetric and zero
 //! padded): m_x = B x, m_y = B y, q = B(x² + y²), p = B(x y), and at every pixel
@@ -10,6 +11,7 @@
 //! The gradient is B ∂S/∂m_y + 2 y B ∂S/∂q + x B ∂S/∂p: seven blurs in all.
 
 use crate::encode::{assert_comparable, srgb_clipped};
+use crate::known::Windows;
 use crate::window::{RADIUS, blur_columns, blur_row};
 use eagpt_scene::Image;
 use rayon::prelude::*;
@@ -38,8 +40,15 @@ pub struct SsimGradient {
 /// # Panics
 /// If the sizes differ or the images have no pixels.
 pub fn ssim(reference: &Image<3>, test: &Image<3>) -> f64 {
-    assert_comparable(reference, test);
-    let pair = Pair { reference, test };
+    ssim_in(reference, test, None)
+}
+
+/// [`ssim`] over the windows that count, if it is said which; 1 if none does.
+///
+/// # Panics
+/// As [`ssim`], and if `windows` are those of images of another size.
+pub fn ssim_in(reference: &Image<3>, test: &Image<3>, windows: Option<&Windows>) -> f64 {
+    let pair = Pair::new(reference, test, windows);
     let bands: Vec<(usize, usize)> = (0..3)
         .flat_map(|channel| {
             (0..pair.height())
@@ -71,13 +80,16 @@ pub fn ssim_srgb(reference: &Image<3>, test: &Image<3>) -> f64 {
     ssim(&srgb_clipped(reference), &srgb_clipped(test))
 }
 
-/// [`ssim`] and its derivative by the test image.
+/// [`ssim_in`] and its derivative by the test image.
 ///
 /// # Panics
-/// As [`ssim`].
-pub fn ssim_with_gradient(reference: &Image<3>, test: &Image<3>) -> SsimGradient {
-    assert_comparable(reference, test);
-    let pair = Pair { reference, test };
+/// As [`ssim_in`].
+pub fn ssim_with_gradient(
+    reference: &Image<3>,
+    test: &Image<3>,
+    windows: Option<&Windows>,
+) -> SsimGradient {
+    let pair = Pair::new(reference, test, windows);
     let (width, height) = (pair.width(), pair.height());
     // Per channel: `height` rows of the three partials, blurred along x, between RADIUS rows of zeros.
     let stride = NUM_PARTIALS * width;
@@ -111,9 +123,26 @@ pub fn ssim_with_gradient(reference: &Image<3>, test: &Image<3>) -> SsimGradient
 struct Pair<'a> {
     reference: &'a Image<3>,
     test: &'a Image<3>,
+    windows: Option<&'a Windows>,
 }
 
-impl Pair<'_> {
+impl<'a> Pair<'a> {
+    fn new(reference: &'a Image<3>, test: &'a Image<3>, windows: Option<&'a Windows>) -> Self {
+        assert_comparable(reference, test);
+        if let Some(windows) = windows {
+            assert_eq!(
+                windows.counts.len(),
+                test.pixels().len(),
+                "there is one window for each pixel"
+            );
+        }
+        Self {
+            reference,
+            test,
+            windows,
+        }
+    }
+
     fn width(&self) -> usize {
         self.reference.width() as usize
     }
@@ -122,8 +151,26 @@ impl Pair<'_> {
         self.reference.height() as usize
     }
 
+    /// Whether each window of a row counts; `None` if all do.
+    fn counts(&self, row: usize) -> Option<&[bool]> {
+        let width = self.width();
+        Some(&self.windows?.counts[row * width..][..width])
+    }
+
+    /// Windows that count, of all channels.
+    fn num_windows(&self) -> f64 {
+        let num = self
+            .windows
+            .map_or(self.test.pixels().len(), |windows| windows.num);
+        3.0 * num as f64
+    }
+
     fn mean(&self, sums: &[f64]) -> f64 {
-        sums.iter().sum::<f64>() / (3.0 * self.width() as f64 * self.height() as f64)
+        let num = self.num_windows();
+        if num == 0.0 {
+            return 1.0;
+        }
+        sums.iter().sum::<f64>() / num
     }
 }
 
@@ -183,11 +230,12 @@ fn similarity_of_band(
     let mut sum = 0.0;
     for i in 0..rows.len() {
         blur_columns(&blurred[i * stride..], stride, moments);
+        let counts = pair.counts(rows.start + i);
         match partials_out.as_deref_mut() {
-            None => sum += row_similarity(moments),
+            None => sum += row_similarity(moments, counts),
             Some(partials_out) => {
                 // The padding stays zero: only the inside of each padded row is written.
-                sum += row_similarity_and_partials(moments, padded);
+                sum += row_similarity_and_partials(moments, counts, padded);
                 for (out, padded) in partials_out[i * NUM_PARTIALS * width..]
                     .chunks_exact_mut(width)
                     .zip(padded.chunks_exact(padded_width).take(NUM_PARTIALS))
@@ -248,20 +296,26 @@ fn similarity([m_x, m_y, q, p]: [f32; NUM_MOMENTS]) -> Similarity {
     }
 }
 
-fn row_similarity(moments: &[f32]) -> f64 {
+fn row_similarity(moments: &[f32], counts: Option<&[bool]>) -> f64 {
     let width = moments.len() / NUM_MOMENTS;
     let (m_x, rest) = moments.split_at(width);
     let (m_y, rest) = rest.split_at(width);
     let (q, p) = rest.split_at(width);
     let mut sum = 0.0;
     for x in 0..width {
-        sum += f64::from(similarity([m_x[x], m_y[x], q[x], p[x]]).value);
+        if counts.is_none_or(|counts| counts[x]) {
+            sum += f64::from(similarity([m_x[x], m_y[x], q[x], p[x]]).value);
+        }
     }
     sum
 }
 
 /// Sum of S over the row; ∂S/∂m_y, ∂S/∂q and ∂S/∂p go inside the first padded rows.
-fn row_similarity_and_partials(moments: &[f32], padded: &mut [f32]) -> f64 {
+fn row_similarity_and_partials(
+    moments: &[f32],
+    counts: Option<&[bool]>,
+    padded: &mut [f32],
+) -> f64 {
     let width = moments.len() / NUM_MOMENTS;
     let (m_x, rest) = moments.split_at(width);
     let (m_y, rest) = rest.split_at(width);
@@ -278,6 +332,11 @@ fn row_similarity_and_partials(moments: &[f32], padded: &mut [f32]) -> f64 {
         d_p[x] = 2.0 * s.numerator_mean * inverse;
         values[x] = s.value;
     }
+    for (x, counts) in counts.into_iter().flatten().enumerate() {
+        if !counts {
+            [d_mean[x], d_q[x], d_p[x], values[x]] = [0.0; NUM_MOMENTS];
+        }
+    }
     // Apart from the loop above, so that the compiler vectorises that one in spite of the ordered sum.
     values.iter().map(|value| f64::from(*value)).sum()
 }
@@ -287,8 +346,7 @@ fn gradient(pair: &Pair<'_>, partials: &[f32]) -> Image<3> {
     let (width, height) = (pair.width(), pair.height());
     let stride = NUM_PARTIALS * width;
     let plane = (height + 2 * RADIUS) * stride;
-    let scale = 1.0 / (3.0 * width as f64 * height as f64);
-    let scale = scale as f32;
+    let scale = (1.0 / pair.num_windows().max(1.0)) as f32;
     let mut d_test = Image::filled(pair.test.width(), pair.test.height(), [0.0; 3]);
     d_test
         .pixels_mut()

@@ -52,13 +52,25 @@ pub enum SceneError {
     },
 }
 
+/// Decoders of others end their messages, or break them, as they like.
+fn one_line(text: String) -> String {
+    if !text.contains(char::is_control) {
+        return text;
+    }
+    let words: Vec<&str> = text
+        .split(|c: char| c.is_control() || c == ' ')
+        .filter(|word| !word.is_empty())
+        .collect();
+    words.join(" ")
+}
+
 impl SceneError {
     /// An [`SceneError::Invalid`] for `field` of `path`.
     pub fn invalid(path: &Path, field: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Invalid {
             path: path.to_owned(),
             field: field.into(),
-            problem: problem.into(),
+            problem: one_line(problem.into()),
         }
     }
 
@@ -67,7 +79,7 @@ impl SceneError {
         Self::Unsupported {
             path: path.to_owned(),
             field: field.into(),
-            problem: problem.into(),
+            problem: one_line(problem.into()),
         }
     }
 

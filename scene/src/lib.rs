@@ -17,6 +17,8 @@ pub mod gaussians;
 pub mod image;
 pub mod lens;
 pub mod machine;
+pub mod pictures;
+pub mod plane;
 pub mod ply;
 pub mod png;
 pub mod rng;

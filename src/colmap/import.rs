@@ -140,7 +140,7 @@ struct UndistortArgs {
 enum FieldArg {
     /// A rectangle in which every pixel is known
     Inside,
-    /// Everything; pixels the lens does not show are 0, and 0 in Valid-exr, which training does not read yet
+    /// Everything; pixels the lens does not show are 0, and 0 in Valid-exr: training leaves them out
     All,
     /// As many pixels as the image has, with its principal point; unknown ones as with `all`
     Same,

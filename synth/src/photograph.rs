@@ -135,6 +135,7 @@ impl Photograph {
             alpha: None,
             depth: Some(self.derived(|hit| [(hit.position - origin).dot(forward)])),
             albedo: Some(self.cropped(&self.albedo[condition])),
+            valid: None,
         }
     }
 

@@ -1,7 +1,6 @@
 //! Gaussians of known shape, and cameras to look at them.
 
 pub use eagpt_scene::random_cloud;
-use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussian, Gaussians};
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
 

@@ -8,12 +8,12 @@
 use crate::error::{Result, TrainError};
 use crate::options::{InitOptions, TrainOptions};
 use eagpt_scene::color::{linear_from_srgb, srgb8_from_linear};
+use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::ply::PointCloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussian, Gaussians, View};
 use glam::{Quat, Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -96,6 +96,9 @@ impl Initialiser {
                     return;
                 }
                 let (x, y) = (at.x as u32, at.y as u32);
+                if view.valid.as_ref().is_some_and(|v| v.get(x, y) == [0.0]) {
+                    return;
+                }
                 let radiance = view.radiance.get(x, y);
                 let agrees = radiance.iter().zip(color).all(|(r, c)| {
                     (i32::from(srgb8_from_linear(*r)) - i32::from(*c)).abs() <= COLOR_TOLERANCE
@@ -128,7 +131,8 @@ impl Initialiser {
                     .sum::<f32>()
                     / SCALE_NEIGHBOURS as f32;
                 let neighbours = near.iter().map(|n| self.points.positions[n.item as usize]);
-                (mean_square.sqrt(), plane_normal(neighbours))
+                let plane = FittedPlane::through(neighbours);
+                (mean_square.sqrt(), plane.normal.unwrap_or(Vec3::Z))
             })
             .collect();
         let mut sorted: Vec<f32> = shapes.iter().map(|s| s.0).collect();
@@ -206,24 +210,6 @@ fn extent(positions: &[Vec3]) -> f32 {
         values[values.len() - 1 - tail] - values[tail]
     };
     0.5 * Vec3::new(range(0), range(1), range(2)).length()
-}
-
-/// Unit normal of the least-squares plane through `points`: the direction of their smallest variance.
-fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
-    let num = points.clone().count() as f64;
-    let mean = points.clone().map(Vec3::as_dvec3).sum::<glam::DVec3>() / num;
-    let mut covariance = Matrix3::<f64>::zeros();
-    for p in points {
-        let d = p.as_dvec3() - mean;
-        let d = nalgebra::Vector3::new(d.x, d.y, d.z);
-        covariance += d * d.transpose();
-    }
-    let eigen = SymmetricEigen::new(covariance);
-    let smallest = eigen.eigenvalues.imin();
-    let n = eigen.eigenvectors.column(smallest);
-    Vec3::new(n[0] as f32, n[1] as f32, n[2] as f32)
-        .try_normalize()
-        .unwrap_or(Vec3::Z)
 }
 
 #[cfg(test)]

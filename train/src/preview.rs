@@ -3,8 +3,9 @@
 use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
 use crate::options::Stage;
+use eagpt_eval::{KnownPixels, psnr_srgb};
 use eagpt_scene::color::srgb8_from_linear;
-use eagpt_scene::{Image, files, png};
+use eagpt_scene::{Image, View, files, png};
 use std::path::Path;
 
 /// Columns of black between the two pictures.
@@ -28,7 +29,7 @@ pub fn write(
         let view = &training.view;
         let sums = backend.camera_sums(&view.camera)?;
         let rendered = sums.radiance();
-        total += eagpt_eval::psnr::psnr_srgb(&view.radiance, &rendered);
+        total += psnr(view, &rendered);
         let shown = match stage {
             Stage::Radiance => rendered,
             Stage::Albedo => sums.extract(|s| s.albedo().to_array()),
@@ -42,6 +43,18 @@ pub fn write(
         png::write_rgb8(&dir.join(name), width, height, &bytes)?;
     }
     Ok(total / views.len().max(1) as f64)
+}
+
+/// PSNR of the pixels that are known; of nothing 0.
+fn psnr(view: &View, rendered: &Image<3>) -> f64 {
+    let Some(valid) = &view.valid else {
+        return psnr_srgb(&view.radiance, rendered);
+    };
+    let known = KnownPixels::new(valid);
+    let pair = known.of(&view.radiance).zip(known.of(rendered));
+    pair.map_or(0.0, |(reference, rendered)| {
+        psnr_srgb(&reference, &rendered)
+    })
 }
 
 fn side_by_side(left: &Image<3>, right: &Image<3>) -> (u32, u32, Vec<u8>) {

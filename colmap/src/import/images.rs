@@ -2,9 +2,9 @@
 
 use super::Srgb8;
 use crate::error::{ColmapError, Result};
-use eagpt_scene::color::linear_from_srgb;
+use eagpt_scene::SceneError;
 use eagpt_scene::dataset::{ALPHA_DIR, EMISSION_DIR, RADIANCE_DIR};
-use eagpt_scene::{Image, SceneError, exr};
+use eagpt_scene::pictures::{self, Light};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ const MAX_DEPTH: usize = 8;
 pub(super) enum Source {
     /// Linear EXR
     Linear(PathBuf),
-    /// 8-bit sRGB PNG or JPEG
+    /// sRGB PNG or JPEG
     Srgb8(PathBuf),
 }
 
@@ -37,38 +37,13 @@ impl Source {
 
     /// Width and height, from the file's header.
     pub(super) fn size(&self) -> Result<(u32, u32)> {
-        match self {
-            Self::Linear(path) => Ok(exr::read_size(path)?),
-            Self::Srgb8(path) => {
-                image::image_dimensions(path).map_err(|error| decode_error(path, &error))
-            }
-        }
+        Ok(pictures::size(self.path())?)
     }
 
-    /// Linear radiance.
-    pub(super) fn read(&self) -> Result<Image<3>> {
-        match self {
-            Self::Linear(path) => Ok(exr::read_rgb(path)?),
-            Self::Srgb8(path) => {
-                let decoded = image::open(path).map_err(|error| decode_error(path, &error))?;
-                let rgb = decoded.into_rgb8();
-                let (width, height) = rgb.dimensions();
-                let table: Vec<f32> = (0..=255_u8)
-                    .map(|v| linear_from_srgb(f32::from(v) / 255.0))
-                    .collect();
-                let pixels = rgb
-                    .pixels()
-                    .map(|p| p.0.map(|v| table[usize::from(v)]))
-                    .collect();
-                Image::from_pixels(width, height, pixels)
-                    .ok_or_else(|| ColmapError::invalid(path, "another number of pixels"))
-            }
-        }
+    /// Linear radiance, and the opacity that is in the file itself.
+    pub(super) fn read(&self) -> Result<Light> {
+        Ok(pictures::read_light(self.path())?)
     }
-}
-
-fn decode_error(path: &Path, error: &image::ImageError) -> ColmapError {
-    ColmapError::invalid(path, format!("cannot be decoded: {error}"))
 }
 
 impl Folder {

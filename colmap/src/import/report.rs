@@ -166,7 +166,7 @@ pub(super) fn late_warnings(report: &ImportReport) -> Vec<String> {
         if condition.num_unknown_pixels > 0 {
             let num = condition.num_unknown_pixels;
             warnings.push(format!(
-                "{of}{num} pixels are beyond what the lens shows: Valid-exr/ says which; training does not look there yet"
+                "{of}{num} pixels are beyond what the lens shows: Valid-exr/ says which, and training leaves them out"
             ));
         }
     }

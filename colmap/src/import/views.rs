@@ -57,7 +57,10 @@ impl Photograph {
         let folders = [
             (RADIANCE_DIR, true),
             (EMISSION_DIR, files.emission.is_some()),
-            (ALPHA_DIR, files.alpha.is_some()),
+            (
+                ALPHA_DIR,
+                files.alpha.is_some() || matches!(files.radiance, Source::Srgb8(_)),
+            ),
             (VALID_DIR, self.may_be_cut),
         ];
         let used = folders.into_iter().filter(|(_, used)| *used);
@@ -294,16 +297,19 @@ fn write_one(writer: &DatasetWriter, photograph: &Photograph) -> Result<Outcome>
         return Ok(Outcome::default());
     };
     let path = files.radiance.path();
-    let mut radiance = files.radiance.read()?;
-    let num_negative = clean(path, &mut radiance)?;
+    let mut light = files.radiance.read()?;
+    let num_negative = clean(path, &mut light.radiance)?;
     let remapped = photograph
         .undistortion
-        .apply(&radiance)
+        .apply(&light.radiance)
         .map_err(|problem| ColmapError::invalid(path, problem))?;
     let num_unknown = remapped.num_unknown() as u64;
-    let mask = |path: &Option<PathBuf>| -> Result<Option<Image<1>>> {
-        let Some(path) = path else { return Ok(None) };
-        let mask = exr::read_single(path)?;
+    let mask = |path: &Option<PathBuf>, within: Option<Image<1>>| -> Result<Option<Image<1>>> {
+        let (path, mask) = match (path, within) {
+            (Some(path), _) => (path, exr::read_single(path)?),
+            (None, Some(mask)) => (files.radiance.path(), mask),
+            (None, None) => return Ok(None),
+        };
         let remapped = photograph.undistortion.apply(&mask);
         let image = remapped
             .map_err(|problem| ColmapError::invalid(path, problem))?
@@ -314,16 +320,14 @@ fn write_one(writer: &DatasetWriter, photograph: &Photograph) -> Result<Outcome>
         name: photograph.name.clone(),
         camera: photograph.undistortion.camera(DAffine3::IDENTITY),
         radiance: remapped.image,
-        emission: mask(&files.emission)?,
+        emission: mask(&files.emission, None)?,
         normal: None,
-        alpha: mask(&files.alpha)?,
+        alpha: mask(&files.alpha, light.alpha)?,
         depth: None,
         albedo: None,
+        valid: (num_unknown > 0).then_some(remapped.valid),
     };
     writer.write_images(&view)?;
-    if num_unknown > 0 {
-        writer.write_valid(&photograph.name, &remapped.valid)?;
-    }
     Ok(Outcome {
         num_unknown,
         num_negative,

@@ -3,6 +3,7 @@
 use super::report::{Kind, ValueRange, ViewCheck};
 use crate::error::Problem;
 use crate::surface::normals_from_depth;
+use eagpt_scene::dataset::is_known;
 use eagpt_scene::{Frame, Image, Result, exr};
 use glam::Vec3;
 use std::path::Path;
@@ -24,7 +25,7 @@ pub(super) struct Looked {
 }
 
 /// Reads all images of a view, whatever is wrong with some of them. `points` is a sample of the cloud.
-pub(super) fn look(frame: &Frame, valid: Option<&Path>, points: &[Vec3]) -> Looked {
+pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
     let mut looked = Looked {
         view: ViewCheck {
             name: frame.name.clone(),
@@ -54,8 +55,8 @@ pub(super) fn look(frame: &Frame, valid: Option<&Path>, points: &[Vec3]) -> Look
     if let (Some(mask), Some(path)) = (&alpha, &files.alpha) {
         looked.mask(mask, path);
     }
-    if let Some(mask) = looked.read(frame, Kind::Valid, valid, exr::read_single) {
-        looked.view.valid = Some(share(mask.values(), |v| v > 0.0));
+    if let Some(mask) = looked.read(frame, Kind::Valid, files.valid.as_deref(), exr::read_single) {
+        looked.view.valid = Some(share(mask.values(), is_known));
     }
     let albedo = looked.read(frame, Kind::Albedo, files.albedo.as_deref(), exr::read_rgb);
     if let (Some(albedo), Some(path)) = (&albedo, &files.albedo) {

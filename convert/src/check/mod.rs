@@ -13,14 +13,14 @@ pub use report::{
 };
 
 use crate::error::{Problem, Result};
-use eagpt_scene::dataset::{SplitRule, VALID_DIR};
+use eagpt_scene::dataset::SplitRule;
 use eagpt_scene::{Dataset, Frame};
 use images::{Looked, look, median};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::HashMap;
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Angle between up axis and the cameras' mean upward direction from which on the axis is doubted, degrees: halfway to the next one.
 const MAX_UP_ANGLE_DEG: f64 = 45.0;
@@ -71,10 +71,7 @@ pub fn check(path: &Path, progress: &mut dyn FnMut(CheckProgress)) -> Result<Che
     let mut all = Vec::with_capacity(dataset.len());
     let total = dataset.len();
     for batch in dataset.frames().chunks(rayon::current_num_threads().max(1)) {
-        let looked: Vec<Looked> = batch
-            .par_iter()
-            .map(|frame| look(frame, valid_mask(&dataset, frame).as_deref(), &sample))
-            .collect();
+        let looked: Vec<Looked> = batch.par_iter().map(|frame| look(frame, &sample)).collect();
         all.extend(looked);
         let done = all.len();
         progress(CheckProgress::Checking { done, total });
@@ -100,14 +97,6 @@ pub fn check(path: &Path, progress: &mut dyn FnMut(CheckProgress)) -> Result<Che
     };
     report.warnings = warnings(&report);
     Ok(report)
-}
-
-fn valid_mask(dataset: &Dataset, frame: &Frame) -> Option<PathBuf> {
-    let path = dataset
-        .root()
-        .join(VALID_DIR)
-        .join(format!("{}.exr", frame.name));
-    path.is_file().then_some(path)
 }
 
 fn kinds(dataset: &Dataset, all: &[Looked]) -> Vec<KindReport> {
@@ -147,9 +136,7 @@ fn kinds(dataset: &Dataset, all: &[Looked]) -> Vec<KindReport> {
         kind(Kind::Alpha, &|f| f.files.alpha.is_some(), &|_| None),
         kind(Kind::Depth, &|f| f.files.depth.is_some(), &|v| v.depth),
         kind(Kind::Albedo, &|f| f.files.albedo.is_some(), &|_| None),
-        kind(Kind::Valid, &|f| valid_mask(dataset, f).is_some(), &|v| {
-            v.valid
-        }),
+        kind(Kind::Valid, &|f| f.files.valid.is_some(), &|v| v.valid),
     ]
 }
 

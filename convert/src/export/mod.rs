@@ -99,21 +99,20 @@ pub fn planned_files(dataset: &Dataset, format: ExportFormat, images: Images) ->
     }
     if images == Images::Copy {
         let copies = dataset.frames().iter();
-        let copies = copies.flat_map(|frame| copies_of(dataset, frame, format));
+        let copies = copies.flat_map(|frame| copies_of(frame, format));
         planned.extend(copies.map(|copy| copy.to));
     }
     planned
 }
 
 /// The images of a frame and where they go.
-fn copies_of(dataset: &Dataset, frame: &Frame, format: ExportFormat) -> Vec<Copy> {
+fn copies_of(frame: &Frame, format: ExportFormat) -> Vec<Copy> {
     let photographs = match format {
         ExportFormat::Colmap | ExportFormat::Nerfstudio => IMAGES_DIR,
         ExportFormat::Eagpt => RADIANCE_DIR,
     };
     let files = &frame.files;
     let file = format!("{}.exr", frame.name);
-    let valid = Some(dataset.root().join(VALID_DIR).join(&file)).filter(|path| path.is_file());
     let kinds = [
         (photographs, Some(&files.radiance)),
         (EMISSION_DIR, files.emission.as_ref()),
@@ -121,7 +120,7 @@ fn copies_of(dataset: &Dataset, frame: &Frame, format: ExportFormat) -> Vec<Copy
         (ALPHA_DIR, files.alpha.as_ref()),
         (DEPTH_DIR, files.depth.as_ref()),
         (ALBEDO_DIR, files.albedo.as_ref()),
-        (VALID_DIR, valid.as_ref()),
+        (VALID_DIR, files.valid.as_ref()),
     ];
     let there = kinds.into_iter().filter_map(|(folder, from)| {
         Some(Copy {
@@ -149,7 +148,7 @@ pub fn export(
     if images == Images::Copy {
         let total = dataset.len();
         for (index, frame) in dataset.frames().iter().enumerate() {
-            for copy in copies_of(dataset, frame, format) {
+            for copy in copies_of(frame, format) {
                 copy_file(&copy.from, &out.join(&copy.to))?;
             }
             let done = index + 1;

@@ -77,7 +77,7 @@ pub fn planned_files(source: &Source) -> Vec<PathBuf> {
             // A PNG may turn out to have one.
             (
                 ALPHA_DIR,
-                files.alpha.is_some() || !crate::pictures::is_exr(&files.radiance),
+                files.alpha.is_some() || !eagpt_scene::pictures::is_exr(&files.radiance),
             ),
             (EMISSION_DIR, files.emission.is_some()),
             (NORMAL_DIR, files.normal.is_some()),
@@ -285,16 +285,13 @@ impl Job<'_> {
                 "no pinhole was chosen for it",
             )
         })?;
-        let (view, valid, imported) = view::convert(
+        let (view, imported) = view::convert(
             frame,
             undistortion,
             self.matrix.as_ref(),
             self.new_from_source,
         )?;
         writer.write_images(&view)?;
-        if let Some(valid) = valid {
-            writer.write_valid(&view.name, &valid)?;
-        }
         Ok(imported)
     }
 }

@@ -127,8 +127,7 @@ impl ImportReport {
             .count();
         if num_masked > 0 {
             self.warnings.push(format!(
-                "{num_masked} views have pixels that are not known: {} says which, training does not ask yet and takes them for black; \
-                 --field inside leaves out what the lens does not show",
+                "{num_masked} views have pixels that are not known: {} says which, and training and evaluation leave them out",
                 eagpt_scene::dataset::VALID_DIR
             ));
         }

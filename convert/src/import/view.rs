@@ -2,10 +2,10 @@
 
 use super::report::ViewReport;
 use crate::error::{ConvertError, Result};
-use crate::pictures;
 use crate::source::{Emission, SourceFrame};
 use crate::world::turned;
 use eagpt_scene::lens::Undistortion;
+use eagpt_scene::pictures;
 use eagpt_scene::{Camera, Image, View, exr};
 use glam::{DMat3, DVec3, Vec3};
 use std::path::Path;
@@ -19,13 +19,13 @@ pub(super) struct Imported {
     pub(super) report: ViewReport,
 }
 
-/// The view, the mask of known pixels if some are not, and what to remember.
+/// The view, and what to remember of it.
 pub(super) fn convert(
     frame: &SourceFrame,
     undistortion: &Undistortion,
     color: Option<&DMat3>,
     new_from_source: DMat3,
-) -> Result<(View, Option<Image<1>>, Imported)> {
+) -> Result<(View, Imported)> {
     let files = &frame.files;
     let wanted = frame.lens.size();
     let mut light = pictures::read_light(&files.radiance)?;
@@ -105,8 +105,9 @@ pub(super) fn convert(
         alpha,
         depth,
         albedo,
+        valid,
     };
-    Ok((view, valid, Imported { camera, report }))
+    Ok((view, Imported { camera, report }))
 }
 
 /// The mask to write: none if all is known and nobody has said otherwise.

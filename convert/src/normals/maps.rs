@@ -2,8 +2,8 @@
 
 use super::Encoding;
 use crate::error::{ConvertError, Result};
-use crate::pictures::{self, is_exr};
 use eagpt_scene::lens::remap;
+use eagpt_scene::pictures::{self, is_exr};
 use eagpt_scene::{Dataset, Image};
 use glam::{DVec2, Vec3};
 use std::path::{Path, PathBuf};

@@ -12,27 +12,31 @@ mod axes;
 mod maps;
 #[cfg(feature = "onnx")]
 mod network;
+mod options;
 mod reference;
+mod report;
+mod turn;
 
 pub use axes::Axes;
 #[cfg(feature = "onnx")]
 pub use network::{LIBRARY_VARIABLE, NetworkOptions, find_runtime, run_network};
+pub use options::{Encoding, NormalOptions, NormalRequest, Space};
 pub use reference::Reference;
+pub use report::{NormalProgress, NormalReport, NormalSummary, NormalView, Reading};
+pub use turn::MAX_AWAY_DEG;
 
 use crate::error::{ConvertError, Problem, Result};
 use axes::Agreement;
 use eagpt_scene::dataset::NORMAL_DIR;
 use eagpt_scene::exr::{self, Precision};
-use eagpt_scene::{Camera, Dataset, Image, SceneError, files, png};
-use glam::{DMat3, DVec3, Vec3};
+use eagpt_scene::{Dataset, Image, SceneError, files, png};
+use glam::{DVec3, Vec3};
 use reference::{Oriented, Place};
-use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use turn::{compare, world_normals};
 
 /// Folder of pictures and the report, inside of the folder of results.
 const REPORT_DIR: &str = "normals";
-/// Normals turned away from the camera by more than this, degrees, are unknown.
-pub const MAX_AWAY_DEG: f64 = 25.0;
 /// Views that are looked at to find the axes.
 const NUM_PROBED: usize = 16;
 /// Least places that have to agree.
@@ -43,138 +47,6 @@ const MIN_COSINE: f64 = 0.5;
 const MIN_LEAD: f64 = 0.1;
 /// Mean angle to the reference, degrees, from which on a view is doubted.
 const MAX_ANGLE_DEG: f64 = 40.0;
-
-/// The space of a map's vectors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Space {
-    /// That of the view's camera
-    Camera,
-    /// That of the scene
-    World,
-}
-
-/// How a map stores components.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Encoding {
-    /// As they are, −1 to 1
-    Unit,
-    /// As 0.5 n + 0.5
-    ZeroToOne,
-}
-
-/// How maps are read; what is absent is found out.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct NormalOptions {
-    /// Space of the vectors.
-    pub space: Option<Space>,
-    /// Their axes.
-    pub axes: Option<Axes>,
-    /// Their encoding.
-    pub encoding: Option<Encoding>,
-    /// What follows the view's name in the name of a map, ahead of the extension.
-    pub suffix: String,
-}
-
-/// What to make normals of.
-#[derive(Debug, Clone)]
-pub struct NormalRequest<'a> {
-    /// The dataset.
-    pub dataset: &'a Dataset,
-    /// Folder of maps.
-    pub maps: PathBuf,
-    /// Where `Normal-exr/` and `normals/` go: the dataset's folder or another.
-    pub out: PathBuf,
-    /// How maps are read.
-    pub options: NormalOptions,
-}
-
-/// What the job tells as it goes.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "message", rename_all = "kebab-case")]
-pub enum NormalProgress {
-    /// A network has looked at so many views.
-    Estimating {
-        /// Views done.
-        done: usize,
-        /// Views in all.
-        total: usize,
-    },
-    /// So many views were compared with the dataset.
-    Comparing {
-        /// Views done.
-        done: usize,
-        /// Views in all.
-        total: usize,
-    },
-    /// How maps are read.
-    Reading(Reading),
-    /// So many views have their normals.
-    Writing {
-        /// Views done.
-        done: usize,
-        /// Views in all.
-        total: usize,
-    },
-    /// What a reader of the result has to know.
-    Warning {
-        /// In one line.
-        text: String,
-    },
-}
-
-/// How maps are read, and how sure that is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Reading {
-    /// Space of the vectors.
-    pub space: Space,
-    /// Their axes.
-    pub axes: Axes,
-    /// What they were held against.
-    pub reference: Reference,
-    /// Mean cosine to the reference, if there is one.
-    pub mean_cosine: Option<f64>,
-    /// That of the best of all other readings.
-    pub next_best: Option<f64>,
-}
-
-/// A view with a map.
-#[derive(Debug, Clone, Serialize)]
-pub struct NormalView {
-    /// Name.
-    pub name: String,
-    /// The map.
-    pub map: PathBuf,
-    /// Share of pixels with a normal.
-    pub known: f64,
-    /// Share of the map's vectors that are turned to the camera.
-    pub facing: f64,
-    /// Mean angle to the reference, degrees, if there is one.
-    pub angle_deg: Option<f64>,
-}
-
-/// All numbers.
-#[derive(Debug, Clone, Serialize)]
-pub struct NormalReport {
-    /// How maps were read.
-    pub reading: Reading,
-    /// Views with a map.
-    pub views: Vec<NormalView>,
-    /// Views without, by name.
-    pub missing: Vec<String>,
-}
-
-/// What became of it.
-#[derive(Debug, Clone)]
-pub struct NormalSummary {
-    /// All numbers.
-    pub report: NormalReport,
-    /// Files written, relative to the folder of results.
-    pub outputs: Vec<PathBuf>,
-    /// Warnings told on the way.
-    pub warnings: Vec<String>,
-}
 
 /// The files that a job may write, relative to its folder; views without a map have none.
 pub fn planned_files(dataset: &Dataset) -> Vec<PathBuf> {
@@ -499,69 +371,6 @@ fn create_parent(path: &Path) -> Result<()> {
     }
 }
 
-/// How stored vectors go with references, and with the directions to the camera.
-fn compare(stored: &Image<3>, camera: &Camera, places: &[Place]) -> (Agreement, Agreement) {
-    let camera_from_world = camera.world_from_camera.matrix3.transpose();
-    let rays = camera.ray_frame();
-    let width = camera.width as usize;
-    let (mut agreement, mut visibility) = (Agreement::default(), Agreement::default());
-    let vector = |pixel: usize| Vec3::from(stored.pixels()[pixel]).as_dvec3();
-    for place in places {
-        let own = vector(place.pixel);
-        if own != DVec3::ZERO {
-            agreement.add(own, camera_from_world * place.normal, place.normal);
-        }
-    }
-    for pixel in (0..camera.num_pixels()).step_by(7) {
-        let own = vector(pixel);
-        if own != DVec3::ZERO {
-            let (x, y) = ((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
-            let back = -rays.direction(x, y).as_dvec3();
-            visibility.add(own, camera_from_world * back, back);
-        }
-    }
-    (agreement, visibility)
-}
-
-/// Normals in the world, turned to the camera; and the share of known vectors that were.
-fn world_normals(stored: &Image<3>, camera: &Camera, reading: &Reading) -> (Image<3>, f64) {
-    let axes = reading.axes.matrix();
-    let world_from_map = match reading.space {
-        Space::World => axes,
-        Space::Camera => camera.world_from_camera.matrix3 * axes,
-    };
-    let rays = camera.ray_frame();
-    let width = camera.width as usize;
-    let (mut num_known, mut num_facing) = (0_usize, 0_usize);
-    let mut normals = stored.clone();
-    for (index, pixel) in normals.pixels_mut().iter_mut().enumerate() {
-        let vector = Vec3::from(*pixel);
-        if vector == Vec3::ZERO {
-            continue;
-        }
-        let (x, y) = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
-        let ray = rays.direction(x, y).as_dvec3();
-        num_known += 1;
-        let normal = turned_to_camera(world_from_map, vector.as_dvec3(), ray);
-        num_facing += usize::from((world_from_map * vector.as_dvec3()).dot(ray) <= 0.0);
-        *pixel = normal.as_vec3().to_array();
-    }
-    (normals, num_facing as f64 / num_known.max(1) as f64)
-}
-
-/// A unit normal that a camera can see along `ray`; zero if the vector is turned too far away from it.
-fn turned_to_camera(world_from_map: DMat3, vector: DVec3, ray: DVec3) -> DVec3 {
-    let normal = (world_from_map * vector).normalize_or_zero();
-    let away = normal.dot(ray);
-    if away <= 0.0 {
-        return normal;
-    }
-    if away > MAX_AWAY_DEG.to_radians().sin() {
-        return DVec3::ZERO;
-    }
-    (normal - away * ray).normalize_or_zero()
-}
-
 fn write_picture(path: &Path, normals: &Image<3>) -> Result<()> {
     let byte = |value: &f32| ((0.5 * value + 0.5) * 255.0).round() as u8;
     let bytes: Vec<u8> = normals.values().iter().map(byte).collect();
@@ -571,21 +380,4 @@ fn write_picture(path: &Path, normals: &Image<3>) -> Result<()> {
         normals.height(),
         &bytes,
     )?)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn normals_are_turned_to_the_camera_or_dropped() {
-        let ray = DVec3::Z;
-        let turn = |degrees: f64| {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            turned_to_camera(DMat3::IDENTITY, DVec3::new(cos, 0.0, sin), ray)
-        };
-        assert!((turn(-30.0) - DVec3::new(0.75_f64.sqrt(), 0.0, -0.5)).length() < 1e-12);
-        assert!((turn(10.0) - DVec3::X).length() < 1e-12);
-        assert_eq!(turn(40.0), DVec3::ZERO);
-    }
 }

@@ -10,18 +10,24 @@
 //! | `mask_path` | pixels to use, black are not: [`eagpt_scene::dataset::VALID_DIR`] |
 //! | `depth_file_path` | depth, in units of `--depth-unit` (nerfstudio: millimetres) times `applied_scale` |
 //! | `ply_file_path` | the point cloud |
+//! | `up_axis`, `metres_per_unit`, `aligned_from_model` | the same: our exports write them |
 //! | `train_filenames`, `val_filenames`, `test_filenames` | the dataset's own split |
+//!
+//! Frames are named by what follows `images/`; images of ours of that name beside, `Emissive-exr/NAME.exr` and so on, come along.
 //!
 //! A folder with `transforms_train.json`, and `transforms_val.json` or `transforms_test.json` beside it, is one dataset with that split.
 
 use super::{
-    Depth, Source, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
+    Depth, Emission, Source, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
     read_json, size_of,
 };
 use crate::error::{Problem, Result};
 use crate::import::ImportOptions;
 use eagpt_scene::dataset::json::{Object, excerpt};
-use eagpt_scene::dataset::{TRANSFORMS_FILE, UpAxis, pose};
+use eagpt_scene::dataset::{
+    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetInfo, EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE,
+    UpAxis, VALID_DIR, pose, strip_image_folder,
+};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -134,6 +140,10 @@ fn read_file(source: &mut Source, file: &Path, options: &ImportOptions) -> Resul
         }
     }
     read_split(source, &top, &name_by_path)?;
+    let world = DatasetInfo::of_world(&top)?;
+    source.info.up_axis = world.up_axis.or(source.info.up_axis);
+    source.info.metres_per_unit = world.metres_per_unit;
+    source.info.aligned_from_model = world.aligned_from_model;
     if let Some(relative) = top.string("ply_file_path")? {
         let path = root.join(relative);
         if path.is_file() {
@@ -189,19 +199,27 @@ fn frame(
                 .into()),
         }
     };
-    let depth = beside("depth_file_path")?;
+    // What an export of ours has left beside the keys of nerfstudio.
+    let own = |folder: &str| if_there(root.join(folder).join(format!("{name}.exr")));
+    let depth = match beside("depth_file_path")? {
+        Some(path) => Some(Depth {
+            path,
+            unit: depth_unit,
+        }),
+        None => own(DEPTH_DIR).map(|path| Depth { path, unit: 1.0 }),
+    };
     Ok(SourceFrame {
         name: name.to_owned(),
         lens: lens::from_json(top, object, size)?,
         world_from_camera: pose::read(object)?,
         files: SourceFiles {
             radiance,
-            valid: beside("mask_path")?,
-            depth: depth.map(|path| Depth {
-                path,
-                unit: depth_unit,
-            }),
-            ..SourceFiles::default()
+            valid: beside("mask_path")?.or_else(|| own(VALID_DIR)),
+            depth,
+            emission: own(EMISSION_DIR).map(Emission::Mask),
+            normal: own(NORMAL_DIR),
+            alpha: own(ALPHA_DIR),
+            albedo: own(ALBEDO_DIR),
         },
     })
 }
@@ -216,27 +234,16 @@ fn with_extension(path: &Path) -> PathBuf {
     there.unwrap_or_else(|| path.with_extension(EXTENSIONS[0]))
 }
 
-/// Names of frames: paths without extension and without the folders that all share; `None` for what cannot name a file.
+/// Names of frames: paths within the folder of the images, without extension; `None` for what cannot name a file.
 fn names(paths: &[Option<&str>]) -> Vec<Option<String>> {
-    let stems: Vec<Option<Vec<String>>> = paths.iter().map(|path| stem((*path)?)).collect();
-    let folders: Vec<&[String]> = stems
-        .iter()
-        .flatten()
-        .map(|parts| &parts[..parts.len() - 1])
-        .collect();
-    let num_shared = folders.first().map_or(0, |first| {
-        let shared = |other: &&[String]| {
-            let pairs = first.iter().zip(other.iter());
-            pairs.take_while(|(a, b)| a == b).count()
-        };
-        folders.iter().map(shared).min().unwrap_or(0)
-    });
-    let name = |parts: Option<Vec<String>>| Some(parts?[num_shared..].join("/"));
-    stems.into_iter().map(name).collect()
+    let mut names: Vec<Option<String>> = paths.iter().map(|path| stem((*path)?)).collect();
+    let mut there: Vec<&mut String> = names.iter_mut().flatten().collect();
+    strip_image_folder(&mut there);
+    names
 }
 
-/// The parts of a path, the last without extension; parts that lead upwards are left out of names.
-fn stem(path: &str) -> Option<Vec<String>> {
+/// A path without extension; parts that lead upwards are left out of names.
+fn stem(path: &str) -> Option<String> {
     if path.contains(|c: char| c == '\\' || c.is_control()) || path.ends_with('/') {
         return None;
     }
@@ -250,7 +257,7 @@ fn stem(path: &str) -> Option<Vec<String>> {
     let last = parts.pop()?;
     let stem = Path::new(&last).file_stem()?.to_string_lossy().into_owned();
     parts.push(stem);
-    Some(parts)
+    Some(parts.join("/"))
 }
 
 /// The lists of a file; names in them are paths, as in `frames`.

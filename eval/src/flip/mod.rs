@@ -134,7 +134,7 @@ fn error_map(
 }
 
 /// Mean in f64, row after row.
-fn mean(error: &Image<1>) -> f64 {
+pub(crate) fn mean(error: &Image<1>) -> f64 {
     let sum: f64 = error.values().iter().map(|v| f64::from(*v)).sum();
     sum / error.values().len() as f64
 }

@@ -8,10 +8,13 @@ use super::{Evaluation, means};
 use crate::align::{ExposureFit, compare_aligned};
 use crate::error::{EvalError, Result};
 use crate::flip::magma_rgb8;
-use crate::pair::compare;
+use crate::known::{KnownPixels, pack};
+use crate::pair::compare_known;
 use crate::regions::{self, LightChange, Lights, region_metrics};
 use crate::report;
+use eagpt_scene::dataset::VALID_DIR;
 use eagpt_scene::{Dataset, Image, SceneError, View, files, png};
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// A condition all of whose files are there.
@@ -39,20 +42,42 @@ struct Loaded {
     /// Emission from wherever it is known, reference first.
     emission: Option<(EmittersFrom, Image<1>)>,
     before: Option<View>,
+    /// Pixels that the reference, and the earlier one, know; `None` if that is all.
+    known: Option<KnownPixels>,
+}
+
+/// The known pixels of a view, for what is measured pixel by pixel.
+struct Known<'a> {
+    reference: Cow<'a, Image<3>>,
+    render: Cow<'a, Image<3>>,
+    emission: Option<Cow<'a, Image<1>>>,
+    before: Option<(Cow<'a, Image<3>>, Option<Cow<'a, Image<1>>>)>,
 }
 
 impl Loaded {
-    fn emission(&self) -> Option<&Image<1>> {
-        self.emission.as_ref().map(|(_, emission)| emission)
+    fn known(&self) -> Known<'_> {
+        let known = self.known.as_ref();
+        let emission = self.emission.as_ref();
+        Known {
+            reference: pack(known, &self.view.radiance),
+            render: pack(known, &self.render),
+            emission: emission.map(|(_, emission)| pack(known, emission)),
+            before: self.before.as_ref().map(|view| {
+                let emission = view.emission.as_ref().map(|image| pack(known, image));
+                (pack(known, &view.radiance), emission)
+            }),
+        }
     }
+}
 
+impl Known<'_> {
     fn lights(&self) -> Lights<'_> {
         Lights {
-            after: &self.view.radiance,
-            emission: self.emission(),
-            before: self.before.as_ref().map(|view| regions::Before {
-                radiance: &view.radiance,
-                emission: view.emission.as_ref(),
+            after: &self.reference,
+            emission: self.emission.as_deref(),
+            before: (self.before.as_ref()).map(|(radiance, emission)| regions::Before {
+                radiance,
+                emission: emission.as_deref(),
             }),
         }
     }
@@ -82,6 +107,14 @@ impl<'a> Prepared<'a> {
             refuse_existing(report::files(&options.out).into_iter().chain(maps))?;
         }
         let mut warnings = [split.warnings, renders.warnings()].concat();
+        let num_masked = frames.iter().filter(|f| f.files.valid.is_some()).count();
+        if num_masked > 0 {
+            warnings.push(format!(
+                "{num_masked} of {} views are measured where {VALID_DIR} says that they are known: errors of pixels and the mean of FLIP there, SSIM \
+                 in windows that touch no other pixel",
+                frames.len()
+            ));
+        }
         let unknown = frames
             .iter()
             .filter(|frame| frame.files.emission.is_none() && !renders.has_emission(&frame.name))
@@ -137,11 +170,12 @@ impl<'a> Prepared<'a> {
         let mut survey = Survey::default();
         for position in 0..self.num_views() {
             let loaded = self.load(position)?;
-            let reference = &loaded.view.radiance;
+            let known = loaded.known();
+            let emission = known.emission.as_deref();
             survey
                 .exposure
-                .add(reference, &loaded.render, loaded.emission());
-            survey.change.add(&loaded.lights());
+                .add(&known.reference, &known.render, emission);
+            survey.change.add(&known.lights());
         }
         Ok(survey)
     }
@@ -149,17 +183,29 @@ impl<'a> Prepared<'a> {
     fn load(&self, position: usize) -> Result<Loaded> {
         let view = self.dataset.load_view(self.indices[position])?;
         let of_render = || self.renders.emission(&view.name);
+        let before = self
+            .before
+            .as_ref()
+            .map(|earlier| earlier.dataset.load_view(earlier.indices[position]))
+            .transpose()?;
+        let masks = [Some(&view), before.as_ref()].into_iter().flatten();
+        let known = KnownPixels::in_all(masks.filter_map(|view| view.valid.as_ref()));
+        if known.as_ref().is_some_and(|known| known.num() == 0) {
+            let path = self.dataset.frames()[self.indices[position]]
+                .files
+                .valid
+                .as_deref();
+            let path = path.unwrap_or(self.dataset.root());
+            return Err(SceneError::invalid(path, "pixels", "none is known").into());
+        }
         Ok(Loaded {
             render: self.renders.radiance(&view.name)?,
             emission: match &view.emission {
                 Some(mask) => Some((EmittersFrom::Reference, mask.clone())),
                 None => of_render()?.map(|image| (EmittersFrom::Render, image)),
             },
-            before: self
-                .before
-                .as_ref()
-                .map(|earlier| earlier.dataset.load_view(earlier.indices[position]))
-                .transpose()?,
+            before,
+            known,
             view,
         })
     }
@@ -167,7 +213,8 @@ impl<'a> Prepared<'a> {
     fn view_metrics(&self, loaded: &Loaded, survey: &Survey) -> Result<ViewMetrics> {
         let (view, render, flip) = (&loaded.view, &loaded.render, &self.options.flip);
         let reference = &view.radiance;
-        let comparison = compare(reference, render, flip)?;
+        let known = loaded.known.as_ref();
+        let comparison = compare_known(reference, render, known, flip)?;
         let error = &comparison.flip_hdr_error;
         let map_path = map_path(self.options, &view.name);
         if let Some(folder) = map_path.parent() {
@@ -177,15 +224,16 @@ impl<'a> Prepared<'a> {
         let aligned = survey
             .exposure
             .scale()
-            .map(|scale| compare_aligned(reference, render, scale, flip))
+            .map(|scale| compare_aligned(reference, render, scale, known, flip))
             .transpose()?;
+        let pixels = loaded.known();
         Ok(ViewMetrics {
             name: view.name.clone(),
             image: comparison.metrics,
             aligned,
-            scene: scene_metrics(view, &self.renders)?,
+            scene: scene_metrics(view, known, &self.renders)?,
             emitters_from: loaded.emission.as_ref().map(|(from, _)| *from),
-            regions: region_metrics(&loaded.lights(), render, survey.change.ratio()),
+            regions: region_metrics(&pixels.lights(), &pixels.render, survey.change.ratio()),
         })
     }
 }

@@ -47,6 +47,7 @@ fn view(index: usize) -> View {
         alpha: None,
         depth: Some(single(2.0)),
         albedo: Some(Image::filled(SIZE.0, SIZE.1, [0.5, 0.4, 0.3])),
+        valid: None,
     }
 }
 
@@ -141,6 +142,71 @@ fn two_views_with_known_errors() {
     assert_eq!(found.mean("emission_iou"), Some(0.5));
     assert!(found.mean("flip_hdr").unwrap() > 0.0);
     assert_eq!(found.mean("no such metric"), None);
+}
+
+#[test]
+fn what_the_reference_does_not_know_is_not_measured() {
+    let case = Case::new();
+    // The four columns on the left are not known.
+    let known = (0..SIZE.0 * SIZE.1).map(|i| [f32::from(i % SIZE.0 >= 4)]);
+    let known = Image::from_pixels(SIZE.0, SIZE.1, known.collect()).unwrap();
+    let mut written = DatasetWriter::create(&case.options.dataset, Precision::Float).unwrap();
+    for index in 0..NUM_VIEWS {
+        let valid = Some(known.clone());
+        let changed = View {
+            valid,
+            ..view(index)
+        };
+        written.write_view(&changed).unwrap();
+    }
+    written.finish(&Default::default()).unwrap();
+    let render = |index, unknown: f32| {
+        let mut image = radiance(index).map(|[r, g, b]| [r + 0.2, g + 0.1, b * 0.9]);
+        let pairs = image.pixels_mut().iter_mut().zip(known.values());
+        for (pixel, _) in pairs.filter(|(_, known)| **known == 0.0) {
+            *pixel = [unknown; 3];
+        }
+        case.render_rgb("", index, &image);
+        image
+    };
+    let (first, last) = (render(0, 0.0), render(8, 0.0));
+    let found = case.run().unwrap();
+    let told = |text: &String| text.contains("2 of 2 views are measured where Valid-exr");
+    assert!(found.warnings.iter().any(told), "{:?}", found.warnings);
+    render(0, 500.0);
+    render(8, 3.0);
+    let case = Case {
+        options: EvalOptions {
+            force: true,
+            ..case.options
+        },
+        dir: case.dir,
+    };
+    let again = case.run().unwrap();
+    assert_eq!(found.views, again.views);
+    assert_eq!(found.exposure_scale, again.exposure_scale);
+
+    for (index, render, view) in [(0, first, &found.views[0]), (8, last, &found.views[1])] {
+        let right = |image: &Image<3>| {
+            let columns = image.pixels().iter().zip(known.values());
+            let columns = columns.filter(|(_, known)| **known > 0.0);
+            Image::from_pixels(12, 12, columns.map(|(pixel, _)| *pixel).collect()).unwrap()
+        };
+        let (a, b) = (right(&radiance(index)), right(&render));
+        // Sums of the same numbers, by other rows.
+        for (own, wanted) in [
+            (view.image.psnr_srgb_db, crate::psnr_srgb(&a, &b)),
+            (view.image.psnr_linear_db, crate::psnr_linear(&a, &b)),
+            (view.image.psnr_pq_db, crate::psnr_pq(&a, &b)),
+        ] {
+            assert!((own - wanted).abs() < 1e-9, "{own} {wanted}");
+        }
+        let wanted = crate::FlipParameters::for_reference(&case.options.flip, &a).unwrap();
+        assert_eq!(view.image.flip_hdr_parameters, wanted);
+        assert!(view.image.ssim_srgb < 1.0 && view.image.flip_hdr > 0.0);
+    }
+    // Of the 8 columns that emit in view 0, 4 are known; the render says that all 16 do.
+    assert_eq!(found.views[0].scene.emission_iou, Some(4.0 / 12.0));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::renders::Renders;
 use crate::align::AlignedMetrics;
 use crate::error::Result;
+use crate::known::{KnownPixels, pack};
 use crate::pair::{ImageMetrics, decibels};
 use crate::regions::Regions;
 use crate::scene_metrics::{Overlap, albedo_psnr, depth_mae, emission_overlap, normal_mean_deg};
@@ -73,11 +74,22 @@ pub struct ViewMetrics {
     pub regions: Regions,
 }
 
-pub(super) fn scene_metrics(view: &View, renders: &Renders) -> Result<SceneMetrics> {
+pub(super) fn scene_metrics(
+    view: &View,
+    known: Option<&KnownPixels>,
+    renders: &Renders,
+) -> Result<SceneMetrics> {
     let mut found = SceneMetrics::default();
     if let Some(reference) = &view.albedo
         && let Some(test) = renders.albedo(&view.name)?
-        && let Some(albedo) = albedo_psnr(reference, &test, view.emission.as_ref())
+        && let Some(albedo) = albedo_psnr(
+            &pack(known, reference),
+            &pack(known, &test),
+            view.emission
+                .as_ref()
+                .map(|mask| pack(known, mask))
+                .as_deref(),
+        )
     {
         found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
         found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
@@ -85,17 +97,17 @@ pub(super) fn scene_metrics(view: &View, renders: &Renders) -> Result<SceneMetri
     if let Some(reference) = &view.normal
         && let Some(test) = renders.normal(&view.name)?
     {
-        found.normal_mean_deg = normal_mean_deg(reference, &test);
+        found.normal_mean_deg = normal_mean_deg(&pack(known, reference), &pack(known, &test));
     }
     if let Some(reference) = &view.depth
         && let Some(test) = renders.depth(&view.name)?
     {
-        found.depth_mae = depth_mae(reference, &test);
+        found.depth_mae = depth_mae(&pack(known, reference), &pack(known, &test));
     }
     if let Some(reference) = &view.emission
         && let Some(test) = renders.emission(&view.name)?
     {
-        let overlap = emission_overlap(reference, &test);
+        let overlap = emission_overlap(&pack(known, reference), &pack(known, &test));
         found.emission_iou = overlap.iou();
         found.emission_overlap = overlap.iou().map(|_| overlap);
     }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::known::KnownPixels;
 use crate::window::WEIGHTS;
 
 /// Deterministic values in [0.05, 0.95] with some structure, the second image a disturbed first.
@@ -62,7 +63,7 @@ fn widened(image: &Image<3>) -> Vec<[f64; 3]> {
 fn equal_images_have_similarity_one_and_no_gradient() {
     let (image, _) = pair_of(23, 17);
     assert!((ssim(&image, &image) - 1.0).abs() < 1e-7);
-    let found = ssim_with_gradient(&image, &image);
+    let found = ssim_with_gradient(&image, &image, None);
     assert!((found.value - 1.0).abs() < 1e-7);
     // Rounding of 1/N-scaled terms near 1e3 that cancel.
     assert!(found.d_test.values().iter().all(|d| d.abs() < 1e-6));
@@ -81,7 +82,7 @@ fn value_is_that_of_the_definition() {
         );
         let found = ssim(&reference, &test);
         assert!((found - expected).abs() < 2e-6, "{found} {expected}");
-        assert_eq!(found, ssim_with_gradient(&reference, &test).value);
+        assert_eq!(found, ssim_with_gradient(&reference, &test, None).value);
         assert!(found < 0.99);
     }
 }
@@ -90,7 +91,7 @@ fn value_is_that_of_the_definition() {
 fn gradient_is_that_of_central_differences() {
     let (width, height) = (14, 51);
     let (reference, test) = pair_of(width, height);
-    let d_test = ssim_with_gradient(&reference, &test).d_test;
+    let d_test = ssim_with_gradient(&reference, &test, None).d_test;
     let (size_x, size_y) = (width as usize, height as usize);
     let reference = widened(&reference);
     let step = 1e-4;
@@ -132,9 +133,56 @@ fn bits_do_not_depend_on_the_number_of_threads() {
             .num_threads(num_threads)
             .build()
             .unwrap()
-            .install(|| ssim_with_gradient(&reference, &test))
+            .install(|| ssim_with_gradient(&reference, &test, None))
     };
     let (one, many) = (run(1), run(5));
     assert_eq!(one.value.to_bits(), many.value.to_bits());
     assert_eq!(one.d_test, many.d_test);
+}
+
+#[test]
+fn windows_that_do_not_count_take_no_part() {
+    let (width, height) = (31, 61);
+    let (reference, test) = pair_of(width, height);
+    let mut mask = Image::filled(width, height, [1.0]);
+    for y in 20..40 {
+        for x in 12..31 {
+            mask.pixels_mut()[(y * width + x) as usize] = [0.0];
+        }
+    }
+    let known = KnownPixels::new(&mask);
+    let windows = known.windows();
+    let others = Windows {
+        counts: windows.counts.iter().map(|counts| !counts).collect(),
+        num: windows.counts.len() - windows.num,
+    };
+    let [some, rest] =
+        [&windows, &others].map(|windows| ssim_with_gradient(&reference, &test, Some(windows)));
+    let all = ssim_with_gradient(&reference, &test, None);
+    let num = [windows.num, others.num, windows.counts.len()].map(|num| num as f64);
+    // The same terms in another order.
+    let sum = some.value * num[0] + rest.value * num[1];
+    assert!((sum - all.value * num[2]).abs() < 1e-9 * num[2]);
+    assert_eq!(some.value, ssim_in(&reference, &test, Some(&windows)));
+    let largest = |image: &Image<3>| image.values().iter().fold(0.0_f32, |a, b| a.max(b.abs()));
+    let scale = largest(&all.d_test) * num[2] as f32;
+    let parts = some.d_test.values().iter().zip(rest.d_test.values());
+    for ((some, rest), all) in parts.zip(all.d_test.values()) {
+        let sum = some * num[0] as f32 + rest * num[1] as f32;
+        assert!((sum - all * num[2] as f32).abs() < 1e-5 * scale);
+    }
+
+    // What is not known is of no consequence, and is not moved.
+    let garbage = Image::filled(width, height, [0.7, 30.0, 0.0]);
+    let other = known.with_reference(&garbage, &reference);
+    let again = ssim_with_gradient(&other, &test, Some(&windows));
+    assert_eq!(again.value.to_bits(), some.value.to_bits());
+    assert_eq!(again.d_test, some.d_test);
+    for (index, d) in some.d_test.pixels().iter().enumerate() {
+        assert!(known.has(index) || *d == [0.0; 3]);
+    }
+    let none = KnownPixels::new(&Image::filled(width, height, [0.0])).windows();
+    let found = ssim_with_gradient(&reference, &test, Some(&none));
+    assert_eq!(found.value, 1.0);
+    assert!(found.d_test.values().iter().all(|d| *d == 0.0));
 }

@@ -15,7 +15,7 @@
 //! | `Alpha-exr` | opacity, 0 to 1 |
 //! | `Depth-exr` | depth along the optical axis, scene units |
 //! | `DiffCol` | diffuse albedo |
-//! | `Valid-exr` | 1 where the radiance is known, 0 where it is not; written by importers, not read yet |
+//! | `Valid-exr` | 1 where the images are known, less where they are not; absent, all is known |
 //!
 //! Beyond the keys of either format, `up_axis` ("z", "-y", …), `metres_per_unit` and `aligned_from_model` (rows of a 4×4 similarity)
 //! are read and written.
@@ -23,6 +23,7 @@
 mod cache;
 pub mod intrinsics;
 pub mod json;
+mod names;
 mod open;
 pub mod pose;
 mod split;
@@ -34,10 +35,10 @@ mod write;
 mod tests;
 
 pub use cache::ViewCache;
-pub use open::is_frame_name;
+pub use names::{is_frame_name, strip_image_folder};
 pub use split::{Split, SplitRule, Subset};
 pub use up::UpAxis;
-pub use view::View;
+pub use view::{View, is_known};
 pub use write::{DatasetInfo, DatasetWriter, write_transforms};
 
 use crate::camera::Camera;
@@ -92,6 +93,8 @@ pub struct ViewFiles {
     pub depth: Option<PathBuf>,
     /// Diffuse albedo.
     pub albedo: Option<PathBuf>,
+    /// Mask of known pixels.
+    pub valid: Option<PathBuf>,
 }
 
 /// A frame that cannot be used.

@@ -2,9 +2,11 @@
 
 use super::intrinsics::{self, Dialect};
 use super::json::{Object, excerpt};
+use super::names::{is_frame_name, strip_image_folder};
 use super::{
-    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, DEPTH_DIR, Dataset, EMISSION_DIR, Frame,
-    ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, ViewFiles, pose,
+    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, DEPTH_DIR, Dataset, DatasetInfo, EMISSION_DIR,
+    Frame, ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, VALID_DIR,
+    ViewFiles, pose,
 };
 use crate::error::{Result, SceneError};
 use crate::exr;
@@ -92,10 +94,11 @@ fn read(
         }
     }
     warn_of_ignored_keys(&top, &objects);
+    let world = DatasetInfo::of_world(&top)?;
     Ok(Dataset {
-        up_axis: up_axis(&top)?,
-        metres_per_unit: top.positive("metres_per_unit")?,
-        aligned_from_model: top.matrix(ALIGNED_KEY)?,
+        up_axis: world.up_axis,
+        metres_per_unit: world.metres_per_unit,
+        aligned_from_model: world.aligned_from_model,
         listed: listed_split(&top, &listed_names, &left_out)?,
         points: points(&top, &root)?,
         frames,
@@ -117,7 +120,8 @@ fn locate(root: &Path, objects: &[Object<'_>]) -> Result<(Dialect, Vec<Located>)
         .iter()
         .map(|object| locate_nerfstudio(root, object))
         .collect::<Result<Vec<_>>>()?;
-    strip_common_folder(&mut located);
+    let mut names: Vec<&mut String> = located.iter_mut().map(|item| &mut item.name).collect();
+    strip_image_folder(&mut names);
     Ok((Dialect::Nerfstudio, located))
 }
 
@@ -135,15 +139,6 @@ fn locate_eag_pt(root: &Path, object: &Object<'_>) -> Result<Located> {
         name: name.to_owned(),
         radiance: root.join(RADIANCE_DIR).join(format!("{name}.exr")),
     })
-}
-
-/// Whether `name` can name a frame. Names become paths of results: they must stay inside the folder they are put in,
-/// and on one line of a message.
-pub fn is_frame_name(name: &str) -> bool {
-    let mut components = Path::new(name).components().peekable();
-    components.peek().is_some()
-        && components.all(|part| matches!(part, Component::Normal(_)))
-        && !name.contains(|c: char| c == '\\' || c.is_control())
 }
 
 fn locate_nerfstudio(root: &Path, object: &Object<'_>) -> Result<Located> {
@@ -175,21 +170,6 @@ fn locate_nerfstudio(root: &Path, object: &Object<'_>) -> Result<Located> {
         name,
         radiance: root.join(&radiance),
     })
-}
-
-/// Takes the folders that all names share off them: `images/10/a` and `images/11/a` become `10/a` and `11/a`.
-fn strip_common_folder(located: &mut [Located]) {
-    let folder_of = |name: &str| name.rfind('/').map_or(0, |slash| slash + 1);
-    let first = located[0].name.clone();
-    let mut common = &first[..folder_of(&first)];
-    for other in located.iter() {
-        while !other.name.starts_with(common) {
-            common = &common[..folder_of(common.trim_end_matches('/'))];
-        }
-    }
-    for item in located {
-        item.name.drain(..common.len());
-    }
 }
 
 fn check_unique(objects: &[Object<'_>], located: &[Located]) -> Result<()> {
@@ -263,16 +243,26 @@ fn frame(
             alpha: beside(ALPHA_DIR),
             depth: beside(DEPTH_DIR),
             albedo: beside(ALBEDO_DIR),
+            valid: beside(VALID_DIR),
         },
     })
 }
 
-fn up_axis(top: &Object<'_>) -> Result<Option<UpAxis>> {
-    let key = "up_axis";
-    let parsed = top.string(key)?.map(str::parse);
-    parsed
-        .transpose()
-        .map_err(|problem| top.invalid(key, problem))
+impl DatasetInfo {
+    /// What the top of a `transforms.json` says of the world beyond the keys of others; no lists.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] naming the key and its value.
+    pub fn of_world(top: &Object<'_>) -> Result<Self> {
+        let key = "up_axis";
+        let up_axis = top.string(key)?.map(str::parse).transpose();
+        Ok(Self {
+            up_axis: up_axis.map_err(|problem| top.invalid(key, problem))?,
+            metres_per_unit: top.positive("metres_per_unit")?,
+            aligned_from_model: top.matrix(ALIGNED_KEY)?,
+            ..Self::default()
+        })
+    }
 }
 
 /// The lists of nerfstudio; without a test list the validation list takes its place. Names that are `left_out` are passed over.

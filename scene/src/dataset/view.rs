@@ -34,6 +34,14 @@ pub struct View {
     pub depth: Option<Image<1>>,
     /// Diffuse albedo, finite and not negative.
     pub albedo: Option<Image<3>>,
+    /// 1 where the images are known; 0 where no lens showed anything, and the other images are 0 whatever their files hold. `None` where
+    /// all pixels are known.
+    pub valid: Option<Image<1>>,
+}
+
+/// Whether a value of a mask of known pixels says so: a pixel that is known in part shows something that is not there.
+pub fn is_known(value: f32) -> bool {
+    value >= 1.0 - MASK_TOLERANCE
 }
 
 impl View {
@@ -42,7 +50,7 @@ impl View {
         let single = |image: &Option<Image<1>>| image.as_ref().map_or(0, Image::num_bytes);
         let colour = |image: &Option<Image<3>>| image.as_ref().map_or(0, Image::num_bytes);
         self.radiance.num_bytes()
-            + [&self.emission, &self.alpha, &self.depth]
+            + [&self.emission, &self.alpha, &self.depth, &self.valid]
                 .map(single)
                 .iter()
                 .sum::<usize>()
@@ -50,6 +58,26 @@ impl View {
                 .map(colour)
                 .iter()
                 .sum::<usize>()
+    }
+
+    /// Sets all images to 0 where they are not known, so that nothing depends on what the files hold there.
+    fn clear_unknown(&mut self) {
+        fn clear<const C: usize>(image: &mut Image<C>, valid: &Image<1>) {
+            for (pixel, [known]) in image.pixels_mut().iter_mut().zip(valid.pixels()) {
+                if *known == 0.0 {
+                    *pixel = [0.0; C];
+                }
+            }
+        }
+        let Some(valid) = &self.valid else { return };
+        clear(&mut self.radiance, valid);
+        for image in [&mut self.normal, &mut self.albedo].into_iter().flatten() {
+            clear(image, valid);
+        }
+        let single = [&mut self.emission, &mut self.alpha, &mut self.depth];
+        for image in single.into_iter().flatten() {
+            clear(image, valid);
+        }
     }
 }
 
@@ -63,7 +91,7 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
         size,
         "the dataset was opened with",
     )?;
-    check_light(&files.radiance, &radiance)?;
+    let valid = load_valid(files.valid.as_deref(), size)?;
     let mut view = View {
         name: frame.name.clone(),
         camera: frame.camera,
@@ -73,7 +101,10 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
         alpha: load_single(files.alpha.as_deref(), size)?,
         depth: load_single(files.depth.as_deref(), size)?,
         albedo: load_rgb(files.albedo.as_deref(), size)?,
+        valid,
     };
+    view.clear_unknown();
+    check_light(&files.radiance, &view.radiance)?;
     if let (Some(path), Some(mask)) = (&files.emission, &mut view.emission) {
         clamp_mask(path, mask)?;
     }
@@ -104,6 +135,21 @@ fn load_single(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<1>>
     let image = exr::read_single(path)?;
     check_size(path, &image, size, "the radiance is")?;
     Ok(Some(image))
+}
+
+/// The mask as 0 and 1; `None` where it says nothing.
+fn load_valid(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<1>>> {
+    let Some(mut mask) = load_single(path, size)? else {
+        return Ok(None);
+    };
+    if let Some(path) = path {
+        clamp_mask(path, &mut mask)?;
+    }
+    for [value] in mask.pixels_mut() {
+        *value = f32::from(u8::from(is_known(*value)));
+    }
+    let all_known = mask.values().iter().all(|value| *value > 0.0);
+    Ok((!all_known).then_some(mask))
 }
 
 fn check_size<const C: usize>(

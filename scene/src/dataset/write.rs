@@ -74,15 +74,13 @@ impl DatasetWriter {
         self.write_rgb(ALBEDO_DIR, &view.name, view.albedo.as_ref())?;
         self.write_single(EMISSION_DIR, &view.name, view.emission.as_ref())?;
         self.write_single(ALPHA_DIR, &view.name, view.alpha.as_ref())?;
-        self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())
-    }
-
-    /// Writes where the image of a view is known: 1, and 0 where its radiance means nothing.
-    ///
-    /// # Errors
-    /// As [`exr::write_single`].
-    pub fn write_valid(&self, name: &str, valid: &crate::Image<1>) -> Result<()> {
-        self.write_single(VALID_DIR, name, Some(valid))
+        self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())?;
+        if view.valid.is_none() {
+            // An earlier mask would hide pixels of the new images.
+            let earlier = format!("{}.exr", view.name);
+            files::remove_if_there(&self.root.join(VALID_DIR).join(earlier))?;
+        }
+        self.write_single(VALID_DIR, &view.name, view.valid.as_ref())
     }
 
     /// Lists a camera: of images that [`Self::write_images`] writes, or of none.

@@ -93,6 +93,7 @@ pub fn photograph(index: usize, camera: &Camera, options: &RoomOptions) -> View 
             [(h.position - camera.origin()).dot(forward)]
         })),
         albedo: Some(derived(camera, &hits, |h| h.albedo.to_array())),
+        valid: None,
     }
 }
 

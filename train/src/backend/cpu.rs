@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::loss::{LossTerms, albedo_loss, color::pq_image, radiance_loss};
 use crate::options::{AlbedoOptions, Gather};
 use crate::params::{ParameterState, StepSizes};
+use eagpt_eval::KnownPixels;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image};
 use eagpt_trace::cpu::CpuScene;
@@ -196,7 +197,15 @@ impl Backend for CpuBackend {
             camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
         let arriving = self.irradiance(view, &sums, step);
         let threshold = step.options.emission_threshold;
-        let (terms, d_sums) = albedo_loss(&sums, &arriving, threshold, &target, step.ssim_share);
+        let known = view.view.valid.as_ref().map(KnownPixels::new);
+        let (terms, d_sums) = albedo_loss(
+            &sums,
+            &arriving,
+            threshold,
+            &target,
+            step.ssim_share,
+            known.as_ref(),
+        );
         Ok(self.update(&record, &d_sums, &step.sizes, terms))
     }
 
@@ -205,7 +214,11 @@ impl Backend for CpuBackend {
         let (sums, record) =
             camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
         let shown = pq_image(&sums.radiance());
+        let known = view.view.valid.as_ref().map(KnownPixels::new);
         let contributions = record.contributions(|pixel| {
+            if known.as_ref().is_some_and(|known| !known.has(pixel)) {
+                return 0.0;
+            }
             let (a, b) = (shown.pixels()[pixel], target.pixels()[pixel]);
             let color: f32 = (0..3).map(|c| (a[c] - b[c]).abs()).sum();
             let mask = view.view.emission.as_ref();

@@ -189,6 +189,7 @@ pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<F
             f.emission.as_ref(),
             f.normal.as_ref(),
             f.alpha.as_ref(),
+            f.valid.as_ref(),
         ]
         .into_iter()
         .flatten()

@@ -1,5 +1,6 @@
-//! The colour term: L1 and SSIM in PQ space.
+//! The colour term: L1 and SSIM in PQ space, over known pixels and over windows of them.
 
+use eagpt_eval::KnownPixels;
 use eagpt_eval::ssim::ssim_with_gradient;
 use eagpt_scene::Image;
 use eagpt_scene::color::{pq_from_linear, pq_from_linear_with_slope};
@@ -30,8 +31,14 @@ pub fn pq_image(linear: &Image<3>) -> Image<3> {
 }
 
 impl ColorLoss {
-    /// Compares linear `radiance` with a target that is PQ-encoded already. Both images have the same size.
-    pub fn new(radiance: &Image<3>, target_pq: &Image<3>, ssim_share: f64) -> Self {
+    /// Compares linear `radiance` with a target that is PQ-encoded already, where that is `known`: everywhere if nothing is said. The
+    /// images have the same size.
+    pub fn new(
+        radiance: &Image<3>,
+        target_pq: &Image<3>,
+        ssim_share: f64,
+        known: Option<&KnownPixels>,
+    ) -> Self {
         let (width, height) = radiance.size();
         let encoded: Vec<[(f32, f32); 3]> = radiance
             .pixels()
@@ -45,8 +52,9 @@ impl ColorLoss {
             encoded.iter().map(|p| p.map(|c| c.0)).collect(),
         )
         .expect("as many pixels as before");
-        let ssim = ssim_with_gradient(target_pq, &pq);
-        let num_values = 3 * encoded.len();
+        let windows = known.map(KnownPixels::windows);
+        let ssim = ssim_with_gradient(target_pq, &pq, windows.as_ref());
+        let num_values = 3 * known.map_or(encoded.len(), KnownPixels::num).max(1);
         let d_l1 = ((1.0 - ssim_share) / num_values as f64) as f32;
         let rows: Vec<(f64, Vec<[f32; 3]>)> = (0..height as usize)
             .into_par_iter()
@@ -55,6 +63,9 @@ impl ColorLoss {
                 let mut total = 0.0;
                 let row = (start..start + width as usize)
                     .map(|i| {
+                        if known.is_some_and(|known| !known.has(i)) {
+                            return [0.0; 3];
+                        }
                         std::array::from_fn(|c| {
                             let difference = pq.pixels()[i][c] - target_pq.pixels()[i][c];
                             total += f64::from(difference.abs());

@@ -1,6 +1,7 @@
 //! Normals of the surface that the mean distances D̃ span, from central differences of its points.
 
 use super::{MIN_NORMAL_ALPHA, directions, one_minus_cosine, solid_normal};
+use eagpt_eval::KnownPixels;
 use eagpt_scene::{Camera, Image};
 use eagpt_trace::sums::{SumImage, Sums, lane};
 use glam::Vec3;
@@ -17,12 +18,14 @@ struct PixelGradient {
 }
 
 /// Adds `weight · mean(1 − Ñ_d·N)` to the gradient and returns the mean. N is the normal map where there is one, otherwise the
-/// blended Ñ, which then moves too. The image's border is left out.
+/// blended Ñ, which then moves too. The image's border
+/// is left out, and so is what is not `known`.
 pub fn add(
     sums: &SumImage,
     camera: &Camera,
     map: Option<&Image<3>>,
     weight: f64,
+    known: Option<&KnownPixels>,
     d_sums: &mut [Sums],
 ) -> f64 {
     let (width, height) = (sums.width as usize, sums.height as usize);
@@ -39,7 +42,8 @@ pub fn add(
         .with_min_len(2048)
         .map(|i| {
             let (x, y) = (i % width, i / width);
-            if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+            let is_border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+            if is_border || known.is_some_and(|known| !known.has(i)) {
                 return PixelGradient::default();
             }
             let solid = [i, i - 1, i + 1, i - width, i + width]

@@ -2,7 +2,8 @@
 //!
 //! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) + λe mean|E − M| +
 //! λa mean|A − A_gt|`. A view without a mask has no emission term; a view without a normal map compares Ñ and Ñ_d with
-//! each other, with weight λd.
+//! each other, with weight λd. Pixels that are not known take part in no term, nor do windows of SSIM that touch one; means are those
+//! over the pixels that do.
 //!
 //! Sums over pixels are taken row by row in f64, rows in order: the same bits for any number of threads.
 
@@ -11,6 +12,7 @@ pub mod depth_normal;
 
 use crate::options::LossWeights;
 use color::ColorLoss;
+use eagpt_eval::KnownPixels;
 use eagpt_scene::{Camera, Image, View};
 use eagpt_trace::sums::{SumImage, Sums, lane};
 use glam::Vec3;
@@ -59,7 +61,10 @@ pub fn radiance_loss(
     let mut d_sums = vec![Sums::default(); sums.pixels.len()];
     let mut terms = LossTerms::default();
 
-    let color = ColorLoss::new(&sums.radiance(), target_pq, weights.ssim_share);
+    let known = view.valid.as_ref().map(KnownPixels::new);
+    let known = known.as_ref();
+
+    let color = ColorLoss::new(&sums.radiance(), target_pq, weights.ssim_share, known);
     terms.l1 = color.l1;
     terms.ssim = color.ssim;
     terms.total += weights.color * color.value;
@@ -71,7 +76,7 @@ pub fn radiance_loss(
 
     if normals == NormalTerms::On {
         if let Some(map) = &view.normal {
-            terms.normal = normal_map_loss(sums, map, weights.normal, &mut d_sums);
+            terms.normal = normal_map_loss(sums, map, weights.normal, known, &mut d_sums);
             terms.total += weights.normal * terms.normal;
         }
         terms.depth_normal = depth_normal::add(
@@ -79,6 +84,7 @@ pub fn radiance_loss(
             &view.camera,
             view.normal.as_ref(),
             weights.depth_normal,
+            known,
             &mut d_sums,
         );
         terms.total += weights.depth_normal * terms.depth_normal;
@@ -89,6 +95,7 @@ pub fn radiance_loss(
             lane::EMISSION,
             Some(mask),
             weights.emission,
+            known,
             &mut d_sums,
         );
         terms.total += weights.emission * terms.emission;
@@ -98,6 +105,7 @@ pub fn radiance_loss(
         lane::ALPHA,
         view.alpha.as_ref(),
         weights.alpha,
+        known,
         &mut d_sums,
     );
     terms.total += weights.alpha * terms.alpha;
@@ -105,13 +113,14 @@ pub fn radiance_loss(
 }
 
 /// Loss of stage 1 for one view: the picture is R where the emission exceeds `threshold`, and elsewhere P times `arriving`,
-/// `1/π · ∫ R(ω) (ω·Ñ) dω` of every pixel. The gradient touches the albedo only.
+/// `1/π · ∫ R(ω) (ω·Ñ) dω` of every pixel; pixels that are not `known` do not count. The gradient touches the albedo only.
 pub fn albedo_loss(
     sums: &SumImage,
     arriving: &[Vec3],
     threshold: f32,
     target_pq: &Image<3>,
     ssim_share: f64,
+    known: Option<&KnownPixels>,
 ) -> (LossTerms, Vec<Sums>) {
     let shown = sums.pixels.iter().zip(arriving).map(|(seen, arriving)| {
         if seen.emission() > threshold {
@@ -122,7 +131,7 @@ pub fn albedo_loss(
     });
     let image = Image::from_pixels(sums.width, sums.height, shown.collect())
         .expect("irradiance and sums have one entry per pixel");
-    let color = ColorLoss::new(&image, target_pq, ssim_share);
+    let color = ColorLoss::new(&image, target_pq, ssim_share, known);
     let d_sums = sums
         .pixels
         .iter()
@@ -147,15 +156,17 @@ pub fn albedo_loss(
     )
 }
 
-/// `mean |V − target|` of one lane; a missing target is 1 everywhere.
+/// `mean |V − target|` of one lane over known pixels; a missing target is 1 everywhere.
 fn absolute_loss(
     sums: &SumImage,
     which: usize,
     target: Option<&Image<1>>,
     weight: f64,
+    known: Option<&KnownPixels>,
     d_sums: &mut [Sums],
 ) -> f64 {
-    let share = 1.0 / sums.pixels.len() as f64;
+    let num = known.map_or(sums.pixels.len(), KnownPixels::num).max(1);
+    let share = 1.0 / num as f64;
     let d_share = (weight * share) as f32;
     let width = sums.width as usize;
     let rows: Vec<f64> = d_sums
@@ -164,6 +175,9 @@ fn absolute_loss(
         .map(|(y, d_row)| {
             let mut total = 0.0;
             for (x, d) in d_row.iter_mut().enumerate() {
+                if known.is_some_and(|known| !known.has(y * width + x)) {
+                    continue;
+                }
                 let wanted = target.map_or(1.0, |t| t.pixels()[y * width + x][0]);
                 let difference = sums.pixels[y * width + x].0[which] - wanted;
                 total += f64::from(difference.abs());
@@ -180,7 +194,13 @@ fn absolute_loss(
 }
 
 /// `mean(1 − Ñ·N_mono)` over the pixels where the map knows a normal.
-fn normal_map_loss(sums: &SumImage, map: &Image<3>, weight: f64, d_sums: &mut [Sums]) -> f64 {
+fn normal_map_loss(
+    sums: &SumImage,
+    map: &Image<3>,
+    weight: f64,
+    known: Option<&KnownPixels>,
+    d_sums: &mut [Sums],
+) -> f64 {
     let counts = |seen: &Sums, wanted: Vec3| {
         wanted != Vec3::ZERO
             && seen.alpha() > MIN_NORMAL_ALPHA
@@ -190,7 +210,11 @@ fn normal_map_loss(sums: &SumImage, map: &Image<3>, weight: f64, d_sums: &mut [S
         sums.pixels
             .iter()
             .zip(map.pixels())
-            .map(|(s, n)| (s, Vec3::from(*n)))
+            .enumerate()
+            .map(|(i, (s, n))| match known {
+                Some(known) if !known.has(i) => (s, Vec3::ZERO),
+                _ => (s, Vec3::from(*n)),
+            })
     };
     let num = pairs().filter(|(s, n)| counts(s, *n)).count();
     if num == 0 {

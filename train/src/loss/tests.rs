@@ -76,6 +76,7 @@ fn view(normal: bool) -> View {
         alpha: None,
         depth: None,
         albedo: None,
+        valid: None,
     }
 }
 
@@ -91,8 +92,29 @@ fn only(field: &str) -> LossWeights {
     }
 }
 
+/// Unknown: a block in the middle and a corner, so that some windows of SSIM still count.
+fn mask() -> Image<1> {
+    let mut mask = Image::filled(WIDTH, HEIGHT, [1.0]);
+    for (i, pixel) in (0..).zip(mask.pixels_mut()) {
+        let (x, y) = (i % WIDTH, i / WIDTH);
+        if (x == 12 && y < 2) || (x < 2 && y > 9) {
+            *pixel = [0.0];
+        }
+    }
+    mask
+}
+
 #[test]
 fn gradients_match_central_differences() {
+    check_gradients(None);
+}
+
+#[test]
+fn gradients_match_central_differences_where_some_pixels_are_unknown() {
+    check_gradients(Some(&mask()));
+}
+
+fn check_gradients(valid: Option<&Image<1>>) {
     let mut failures = Vec::new();
     for (field, with_map, lanes) in [
         ("color", true, lane::RADIANCE..lane::RADIANCE + 3),
@@ -102,7 +124,8 @@ fn gradients_match_central_differences() {
         ("emission", true, lane::EMISSION..lane::EMISSION + 1),
         ("alpha", true, lane::ALPHA..lane::ALPHA + 1),
     ] {
-        let (view, weights) = (view(with_map), only(field));
+        let (mut view, weights) = (view(with_map), only(field));
+        view.valid = valid.cloned();
         let target = pq_image(&view.radiance);
         let loss = |sums: &SumImage| radiance_loss(sums, &view, &target, &weights, NormalTerms::On);
         let base = frame();
@@ -132,6 +155,11 @@ fn gradients_match_central_differences() {
             }
         }
         for (pixel, sums) in analytic.iter().enumerate() {
+            // The differences of depth at a known pixel reach its neighbours.
+            let is_unknown = valid.is_some_and(|v| v.pixels()[pixel] == [0.0]);
+            if is_unknown && field != "depth_normal" && sums.0 != [0.0; 16] {
+                failures.push(format!("{field} moves pixel {pixel}, which is unknown"));
+            }
             for k in (0..16).filter(|k| !lanes.contains(k)) {
                 if sums.0[k] != 0.0 {
                     failures.push(format!("{field} moves lane {k} of pixel {pixel}"));
@@ -140,6 +168,58 @@ fn gradients_match_central_differences() {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn what_is_unknown_changes_no_bit() {
+    let mut garbled = view(true);
+    garbled.valid = Some(mask());
+    let plain = garbled.clone();
+    let known = KnownPixels::new(&mask());
+    let garbage = |image: &Image<1>| known.with_reference(&image.map(|_| [0.37]), image);
+    let garbage3 = |image: &Image<3>| known.with_reference(&image.map(|_| [7.0, 0.0, 0.1]), image);
+    garbled.radiance = garbage3(&garbled.radiance);
+    garbled.normal = garbled.normal.as_ref().map(garbage3);
+    garbled.emission = garbled.emission.as_ref().map(garbage);
+    garbled.alpha = Some(garbage(&Image::filled(WIDTH, HEIGHT, [1.0])));
+    assert_ne!(garbled, plain);
+    let weights = LossWeights {
+        emission: 0.3,
+        alpha: 0.2,
+        normal: 0.5,
+        depth_normal: 0.1,
+        ..only("color")
+    };
+    let loss = |view: &View| {
+        let target = pq_image(&view.radiance);
+        radiance_loss(&frame(), view, &target, &weights, NormalTerms::On)
+    };
+    let ((terms, d_sums), (wanted, wanted_d)) = (loss(&garbled), loss(&plain));
+    assert_eq!(terms, wanted);
+    assert!(d_sums.iter().zip(&wanted_d).all(|(a, b)| a.0 == b.0));
+
+    let arriving = vec![Vec3::ONE; frame().pixels.len()];
+    let albedo = |view: &View| {
+        let target = pq_image(&view.radiance);
+        albedo_loss(&frame(), &arriving, 0.5, &target, 0.2, Some(&known))
+    };
+    let ((terms, d_sums), (wanted, wanted_d)) = (albedo(&garbled), albedo(&plain));
+    assert!(terms.l1 > 0.0 && terms.ssim < 1.0);
+    assert_eq!(terms, wanted);
+    for (i, (a, b)) in d_sums.iter().zip(&wanted_d).enumerate() {
+        assert!(a.0 == b.0 && (known.has(i) || a.0 == [0.0; 16]));
+    }
+}
+
+#[test]
+fn a_view_of_which_nothing_is_known_moves_nothing() {
+    let mut view = view(true);
+    view.valid = Some(Image::filled(WIDTH, HEIGHT, [0.0]));
+    let target = pq_image(&view.radiance);
+    let weights = only("color");
+    let (terms, d_sums) = radiance_loss(&frame(), &view, &target, &weights, NormalTerms::On);
+    assert_eq!((terms.total, terms.l1, terms.ssim), (0.0, 0.0, 1.0));
+    assert!(d_sums.iter().all(|d| d.0 == [0.0; 16]));
 }
 
 #[test]
@@ -162,7 +242,7 @@ fn a_flat_wall_has_the_normal_of_its_depth() {
     }
     let map = Image::filled(WIDTH, HEIGHT, [0.0, 0.0, -1.0]);
     let mut d_sums = vec![Sums::default(); sums.pixels.len()];
-    let value = depth_normal::add(&sums, &camera(), Some(&map), 1.0, &mut d_sums);
+    let value = depth_normal::add(&sums, &camera(), Some(&map), 1.0, None, &mut d_sums);
     assert!(value.abs() < 1e-6, "{value}");
 }
 
@@ -177,7 +257,7 @@ fn albedo_loss_leaves_emitters_alone_and_matches_differences() {
     let arriving: Vec<Vec3> = (0..WIDTH * HEIGHT)
         .map(|i| Vec3::new(0.5, 1.0, 1.5) * (0.5 + noise(i)[0]))
         .collect();
-    let loss = |s: &SumImage| albedo_loss(s, &arriving, 0.1, &target, 0.2);
+    let loss = |s: &SumImage| albedo_loss(s, &arriving, 0.1, &target, 0.2, None);
     let (_, analytic) = loss(&base);
     let largest = analytic
         .iter()

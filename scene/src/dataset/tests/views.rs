@@ -107,6 +107,59 @@ fn set<const C: usize>(image: &mut Image<C>, index: usize, pixel: [f32; C]) {
 }
 
 #[test]
+fn what_is_not_known_is_zero_whatever_the_files_hold() {
+    let mut mask = Image::filled(5, 3, [1.0]);
+    // Half a pixel known shows something that is not there; rounding is forgiven.
+    set(&mut mask, 4, [0.5]);
+    set(&mut mask, 7, [0.0]);
+    set(&mut mask, 8, [0.9995]);
+    let loaded = load_changed(|view| {
+        for index in [4, 7] {
+            set(&mut view.radiance, index, [f32::NAN, -1.0, 2.0]);
+            set(view.emission.as_mut().unwrap(), index, [9.0]);
+            set(view.normal.as_mut().unwrap(), index, [f32::INFINITY; 3]);
+            set(view.alpha.as_mut().unwrap(), index, [-1.0]);
+            set(view.depth.as_mut().unwrap(), index, [-1.0]);
+            set(view.albedo.as_mut().unwrap(), index, [f32::NAN; 3]);
+        }
+        view.valid = Some(mask);
+    })
+    .unwrap();
+    let mut wanted = some_view("a", 0.5);
+    let mut known = Image::filled(5, 3, [1.0]);
+    for index in [4, 7] {
+        set(&mut wanted.radiance, index, [0.0; 3]);
+        set(wanted.normal.as_mut().unwrap(), index, [0.0; 3]);
+        set(wanted.albedo.as_mut().unwrap(), index, [0.0; 3]);
+        for image in [&mut wanted.emission, &mut wanted.alpha, &mut wanted.depth] {
+            set(image.as_mut().unwrap(), index, [0.0]);
+        }
+        set(&mut known, index, [0.0]);
+    }
+    wanted.valid = Some(known);
+    assert_eq!(loaded, wanted);
+}
+
+#[test]
+fn a_mask_that_says_nothing_is_none_and_an_earlier_one_goes() {
+    let all = Some(Image::filled(5, 3, [1.0]));
+    assert_eq!(load_changed(|view| view.valid = all).unwrap().valid, None);
+    let wrong = Some(Image::filled(5, 3, [1.5]));
+    let outcome = load_changed(|view| view.valid = wrong);
+    assert_error(outcome, &["Valid-exr", "1.5 is outside 0 to 1"]);
+
+    let folder = Folder::new();
+    let mut writer = DatasetWriter::create(folder.root(), Precision::Float).unwrap();
+    let mut view = some_view("a", 0.0);
+    view.valid = Some(Image::filled(5, 3, [0.0]));
+    writer.write_images(&view).unwrap();
+    view.valid = None;
+    writer.write_view(&view).unwrap();
+    writer.finish(&DatasetInfo::default()).unwrap();
+    assert_eq!(folder.open().unwrap().load_view(0).unwrap(), view);
+}
+
+#[test]
 fn pixels_that_cannot_be_are_named() {
     // Pixel 7 of 5x3 is column 2 of row 1.
     let outcome = load_changed(|v| set(&mut v.radiance, 7, [0.0, f32::NAN, 0.0]));

@@ -1,17 +1,26 @@
-//! Pictures of sources: linear EXR, and display-referred PNG and JPEG where someone has asked for them.
+//! Pictures that others have made: linear EXR, and display-referred PNG and JPEG where someone has asked for them.
 
-use eagpt_scene::color::linear_from_srgb;
-use eagpt_scene::{Image, SceneError, exr, files};
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use crate::color::linear_from_srgb;
+use crate::error::{Result, SceneError};
+use crate::image::Image;
+use crate::{exr, files};
+use ::image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use std::io::{BufReader, Cursor};
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// Longest edge of a picture, pixels.
 const MAX_EDGE: u32 = 65_535;
 /// Most bytes of a decoded picture: 16-bit RGBA of 2²⁸ pixels.
 const MAX_BYTES: u64 = 1 << 31;
 
-type Result<T> = std::result::Result<T, SceneError>;
+/// Linear light of every sRGB value of 16 bits; those of 8 bits are among them, 257 apart.
+static LINEAR: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    let unit = |value: u16| f32::from(value) / 65_535.0;
+    (0..=u16::MAX)
+        .map(|value| linear_from_srgb(unit(value)))
+        .collect()
+});
 
 /// Whether a file is one of linear light, by its extension.
 pub fn is_exr(path: &Path) -> bool {
@@ -76,8 +85,8 @@ pub fn read_light(path: &Path) -> Result<Light> {
     let rgba = picture.into_rgba16();
     let unit = |value: u16| f32::from(value) / 65_535.0;
     let pixels = rgba.pixels().map(|pixel| {
-        let [r, g, b, a] = pixel.0.map(unit);
-        [r, g, b].map(|value| a * linear_from_srgb(value))
+        let [r, g, b, a] = pixel.0;
+        [r, g, b].map(|value| unit(a) * LINEAR[usize::from(value)])
     });
     let radiance = Image::from_pixels(width, height, pixels.collect());
     let opacities = rgba.pixels().map(|pixel| [unit(pixel.0[3])]);
@@ -165,7 +174,8 @@ fn decode(path: &Path) -> Result<DynamicImage> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::{ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+    use crate::testing::{assert_error, for_each_truncation};
+    use ::image::{ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
     #[test]
     fn display_values_become_light() {
@@ -185,6 +195,27 @@ mod tests {
         let light = read_light(&path).unwrap();
         assert!((light.radiance.get(0, 0)[0] - 0.2).abs() < 1e-6);
         assert!((light.alpha.unwrap().get(0, 0)[0] - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn truncated_pictures_are_told_of_in_one_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.jpg");
+        let color = RgbImage::from_fn(9, 7, |x, y| Rgb([x as u8 * 20, y as u8 * 30, 7]));
+        for format in [ImageFormat::Jpeg, ImageFormat::Png] {
+            color.save_with_format(&path, format).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            for_each_truncation(&bytes, 400, |prefix| {
+                std::fs::write(&path, prefix).unwrap();
+                // Some decoders make do with what is there.
+                if let Err(error) = read_light(&path) {
+                    assert_error::<()>(Err(error), &["a.jpg: "]);
+                }
+                if let Err(error) = size(&path) {
+                    assert_error::<()>(Err(error), &["a.jpg: "]);
+                }
+            });
+        }
     }
 
     #[test]

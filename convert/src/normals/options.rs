@@ -1,0 +1,52 @@
+//! What normals are made of, and how maps are read.
+
+use super::Axes;
+use eagpt_scene::Dataset;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The space of a map's vectors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Space {
+    /// That of the view's camera
+    Camera,
+    /// That of the scene
+    World,
+}
+
+/// How a map stores components.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Encoding {
+    /// As they are, −1 to 1
+    Unit,
+    /// As 0.5 n + 0.5
+    ZeroToOne,
+}
+
+/// How maps are read; what is absent is found out.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct NormalOptions {
+    /// Space of the vectors.
+    pub space: Option<Space>,
+    /// Their axes.
+    pub axes: Option<Axes>,
+    /// Their encoding.
+    pub encoding: Option<Encoding>,
+    /// What follows the view's name in the name of a map, ahead of the extension.
+    pub suffix: String,
+}
+
+/// What to make normals of.
+#[derive(Debug, Clone)]
+pub struct NormalRequest<'a> {
+    /// The dataset.
+    pub dataset: &'a Dataset,
+    /// Folder of maps.
+    pub maps: PathBuf,
+    /// Where `Normal-exr/` and `normals/` go: the dataset's folder or another.
+    pub out: PathBuf,
+    /// How maps are read.
+    pub options: NormalOptions,
+}

@@ -1,0 +1,60 @@
+//! Planes through points.
+
+use glam::{DVec3, Vec3};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// The least-squares plane through some points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FittedPlane {
+    /// Unit normal, the direction of the smallest variance, of either sign; `None` where the points have no such direction.
+    pub normal: Option<Vec3>,
+    /// Variances times the number of points along the principal directions, ascending; the first is how thick the points are.
+    pub variances: [f64; 3],
+}
+
+impl FittedPlane {
+    /// Fits a plane; sums run in the order of the points, in double precision.
+    pub fn through(points: impl Iterator<Item = Vec3> + Clone) -> Self {
+        let num = points.clone().count() as f64;
+        let mean = points.clone().map(Vec3::as_dvec3).sum::<DVec3>() / num;
+        let mut covariance = Matrix3::<f64>::zeros();
+        for point in points {
+            let d = point.as_dvec3() - mean;
+            let d = Vector3::new(d.x, d.y, d.z);
+            covariance += d * d.transpose();
+        }
+        let eigen = SymmetricEigen::new(covariance);
+        let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin());
+        let mut variances: [f64; 3] = eigen.eigenvalues.into();
+        variances.sort_unstable_by(f64::total_cmp);
+        Self {
+            normal: Vec3::new(normal[0] as f32, normal[1] as f32, normal[2] as f32).try_normalize(),
+            variances,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_has_its_normal_and_the_variances_of_its_points() {
+        // Two by four by a hundredth, turned so that the normal is (1, 2, 2) / 3.
+        let axes = [
+            Vec3::new(2.0, -2.0, 1.0) / 3.0,
+            Vec3::new(2.0, 1.0, -2.0) / 3.0,
+            Vec3::new(1.0, 2.0, 2.0) / 3.0,
+        ];
+        let corners = (0..8).map(|i| {
+            let sign = |bit: u32| if i & (1 << bit) == 0 { -1.0 } else { 1.0 };
+            Vec3::ONE + axes[0] * sign(0) + axes[1] * 2.0 * sign(1) + axes[2] * 0.01 * sign(2)
+        });
+        let plane = FittedPlane::through(corners);
+        assert!(plane.normal.unwrap().dot(axes[2]).abs() > 1.0 - 1e-6);
+        // Single precision of the corners.
+        for (own, wanted) in plane.variances.iter().zip([8e-4, 8.0, 32.0]) {
+            assert!((own - wanted).abs() < 1e-5, "{own} {wanted}");
+        }
+    }
+}
