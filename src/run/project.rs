@@ -434,9 +434,16 @@ impl Reader<'_> {
         };
         let mut own = vec!["modes"];
         own.extend(MODES);
-        let options = |name: &str| match table.get(name) {
-            Some(special) => self.options("render", &[&table, &special.any_table()?], &own),
-            None => self.options("render", &[&table], &own),
+        let options = |name: &str| {
+            let mut own = own.clone();
+            // What is meant for all modes does not concern the one that samples no light.
+            if name == "0-bounce" {
+                own.push("denoise");
+            }
+            match table.get(name) {
+                Some(special) => self.options("render", &[&table, &special.any_table()?], &own),
+                None => self.options("render", &[&table], &own),
+            }
         };
         let modes = names
             .into_iter()
