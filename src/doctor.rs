@@ -81,15 +81,9 @@ impl Finding {
 }
 
 pub(crate) fn run(_: &DoctorArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let findings = [
-        program(),
-        processor(),
-        memory(),
-        denoiser(),
-        colmap(),
-        normals(),
-        self_test(),
-    ];
+    let mut findings = vec![program(), processor(), memory()];
+    findings.extend(gpus());
+    findings.extend([denoiser(), colmap(), normals(), self_test()]);
     for finding in &findings {
         let text = if global.json {
             let mut value = serde_json::to_value(finding)?;
@@ -106,6 +100,7 @@ pub(crate) fn run(_: &DoctorArgs, global: &GlobalArgs) -> Result<ExitCode> {
 
 fn program() -> Finding {
     let features = [
+        ("gpu", cfg!(feature = "gpu")),
         ("rawler", cfg!(feature = "rawler")),
         ("rawloader", cfg!(feature = "rawloader")),
         ("onnx", cfg!(feature = "onnx")),
@@ -156,6 +151,51 @@ fn memory() -> Finding {
         ),
     }
 }
+
+#[cfg(feature = "gpu")]
+fn gpus() -> Vec<Finding> {
+    let found = eagpt_trace::gpu::adapters();
+    if found.is_empty() {
+        return vec![Finding::missing(
+            "gpu",
+            "no adapter for Vulkan, Metal or DirectX 12".to_owned(),
+            NO_GPU,
+        )];
+    }
+    found.iter().map(gpu).collect()
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(adapter: &eagpt_trace::gpu::Adapter) -> Finding {
+    let mib = |bytes: u64| bytes >> 20;
+    let flag = |is_there, name| if is_there { name } else { "" };
+    let kind = format!("{:?}", adapter.kind).to_lowercase();
+    let subgroups = adapter.subgroups.map_or(String::new(), |[least, most]| {
+        format!(", subgroups of {least} to {most}")
+    });
+    Finding::good(
+        "gpu",
+        format!(
+            "{} ({kind}, {}, {}): {} MiB a binding, {} MiB a buffer, {} storage buffers{subgroups}{}{}; not computed with yet",
+            adapter.name,
+            adapter.backend,
+            adapter.driver,
+            mib(adapter.max_binding),
+            mib(adapter.max_buffer),
+            adapter.max_storage_buffers,
+            flag(adapter.has_float_atomics, ", float atomics"),
+            flag(adapter.has_timestamps, ", timestamps"),
+        ),
+    )
+}
+
+#[cfg(not(feature = "gpu"))]
+fn gpus() -> Vec<Finding> {
+    let text = "built without the feature gpu".to_owned();
+    vec![Finding::missing("gpu", text, NO_GPU)]
+}
+
+const NO_GPU: &str = "nothing is missed: this version computes on the CPU";
 
 fn denoiser() -> Finding {
     match Oidn::find(None) {

@@ -17,6 +17,7 @@ mod determinism;
 mod edit;
 mod errors;
 mod ingest;
+mod machine;
 mod masks;
 mod misuse;
 mod pipeline;

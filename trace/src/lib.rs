@@ -18,6 +18,8 @@
 pub mod blend;
 pub mod cpu;
 pub mod engine;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod model;
 pub mod oracle;
 pub mod parity;
