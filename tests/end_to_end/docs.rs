@@ -26,8 +26,8 @@ const PAGES: [&str; 7] = [
 
 /// Commands on all pages together; whoever adds one that does not run has to say so here.
 const COUNTS: Counts = Counts {
-    run: 44,
-    asked_for_help: 14,
+    run: 42,
+    asked_for_help: 10,
     not_ours: 4,
 };
 
