@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
-/// A folder with a dataset `room` in it, removed at the end of the test.
+/// A folder, removed at the end of the test.
 pub(crate) struct Workplace {
     dir: TempDir,
 }
 
 impl Workplace {
-    /// A room of 12 views of 48x32 pixels: two test views, ten training views.
+    /// With a dataset `room` in it, a room of 12 views of 48x32 pixels: two test views, ten training views.
     pub(crate) fn new() -> Self {
         let dir = tempfile::tempdir().unwrap();
         let options = RoomOptions {
@@ -25,6 +25,12 @@ impl Workplace {
             seed: 1,
         };
         room::write(&dir.path().join("room"), &options, |_| ()).unwrap();
+        Self { dir }
+    }
+
+    /// A folder with nothing in it.
+    pub(crate) fn empty() -> Self {
+        let dir = tempfile::tempdir().unwrap();
         Self { dir }
     }
 
