@@ -20,6 +20,7 @@ pub mod ply;
 pub mod png;
 pub mod rng;
 pub mod script;
+pub mod shard;
 pub mod tonemap;
 
 #[cfg(test)]
@@ -32,3 +33,4 @@ pub use error::{Result, SceneError};
 pub use gaussians::{Gaussian, Gaussians};
 pub use image::Image;
 pub use lens::Lens;
+pub use shard::Shard;

@@ -340,11 +340,6 @@ impl Plan {
         let mut arguments = words(&[command], &[condition.scene]);
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
         arguments.extend(options.iter().cloned());
-        let restart = if command == "bake" {
-            Restart::Itself
-        } else {
-            Restart::Anew
-        };
         let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
         after.push(condition.made_by);
         self.push(Step {
@@ -353,7 +348,7 @@ impl Plan {
             reads,
             after,
             products: vec![out],
-            restart,
+            restart: Restart::Itself,
         })
     }
 

@@ -22,5 +22,6 @@ mod misuse;
 mod pipeline;
 mod relight;
 mod run;
+mod shards;
 mod support;
 mod synth;
