@@ -25,3 +25,4 @@ mod run;
 mod shards;
 mod support;
 mod synth;
+mod workflow;
