@@ -27,6 +27,7 @@ mod interrupt;
 mod masks;
 mod normals;
 mod output;
+mod paper;
 mod parts;
 mod progress;
 mod record;

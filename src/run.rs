@@ -4,10 +4,12 @@
 //! - [`plan`]: which commands follow from it, and what each reads and makes.
 //! - [`step`]: one of them.
 //! - [`state`]: what was made from what, so that only what has changed is made again.
+//! - [`derive`](mod@derive): projects made of others.
 //! - [`execute`]: the commands, one after the other.
 //! - [`only`]: one of them alone.
 //! - [`verify`]: everything again, compared to the bit.
 
+mod derive;
 mod execute;
 mod init;
 mod only;
@@ -17,13 +19,14 @@ mod state;
 mod step;
 mod verify;
 
+pub(crate) use derive::{absolute, steps};
 pub(crate) use init::{InitArgs, run as init};
 
-/// Runs a project to its end.
+/// Runs a project to its end, or to the end of a step.
 ///
 /// # Errors
 /// As `eagpt run`.
-pub(crate) fn project(path: PathBuf, global: &GlobalArgs) -> Result<ExitCode> {
+pub(crate) fn project(path: PathBuf, until: Option<&str>, global: &GlobalArgs) -> Result<ExitCode> {
     let args = RunArgs {
         project: Some(path),
         out: None,
@@ -31,7 +34,7 @@ pub(crate) fn project(path: PathBuf, global: &GlobalArgs) -> Result<ExitCode> {
         list: false,
         only: None,
         shard: None,
-        until: None,
+        until: until.map(str::to_owned),
         from: None,
         verify: None,
     };

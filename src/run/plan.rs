@@ -31,19 +31,21 @@ impl Plan {
             Source::Capture(capture) => plan.capture(capture),
         };
         let dataset = dataset.as_path();
-        let masks = project
-            .masks
-            .as_ref()
-            .map(|options| plan.masks(dataset, options));
-        let train = plan.train(dataset, masks, &project.train);
-        let scene = plan.out.join("train/scene.ply");
+        let scene = match &project.scene {
+            Some(scene) => scene.clone(),
+            None => {
+                let masks = project.masks.as_ref();
+                let masks = masks.map(|options| plan.masks(dataset, options));
+                plan.train(dataset, masks, &project.train);
+                plan.out.join("train/scene.ply")
+            }
+        };
         let dataset = project.measure.as_deref().unwrap_or(dataset);
         let mut evaluated = plan.condition(
             project,
             &Condition {
                 name: ORIGINAL,
                 scene: &scene,
-                made_by: train,
                 dataset,
                 reference: Some(dataset),
                 split: None,
@@ -51,7 +53,7 @@ impl Plan {
             },
         );
         for relight in &project.relight {
-            let (scene, edit) = plan.edit(relight, &scene, train);
+            let scene = plan.edit(relight, &scene);
             let of_capture = relight.condition.as_ref();
             let of_capture = of_capture.map(|name| plan.out.join("dataset").join(name));
             let reference = relight.reference.clone().or(of_capture);
@@ -60,7 +62,6 @@ impl Plan {
                 &Condition {
                     name: &relight.name,
                     scene: &scene,
-                    made_by: edit,
                     dataset,
                     reference: reference.as_deref(),
                     split: relight.split.as_deref(),
@@ -239,7 +240,7 @@ impl Plan {
         })
     }
 
-    fn train(&mut self, dataset: &Path, masks: Option<usize>, options: &Options) -> usize {
+    fn train(&mut self, dataset: &Path, masks: Option<usize>, options: &Options) {
         let out = self.out.join("train");
         let mut arguments = words(&["train"], &[dataset]);
         if masks.is_some() {
@@ -255,20 +256,22 @@ impl Plan {
             after,
             products: vec![out.join("scene.ply")],
             restart: Restart::Resume("checkpoints"),
-        })
+        });
     }
 
-    fn edit(&mut self, relight: &Relight, scene: &Path, train: usize) -> (PathBuf, usize) {
+    fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {
         let out = self.out.join("edit").join(format!("{}.ply", relight.name));
-        let step = self.push(Step {
+        let (mut reads, after) = self.sources(&[scene]);
+        reads.push(relight.script.clone());
+        self.push(Step {
             name: format!("edit/{}", relight.name),
             arguments: with_out(words(&["edit"], &[scene, &relight.script]), &out),
-            reads: vec![relight.script.clone()],
-            after: vec![train],
+            reads,
+            after,
             products: vec![out.clone()],
             restart: Restart::Anew,
         });
-        (out, step)
+        out
     }
 
     /// Baking, rendering and measuring of one light; returns the evaluations.
@@ -278,19 +281,16 @@ impl Plan {
             let step = self.render(mode, mode, condition, options);
             rendered.push((mode.clone(), step));
         }
-        let zero_bounce = project.modes.iter().find(|(mode, _)| mode == "0-bounce");
         if let (Some(options), true) = (&project.bake, condition.is_changed) {
-            let baked = self.bake(condition, options);
+            self.bake(condition, options);
             let seen = Condition {
                 scene: &self
                     .out
                     .join("bake")
                     .join(format!("{}.ply", condition.name)),
-                made_by: baked,
                 ..*condition
             };
-            let options = zero_bounce.map(|(_, options)| options.clone());
-            let step = self.render("baked", "0-bounce", &seen, &options.unwrap_or_default());
+            let step = self.render("baked", "0-bounce", &seen, &project.zero_bounce);
             rendered.push(("baked".to_owned(), step));
         }
         let Some(reference) = condition.reference else {
@@ -302,12 +302,12 @@ impl Plan {
             .collect()
     }
 
-    fn bake(&mut self, condition: &Condition<'_>, options: &Options) -> usize {
+    fn bake(&mut self, condition: &Condition<'_>, options: &Options) {
         let out = self
             .out
             .join("bake")
             .join(format!("{}.ply", condition.name));
-        self.look(format!("bake/{}", condition.name), condition, options, out)
+        self.look(format!("bake/{}", condition.name), condition, options, out);
     }
 
     fn render(
@@ -340,8 +340,7 @@ impl Plan {
         let mut arguments = words(&[command], &[condition.scene]);
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
         arguments.extend(options.iter().cloned());
-        let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
-        after.push(condition.made_by);
+        let (reads, after) = self.sources(&[&transforms(condition.dataset), condition.scene]);
         self.push(Step {
             name,
             arguments: with_out(arguments, &out),
@@ -424,8 +423,6 @@ impl Plan {
 struct Condition<'a> {
     name: &'a str,
     scene: &'a Path,
-    /// The step that makes the scene.
-    made_by: usize,
     /// Dataset whose cameras count.
     dataset: &'a Path,
     reference: Option<&'a Path>,

@@ -19,6 +19,7 @@ mod errors;
 mod ingest;
 mod masks;
 mod misuse;
+mod paper;
 mod pipeline;
 mod relight;
 mod run;
