@@ -7,11 +7,11 @@ use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder, SplitRecord};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{SplitRule, Subset};
+use eagpt_scene::{Dataset, Shard};
 use eagpt_trace::transport::Sampling;
 use eagpt_train::bake::gaussians::GaussianBake;
-use eagpt_train::bake::views::{Shard, ViewBake};
+use eagpt_train::bake::views::ViewBake;
 use eagpt_train::bake::{BakeMethod, BakeOptions, BakeProgress, BakeRequest, BakeSummary, bake};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -62,8 +62,9 @@ pub(crate) struct BakeArgs {
     /// views: iterations of the fit, one view each, at least 1
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
-    /// views: trace only part I of N of the views, into --work; without it later, the pieces are put together
-    #[arg(long, value_name = "I/N", value_parser = shard)]
+    /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it then puts the parts together.
+    /// The sweeps of gaussians need each other and have no parts
+    #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
@@ -93,16 +94,6 @@ enum MethodArg {
     Views,
 }
 
-fn shard(text: &str) -> Result<Shard, String> {
-    let parts = text
-        .split_once('/')
-        .and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
-    match parts {
-        Some((index, of)) if (1..=of).contains(&index) => Ok(Shard { index, of }),
-        _ => Err(format!("`{text}` is not I/N with I from 1 to N")),
-    }
-}
-
 /// What decides the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
@@ -117,7 +108,7 @@ struct Recorded<'a> {
 pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args);
     if args.shard.is_some() && args.method == MethodArg::Gaussians {
-        bail!("--shard: only --method views has pieces; the sweeps of gaussians need each other");
+        bail!("--shard: only --method views has parts; the sweeps of gaussians need each other");
     }
     let dataset = Dataset::open(&args.cameras)?;
     let mut inputs = cli::dataset_files(&dataset);
@@ -273,17 +264,4 @@ fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
         _ => String::new(),
     });
     reporter.step_message(done, message)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shards_are_parsed() {
-        assert_eq!(shard("2/3"), Ok(Shard { index: 2, of: 3 }));
-        for bad in ["0/3", "4/3", "1", "a/b", "1/0", "-1/2"] {
-            assert!(shard(bad).unwrap_err().contains(bad));
-        }
-    }
 }

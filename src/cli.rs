@@ -1,7 +1,7 @@
 //! The commands, and the options that all of them share.
 
 use crate::{
-    bake, colmap, dataset, demo, doctor, edit, eval, export, ingest, masks, normals, render,
+    bake, colmap, dataset, demo, doctor, edit, eval, export, ingest, masks, normals, paper, render,
     report, run, shell, synth, train,
 };
 use anyhow::{Context, Result};
@@ -59,6 +59,7 @@ pub(crate) enum Command {
     Init(run::InitArgs),
     Run(run::RunArgs),
     Report(report::ReportArgs),
+    Paper(paper::PaperArgs),
     Masks(masks::MasksArgs),
     Colmap(colmap::ColmapArgs),
     Ingest(ingest::IngestArgs),
@@ -93,6 +94,7 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Init(args) => run::init(args, global),
         Command::Run(args) => run::run(args, global),
         Command::Report(args) => report::run(args, global),
+        Command::Paper(args) => paper::run(args, global),
         Command::Masks(args) => masks::run(args, global),
         Command::Train(args) => train::run(args, global),
         Command::Edit(args) => edit::run(args, global),

@@ -65,7 +65,7 @@ pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
     // A project that somebody has changed is theirs.
     keep(&path, &project)?;
     keep(&args.out.join("evening.toml"), EVENING)?;
-    let code = run::project(path, global)?;
+    let code = run::project(path, None, global)?;
     if code != ExitCode::SUCCESS {
         return Ok(code);
     }

@@ -12,6 +12,7 @@ use eagpt_ingest::{
     Demosaic, ExposureRatios, IngestError, IngestOptions, IngestProgress, IngestRequest,
     LensOption, Vignetting, WhiteBalance, ingest,
 };
+use eagpt_scene::Shard;
 use eagpt_scene::exr::Precision;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -84,6 +85,10 @@ pub(crate) struct IngestArgs {
     /// Go on without what is bad; the report says what
     #[arg(long)]
     skip_bad: bool,
+    /// Merge only part I of N of the stacks, 1 to N. Parts share DIR and may run at once, on machines that share it; the same command
+    /// without --shard then finishes: what is missing, reports, record
+    #[arg(long, value_name = "I/N", conflicts_with = "force")]
+    shard: Option<Shard>,
     /// Start over, replacing an earlier result of this command
     #[arg(long)]
     force: bool,
@@ -94,6 +99,7 @@ const EXAMPLES: &str = "Examples:
   eagpt ingest card/kitchen --out kitchen-hdr --long-side 1200 --skip-bad
   eagpt ingest card/kitchen --out kitchen-hdr --white-balance p000@1810,1204,160,120 --exposure-ratios estimate
   eagpt ingest merged-elsewhere --out hdr --exposures 0.01,0.04,0.16
+  eagpt ingest card/kitchen --out kitchen-hdr --shard 1/4      (and 2/4 … on other machines, then without --shard)
 
 capture.toml, in the folder of the capture:
   [[stack]]
@@ -228,6 +234,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
         out: args.out.clone(),
         options: options.clone(),
         start_over: args.force,
+        shard: args.shard.unwrap_or(Shard::WHOLE),
         stop: interrupt::stop_flag()?,
     };
     eagpt_ingest::check_places(&args.capture, &args.out)?;
@@ -253,6 +260,16 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
             return Ok(interrupt::exit_code());
         }
         other => other?,
+    };
+    let Some(summary) = summary else {
+        let of = request.shard;
+        reporter.note(&format!("{}: part {of}", args.out.display()));
+        reporter.message(&serde_json::json!({
+            "message": "done",
+            "complete": false,
+            "path": args.out,
+        }))?;
+        return Ok(ExitCode::SUCCESS);
     };
     let record = &mut builder.record;
     record.device = Some("cpu".to_owned());

@@ -28,6 +28,8 @@ mod interrupt;
 mod masks;
 mod normals;
 mod output;
+mod paper;
+mod parts;
 mod progress;
 mod record;
 mod render;

@@ -14,6 +14,8 @@ pub(crate) enum Replace {
     Refuse,
     /// Yes: the files that its record lists go.
     Allow,
+    /// A complete one not, but what unfinished work on the same result has left.
+    Continue,
 }
 
 impl Replace {
@@ -58,9 +60,11 @@ impl Target<'_> {
                 bail!("{}: --out would replace an input", path.display());
             }
         }
-        if self.replace == Replace::Allow {
-            return self.earlier().map(|_| ());
-        }
+        let files = match self.replace {
+            Replace::Allow => return self.earlier().map(|_| ()),
+            Replace::Continue => &[],
+            Replace::Refuse => files,
+        };
         let others = iter::once(Path::new(self.record)).chain(files.iter().map(PathBuf::as_path));
         for file in others {
             if self.dir.join(file).exists() {

@@ -6,9 +6,11 @@ mod display;
 mod shots;
 
 use crate::cli::{self, GlobalArgs};
+use crate::interrupt;
 use crate::output::{self, Replace, Target};
+use crate::parts::{self, Parts};
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{FILE_NAME, Input, Record, RecordBuilder};
 use anyhow::Result;
 use aov::Aov;
 use clap::{Args, ValueEnum};
@@ -18,7 +20,7 @@ use eagpt_denoise::Denoiser;
 use eagpt_scene::dataset::{SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
-use eagpt_scene::{Dataset, Image, ply, png};
+use eagpt_scene::{Dataset, Image, Shard, ply, png};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
@@ -26,6 +28,7 @@ use serde::Serialize;
 use shots::{PathArgs, PathRecord, Shot, Shots};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Render a scene from the cameras of a dataset, or along a path between them
@@ -35,6 +38,8 @@ use std::time::Instant;
 ///
 /// With --camera-path the views are frame_0000, frame_0001, …: PNGs alone, EXRs too with --exr, and a transforms.json
 /// with their cameras, which --cameras takes as well. Frame i has the seed S + i: noise does not stick to the screen.
+///
+/// The same command goes on where it was stopped: what is done is known by its content.
 ///
 /// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w and h.
 #[derive(Debug, Args)]
@@ -92,7 +97,11 @@ pub(crate) struct RenderArgs {
     /// Folder for results; created
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace an earlier result in DIR
+    /// Render only part I of N of the views, 1 to N. Parts share DIR and may run at once, on machines that share it; when all are
+    /// there, the same command without --shard puts them together, to the bits of an undivided run
+    #[arg(long, value_name = "I/N", conflicts_with = "force")]
+    shard: Option<Shard>,
+    /// Replace an earlier result in DIR, or unfinished work on another
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -105,6 +114,8 @@ const EXAMPLES: &str = "Examples:
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --aov normal,depth,albedo --out renders/0
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 16 --denoise auto --out renders/quick
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --out renders/path --shard 1/4   (and 2/4 … elsewhere,
+      then without --shard)
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --camera-path fly:0000,0016,0032 --out fly
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --camera-path turntable --exposure auto \\
       --tone-map agx --out turn";
@@ -171,56 +182,24 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let path_file = shots.path.as_ref().and_then(|path| path.file.clone());
     inputs.push(args.scene.clone());
     inputs.extend(path_file.clone());
-    let target = Target {
+    let target = |replace| Target {
         dir: &args.out,
         record: FILE_NAME,
         command: "render",
         inputs: &inputs,
-        replace: Replace::from_flag(args.force),
+        replace,
     };
-    target.check(&outputs)?;
+    let shard = args.shard.unwrap_or(Shard::WHOLE);
+    check(args, shard, &shots, &outputs, target)?;
     let gaussians = ply::read_gaussians(&args.scene)?;
     builder.record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
     if let Some(file) = &path_file {
         builder.record.inputs.push(Input::of(file)?);
     }
     let scene: Box<dyn Tracer> = Box::new(CpuScene::new(&gaussians));
-    target.prepare()?;
-
-    let mut reporter = Reporter::new(global);
-    for warning in &builder.record.warnings {
-        reporter.warning(warning);
-    }
     let display = args
         .display
         .resolve(scene.as_ref(), &shots.list, &integrator, &light)?;
-    let total = shots.list.len() as u64;
-    let mut denoising = 0.0;
-    reporter.begin("rendering", "views", 0, total);
-    for (done, shot) in (1..).zip(&shots.list) {
-        let started = Instant::now();
-        let camera = shot.camera.magnified(args.antialias);
-        let rays = scene.render(&camera, &integrator, &shots.light(&light, done - 1))?;
-        let mut rendered = rays.averaged(args.antialias);
-        if let Some(denoiser) = &denoiser {
-            let started = Instant::now();
-            rendered.radiance = denoise::denoised(args, denoiser, &camera, &rays, &rendered)?;
-            denoising += started.elapsed().as_secs_f64();
-        }
-        write_view(args, &display, shot, &rendered)?;
-        let seconds = started.elapsed().as_secs_f64();
-        builder.took(&format!("views/{}", shot.name), seconds);
-        reporter.advance(done, || shot.name.clone());
-        reporter.message(&serde_json::json!({
-            "message": "view",
-            "view": shot.name,
-            "done": done,
-            "total": total,
-            "seconds": seconds,
-        }))?;
-    }
-    shots.write_cameras(&args.out, &dataset)?;
-    reporter.finish();
     builder.set_options(&Options {
         scene: &args.scene,
         cameras: &args.cameras,
@@ -236,9 +215,42 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         },
         camera_path: shots.path_record(),
     })?;
-    if denoiser.is_some() {
-        builder.took("denoising", denoising);
+    target(Replace::from_flag(args.force)).prepare()?;
+    if args.force {
+        parts::clear(&args.out, "render")?;
     }
+    let key = key(&builder.record, &outputs)?;
+    let mut parts = Parts::open(&args.out, "render", &key, shard)?;
+
+    let mut reporter = Reporter::new(global);
+    for warning in &builder.record.warnings {
+        reporter.warning(warning);
+    }
+    let job = Job {
+        args,
+        scene: scene.as_ref(),
+        integrator,
+        light,
+        denoiser: denoiser.as_ref(),
+        display,
+    };
+    if !job.render(&shots, shard, &mut parts, (&mut builder, &mut reporter))? {
+        reporter.finish();
+        reporter.note("stopped: the same command goes on from here");
+        return Ok(interrupt::exit_code());
+    }
+    reporter.finish();
+    if shard != Shard::WHOLE {
+        parts.complete()?;
+        reporter.note(&format!("{}: part {shard}", args.out.display()));
+        reporter.message(&serde_json::json!({
+            "message": "done",
+            "complete": false,
+            "path": args.out.join(parts::file_name(shard)),
+        }))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    shots.write_cameras(&args.out, &dataset)?;
     let record = &mut builder.record;
     record.seed = Some(light.seed);
     record.device = Some(scene.device());
@@ -248,6 +260,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         .map(|path| path.display().to_string())
         .collect();
     builder.write(&args.out)?;
+    parts.close()?;
+    let total = shots.list.len();
     reporter.note(&format!("{}: {total} views", args.out.display()));
     if let Some(command) = shots.video_command(&args.out) {
         reporter.note(&format!("as a video: {command}"));
@@ -257,6 +271,106 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         "path": args.out.join(FILE_NAME),
     }))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Finds out whether the files of the shard may be written. Those that unfinished work on this result has left may, but it has to be of
+/// this result: that is found out when it is opened.
+fn check<'a>(
+    args: &RenderArgs,
+    shard: Shard,
+    shots: &Shots,
+    outputs: &[PathBuf],
+    target: impl Fn(Replace) -> Target<'a>,
+) -> Result<()> {
+    if args.force {
+        return target(Replace::Allow).check(outputs);
+    }
+    target(Replace::Continue).check(outputs)?;
+    let left = parts::shards(&args.out)?;
+    // What is of another division is refused by its own name.
+    if left
+        .iter()
+        .any(|part| *part == shard || part.of != shard.of)
+    {
+        return Ok(());
+    }
+    let mine = shots.of_shard(shard);
+    let files: Vec<PathBuf> = mine.flat_map(|(_, shot)| files(args, shot)).collect();
+    target(Replace::Refuse).check(&files)
+}
+
+/// Digest of everything that decides the result: not where the inputs are, but what is in them.
+fn key(record: &Record, outputs: &[PathBuf]) -> Result<String> {
+    let mut options = record.options.clone();
+    if let Some(options) = options.as_object_mut() {
+        options.retain(|name, _| name != "scene" && name != "cameras");
+    }
+    let inputs: Vec<&str> = record.inputs.iter().map(|i| i.blake3.as_str()).collect();
+    let decides = serde_json::to_vec(&(&record.version, options, inputs, outputs))?;
+    Ok(blake3::hash(&decides).to_hex().to_string())
+}
+
+/// What all views have in common.
+struct Job<'a> {
+    args: &'a RenderArgs,
+    scene: &'a dyn Tracer,
+    integrator: Integrator,
+    light: LightOptions,
+    denoiser: Option<&'a Denoiser>,
+    display: Display,
+}
+
+impl Job<'_> {
+    /// Renders the views of the shard that are not done; `false` if it was stopped.
+    fn render(
+        &self,
+        shots: &Shots,
+        shard: Shard,
+        parts: &mut Parts,
+        (builder, reporter): (&mut RecordBuilder, &mut Reporter),
+    ) -> Result<bool> {
+        let stop = interrupt::stop_flag()?;
+        let total = shots.of_shard(shard).count() as u64;
+        let mut denoising = 0.0;
+        reporter.begin("rendering", "views", 0, total);
+        for (done, (index, shot)) in (1..).zip(shots.of_shard(shard)) {
+            if let Some(item) = parts.done(&shot.name) {
+                builder.took(&format!("views/{}", shot.name), item.seconds);
+                reporter.advance(done, || shot.name.clone());
+                continue;
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let started = Instant::now();
+            let camera = shot.camera.magnified(self.args.antialias);
+            let light = shots.light(&self.light, index);
+            let rays = self.scene.render(&camera, &self.integrator, &light)?;
+            let mut rendered = rays.averaged(self.args.antialias);
+            if let Some(denoiser) = self.denoiser {
+                let started = Instant::now();
+                rendered.radiance =
+                    denoise::denoised(self.args, denoiser, &camera, &rays, &rendered)?;
+                denoising += started.elapsed().as_secs_f64();
+            }
+            write_view(self.args, &self.display, shot, &rendered)?;
+            let seconds = started.elapsed().as_secs_f64();
+            parts.add(&shot.name, seconds, &files(self.args, shot))?;
+            builder.took(&format!("views/{}", shot.name), seconds);
+            reporter.advance(done, || shot.name.clone());
+            reporter.message(&serde_json::json!({
+                "message": "view",
+                "view": shot.name,
+                "done": done,
+                "total": total,
+                "seconds": seconds,
+            }))?;
+        }
+        if self.denoiser.is_some() {
+            builder.took("denoising", denoising);
+        }
+        Ok(true)
+    }
 }
 
 fn integrator(args: &RenderArgs) -> Integrator {
@@ -285,22 +399,24 @@ fn light(args: &RenderArgs) -> LightOptions {
 
 /// Everything that will be written, relative to the output folder.
 fn planned(args: &RenderArgs, shots: &Shots) -> Vec<PathBuf> {
+    let shown = shots.list.iter().flat_map(|shot| files(args, shot));
+    let cameras = shots.path.as_ref().map(|_| TRANSFORMS_FILE.into());
+    shown.chain(cameras).collect()
+}
+
+/// The files of one picture.
+fn files(args: &RenderArgs, shot: &Shot) -> Vec<PathBuf> {
     let mut files = Vec::new();
-    for shot in &shots.list {
-        if writes_exr(args) {
-            files.push(exr_name(&shot.name));
-        }
-        files.push(png_name(&shot.name));
-        for aov in &args.aov {
-            let dir = Path::new(aov.name());
-            files.push(dir.join(exr_name(&shot.name)));
-            if aov.has_picture() {
-                files.push(dir.join(png_name(&shot.name)));
-            }
-        }
+    if writes_exr(args) {
+        files.push(exr_name(&shot.name));
     }
-    if shots.path.is_some() {
-        files.push(TRANSFORMS_FILE.into());
+    files.push(png_name(&shot.name));
+    for aov in &args.aov {
+        let dir = Path::new(aov.name());
+        files.push(dir.join(exr_name(&shot.name)));
+        if aov.has_picture() {
+            files.push(dir.join(png_name(&shot.name)));
+        }
     }
     files
 }

@@ -4,29 +4,37 @@
 //! - [`plan`]: which commands follow from it, and what each reads and makes.
 //! - [`step`]: one of them.
 //! - [`state`]: what was made from what, so that only what has changed is made again.
+//! - [`derive`](mod@derive): projects made of others.
 //! - [`execute`]: the commands, one after the other.
+//! - [`only`]: one of them alone.
 //! - [`verify`]: everything again, compared to the bit.
 
+mod derive;
 mod execute;
 mod init;
+mod only;
 mod plan;
 mod project;
 mod state;
 mod step;
 mod verify;
 
+pub(crate) use derive::{absolute, steps};
 pub(crate) use init::{InitArgs, run as init};
 
-/// Runs a project to its end.
+/// Runs a project to its end, or to the end of a step.
 ///
 /// # Errors
 /// As `eagpt run`.
-pub(crate) fn project(path: PathBuf, global: &GlobalArgs) -> Result<ExitCode> {
+pub(crate) fn project(path: PathBuf, until: Option<&str>, global: &GlobalArgs) -> Result<ExitCode> {
     let args = RunArgs {
         project: Some(path),
         out: None,
         dry_run: false,
-        until: None,
+        list: false,
+        only: None,
+        shard: None,
+        until: until.map(str::to_owned),
         from: None,
         verify: None,
     };
@@ -37,10 +45,11 @@ use crate::cli::GlobalArgs;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
+use eagpt_scene::Shard;
 use execute::{Range, Status};
 use plan::Plan;
 use project::Project;
-use state::Folder;
+use state::{Folder, Patience};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -62,6 +71,17 @@ pub(crate) struct RunArgs {
     /// Print the steps with their commands, what would run and why, time and memory, and do nothing
     #[arg(long)]
     dry_run: bool,
+    /// Print the steps and do nothing; with --json, what each reads, makes and waits for
+    #[arg(long, conflicts_with = "dry_run")]
+    list: bool,
+    /// Run this step and no other, if it has to be run; what it takes from others has to be there. Several processes may run steps of one
+    /// project at once: a workflow engine does, see workflow/ in the repository
+    #[arg(long, value_name = "STEP", conflicts_with_all = ["dry_run", "list", "until", "from"])]
+    only: Option<String>,
+    /// With --only: part I of N of the step, 1 to N, if it is one of many views (ingest, render, bake --method views); the step itself, without
+    /// --shard, then puts the parts together
+    #[arg(long, value_name = "I/N", requires = "only")]
+    shard: Option<Shard>,
     /// Stop after this step
     #[arg(long, value_name = "STEP")]
     until: Option<String>,
@@ -70,7 +90,7 @@ pub(crate) struct RunArgs {
     from: Option<String>,
     /// Make everything again that a finished run in RUN has made, in a folder of its own, and say what differs; exit code 1 if
     /// anything does
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["project", "out", "dry_run", "from"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["project", "out", "dry_run", "list", "only", "from"])]
     verify: Option<PathBuf>,
 }
 
@@ -85,6 +105,7 @@ Examples:
   eagpt run kitchen.toml --dry-run
   eagpt run kitchen.toml
   eagpt run kitchen.toml --from masks --until train
+  eagpt run kitchen.toml --only render/original/path --shard 1/4
   eagpt run --verify runs/kitchen";
 
 pub(crate) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
@@ -95,12 +116,18 @@ pub(crate) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let path = args.project.clone().unwrap_or_default();
     let project = Project::read(&path, args.out.as_deref())?;
     let plan = Plan::of(&project)?;
+    if args.list {
+        return only::list(&plan, global);
+    }
+    if let Some(step) = &args.only {
+        return only::run(&project, &plan, step, args.shard, global);
+    }
     let range = Range::new(&plan, args.from.as_deref(), args.until.as_deref())?;
     if args.dry_run {
         let mut folder = Folder::look_at(&project.out)?;
         return execute::dry_run(&plan, &mut folder, &range, global);
     }
-    let mut folder = Folder::open(&project.out)?;
+    let mut folder = Folder::open(&project.out, Patience::Short)?;
     folder.keep_project(&project)?;
     match execute::run(&plan, &mut folder, &range, global)? {
         Status::Done => Ok(ExitCode::SUCCESS),

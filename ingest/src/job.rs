@@ -16,6 +16,7 @@ use crate::stack::{Photograph, Stack};
 use crate::survey::{self, Survey, estimated, read_shots, survey};
 use crate::warnings;
 use eagpt_scene::lens::Undistortion;
+use eagpt_scene::{Shard, files};
 use glam::DAffine3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,8 @@ pub struct IngestRequest {
     pub options: IngestOptions,
     /// Whether what an earlier run has made is made anew; otherwise what fits is kept, and what does not is an error.
     pub start_over: bool,
+    /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others have surveyed by then.
+    pub shard: Shard,
     /// Set to end after the stack under way.
     pub stop: Arc<AtomicBool>,
 }
@@ -93,11 +96,11 @@ pub struct IngestSummary {
 
 type Tell<'a> = &'a mut dyn FnMut(IngestProgress);
 
-/// Ingests a capture.
+/// Ingests a capture; `None` if it was one part of several, whose images [`ingest`] of the whole puts together.
 ///
 /// # Errors
 /// [`IngestError`]; everything that is wrong with the photographs is told as [`IngestProgress::Problem`] before the error.
-pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<IngestSummary> {
+pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSummary>> {
     let IngestRequest {
         capture,
         out,
@@ -107,7 +110,7 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<IngestSummary> 
     options.validate()?;
     prepare::check_places(capture, out)?;
     if request.start_over {
-        eagpt_scene::files::remove_if_there(&out.join(WORK))?;
+        files::remove_if_there(&out.join(WORK))?;
     }
     let mut gathered = gather(capture, options, &mut |done, total| {
         tell(IngestProgress::Reading { done, total });
@@ -203,13 +206,17 @@ fn survey_all(
 ) -> Result<Vec<Option<Survey>>> {
     let total = gathered.stacks.len();
     let clip = request.options.clip();
-    let mut surveys = Vec::with_capacity(total);
-    for (index, stack) in gathered.stacks.iter().enumerate() {
+    let mut surveys = vec![None; total];
+    let mut unreadable_shots = Vec::new();
+    let (own, others): (Vec<usize>, Vec<usize>) =
+        (0..total).partition(|&index| request.shard.has(index));
+    for (done, index) in (1..).zip(own.into_iter().chain(others)) {
         stop(request, 0, total)?;
+        let stack = &gathered.stacks[index];
         let path = request.out.join(output::work_file("survey", stack));
         let key = prepare::digest(&(prepare::shots_key(stack), color, clip));
         let kept: Option<Kept<Survey>> = output::read_kept(&path);
-        let found = match kept.filter(|kept| kept.key == key) {
+        surveys[index] = match kept.filter(|kept| kept.key == key) {
             Some(kept) => Some(kept.value),
             None => match survey(stack, color, clip) {
                 Ok(value) => {
@@ -218,19 +225,17 @@ fn survey_all(
                 }
                 Err(unreadable) => {
                     let shot = &stack.shots[unreadable.shot];
-                    gathered
-                        .problems
-                        .push(file_problem(&shot.name, &shot.path, &unreadable.error));
+                    let problem = file_problem(&shot.name, &shot.path, &unreadable.error);
+                    unreadable_shots.push((index, problem));
                     None
                 }
             },
         };
-        surveys.push(found);
-        tell(IngestProgress::Surveying {
-            done: index + 1,
-            total,
-        });
+        tell(IngestProgress::Surveying { done, total });
     }
+    unreadable_shots.sort_by_key(|(index, _)| *index);
+    let problems = unreadable_shots.into_iter().map(|(_, problem)| problem);
+    gathered.problems.extend(problems);
     Ok(surveys)
 }
 
@@ -258,7 +263,7 @@ fn merge_all(
     decisions: &prepare::Decisions,
     left_out: Vec<Problem>,
     tell: Tell<'_>,
-) -> Result<IngestSummary> {
+) -> Result<Option<IngestSummary>> {
     let options = &request.options;
     let surveys: Vec<Survey> = surveys.into_iter().flatten().collect();
     let (scale, preview_exposure) = prepare::scales(options.scale, &surveys);
@@ -289,6 +294,9 @@ fn merge_all(
             total,
             stack: planned.stack.name(),
         });
+    }
+    if request.shard != Shard::WHOLE {
+        return Ok(None);
     }
     warnings::compare(done.iter_mut().map(|done| &mut done.report));
     for report in done.iter().map(|done| &done.report) {
@@ -332,17 +340,17 @@ fn merge_all(
         outputs.push(output::work_file("stacks", &planned.stack));
     }
     let shots = planned.iter().flat_map(|planned| &planned.stack.shots);
-    Ok(IngestSummary {
+    Ok(Some(IngestSummary {
         capture,
         outputs,
         inputs: shots
             .map(|shot| (shot.path.clone(), shot.blake3.clone()))
             .collect(),
         num_kept,
-    })
+    }))
 }
 
-/// Works out exposures, names and digests, and finds out what is done already and what is in the way.
+/// Works out exposures, names and digests of the stacks of the shard, and finds out what is done already and what is in the way.
 fn plan(
     request: &IngestRequest,
     stacks: Vec<Stack>,
@@ -353,7 +361,8 @@ fn plan(
         .iter()
         .any(|stack| stack.condition != stacks[0].condition);
     let mut all = Vec::with_capacity(stacks.len());
-    for (stack, survey) in stacks.into_iter().zip(surveys) {
+    let mine = stacks.into_iter().zip(surveys).enumerate();
+    for (_, (stack, survey)) in mine.filter(|(place, _)| request.shard.has(*place)) {
         let stated: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
         let exposures = match request.options.exposure_ratios {
             ExposureRatios::Metadata => stated,
@@ -384,7 +393,8 @@ fn plan(
                     stack: stack.name(),
                 });
             }
-            if let Some(path) = paths.iter().find(|path| kept.is_none() && path.exists()) {
+            let is_foreign = kept.is_none() && !request.out.join(begun_file(&stack)).exists();
+            if let Some(path) = paths.iter().find(|path| is_foreign && path.exists()) {
                 return Err(IngestError::Exists { path: path.clone() });
             }
         }
@@ -399,6 +409,11 @@ fn plan(
         });
     }
     Ok(all)
+}
+
+/// File that says that the images of a stack are about to be written: what is there without being [`Done`] is of a run that was killed.
+fn begun_file(stack: &Stack) -> PathBuf {
+    output::work_file("begun", stack)
 }
 
 fn check_memory(capture: &Path, planned: &[Planned]) -> Result<()> {
@@ -441,6 +456,8 @@ fn merge_one(
         .filter_map(|&index| slots[index].take())
         .collect();
     let developed = develop(frames, &exposures, &planned.survey.noise, recipe);
+    let begun = request.out.join(begun_file(stack));
+    output::write_text(&begun, "")?;
     output::write_stack(
         &request.out,
         &planned.files,
@@ -454,6 +471,7 @@ fn merge_one(
         report: stack_report(planned, &developed, recipe),
     };
     output::write_json(&request.out.join(output::work_file("stacks", stack)), &done)?;
+    files::remove_if_there(&begun)?;
     Ok(done)
 }
 

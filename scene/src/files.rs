@@ -2,8 +2,10 @@
 
 use crate::error::{Result, SceneError};
 use std::fs::File;
+use std::hash::{BuildHasher, RandomState};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 /// Creates `dir` and its parents.
 ///
@@ -70,9 +72,13 @@ fn write_and_sync(
         .map_err(|e| SceneError::io(path, "write", e))
 }
 
+/// A name that no other process takes for the same file, nor one of another machine that shares the folder.
 fn temporary_name(path: &Path) -> PathBuf {
+    // Numbers of processes are alike on several machines, and in containers most of all.
+    static OURS: LazyLock<u32> =
+        LazyLock::new(|| RandomState::new().hash_one(std::process::id()) as u32);
     let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.tmp", std::process::id()));
+    name.push(format!(".{:08x}.tmp", *OURS));
     path.with_file_name(name)
 }
 

@@ -23,6 +23,7 @@ pub mod ply;
 pub mod png;
 pub mod rng;
 pub mod script;
+pub mod shard;
 pub mod tonemap;
 
 #[cfg(test)]
@@ -35,3 +36,4 @@ pub use error::{Result, SceneError};
 pub use gaussians::{Gaussian, Gaussians, random_cloud};
 pub use image::Image;
 pub use lens::Lens;
+pub use shard::Shard;

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use eagpt_scene::camera_path::PathOverrides;
 use eagpt_scene::dataset::{self, DatasetInfo, SplitRule, Subset, TRANSFORMS_FILE};
-use eagpt_scene::{Camera, CameraPath, Dataset};
+use eagpt_scene::{Camera, CameraPath, Dataset, Shard};
 use eagpt_trace::LightOptions;
 use serde::Serialize;
 use std::path::Path;
@@ -99,6 +99,13 @@ impl Shots {
             split: None,
             path: Some(path),
         })
+    }
+
+    /// The pictures of a shard, with their places in the list.
+    pub(super) fn of_shard(&self, shard: Shard) -> impl Iterator<Item = (u64, &Shot)> {
+        let mine = self.list.iter().enumerate();
+        mine.filter(move |(place, _)| shard.has(*place))
+            .map(|(place, shot)| (place as u64, shot))
     }
 
     /// The path for the record, if there is one.

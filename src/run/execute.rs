@@ -64,7 +64,7 @@ impl Range {
 /// Why a step runs or does not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Reason {
+pub(super) enum Reason {
     /// It has been done and nothing has changed.
     UpToDate,
     /// It has not been done.
@@ -82,7 +82,7 @@ enum Reason {
 }
 
 impl Reason {
-    fn text(self) -> &'static str {
+    pub(super) fn text(self) -> &'static str {
         match self {
             Self::UpToDate => "up to date",
             Self::New => "new",
@@ -95,7 +95,7 @@ impl Reason {
     }
 }
 
-fn reason(step: &Step, folder: &mut Folder, key: &str, forced: bool) -> Reason {
+pub(super) fn reason(step: &Step, folder: &mut Folder, key: &str, forced: bool) -> Reason {
     let Some(record) = folder.record.steps.get(&step.name).cloned() else {
         return Reason::New;
     };
@@ -159,41 +159,69 @@ fn execute(
     global: &GlobalArgs,
 ) -> Result<ExitCode> {
     let step = &plan.steps[index];
-    let mut arguments = step.arguments.clone();
-    let again = again(step, folder, reason);
-    if again == Some(FORCE) {
-        remove_files(step)?;
+    let begun = begin(step, index, folder, (key, reason))?;
+    record::forget_peak_memory();
+    let started = Instant::now();
+    let code = dispatch(begun.command.clone(), global)?;
+    if code == ExitCode::SUCCESS {
+        finish(step, folder, begun, started.elapsed().as_secs_f64())?;
     }
-    arguments.extend(again.map(str::to_owned));
+    Ok(code)
+}
+
+/// Notes that a step begins, with the command that it takes to do so, and clears away what that does not go on from.
+pub(super) fn begin(
+    step: &Step,
+    index: usize,
+    folder: &mut Folder,
+    (key, reason): (String, Reason),
+) -> Result<StepRecord> {
+    let mut arguments = step.arguments.clone();
+    match again(step, folder, reason) {
+        Again::AsIs => {}
+        Again::Resume => arguments.push("--resume".to_owned()),
+        // Before the note: a process that is killed between the two finds its step as it was.
+        Again::Over if step.restart == Restart::Itself => step.clear()?,
+        Again::Over => {
+            remove_files(step)?;
+            arguments.push("--force".to_owned());
+        }
+    }
     let begun = StepRecord {
         index,
-        command: arguments.clone(),
+        command: arguments,
         key,
         ..StepRecord::default()
     };
     folder.record.steps.insert(step.name.clone(), begun.clone());
     folder.save()?;
-    let command = parse(&arguments)?;
-    record::forget_peak_memory();
-    let started = Instant::now();
-    let code = record::with_arguments(arguments, || cli::dispatch(&command, global))?;
-    if code == ExitCode::SUCCESS {
-        let products = folder.products(step)?;
-        let done = StepRecord {
-            done: true,
-            products,
-            seconds: started.elapsed().as_secs_f64(),
-            peak_memory_mib: record::peak_memory_mib(),
-            ..begun
-        };
-        folder.record.steps.insert(step.name.clone(), done);
-        folder.save()?;
-    }
-    Ok(code)
+    Ok(begun)
 }
 
-/// The flag by which commands replace their own earlier results.
-const FORCE: &str = "--force";
+/// Runs a command as if it had been typed.
+pub(super) fn dispatch(arguments: Vec<String>, global: &GlobalArgs) -> Result<ExitCode> {
+    let command = parse(&arguments)?;
+    record::with_arguments(arguments, || cli::dispatch(&command, global))
+}
+
+/// Notes what a step has made.
+pub(super) fn finish(
+    step: &Step,
+    folder: &mut Folder,
+    begun: StepRecord,
+    seconds: f64,
+) -> Result<()> {
+    let products = folder.products(step)?;
+    let done = StepRecord {
+        done: true,
+        products,
+        seconds,
+        peak_memory_mib: record::peak_memory_mib(),
+        ..begun
+    };
+    folder.record.steps.insert(step.name.clone(), done);
+    folder.save()
+}
 
 /// Removes products that are single files: one without its record, as of a step that was killed, is nobody's to a command.
 fn remove_files(step: &Step) -> Result<()> {
@@ -204,21 +232,32 @@ fn remove_files(step: &Step) -> Result<()> {
     Ok(())
 }
 
-/// How a command is told about what an earlier one has left.
-fn again(step: &Step, folder: &Folder, reason: Reason) -> Option<&'static str> {
-    let resumes = match step.restart {
-        Restart::Resume(left) => {
-            let out = step.products.first().and_then(|product| product.parent());
-            reason == Reason::Unfinished && out.is_some_and(|out| out.join(left).exists())
-        }
-        Restart::Itself => reason == Reason::Unfinished,
-        Restart::Anew => false,
-    };
-    let is_known = folder.record.steps.contains_key(&step.name);
+/// What becomes of what an earlier process has left.
+enum Again {
+    /// Nothing is there, or the command finds out itself.
+    AsIs,
+    /// The command is told to go on.
+    Resume,
+    /// It goes.
+    Over,
+}
+
+fn again(step: &Step, folder: &Folder, reason: Reason) -> Again {
+    if !folder.record.steps.contains_key(&step.name) {
+        return Again::AsIs;
+    }
+    let is_unfinished = reason == Reason::Unfinished;
     match step.restart {
-        Restart::Resume(_) if resumes => Some("--resume"),
-        _ if resumes || !is_known => None,
-        _ => Some(FORCE),
+        Restart::Itself if is_unfinished => Again::AsIs,
+        Restart::Resume(left) if is_unfinished => {
+            let out = step.products.first().and_then(|product| product.parent());
+            if out.is_some_and(|out| out.join(left).exists()) {
+                Again::Resume
+            } else {
+                Again::Over
+            }
+        }
+        _ => Again::Over,
     }
 }
 

@@ -76,6 +76,9 @@ seed = 0
 # Photographs with their cameras: a folder with a transforms.json.
 dataset = {dataset}
 
+# A scene that is trained already, in place of the sections [masks] and [train].
+# scene = "scene.ply"
+
 # Which pixels show a light. Without this section, the masks that the dataset has are used.
 [masks]
 threshold = "auto"          # or a linear radiance; the paper takes 1.5

@@ -31,23 +31,25 @@ impl Plan {
             Source::Capture(capture) => plan.capture(capture),
         };
         let dataset = dataset.as_path();
-        let masks = project
-            .masks
-            .as_ref()
-            .map(|options| plan.maps(["masks", EMISSION_DIR], dataset, options));
-        let normals = project
-            .normals
-            .as_ref()
-            .map(|options| plan.maps(["normals", NORMAL_DIR], dataset, options));
-        let train = plan.train(dataset, [masks, normals], &project.train);
-        let scene = plan.out.join("train/scene.ply");
+        let scene = match &project.scene {
+            Some(scene) => scene.clone(),
+            None => {
+                let masks = project.masks.as_ref();
+                let masks =
+                    masks.map(|options| plan.maps(["masks", EMISSION_DIR], dataset, options));
+                let normals = project.normals.as_ref();
+                let normals =
+                    normals.map(|options| plan.maps(["normals", NORMAL_DIR], dataset, options));
+                plan.train(dataset, [masks, normals], &project.train);
+                plan.out.join("train/scene.ply")
+            }
+        };
         let dataset = project.measure.as_deref().unwrap_or(dataset);
         let mut evaluated = plan.condition(
             project,
             &Condition {
                 name: ORIGINAL,
                 scene: &scene,
-                made_by: train,
                 dataset,
                 reference: Some(dataset),
                 split: None,
@@ -55,7 +57,7 @@ impl Plan {
             },
         );
         for relight in &project.relight {
-            let (scene, edit) = plan.edit(relight, &scene, train);
+            let scene = plan.edit(relight, &scene);
             let of_capture = relight.condition.as_ref();
             let of_capture = of_capture.map(|name| plan.out.join("dataset").join(name));
             let reference = relight.reference.clone().or(of_capture);
@@ -64,7 +66,6 @@ impl Plan {
                 &Condition {
                     name: &relight.name,
                     scene: &scene,
-                    made_by: edit,
                     dataset,
                     reference: reference.as_deref(),
                     split: relight.split.as_deref(),
@@ -254,7 +255,7 @@ impl Plan {
         self.push_with(options, &out, step)
     }
 
-    fn train(&mut self, dataset: &Path, maps: [Option<usize>; 2], options: &Options) -> usize {
+    fn train(&mut self, dataset: &Path, maps: [Option<usize>; 2], options: &Options) {
         let out = self.out.join("train");
         let mut arguments = words(&["train"], &[dataset]);
         let (reads, mut after) = self.sources(&[dataset]);
@@ -271,20 +272,22 @@ impl Plan {
             products: vec![out.join("scene.ply")],
             restart: Restart::Resume("checkpoints"),
         };
-        self.push_with(options, &out, train)
+        self.push_with(options, &out, train);
     }
 
-    fn edit(&mut self, relight: &Relight, scene: &Path, train: usize) -> (PathBuf, usize) {
+    fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {
         let out = self.out.join("edit").join(format!("{}.ply", relight.name));
-        let step = self.push(Step {
+        let (mut reads, after) = self.sources(&[scene]);
+        reads.push(relight.script.clone());
+        self.push(Step {
             name: format!("edit/{}", relight.name),
             arguments: with_out(words(&["edit"], &[scene, &relight.script]), &out),
-            reads: vec![relight.script.clone()],
-            after: vec![train],
+            reads,
+            after,
             products: vec![out.clone()],
             restart: Restart::Anew,
         });
-        (out, step)
+        out
     }
 
     /// Baking, rendering and measuring of one light; returns the evaluations.
@@ -294,19 +297,16 @@ impl Plan {
             let step = self.render(mode, mode, condition, options);
             rendered.push((mode.clone(), step));
         }
-        let zero_bounce = project.modes.iter().find(|(mode, _)| mode == "0-bounce");
         if let (Some(options), true) = (&project.bake, condition.is_changed) {
-            let baked = self.bake(condition, options);
+            self.bake(condition, options);
             let seen = Condition {
                 scene: &self
                     .out
                     .join("bake")
                     .join(format!("{}.ply", condition.name)),
-                made_by: baked,
                 ..*condition
             };
-            let options = zero_bounce.map(|(_, options)| options.clone());
-            let step = self.render("baked", "0-bounce", &seen, &options.unwrap_or_default());
+            let step = self.render("baked", "0-bounce", &seen, &project.zero_bounce);
             rendered.push(("baked".to_owned(), step));
         }
         let Some(reference) = condition.reference else {
@@ -318,13 +318,13 @@ impl Plan {
             .collect()
     }
 
-    fn bake(&mut self, condition: &Condition<'_>, options: &Options) -> usize {
+    fn bake(&mut self, condition: &Condition<'_>, options: &Options) {
         let out = self
             .out
             .join("bake")
             .join(format!("{}.ply", condition.name));
         let name = format!("bake/{}", condition.name);
-        self.look(name, &[], condition, options, out)
+        self.look(name, &[], condition, options, out);
     }
 
     fn render(
@@ -352,20 +352,14 @@ impl Plan {
         let mut arguments = words(&[command], &[condition.scene]);
         arguments.extend(words(&["--cameras"], &[condition.dataset]));
         arguments.extend(words(own, &[]));
-        let restart = if command == "bake" {
-            Restart::Itself
-        } else {
-            Restart::Anew
-        };
-        let (reads, mut after) = self.sources(&[&transforms(condition.dataset)]);
-        after.push(condition.made_by);
+        let (reads, after) = self.sources(&[&transforms(condition.dataset), condition.scene]);
         let look = Step {
             name,
             arguments,
             reads,
             after,
             products: vec![out.clone()],
-            restart,
+            restart: Restart::Itself,
         };
         self.push_with(options, &out, look)
     }
@@ -442,8 +436,6 @@ impl Plan {
 struct Condition<'a> {
     name: &'a str,
     scene: &'a Path,
-    /// The step that makes the scene.
-    made_by: usize,
     /// Dataset whose cameras count.
     dataset: &'a Path,
     reference: Option<&'a Path>,

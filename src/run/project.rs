@@ -19,6 +19,8 @@ pub(super) struct Project {
     pub(super) out: PathBuf,
     /// Where the photographs come from.
     pub(super) source: Source,
+    /// A trained scene to take instead of training one.
+    pub(super) scene: Option<PathBuf>,
     /// Options of `eagpt masks`; `None` if masks are to be those of the dataset.
     pub(super) masks: Option<Options>,
     /// Options of `eagpt normals`; `None` if normals are to be those of the dataset.
@@ -31,6 +33,8 @@ pub(super) struct Project {
     pub(super) relight: Vec<Relight>,
     /// Modes of rendering, in the order of the file, with their options of `eagpt render`.
     pub(super) modes: Vec<(String, Options)>,
+    /// Options of `eagpt render` for scenes whose light is baked.
+    pub(super) zero_bounce: Options,
     /// Options of `eagpt bake`; `None` if nothing is baked.
     pub(super) bake: Option<Options>,
     /// Options of `eagpt eval`.
@@ -120,6 +124,7 @@ impl Project {
             "synth",
             "conditions",
             "measure",
+            "scene",
             "ingest",
             "colmap",
             "poses",
@@ -173,6 +178,13 @@ impl Project {
                 Source::Capture(reader.capture(&root, photographs)?)
             }
         };
+        let scene = root.get("scene").map(at).transpose()?;
+        let of_training = ["masks", "train"].iter().find_map(|key| root.get(key));
+        if let (Some(_), Some(stray)) = (&scene, of_training) {
+            let problem = "is for a scene to be trained, but `scene` names one that is";
+            return Err(stray.error(problem).into());
+        }
+        let (modes, zero_bounce) = reader.modes(&root)?;
         let relight = root.get("relight").map(|node| node.array()).transpose()?;
         let relight = relight.unwrap_or_default();
         let relight: Vec<Relight> = relight
@@ -193,10 +205,12 @@ impl Project {
             out,
             source,
             measure: root.get("measure").map(at).transpose()?,
+            scene,
             masks: section("masks")?,
             normals: section("normals")?,
             train: section("train")?.unwrap_or_else(|| reader.seeded("train")),
-            modes: reader.modes(&root)?,
+            modes,
+            zero_bounce,
             bake: section("bake")?,
             eval: section("eval")?.unwrap_or_default(),
             relight,
@@ -214,7 +228,7 @@ struct Reader<'a> {
 }
 
 /// Options that are for `eagpt run` to give.
-const RESERVED: [&str; 11] = [
+const RESERVED: [&str; 12] = [
     "out",
     "force",
     "resume",
@@ -226,6 +240,7 @@ const RESERVED: [&str; 11] = [
     "images",
     "conditions",
     "dry-run",
+    "shard",
 ];
 
 impl Reader<'_> {
@@ -412,10 +427,11 @@ impl Reader<'_> {
     }
 
     /// `[render]` holds options of all modes and `modes`, `[render.path]` those of one mode.
-    fn modes(&self, root: &Table<'_>) -> Result<Vec<(String, Options)>> {
+    /// Returns the modes, and the options of 0-bounce whether it is one of them or not.
+    fn modes(&self, root: &Table<'_>) -> Result<(Vec<(String, Options)>, Options)> {
         let Some(node) = root.get("render") else {
             let seeded = |mode: &str| (mode.to_owned(), self.seeded("render"));
-            return Ok(MODES.map(seeded).into());
+            return Ok((MODES.map(seeded).into(), self.seeded("render")));
         };
         let table = node.any_table()?;
         let names: Vec<String> = match table.get("modes") {
@@ -448,6 +464,6 @@ impl Reader<'_> {
         let modes = names
             .into_iter()
             .map(|name| Ok((name.clone(), options(&name)?)));
-        modes.collect()
+        Ok((modes.collect::<Result<_>>()?, options("0-bounce")?))
     }
 }

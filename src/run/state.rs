@@ -14,10 +14,28 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 
 /// File that a run holds a lock on.
 const LOCK_FILE: &str = ".lock";
-/// How long a lock is waited for.
-const LOCK_PATIENCE: Duration = Duration::from_secs(2);
+/// Pause between looks at a lock.
+const LOCK_PAUSE: Duration = Duration::from_millis(100);
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
+
+/// How long a lock is waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Patience {
+    /// As long as the system takes to clear away a run that was killed.
+    Short,
+    /// As long as others may take to note what they do.
+    Long,
+}
+
+impl Patience {
+    fn duration(self) -> Duration {
+        match self {
+            Self::Short => Duration::from_secs(2),
+            Self::Long => Duration::from_secs(600),
+        }
+    }
+}
 
 /// The folder of a run.
 #[derive(Debug)]
@@ -34,7 +52,7 @@ impl Folder {
     ///
     /// # Errors
     /// If another process has it, or it cannot be read or written.
-    pub(super) fn open(dir: &Path) -> Result<Self> {
+    pub(super) fn open(dir: &Path, patience: Patience) -> Result<Self> {
         files::create_dir(dir)?;
         let path = dir.join(LOCK_FILE);
         let lock = File::options()
@@ -47,9 +65,8 @@ impl Folder {
         loop {
             match lock.try_lock() {
                 Ok(()) => break,
-                // A run that was killed holds its lock until the system has cleared it away.
-                Err(TryLockError::WouldBlock) if asked.elapsed() < LOCK_PATIENCE => {
-                    std::thread::sleep(LOCK_PATIENCE / 20);
+                Err(TryLockError::WouldBlock) if asked.elapsed() < patience.duration() => {
+                    std::thread::sleep(LOCK_PAUSE);
                 }
                 Err(TryLockError::WouldBlock) => {
                     bail!("{}: another run is at work in this folder", dir.display());
@@ -78,6 +95,11 @@ impl Folder {
             digests: digests.unwrap_or_default(),
             _lock: None,
         })
+    }
+
+    /// Takes over the digests that another look at the same folder has made.
+    pub(super) fn learn(&mut self, other: Self) {
+        self.digests.files.extend(other.digests.files);
     }
 
     /// Copies the project beside the results.

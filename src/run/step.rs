@@ -1,8 +1,10 @@
 //! A command of the chain, with what it reads and makes.
 
 use crate::cli::{Cli, Command};
+use crate::output;
 use anyhow::{Result, anyhow};
 use clap::Parser;
+use eagpt_scene::files;
 use std::path::PathBuf;
 
 /// One command of the chain.
@@ -29,11 +31,37 @@ pub(super) enum Restart {
     Anew,
     /// `--resume` goes on if nothing has changed, where this file is there.
     Resume(&'static str),
-    /// The command finds out itself.
+    /// The command finds out itself; what is to begin again is removed before.
     Itself,
 }
 
 impl Step {
+    /// Whether `--shard` divides its work.
+    pub(super) fn divides(&self) -> bool {
+        match self.arguments.first().map(String::as_str) {
+            Some("ingest" | "render") => true,
+            // Sweeps in Gaussian space need each other.
+            Some("bake") => self
+                .arguments
+                .windows(2)
+                .any(|w| w == ["--method", "views"]),
+            _ => false,
+        }
+    }
+
+    /// Removes what an earlier process of a step that goes on by itself has left; the products of others are removed by `--force`.
+    ///
+    /// # Errors
+    /// If something cannot be removed.
+    pub(super) fn clear(&self) -> Result<()> {
+        for product in &self.products {
+            files::remove_if_there(product)?;
+            files::remove_if_there(&output::record_path(product))?;
+            files::remove_if_there(&product.with_extension("work"))?;
+        }
+        Ok(())
+    }
+
     /// The command as one would type it.
     pub(super) fn shown(&self) -> String {
         let quoted = self.arguments.iter().map(|word| {

@@ -7,7 +7,7 @@ use eagpt_synth::dng::{self, DngInfo, Mosaic, RGGB};
 const SIZE: (u32, u32) = (96, 64);
 
 /// A bracket of three shots of a grey ramp at each position, `c/p<position>_<index>.dng`.
-fn capture(place: &Workplace, positions: u32) {
+pub(crate) fn capture(place: &Workplace, positions: u32) {
     std::fs::create_dir_all(place.path("c")).unwrap();
     for position in 0..positions {
         for index in 0..3 {

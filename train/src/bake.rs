@@ -10,7 +10,7 @@ pub mod views;
 
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
-use eagpt_scene::{Dataset, Gaussians, SceneError, files, ply};
+use eagpt_scene::{Dataset, Gaussians, SceneError, Shard, files, ply};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use gaussians::GaussianBake;
 use glam::Vec3;
@@ -242,7 +242,7 @@ fn claim(request: &BakeRequest) -> Result<()> {
     let digest = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
     let mut options = request.options;
     if let BakeMethod::Views(views) = &mut options.method {
-        views.shard = views::Shard::WHOLE;
+        views.shard = Shard::WHOLE;
     }
     let path = request.work.join(CLAIM);
     let json = |e: serde_json::Error| SceneError::invalid(&path, "JSON", e.to_string());

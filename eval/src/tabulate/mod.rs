@@ -6,6 +6,7 @@
 
 mod output;
 mod read;
+pub mod repeats;
 
 #[cfg(test)]
 mod tests;

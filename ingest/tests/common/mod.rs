@@ -4,8 +4,8 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use eagpt_ingest::{IngestOptions, IngestProgress, IngestRequest, IngestSummary, Problem, ingest};
-use eagpt_scene::Image;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Image, Shard};
 use eagpt_synth::dng::{self, DngInfo, Mosaic, RGGB};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -224,6 +224,7 @@ impl Place {
             out: self.path(out),
             options,
             start_over: false,
+            shard: Shard::WHOLE,
             stop: Arc::new(AtomicBool::new(false)),
         }
     }
@@ -241,6 +242,7 @@ impl Place {
                 problems.push(problem);
             }
         });
+        let outcome = outcome.map(|summary| summary.expect("not a part of several"));
         (outcome, problems)
     }
 

@@ -13,7 +13,7 @@ use crate::options::{LearningRates, LossWeights, Stage};
 use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
 use eagpt_scene::exr::{self, Precision};
-use eagpt_scene::{Dataset, files};
+use eagpt_scene::{Dataset, Shard, files};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::Sampling;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
@@ -40,25 +40,6 @@ pub struct ViewBake {
     pub rate: f32,
     /// The part of the views to trace.
     pub shard: Shard,
-}
-
-/// A part of the views: every `of`-th, from the `index`-th on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Shard {
-    /// Which, 1 to `of`.
-    pub index: u32,
-    /// How many there are, at least 1.
-    pub of: u32,
-}
-
-impl Shard {
-    /// All views.
-    pub const WHOLE: Self = Self { index: 1, of: 1 };
-
-    /// Whether the view at `place` belongs to it.
-    fn has(self, place: usize) -> bool {
-        place % self.of as usize == self.index as usize - 1
-    }
 }
 
 impl Bake<'_> {
@@ -177,19 +158,5 @@ impl Bake<'_> {
             });
         }
         Ok(Some(backend.state()?.gaussians().radiances))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shards_divide_the_views() {
-        for place in 0..20 {
-            let owners = (1..=3).filter(|&index| Shard { index, of: 3 }.has(place));
-            assert_eq!(owners.count(), 1);
-            assert!(Shard::WHOLE.has(place));
-        }
     }
 }
