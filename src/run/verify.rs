@@ -11,8 +11,12 @@ use anyhow::{Context, Result, bail};
 use eagpt_report::run::PROJECT_FILE;
 use eagpt_scene::files;
 use serde::Serialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+
+/// What an evaluation makes.
+const METRICS_FILE: &str = "metrics.json";
 
 /// A product, then and now.
 #[derive(Debug, Serialize)]
@@ -28,6 +32,8 @@ struct Compared {
 }
 
 /// Makes everything again that the run in `dir` has finished, in a folder beside it, and compares digests. The folder goes if all is the same.
+///
+/// Metrics tell how long a frame took and where its scene lies: they are compared without. Table and report are made of what is compared.
 pub(super) fn run(dir: &Path, until: Option<&str>, global: &GlobalArgs) -> Result<ExitCode> {
     let then = Folder::look_at(dir)?;
     if then.record.steps.is_empty() {
@@ -96,19 +102,41 @@ fn compare(plan: &Plan, then: &Folder, now: &Folder) -> Vec<Compared> {
         ) else {
             continue;
         };
+        if ["table", "report"].contains(&step.name.as_str()) {
+            continue;
+        }
         for (product, digest) in &was.products {
             let found = is.and_then(|is| is.products.get(product)).cloned();
             compared.push(Compared {
                 message: "compared",
                 step: step.name.clone(),
                 product: product.clone(),
-                same: found.as_ref() == Some(digest),
+                same: found.as_ref() == Some(digest)
+                    || product.ends_with(METRICS_FILE)
+                        && is_some_and_equal(
+                            lasting(&then.dir.join(product)),
+                            lasting(&now.dir.join(product)),
+                        ),
                 was: digest.clone(),
                 is: found,
             });
         }
     }
     compared
+}
+
+fn is_some_and_equal<T: PartialEq>(a: Option<T>, b: Option<T>) -> bool {
+    a.is_some() && a == b
+}
+
+/// The metrics in a file without what another run must have otherwise; `None` if there are none.
+fn lasting(metrics: &Path) -> Option<Value> {
+    let bytes = std::fs::read(metrics).ok()?;
+    let mut value: Value = serde_json::from_slice(&bytes).ok()?;
+    let render = value.get_mut("render")?.as_object_mut()?;
+    render.remove("seconds_per_frame");
+    render.remove("scene");
+    Some(value)
 }
 
 fn table(compared: &[Compared]) -> String {

@@ -198,18 +198,29 @@ fn a_killed_run_goes_on_to_the_same_results() {
 #[test]
 fn a_run_is_verified_to_the_bit() {
     let place = place();
-    place.succeeds("run p.toml --until train");
-    let told = place.succeeds("run --verify run --until train");
-    assert!(told.contains("same  train/scene.ply"), "{told}");
+    place.succeeds("run p.toml");
+    let told = place.succeeds("run --verify run");
+    for product in ["train/scene.ply", "eval/dim/path/metrics.json"] {
+        assert!(told.contains(&format!("same  {product}")), "{told}");
+    }
     assert!(!place.path("run.verify").exists());
     // Somebody else's run.
     let mut record = place.json("run/run.json");
     record["steps"]["train"]["products"]["train/scene.ply"] = "0".repeat(64).into();
     place.write("run/run.json", record.to_string());
-    let output = place.run("run --verify run --until train");
+    let metrics = String::from_utf8(place.bytes("run/eval/original/path/metrics.json")).unwrap();
+    place.write(
+        "run/eval/original/path/metrics.json",
+        metrics.replacen("\"psnr_srgb_db\": ", "\"psnr_srgb_db\": 1", 1),
+    );
+    place.write("run/run.json", record.to_string());
+    let output = place.run("run --verify run --until eval");
     assert_eq!(output.status.code(), Some(1));
     let told = String::from_utf8(output.stdout).unwrap();
-    assert!(told.contains("differs  train/scene.ply"), "{told}");
+    for product in ["train/scene.ply", "eval/original/path/metrics.json"] {
+        assert!(told.contains(&format!("differs  {product}")), "{told}");
+    }
+    assert!(told.contains("same  eval/dim/path/metrics.json"), "{told}");
     assert!(place.path("run.verify/train/scene.ply").exists());
 }
 

@@ -94,6 +94,7 @@ fn trained(dir: &Path, unknown: Unknown) -> Vec<u8> {
     let request = TrainRequest {
         dataset,
         masks: None,
+        normals: None,
         out,
         options,
         existing: Existing::Refuse,
