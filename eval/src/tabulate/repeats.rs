@@ -359,8 +359,8 @@ mod tests {
         let out = root.path().join("table");
         table.write(&out).unwrap();
         let csv = std::fs::read_to_string(out.join("table.csv")).unwrap();
-        assert!(csv.contains("\npath,original,2,28.0"), "{csv}");
-        assert!(csv.contains("\nbounces-3,original,1,20.0"), "{csv}");
+        assert!(csv.contains("\npath,original,2,28,1.414"), "{csv}");
+        assert!(csv.contains("\nbounces-3,original,1,20,,,"), "{csv}");
         let json: Value =
             serde_json::from_slice(&std::fs::read(out.join("table.json")).unwrap()).unwrap();
         assert_eq!(
