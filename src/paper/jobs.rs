@@ -111,7 +111,7 @@ impl Base {
         }
         project.remove("out");
         // Seeds are those of the rows.
-        for (_, value) in project.iter_mut() {
+        for (_, value) in &mut project {
             if let Value::Table(table) = value {
                 table.remove("seed");
             }

@@ -238,10 +238,7 @@ pub(super) fn section<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
     if !value.is_table() {
         *value = Value::Table(Table::new());
     }
-    match value {
-        Value::Table(table) => table,
-        _ => unreachable!("a table was put there"),
-    }
+    value.as_table_mut().expect("a table was put there")
 }
 
 impl Row {

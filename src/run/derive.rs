@@ -103,7 +103,7 @@ fn for_each_text(
     is_path: &dyn Fn(&str) -> bool,
     visit: &mut dyn FnMut(&mut String),
 ) {
-    for (key, value) in table.iter_mut() {
+    for (key, value) in table {
         match value {
             Value::Table(inner) => for_each_text(inner, is_path, visit),
             Value::String(text) if is_path(key) => visit(text),

@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 
 /// Key of the seconds that a frame took, beside those of metrics.
 pub const SECONDS: &str = "seconds_per_frame";
-/// Decimals of seconds in tables.
-const SECONDS_DECIMALS: usize = 2;
+/// Decimals of seconds in tables: images without bounces take hundredths.
+const SECONDS_DECIMALS: usize = 3;
 
 /// What goes into the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -354,13 +354,13 @@ mod tests {
         assert_eq!(
             table.markdown(),
             "| row | original: PSNR sRGB ↑ | original: paper | original: s/frame |\n|---|---:|---:|---:|\n\
-             | path | 28.00 ± 1.41 | 28.65 | 2.00 ± 0.00 |\n| bounces-3 | 20.00 | -- | 2.00 |\n\n- a note\n"
+             | path | 28.00 ± 1.41 | 28.65 | 2.000 ± 0.000 |\n| bounces-3 | 20.00 | -- | 2.000 |\n\n- a note\n"
         );
         let out = root.path().join("table");
         table.write(&out).unwrap();
         let csv = std::fs::read_to_string(out.join("table.csv")).unwrap();
-        assert!(csv.contains("\npath,original,2,28.0"), "{csv}");
-        assert!(csv.contains("\nbounces-3,original,1,20.0"), "{csv}");
+        assert!(csv.contains("\npath,original,2,28,1.414"), "{csv}");
+        assert!(csv.contains("\nbounces-3,original,1,20,,,"), "{csv}");
         let json: Value =
             serde_json::from_slice(&std::fs::read(out.join("table.json")).unwrap()).unwrap();
         assert_eq!(
