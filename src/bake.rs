@@ -46,13 +46,13 @@ pub(crate) struct BakeArgs {
     out: PathBuf,
     /// How light is baked
     #[arg(long, value_enum, default_value = "gaussians")]
-    method: MethodArg,
+    pub(crate) method: MethodArg,
     /// Most bounces of light, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     bounces: u32,
     /// gaussians: directions of direct light at each Gaussian, at least 1; every further bounce takes half as many, but at least 32
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
-    samples: u32,
+    pub(crate) samples: u32,
     /// views: samples per pixel, at least 1
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
@@ -87,7 +87,7 @@ const EXAMPLES: &str = "Examples:
 const FIT_RATE: f32 = 0.02;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum MethodArg {
+pub(crate) enum MethodArg {
     /// In Gaussian space, by sweeps of gathering
     Gaussians,
     /// By path-traced views and a fit, as in the paper

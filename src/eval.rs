@@ -34,7 +34,7 @@ pub(crate) struct EvalArgs {
     renders: Vec<PathBuf>,
     /// Dataset with the references: a folder with a transforms.json, or that file; one for each condition
     #[arg(long, value_name = "DATASET", required = true)]
-    reference: Vec<PathBuf>,
+    pub(crate) reference: Vec<PathBuf>,
     /// Dataset with the same views under an earlier light: splits the error into what the new light reaches and its
     /// shadows; for each condition
     #[arg(long, value_name = "DATASET")]

@@ -29,7 +29,7 @@ use std::process::ExitCode;
 pub(crate) struct MasksArgs {
     /// Dataset: a folder with a transforms.json, or that file
     #[arg(value_name = "DATASET")]
-    dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// Folder to write to [default: that of the dataset, where training looks for masks]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,

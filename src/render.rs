@@ -50,28 +50,28 @@ pub(crate) struct RenderArgs {
     scene: PathBuf,
     /// Dataset whose cameras to render: a folder with a transforms.json, or that file
     #[arg(long, value_name = "DATASET")]
-    cameras: PathBuf,
+    pub(crate) cameras: PathBuf,
     /// Views to render
     #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
-    split: Subset,
+    pub(crate) split: Subset,
     /// Rule that divides the views into training and test views; that of the training, if the result is to be measured
     #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
-    split_rule: SplitRule,
+    pub(crate) split_rule: SplitRule,
     /// Names of the views to render, separated by commas, instead of a subset
     #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["split", "split_rule"])]
     views: Vec<String>,
     /// How light is computed
     #[arg(long, value_enum)]
-    mode: Mode,
+    pub(crate) mode: Mode,
     /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of a pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
-    spp: u32,
+    pub(crate) spp: u32,
     /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are divided among them
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     antialias: u32,
     /// Most bounces of a path, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
-    bounces: u32,
+    pub(crate) bounces: u32,
     /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows [default: never]
     #[arg(long, value_name = "FROM_BOUNCE", value_parser = clap::value_parser!(u32).range(1..))]
     russian_roulette: Option<u32>,
@@ -121,7 +121,7 @@ const EXAMPLES: &str = "Examples:
       --tone-map agx --out turn";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Mode {
+pub(crate) enum Mode {
     /// The radiance that the Gaussians carry
     #[value(name = "0-bounce")]
     ZeroBounce,

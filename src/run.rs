@@ -7,9 +7,11 @@
 //! - [`derive`](mod@derive): projects made of others.
 //! - [`execute`]: the commands, one after the other.
 //! - [`only`]: one of them alone.
+//! - [`estimate`]: what a step will take that never ran.
 //! - [`verify`]: everything again, compared to the bit.
 
 mod derive;
+mod estimate;
 mod execute;
 mod init;
 mod only;

@@ -1,6 +1,6 @@
 //! `eagpt train`: from a dataset to a scene.
 
-mod layers;
+pub(crate) mod layers;
 
 use crate::cli::{self, GlobalArgs};
 use crate::interrupt;
@@ -35,7 +35,7 @@ use std::process::ExitCode;
 pub(crate) struct TrainArgs {
     /// Folder with a transforms.json, or that file
     #[arg(value_name = "DATASET", required_unless_present = "dump_config")]
-    dataset: Option<PathBuf>,
+    pub(crate) dataset: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "RUN", required_unless_present = "dump_config")]
     out: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! The steps of a run, one after the other.
 
+use super::estimate::Outlook;
 use super::plan::Plan;
 use super::state::Folder;
 use super::step::{Restart, Step, parse};
@@ -298,6 +299,7 @@ pub(super) fn dry_run(
     let reporter = Reporter::new(global);
     let mut runs = vec![false; plan.steps.len()];
     let (mut text, mut seconds, mut num_unknown) = (String::new(), 0.0, 0);
+    let (mut outlook, mut estimated) = (Outlook::new(), 0.0);
     let total = range.until + 1;
     for (index, step) in plan.steps.iter().take(total).enumerate() {
         let key = folder.key(plan, step)?;
@@ -310,15 +312,24 @@ pub(super) fn dry_run(
         let known = folder.record.steps.get(&step.name);
         let known = known.filter(|record| record.seconds > 0.0);
         let mut cost = String::new();
+        let estimate = outlook.of(step);
         if let Some(record) = known {
             cost = format!(", {} last time", duration(record.seconds));
             if let Some(mib) = record.peak_memory_mib {
                 cost += &format!(" and {mib:.0} MiB");
             }
+        } else if let Some(estimate) = estimate {
+            cost = format!(", about {}", duration(estimate.seconds));
+            if let Some(bytes) = estimate.bytes {
+                cost += &format!(" and {} MiB", bytes >> 20);
+            }
         }
         if runs[index] {
-            seconds += known.map_or(0.0, |record| record.seconds);
-            num_unknown += usize::from(known.is_none());
+            match (known, estimate) {
+                (Some(record), _) => seconds += record.seconds,
+                (None, Some(estimate)) => estimated += estimate.seconds,
+                (None, None) => num_unknown += 1,
+            }
         }
         text += &format!(
             "[{}/{total}] {}: {}{cost}\n    {}\n",
@@ -332,9 +343,13 @@ pub(super) fn dry_run(
     text += &format!("{num} of {total} steps would run");
     if num > 0 {
         text += &format!(
-            ": {} by what they took last time, {num_unknown} of them never ran",
-            duration(seconds)
+            ": {} by what they took last time, about {} those that never ran",
+            duration(seconds),
+            duration(estimated)
         );
+    }
+    if num_unknown > 0 {
+        text += &format!("; {num_unknown} of them never ran and depend on what is not there yet");
     }
     text.push('\n');
     if !global.json {

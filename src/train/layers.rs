@@ -12,7 +12,7 @@ use toml::{Table, Value};
 const RUN_OPTIONS: &str = "train.toml";
 
 /// The effective options.
-pub(super) fn options(args: &TrainArgs) -> Result<TrainOptions> {
+pub(crate) fn options(args: &TrainArgs) -> Result<TrainOptions> {
     let mut names = Vec::new();
     let mut layers = Vec::new();
     let from_run = args

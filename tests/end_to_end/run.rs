@@ -81,6 +81,15 @@ fn only_what_has_changed_runs_again() {
         "{dry}"
     );
     assert!(!place.path("run").exists(), "a dry run wrote something");
+    let train = dry
+        .lines()
+        .find(|line| line.contains("] train: new"))
+        .unwrap();
+    assert!(
+        train.contains(", about ") && train.ends_with(" MiB"),
+        "{train}"
+    );
+    assert!(!dry.contains("depend on what is not there"), "{dry}");
 
     let first = reasons(&place, "");
     let names: Vec<&str> = first.iter().map(|step| step.0.as_str()).collect();
@@ -314,6 +323,8 @@ field = "like"
 like = "run/capture/truth/day"
 [normals]
 maps = "run/capture/truth/day/Normal-exr"
+space = "world"
+axes = "x,y,z"
 [train]
 preset = "draft"
 iterations = 40

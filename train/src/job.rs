@@ -4,6 +4,8 @@ mod plan;
 mod steps;
 pub(crate) mod views;
 
+pub use plan::{Memory, memory};
+
 use crate::backend::{Backend, CpuBackend, TrainingView};
 use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
 use crate::error::{Result, TrainError};

@@ -208,28 +208,50 @@ pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<F
     })
 }
 
+/// Memory that a run takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory {
+    /// Bytes without which it is refused: one view at a time.
+    pub least: u64,
+    /// Bytes of the images, all of them prepared.
+    pub images: u64,
+}
+
+/// Plans the memory of training on `dataset`.
+///
+/// # Errors
+/// If the points cannot be read.
+pub fn memory(dataset: &Dataset, options: &TrainOptions, split: &Split) -> Result<Memory> {
+    let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels() as u64;
+    let largest = split.train.iter().map(pixels).max().unwrap_or(0);
+    let images: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;
+    let cloud = dataset.points()?.map_or(0, |points| points.len());
+    let num_gaussians = options.gaussians_for(cloud) as u64;
+    let fixed = num_gaussians * BYTES_PER_GAUSSIAN + largest * BYTES_PER_PIXEL;
+    let irradiance = if options.stage == StageChoice::Radiance {
+        0
+    } else {
+        images / 5
+    };
+    Ok(Memory {
+        least: fixed + largest * BYTES_PER_VIEW_PIXEL + irradiance,
+        images,
+    })
+}
+
 /// Checks the job's memory against the machine's and says how many bytes images may take.
 pub(super) fn image_budget(
     request: &TrainRequest,
     dataset: &Dataset,
     split: &Split,
 ) -> Result<usize> {
-    let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels() as u64;
-    let largest = split.train.iter().map(pixels).max().unwrap_or(0);
-    let all: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;
-    let cloud = dataset.points()?.map_or(0, |points| points.len());
-    let num_gaussians = request.options.gaussians_for(cloud) as u64;
-    let fixed = num_gaussians * BYTES_PER_GAUSSIAN + largest * BYTES_PER_PIXEL;
+    let Memory { least, images } = memory(dataset, &request.options, split)?;
     let Some(available) = available_memory() else {
-        return Ok(request.image_budget.unwrap_or(all as usize));
+        return Ok(request.image_budget.unwrap_or(images as usize));
     };
+    let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels();
+    let largest = split.train.iter().map(pixels).max().unwrap_or(0) as u64;
     let one_view = largest * BYTES_PER_VIEW_PIXEL;
-    let irradiance = if request.options.stage == StageChoice::Radiance {
-        0
-    } else {
-        all / 5
-    };
-    let least = fixed + one_view + irradiance;
     if least > available {
         return Err(TrainError::Memory {
             needed_mib: least >> 20,
@@ -239,6 +261,6 @@ pub(super) fn image_budget(
     }
     Ok(request
         .image_budget
-        .unwrap_or(((available - least) / 2).min(all) as usize)
+        .unwrap_or(((available - least) / 2).min(images) as usize)
         .max(one_view as usize))
 }
