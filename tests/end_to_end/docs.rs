@@ -26,9 +26,9 @@ const PAGES: [&str; 7] = [
 
 /// Commands on all pages together; whoever adds one that does not run has to say so here.
 const COUNTS: Counts = Counts {
-    run: 42,
+    run: 44,
     asked_for_help: 10,
-    not_ours: 4,
+    not_ours: 6,
 };
 
 /// What somebody has who followed all pages.
