@@ -3,7 +3,6 @@
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
-use crate::job::grey_card;
 use crate::merge::{CLIPPED, Shot, merge};
 use crate::noise::Noise;
 use crate::options::IngestOptions;
@@ -193,6 +192,14 @@ fn card_factors(
         ));
     }
     Ok(means.map(|mean| (means[1] / mean) as f32))
+}
+
+/// Whether the white balance is one that a stack has to be read for.
+fn grey_card(options: &IngestOptions) -> Option<(&str, [u32; 4])> {
+    match &options.white_balance {
+        WhiteBalance::GreyCard { stack, rectangle } => Some((stack, *rectangle)),
+        _ => None,
+    }
 }
 
 fn shots<'a>(frames: &'a [RawFrame], exposures: &[f64]) -> Vec<Shot<'a>> {

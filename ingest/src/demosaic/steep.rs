@@ -73,7 +73,7 @@ impl Strip<'_> {
     /// The pixel's own sample in the colour of its surroundings.
     fn steadied(&self, row: usize, column: usize, width: usize) -> [f32; 3] {
         let rows = self.samples.len() / width;
-        let mut differences = [[0.0_f32; NUM_ASKED]; 2];
+        let mut differences = [[0.0_f32; 2]; NUM_ASKED];
         let mut num = 0;
         // Beyond the border the pixels at the border stand in.
         let inside = |at: usize, offset: usize, size: usize| {
@@ -84,12 +84,11 @@ impl Strip<'_> {
             for dx in (dy % 2..=2 * REACH).step_by(2) {
                 let index = line + inside(column, dx, width);
                 let [r, g, b] = self.at_edges.map(|plane| plane[index]);
-                differences[0][num] = r - g;
-                differences[1][num] = b - g;
+                differences[num] = [r - g, b - g];
                 num += 1;
             }
         }
-        let [red, blue] = differences.map(median);
+        let [red, blue] = medians(differences);
         let from_green = [red, 0.0, blue];
         let own = self.samples[(row - self.first) * width + column];
         let green = own - from_green[self.header.channel(row, column)];
@@ -112,8 +111,51 @@ fn widened(values: &[f32], extreme: impl Fn(f32, f32) -> f32) -> Vec<f32> {
     out
 }
 
-/// The middle of an odd number of values.
-fn median(mut values: [f32; NUM_ASKED]) -> f32 {
-    let (_, middle, _) = values.select_nth_unstable_by(NUM_ASKED / 2, f32::total_cmp);
-    *middle
+/// The middle of the first and of the second numbers. The least and the largest of just over half of them cannot be it; they leave, the
+/// next one comes in, until the middle is left. Without branches, which would go either way.
+fn medians(mut values: [[f32; 2]; NUM_ASKED]) -> [f32; 2] {
+    const LAST: usize = NUM_ASKED / 2 + 1;
+    let order = |values: &mut [[f32; 2]; NUM_ASKED], low: usize, high: usize| {
+        let (a, b) = (values[low], values[high]);
+        let is_less = [a[0] < b[0], a[1] < b[1]];
+        values[low] = [0, 1].map(|i: usize| if is_less[i] { a[i] } else { b[i] });
+        values[high] = [0, 1].map(|i: usize| if is_less[i] { b[i] } else { a[i] });
+    };
+    for first in 0..LAST - 1 {
+        for i in first + 1..=LAST {
+            order(&mut values, first, i);
+        }
+        for i in first + 1..LAST {
+            order(&mut values, i, LAST);
+        }
+        if LAST + 1 + first < NUM_ASKED {
+            values[LAST] = values[LAST + 1 + first];
+        }
+    }
+    values[LAST - 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::rng::{Purpose, RandomKey};
+
+    #[test]
+    fn medians_are_those_of_sorted_values() {
+        let key = RandomKey::new(4, Purpose::Render, 0);
+        for element in 0..200 {
+            let mut stream = key.stream(element, 0);
+            let values = [(); NUM_ASKED].map(|()| {
+                let [a, b, ..] = stream.next_uniforms();
+                // Many of the second are equal.
+                [a - 0.5, (4.0 * b).floor()]
+            });
+            let sorted = [0, 1].map(|part: usize| {
+                let mut part = values.map(|value| value[part]);
+                part.sort_by(f32::total_cmp);
+                part[NUM_ASKED / 2]
+            });
+            assert_eq!(medians(values), sorted);
+        }
+    }
 }
