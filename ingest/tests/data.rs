@@ -11,26 +11,7 @@ mod common;
 use common::{Place, agreement, options};
 use eagpt_ingest::{ExposureRatios, IngestOptions};
 use eagpt_scene::{Image, exr};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-fn data() -> Option<PathBuf> {
-    let root = std::env::var_os("EAGPT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join("raw");
-    if path.is_dir() {
-        return Some(path);
-    }
-    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    let notice = format!(
-        "skipped: brackets_of_another_writer: no folder {}\n",
-        path.display()
-    );
-    std::io::stderr().write_all(notice.as_bytes()).unwrap();
-    None
-}
+use eagpt_testkit::test_data;
 
 /// Of the pixels within three of a contrast of twelve, as beside lamps, the share whose ratio of red or blue to green is off by more than a
 /// quarter.
@@ -68,7 +49,9 @@ fn cast_share(image: &Image<3>, truth: &Image<3>, scale: f32) -> f64 {
 
 #[test]
 fn brackets_of_another_writer() {
-    let Some(data) = data() else { return };
+    let Some(data) = test_data("brackets_of_another_writer", "raw") else {
+        return;
+    };
     let place = Place::new();
     let link = |folder: &str, name: &str, source: &str| {
         std::fs::create_dir_all(place.path(folder)).unwrap();

@@ -7,7 +7,7 @@ use crate::model::{
 use eagpt_scene::Lens;
 use eagpt_scene::lens::LensModel;
 use eagpt_scene::rng::{Purpose, RandomKey, RandomStream};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A room of 6 × 4 × 2.6 metres with its floor on z = 0.
 struct Room {
@@ -386,23 +386,7 @@ fn a_known_length_makes_metres() {
 
 /// The kitchen's COLMAP model, or `None` after saying that the test is skipped.
 fn kitchen(test: &str) -> Option<PathBuf> {
-    use std::io::Write;
-    let root = std::env::var_os("EAGPT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join("colmap-kitchen");
-    if path.is_dir() {
-        return Some(path);
-    }
-    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    writeln!(
-        std::io::stderr(),
-        "skipped: {test}: no folder {}",
-        path.display()
-    )
-    .unwrap();
-    None
+    eagpt_testkit::test_data(test, "colmap-kitchen")
 }
 
 #[test]

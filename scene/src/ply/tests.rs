@@ -1,6 +1,7 @@
 use super::*;
 use crate::gaussians::{Gaussian, Gaussians};
-use crate::testing::{assert_error, for_each_damage, for_each_truncation, shared_data};
+use crate::testing::{assert_error, for_each_damage, for_each_truncation};
+use eagpt_testkit::test_data;
 use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
 
@@ -519,7 +520,7 @@ fn previews_hold_raw_parameters() {
 
 #[test]
 fn points_of_another_program_are_read() {
-    let Some(root) = shared_data("points_of_another_program_are_read", "kitchen") else {
+    let Some(root) = test_data("points_of_another_program_are_read", "kitchen") else {
         return;
     };
     let cloud = read_points(&root.join("points3d.ply")).unwrap();
