@@ -3,27 +3,13 @@
 use eagpt_eval::flip::magma_rgb8;
 use eagpt_eval::{FlipOptions, compare, flip_hdr};
 use eagpt_scene::exr;
+use eagpt_testkit::test_data;
 use serde_json::Value;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// The folder of image pairs, or `None` after saying that `test` is skipped. It lies beside the repository, or where the
-/// variable `EAGPT_DATA` says.
+/// The folder of image pairs, or `None` after saying that `test` is skipped.
 fn pairs(test: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("EAGPT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join("metrics");
-    if path.is_dir() {
-        return Some(path);
-    }
-    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    let notice = format!("skipped: {test}: no folder {}\n", path.display());
-    std::io::stderr()
-        .write_all(notice.as_bytes())
-        .expect("the error stream takes a line");
-    None
+    test_data(test, "metrics")
 }
 
 #[test]

@@ -23,6 +23,7 @@ mod group;
 mod job;
 pub mod manifest;
 pub mod merge;
+mod merge_all;
 pub mod noise;
 mod numbers;
 pub mod options;

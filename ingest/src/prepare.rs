@@ -3,7 +3,6 @@
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
-use crate::job::grey_card;
 use crate::merge::{CLIPPED, Shot, merge};
 use crate::noise::Noise;
 use crate::options::IngestOptions;
@@ -195,6 +194,14 @@ fn card_factors(
     Ok(means.map(|mean| (means[1] / mean) as f32))
 }
 
+/// Whether the white balance is one that a stack has to be read for.
+fn grey_card(options: &IngestOptions) -> Option<(&str, [u32; 4])> {
+    match &options.white_balance {
+        WhiteBalance::GreyCard { stack, rectangle } => Some((stack, *rectangle)),
+        _ => None,
+    }
+}
+
 fn shots<'a>(frames: &'a [RawFrame], exposures: &[f64]) -> Vec<Shot<'a>> {
     let pairs = frames.iter().zip(exposures);
     pairs
@@ -302,14 +309,4 @@ pub(crate) fn needed_memory(stack: &Stack) -> u64 {
     // The file of a shot is in memory while it is decoded.
     let files = 2 * 2 * sample * per_pixel;
     pixels * (merging + files).max(writing)
-}
-
-/// Bytes that the system can still give, as Linux tells; `None` elsewhere.
-pub(crate) fn available_memory() -> Option<u64> {
-    let info = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = info
-        .lines()
-        .find(|line| line.starts_with("MemAvailable:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024)
 }

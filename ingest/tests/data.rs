@@ -10,31 +10,48 @@ mod common;
 
 use common::{Place, agreement, options};
 use eagpt_ingest::{ExposureRatios, IngestOptions};
-use eagpt_scene::exr;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use eagpt_scene::{Image, exr};
+use eagpt_testkit::test_data;
 
-fn data() -> Option<PathBuf> {
-    let root = std::env::var_os("EAGPT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join("raw");
-    if path.is_dir() {
-        return Some(path);
+/// Of the pixels within three of a contrast of twelve, as beside lamps, the share whose ratio of red or blue to green is off by more than a
+/// quarter.
+fn cast_share(image: &Image<3>, truth: &Image<3>, scale: f32) -> f64 {
+    // Ratios of what is darker than a thousandth of white are noise.
+    const DARK: f32 = 1e-3;
+    let luminance: Vec<f32> = truth
+        .pixels()
+        .iter()
+        .map(|rgb| eagpt_scene::color::luminance(*rgb).max(DARK))
+        .collect();
+    let width = truth.width() as usize;
+    let (mut num, mut num_off) = (0_u32, 0_u32);
+    for y in 3..truth.height() - 3 {
+        for x in 3..truth.width() - 3 {
+            let lines = (y - 3..=y + 3).map(|y| &luminance[y as usize * width..][..width]);
+            let around = lines.flat_map(|line| &line[x as usize - 3..=x as usize + 3]);
+            let (low, high) = around.fold((f32::INFINITY, 0.0_f32), |(low, high), &value| {
+                (low.min(value), high.max(value))
+            });
+            if high > 12.0 * low {
+                let value = image.get(x, y).map(|v| v / scale + DARK);
+                let truth = truth.get(x, y).map(|v| v + DARK);
+                let share = [0, 1, 2].map(|c| value[c] / truth[c]);
+                let is_off = [0, 2]
+                    .map(|c| (share[c] / share[1]).ln().abs() > 1.25_f32.ln())
+                    .contains(&true);
+                num += 1;
+                num_off += u32::from(is_off);
+            }
+        }
     }
-    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    let notice = format!(
-        "skipped: brackets_of_another_writer: no folder {}\n",
-        path.display()
-    );
-    std::io::stderr().write_all(notice.as_bytes()).unwrap();
-    None
+    f64::from(num_off) / f64::from(num.max(1))
 }
 
 #[test]
 fn brackets_of_another_writer() {
-    let Some(data) = data() else { return };
+    let Some(data) = test_data("brackets_of_another_writer", "raw") else {
+        return;
+    };
     let place = Place::new();
     let link = |folder: &str, name: &str, source: &str| {
         std::fs::create_dir_all(place.path(folder)).unwrap();
@@ -74,7 +91,7 @@ fn brackets_of_another_writer() {
             let truth = exr::read_rgb(&data.join(format!("{view}_truth.exr"))).unwrap();
             let agreement = agreement(&image, &truth, |_| true);
             assert!(
-                agreement.psnr_pq_db > 50.0,
+                agreement.psnr_pq_db > 53.0,
                 "{capture} {view}: {agreement:?}"
             );
             assert!(
@@ -86,6 +103,11 @@ fn brackets_of_another_writer() {
                     (channel - 1.0).abs() < 0.003,
                     "{capture} {view}: {agreement:?}"
                 );
+            }
+            // Measured: 6.1 % and 5.0 %; with interpolation alone, 16 % and 12 %.
+            if capture == "plain" {
+                let cast = cast_share(&image, &truth, agreement.scale);
+                assert!(cast < 0.08, "{view}: {cast}");
             }
         }
     }

@@ -1,30 +1,6 @@
 //! Helpers of this crate's tests.
 
 use crate::rng::{Purpose, RandomKey};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-/// A folder of the shared test data, or `None` after saying that `test` is skipped.
-///
-/// The data lie beside the repository, or where the variable `EAGPT_DATA` says.
-pub(crate) fn shared_data(test: &str, folder: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("EAGPT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(folder);
-    if path.is_dir() {
-        return Some(path);
-    }
-    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    writeln!(
-        std::io::stderr(),
-        "skipped: {test}: no folder {}",
-        path.display()
-    )
-    .unwrap();
-    None
-}
 
 /// Calls `check` with every prefix of `bytes`, or with `max` of them spread evenly if there are more; never with all bytes.
 pub(crate) fn for_each_truncation(bytes: &[u8], max: usize, mut check: impl FnMut(&[u8])) {

@@ -257,7 +257,7 @@ impl Job<'_> {
         for (index, camera) in self.cameras.iter().enumerate() {
             let photograph = self.photograph(index, camera);
             for (condition, writer) in truths.iter_mut().enumerate() {
-                let view = photograph.view(&self.lighting, condition, &position_name(index));
+                let view = photograph.view(condition, &position_name(index));
                 points.look(index, condition, &view);
                 writer.write_view(&view)?;
             }

@@ -65,7 +65,7 @@
 //! | `plant` | `height`, `pot`, `soil`, `leaves` |
 //! | `books`, `fruit` | `num`, `covers`; `bowl`, `fruits` |
 //!
-//! What shines in a condition does not reflect in it, and has mask 1 and albedo 0 in its truth.
+//! What shines in a condition does not reflect in it, and has mask 1 (where it covers at least half of a pixel) and albedo 0 in its truth.
 //!
 //! **`[rig]`** is the camera, all of it optional: `exposures_s`, `iso`, `f_number`, `sensor_width_mm`, `oversampling` (sensor pixels along each
 //! side of one of the truth), `vignetting` a, b, c, `distortion` k1, k2, p1, p2, `full_well_e`, `read_noise_e`, `black`, `white`. The

@@ -4,11 +4,12 @@ mod exposure;
 
 use crate::light::Lighting;
 use crate::light::points::Points;
-use crate::room::Hit;
+use crate::room::{Hit, MAX_CONDITIONS, Room};
+use eagpt_scene::camera::RayFrame;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Image, View};
 use exposure::{Exposure, Pixel, expose};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +56,15 @@ pub struct Photograph {
     albedo: Vec<Image<3>>,
     /// What the ray through each pixel's centre meets, margin included.
     centres: Vec<Option<Hit>>,
+    /// What covers at least half of each pixel, margin included.
+    shining: Vec<Conditions>,
 }
+
+/// A bit for each condition.
+type Conditions = u8;
+
+/// Rays along each side of a pixel whose share of emitters is looked for. Even: an edge through the middle of a pixel lies between rays.
+const GRID: u32 = 8;
 
 impl Photograph {
     /// Takes a photograph. The same bits for any number of threads.
@@ -77,11 +86,11 @@ impl Photograph {
                 expose(lighting, &frame, place(pixel), sampling, &points)
             })
             .collect();
-        let centres = (0..num_pixels).into_par_iter().map(|pixel| {
-            let at = place(pixel) + 0.5;
-            let direction = frame.direction(at.x, at.y);
-            lighting.room.meet(frame.origin, direction)
-        });
+        let centres = (0..num_pixels)
+            .into_par_iter()
+            .map(|pixel| meet(lighting.room, &frame, place(pixel) + 0.5));
+        let centres: Vec<Option<Hit>> = centres.collect();
+        let shining = shining(lighting.room, &wide, &centres);
         let exposure = Exposure {
             camera: &wide,
             num_cells: sampling.num_cells,
@@ -100,7 +109,8 @@ impl Photograph {
             albedo: conditions
                 .map(|condition| exposure.image(|pixel| pixel.sums[condition].albedo.to_array()))
                 .collect(),
-            centres: centres.collect(),
+            centres,
+            shining,
         }
     }
 
@@ -119,18 +129,17 @@ impl Photograph {
         &self.centres
     }
 
-    /// The photograph in a condition with everything that is known about it. Radiance and albedo are means over the pixel; mask, normal
-    /// and depth are those of its centre.
-    pub fn view(&self, lighting: &Lighting<'_>, condition: usize, name: &str) -> View {
-        let room = lighting.room;
+    /// The photograph in a condition with everything that is known about it. Radiance and albedo are means over the pixel, the mask is where
+    /// lights cover at least half of it; normal and depth are those of its centre.
+    pub fn view(&self, condition: usize, name: &str) -> View {
         let (origin, forward) = (self.camera.origin(), self.camera.forward());
-        let shines =
-            |hit: &Hit| room.emitted_in(condition, hit.surface, hit.face) != glam::Vec3::ZERO;
+        let mask = self.shining.iter();
+        let mask = mask.map(|shining| [f32::from(shining >> condition & 1)]);
         View {
             name: name.to_owned(),
             camera: self.camera,
             radiance: self.cropped(&self.radiance[condition].averaged(self.sampling.num_cells)),
-            emission: Some(self.derived(|hit| [f32::from(u8::from(shines(hit)))])),
+            emission: Some(self.cropped(&image(&self.wide, mask.collect()))),
             normal: Some(self.derived(|hit| hit.normal.to_array())),
             alpha: None,
             depth: Some(self.derived(|hit| [(hit.position - origin).dot(forward)])),
@@ -154,6 +163,58 @@ impl Photograph {
             .flat_map(|y| (0..camera.width).map(move |x| wide.get(x + margin, y + margin)));
         image(camera, pixels.collect())
     }
+}
+
+fn meet(room: &Room, frame: &RayFrame, at: Vec2) -> Option<Hit> {
+    room.meet(frame.origin, frame.direction(at.x, at.y))
+}
+
+/// The conditions in which lights cover at least half of each pixel: by a grid of rays where the centres of a pixel and its neighbours do
+/// not agree. The samples of the light are no measure for that: at a half, their noise would decide.
+fn shining(room: &Room, camera: &Camera, centres: &[Option<Hit>]) -> Vec<Conditions> {
+    let frame = camera.ray_frame();
+    let num_conditions = room.num_conditions();
+    let shines_in = |hit: &Hit, condition: usize| {
+        room.emitted_in(condition, hit.surface, hit.face) != Vec3::ZERO
+    };
+    let of_hit = |hit: &Option<Hit>| -> Conditions {
+        let Some(hit) = hit else { return 0 };
+        let shining = (0..num_conditions).filter(|&condition| shines_in(hit, condition));
+        shining.fold(0, |bits, condition| bits | 1 << condition)
+    };
+    let of_centres: Vec<Conditions> = centres.par_iter().map(of_hit).collect();
+    let (width, height) = (camera.width, camera.height);
+    let is_uniform = |x: u32, y: u32| {
+        let own = of_centres[(y * width + x) as usize];
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        let mut around =
+            rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| (x, y)));
+        around.all(|(x, y)| of_centres[(y * width + x) as usize] == own)
+    };
+    let by_grid = |x: u32, y: u32| {
+        let mut num = [0_u32; MAX_CONDITIONS];
+        for ray in 0..GRID * GRID {
+            let part = Vec2::new((ray % GRID) as f32, (ray / GRID) as f32) + 0.5;
+            let at = Vec2::new(x as f32, y as f32) + part / GRID as f32;
+            let bits = of_hit(&meet(room, &frame, at));
+            for (condition, num) in num.iter_mut().enumerate() {
+                *num += u32::from(bits >> condition & 1);
+            }
+        }
+        let covered = (0..num_conditions).filter(|&condition| 2 * num[condition] >= GRID * GRID);
+        covered.fold(0, |bits, condition| bits | 1 << condition)
+    };
+    (0..width * height)
+        .into_par_iter()
+        .map(|pixel| {
+            let (x, y) = (pixel % width, pixel / width);
+            if is_uniform(x, y) {
+                of_centres[pixel as usize]
+            } else {
+                by_grid(x, y)
+            }
+        })
+        .collect()
 }
 
 /// A camera that sees `margin` more pixels on all sides.

@@ -9,6 +9,8 @@ mod kinds;
 mod linear;
 #[cfg(any(feature = "rawler", feature = "rawloader"))]
 mod panics;
+#[cfg(any(feature = "rawler", feature = "rawloader"))]
+mod sensor;
 #[cfg(feature = "rawler")]
 mod with_rawler;
 #[cfg(feature = "rawloader")]
@@ -363,43 +365,4 @@ fn decode_raw(path: &Path, _: &Arc<Vec<u8>>, _: Want) -> Result<RawFrame> {
         "format",
         "RAW, but this program was built without a RAW decoder",
     ))
-}
-
-/// The part of a sensor's samples that is image, in pixels.
-#[cfg(any(feature = "rawler", feature = "rawloader"))]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Window {
-    pub(crate) left: usize,
-    pub(crate) top: usize,
-    pub(crate) width: usize,
-    pub(crate) height: usize,
-}
-
-#[cfg(any(feature = "rawler", feature = "rawloader"))]
-impl Window {
-    /// Cuts the window out of rows of `stride` pixels with `per_pixel` samples each; `None` if it is not inside.
-    pub(crate) fn cut<T: Copy>(
-        self,
-        samples: Vec<T>,
-        stride: usize,
-        per_pixel: usize,
-    ) -> Option<Vec<T>> {
-        let row = stride * per_pixel;
-        if row == 0 {
-            return None;
-        }
-        if self.left == 0
-            && self.top == 0
-            && self.width == stride
-            && samples.len() == row * self.height
-        {
-            return Some(samples);
-        }
-        if self.left + self.width > stride || (self.top + self.height) * row > samples.len() {
-            return None;
-        }
-        let rows = samples.chunks_exact(row).skip(self.top).take(self.height);
-        let (from, to) = (self.left * per_pixel, (self.left + self.width) * per_pixel);
-        Some(rows.flat_map(|row| row[from..to].iter().copied()).collect())
-    }
 }

@@ -1,7 +1,8 @@
 //! RAW files through the crate `rawler`.
 
 use super::panics::guarded;
-use super::{Black, CameraColor, Header, Layout, Metadata, RawFrame, Samples, Want, Window, exif};
+use super::sensor::{Sensor, Window, as_shot, mosaic};
+use super::{Black, CameraColor, Header, Layout, Metadata, RawFrame, Samples, Want, exif};
 use crate::error::{IngestError, Result};
 use rawler::decoders::{RawDecodeParams, RawMetadata};
 use rawler::rawimage::{RawImage, RawImageData, RawPhotometricInterpretation};
@@ -32,7 +33,7 @@ pub(super) fn read(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawF
     }
     exif::fill(&mut known, bytes);
     known.decoder = "rawler".to_owned();
-    framed(path, image, known, want)
+    sensor(path, image, known)?.framed(path, want)
 }
 
 /// The first line of an error, without the decoder's advice.
@@ -86,7 +87,7 @@ fn described(metadata: RawMetadata) -> Metadata {
     }
 }
 
-fn framed(path: &Path, image: RawImage, metadata: Metadata, want: Want) -> Result<RawFrame> {
+fn sensor(path: &Path, image: RawImage, metadata: Metadata) -> Result<Sensor> {
     let error = |field, problem: String| IngestError::photograph(path, field, problem);
     let whole = Window {
         left: 0,
@@ -104,12 +105,9 @@ fn framed(path: &Path, image: RawImage, metadata: Metadata, want: Want) -> Resul
     let layout = match (&image.photometric, image.cpp) {
         (RawPhotometricInterpretation::Cfa(config), 1) => {
             let cfa = config.cfa.shift(window.left, window.top);
-            let channel = |index: usize| cfa.color_at(index / cfa.width, index % cfa.width) as u8;
-            Layout::Mosaic {
-                columns: cfa.width.min(255) as u8,
-                rows: cfa.height.min(255) as u8,
-                channels: (0..cfa.width * cfa.height).map(channel).collect(),
-            }
+            mosaic(cfa.width, cfa.height, |row, column| {
+                cfa.color_at(row, column)
+            })
         }
         (RawPhotometricInterpretation::LinearRaw, 3) => Layout::Rgb,
         (_, cpp) => {
@@ -128,29 +126,25 @@ fn framed(path: &Path, image: RawImage, metadata: Metadata, want: Want) -> Resul
         let level = white.get(channel).or(white.first()).copied();
         level.unwrap_or(u32::from(u16::MAX)) as f32
     });
+    let (width, height) = window.size();
     let header = Header {
-        width: u32::try_from(window.width).unwrap_or(u32::MAX),
-        height: u32::try_from(window.height).unwrap_or(u32::MAX),
+        width,
+        height,
         layout,
         black,
         white,
         color: color(&image),
         metadata,
     };
-    if want == Want::Header {
-        let samples = Samples::Integer(Vec::new());
-        return Ok(RawFrame { header, samples });
-    }
-    let stride = image.width;
-    let samples = match image.data {
-        RawImageData::Integer(samples) => {
-            window.cut(samples, stride, per_pixel).map(Samples::Integer)
-        }
-        RawImageData::Float(samples) => window.cut(samples, stride, per_pixel).map(Samples::Float),
-    };
-    let samples =
-        samples.ok_or_else(|| error("crop", format!("{window:?} is outside of the image")))?;
-    Ok(RawFrame { header, samples })
+    Ok(Sensor {
+        header,
+        window,
+        stride: image.width,
+        samples: match image.data {
+            RawImageData::Integer(samples) => Samples::Integer(samples),
+            RawImageData::Float(samples) => Samples::Float(samples),
+        },
+    })
 }
 
 /// Black levels from the top left of the window; those of the file begin where the active area does.
@@ -182,8 +176,6 @@ fn black(image: &RawImage, window: Window, per_pixel: usize) -> Black {
 }
 
 fn color(image: &RawImage) -> CameraColor {
-    let [r, g, b, _] = image.wb_coeffs;
-    let usable = |v: f32| v.is_finite() && v > 0.0;
     let mut matrices: Vec<_> = image
         .color_matrix
         .iter()
@@ -196,10 +188,7 @@ fn color(image: &RawImage) -> CameraColor {
     // A map has no order of its own.
     matrices.sort_by_key(|(illuminant, _)| *illuminant);
     CameraColor {
-        as_shot: [r, g, b]
-            .into_iter()
-            .all(usable)
-            .then(|| [r / g, 1.0, b / g]),
+        as_shot: as_shot(image.wb_coeffs),
         matrices,
     }
 }

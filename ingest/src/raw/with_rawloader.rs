@@ -1,7 +1,8 @@
 //! RAW files through the crate `rawloader`.
 
 use super::panics::guarded;
-use super::{Black, CameraColor, Header, Layout, Metadata, RawFrame, Samples, Want, Window, exif};
+use super::sensor::{Sensor, Window, as_shot, mosaic};
+use super::{Black, CameraColor, Header, Layout, Metadata, RawFrame, Samples, Want, exif};
 use crate::error::{IngestError, Result};
 use rawloader::{RawImage, RawImageData};
 use std::path::Path;
@@ -28,10 +29,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], want: Want) -> Result<RawFrame> {
         ..Metadata::default()
     };
     exif::fill(&mut metadata, bytes);
-    framed(path, image, metadata, want)
+    sensor(path, image, metadata)?.framed(path, want)
 }
 
-fn framed(path: &Path, image: RawImage, metadata: Metadata, want: Want) -> Result<RawFrame> {
+fn sensor(path: &Path, image: RawImage, metadata: Metadata) -> Result<Sensor> {
     let error = |field, problem: String| IngestError::photograph(path, field, problem);
     let [top, right, bottom, left] = image.crops;
     let window = Window {
@@ -43,40 +44,32 @@ fn framed(path: &Path, image: RawImage, metadata: Metadata, want: Want) -> Resul
     let layout = match image.cpp {
         1 => {
             let cfa = image.cfa.shift(left, top);
-            let channel = |index: usize| cfa.color_at(index / cfa.width, index % cfa.width) as u8;
-            Layout::Mosaic {
-                columns: cfa.width.min(255) as u8,
-                rows: cfa.height.min(255) as u8,
-                channels: (0..cfa.width * cfa.height).map(channel).collect(),
-            }
+            mosaic(cfa.width, cfa.height, |row, column| {
+                cfa.color_at(row, column)
+            })
         }
         3 => Layout::Rgb,
         cpp => return Err(error("RAW", format!("{cpp} components a pixel"))),
     };
-    let per_pixel = image.cpp;
+    let (width, height) = window.size();
     let header = Header {
-        width: u32::try_from(window.width).unwrap_or(u32::MAX),
-        height: u32::try_from(window.height).unwrap_or(u32::MAX),
+        width,
+        height,
         black: black(&image, &layout),
         white: [0, 1, 2].map(|channel| f32::from(image.whitelevels[channel])),
         color: color(&image),
         layout,
         metadata,
     };
-    if want == Want::Header {
-        let samples = Samples::Integer(Vec::new());
-        return Ok(RawFrame { header, samples });
-    }
-    let stride = image.width;
-    let samples = match image.data {
-        RawImageData::Integer(samples) => {
-            window.cut(samples, stride, per_pixel).map(Samples::Integer)
-        }
-        RawImageData::Float(samples) => window.cut(samples, stride, per_pixel).map(Samples::Float),
-    };
-    let samples =
-        samples.ok_or_else(|| error("crop", format!("{window:?} is outside of the image")))?;
-    Ok(RawFrame { header, samples })
+    Ok(Sensor {
+        header,
+        window,
+        stride: image.width,
+        samples: match image.data {
+            RawImageData::Integer(samples) => Samples::Integer(samples),
+            RawImageData::Float(samples) => Samples::Float(samples),
+        },
+    })
 }
 
 /// The levels of the channels, laid out as the channels are.
@@ -101,16 +94,11 @@ fn black(image: &RawImage, layout: &Layout) -> Black {
 }
 
 fn color(image: &RawImage) -> CameraColor {
-    let [r, g, b, _] = image.wb_coeffs;
-    let usable = |v: f32| v.is_finite() && v > 0.0;
     let row = |index: usize| image.xyz_to_cam[index].map(f64::from);
     let matrix = [row(0), row(1), row(2)];
     let known = matrix.as_flattened().iter().any(|v| *v != 0.0);
     CameraColor {
-        as_shot: [r, g, b]
-            .into_iter()
-            .all(usable)
-            .then(|| [r / g, 1.0, b / g]),
+        as_shot: as_shot(image.wb_coeffs),
         matrices: if known {
             vec![(D65, matrix)]
         } else {

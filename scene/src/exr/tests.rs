@@ -1,10 +1,11 @@
 use super::*;
 use crate::image::Image;
-use crate::testing::{assert_error, for_each_damage, for_each_truncation, shared_data};
+use crate::testing::{assert_error, for_each_damage, for_each_truncation};
 use ::exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, IntegerBounds, Layer,
     LayerAttributes, LineOrder, Vec2, WritableImage,
 };
+use eagpt_testkit::test_data;
 use half::f16;
 use std::path::{Path, PathBuf};
 
@@ -376,7 +377,7 @@ fn other_files_are_named() {
 
 #[test]
 fn files_of_other_programs_are_read() {
-    let Some(root) = shared_data("files_of_other_programs_are_read", "kitchen") else {
+    let Some(root) = test_data("files_of_other_programs_are_read", "kitchen") else {
         return;
     };
     let emission = read_single(&root.join("Emissive-exr/0000.exr")).unwrap();

@@ -4,32 +4,11 @@ use super::super::*;
 use super::errors;
 use super::room::ROOM;
 use crate::model::Observations;
-use std::path::{Path, PathBuf};
-
-/// The kitchen's COLMAP model, or `None` after saying that the test is skipped.
-fn kitchen(test: &str) -> Option<PathBuf> {
-    use std::io::Write;
-    let root = std::env::var_os("EAGPT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join("colmap-kitchen");
-    if path.is_dir() {
-        return Some(path);
-    }
-    // Straight to the stream: what `eprintln!` writes is hidden unless the test fails.
-    writeln!(
-        std::io::stderr(),
-        "skipped: {test}: no folder {}",
-        path.display()
-    )
-    .unwrap();
-    None
-}
+use eagpt_testkit::test_data;
 
 #[test]
 fn the_kitchen_becomes_upright() {
-    let Some(root) = kitchen("the_kitchen_becomes_upright") else {
+    let Some(root) = test_data("the_kitchen_becomes_upright", "colmap-kitchen") else {
         return;
     };
     let model = Model::read(&root.join("sparse"), Observations::Keep).unwrap();

@@ -1,5 +1,6 @@
 use super::*;
-use crate::testing::{assert_error, for_each_damage, for_each_truncation, shared_data};
+use crate::testing::{assert_error, for_each_damage, for_each_truncation};
+use eagpt_testkit::test_data;
 
 #[test]
 fn poses_are_turned_from_opengl_to_opencv_axes() {
@@ -413,7 +414,7 @@ fn truncated_and_damaged_transforms_are_errors_or_datasets() {
 
 #[test]
 fn kitchen_opens() {
-    let Some(root) = shared_data("kitchen_opens", "kitchen") else {
+    let Some(root) = test_data("kitchen_opens", "kitchen") else {
         return;
     };
     let dataset = Dataset::open(&root).unwrap();

@@ -1,5 +1,6 @@
 use super::*;
-use crate::testing::{assert_error, shared_data};
+use crate::testing::assert_error;
+use eagpt_testkit::test_data;
 use std::sync::Arc;
 
 #[test]
@@ -291,7 +292,7 @@ fn the_cache_serves_many_threads_and_forgets_failures() {
 
 #[test]
 fn kitchen_views_load() {
-    let Some(root) = shared_data("kitchen_views_load", "kitchen") else {
+    let Some(root) = test_data("kitchen_views_load", "kitchen") else {
         return;
     };
     let dataset = Dataset::open(&root).unwrap();

@@ -1,7 +1,8 @@
 //! Point clouds.
 
 use super::super::*;
-use crate::testing::{assert_error, for_each_truncation, shared_data};
+use crate::testing::{assert_error, for_each_truncation};
+use eagpt_testkit::test_data;
 use glam::Vec3;
 use std::path::Path;
 
@@ -79,7 +80,7 @@ fn point_colours_of_every_type_are_read() {
 
 #[test]
 fn points_of_another_program_are_read() {
-    let Some(root) = shared_data("points_of_another_program_are_read", "kitchen") else {
+    let Some(root) = test_data("points_of_another_program_are_read", "kitchen") else {
         return;
     };
     let cloud = read_points(&root.join("points3d.ply")).unwrap();
