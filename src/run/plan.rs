@@ -324,7 +324,7 @@ impl Plan {
             .join("bake")
             .join(format!("{}.ply", condition.name));
         let name = format!("bake/{}", condition.name);
-        self.look(name, &[], condition, options, out);
+        self.look(name, &[], condition, options, &out);
     }
 
     fn render(
@@ -336,7 +336,7 @@ impl Plan {
     ) -> usize {
         let out = self.out.join("render").join(condition.name).join(row);
         let name = format!("render/{}/{row}", condition.name);
-        self.look(name, &["--mode", mode], condition, options, out)
+        self.look(name, &["--mode", mode], condition, options, &out)
     }
 
     /// A command that takes the scene and the cameras of a condition; its name begins that of the step.
@@ -346,7 +346,7 @@ impl Plan {
         own: &[&str],
         condition: &Condition<'_>,
         options: &Options,
-        out: PathBuf,
+        out: &Path,
     ) -> usize {
         let command = name.split('/').next().unwrap_or_default();
         let mut arguments = words(&[command], &[condition.scene]);
@@ -358,10 +358,10 @@ impl Plan {
             arguments,
             reads,
             after,
-            products: vec![out.clone()],
+            products: vec![out.to_owned()],
             restart: Restart::Itself,
         };
-        self.push_with(options, &out, look)
+        self.push_with(options, out, look)
     }
 
     fn eval(

@@ -47,7 +47,7 @@ pub(super) enum Source {
     /// A dataset that is there.
     Dataset(PathBuf),
     /// Photographs, of which a dataset is to be made.
-    Capture(Capture),
+    Capture(Box<Capture>),
 }
 
 /// RAW brackets.
@@ -164,9 +164,9 @@ impl Project {
                 }
                 Source::Dataset(at(node)?)
             }
-            ("capture", node) => {
-                Source::Capture(reader.capture(&root, Photographs::Taken(at(node)?))?)
-            }
+            ("capture", node) => Source::Capture(Box::new(
+                reader.capture(&root, Photographs::Taken(at(node)?))?,
+            )),
             (_, node) => {
                 let options = section("synth")?.unwrap_or_else(|| reader.seeded("synth"));
                 let scene = match node.string()? {
@@ -175,7 +175,7 @@ impl Project {
                     path => here.join(path).display().to_string(),
                 };
                 let photographs = Photographs::Simulated(scene, options);
-                Source::Capture(reader.capture(&root, photographs)?)
+                Source::Capture(Box::new(reader.capture(&root, photographs)?))
             }
         };
         let scene = root.get("scene").map(at).transpose()?;

@@ -113,20 +113,14 @@ fn compare(plan: &Plan, then: &Folder, now: &Folder) -> Vec<Compared> {
                 product: product.clone(),
                 same: found.as_ref() == Some(digest)
                     || product.ends_with(METRICS_FILE)
-                        && is_some_and_equal(
-                            lasting(&then.dir.join(product)),
-                            lasting(&now.dir.join(product)),
-                        ),
+                        && lasting(&then.dir.join(product))
+                            .is_some_and(|was| Some(was) == lasting(&now.dir.join(product))),
                 was: digest.clone(),
                 is: found,
             });
         }
     }
     compared
-}
-
-fn is_some_and_equal<T: PartialEq>(a: Option<T>, b: Option<T>) -> bool {
-    a.is_some() && a == b
 }
 
 /// The metrics in a file without what another run must have otherwise; `None` if there are none.

@@ -178,8 +178,10 @@ fn what_is_unknown_changes_no_bit() {
     let known = KnownPixels::new(&mask());
     let garbage = |image: &Image<1>| known.with_reference(&image.map(|_| [0.37]), image);
     let garbage3 = |image: &Image<3>| known.with_reference(&image.map(|_| [7.0, 0.0, 0.1]), image);
-    garbled.radiance = garbage3(&garbled.radiance);
-    garbled.normal = garbled.normal.as_ref().map(garbage3);
+    let [radiance, normal] =
+        [Some(&plain.radiance), plain.normal.as_ref()].map(|image| image.map(garbage3));
+    garbled.radiance = radiance.unwrap();
+    garbled.normal = normal;
     garbled.emission = garbled.emission.as_ref().map(garbage);
     garbled.alpha = Some(garbage(&Image::filled(WIDTH, HEIGHT, [1.0])));
     assert_ne!(garbled, plain);
