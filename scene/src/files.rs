@@ -1,6 +1,7 @@
 //! Writing files so that nobody ever sees half of one.
 
 use crate::error::{Result, SceneError};
+use std::ffi::OsStr;
 use std::fs::File;
 use std::hash::{BuildHasher, RandomState};
 use std::io::{BufWriter, Write};
@@ -82,6 +83,59 @@ fn temporary_name(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Removes what processes have left that were killed while they wrote `path`, or files below it if it is a folder. Nothing else may be
+/// writing there.
+///
+/// # Errors
+/// [`SceneError::Io`] if a folder cannot be read, or a file not removed.
+pub fn remove_temporaries(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return sweep(path, &|_| true);
+    }
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(OsStr::to_str))
+    else {
+        return Ok(());
+    };
+    // A bare name is in the current folder.
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    if folder.is_dir() {
+        sweep(folder, &|written| written == name)
+    } else {
+        Ok(())
+    }
+}
+
+/// Removes temporary files of names that `is_ours`, in folders below too if it takes every name.
+fn sweep(folder: &Path, is_ours: &dyn Fn(&str) -> bool) -> Result<()> {
+    let entries = std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read", e))?;
+    for entry in entries {
+        let path = entry.map_err(|e| SceneError::io(folder, "read", e))?.path();
+        if path.is_dir() && !path.is_symlink() {
+            if is_ours("") {
+                sweep(&path, is_ours)?;
+            }
+        } else if path
+            .file_name()
+            .and_then(OsStr::to_str)
+            .and_then(written_name)
+            .is_some_and(is_ours)
+        {
+            remove_if_there(&path)?;
+        }
+    }
+    Ok(())
+}
+
+/// The name that a temporary file would have got, as [`temporary_name`] has it; `None` of another file.
+fn written_name(name: &str) -> Option<&str> {
+    let (name, tag) = name.strip_suffix(".tmp")?.rsplit_once('.')?;
+    (tag.len() == 8 && tag.bytes().all(|byte| byte.is_ascii_hexdigit())).then_some(name)
+}
+
 /// Removes a file, or a folder with everything in it; nothing there is fine.
 ///
 /// # Errors
@@ -116,6 +170,30 @@ mod tests {
         assert!(outcome.is_err());
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_goes_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::create_dir(at("deep")).unwrap();
+        for name in [
+            "a.exr",
+            "a.exr.0b9d304f.tmp",
+            "b.exr.00000000.tmp",
+            "deep/c.png.abcdef01.tmp",
+            "kept.tmp",
+            "kept.0b9d304.tmp",
+        ] {
+            std::fs::write(at(name), b"half").unwrap();
+        }
+        remove_temporaries(&at("a.exr")).unwrap();
+        assert!(at("a.exr").exists() && !at("a.exr.0b9d304f.tmp").exists());
+        assert!(at("b.exr.00000000.tmp").exists());
+        remove_temporaries(dir.path()).unwrap();
+        assert!(!at("b.exr.00000000.tmp").exists() && !at("deep/c.png.abcdef01.tmp").exists());
+        assert!(at("kept.tmp").exists() && at("kept.0b9d304.tmp").exists());
+        remove_temporaries(&at("gone/a.exr")).unwrap();
     }
 
     #[test]

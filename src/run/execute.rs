@@ -212,6 +212,9 @@ pub(super) fn finish(
     begun: StepRecord,
     seconds: f64,
 ) -> Result<()> {
+    for product in &step.products {
+        files::remove_temporaries(product)?;
+    }
     let products = folder.products(step)?;
     let done = StepRecord {
         done: true,
