@@ -74,7 +74,7 @@ pub(crate) struct RenderArgs {
     pub(crate) bounces: u32,
     /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows [default: never]
     #[arg(long, value_name = "FROM_BOUNCE", value_parser = clap::value_parser!(u32).range(1..))]
-    russian_roulette: Option<u32>,
+    pub(crate) russian_roulette: Option<u32>,
     /// Emission from which on a surface counts as an emitter, 0 to 1
     #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = share)]
     emission_threshold: f32,

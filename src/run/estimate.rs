@@ -19,8 +19,9 @@ const ALBEDO_PIXEL_S: f64 = 3e-6;
 const FRAME_PIXEL_S: f64 = 6.5e-6;
 /// For a sample of a pixel by 1-bounce.
 const BOUNCE_S: f64 = 4e-6;
-/// For a path, and for each bounce that it may have.
-const PATH_BOUNCE_S: f64 = 3.5e-6;
+/// For each bounce that a path may have; and where most paths end at random before.
+const PATH_BOUNCE_S: f64 = 9.5e-6;
+const ROULETTE_BOUNCE_S: f64 = 3.5e-6;
 /// For a direction that a Gaussian gathers light from.
 const GATHER_S: f64 = 3.4e-6;
 /// For a pixel that masks are made for, on the way through two passes.
@@ -118,8 +119,11 @@ fn render(args: &RenderArgs) -> Option<f64> {
         Mode::ZeroBounce => pixels * FRAME_PIXEL_S,
         Mode::OneBounce => pixels * (FRAME_PIXEL_S + samples * BOUNCE_S),
         Mode::Path => {
-            let bounces = f64::from(args.bounces);
-            pixels * (FRAME_PIXEL_S + samples * bounces * PATH_BOUNCE_S)
+            let bounce = match args.russian_roulette {
+                Some(_) => ROULETTE_BOUNCE_S,
+                None => PATH_BOUNCE_S,
+            };
+            pixels * (FRAME_PIXEL_S + samples * f64::from(args.bounces) * bounce)
         }
     })
 }
