@@ -4,7 +4,7 @@ use crate::color::linear_from_srgb;
 use crate::error::{Result, SceneError};
 use crate::image::Image;
 use crate::{exr, files};
-use ::image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 use std::sync::LazyLock;
@@ -13,6 +13,9 @@ use std::sync::LazyLock;
 const MAX_EDGE: u32 = 65_535;
 /// Most bytes of a decoded picture: 16-bit RGBA of 2²⁸ pixels.
 const MAX_BYTES: u64 = 1 << 31;
+
+/// Most bytes of a decoded picture for each byte of its file: deflate makes at most 1,032 of one, JPEG 1,024, with a bit for each block.
+const MAX_GROWTH: u64 = 2048;
 
 /// Linear light of every sRGB value of 16 bits; those of 8 bits are among them, 257 apart.
 static LINEAR: LazyLock<Vec<f32>> = LazyLock::new(|| {
@@ -156,6 +159,7 @@ fn whole<const C: usize>(path: &Path, image: Option<Image<C>>) -> Result<Image<C
 
 fn decode(path: &Path) -> Result<DynamicImage> {
     let bytes = files::read(path)?;
+    let num_bytes = bytes.len() as u64;
     let invalid = |problem: String| SceneError::invalid(path, "image", problem);
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -168,7 +172,16 @@ fn decode(path: &Path) -> Result<DynamicImage> {
     limits.max_image_height = Some(MAX_EDGE);
     limits.max_alloc = Some(MAX_BYTES);
     reader.limits(limits);
-    reader.decode().map_err(|error| invalid(error.to_string()))
+    let decoder = reader.into_decoder();
+    let decoder = decoder.map_err(|error| invalid(error.to_string()))?;
+    // A file of a few bytes may state any size: no memory is taken for what cannot be in it.
+    if decoder.total_bytes() > MAX_GROWTH * num_bytes {
+        let (width, height) = decoder.dimensions();
+        return Err(invalid(format!(
+            "{num_bytes} bytes cannot hold {width}x{height} pixels"
+        )));
+    }
+    DynamicImage::from_decoder(decoder).map_err(|error| invalid(error.to_string()))
 }
 
 #[cfg(test)]
@@ -195,6 +208,27 @@ mod tests {
         let light = read_light(&path).unwrap();
         assert!((light.radiance.get(0, 0)[0] - 0.2).abs() < 1e-6);
         assert!((light.alpha.unwrap().get(0, 0)[0] - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn sizes_that_a_file_cannot_hold_take_no_memory() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.jpg");
+        RgbImage::new(8, 8).save(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        // Height and width follow the frame header's marker, its length and its depth.
+        let frame = bytes.windows(2).position(|pair| pair == [0xff, 0xc0]);
+        let at = frame.unwrap() + 5;
+        bytes[at..at + 4].copy_from_slice(&[0x1f, 0x00, 0x89, 0x50]);
+        std::fs::write(&path, &bytes).unwrap();
+        assert_error(read_light(&path), &["a.jpg: ", "cannot hold 35152x7936"]);
+        // The emptiest picture that there is compresses as far as it can.
+        for format in [ImageFormat::Jpeg, ImageFormat::Png] {
+            RgbImage::new(4096, 2048)
+                .save_with_format(&path, format)
+                .unwrap();
+            read_light(&path).unwrap();
+        }
     }
 
     #[test]
