@@ -3,7 +3,7 @@
 //! The methods are those of the crate `demosaic`. A lamp is a thousand times as bright as the wall beside it, and filters with
 //! negative lobes draw dark or coloured rims around it; so they work on the fourth root of the signal, where the lamp is six times as
 //! bright. That also turns differences of colours into something like quotients, which change less from pixel to pixel. Noise is not
-//! biased by more than rounding: where it matters, near black, the scale is linear. What is left at steep edges is the task of [`steep`].
+//! biased by more than rounding: where it matters, near black, the scale is linear. What is left at steep edges is the task of `steep`.
 
 mod steep;
 
