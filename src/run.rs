@@ -23,6 +23,7 @@ mod verify;
 
 pub(crate) use derive::{absolute, steps};
 pub(crate) use init::{InitArgs, run as init};
+pub(crate) use project::{ORIGINAL, Part, sections};
 
 /// Runs a project to its end, or to the end of a step.
 ///

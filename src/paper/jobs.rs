@@ -2,15 +2,13 @@
 
 use super::published::{self, Light, SCENES};
 use super::rows::{Mode, Row, Scene, section};
+use crate::run::ORIGINAL;
 use anyhow::{Context, Result, bail};
 use eagpt_eval::tabulate::repeats::RepeatCell;
 use eagpt_report::run::RunRecord;
 use eagpt_scene::Dataset;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
-
-/// Name of the condition that was photographed, as `eagpt run` has it.
-const ORIGINAL: &str = "original";
 
 /// A dataset with the project that rows are derived from.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! The rows of the tables: what each changes in a project.
 
+use crate::run::{Part, sections};
 use anyhow::{Result, bail};
 use eagpt_train::{Preset, TrainOptions};
 use toml::{Table, Value};
@@ -245,7 +246,7 @@ impl Row {
     /// The project that renders and measures a trained scene.
     pub(super) fn project(&self, base: &Table, scene: &str) -> Table {
         let mut project = base.clone();
-        for key in ["masks", "train"] {
+        for key in sections(Part::Training) {
             project.remove(key);
         }
         project.insert("scene".to_owned(), scene.into());
@@ -293,13 +294,16 @@ mod tests {
 
     #[test]
     fn rows_change_what_they_are_called_after() {
-        let base = base("dataset = \"a\"\n[train]\nset = [\"a=1\"]\n[render]\nspp = 4\n[bake]");
+        let base = base(
+            "dataset = \"a\"\n[normals]\nmaps = \"n\"\n[train]\nset = [\"a=1\"]\n[render]\nspp = 4\n[bake]",
+        );
         let row = |name: &str| ROWS.iter().find(|row| row.name == name).unwrap();
         let derived = row("bounces-3").project(&base, "s.ply");
         assert_eq!(derived["scene"].as_str(), Some("s.ply"));
         assert_eq!(derived["render"]["path"]["bounces"].as_integer(), Some(3));
         assert_eq!(derived["render"]["spp"].as_integer(), Some(4));
         assert!(!derived.contains_key("train") && !derived.contains_key("bake"));
+        assert!(!derived.contains_key("normals"));
         let derived = row("baked").project(&base, "s.ply");
         assert!(derived["render"]["modes"].as_array().unwrap().is_empty());
         assert!(derived.contains_key("bake"));

@@ -1,12 +1,11 @@
 //! Projects made of others.
 
 use super::plan::Plan;
-use super::project::Project;
+use super::project::{self, Project, SECTIONS};
 use crate::cli::Cli;
 use anyhow::{Context, Result};
-use clap::{Command, CommandFactory};
-use std::any::TypeId;
-use std::path::{Path, PathBuf};
+use clap::CommandFactory;
+use std::path::Path;
 use toml::{Table, Value};
 
 /// The content of a project file with all of its paths absolute, so that it may lie anywhere.
@@ -48,30 +47,14 @@ pub(crate) fn steps(path: &Path, text: &str) -> Result<Vec<PlannedStep>> {
     Ok(steps.collect())
 }
 
-/// Sections of a project with their commands.
-const SECTIONS: [(&str, &str); 9] = [
-    ("synth", "synth"),
-    ("ingest", "ingest"),
-    ("colmap", "colmap run"),
-    ("poses", "colmap import"),
-    ("masks", "masks"),
-    ("train", "train"),
-    ("render", "render"),
-    ("bake", "bake"),
-    ("eval", "eval"),
-];
-
 /// Calls `visit` with every path that a project file names.
 fn for_each_path(root: &mut Table, visit: &mut dyn FnMut(&mut String)) {
     let command = Cli::command();
-    for (section, name) in SECTIONS {
-        let mut words = name.split(' ');
-        let found = words.try_fold(&command, |command, word| command.find_subcommand(word));
+    for (section, name, _) in SECTIONS {
+        let of = project::command(&command, name);
         let is_path = |key: &str| {
-            let long = key.replace('_', "-");
-            let mut all = found.into_iter().flat_map(Command::get_arguments);
-            all.find(|argument| argument.get_long() == Some(&long))
-                .is_some_and(|found| found.get_value_parser().type_id() == TypeId::of::<PathBuf>())
+            of.and_then(|of| project::option(of, &key.replace('_', "-")))
+                .is_some_and(project::takes_path)
                 || (section, key) == ("poses", "model")
         };
         if let Some(Value::Table(table)) = root.get_mut(section) {
@@ -128,7 +111,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("p.toml");
         let text = "simulate = \"small-room\"\nmeasure = \"a\"\n[masks]\nlabels = \"b\"\nrule = \"any\"\n\
-                    [render.path]\noidn = \"c\"\n[[relight]]\nname = \"d\"\nscript = \"e/f.toml\"\n[poses]\nmodel = \"g\"";
+                    [render.path]\noidn = \"c\"\n[[relight]]\nname = \"d\"\nscript = \"e/f.toml\"\n[poses]\nmodel = \"g\"\n\
+                    [normals]\nmaps = \"h\"";
         std::fs::write(&path, text).unwrap();
         let found = absolute(&path).unwrap();
         let at = |name: &str| Value::from(dir.path().join(name).display().to_string());
@@ -137,6 +121,7 @@ mod tests {
         assert_eq!(found["render"]["path"]["oidn"], at("c"));
         assert_eq!(found["relight"][0]["script"], at("e/f.toml"));
         assert_eq!(found["poses"]["model"], at("g"));
+        assert_eq!(found["normals"]["maps"], at("h"));
         for (value, wanted) in [
             (&found["simulate"], "small-room"),
             (&found["masks"]["rule"], "any"),

@@ -2,7 +2,7 @@
 
 use crate::cli::Cli;
 use anyhow::Result;
-use clap::{ArgAction, Command, CommandFactory};
+use clap::{Arg, ArgAction, Command, CommandFactory};
 use eagpt_scene::script::{Node, Table, Text};
 use eagpt_scene::{SceneError, files};
 use std::any::TypeId;
@@ -100,10 +100,71 @@ pub(super) struct Options {
     pub(super) paths: Vec<PathBuf>,
 }
 
+/// What a section of a project is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Making a dataset of photographs.
+    Capture,
+    /// Making a scene of a dataset.
+    Training,
+    /// What is made of a scene.
+    Results,
+}
+
+/// Sections of a project: name, command whose options it holds, what it is for.
+pub(super) const SECTIONS: [(&str, &str, Part); 10] = [
+    ("synth", "synth", Part::Capture),
+    ("ingest", "ingest", Part::Capture),
+    ("colmap", "colmap run", Part::Capture),
+    ("poses", "colmap import", Part::Capture),
+    ("masks", "masks", Part::Training),
+    ("normals", "normals", Part::Training),
+    ("train", "train", Part::Training),
+    ("render", "render", Part::Results),
+    ("bake", "bake", Part::Results),
+    ("eval", "eval", Part::Results),
+];
+
+/// Keys of a project that are no sections.
+const KEYS: [&str; 9] = [
+    "out",
+    "seed",
+    "dataset",
+    "capture",
+    "simulate",
+    "conditions",
+    "measure",
+    "scene",
+    "relight",
+];
+
+/// Names of the sections that are for a part of the chain.
+pub(crate) fn sections(of: Part) -> impl Iterator<Item = &'static str> {
+    let mine = SECTIONS.iter().filter(move |(.., part)| *part == of);
+    mine.map(|(name, ..)| *name)
+}
+
+/// A command by its name, as `colmap import`.
+pub(super) fn command<'a>(program: &'a Command, name: &str) -> Option<&'a Command> {
+    let mut words = name.split(' ');
+    words.try_fold(program, |command, word| command.find_subcommand(word))
+}
+
+/// An option of a command by its long name.
+pub(super) fn option<'a>(command: &'a Command, long: &str) -> Option<&'a Arg> {
+    let mut arguments = command.get_arguments();
+    arguments.find(|argument| argument.get_long() == Some(long))
+}
+
+/// Whether an option takes paths.
+pub(super) fn takes_path(option: &Arg) -> bool {
+    option.get_value_parser().type_id() == TypeId::of::<PathBuf>()
+}
+
 /// Modes that `eagpt render` has.
 const MODES: [&str; 3] = ["0-bounce", "1-bounce", "path"];
 /// Name of the condition that was photographed.
-pub(super) const ORIGINAL: &str = "original";
+pub(crate) const ORIGINAL: &str = "original";
 
 impl Project {
     /// Reads a project file; `out` goes before what it says itself. Paths in it are relative to its folder.
@@ -115,27 +176,11 @@ impl Project {
     pub(super) fn parse(path: &Path, bytes: &[u8], out: Option<&Path>) -> Result<Self> {
         let text = Text::new(path, bytes)?;
         let value = text.parse()?;
-        let root = Node::root(text, &value).table(&[
-            "out",
-            "seed",
-            "dataset",
-            "capture",
-            "simulate",
-            "synth",
-            "conditions",
-            "measure",
-            "scene",
-            "ingest",
-            "colmap",
-            "poses",
-            "masks",
-            "normals",
-            "train",
-            "relight",
-            "render",
-            "bake",
-            "eval",
-        ])?;
+        let keys: Vec<&str> = KEYS
+            .into_iter()
+            .chain(SECTIONS.iter().map(|(name, ..)| *name))
+            .collect();
+        let root = Node::root(text, &value).table(&keys)?;
         let here = path.parent().unwrap_or(Path::new(""));
         let at = |node: Node<'_>| -> Result<PathBuf> { Ok(here.join(node.string()?)) };
         let command = Cli::command();
@@ -158,8 +203,8 @@ impl Project {
         };
         let source = match root.one_of(&["dataset", "capture", "simulate"])? {
             ("dataset", node) => {
-                let only_of_captures = ["synth", "conditions", "ingest", "colmap", "poses"];
-                if let Some(stray) = only_of_captures.iter().find_map(|key| root.get(key)) {
+                let mut only_of_captures = sections(Part::Capture).chain(["conditions"]);
+                if let Some(stray) = only_of_captures.find_map(|key| root.get(key)) {
                     return Err(stray.error("is for a capture, not for a dataset").into());
                 }
                 Source::Dataset(at(node)?)
@@ -179,7 +224,7 @@ impl Project {
             }
         };
         let scene = root.get("scene").map(at).transpose()?;
-        let of_training = ["masks", "train"].iter().find_map(|key| root.get(key));
+        let of_training = sections(Part::Training).find_map(|key| root.get(key));
         if let (Some(_), Some(stray)) = (&scene, of_training) {
             let problem = "is for a scene to be trained, but `scene` names one that is";
             return Err(stray.error(problem).into());
@@ -257,15 +302,8 @@ impl Reader<'_> {
         }
     }
 
-    /// A command by its name, as `colmap import`.
-    fn command(&self, name: &str) -> Option<&Command> {
-        let mut words = name.split(' ');
-        words.try_fold(self.command, |command, word| command.find_subcommand(word))
-    }
-
-    fn find(&self, name: &str, option: &str) -> Option<&clap::Arg> {
-        let mut arguments = self.command(name)?.get_arguments();
-        arguments.find(|argument| argument.get_long() == Some(option))
+    fn find(&self, name: &str, long: &str) -> Option<&Arg> {
+        option(command(self.command, name)?, long)
     }
 
     /// The options of a section that is called like its command.
@@ -303,8 +341,7 @@ impl Reader<'_> {
     }
 
     fn unknown(&self, name: &str) -> String {
-        let arguments = self
-            .command(name)
+        let arguments = command(self.command, name)
             .into_iter()
             .flat_map(Command::get_arguments);
         let known: Vec<String> = arguments
@@ -322,7 +359,7 @@ impl Reader<'_> {
     fn push(
         &self,
         options: &mut Options,
-        argument: &clap::Arg,
+        argument: &Arg,
         flag: &str,
         node: &Node<'_>,
     ) -> Result<()> {
@@ -332,7 +369,7 @@ impl Reader<'_> {
             }
             return Ok(());
         }
-        let is_path = argument.get_value_parser().type_id() == TypeId::of::<PathBuf>();
+        let is_path = takes_path(argument);
         let paths = &mut options.paths;
         let mut text = |node: &Node<'_>| -> Result<String, SceneError> {
             let text = node.scalar()?;
