@@ -46,5 +46,6 @@ pub use metrics::{METRICS, MeanOf, Metric};
 pub use pair::{Comparison, ImageMetrics, compare, compare_known};
 pub use psnr::{psnr, psnr_linear, psnr_pq, psnr_srgb};
 pub use regions::{LightChange, Region, RegionMetrics, Regions, region_metrics};
+pub use report::{METRICS_FILE, RESULT_FILES};
 pub use ssim::{SsimGradient, ssim, ssim_srgb, ssim_with_gradient};
 pub use tabulate::{ModeTable, TableFolder, TableOptions, tabulate};

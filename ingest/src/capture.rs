@@ -5,6 +5,7 @@ use crate::noise::Noise;
 use crate::options::IngestOptions;
 use crate::problem::Problem;
 use crate::vignetting::Falloff;
+use eagpt_scene::lens::Pinhole;
 use serde::{Deserialize, Serialize};
 
 /// A capture as it was ingested.
@@ -34,23 +35,6 @@ pub struct Capture {
     pub left_out: Vec<Problem>,
     /// What else a reader should know.
     pub notes: Vec<String>,
-}
-
-/// A pinhole camera, in pixels of the written images; the principal point is measured from the image's corner.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Pinhole {
-    /// Width of the images.
-    pub width: u32,
-    /// Height of the images.
-    pub height: u32,
-    /// Focal length along x.
-    pub fx: f64,
-    /// Focal length along y.
-    pub fy: f64,
-    /// Principal point.
-    pub cx: f64,
-    /// Principal point.
-    pub cy: f64,
 }
 
 /// A stack as it was merged.

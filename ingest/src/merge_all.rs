@@ -1,6 +1,6 @@
 //! The second half of the job: stacks that are good, and decisions, become files.
 
-use crate::capture::{Capture, Pinhole, Quality, ShotReport, StackReport};
+use crate::capture::{Capture, Quality, ShotReport, StackReport};
 use crate::develop::{Developed, Recipe, develop};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
@@ -14,7 +14,7 @@ use crate::resample::fitted;
 use crate::stack::{Photograph, Stack};
 use crate::survey::{self, Survey, estimated, read_shots};
 use crate::warnings;
-use eagpt_scene::lens::Undistortion;
+use eagpt_scene::lens::{Pinhole, Undistortion};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Shard, files};
 use glam::DAffine3;
@@ -315,13 +315,5 @@ fn pinhole(undistortion: &Undistortion, long_side: Option<u32>) -> Pinhole {
     let camera = undistortion.camera(DAffine3::IDENTITY);
     let size = (camera.width, camera.height);
     let (width, height) = long_side.map_or(size, |side| fitted(size, side));
-    let camera = camera.resized(width, height);
-    Pinhole {
-        width,
-        height,
-        fx: camera.fx,
-        fy: camera.fy,
-        cx: camera.cx,
-        cy: camera.cy,
-    }
+    Pinhole::of(&camera.resized(width, height))
 }

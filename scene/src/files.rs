@@ -90,7 +90,7 @@ fn temporary_name(path: &Path) -> PathBuf {
 /// [`SceneError::Io`] if a folder cannot be read, or a file not removed.
 pub fn remove_temporaries(path: &Path) -> Result<()> {
     if path.is_dir() {
-        return sweep(path, &|_| true);
+        return sweep(path, None);
     }
     let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(OsStr::to_str))
     else {
@@ -103,27 +103,24 @@ pub fn remove_temporaries(path: &Path) -> Result<()> {
         folder
     };
     if folder.is_dir() {
-        sweep(folder, &|written| written == name)
+        sweep(folder, Some(name))
     } else {
         Ok(())
     }
 }
 
-/// Removes temporary files of names that `is_ours`, in folders below too if it takes every name.
-fn sweep(folder: &Path, is_ours: &dyn Fn(&str) -> bool) -> Result<()> {
+/// Removes temporary files of `only` this name; without one, of all names, and in folders below too.
+fn sweep(folder: &Path, only: Option<&str>) -> Result<()> {
     let entries = std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read", e))?;
     for entry in entries {
         let path = entry.map_err(|e| SceneError::io(folder, "read", e))?.path();
+        let name = path.file_name().and_then(OsStr::to_str);
+        let written = name.and_then(written_name);
         if path.is_dir() && !path.is_symlink() {
-            if is_ours("") {
-                sweep(&path, is_ours)?;
+            if only.is_none() {
+                sweep(&path, only)?;
             }
-        } else if path
-            .file_name()
-            .and_then(OsStr::to_str)
-            .and_then(written_name)
-            .is_some_and(is_ours)
-        {
+        } else if written.is_some_and(|written| only.is_none_or(|only| only == written)) {
             remove_if_there(&path)?;
         }
     }

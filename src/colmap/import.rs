@@ -14,8 +14,7 @@ use eagpt_colmap::import::{
 use eagpt_colmap::model::PointId;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::UpAxis;
-use eagpt_scene::lens::Field;
-use eagpt_scene::lens::undistort::{Pinhole, UndistortOptions};
+use eagpt_scene::lens::{Field, Pinhole, UndistortOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;

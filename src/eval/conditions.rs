@@ -8,7 +8,10 @@ use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use crate::terminal;
 use anyhow::{Result, bail};
 use eagpt_eval::job::Mean;
-use eagpt_eval::{Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation};
+use eagpt_eval::{
+    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, METRICS_FILE,
+    RESULT_FILES,
+};
 use eagpt_scene::Dataset;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -227,9 +230,7 @@ fn files(job: &Job, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
 }
 
 fn result_files() -> impl Iterator<Item = PathBuf> {
-    ["metrics.json", "metrics.csv", "table.md", "table.tex"]
-        .into_iter()
-        .map(PathBuf::from)
+    RESULT_FILES.into_iter().map(PathBuf::from)
 }
 
 fn same_folder(a: &Path, b: &Path) -> bool {
@@ -257,7 +258,7 @@ fn tell(reporter: &mut Reporter, message: &EvalProgress, target: &Target<'_>) ->
 
 /// The means, as the last thing on the screen.
 fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArgs) -> Result<()> {
-    let path = out.join("metrics.json");
+    let path = out.join(METRICS_FILE);
     let keyed = |means: &[Mean]| -> Map<String, Value> {
         let means = means.iter();
         means

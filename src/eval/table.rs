@@ -8,7 +8,7 @@ use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use eagpt_eval::tabulate::{DEFAULT_METRICS, FILES};
-use eagpt_eval::{TableFolder, TableOptions};
+use eagpt_eval::{METRICS_FILE, TableFolder, TableOptions};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -64,7 +64,7 @@ pub(super) fn run(args: &TableArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     let mut builder = RecordBuilder::begin("eval table", &options)?;
     let folders = options.folders.iter();
-    let inputs: Vec<PathBuf> = folders.map(|f| f.folder.join("metrics.json")).collect();
+    let inputs: Vec<PathBuf> = folders.map(|f| f.folder.join(METRICS_FILE)).collect();
     for path in &inputs {
         builder.record.inputs.push(Input::of(path)?);
     }

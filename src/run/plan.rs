@@ -4,6 +4,7 @@ use super::project::{Capture, ORIGINAL, Options, Photographs, Project, Relight, 
 use super::step::{Restart, Step, parse};
 use anyhow::{Result, anyhow, bail};
 use eagpt_edit::Script;
+use eagpt_eval::METRICS_FILE;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE};
 use std::path::{Path, PathBuf};
@@ -392,7 +393,7 @@ impl Plan {
             arguments,
             reads,
             after,
-            products: vec![out.join("metrics.json")],
+            products: vec![out.join(METRICS_FILE)],
             restart: Restart::Anew,
         };
         let step = self.push_with(&project.eval, &out, step);

@@ -8,15 +8,13 @@ use crate::cli::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::{Context, Result, bail};
+use eagpt_eval::METRICS_FILE;
 use eagpt_report::run::PROJECT_FILE;
 use eagpt_scene::files;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-
-/// What an evaluation makes.
-const METRICS_FILE: &str = "metrics.json";
 
 /// A product, then and now.
 #[derive(Debug, Serialize)]

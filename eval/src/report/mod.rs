@@ -11,10 +11,13 @@ use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-pub(crate) const JSON: &str = "metrics.json";
+/// What an evaluation leaves for programs: means, views, definitions.
+pub const METRICS_FILE: &str = "metrics.json";
 const CSV: &str = "metrics.csv";
 const MARKDOWN: &str = "table.md";
 const LATEX: &str = "table.tex";
+/// Names of all files of an evaluation.
+pub const RESULT_FILES: [&str; 4] = [METRICS_FILE, CSV, MARKDOWN, LATEX];
 
 /// What else `metrics.json` holds, beside metrics.
 const MORE_DEFINITIONS: [(&str, &str); 4] = [
@@ -38,7 +41,7 @@ const MORE_DEFINITIONS: [(&str, &str); 4] = [
 
 /// The files of [`write`] in the folder `out`.
 pub(crate) fn files(out: &Path) -> [PathBuf; 4] {
-    [JSON, CSV, MARKDOWN, LATEX].map(|name| out.join(name))
+    RESULT_FILES.map(|name| out.join(name))
 }
 
 /// Writes all files, each atomically, `metrics.json` last.
@@ -53,7 +56,7 @@ pub(crate) fn write(out: &Path, evaluation: &Evaluation) -> Result<()> {
         (MARKDOWN, joined(views.markdown(), regions)),
         (LATEX, views.latex()),
     ];
-    write_all(out, texts, (JSON, json(evaluation)))
+    write_all(out, texts, (METRICS_FILE, json(evaluation)))
 }
 
 /// As [`write`] for several conditions, whose own files are elsewhere.
@@ -75,7 +78,7 @@ pub(crate) fn write_conditions(out: &Path, found: &Conditions) -> Result<()> {
             "conditions": conditions,
         })
     });
-    write_all(out, texts, (JSON, json))
+    write_all(out, texts, (METRICS_FILE, json))
 }
 
 /// Writes texts, each atomically, and at last the JSON file, from which the others can be told to be complete.

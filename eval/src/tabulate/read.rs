@@ -29,7 +29,7 @@ pub(super) struct Found {
 
 /// The conditions of an evaluation.
 pub(super) fn conditions(folder: &TableFolder, metrics: &[&'static Metric]) -> Result<Vec<Found>> {
-    let path = folder.folder.join(report::JSON);
+    let path = folder.folder.join(report::METRICS_FILE);
     let invalid = |field: &str, problem: String| SceneError::invalid(&path, field, problem);
     let mut evaluated: Evaluated = serde_json::from_slice(&files::read(&path)?)
         .map_err(|error| invalid("JSON", error.to_string()))?;

@@ -134,7 +134,7 @@ impl RepeatTable {
             let mut all = read::conditions(&folder, &self.metrics)?.into_iter();
             let found = all.find(|found| found.condition == cell.condition);
             let found = found.ok_or_else(|| {
-                let path = folder.folder.join(crate::report::JSON);
+                let path = folder.folder.join(crate::report::METRICS_FILE);
                 let problem = format!("no condition is called `{}`", cell.condition);
                 SceneError::invalid(&path, "name", problem)
             })?;

@@ -20,7 +20,7 @@ mod tests;
 
 pub use model::LensModel;
 pub use remap::{Remapped, remap};
-pub use undistort::{Field, UndistortOptions, Undistortion};
+pub use undistort::{Field, Pinhole, UndistortOptions, Undistortion};
 
 use crate::camera::Camera;
 use distortion::{Distortion, Order};

@@ -40,42 +40,25 @@ pub struct Pinhole {
 impl Pinhole {
     /// That of a camera.
     pub fn of(camera: &Camera) -> Self {
-        let &Camera {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-            ..
-        } = camera;
         Self {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
+            width: camera.width,
+            height: camera.height,
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
         }
     }
 
     /// The camera at a pose.
     pub fn at(&self, world_from_camera: DAffine3) -> Camera {
-        let &Self {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-        } = self;
         Camera {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
+            width: self.width,
+            height: self.height,
+            fx: self.fx,
+            fy: self.fy,
+            cx: self.cx,
+            cy: self.cy,
             world_from_camera,
         }
     }

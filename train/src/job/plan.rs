@@ -215,6 +215,8 @@ pub struct Memory {
     pub least: u64,
     /// Bytes of the images, all of them prepared.
     pub images: u64,
+    /// Bytes of the largest of them.
+    pub largest_image: u64,
 }
 
 /// Plans the memory of training on `dataset`.
@@ -233,9 +235,11 @@ pub fn memory(dataset: &Dataset, options: &TrainOptions, split: &Split) -> Resul
     } else {
         images / 5
     };
+    let largest_image = largest * BYTES_PER_VIEW_PIXEL;
     Ok(Memory {
-        least: fixed + largest * BYTES_PER_VIEW_PIXEL + irradiance,
+        least: fixed + largest_image + irradiance,
         images,
+        largest_image,
     })
 }
 
@@ -245,13 +249,14 @@ pub(super) fn image_budget(
     dataset: &Dataset,
     split: &Split,
 ) -> Result<usize> {
-    let Memory { least, images } = memory(dataset, &request.options, split)?;
+    let Memory {
+        least,
+        images,
+        largest_image,
+    } = memory(dataset, &request.options, split)?;
     let Some(available) = available_memory() else {
         return Ok(request.image_budget.unwrap_or(images as usize));
     };
-    let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels();
-    let largest = split.train.iter().map(pixels).max().unwrap_or(0) as u64;
-    let one_view = largest * BYTES_PER_VIEW_PIXEL;
     if least > available {
         return Err(TrainError::Memory {
             needed_mib: least >> 20,
@@ -262,5 +267,5 @@ pub(super) fn image_budget(
     Ok(request
         .image_budget
         .unwrap_or(((available - least) / 2).min(images) as usize)
-        .max(one_view as usize))
+        .max(largest_image as usize))
 }
