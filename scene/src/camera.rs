@@ -1,6 +1,6 @@
 //! Pinhole cameras.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 /// A pinhole camera. In memory the camera's axes are OpenCV's: x right, y down, z forward.
 ///
@@ -46,6 +46,30 @@ impl RayFrame {
 }
 
 impl Camera {
+    /// A camera of square pixels whose optical axis meets the middle of the image; `fov_x_rad` is the horizontal field of view, between 0
+    /// and pi.
+    pub fn centred([width, height]: [u32; 2], fov_x_rad: f64, world_from_camera: DAffine3) -> Self {
+        let focal = 0.5 * f64::from(width) / (0.5 * fov_x_rad).tan();
+        Self {
+            width,
+            height,
+            fx: focal,
+            fy: focal,
+            cx: 0.5 * f64::from(width),
+            cy: 0.5 * f64::from(height),
+            world_from_camera,
+        }
+    }
+
+    /// Pose of a camera at `eye` that looks along the unit vector `forward`, which is not vertical, with the horizon (z is up) level.
+    pub fn level_pose(eye: DVec3, forward: DVec3) -> DAffine3 {
+        let right = forward.cross(DVec3::Z).normalize();
+        DAffine3 {
+            matrix3: DMat3::from_cols(right, forward.cross(right), forward),
+            translation: eye,
+        }
+    }
+
     /// Number of pixels.
     pub fn num_pixels(&self) -> usize {
         self.width as usize * self.height as usize

@@ -161,11 +161,9 @@ fn execute(
 ) -> Result<ExitCode> {
     let step = &plan.steps[index];
     let begun = begin(step, index, folder, (key, reason))?;
-    record::forget_peak_memory();
-    let started = Instant::now();
-    let code = dispatch(begun.command.clone(), global)?;
+    let (code, seconds) = dispatch(begun.command.clone(), global)?;
     if code == ExitCode::SUCCESS {
-        finish(step, folder, begun, started.elapsed().as_secs_f64())?;
+        finish(step, folder, begun, seconds)?;
     }
     Ok(code)
 }
@@ -199,10 +197,13 @@ pub(super) fn begin(
     Ok(begun)
 }
 
-/// Runs a command as if it had been typed.
-pub(super) fn dispatch(arguments: Vec<String>, global: &GlobalArgs) -> Result<ExitCode> {
+/// Runs a command as if it had been typed, and says how many seconds it took. The peak of memory is its own afterwards.
+pub(super) fn dispatch(arguments: Vec<String>, global: &GlobalArgs) -> Result<(ExitCode, f64)> {
+    record::forget_peak_memory();
+    let started = Instant::now();
     let command = parse(&arguments)?;
-    record::with_arguments(arguments, || cli::dispatch(&command, global))
+    let code = record::with_arguments(arguments, || cli::dispatch(&command, global))?;
+    Ok((code, started.elapsed().as_secs_f64()))
 }
 
 /// Notes what a step has made.

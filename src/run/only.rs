@@ -10,13 +10,12 @@ use super::state::{Folder, Patience};
 use super::step::Step;
 use crate::cli::GlobalArgs;
 use crate::progress::Reporter;
-use crate::{record, terminal};
+use crate::terminal;
 use anyhow::{Context, Result, bail};
 use eagpt_scene::Shard;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
 
 /// Runs one step, or a part of it, if it has to be run.
 ///
@@ -58,14 +57,11 @@ pub(super) fn run(
     if let Some(shard) = shard {
         arguments.extend(["--shard".to_owned(), shard.to_string()]);
     }
-    record::forget_peak_memory();
-    let started = Instant::now();
-    let code =
+    let (code, seconds) =
         execute::dispatch(arguments, global).with_context(|| format!("step {}", step.name))?;
     if code != ExitCode::SUCCESS || shard.is_some() {
         return Ok(code);
     }
-    let seconds = started.elapsed().as_secs_f64();
     let mut ahead = Folder::look_at(&plan.out)?;
     ahead.products(step)?;
     let mut folder = Folder::open(&plan.out, Patience::Long)?;

@@ -87,16 +87,7 @@ pub fn compare<T: Tracer>(new: impl Fn(&Gaussians) -> T + Sync) -> Result<Parity
 
 /// In the middle of the cloud, looking along z, 60° across.
 fn camera(width: u32, height: u32) -> Camera {
-    let focal = 0.5 * f64::from(width) / 30.0_f64.to_radians().tan();
-    Camera {
-        width,
-        height,
-        fx: focal,
-        fy: focal,
-        cx: 0.5 * f64::from(width),
-        cy: 0.5 * f64::from(height),
-        world_from_camera: DAffine3::IDENTITY,
-    }
+    Camera::centred([width, height], 60.0_f64.to_radians(), DAffine3::IDENTITY)
 }
 
 #[cfg(test)]

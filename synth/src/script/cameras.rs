@@ -2,7 +2,7 @@
 
 use eagpt_scene::script::Node;
 use eagpt_scene::{Camera, Result};
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+use glam::DVec2;
 use std::f64::consts::TAU;
 
 /// Where photographs are taken from.
@@ -119,25 +119,7 @@ impl CameraPlan {
         let inwards = angle + 0.5 * TAU;
         let (heading, pitch) = (inwards + of(&ring.turns_rad), of(&ring.pitches_rad));
         let level = DVec2::from_angle(heading) * pitch.cos();
-        let [width, height] = self.size;
-        let focal = 0.5 * f64::from(width) / (0.5 * self.fov_x_rad).tan();
-        Camera {
-            width,
-            height,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * f64::from(width),
-            cy: 0.5 * f64::from(height),
-            world_from_camera: looking(eye, level.extend(pitch.sin())),
-        }
-    }
-}
-
-/// A level camera at `eye` that looks along `forward`.
-fn looking(eye: DVec3, forward: DVec3) -> DAffine3 {
-    let right = forward.cross(DVec3::Z).normalize();
-    DAffine3 {
-        matrix3: DMat3::from_cols(right, forward.cross(right), forward),
-        translation: eye,
+        let pose = Camera::level_pose(eye, level.extend(pitch.sin()));
+        Camera::centred(self.size, self.fov_x_rad, pose)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::shapes::HALF_FLOOR;
 use eagpt_scene::Camera;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::DVec3;
 use std::f64::consts::TAU;
 
 /// Horizontal field of view, degrees.
@@ -23,26 +23,8 @@ pub fn cameras(num: usize, width: u32, height: u32) -> Vec<Camera> {
             // Past the middle, so that opposite walls and corners are seen as well.
             let target_height = [0.3, 1.3, 2.1][i % 3];
             let target = on_ring(angle + 0.5 * TAU + 0.8) * 0.6 + DVec3::Z * target_height;
-            let focal = 0.5 * f64::from(width) / (0.5 * FIELD_OF_VIEW_DEG.to_radians()).tan();
-            Camera {
-                width,
-                height,
-                fx: focal,
-                fy: focal,
-                cx: 0.5 * f64::from(width),
-                cy: 0.5 * f64::from(height),
-                world_from_camera: look_at(eye, target),
-            }
+            let pose = Camera::level_pose(eye, (target - eye).normalize());
+            Camera::centred([width, height], FIELD_OF_VIEW_DEG.to_radians(), pose)
         })
         .collect()
-}
-
-fn look_at(eye: DVec3, target: DVec3) -> DAffine3 {
-    let forward = (target - eye).normalize();
-    let right = forward.cross(DVec3::Z).normalize();
-    let down = forward.cross(right);
-    DAffine3 {
-        matrix3: DMat3::from_cols(right, down, forward),
-        translation: eye,
-    }
 }
