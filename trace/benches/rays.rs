@@ -9,6 +9,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::Sampling;
@@ -54,13 +55,15 @@ fn camera_rays(c: &mut Criterion) {
         group.bench_function(format!("forward and adjoint, {name}"), |b| {
             b.iter(|| {
                 let (sums, record) = camera::trace(&set, &camera, search, Keep::Record);
-                black_box(record.adjoint(&set, &gaussians.scales, &sums.pixels))
+                black_box(record.adjoint(&set, &gaussians.scales, &sums.pixels, Wanted::Everything))
             });
         });
     }
     let (sums, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
     group.bench_function("adjoint alone", |b| {
-        b.iter(|| black_box(record.adjoint(&set, &gaussians.scales, &sums.pixels)));
+        b.iter(|| {
+            black_box(record.adjoint(&set, &gaussians.scales, &sums.pixels, Wanted::Everything))
+        });
     });
     group.finish();
 }

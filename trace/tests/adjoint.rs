@@ -4,6 +4,7 @@ use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Sums;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
+use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::sums::lane;
@@ -114,7 +115,7 @@ impl Case {
                 d_sums[pixel].0[k] = weight(pixel, k);
             }
         }
-        record.adjoint(&set, &self.gaussians.scales, &d_sums)
+        record.adjoint(&set, &self.gaussians.scales, &d_sums, Wanted::Everything)
     }
 
     fn scalar(&self, gaussians: &[OracleGaussian], first: usize, count: usize) -> f64 {

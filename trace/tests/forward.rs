@@ -2,6 +2,7 @@
 
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};
@@ -88,7 +89,8 @@ fn the_number_of_threads_does_not_change_a_bit() {
         pool.install(|| {
             let set = SurfelSet::new(&gaussians);
             let (image, record) = camera::trace(&set, camera, HitSearch::Tiles, Keep::Record);
-            let gradients = record.adjoint(&set, &gaussians.scales, &image.pixels);
+            let gradients =
+                record.adjoint(&set, &gaussians.scales, &image.pixels, Wanted::Everything);
             (image, gradients)
         })
     };

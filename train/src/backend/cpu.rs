@@ -10,8 +10,8 @@ use crate::params::{ParameterState, StepSizes};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image};
-use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::{CpuScene, Wanted};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::lights::BounceSampler;
@@ -81,7 +81,12 @@ impl CpuBackend {
         sizes: &StepSizes,
         terms: LossTerms,
     ) -> StepOutcome {
-        let gradients = record.adjoint(&self.set, &self.gaussians.scales, d_sums);
+        let gradients = record.adjoint(
+            &self.set,
+            &self.gaussians.scales,
+            d_sums,
+            Wanted::Everything,
+        );
         self.state.step(&self.gaussians, &gradients, sizes)?;
         self.state.write_gaussians(&mut self.gaussians);
         self.set.update(&self.gaussians);

@@ -1,0 +1,285 @@
+//! Adjoint of the blended sums of a camera.
+//!
+//! For a ray with hits i front to back and `G = dL/dV`, let `cᵢ = ⟨G, vᵢ⟩` and `Cᵢ = αᵢ cᵢ + (1 − αᵢ) Cᵢ₊₁`, the value of everything from hit i on.
+//! Then `dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁)`. With `α = σ exp(−(u² + v²)/2)` a hit enters the gradient of its Gaussian by three numbers only:
+//! its weight w, `a = αᵢ dL/dαᵢ = w (cᵢ − Cᵢ₊₁)`, and `h = w G_D t` for its distance. No division by `1 − α`: opaque hits need no special case.
+//!
+//! What moves a hit are the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n / (ω·n)` and the cosine are tied by `t (ω·n) =
+//! (p − o)·n`, and `u = (ω·t_u/s_u) t − u₀`; so all derivatives of a hit are polynomials in u and v with coefficients that
+//! belong to the Gaussian as seen from the origin. A tile sums the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G` of each Gaussian, and
+//! makes a gradient of them once: no ray and no plane is met again.
+//!
+//! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the same for any number of threads.
+
+use super::camera::{BlendedHit, CameraRecord, TileRecord};
+use super::tile::pixels_of_tile;
+use crate::blend::{Face, LocalGradient, grad_lane};
+use crate::sums::{NUM_LANES, Sums, lane};
+use crate::surfel::{Payload, SeenSurfel, SurfelSet};
+use eagpt_scene::Camera;
+use glam::{Vec2, Vec3};
+use multiversion::multiversion;
+use rayon::prelude::*;
+use std::cell::RefCell;
+
+/// The derivatives that are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// With respect to all parameters.
+    Everything,
+    /// With respect to radiance, emission and albedo only, others are zero: several times as fast.
+    LightAndMaterial,
+}
+
+/// Moments of the hits of a Gaussian in a tile: lanes of [`Moments::shape`].
+mod moment {
+    /// `Σ a·{1, u, v, u², v², uv, u r², v r²}`, r² = u² + v².
+    pub(super) const A: usize = 0;
+    /// `Σ h·{1, u, v}`.
+    pub(super) const H: usize = 8;
+}
+
+#[derive(Clone, Copy, Default)]
+#[repr(C, align(128))]
+struct Moments {
+    /// `Σ w G`.
+    light: Sums,
+    /// See [`moment`].
+    shape: Sums,
+}
+
+/// A Gaussian as the hits of a tile need it.
+struct Row<'a> {
+    payload: &'a Payload,
+    face: Face,
+}
+
+thread_local! {
+    static MOMENTS: RefCell<Vec<Moments>> = RefCell::default();
+}
+
+impl CameraRecord {
+    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
+    /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. `scales` are the in-plane scales, `[n]`. The spread, size and
+    /// first-hit lanes are not differentiated.
+    pub fn adjoint(
+        &self,
+        set: &SurfelSet,
+        scales: &[Vec2],
+        d_sums: &[Sums],
+        wanted: Wanted,
+    ) -> Vec<LocalGradient> {
+        let Some(camera) = &self.camera else {
+            return vec![LocalGradient::default(); set.len()];
+        };
+        let loss = Loss {
+            set,
+            scales,
+            d_sums,
+            wanted,
+        };
+        let rows: Vec<Vec<LocalGradient>> = self
+            .tiles
+            .par_iter()
+            .enumerate()
+            .map(|(tile, record)| {
+                MOMENTS.with_borrow_mut(|moments| {
+                    adjoint_of_tile(&loss, camera, tile, record, moments)
+                })
+            })
+            .collect();
+        self.sum_rows(set.len(), &rows)
+    }
+
+    /// Adds the rows of each Gaussian in the order of the tiles.
+    fn sum_rows(&self, num_gaussians: usize, rows: &[Vec<LocalGradient>]) -> Vec<LocalGradient> {
+        let mut starts = vec![0_u32; num_gaussians + 1];
+        for &g in self.tiles.iter().flat_map(|tile| &tile.gaussians) {
+            starts[g as usize + 1] += 1;
+        }
+        for g in 0..num_gaussians {
+            starts[g + 1] += starts[g];
+        }
+        let mut places = vec![(0_u32, 0_u32); starts[num_gaussians] as usize];
+        let mut next = starts.clone();
+        for (tile, record) in self.tiles.iter().enumerate() {
+            for (slot, &g) in record.gaussians.iter().enumerate() {
+                places[next[g as usize] as usize] = (tile as u32, slot as u32);
+                next[g as usize] += 1;
+            }
+        }
+        (0..num_gaussians)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|g| {
+                let mut total = LocalGradient::default();
+                for &(tile, slot) in &places[starts[g] as usize..starts[g + 1] as usize] {
+                    total.add(&rows[tile as usize][slot as usize]);
+                }
+                total
+            })
+            .collect()
+    }
+}
+
+/// What is differentiated.
+struct Loss<'a> {
+    set: &'a SurfelSet,
+    scales: &'a [Vec2],
+    d_sums: &'a [Sums],
+    wanted: Wanted,
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn adjoint_of_tile(
+    loss: &Loss<'_>,
+    camera: &Camera,
+    tile: usize,
+    record: &TileRecord,
+    moments: &mut Vec<Moments>,
+) -> Vec<LocalGradient> {
+    let origin = camera.ray_frame().origin.to_array();
+    moments.clear();
+    moments.resize(record.gaussians.len(), Moments::default());
+    let rows: Vec<Row<'_>> = record
+        .gaussians
+        .iter()
+        .map(|&g| Row {
+            payload: &loss.set.payloads[g as usize],
+            face: Face::of_plane(loss.set.surfels[g as usize].seen_from(origin).plane),
+        })
+        .collect();
+    for (p, pixel) in pixels_of_tile(camera, tile) {
+        let (hits, d_sums) = (record.hits_of(p), &loss.d_sums[pixel]);
+        match loss.wanted {
+            Wanted::LightAndMaterial => {
+                for hit in hits {
+                    add_light(&mut moments[hit.slot as usize], hit, d_sums);
+                }
+            }
+            Wanted::Everything => add_ray(moments, hits, &rows, d_sums),
+        }
+    }
+    record
+        .gaussians
+        .iter()
+        .zip(moments.iter())
+        .map(|(&g, moments)| match loss.wanted {
+            Wanted::LightAndMaterial => moments.light_gradient(),
+            Wanted::Everything => {
+                let seen = loss.set.surfels[g as usize].seen_from(origin);
+                moments.gradient(&seen, loss.scales[g as usize])
+            }
+        })
+        .collect()
+}
+
+#[inline(always)]
+fn add_light(moments: &mut Moments, hit: &BlendedHit, d_sums: &Sums) {
+    for k in 0..NUM_LANES {
+        moments.light.0[k] += hit.weight * d_sums.0[k];
+    }
+}
+
+/// Adds the hits of a ray, back to front.
+#[inline(always)]
+fn add_ray(moments: &mut [Moments], hits: &[BlendedHit], rows: &[Row<'_>], d_sums: &Sums) {
+    let d_distance = d_sums.0[lane::DISTANCE];
+    // Lanes that are not differentiated do not enter the value of a hit. The distance is no part of a payload.
+    let mut d_values = [*d_sums; 2];
+    d_values[0].0[lane::DISTANCE..].fill(0.0);
+    for k in 0..NUM_LANES {
+        d_values[1].0[k] = d_values[0].0[k] * Face::Back.signs().0[k];
+    }
+    let mut behind = 0.0_f32;
+    for hit in hits.iter().rev() {
+        let row = &rows[hit.slot as usize];
+        let value = dot(&d_values[row.face as usize].0, &row.payload.0) + d_distance * hit.t;
+        let difference = value - behind;
+        let a = hit.weight * difference;
+        behind += hit.alpha * difference;
+        let h = hit.weight * d_distance * hit.t;
+        let sums = &mut moments[hit.slot as usize];
+        add_light(sums, hit, d_sums);
+        let (u, v) = (hit.u, hit.v);
+        let (au, av) = (a * u, a * v);
+        let (auu, avv) = (au * u, av * v);
+        let shape = &mut sums.shape.0;
+        let r2 = u * u + v * v;
+        for (sum, value) in
+            shape[moment::A..]
+                .iter_mut()
+                .zip([a, au, av, auu, avv, au * v, au * r2, av * r2])
+        {
+            *sum += value;
+        }
+        for (sum, value) in shape[moment::H..].iter_mut().zip([h, h * u, h * v]) {
+            *sum += value;
+        }
+    }
+}
+
+/// Sum of products, pairwise: one order on every machine, and SIMD instructions where there are some.
+#[inline(always)]
+fn dot(a: &[f32; NUM_LANES], b: &[f32; NUM_LANES]) -> f32 {
+    let mut eight = [0.0_f32; 8];
+    for k in 0..8 {
+        eight[k] = a[k] * b[k] + a[k + 8] * b[k + 8];
+    }
+    let mut four = [0.0_f32; 4];
+    for k in 0..4 {
+        four[k] = eight[k] + eight[k + 4];
+    }
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+impl Moments {
+    #[inline(always)]
+    fn light_gradient(&self) -> LocalGradient {
+        let mut gradient = LocalGradient::default();
+        let lanes = &mut gradient.0;
+        let light = &self.light.0;
+        lanes[grad_lane::RADIANCE..][..3].copy_from_slice(&light[lane::RADIANCE..][..3]);
+        lanes[grad_lane::EMISSION] = light[lane::EMISSION];
+        lanes[grad_lane::ALBEDO..][..3].copy_from_slice(&light[lane::ALBEDO..][..3]);
+        gradient
+    }
+
+    /// The gradient of a Gaussian.
+    #[inline(always)]
+    fn gradient(&self, seen: &SeenSurfel, scale: Vec2) -> LocalGradient {
+        let mut gradient = self.light_gradient();
+        let [a, au, av, auu, avv, auv, aur2, avr2] =
+            std::array::from_fn(|k| self.shape.0[moment::A + k]);
+        let [h, hu, hv] = std::array::from_fn(|k| self.shape.0[moment::H + k]);
+        let (u0, v0) = (seen.offset_u, seen.offset_v);
+        // dL/dt of a hit is h/t − a (u (u + u₀) + v (v + v₀))/t, and moving the plane by dn along its normal moves t by t dn / ((p − o)·n).
+        let plane = (h - (auu + avv + u0 * au + v0 * av)) / seen.plane;
+        let plane_u = (hu - (aur2 + u0 * auu + v0 * auv)) / seen.plane;
+        let plane_v = (hv - (avr2 + u0 * auv + v0 * avv)) / seen.plane;
+        // N = Σ w n, turned; its derivative along t_u and t_v turns the normal. The plane turns with it: dt/dn = (p − x)/(ω·n), and p − x =
+        // −(u s_u t_u + v s_v t_v).
+        let sign = Face::of_plane(seen.plane).signs().0[lane::NORMAL];
+        let d_normal = Vec3::from_slice(&self.light.0[lane::NORMAL..][..3]) * sign;
+        let d_normal_u = scale.x * (d_normal.dot(Vec3::from(seen.axis_u)) - plane_u);
+        let d_normal_v = scale.y * (d_normal.dot(Vec3::from(seen.axis_v)) - plane_v);
+        let shape = [
+            au / scale.x,
+            av / scale.y,
+            plane,
+            auu / scale.x,
+            avv / scale.y,
+            // About t_u the normal moves along −t_v, about t_v along t_u, about n the two axes move along each other.
+            -d_normal_v,
+            d_normal_u,
+            auv * (scale.x / scale.y - scale.y / scale.x),
+            a / seen.opacity,
+        ];
+        gradient.0[..grad_lane::RADIANCE].copy_from_slice(&shape);
+        gradient
+    }
+}
