@@ -92,12 +92,12 @@ impl Face {
 
     /// Factors of the lanes of a payload: the normal is turned towards the ray's origin.
     #[inline(always)]
-    pub fn signs(self) -> &'static Sums {
-        const SIGNS: [Sums; 2] = {
-            let mut signs = [Sums([1.0; NUM_LANES]); 2];
+    pub fn signs(self) -> &'static [f32; NUM_LANES] {
+        const SIGNS: [[f32; NUM_LANES]; 2] = {
+            let mut signs = [[1.0; NUM_LANES]; 2];
             let mut k = lane::NORMAL;
             while k < lane::NORMAL + 3 {
-                signs[1].0[k] = -1.0;
+                signs[1][k] = -1.0;
                 k += 1;
             }
             signs
@@ -135,12 +135,12 @@ impl Blender {
         let n = &payload.0[lane::NORMAL..lane::NORMAL + 3];
         let along = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
         let face = if along > 0.0 { Face::Back } else { Face::Front };
-        self.offer_seen(t, alpha, payload, face)
+        self.offer_turned(t, alpha, &payload.turned(face))
     }
 
-    /// Adds the next hit of a ray that sees the Gaussian from `face`.
+    /// Adds the next hit, of a payload whose normal is turned towards the ray's origin.
     #[inline(always)]
-    pub fn offer_seen(&mut self, t: f32, alpha: f32, payload: &Payload, face: Face) -> Offered {
+    pub fn offer_turned(&mut self, t: f32, alpha: f32, payload: &Payload) -> Offered {
         let weight = self.transmittance * alpha;
         if weight < MIN_WEIGHT {
             return Offered::Skipped;
@@ -148,9 +148,8 @@ impl Blender {
         if self.transmittance == 1.0 {
             self.first = t;
         }
-        let signs = face.signs();
-        for k in 0..NUM_LANES {
-            self.sums.0[k] += weight * (payload.0[k] * signs.0[k]);
+        for (sum, value) in self.sums.0.iter_mut().zip(payload.0) {
+            *sum += weight * value;
         }
         // The lanes that depend on the ray stay out of the vector: a payload has zeros there.
         let behind_first = t - self.first;

@@ -15,7 +15,7 @@ use super::camera::{BlendedHit, CameraRecord, TileRecord};
 use super::tile::pixels_of_tile;
 use crate::blend::{Face, LocalGradient, grad_lane};
 use crate::sums::{NUM_LANES, Sums, lane};
-use crate::surfel::{Payload, SeenSurfel, SurfelSet};
+use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet};
 use eagpt_scene::Camera;
 use glam::{Vec2, Vec3};
 use multiversion::multiversion;
@@ -31,7 +31,7 @@ pub enum Wanted {
     LightAndMaterial,
 }
 
-/// Moments of the hits of a Gaussian in a tile: lanes of [`Moments::shape`].
+/// Moments of the hits of a Gaussian in a tile: lanes of `Moments::shape`.
 mod moment {
     /// `Σ a·{1, u, v, u², v², uv, u r², v r²}`, r² = u² + v².
     pub(super) const A: usize = 0;
@@ -40,7 +40,6 @@ mod moment {
 }
 
 #[derive(Clone, Copy, Default)]
-#[repr(C, align(128))]
 struct Moments {
     /// `Σ w G`.
     light: Sums,
@@ -48,14 +47,24 @@ struct Moments {
     shape: Sums,
 }
 
-/// A Gaussian as the hits of a tile need it.
-struct Row<'a> {
-    payload: &'a Payload,
-    face: Face,
+/// A slot of a tile.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Row {
+    /// With the normal turned towards the rays' origin.
+    payload: Payload,
+    moments: Moments,
+}
+
+/// Memory a thread reuses from tile to tile.
+#[derive(Default)]
+struct AdjointScratch {
+    rows: Vec<Row>,
+    surfels: Vec<Surfel>,
 }
 
 thread_local! {
-    static MOMENTS: RefCell<Vec<Moments>> = RefCell::default();
+    static SCRATCH: RefCell<AdjointScratch> = RefCell::default();
 }
 
 impl CameraRecord {
@@ -83,8 +92,8 @@ impl CameraRecord {
             .par_iter()
             .enumerate()
             .map(|(tile, record)| {
-                MOMENTS.with_borrow_mut(|moments| {
-                    adjoint_of_tile(&loss, camera, tile, record, moments)
+                SCRATCH.with_borrow_mut(|scratch| {
+                    adjoint_of_tile(&loss, camera, tile, record, scratch)
                 })
             })
             .collect();
@@ -140,86 +149,70 @@ fn adjoint_of_tile(
     camera: &Camera,
     tile: usize,
     record: &TileRecord,
-    moments: &mut Vec<Moments>,
+    scratch: &mut AdjointScratch,
 ) -> Vec<LocalGradient> {
+    let AdjointScratch { rows, surfels } = scratch;
     let origin = camera.ray_frame().origin.to_array();
-    moments.clear();
-    moments.resize(record.gaussians.len(), Moments::default());
-    let rows: Vec<Row<'_>> = record
-        .gaussians
-        .iter()
-        .map(|&g| Row {
-            payload: &loss.set.payloads[g as usize],
-            face: Face::of_plane(loss.set.surfels[g as usize].seen_from(origin).plane),
-        })
-        .collect();
-    for (p, pixel) in pixels_of_tile(camera, tile) {
+    rows.clear();
+    // Copied before anything is computed: loads that wait for nothing wait together.
+    rows.extend(record.gaussians.iter().map(|&g| Row {
+        payload: loss.set.payloads[g as usize],
+        moments: Moments::default(),
+    }));
+    surfels.clear();
+    surfels.extend(
+        record
+            .gaussians
+            .iter()
+            .map(|&g| loss.set.surfels[g as usize]),
+    );
+    for (row, surfel) in rows.iter_mut().zip(surfels.iter()) {
+        let face = Face::of_plane(surfel.seen_from(origin).plane);
+        row.payload = row.payload.turned(face);
+    }
+    // The record is longer than the caches: it is read as one stream, from its end.
+    for (p, pixel) in pixels_of_tile(camera, tile).rev() {
         let (hits, d_sums) = (record.hits_of(p), &loss.d_sums[pixel]);
         match loss.wanted {
             Wanted::LightAndMaterial => {
                 for hit in hits {
-                    add_light(&mut moments[hit.slot as usize], hit, d_sums);
+                    rows[hit.slot as usize].moments.add_light(hit, d_sums);
                 }
             }
-            Wanted::Everything => add_ray(moments, hits, &rows, d_sums),
+            Wanted::Everything => add_ray(rows, hits, d_sums),
         }
     }
     record
         .gaussians
         .iter()
-        .zip(moments.iter())
-        .map(|(&g, moments)| match loss.wanted {
-            Wanted::LightAndMaterial => moments.light_gradient(),
+        .zip(rows.iter().zip(surfels.iter()))
+        .map(|(&g, (row, surfel))| match loss.wanted {
+            Wanted::LightAndMaterial => row.moments.light_gradient(),
             Wanted::Everything => {
-                let seen = loss.set.surfels[g as usize].seen_from(origin);
-                moments.gradient(&seen, loss.scales[g as usize])
+                let seen = surfel.seen_from(origin);
+                row.moments.gradient(&seen, loss.scales[g as usize])
             }
         })
         .collect()
 }
 
-#[inline(always)]
-fn add_light(moments: &mut Moments, hit: &BlendedHit, d_sums: &Sums) {
-    for k in 0..NUM_LANES {
-        moments.light.0[k] += hit.weight * d_sums.0[k];
-    }
-}
-
 /// Adds the hits of a ray, back to front.
 #[inline(always)]
-fn add_ray(moments: &mut [Moments], hits: &[BlendedHit], rows: &[Row<'_>], d_sums: &Sums) {
+fn add_ray(rows: &mut [Row], hits: &[BlendedHit], d_sums: &Sums) {
     let d_distance = d_sums.0[lane::DISTANCE];
-    // Lanes that are not differentiated do not enter the value of a hit. The distance is no part of a payload.
-    let mut d_values = [*d_sums; 2];
-    d_values[0].0[lane::DISTANCE..].fill(0.0);
-    for k in 0..NUM_LANES {
-        d_values[1].0[k] = d_values[0].0[k] * Face::Back.signs().0[k];
-    }
+    // The distance is no part of a payload, and the lanes behind it are not differentiated.
+    let mut d_payload = d_sums.0;
+    d_payload[lane::DISTANCE..].fill(0.0);
     let mut behind = 0.0_f32;
     for hit in hits.iter().rev() {
-        let row = &rows[hit.slot as usize];
-        let value = dot(&d_values[row.face as usize].0, &row.payload.0) + d_distance * hit.t;
+        let row = &mut rows[hit.slot as usize];
+        let value = dot(&d_payload, &row.payload.0) + d_distance * hit.t;
         let difference = value - behind;
-        let a = hit.weight * difference;
         behind += hit.alpha * difference;
+        row.moments.add_light(hit, d_sums);
+        let a = hit.weight * difference;
         let h = hit.weight * d_distance * hit.t;
-        let sums = &mut moments[hit.slot as usize];
-        add_light(sums, hit, d_sums);
-        let (u, v) = (hit.u, hit.v);
-        let (au, av) = (a * u, a * v);
-        let (auu, avv) = (au * u, av * v);
-        let shape = &mut sums.shape.0;
-        let r2 = u * u + v * v;
-        for (sum, value) in
-            shape[moment::A..]
-                .iter_mut()
-                .zip([a, au, av, auu, avv, au * v, au * r2, av * r2])
-        {
-            *sum += value;
-        }
-        for (sum, value) in shape[moment::H..].iter_mut().zip([h, h * u, h * v]) {
-            *sum += value;
-        }
+        row.moments.add_shape(hit, a, h);
     }
 }
 
@@ -238,6 +231,26 @@ fn dot(a: &[f32; NUM_LANES], b: &[f32; NUM_LANES]) -> f32 {
 }
 
 impl Moments {
+    #[inline(always)]
+    fn add_light(&mut self, hit: &BlendedHit, d_sums: &Sums) {
+        for (sum, d) in self.light.0.iter_mut().zip(d_sums.0) {
+            *sum += hit.weight * d;
+        }
+    }
+
+    #[inline(always)]
+    fn add_shape(&mut self, hit: &BlendedHit, a: f32, h: f32) {
+        let (u, v) = (hit.u, hit.v);
+        let (au, av, r2) = (a * u, a * v, u * u + v * v);
+        let terms = [a, au, av, au * u, av * v, au * v, au * r2, av * r2];
+        for (sum, term) in self.shape.0[moment::A..].iter_mut().zip(terms) {
+            *sum += term;
+        }
+        for (sum, term) in self.shape.0[moment::H..].iter_mut().zip([h, h * u, h * v]) {
+            *sum += term;
+        }
+    }
+
     #[inline(always)]
     fn light_gradient(&self) -> LocalGradient {
         let mut gradient = LocalGradient::default();
@@ -263,7 +276,7 @@ impl Moments {
         let plane_v = (hv - (avr2 + u0 * auv + v0 * avv)) / seen.plane;
         // N = Σ w n, turned; its derivative along t_u and t_v turns the normal. The plane turns with it: dt/dn = (p − x)/(ω·n), and p − x =
         // −(u s_u t_u + v s_v t_v).
-        let sign = Face::of_plane(seen.plane).signs().0[lane::NORMAL];
+        let sign = Face::of_plane(seen.plane).signs()[lane::NORMAL];
         let d_normal = Vec3::from_slice(&self.light.0[lane::NORMAL..][..3]) * sign;
         let d_normal_u = scale.x * (d_normal.dot(Vec3::from(seen.axis_u)) - plane_u);
         let d_normal_v = scale.y * (d_normal.dot(Vec3::from(seen.axis_v)) - plane_v);

@@ -26,12 +26,13 @@ const CHUNK: usize = 4096;
 pub struct BinnedSurfel(u64);
 
 impl BinnedSurfel {
-    fn new(nearest: f32, index: u32) -> Self {
+    #[inline(always)]
+    pub(super) fn new(nearest: f32, index: u32) -> Self {
         // Distances are not negative, so their bits order like they do.
         Self(u64::from(nearest.to_bits()) << 32 | u64::from(index))
     }
 
-    /// Index in the scene.
+    /// Index in the scene, or of what the list is about.
     #[inline(always)]
     pub fn index(self) -> u32 {
         self.0 as u32

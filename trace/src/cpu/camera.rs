@@ -8,10 +8,10 @@ use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
 use super::hits::BlockHits;
 use super::tile::{BLOCKS, LANES, TileList, TileRays, TileSurfel, pixels_of_tile};
-use crate::blend::{Blender, Face, Offered};
+use crate::blend::{Blender, Offered};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
-use crate::surfel::SurfelSet;
+use crate::surfel::{Payload, SurfelSet};
 use eagpt_scene::Camera;
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -258,15 +258,13 @@ impl TileRecord {
 
     /// Blends the hits of a block.
     #[inline(always)]
-    fn blend(&mut self, set: &SurfelSet, slots: &[TileSurfel], hits: &mut BlockHits, keep: Keep) {
+    fn blend(&mut self, payloads: &[Payload], hits: &mut BlockHits, keep: Keep) {
         for lane in 0..LANES {
             let mut blender = Blender::default();
-            for (t, hit) in hits.ordered(lane, |slot| slots[slot as usize].index) {
-                let surfel = &slots[hit.slot as usize];
-                let payload = &set.payloads[surfel.index as usize];
+            for (t, hit) in hits.ordered(lane) {
                 let weight = blender.transmittance() * hit.alpha;
-                let face = Face::of_plane(surfel.seen.plane);
-                let offered = blender.offer_seen(t, hit.alpha, payload, face);
+                let payload = &payloads[hit.slot as usize];
+                let offered = blender.offer_turned(t, hit.alpha, payload);
                 if keep == Keep::Record && offered != Offered::Skipped {
                     self.hits.push(BlendedHit {
                         slot: hit.slot,
@@ -308,7 +306,7 @@ fn trace_tile(
         if rays.is_in_image(block) {
             list.find_hits(block, directions, hits);
         }
-        record.blend(set, &list.slots, hits, keep);
+        record.blend(&list.payloads, hits, keep);
     }
 }
 
@@ -357,6 +355,6 @@ fn trace_tile_by_rays(
             }
             start = end;
         }
-        record.blend(set, &list.slots, hits, keep);
+        record.blend(&list.payloads, hits, keep);
     }
 }

@@ -67,13 +67,9 @@ impl BlockHits {
         self.lens[lane] += 1;
     }
 
-    /// The hits of ray `lane`, front to back; ties by the index that `index_of` gives a slot.
+    /// The hits of ray `lane`, front to back, ties by slot.
     #[inline(always)]
-    pub(super) fn ordered(
-        &mut self,
-        lane: usize,
-        index_of: impl Fn(u32) -> u32,
-    ) -> impl Iterator<Item = (f32, &HitValues)> {
+    pub(super) fn ordered(&mut self, lane: usize) -> impl Iterator<Item = (f32, &HitValues)> {
         let (start, len) = (lane * self.stride, self.lens[lane] as usize);
         let padded = len.next_multiple_of(LANES);
         self.t[start + len..start + padded].fill(f32::INFINITY);
@@ -81,9 +77,7 @@ impl BlockHits {
         let values = &self.values[start..start + len];
         let order = &mut self.order[..padded];
         if len > COUNTING_LIMIT || !order_by_counting(t, len, order) {
-            order_with_ties(&t[..len], &mut order[..len], |i| {
-                index_of(values[i as usize].slot)
-            });
+            order_with_ties(&t[..len], &mut order[..len], |i| values[i as usize].slot);
         }
         order[..len]
             .iter()
@@ -113,15 +107,15 @@ fn order_by_counting(t: &[f32], len: usize, order: &mut [u32]) -> bool {
     sum == num * num.saturating_sub(1) / 2
 }
 
-/// Writes the places of `t` in ascending order, equal ones by their index.
+/// Writes the places of `t` in ascending order, equal ones by their slot.
 #[cold]
-fn order_with_ties(t: &[f32], order: &mut [u32], index_of: impl Fn(u32) -> u32) {
+fn order_with_ties(t: &[f32], order: &mut [u32], slot_of: impl Fn(u32) -> u32) {
     for (i, place) in order.iter_mut().enumerate() {
         *place = i as u32;
     }
     // Distances are positive: their bits order like they do.
     order.sort_unstable_by_key(|&i| {
-        u64::from(t[i as usize].to_bits()) << 32 | u64::from(index_of(i))
+        u64::from(t[i as usize].to_bits()) << 32 | u64::from(slot_of(i))
     });
 }
 
@@ -137,10 +131,10 @@ mod tests {
         let num = distances.len() as u32;
         for (i, &t) in distances.iter().enumerate() {
             hits.make_room(1);
-            hits.push(3, t, [0.5, 0.0, 0.0], i as u32);
+            hits.push(3, t, [0.5, 0.0, 0.0], num - i as u32);
         }
-        let ordered = hits.ordered(3, |slot| num - slot);
-        ordered.map(|(_, values)| values.slot).collect()
+        let ordered = hits.ordered(3);
+        ordered.map(|(_, values)| num - values.slot).collect()
     }
 
     #[test]

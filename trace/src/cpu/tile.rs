@@ -6,8 +6,9 @@
 
 use super::bins::{BinnedSurfel, TILE, TILE_PIXELS};
 use super::hits::BlockHits;
+use crate::blend::Face;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::surfel::{SeenSurfel, SurfelSet, exp_of_negative};
+use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet, exp_of_negative};
 use eagpt_scene::Camera;
 use eagpt_scene::camera::RayFrame;
 use glam::Vec3;
@@ -132,7 +133,7 @@ fn pixel_position(x0: u32, y0: u32, block: usize, lane: usize) -> (u32, u32) {
 pub(super) fn pixels_of_tile(
     camera: &Camera,
     tile: usize,
-) -> impl Iterator<Item = (usize, usize)> + use<> {
+) -> impl DoubleEndedIterator<Item = (usize, usize)> + use<> {
     let (width, height) = (camera.width, camera.height);
     let tiles_x = width.div_ceil(TILE);
     let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
@@ -228,42 +229,75 @@ pub(super) struct TileSurfel {
     /// Index in the scene.
     pub(super) index: u32,
     /// No hit is closer than this.
-    pub(super) nearest: f32,
+    nearest: f32,
 }
 
-/// The Gaussians of a tile, nearest first, and which of them each block may see. Memory is reused from tile to tile.
+/// The Gaussians of a tile, copied from the scene, and which of them each block may see. Memory is reused from tile to tile.
+///
+/// Copies are made in loops that do nothing else: the scene is larger than the caches, and loads that wait for nothing wait together.
 #[derive(Default)]
 pub(super) struct TileList {
-    sorted: Vec<BinnedSurfel>,
+    surfels: Vec<Surfel>,
+    /// In order of index.
     pub(super) slots: Vec<TileSurfel>,
-    /// Slots of each block.
+    /// Of each slot, with the normal turned towards the rays' origin.
+    pub(super) payloads: Vec<Payload>,
+    /// Blocks that may see each slot, one byte for each block.
+    seen_by: Vec<u128>,
+    /// Slots by distance.
+    nearest_first: Vec<BinnedSurfel>,
+    /// Slots of each block, nearest first.
     blocks: [Vec<u32>; BLOCKS],
 }
 
 impl TileList {
+    /// Takes the Gaussians of a list that some block may see.
     #[inline(always)]
     pub(super) fn fill(&mut self, set: &SurfelSet, binned: &[BinnedSurfel], rays: &TileRays) {
-        self.sorted.clear();
-        self.sorted.extend_from_slice(binned);
-        self.sorted.sort_unstable();
+        let surfels = binned
+            .iter()
+            .map(|entry| set.surfels[entry.index() as usize]);
+        self.surfels.clear();
+        self.surfels.extend(surfels);
         self.slots.clear();
-        self.blocks.iter_mut().for_each(Vec::clear);
-        for entry in &self.sorted {
-            let seen = set.surfels[entry.index() as usize].seen_from(rays.origin);
-            let mut left = rays.grid.may_hit(&seen);
-            if left == 0 {
-                continue;
+        self.seen_by.clear();
+        self.nearest_first.clear();
+        for (entry, surfel) in binned.iter().zip(&self.surfels) {
+            let seen = surfel.seen_from(rays.origin);
+            let seen_by = rays.grid.may_hit(&seen);
+            if seen_by != 0 {
+                let slot = BinnedSurfel::new(entry.nearest(), self.slots.len() as u32);
+                self.nearest_first.push(slot);
+                self.seen_by.push(seen_by);
+                self.slots.push(TileSurfel {
+                    seen,
+                    index: entry.index(),
+                    nearest: entry.nearest(),
+                });
             }
-            let slot = self.slots.len() as u32;
-            self.slots.push(TileSurfel {
-                seen,
-                index: entry.index(),
-                nearest: entry.nearest(),
-            });
+        }
+        self.copy_payloads(set);
+        self.nearest_first.sort_unstable();
+        self.blocks.iter_mut().for_each(Vec::clear);
+        for entry in &self.nearest_first {
+            let mut left = self.seen_by[entry.index() as usize];
             while left != 0 {
-                self.blocks[left.trailing_zeros() as usize / 8].push(slot);
+                self.blocks[left.trailing_zeros() as usize / 8].push(entry.index());
                 left &= left - 1;
             }
+        }
+    }
+
+    #[inline(always)]
+    fn copy_payloads(&mut self, set: &SurfelSet) {
+        let payloads = self
+            .slots
+            .iter()
+            .map(|slot| set.payloads[slot.index as usize]);
+        self.payloads.clear();
+        self.payloads.extend(payloads);
+        for (payload, slot) in self.payloads.iter_mut().zip(&self.slots) {
+            *payload = payload.turned(Face::of_plane(slot.seen.plane));
         }
     }
 
@@ -277,13 +311,14 @@ impl TileList {
         let mut sorted: Vec<u32> = indices.collect();
         sorted.sort_unstable();
         sorted.dedup();
+        let slots = sorted.into_iter().map(|index| TileSurfel {
+            seen: set.surfels[index as usize].seen_from(origin),
+            index,
+            nearest: 0.0,
+        });
         self.slots.clear();
-        self.slots
-            .extend(sorted.into_iter().map(|index| TileSurfel {
-                seen: set.surfels[index as usize].seen_from(origin),
-                index,
-                nearest: 0.0,
-            }));
+        self.slots.extend(slots);
+        self.copy_payloads(set);
     }
 
     /// The slot of a Gaussian that [`Self::name_slots`] has named.
