@@ -166,10 +166,11 @@ impl Blender {
     /// The sums of all hits so far.
     #[inline(always)]
     pub fn finish(self) -> Sums {
+        // Added to the zeros that blending left there: lanes that were overwritten would make compilers take the vector apart.
         let mut sums = self.sums;
-        sums.0[lane::DISTANCE] = self.distance;
-        sums.0[lane::SPREAD] = self.spread;
-        sums.0[lane::FIRST] = self.first;
+        sums.0[lane::DISTANCE] += self.distance;
+        sums.0[lane::SPREAD] += self.spread;
+        sums.0[lane::FIRST] += self.first;
         sums
     }
 

@@ -115,7 +115,7 @@ impl Case {
                 d_sums[pixel].0[k] = weight(pixel, k);
             }
         }
-        record.adjoint(&set, &self.gaussians.scales, &d_sums, Wanted::Everything)
+        record.adjoint(&set, &d_sums, Wanted::Everything)
     }
 
     fn scalar(&self, gaussians: &[OracleGaussian], first: usize, count: usize) -> f64 {

@@ -17,7 +17,7 @@ use crate::blend::{Face, LocalGradient, grad_lane};
 use crate::sums::{NUM_LANES, Sums, lane};
 use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet};
 use eagpt_scene::Camera;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -69,21 +69,14 @@ thread_local! {
 
 impl CameraRecord {
     /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
-    /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. `scales` are the in-plane scales, `[n]`. The spread, size and
-    /// first-hit lanes are not differentiated.
-    pub fn adjoint(
-        &self,
-        set: &SurfelSet,
-        scales: &[Vec2],
-        d_sums: &[Sums],
-        wanted: Wanted,
-    ) -> Vec<LocalGradient> {
+    /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. The spread, size and first-hit lanes are not
+    /// differentiated.
+    pub fn adjoint(&self, set: &SurfelSet, d_sums: &[Sums], wanted: Wanted) -> Vec<LocalGradient> {
         let Some(camera) = &self.camera else {
             return vec![LocalGradient::default(); set.len()];
         };
         let loss = Loss {
             set,
-            scales,
             d_sums,
             wanted,
         };
@@ -134,7 +127,6 @@ impl CameraRecord {
 /// What is differentiated.
 struct Loss<'a> {
     set: &'a SurfelSet,
-    scales: &'a [Vec2],
     d_sums: &'a [Sums],
     wanted: Wanted,
 }
@@ -182,15 +174,13 @@ fn adjoint_of_tile(
             Wanted::Everything => add_ray(rows, hits, d_sums),
         }
     }
-    record
-        .gaussians
-        .iter()
-        .zip(rows.iter().zip(surfels.iter()))
-        .map(|(&g, (row, surfel))| match loss.wanted {
+    rows.iter()
+        .zip(surfels.iter())
+        .map(|(row, surfel)| match loss.wanted {
             Wanted::LightAndMaterial => row.moments.light_gradient(),
             Wanted::Everything => {
                 let seen = surfel.seen_from(origin);
-                row.moments.gradient(&seen, loss.scales[g as usize])
+                row.moments.gradient(&seen)
             }
         })
         .collect()
@@ -264,11 +254,13 @@ impl Moments {
 
     /// The gradient of a Gaussian.
     #[inline(always)]
-    fn gradient(&self, seen: &SeenSurfel, scale: Vec2) -> LocalGradient {
+    fn gradient(&self, seen: &SeenSurfel) -> LocalGradient {
         let mut gradient = self.light_gradient();
         let [a, au, av, auu, avv, auv, aur2, avr2] =
             std::array::from_fn(|k| self.shape.0[moment::A + k]);
         let [h, hu, hv] = std::array::from_fn(|k| self.shape.0[moment::H + k]);
+        let (axis_u, axis_v) = (Vec3::from(seen.axis_u), Vec3::from(seen.axis_v));
+        let (scale_u, scale_v) = (1.0 / axis_u.length(), 1.0 / axis_v.length());
         let (u0, v0) = (seen.offset_u, seen.offset_v);
         // dL/dt of a hit is h/t − a (u (u + u₀) + v (v + v₀))/t, and moving the plane by dn along its normal moves t by t dn / ((p − o)·n).
         let plane = (h - (auu + avv + u0 * au + v0 * av)) / seen.plane;
@@ -278,18 +270,18 @@ impl Moments {
         // −(u s_u t_u + v s_v t_v).
         let sign = Face::of_plane(seen.plane).signs()[lane::NORMAL];
         let d_normal = Vec3::from_slice(&self.light.0[lane::NORMAL..][..3]) * sign;
-        let d_normal_u = scale.x * (d_normal.dot(Vec3::from(seen.axis_u)) - plane_u);
-        let d_normal_v = scale.y * (d_normal.dot(Vec3::from(seen.axis_v)) - plane_v);
+        let d_normal_u = scale_u * (d_normal.dot(axis_u) - plane_u);
+        let d_normal_v = scale_v * (d_normal.dot(axis_v) - plane_v);
         let shape = [
-            au / scale.x,
-            av / scale.y,
+            au / scale_u,
+            av / scale_v,
             plane,
-            auu / scale.x,
-            avv / scale.y,
+            auu / scale_u,
+            avv / scale_v,
             // About t_u the normal moves along −t_v, about t_v along t_u, about n the two axes move along each other.
             -d_normal_v,
             d_normal_u,
-            auv * (scale.x / scale.y - scale.y / scale.x),
+            auv * (scale_u / scale_v - scale_v / scale_u),
             a / seen.opacity,
         ];
         gradient.0[..grad_lane::RADIANCE].copy_from_slice(&shape);

@@ -7,6 +7,7 @@
 use crate::surfel::{Surfel, SurfelSet};
 use eagpt_scene::Camera;
 use glam::Vec3;
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 /// Edge of a square tile in pixels.
@@ -85,18 +86,7 @@ impl TileBins {
             .for_each(|(chunk, (bands, surfels))| {
                 bands.iter_mut().for_each(Vec::clear);
                 bands.resize_with(num_bands, Vec::new);
-                for (i, surfel) in surfels.iter().enumerate() {
-                    if let Some(rect) = projector.bounds(surfel) {
-                        let index = (chunk * CHUNK + i) as u32;
-                        let visible = Visible {
-                            entry: BinnedSurfel::new(projector.nearest(surfel), index),
-                            tiles: (rect.x.0 / TILE, (rect.x.1 - 1) / TILE),
-                        };
-                        for band in rect.y.0 / TILE..=(rect.y.1 - 1) / TILE {
-                            bands[band as usize].push(visible);
-                        }
-                    }
-                }
+                project_chunk(&projector, surfels, chunk * CHUNK, bands);
             });
         self.bands.resize_with(num_bands, Band::default);
         let (chunks, tiles_x) = (&self.chunks, self.tiles_x);
@@ -118,6 +108,28 @@ impl TileBins {
         let band = &self.bands[tile / self.tiles_x];
         let column = tile % self.tiles_x;
         &band.entries[band.starts[column] as usize..band.starts[column + 1] as usize]
+    }
+}
+
+/// Puts what can be seen of `surfels`, the first of which has the index `first`, into its bands.
+#[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
+fn project_chunk(
+    projector: &Projector,
+    surfels: &[Surfel],
+    first: usize,
+    bands: &mut [Vec<Visible>],
+) {
+    for (i, surfel) in surfels.iter().enumerate() {
+        let Some((nearest, rect)) = projector.project(surfel) else {
+            continue;
+        };
+        let visible = Visible {
+            entry: BinnedSurfel::new(nearest, (first + i) as u32),
+            tiles: (rect.x.0 / TILE, (rect.x.1 - 1) / TILE),
+        };
+        for band in rect.y.0 / TILE..=(rect.y.1 - 1) / TILE {
+            bands[band as usize].push(visible);
+        }
     }
 }
 
@@ -193,25 +205,29 @@ impl Projector {
         }
     }
 
-    /// Lower bound of the distance of hits.
-    fn nearest(&self, surfel: &Surfel) -> f32 {
-        let reach = surfel
-            .extents()
-            .map(Vec3::length)
-            .into_iter()
-            .fold(0.0, f32::max);
-        let distance = Vec3::from(surfel.position).distance(self.origin);
-        // A few roundings' worth lower, so that it is a bound for computed distances, too.
-        ((distance - reach) * (1.0 - 1e-5)).max(0.0)
-    }
-
-    /// The pixels whose centres the disc may cover, or `None` if there are none.
-    fn bounds(&self, surfel: &Surfel) -> Option<PixelRect> {
+    /// A lower bound of the distance of hits, and the pixels whose centres the disc may cover; `None` if there are none.
+    #[inline(always)]
+    fn project(&self, surfel: &Surfel) -> Option<(f32, PixelRect)> {
         if surfel.cut2 < 0.0 {
             return None;
         }
         let offset = Vec3::from(surfel.position) - self.origin;
         let [a, b] = surfel.extents();
+        let reach = a.length_squared().max(b.length_squared()).sqrt();
+        let distance = offset.length();
+        // Most Gaussians of a room are out of sight altogether; the margin is many roundings wide.
+        let outside = -(reach * (1.0 + 1e-5) + 1e-5 * distance);
+        if self.sides.iter().any(|side| offset.dot(*side) < outside) {
+            return None;
+        }
+        // A few roundings' worth lower, so that it is a bound for computed distances, too.
+        let nearest = ((distance - reach) * (1.0 - 1e-5)).max(0.0);
+        Some((nearest, self.bounds(offset, a, b)?))
+    }
+
+    /// The pixels whose centres a disc may cover, given its middle and the vectors that span it.
+    #[inline(always)]
+    fn bounds(&self, offset: Vec3, a: Vec3, b: Vec3) -> Option<PixelRect> {
         let depth = offset.dot(self.forward);
         let (depth_a, depth_b) = (a.dot(self.forward), b.dot(self.forward));
         let reach2 = depth_a * depth_a + depth_b * depth_b;
@@ -221,11 +237,6 @@ impl Projector {
         // A disc that reaches (nearly) into the camera's plane projects to an unbounded conic.
         let q = depth * depth - reach2;
         if depth <= 0.0 || q <= 1e-4 * depth * depth {
-            // Most such discs lie to the side, out of sight; the margin is many roundings wide.
-            let reach = (a.length_squared() + b.length_squared()).sqrt() + 1e-5 * offset.length();
-            if self.sides.iter().any(|side| offset.dot(*side) < -reach) {
-                return None;
-            }
             return Some(PixelRect {
                 x: (0, self.size.0),
                 y: (0, self.size.1),

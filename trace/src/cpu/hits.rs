@@ -90,21 +90,36 @@ impl BlockHits {
 #[inline(always)]
 fn order_by_counting(t: &[f32], len: usize, order: &mut [u32]) -> bool {
     let (mut sum, mut first) = (0_u32, 0);
-    for block in t.chunks_exact(LANES) {
-        let mut smaller = [0_u32; LANES];
-        for &other in &t[..len] {
-            for k in 0..LANES {
-                smaller[k] += u32::from(other < block[k]);
-            }
-        }
-        for (k, &place) in smaller.iter().enumerate().take(len - first) {
-            sum += place;
-            order[place as usize] = (first + k) as u32;
-        }
-        first += LANES;
+    // Two registers at once share the numbers they are compared with.
+    while first + LANES < len {
+        sum += place_block::<{ 2 * LANES }>(t, len, first, order);
+        first += 2 * LANES;
+    }
+    if first < len {
+        sum += place_block::<LANES>(t, len, first, order);
     }
     let num = len as u32;
     sum == num * num.saturating_sub(1) / 2
+}
+
+/// Places `N` numbers from `first` on; returns the sum of the places.
+#[inline(always)]
+fn place_block<const N: usize>(t: &[f32], len: usize, first: usize, order: &mut [u32]) -> u32 {
+    let mut block = [f32::INFINITY; N];
+    let held = N.min(t.len() - first);
+    block[..held].copy_from_slice(&t[first..first + held]);
+    let mut smaller = [0_u32; N];
+    for &other in &t[..len] {
+        for k in 0..N {
+            smaller[k] += u32::from(other < block[k]);
+        }
+    }
+    let mut sum = 0;
+    for (k, &place) in smaller.iter().enumerate().take(len - first) {
+        sum += place;
+        order[place as usize] = (first + k) as u32;
+    }
+    sum
 }
 
 /// Writes the places of `t` in ascending order, equal ones by their slot.
