@@ -54,12 +54,12 @@ fn camera_rays(c: &mut Criterion) {
         });
         group.bench_function(format!("forward and adjoint, {name}"), |b| {
             b.iter(|| {
-                let (sums, record) = camera::trace(&set, &camera, search, Keep::Record);
+                let (sums, mut record) = camera::trace(&set, &camera, search, Keep::Record);
                 black_box(record.adjoint(&set, &sums.pixels, Wanted::Everything))
             });
         });
     }
-    let (sums, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+    let (sums, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
     group.bench_function("adjoint alone", |b| {
         b.iter(|| black_box(record.adjoint(&set, &sums.pixels, Wanted::Everything)));
     });

@@ -108,7 +108,7 @@ impl Case {
 
     fn analytic(&self, first: usize, count: usize) -> Vec<LocalGradient> {
         let set = SurfelSet::new(&self.gaussians);
-        let (_, record) = camera::trace(&set, &self.camera, HitSearch::Tiles, Keep::Record);
+        let (_, mut record) = camera::trace(&set, &self.camera, HitSearch::Tiles, Keep::Record);
         let mut d_sums = vec![Sums::default(); self.camera.num_pixels()];
         for &pixel in &self.steady {
             for k in first..first + count {

@@ -88,7 +88,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
             .unwrap();
         pool.install(|| {
             let set = SurfelSet::new(&gaussians);
-            let (image, record) = camera::trace(&set, camera, HitSearch::Tiles, Keep::Record);
+            let (image, mut record) = camera::trace(&set, camera, HitSearch::Tiles, Keep::Record);
             let gradients = record.adjoint(&set, &image.pixels, Wanted::Everything);
             (image, gradients)
         })

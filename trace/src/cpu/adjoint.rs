@@ -71,7 +71,12 @@ impl CameraRecord {
     /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
     /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. The spread, size and first-hit lanes are not
     /// differentiated.
-    pub fn adjoint(&self, set: &SurfelSet, d_sums: &[Sums], wanted: Wanted) -> Vec<LocalGradient> {
+    pub fn adjoint(
+        &mut self,
+        set: &SurfelSet,
+        d_sums: &[Sums],
+        wanted: Wanted,
+    ) -> Vec<LocalGradient> {
         let Some(camera) = &self.camera else {
             return vec![LocalGradient::default(); set.len()];
         };
@@ -80,43 +85,62 @@ impl CameraRecord {
             d_sums,
             wanted,
         };
-        let rows: Vec<Vec<LocalGradient>> = self
-            .tiles
-            .par_iter()
+        self.tiles
+            .par_iter_mut()
             .enumerate()
-            .map(|(tile, record)| {
+            .for_each(|(tile, record)| {
                 SCRATCH.with_borrow_mut(|scratch| {
                     adjoint_of_tile(&loss, camera, tile, record, scratch)
                 })
-            })
-            .collect();
-        self.sum_rows(set.len(), &rows)
+            });
+        self.rows.find(set.len(), &self.tiles);
+        self.rows.sum(&self.tiles)
     }
+}
 
-    /// Adds the rows of each Gaussian in the order of the tiles.
-    fn sum_rows(&self, num_gaussians: usize, rows: &[Vec<LocalGradient>]) -> Vec<LocalGradient> {
-        let mut starts = vec![0_u32; num_gaussians + 1];
-        for &g in self.tiles.iter().flat_map(|tile| &tile.gaussians) {
-            starts[g as usize + 1] += 1;
+/// Where the rows of each Gaussian are.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RowPlaces {
+    /// First place of each Gaussian, and the end.
+    starts: Vec<u32>,
+    next: Vec<u32>,
+    /// Tile and slot, tiles in order.
+    places: Vec<(u32, u32)>,
+}
+
+impl RowPlaces {
+    fn find(&mut self, num_gaussians: usize, tiles: &[TileRecord]) {
+        self.starts.clear();
+        self.starts.resize(num_gaussians + 1, 0);
+        for &g in tiles.iter().flat_map(|tile| &tile.gaussians) {
+            self.starts[g as usize + 1] += 1;
         }
         for g in 0..num_gaussians {
-            starts[g + 1] += starts[g];
+            self.starts[g + 1] += self.starts[g];
         }
-        let mut places = vec![(0_u32, 0_u32); starts[num_gaussians] as usize];
-        let mut next = starts.clone();
-        for (tile, record) in self.tiles.iter().enumerate() {
+        self.places
+            .resize(self.starts[num_gaussians] as usize, (0, 0));
+        self.next.clear();
+        self.next.extend_from_slice(&self.starts);
+        for (tile, record) in tiles.iter().enumerate() {
             for (slot, &g) in record.gaussians.iter().enumerate() {
-                places[next[g as usize] as usize] = (tile as u32, slot as u32);
-                next[g as usize] += 1;
+                let next = &mut self.next[g as usize];
+                self.places[*next as usize] = (tile as u32, slot as u32);
+                *next += 1;
             }
         }
-        (0..num_gaussians)
+    }
+
+    /// Adds the rows of each Gaussian.
+    fn sum(&self, tiles: &[TileRecord]) -> Vec<LocalGradient> {
+        (0..self.starts.len() - 1)
             .into_par_iter()
             .with_min_len(1024)
             .map(|g| {
                 let mut total = LocalGradient::default();
-                for &(tile, slot) in &places[starts[g] as usize..starts[g + 1] as usize] {
-                    total.add(&rows[tile as usize][slot as usize]);
+                let range = self.starts[g] as usize..self.starts[g + 1] as usize;
+                for &(tile, slot) in &self.places[range] {
+                    total.add(&tiles[tile as usize].gradients[slot as usize]);
                 }
                 total
             })
@@ -140,9 +164,9 @@ fn adjoint_of_tile(
     loss: &Loss<'_>,
     camera: &Camera,
     tile: usize,
-    record: &TileRecord,
+    record: &mut TileRecord,
     scratch: &mut AdjointScratch,
-) -> Vec<LocalGradient> {
+) {
     let AdjointScratch { rows, surfels } = scratch;
     let origin = camera.ray_frame().origin.to_array();
     rows.clear();
@@ -174,16 +198,14 @@ fn adjoint_of_tile(
             Wanted::Everything => add_ray(rows, hits, d_sums),
         }
     }
-    rows.iter()
-        .zip(surfels.iter())
-        .map(|(row, surfel)| match loss.wanted {
+    record.gradients.clear();
+    let gradients = rows.iter().zip(surfels.iter());
+    record
+        .gradients
+        .extend(gradients.map(|(row, surfel)| match loss.wanted {
             Wanted::LightAndMaterial => row.moments.light_gradient(),
-            Wanted::Everything => {
-                let seen = surfel.seen_from(origin);
-                row.moments.gradient(&seen)
-            }
-        })
-        .collect()
+            Wanted::Everything => row.moments.gradient(&surfel.seen_from(origin)),
+        }));
 }
 
 /// Adds the hits of a ray, back to front.

@@ -4,11 +4,12 @@
 //! lists are put in true order of distance, and [`crate::blend`] does the rest. For the adjoint ([`CameraRecord::adjoint`]) a
 //! compact record of the blended hits is kept. No memory is taken per tile, block or ray: threads and records reuse theirs.
 
+use super::adjoint::RowPlaces;
 use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
 use super::hits::BlockHits;
 use super::tile::{BLOCKS, LANES, TileList, TileRays, TileSurfel, pixels_of_tile};
-use crate::blend::{Blender, Offered};
+use crate::blend::{Blender, LocalGradient, Offered};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{Payload, SurfelSet};
@@ -42,6 +43,7 @@ pub struct CameraRecord {
     pub(super) camera: Option<Camera>,
     pub(super) tiles: Vec<TileRecord>,
     bins: TileBins,
+    pub(super) rows: RowPlaces,
 }
 
 /// What a tile keeps.
@@ -53,6 +55,8 @@ pub(super) struct TileRecord {
     hits: Vec<BlendedHit>,
     /// End of each pixel's hits.
     ends: Vec<u32>,
+    /// Of each slot, once asked for.
+    pub(super) gradients: Vec<LocalGradient>,
 }
 
 /// One blended hit of a ray, as the adjoint needs it again.

@@ -349,8 +349,7 @@ impl TileList {
                 let r2 = met.u[k] * met.u[k] + met.v[k] * met.v[k];
                 alpha[k] = surfel.seen.opacity * exp_of_negative(-0.5 * r2);
             }
-            closing.add(&met, &alpha);
-            let mut left = met.hits;
+            let mut left = closing.add(&met, &alpha);
             while left != 0 {
                 let k = left.trailing_zeros() as usize / 8;
                 left &= left - 1;
@@ -381,17 +380,22 @@ impl BlockClosing {
     /// Under the limit of a ray by enough to cover the rounding of products in another order.
     const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
 
+    /// Takes note of hits and returns, one byte for each ray, those that are not behind the end of their ray.
     #[inline(always)]
-    fn add(&mut self, met: &BlockMet, alpha: &[f32; LANES]) {
+    fn add(&mut self, met: &BlockMet, alpha: &[f32; LANES]) -> u128 {
         let hits = met.hits.to_le_bytes();
+        let mut counted = [0_u8; LANES];
         for k in 0..LANES {
             let hit = (hits[k] == 1) & (alpha[k] >= Self::SURE_ALPHA);
             let open = self.transmittance[k] >= Self::LIMIT;
+            let behind = met.t[k] > self.farthest[k];
+            counted[k] = u8::from((hits[k] == 1) & (open | !behind));
             let passes = if hit { 1.0 - alpha[k] } else { 1.0 };
-            let farther = hit & open & (met.t[k] > self.farthest[k]);
+            let farther = hit & open & behind;
             self.farthest[k] = if farther { met.t[k] } else { self.farthest[k] };
             self.transmittance[k] *= if open { passes } else { 1.0 };
         }
+        u128::from_le_bytes(counted)
     }
 
     #[inline(always)]
