@@ -217,3 +217,19 @@ fn a_camera_inside_the_cloud() {
     )
     .check(TOLERANCE);
 }
+
+#[test]
+fn light_and_material_alone_are_the_same_as_with_everything() {
+    let set = SurfelSet::new(&random_cloud(400, 24));
+    let camera = look_at(DVec3::new(2.0, 0.3, 0.5), DVec3::ZERO, 40, 30);
+    let (sums, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+    let all = record.adjoint(&set, &sums.pixels, Wanted::Everything);
+    let some = record.adjoint(&set, &sums.pixels, Wanted::LightAndMaterial);
+    let mut num_seen = 0;
+    for (all, some) in all.iter().zip(&some) {
+        assert_eq!(some.0[..grad_lane::RADIANCE], [0.0; grad_lane::RADIANCE]);
+        assert_eq!(some.0[grad_lane::RADIANCE..], all.0[grad_lane::RADIANCE..]);
+        num_seen += usize::from(all.0[grad_lane::EMISSION] != 0.0);
+    }
+    assert!(num_seen > 100);
+}

@@ -90,8 +90,8 @@ impl CameraRecord {
             .enumerate()
             .for_each(|(tile, record)| {
                 SCRATCH.with_borrow_mut(|scratch| {
-                    adjoint_of_tile(&loss, camera, tile, record, scratch)
-                })
+                    adjoint_of_tile(&loss, camera, tile, record, scratch);
+                });
             });
         self.rows.find(set.len(), &self.tiles);
         self.rows.sum(&self.tiles)
