@@ -11,6 +11,7 @@ pub mod bvh;
 pub mod camera;
 mod hits;
 mod scene;
+mod search;
 mod tile;
 
 pub use adjoint::Wanted;
