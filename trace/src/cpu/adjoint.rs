@@ -253,13 +253,14 @@ impl Moments {
     #[inline(always)]
     fn add_shape(&mut self, hit: &BlendedHit, a: f32, h: f32) {
         let (u, v) = (hit.u, hit.v);
-        let (au, av, r2) = (a * u, a * v, u * u + v * v);
-        let terms = [a, au, av, au * u, av * v, au * v, au * r2, av * r2];
-        for (sum, term) in self.shape.0[moment::A..].iter_mut().zip(terms) {
-            *sum += term;
+        let (uu, vv, uv) = (u * u, v * v, u * v);
+        let r2 = uu + vv;
+        let powers = [1.0, u, v, uu, vv, uv, u * r2, v * r2];
+        for (k, power) in powers.into_iter().enumerate() {
+            self.shape.0[moment::A + k] += a * power;
         }
-        for (sum, term) in self.shape.0[moment::H..].iter_mut().zip([h, h * u, h * v]) {
-            *sum += term;
+        for (k, power) in powers[..3].iter().enumerate() {
+            self.shape.0[moment::H + k] += h * power;
         }
     }
 
