@@ -6,15 +6,16 @@
 )]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use eagpt_scene::{Camera, Gaussians};
+use eagpt_scene::{Camera, Dataset, Gaussians, ply};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
-use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::camera::{HitSearch, Keep};
+use eagpt_trace::cpu::{CameraRecord, CpuScene};
 use eagpt_trace::transport::Sampling;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 use std::hint::black_box;
+use std::path::PathBuf;
 
 /// A white room of 50,000 discs with a lamp under the ceiling and a ball of 10,000 discs.
 fn room() -> Gaussians {
@@ -36,32 +37,56 @@ fn view() -> Camera {
     )
 }
 
+/// What camera rays are traced through: the scene in the file that `EAGPT_BENCH_SCENE` names, seen by every 24th camera of the dataset
+/// `EAGPT_BENCH_DATASET`; without them, the room.
+fn subject() -> (Gaussians, Vec<Camera>) {
+    let path = |name| std::env::var_os(name).map(PathBuf::from);
+    let (Some(scene), Some(dataset)) = (path("EAGPT_BENCH_SCENE"), path("EAGPT_BENCH_DATASET"))
+    else {
+        return (room(), vec![view()]);
+    };
+    let gaussians = ply::read_gaussians(&scene).expect("EAGPT_BENCH_SCENE is a scene");
+    let dataset = Dataset::open_cameras(&dataset).expect("EAGPT_BENCH_DATASET is a dataset");
+    let cameras = dataset.frames().iter().step_by(24);
+    (gaussians, cameras.map(|frame| frame.camera).collect())
+}
+
 fn camera_rays(c: &mut Criterion) {
-    let (gaussians, camera) = (room(), view());
-    let set = SurfelSet::new(&gaussians);
+    let (gaussians, cameras) = subject();
     let scene = CpuScene::new(&gaussians);
+    let set = scene.surfels();
     let mut group = c.benchmark_group(format!("camera rays, {} Gaussians", gaussians.len()));
+    let num_rays: usize = cameras.iter().map(Camera::num_pixels).sum();
     group
-        .throughput(Throughput::Elements(camera.num_pixels() as u64))
+        .throughput(Throughput::Elements(num_rays as u64))
         .sample_size(20);
+    // Memory as training uses it: one record for all images.
+    let mut record = CameraRecord::default();
     for (name, search) in [
         ("tiles", HitSearch::Tiles),
         ("single rays", HitSearch::SingleRays(scene.bvh())),
     ] {
         group.bench_function(format!("forward, {name}"), |b| {
-            b.iter(|| black_box(camera::trace(&set, &camera, search, Keep::Nothing)));
-        });
-        group.bench_function(format!("forward and adjoint, {name}"), |b| {
             b.iter(|| {
-                let (sums, record) = camera::trace(&set, &camera, search, Keep::Record);
-                black_box(record.adjoint(&set, &gaussians.scales, &sums.pixels))
+                for camera in &cameras {
+                    black_box(record.trace(set, camera, search, Keep::Nothing));
+                }
             });
         });
+        for (wanted, what) in [
+            (Wanted::Everything, "adjoint"),
+            (Wanted::LightAndMaterial, "adjoint of light and material"),
+        ] {
+            group.bench_function(format!("forward and {what}, {name}"), |b| {
+                b.iter(|| {
+                    for camera in &cameras {
+                        let sums = record.trace(set, camera, search, Keep::Record);
+                        black_box(record.adjoint(set, &sums.pixels, wanted));
+                    }
+                });
+            });
+        }
     }
-    let (sums, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
-    group.bench_function("adjoint alone", |b| {
-        b.iter(|| black_box(record.adjoint(&set, &gaussians.scales, &sums.pixels)));
-    });
     group.finish();
 }
 

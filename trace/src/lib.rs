@@ -7,10 +7,10 @@
 //! - [`model`]: the constants of the model, each with its reason.
 //! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
 //! - [`sums`]: the quantities a ray collects, as one vector of 16 lanes.
-//! - [`blend`]: blending of ordered hits and its adjoint, shared by every way of finding hits.
+//! - [`blend`]: blending of ordered hits, shared by every way of finding them.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
-//! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays.
+//! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays, whose adjoint is there, too.
 //! - [`transport`]: `0-bounce`, `1-bounce` and `path` renderings on any [`Tracer`].
 //!
 //! [`Tracer`] is the seam between engines and the code above them.

@@ -1,5 +1,6 @@
 //! Gaussians prepared for intersection.
 
+use crate::blend::Face;
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
 use crate::sums::{NUM_LANES, lane};
@@ -153,6 +154,18 @@ impl SeenSurfel {
     #[inline(always)]
     pub fn is_own(&self, hit: &PlaneHit, ray: &Ray) -> bool {
         (hit.t <= ray.t_own) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
+    }
+}
+
+impl Payload {
+    /// With the normal turned towards the origin of rays that see the Gaussian from `face`.
+    #[inline(always)]
+    pub fn turned(&self, face: Face) -> Self {
+        let mut lanes = self.0;
+        for (lane, sign) in lanes.iter_mut().zip(face.signs()) {
+            *lane *= sign;
+        }
+        Self(lanes)
     }
 }
 

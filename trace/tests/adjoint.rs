@@ -4,6 +4,7 @@ use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Sums;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
+use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::sums::lane;
@@ -107,14 +108,14 @@ impl Case {
 
     fn analytic(&self, first: usize, count: usize) -> Vec<LocalGradient> {
         let set = SurfelSet::new(&self.gaussians);
-        let (_, record) = camera::trace(&set, &self.camera, HitSearch::Tiles, Keep::Record);
+        let (_, mut record) = camera::trace(&set, &self.camera, HitSearch::Tiles, Keep::Record);
         let mut d_sums = vec![Sums::default(); self.camera.num_pixels()];
         for &pixel in &self.steady {
             for k in first..first + count {
                 d_sums[pixel].0[k] = weight(pixel, k);
             }
         }
-        record.adjoint(&set, &self.gaussians.scales, &d_sums)
+        record.adjoint(&set, &d_sums, Wanted::Everything)
     }
 
     fn scalar(&self, gaussians: &[OracleGaussian], first: usize, count: usize) -> f64 {
@@ -215,4 +216,20 @@ fn a_camera_inside_the_cloud() {
         gaussians,
     )
     .check(TOLERANCE);
+}
+
+#[test]
+fn light_and_material_alone_are_the_same_as_with_everything() {
+    let set = SurfelSet::new(&random_cloud(400, 24));
+    let camera = look_at(DVec3::new(2.0, 0.3, 0.5), DVec3::ZERO, 40, 30);
+    let (sums, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+    let all = record.adjoint(&set, &sums.pixels, Wanted::Everything);
+    let some = record.adjoint(&set, &sums.pixels, Wanted::LightAndMaterial);
+    let mut num_seen = 0;
+    for (all, some) in all.iter().zip(&some) {
+        assert_eq!(some.0[..grad_lane::RADIANCE], [0.0; grad_lane::RADIANCE]);
+        assert_eq!(some.0[grad_lane::RADIANCE..], all.0[grad_lane::RADIANCE..]);
+        num_seen += usize::from(all.0[grad_lane::EMISSION] != 0.0);
+    }
+    assert!(num_seen > 100);
 }

@@ -4,6 +4,7 @@ use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::{CameraRecord, Wanted};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::parity::PARITY_TOLERANCE;
 use eagpt_trace::ray::Ray;
@@ -76,6 +77,50 @@ fn tiles_and_single_rays_give_the_same_bits() {
     }
 }
 
+/// Needles and discs seen edge-on, which lie in few of the blocks that their bounds cover; several in one plane, whose distances tie.
+#[test]
+fn needles_ties_and_grazing_discs_are_found_by_all_searches() {
+    let mut gaussians = random_cloud(3000, 12);
+    for (i, scale) in gaussians.scales.iter_mut().enumerate() {
+        *scale *= match i % 3 {
+            0 => glam::Vec2::new(12.0, 0.05),
+            1 => glam::Vec2::new(0.02, 3.0),
+            _ => glam::Vec2::splat(0.5),
+        };
+    }
+    for i in (0..gaussians.len()).step_by(5) {
+        gaussians.positions[i].z = 0.05 * (i % 4) as f32;
+        gaussians.rotations[i] = glam::Quat::from_rotation_z(i as f32);
+    }
+    let set = SurfelSet::new(&gaussians);
+    let bvh = Bvh::new(&set);
+    for camera in cameras() {
+        let (tiles, mut tile_record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+        let (rays, mut ray_record) =
+            camera::trace(&set, &camera, HitSearch::SingleRays(&bvh), Keep::Record);
+        assert!(tiles == rays);
+        let by_tiles = tile_record.adjoint(&set, &tiles.pixels, Wanted::Everything);
+        assert!(by_tiles == ray_record.adjoint(&set, &tiles.pixels, Wanted::Everything));
+    }
+}
+
+/// Records are made in the memory of earlier ones, of images of any size.
+#[test]
+fn a_record_can_be_used_again() {
+    let mut record = CameraRecord::default();
+    for (seed, camera) in cameras().into_iter().enumerate() {
+        let camera = camera.magnified(if seed % 2 == 0 { 2 } else { 1 });
+        let set = SurfelSet::new(&random_cloud(900 - 200 * seed, seed as u64));
+        let (image, mut fresh) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+        assert!(image == record.trace(&set, &camera, HitSearch::Tiles, Keep::Record));
+        assert_eq!(fresh.num_hits(), record.num_hits());
+        let wanted = Wanted::Everything;
+        let gradients = record.adjoint(&set, &image.pixels, wanted);
+        assert!(gradients == fresh.adjoint(&set, &image.pixels, wanted));
+        assert_eq!(gradients.len(), set.len());
+    }
+}
+
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
     let gaussians = random_cloud(1500, 4);
@@ -87,8 +132,8 @@ fn the_number_of_threads_does_not_change_a_bit() {
             .unwrap();
         pool.install(|| {
             let set = SurfelSet::new(&gaussians);
-            let (image, record) = camera::trace(&set, camera, HitSearch::Tiles, Keep::Record);
-            let gradients = record.adjoint(&set, &gaussians.scales, &image.pixels);
+            let (image, mut record) = camera::trace(&set, camera, HitSearch::Tiles, Keep::Record);
+            let gradients = record.adjoint(&set, &image.pixels, Wanted::Everything);
             (image, gradients)
         })
     };

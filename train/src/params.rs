@@ -84,6 +84,11 @@ impl StepSizes {
         Self(sizes)
     }
 
+    /// Whether anything moves beside light and material: radiance, emission, albedo.
+    pub fn move_geometry(&self) -> bool {
+        self.0[..RADIANCE].iter().any(|&size| size != 0.0)
+    }
+
     /// Steps of stage 1: albedo only.
     pub fn albedo(rate: f32) -> Self {
         let mut sizes = [0.0; NUM_PARAMETERS];

@@ -1,13 +1,17 @@
-//! Binning: for each tile of an image, the Gaussians whose discs may cover one of its pixels, sorted by the distance from
-//! which on they can be hit. The list is a superset; the hit formula decides.
+//! Binning: for each tile of an image, the Gaussians whose discs may cover one of its pixels, and the distance from which on
+//! they can be hit. The lists are supersets; the hit formula decides.
+//!
+//! Gaussians are projected in chunks, each chunk sorts what it sees into bands of tiles, and each band makes the lists of its
+//! tiles, chunks in order: every step runs in parallel, and the lists are the same for any number of threads.
 
 use crate::surfel::{Surfel, SurfelSet};
 use eagpt_scene::Camera;
 use glam::Vec3;
+use multiversion::multiversion;
 use rayon::prelude::*;
 
-/// Edge of a square tile in pixels: a row is one 8-lane register, a tile four 16-lane ones.
-pub const TILE: u32 = 8;
+/// Edge of a square tile in pixels.
+pub const TILE: u32 = 16;
 /// Pixels of a tile.
 pub const TILE_PIXELS: usize = (TILE * TILE) as usize;
 
@@ -15,104 +19,148 @@ pub const TILE_PIXELS: usize = (TILE * TILE) as usize;
 /// for images of 8,000 pixels), far below what costs time.
 const MARGIN_PIXELS: f32 = 0.02;
 
-/// A Gaussian in a tile's list.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BinnedSurfel {
-    /// Index in the scene.
-    pub index: u32,
+/// Gaussians projected at once by a thread.
+const CHUNK: usize = 4096;
+
+/// A Gaussian in a tile's list; entries order by distance, ties by index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct BinnedSurfel(u64);
+
+impl BinnedSurfel {
+    #[inline(always)]
+    pub(super) fn new(nearest: f32, index: u32) -> Self {
+        // Distances are not negative, so their bits order like they do.
+        Self(u64::from(nearest.to_bits()) << 32 | u64::from(index))
+    }
+
+    /// Index in the scene, or of what the list is about.
+    #[inline(always)]
+    pub fn index(self) -> u32 {
+        self.0 as u32
+    }
+
     /// No hit on the disc is closer than this; scene units.
-    pub nearest: f32,
-    /// First row of pixels that the disc may cover, image coordinates.
-    pub first_row: u32,
-    /// One past the last such row.
-    pub end_row: u32,
+    #[inline(always)]
+    pub fn nearest(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
 }
 
-/// Lists for all tiles of an image, row by row.
-#[derive(Debug, Clone)]
+/// Lists for all tiles of an image, row by row. Memory is reused from image to image.
+#[derive(Debug, Clone, Default)]
 pub struct TileBins {
-    /// Tiles per row.
-    pub tiles_x: u32,
-    /// Rows of tiles.
-    pub tiles_y: u32,
+    tiles_x: usize,
+    /// `[num_chunks][num_bands]`
+    chunks: Vec<Vec<Vec<Visible>>>,
+    bands: Vec<Band>,
+}
+
+/// The lists of a row of tiles.
+#[derive(Debug, Clone, Default)]
+struct Band {
+    /// First entry of each tile, and the end.
     starts: Vec<u32>,
+    next: Vec<u32>,
     entries: Vec<BinnedSurfel>,
+}
+
+/// A Gaussian that some pixel of a band may see.
+#[derive(Debug, Clone, Copy)]
+struct Visible {
+    entry: BinnedSurfel,
+    /// First column of tiles, and the last.
+    tiles: (u32, u32),
 }
 
 impl TileBins {
     /// Bins all Gaussians of `set` for `camera`.
-    pub fn new(set: &SurfelSet, camera: &Camera) -> Self {
-        let (tiles_x, tiles_y) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
+    pub fn fill(&mut self, set: &SurfelSet, camera: &Camera) {
+        let num_bands = camera.height.div_ceil(TILE) as usize;
+        self.tiles_x = camera.width.div_ceil(TILE) as usize;
         let projector = Projector::new(camera);
-        let mut visible: Vec<Visible> = set
-            .surfels
-            .par_iter()
-            .with_min_len(1024)
+        self.chunks.resize_with(set.len().div_ceil(CHUNK), Vec::new);
+        self.chunks
+            .par_iter_mut()
+            .zip(set.surfels.par_chunks(CHUNK))
             .enumerate()
-            .filter_map(|(index, surfel)| {
-                let rect = projector.bounds(surfel)?;
-                Some(Visible {
-                    nearest: projector.nearest(surfel),
-                    index: index as u32,
-                    rect,
-                })
-            })
-            .collect();
-        // One sort for all tiles. Distances are not negative, so their bits order like they do; indices make keys unique.
-        visible.par_sort_unstable_by_key(|v| {
-            (u64::from(v.nearest.to_bits()) << 32) | u64::from(v.index)
-        });
-        let mut starts = vec![0_u32; (tiles_x * tiles_y) as usize + 1];
-        for v in &visible {
-            v.rect.for_each_tile(tiles_x, |tile| starts[tile + 1] += 1);
-        }
-        for tile in 1..starts.len() {
-            starts[tile] += starts[tile - 1];
-        }
-        let empty = BinnedSurfel {
-            index: 0,
-            nearest: 0.0,
-            first_row: 0,
-            end_row: 0,
-        };
-        let mut entries = vec![empty; starts.last().copied().unwrap_or(0) as usize];
-        let mut next = starts.clone();
-        for v in &visible {
-            let entry = BinnedSurfel {
-                index: v.index,
-                nearest: v.nearest,
-                first_row: v.rect.y.0,
-                end_row: v.rect.y.1,
-            };
-            v.rect.for_each_tile(tiles_x, |tile| {
-                entries[next[tile] as usize] = entry;
-                next[tile] += 1;
+            .for_each(|(chunk, (bands, surfels))| {
+                bands.iter_mut().for_each(Vec::clear);
+                bands.resize_with(num_bands, Vec::new);
+                project_chunk(&projector, surfels, chunk * CHUNK, bands);
             });
-        }
-        Self {
-            tiles_x,
-            tiles_y,
-            starts,
-            entries,
-        }
+        self.bands.resize_with(num_bands, Band::default);
+        let (chunks, tiles_x) = (&self.chunks, self.tiles_x);
+        self.bands
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(band, lists)| {
+                lists.fill(tiles_x, || chunks.iter().flat_map(|chunk| &chunk[band]));
+            });
     }
 
     /// Number of tiles.
     pub fn num_tiles(&self) -> usize {
-        self.starts.len() - 1
+        self.bands.len() * self.tiles_x
     }
 
-    /// The list of a tile.
+    /// The list of a tile, in order of index.
     pub fn list(&self, tile: usize) -> &[BinnedSurfel] {
-        &self.entries[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+        let band = &self.bands[tile / self.tiles_x];
+        let column = tile % self.tiles_x;
+        &band.entries[band.starts[column] as usize..band.starts[column + 1] as usize]
     }
 }
 
-/// A Gaussian that some pixel may see.
-struct Visible {
-    nearest: f32,
-    index: u32,
-    rect: PixelRect,
+/// Puts what can be seen of `surfels`, the first of which has the index `first`, into its bands.
+#[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
+fn project_chunk(
+    projector: &Projector,
+    surfels: &[Surfel],
+    first: usize,
+    bands: &mut [Vec<Visible>],
+) {
+    for (i, surfel) in surfels.iter().enumerate() {
+        let Some((nearest, rect)) = projector.project(surfel) else {
+            continue;
+        };
+        let visible = Visible {
+            entry: BinnedSurfel::new(nearest, (first + i) as u32),
+            tiles: (rect.x.0 / TILE, (rect.x.1 - 1) / TILE),
+        };
+        for band in rect.y.0 / TILE..=(rect.y.1 - 1) / TILE {
+            bands[band as usize].push(visible);
+        }
+    }
+}
+
+impl Band {
+    fn fill<'a, I: Iterator<Item = &'a Visible>>(
+        &mut self,
+        tiles_x: usize,
+        visible: impl Fn() -> I,
+    ) {
+        self.starts.clear();
+        self.starts.resize(tiles_x + 1, 0);
+        for v in visible() {
+            for tile in v.tiles.0..=v.tiles.1 {
+                self.starts[tile as usize + 1] += 1;
+            }
+        }
+        for tile in 0..tiles_x {
+            self.starts[tile + 1] += self.starts[tile];
+        }
+        self.next.clear();
+        self.next.extend_from_slice(&self.starts);
+        self.entries
+            .resize(self.starts[tiles_x] as usize, BinnedSurfel(0));
+        for v in visible() {
+            for tile in v.tiles.0..=v.tiles.1 {
+                let next = &mut self.next[tile as usize];
+                self.entries[*next as usize] = v.entry;
+                *next += 1;
+            }
+        }
+    }
 }
 
 /// Half-open ranges of pixels.
@@ -120,16 +168,6 @@ struct Visible {
 struct PixelRect {
     x: (u32, u32),
     y: (u32, u32),
-}
-
-impl PixelRect {
-    fn for_each_tile(&self, tiles_x: u32, mut f: impl FnMut(usize)) {
-        for tile_y in self.y.0 / TILE..=(self.y.1 - 1) / TILE {
-            for tile_x in self.x.0 / TILE..=(self.x.1 - 1) / TILE {
-                f((tile_y * tiles_x + tile_x) as usize);
-            }
-        }
-    }
 }
 
 /// World to pixels, in single precision, with rows scaled by the focal lengths.
@@ -167,25 +205,29 @@ impl Projector {
         }
     }
 
-    /// Lower bound of the distance of hits.
-    fn nearest(&self, surfel: &Surfel) -> f32 {
-        let reach = surfel
-            .extents()
-            .map(Vec3::length)
-            .into_iter()
-            .fold(0.0, f32::max);
-        let distance = Vec3::from(surfel.position).distance(self.origin);
-        // A few roundings' worth lower, so that it is a bound for computed distances, too.
-        ((distance - reach) * (1.0 - 1e-5)).max(0.0)
-    }
-
-    /// The pixels whose centres the disc may cover, or `None` if there are none.
-    fn bounds(&self, surfel: &Surfel) -> Option<PixelRect> {
+    /// A lower bound of the distance of hits, and the pixels whose centres the disc may cover; `None` if there are none.
+    #[inline(always)]
+    fn project(&self, surfel: &Surfel) -> Option<(f32, PixelRect)> {
         if surfel.cut2 < 0.0 {
             return None;
         }
         let offset = Vec3::from(surfel.position) - self.origin;
         let [a, b] = surfel.extents();
+        let reach = a.length_squared().max(b.length_squared()).sqrt();
+        let distance = offset.length();
+        // Most Gaussians of a room are out of sight altogether; the margin is many roundings wide.
+        let outside = -(reach * (1.0 + 1e-5) + 1e-5 * distance);
+        if self.sides.iter().any(|side| offset.dot(*side) < outside) {
+            return None;
+        }
+        // A few roundings' worth lower, so that it is a bound for computed distances, too.
+        let nearest = ((distance - reach) * (1.0 - 1e-5)).max(0.0);
+        Some((nearest, self.bounds(offset, a, b)?))
+    }
+
+    /// The pixels whose centres a disc may cover, given its middle and the vectors that span it.
+    #[inline(always)]
+    fn bounds(&self, offset: Vec3, a: Vec3, b: Vec3) -> Option<PixelRect> {
         let depth = offset.dot(self.forward);
         let (depth_a, depth_b) = (a.dot(self.forward), b.dot(self.forward));
         let reach2 = depth_a * depth_a + depth_b * depth_b;
@@ -195,11 +237,6 @@ impl Projector {
         // A disc that reaches (nearly) into the camera's plane projects to an unbounded conic.
         let q = depth * depth - reach2;
         if depth <= 0.0 || q <= 1e-4 * depth * depth {
-            // Most such discs lie to the side, out of sight; the margin is many roundings wide.
-            let reach = (a.length_squared() + b.length_squared()).sqrt() + 1e-5 * offset.length();
-            if self.sides.iter().any(|side| offset.dot(*side) < -reach) {
-                return None;
-            }
             return Some(PixelRect {
                 x: (0, self.size.0),
                 y: (0, self.size.1),

@@ -1,12 +1,21 @@
-//! The rays of a tile of pixels, tested against binned Gaussians in SIMD lanes.
+//! The rays of a tile of pixels, in blocks that fit a SIMD register, and the tests of a Gaussian against all rays of a block and all blocks of a tile.
 
-use super::bins::{BinnedSurfel, TILE, TILE_PIXELS};
-use crate::blend::Hit;
-use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::surfel::{SeenSurfel, SurfelSet};
+use super::bins::{TILE, TILE_PIXELS};
+use crate::surfel::SeenSurfel;
 use eagpt_scene::Camera;
 use eagpt_scene::camera::RayFrame;
-use multiversion::multiversion;
+use glam::Vec3;
+
+/// Rays tested at once: one AVX-512 register.
+pub(super) const LANES: usize = 16;
+/// Edge of a block of pixels.
+const BLOCK: u32 = 4;
+/// Blocks in a row of a tile.
+const BLOCKS_X: u32 = TILE / BLOCK;
+/// Blocks of a tile.
+pub(super) const BLOCKS: usize = TILE_PIXELS / LANES;
+
+const _: () = assert!(BLOCK * BLOCK == LANES as u32 && BLOCKS == LANES);
 
 /// Pixel grid of a tile: position and rays.
 pub(super) struct TileRays {
@@ -16,52 +25,56 @@ pub(super) struct TileRays {
     height: u32,
     pub(super) origin: [f32; 3],
     /// Directions in blocks of one SIMD register. Pixels outside the image get rays, too.
-    blocks: [RayBlock; TILE_PIXELS / LANES],
+    pub(super) blocks: [RayBlock; BLOCKS],
+    pub(super) grid: BlockGrid,
 }
-
-/// Rays tested at once: two rows of a tile, one AVX-512 register.
-const LANES: usize = 16;
-/// Rows of a tile in a block.
-const BLOCK_ROWS: u32 = LANES as u32 / TILE;
 
 /// Directions of [`LANES`] rays, one array per axis.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
-struct RayBlock {
+pub(super) struct RayBlock {
     x: [f32; LANES],
     y: [f32; LANES],
     z: [f32; LANES],
 }
 
 /// What [`LANES`] rays meet on the plane of one Gaussian.
-struct BlockHits {
-    t: [f32; LANES],
-    /// Exponent of the Gaussian, `−(u² + v²)/2`.
-    exponent: [f32; LANES],
+pub(super) struct BlockMet {
+    pub(super) t: [f32; LANES],
+    pub(super) u: [f32; LANES],
+    pub(super) v: [f32; LANES],
     /// One byte for each ray, 1 where it hits: a comparison of vectors becomes this without shuffling lanes.
-    hits: u128,
+    pub(super) hits: u128,
 }
 
 impl RayBlock {
-    fn direction(&self, lane: usize) -> [f32; 3] {
+    #[inline(always)]
+    pub(super) fn direction(&self, lane: usize) -> [f32; 3] {
         [self.x[lane], self.y[lane], self.z[lane]]
+    }
+
+    fn set(&mut self, lane: usize, direction: Vec3) {
+        (self.x[lane], self.y[lane], self.z[lane]) = direction.into();
     }
 
     /// Separate loops over plain arrays: each becomes straight SIMD code.
     #[inline(always)]
-    fn meet(&self, seen: &SeenSurfel) -> BlockHits {
+    pub(super) fn meet(&self, seen: &SeenSurfel) -> BlockMet {
         let mut t = [0.0_f32; LANES];
-        let mut exponent = [0.0_f32; LANES];
+        let mut u = [0.0_f32; LANES];
+        let mut v = [0.0_f32; LANES];
         let mut hits = [0_u8; LANES];
         for k in 0..LANES {
             let met = seen.meet([self.x[k], self.y[k], self.z[k]]);
             t[k] = met.t;
-            exponent[k] = -0.5 * (met.u * met.u + met.v * met.v);
+            u[k] = met.u;
+            v[k] = met.v;
             hits[k] = u8::from(seen.counts(&met));
         }
-        BlockHits {
+        BlockMet {
             t,
-            exponent,
+            u,
+            v,
             hits: u128::from_le_bytes(hits),
         }
     }
@@ -70,116 +83,133 @@ impl RayBlock {
 impl TileRays {
     pub(super) fn new(camera: &Camera, frame: &RayFrame, tiles_x: u32, tile: usize) -> Self {
         let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
-        let mut blocks = [RayBlock::default(); TILE_PIXELS / LANES];
-        for p in 0..TILE_PIXELS {
-            let (x, y) = (x0 + p as u32 % TILE, y0 + p as u32 / TILE);
-            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            let (block, lane) = (&mut blocks[p / LANES], p % LANES);
-            (block.x[lane], block.y[lane], block.z[lane]) = direction.into();
-        }
-        Self {
+        let mut rays = Self {
             x0,
             y0,
             width: camera.width,
             height: camera.height,
             origin: frame.origin.to_array(),
-            blocks,
-        }
-    }
-
-    pub(super) fn direction(&self, pixel: usize) -> [f32; 3] {
-        self.blocks[pixel / LANES].direction(pixel % LANES)
-    }
-
-    /// The tile's pixels that lie in the image: (pixel of the tile, pixel of the image).
-    pub(super) fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        (0..TILE_PIXELS).filter_map(|p| {
-            let (x, y) = (self.x0 + p as u32 % TILE, self.y0 + p as u32 / TILE);
-            (x < self.width && y < self.height).then_some((p, (y * self.width + x) as usize))
-        })
-    }
-}
-
-/// Tests the binned Gaussians against all rays of a tile; hits carry slots, which are positions in `list`.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
-    "x86_64+avx2",
-    "aarch64+neon"
-))]
-pub(super) fn find_hits_in_tile(
-    set: &SurfelSet,
-    list: &[BinnedSurfel],
-    rays: &TileRays,
-    hits: &mut [Vec<Hit>],
-) {
-    let mut closing = [BlockClosing::OPEN; TILE_PIXELS / LANES];
-    for (slot, entry) in list.iter().enumerate() {
-        // The list is sorted by this bound: once every ray has ended before it, nothing further can be seen.
-        if slot % CLOSING_INTERVAL == 0
-            && closing
-                .iter()
-                .all(|block| block.closed_before(entry.nearest))
-        {
-            break;
-        }
-        let seen = set.surfels[entry.index as usize].seen_from(rays.origin);
-        let first = entry.first_row.saturating_sub(rays.y0) / BLOCK_ROWS;
-        let end = (entry.end_row - rays.y0).min(TILE).div_ceil(BLOCK_ROWS);
-        for block in first as usize..end as usize {
-            let met = rays.blocks[block].meet(&seen);
-            if met.hits == 0 {
-                continue;
-            }
-            // The exponential only where some pixel is hit.
-            let alpha = met
-                .exponent
-                .map(|e| seen.opacity * crate::surfel::exp_of_negative(e));
-            closing[block].add(&met, &alpha);
-            let mut left = met.hits;
-            while left != 0 {
-                let k = left.trailing_zeros() as usize / 8;
-                left &= left - 1;
-                hits[block * LANES + k].push(Hit::new(met.t[k], slot as u32, alpha[k]));
+            blocks: [RayBlock::default(); BLOCKS],
+            grid: BlockGrid::new(frame, x0, y0),
+        };
+        for block in 0..BLOCKS {
+            for lane in 0..LANES {
+                let (x, y) = rays.position(block, lane);
+                let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+                rays.blocks[block].set(lane, direction);
             }
         }
+        rays
+    }
+
+    fn position(&self, block: usize, lane: usize) -> (u32, u32) {
+        pixel_position(self.x0, self.y0, block, lane)
+    }
+
+    /// Whether some pixel of a block lies in the image.
+    pub(super) fn is_in_image(&self, block: usize) -> bool {
+        let (x, y) = self.position(block, 0);
+        x < self.width && y < self.height
     }
 }
 
-/// Gaussians between two checks for whether a tile is closed.
-const CLOSING_INTERVAL: usize = 16;
-
-/// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light that a ray that goes on might skip them are
-/// left out ([`Self::SURE_ALPHA`]); once the product of `1 − α` over the others is under the limit, the ray has ended at or
-/// before the farthest of them, whatever else it met.
-struct BlockClosing {
-    transmittance: [f32; LANES],
-    farthest: [f32; LANES],
+/// Column and row of a pixel, given the tile's first.
+fn pixel_position(x0: u32, y0: u32, block: usize, lane: usize) -> (u32, u32) {
+    let (block, lane) = (block as u32, lane as u32);
+    (
+        x0 + block % BLOCKS_X * BLOCK + lane % BLOCK,
+        y0 + block / BLOCKS_X * BLOCK + lane / BLOCK,
+    )
 }
 
-impl BlockClosing {
-    const OPEN: Self = Self {
-        transmittance: [1.0; LANES],
-        farthest: [0.0; LANES],
-    };
-    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor covers rounding.
-    const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
-    /// Under the limit of a ray by enough to cover the rounding of products in another order.
-    const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
+/// The pixels of a tile that lie in the image: (pixel of the tile, pixel of the image, row by row).
+pub(super) fn pixels_of_tile(
+    camera: &Camera,
+    tile: usize,
+) -> impl DoubleEndedIterator<Item = (usize, usize)> + use<> {
+    let (width, height) = (camera.width, camera.height);
+    let tiles_x = width.div_ceil(TILE);
+    let (x0, y0) = (tile as u32 % tiles_x * TILE, tile as u32 / tiles_x * TILE);
+    (0..TILE_PIXELS).filter_map(move |p| {
+        let (x, y) = pixel_position(x0, y0, p / LANES, p % LANES);
+        (x < width && y < height).then(|| (p, y as usize * width as usize + x as usize))
+    })
+}
 
+/// The blocks of a tile on the image plane, for finding out which of them a Gaussian may cover.
+pub(super) struct BlockGrid {
+    /// Unnormalised directions through the middles of the blocks.
+    centers: RayBlock,
+    /// Change of direction from a block's middle to its outermost pixel centres.
+    half: [Vec3; 2],
+    /// Bound of the length of directions.
+    length: f32,
+}
+
+impl BlockGrid {
+    /// From a block's middle to the centres of its outermost pixels, in pixels; a little more than 1.5.
+    const HALF: f32 = BLOCK as f32 / 2.0 - 0.49;
+    /// Bound of the rounding of in-plane coordinates here and in [`SeenSurfel::meet`], relative to the terms they are differences of: each
+    /// is a handful of operations of 6e-8.
+    const ROUNDING: f32 = 2e-6;
+
+    fn new(frame: &RayFrame, x0: u32, y0: u32) -> Self {
+        let mut centers = RayBlock::default();
+        let mut length = 0.0_f32;
+        for block in 0..BLOCKS {
+            let (x, y) = pixel_position(x0, y0, block, 0);
+            let middle = BLOCK as f32 / 2.0;
+            let direction = frame.base
+                + frame.step_x * (x as f32 + middle)
+                + frame.step_y * (y as f32 + middle);
+            centers.set(block, direction);
+            length = length.max(direction.length());
+        }
+        let half = [frame.step_x * Self::HALF, frame.step_y * Self::HALF];
+        Self {
+            centers,
+            half,
+            length: length + half[0].length() + half[1].length(),
+        }
+    }
+
+    /// One byte for each block, 1 where one of its rays may hit.
+    ///
+    /// For a direction d, unnormalised, `u·(d·n)` is a linear function of d, and so is `v·(d·n)`: over a block each stays within its value in
+    /// the middle plus or minus what the steps to the edges make. A block where even the smallest `u² + v²` is beyond the cut is not met.
     #[inline(always)]
-    fn add(&mut self, met: &BlockHits, alpha: &[f32; LANES]) {
-        let hits = met.hits.to_le_bytes();
+    pub(super) fn may_hit(&self, seen: &SeenSurfel) -> u128 {
+        let normal = Vec3::from(seen.normal);
+        let (axis_u, axis_v) = (Vec3::from(seen.axis_u), Vec3::from(seen.axis_v));
+        let reach = |function: Vec3, terms: f32| {
+            function.dot(self.half[0]).abs()
+                + function.dot(self.half[1]).abs()
+                + Self::ROUNDING * self.length * terms
+        };
+        let norm = |axis: Vec3| axis.abs().element_sum();
+        let function_u = axis_u * seen.plane - normal * seen.offset_u;
+        let function_v = axis_v * seen.plane - normal * seen.offset_v;
+        let reach_u = reach(
+            function_u,
+            norm(axis_u) * seen.plane.abs() + seen.offset_u.abs(),
+        );
+        let reach_v = reach(
+            function_v,
+            norm(axis_v) * seen.plane.abs() + seen.offset_v.abs(),
+        );
+        let reach_n = reach(normal, 1.0);
+        // In front of the origin the plane and the cosine have the same sign.
+        let facing = if seen.plane < 0.0 { -normal } else { normal };
+        let mut hits = [0_u8; LANES];
         for k in 0..LANES {
-            let hit = (hits[k] == 1) & (alpha[k] >= Self::SURE_ALPHA);
-            let open = self.transmittance[k] >= Self::LIMIT;
-            let passes = if hit { 1.0 - alpha[k] } else { 1.0 };
-            let farther = hit & open & (met.t[k] > self.farthest[k]);
-            self.farthest[k] = if farther { met.t[k] } else { self.farthest[k] };
-            self.transmittance[k] *= if open { passes } else { 1.0 };
+            let d = [self.centers.x[k], self.centers.y[k], self.centers.z[k]];
+            let along = |f: Vec3| d[0] * f.x + d[1] * f.y + d[2] * f.z;
+            let cosine = along(facing) + reach_n;
+            let u = along(function_u).abs() - reach_u;
+            let v = along(function_v).abs() - reach_v;
+            let (u, v) = (if u > 0.0 { u } else { 0.0 }, if v > 0.0 { v } else { 0.0 });
+            hits[k] = u8::from((cosine > 0.0) & (u * u + v * v <= seen.cut2 * (cosine * cosine)));
         }
-    }
-
-    fn closed_before(&self, distance: f32) -> bool {
-        (0..LANES).all(|k| self.transmittance[k] < Self::LIMIT && self.farthest[k] < distance)
+        u128::from_le_bytes(hits)
     }
 }

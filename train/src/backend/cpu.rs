@@ -10,8 +10,8 @@ use crate::params::{ParameterState, StepSizes};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image};
-use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::{CameraRecord, CpuScene, Wanted};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::lights::BounceSampler;
@@ -29,6 +29,8 @@ pub struct CpuBackend {
     state: ParameterState,
     gaussians: Gaussians,
     set: SurfelSet,
+    /// Of the view that was looked at last: memory for the next.
+    record: CameraRecord,
     /// What views said since Gaussians were last split.
     attribution: Option<Attribution>,
     /// Built when stage 1 first needs it; geometry does not move from then on.
@@ -52,6 +54,7 @@ impl CpuBackend {
             state,
             gaussians,
             set,
+            record: CameraRecord::default(),
             attribution: None,
             scene: None,
             gathered: None,
@@ -74,18 +77,21 @@ impl CpuBackend {
         target
     }
 
-    fn update(
-        &mut self,
-        record: &camera::CameraRecord,
-        d_sums: &[Sums],
-        sizes: &StepSizes,
-        terms: LossTerms,
-    ) -> StepOutcome {
-        let gradients = record.adjoint(&self.set, &self.gaussians.scales, d_sums);
+    fn update(&mut self, d_sums: &[Sums], sizes: &StepSizes, terms: LossTerms) -> StepOutcome {
+        let wanted = if sizes.move_geometry() {
+            Wanted::Everything
+        } else {
+            Wanted::LightAndMaterial
+        };
+        let gradients = self.record.adjoint(&self.set, d_sums, wanted);
         self.state.step(&self.gaussians, &gradients, sizes)?;
         self.state.write_gaussians(&mut self.gaussians);
         self.set.update(&self.gaussians);
         Ok(terms)
+    }
+
+    fn trace(&mut self, camera: &Camera, keep: Keep) -> SumImage {
+        self.record.trace(&self.set, camera, HitSearch::Tiles, keep)
     }
 
     fn scene(&mut self) -> &CpuScene {
@@ -184,17 +190,16 @@ impl Backend for CpuBackend {
         let target = self.target(view);
         let factor = step.rays_per_axis;
         let camera = view.view.camera.magnified(factor);
-        let (sums, record) = camera::trace(&self.set, &camera, HitSearch::Tiles, Keep::Record);
+        let sums = self.trace(&camera, Keep::Record);
         let sums = sums.averaged(factor);
         let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
         let d_rays = adjoint_of_mean(&d_sums, sums.width, factor);
-        Ok(self.update(&record, &d_rays, &step.sizes, terms))
+        Ok(self.update(&d_rays, &step.sizes, terms))
     }
 
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
         let target = self.target(view);
-        let (sums, record) =
-            camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
+        let sums = self.trace(&view.view.camera, Keep::Record);
         let arriving = self.irradiance(view, &sums, step);
         let threshold = step.options.emission_threshold;
         let known = view.view.valid.as_ref().map(KnownPixels::new);
@@ -206,16 +211,15 @@ impl Backend for CpuBackend {
             step.ssim_share,
             known.as_ref(),
         );
-        Ok(self.update(&record, &d_sums, &step.sizes, terms))
+        Ok(self.update(&d_sums, &step.sizes, terms))
     }
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
         let target = self.target(view);
-        let (sums, record) =
-            camera::trace(&self.set, &view.view.camera, HitSearch::Tiles, Keep::Record);
+        let sums = self.trace(&view.view.camera, Keep::Record);
         let shown = pq_image(&sums.radiance());
         let known = view.view.valid.as_ref().map(KnownPixels::new);
-        let contributions = record.contributions(|pixel| {
+        let contributions = self.record.contributions(|pixel| {
             if known.as_ref().is_some_and(|known| !known.has(pixel)) {
                 return 0.0;
             }

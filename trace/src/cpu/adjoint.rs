@@ -1,0 +1,313 @@
+//! Adjoint of the blended sums of a camera.
+//!
+//! For a ray with hits i front to back and `G = dL/dV`, let `cᵢ = ⟨G, vᵢ⟩` and `Cᵢ = αᵢ cᵢ + (1 − αᵢ) Cᵢ₊₁`, the value of everything from hit i on.
+//! Then `dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁)`. With `α = σ exp(−(u² + v²)/2)` a hit enters the gradient of its Gaussian by three numbers only:
+//! its weight w, `a = αᵢ dL/dαᵢ = w (cᵢ − Cᵢ₊₁)`, and `h = w G_D t` for its distance. No division by `1 − α`: opaque hits need no special case.
+//!
+//! What moves a hit are the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n / (ω·n)` and the cosine are tied by `t (ω·n) =
+//! (p − o)·n`, and `u = (ω·t_u/s_u) t − u₀`; so all derivatives of a hit are polynomials in u and v with coefficients that
+//! belong to the Gaussian as seen from the origin. A tile sums the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G` of each Gaussian, and
+//! makes a gradient of them once: no ray and no plane is met again.
+//!
+//! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the same for any number of threads.
+
+use super::camera::{BlendedHit, CameraRecord, TileRecord};
+use super::tile::pixels_of_tile;
+use crate::blend::{Face, LocalGradient, grad_lane};
+use crate::sums::{NUM_LANES, Sums, lane};
+use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet};
+use eagpt_scene::Camera;
+use glam::Vec3;
+use multiversion::multiversion;
+use rayon::prelude::*;
+use std::cell::RefCell;
+
+/// The derivatives that are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// With respect to all parameters.
+    Everything,
+    /// With respect to radiance, emission and albedo only, others are zero: several times as fast.
+    LightAndMaterial,
+}
+
+/// Moments of the hits of a Gaussian in a tile: lanes of `Moments::shape`.
+mod moment {
+    /// `Σ a·{1, u, v, u², v², uv, u r², v r²}`, r² = u² + v².
+    pub(super) const A: usize = 0;
+    /// `Σ h·{1, u, v}`.
+    pub(super) const H: usize = 8;
+}
+
+#[derive(Clone, Copy, Default)]
+struct Moments {
+    /// `Σ w G`.
+    light: Sums,
+    /// See [`moment`].
+    shape: Sums,
+}
+
+/// A slot of a tile.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Row {
+    /// With the normal turned towards the rays' origin.
+    payload: Payload,
+    moments: Moments,
+}
+
+/// Memory a thread reuses from tile to tile.
+#[derive(Default)]
+struct AdjointScratch {
+    rows: Vec<Row>,
+    surfels: Vec<Surfel>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<AdjointScratch> = RefCell::default();
+}
+
+impl CameraRecord {
+    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
+    /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. The spread, size and first-hit lanes are not
+    /// differentiated.
+    pub fn adjoint(
+        &mut self,
+        set: &SurfelSet,
+        d_sums: &[Sums],
+        wanted: Wanted,
+    ) -> Vec<LocalGradient> {
+        let Some(camera) = &self.camera else {
+            return vec![LocalGradient::default(); set.len()];
+        };
+        let loss = Loss {
+            set,
+            d_sums,
+            wanted,
+        };
+        self.tiles
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(tile, record)| {
+                SCRATCH.with_borrow_mut(|scratch| {
+                    adjoint_of_tile(&loss, camera, tile, record, scratch);
+                });
+            });
+        self.rows.find(set.len(), &self.tiles);
+        self.rows.sum(&self.tiles)
+    }
+}
+
+/// Where the rows of each Gaussian are.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RowPlaces {
+    /// First place of each Gaussian, and the end.
+    starts: Vec<u32>,
+    next: Vec<u32>,
+    /// Tile and slot, tiles in order.
+    places: Vec<(u32, u32)>,
+}
+
+impl RowPlaces {
+    fn find(&mut self, num_gaussians: usize, tiles: &[TileRecord]) {
+        self.starts.clear();
+        self.starts.resize(num_gaussians + 1, 0);
+        for &g in tiles.iter().flat_map(|tile| &tile.gaussians) {
+            self.starts[g as usize + 1] += 1;
+        }
+        for g in 0..num_gaussians {
+            self.starts[g + 1] += self.starts[g];
+        }
+        self.places
+            .resize(self.starts[num_gaussians] as usize, (0, 0));
+        self.next.clear();
+        self.next.extend_from_slice(&self.starts);
+        for (tile, record) in tiles.iter().enumerate() {
+            for (slot, &g) in record.gaussians.iter().enumerate() {
+                let next = &mut self.next[g as usize];
+                self.places[*next as usize] = (tile as u32, slot as u32);
+                *next += 1;
+            }
+        }
+    }
+
+    /// Adds the rows of each Gaussian.
+    fn sum(&self, tiles: &[TileRecord]) -> Vec<LocalGradient> {
+        (0..self.starts.len() - 1)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|g| {
+                let mut total = LocalGradient::default();
+                let range = self.starts[g] as usize..self.starts[g + 1] as usize;
+                for &(tile, slot) in &self.places[range] {
+                    total.add(&tiles[tile as usize].gradients[slot as usize]);
+                }
+                total
+            })
+            .collect()
+    }
+}
+
+/// What is differentiated.
+struct Loss<'a> {
+    set: &'a SurfelSet,
+    d_sums: &'a [Sums],
+    wanted: Wanted,
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn adjoint_of_tile(
+    loss: &Loss<'_>,
+    camera: &Camera,
+    tile: usize,
+    record: &mut TileRecord,
+    scratch: &mut AdjointScratch,
+) {
+    let AdjointScratch { rows, surfels } = scratch;
+    let origin = camera.ray_frame().origin.to_array();
+    rows.clear();
+    // Copied before anything is computed: loads that wait for nothing wait together.
+    rows.extend(record.gaussians.iter().map(|&g| Row {
+        payload: loss.set.payloads[g as usize],
+        moments: Moments::default(),
+    }));
+    surfels.clear();
+    surfels.extend(
+        record
+            .gaussians
+            .iter()
+            .map(|&g| loss.set.surfels[g as usize]),
+    );
+    for (row, surfel) in rows.iter_mut().zip(surfels.iter()) {
+        let face = Face::of_plane(surfel.seen_from(origin).plane);
+        row.payload = row.payload.turned(face);
+    }
+    // The record is longer than the caches: it is read as one stream, from its end.
+    for (p, pixel) in pixels_of_tile(camera, tile).rev() {
+        let (hits, d_sums) = (record.hits_of(p), &loss.d_sums[pixel]);
+        match loss.wanted {
+            Wanted::LightAndMaterial => {
+                for hit in hits {
+                    rows[hit.slot as usize].moments.add_light(hit, d_sums);
+                }
+            }
+            Wanted::Everything => add_ray(rows, hits, d_sums),
+        }
+    }
+    record.gradients.clear();
+    let gradients = rows.iter().zip(surfels.iter());
+    record
+        .gradients
+        .extend(gradients.map(|(row, surfel)| match loss.wanted {
+            Wanted::LightAndMaterial => row.moments.light_gradient(),
+            Wanted::Everything => row.moments.gradient(&surfel.seen_from(origin)),
+        }));
+}
+
+/// Adds the hits of a ray, back to front.
+#[inline(always)]
+fn add_ray(rows: &mut [Row], hits: &[BlendedHit], d_sums: &Sums) {
+    let d_distance = d_sums.0[lane::DISTANCE];
+    // The distance is no part of a payload, and the lanes behind it are not differentiated.
+    let mut d_payload = d_sums.0;
+    d_payload[lane::DISTANCE..].fill(0.0);
+    let mut behind = 0.0_f32;
+    for hit in hits.iter().rev() {
+        let row = &mut rows[hit.slot as usize];
+        let value = dot(&d_payload, &row.payload.0) + d_distance * hit.t;
+        let difference = value - behind;
+        behind += hit.alpha * difference;
+        row.moments.add_light(hit, d_sums);
+        let a = hit.weight * difference;
+        let h = hit.weight * d_distance * hit.t;
+        row.moments.add_shape(hit, a, h);
+    }
+}
+
+/// Sum of products, pairwise: one order on every machine, and SIMD instructions where there are some.
+#[inline(always)]
+fn dot(a: &[f32; NUM_LANES], b: &[f32; NUM_LANES]) -> f32 {
+    let mut eight = [0.0_f32; 8];
+    for k in 0..8 {
+        eight[k] = a[k] * b[k] + a[k + 8] * b[k + 8];
+    }
+    let mut four = [0.0_f32; 4];
+    for k in 0..4 {
+        four[k] = eight[k] + eight[k + 4];
+    }
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+impl Moments {
+    #[inline(always)]
+    fn add_light(&mut self, hit: &BlendedHit, d_sums: &Sums) {
+        for (sum, d) in self.light.0.iter_mut().zip(d_sums.0) {
+            *sum += hit.weight * d;
+        }
+    }
+
+    #[inline(always)]
+    fn add_shape(&mut self, hit: &BlendedHit, a: f32, h: f32) {
+        let (u, v) = (hit.u, hit.v);
+        let (uu, vv, uv) = (u * u, v * v, u * v);
+        let r2 = uu + vv;
+        let powers = [1.0, u, v, uu, vv, uv, u * r2, v * r2];
+        for (k, power) in powers.into_iter().enumerate() {
+            self.shape.0[moment::A + k] += a * power;
+        }
+        for (k, power) in powers[..3].iter().enumerate() {
+            self.shape.0[moment::H + k] += h * power;
+        }
+    }
+
+    #[inline(always)]
+    fn light_gradient(&self) -> LocalGradient {
+        let mut gradient = LocalGradient::default();
+        let lanes = &mut gradient.0;
+        let light = &self.light.0;
+        lanes[grad_lane::RADIANCE..][..3].copy_from_slice(&light[lane::RADIANCE..][..3]);
+        lanes[grad_lane::EMISSION] = light[lane::EMISSION];
+        lanes[grad_lane::ALBEDO..][..3].copy_from_slice(&light[lane::ALBEDO..][..3]);
+        gradient
+    }
+
+    /// The gradient of a Gaussian.
+    #[inline(always)]
+    fn gradient(&self, seen: &SeenSurfel) -> LocalGradient {
+        let mut gradient = self.light_gradient();
+        let [a, au, av, auu, avv, auv, aur2, avr2] =
+            std::array::from_fn(|k| self.shape.0[moment::A + k]);
+        let [h, hu, hv] = std::array::from_fn(|k| self.shape.0[moment::H + k]);
+        let (axis_u, axis_v) = (Vec3::from(seen.axis_u), Vec3::from(seen.axis_v));
+        let (scale_u, scale_v) = (1.0 / axis_u.length(), 1.0 / axis_v.length());
+        let (u0, v0) = (seen.offset_u, seen.offset_v);
+        // dL/dt of a hit is h/t − a (u (u + u₀) + v (v + v₀))/t, and moving the plane by dn along its normal moves t by t dn / ((p − o)·n).
+        let plane = (h - (auu + avv + u0 * au + v0 * av)) / seen.plane;
+        let plane_u = (hu - (aur2 + u0 * auu + v0 * auv)) / seen.plane;
+        let plane_v = (hv - (avr2 + u0 * auv + v0 * avv)) / seen.plane;
+        // N = Σ w n, turned; its derivative along t_u and t_v turns the normal. The plane turns with it: dt/dn = (p − x)/(ω·n), and p − x =
+        // −(u s_u t_u + v s_v t_v).
+        let sign = Face::of_plane(seen.plane).signs()[lane::NORMAL];
+        let d_normal = Vec3::from_slice(&self.light.0[lane::NORMAL..][..3]) * sign;
+        let d_normal_u = scale_u * (d_normal.dot(axis_u) - plane_u);
+        let d_normal_v = scale_v * (d_normal.dot(axis_v) - plane_v);
+        let shape = [
+            au / scale_u,
+            av / scale_v,
+            plane,
+            auu / scale_u,
+            avv / scale_v,
+            // About t_u the normal moves along −t_v, about t_v along t_u, about n the two axes move along each other.
+            -d_normal_v,
+            d_normal_u,
+            auv * (scale_u / scale_v - scale_v / scale_u),
+            a / seen.opacity,
+        ];
+        gradient.0[..grad_lane::RADIANCE].copy_from_slice(&shape);
+        gradient
+    }
+}

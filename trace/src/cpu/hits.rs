@@ -1,0 +1,179 @@
+//! The hits of a block of rays, and their order.
+
+use super::tile::LANES;
+
+/// Longest list whose order is found by counting; the work grows with the square of the length.
+const COUNTING_LIMIT: usize = 256;
+
+/// What a hit is beside its distance.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct HitValues {
+    pub(super) slot: u32,
+    pub(super) alpha: f32,
+    pub(super) u: f32,
+    pub(super) v: f32,
+}
+
+/// A list of hits for each ray of a block. Memory is reused from block to block.
+#[derive(Default)]
+pub(super) struct BlockHits {
+    /// Room of each list: a multiple of [`LANES`].
+    stride: usize,
+    lens: [u32; LANES],
+    /// Distances, `[LANES, stride]`.
+    t: Vec<f32>,
+    values: Vec<HitValues>,
+    /// Places of the hits of the list that was ordered last, front to back.
+    order: Vec<u32>,
+}
+
+impl BlockHits {
+    /// Empties all lists.
+    pub(super) fn clear(&mut self) {
+        self.lens = [0; LANES];
+        self.make_room(LANES);
+    }
+
+    /// Makes room for `num` more hits in every list.
+    #[inline(always)]
+    pub(super) fn make_room(&mut self, num: usize) {
+        let longest = self.lens.iter().fold(0, |a, &b| a.max(b)) as usize;
+        if longest + num > self.stride {
+            self.grow(longest + num);
+        }
+    }
+
+    #[cold]
+    fn grow(&mut self, needed: usize) {
+        let stride = needed.max(2 * self.stride).next_multiple_of(LANES);
+        let mut t = vec![0.0; LANES * stride];
+        let mut values = vec![HitValues::default(); LANES * stride];
+        for lane in 0..LANES {
+            let len = self.lens[lane] as usize;
+            let (from, to) = (lane * self.stride, lane * stride);
+            t[to..to + len].copy_from_slice(&self.t[from..from + len]);
+            values[to..to + len].copy_from_slice(&self.values[from..from + len]);
+        }
+        (self.stride, self.t, self.values) = (stride, t, values);
+        self.order.resize(stride, 0);
+    }
+
+    /// Appends a hit to the list of ray `lane`, for which [`Self::make_room`] has made room. `[alpha, u, v]`.
+    #[inline(always)]
+    pub(super) fn push(&mut self, lane: usize, t: f32, [alpha, u, v]: [f32; 3], slot: u32) {
+        let at = lane * self.stride + self.lens[lane] as usize;
+        self.t[at] = t;
+        self.values[at] = HitValues { slot, alpha, u, v };
+        self.lens[lane] += 1;
+    }
+
+    /// The hits of ray `lane`, front to back, ties by slot.
+    #[inline(always)]
+    pub(super) fn ordered(&mut self, lane: usize) -> impl Iterator<Item = (f32, &HitValues)> {
+        let (start, len) = (lane * self.stride, self.lens[lane] as usize);
+        let padded = len.next_multiple_of(LANES);
+        self.t[start + len..start + padded].fill(f32::INFINITY);
+        let t = &self.t[start..start + padded];
+        let values = &self.values[start..start + len];
+        let order = &mut self.order[..padded];
+        if len > COUNTING_LIMIT || !order_by_counting(t, len, order) {
+            order_with_ties(&t[..len], &mut order[..len], |i| values[i as usize].slot);
+        }
+        order[..len]
+            .iter()
+            .map(move |&i| (t[i as usize], &values[i as usize]))
+    }
+}
+
+/// Writes the places of `t[..len]` in ascending order. `t` is padded with infinities to a multiple of [`LANES`], `order` is as long. The
+/// place of each number is the number of smaller ones: no branch depends on the data. False, and no order, if two are equal.
+#[inline(always)]
+fn order_by_counting(t: &[f32], len: usize, order: &mut [u32]) -> bool {
+    let (mut sum, mut first) = (0_u32, 0);
+    // Two registers at once share the numbers they are compared with.
+    while first + LANES < len {
+        sum += place_block::<{ 2 * LANES }>(t, len, first, order);
+        first += 2 * LANES;
+    }
+    if first < len {
+        sum += place_block::<LANES>(t, len, first, order);
+    }
+    let num = len as u32;
+    sum == num * num.saturating_sub(1) / 2
+}
+
+/// Places `N` numbers from `first` on; returns the sum of the places.
+#[inline(always)]
+fn place_block<const N: usize>(t: &[f32], len: usize, first: usize, order: &mut [u32]) -> u32 {
+    let mut block = [f32::INFINITY; N];
+    let held = N.min(t.len() - first);
+    block[..held].copy_from_slice(&t[first..first + held]);
+    let mut smaller = [0_u32; N];
+    for &other in &t[..len] {
+        for k in 0..N {
+            smaller[k] += u32::from(other < block[k]);
+        }
+    }
+    let mut sum = 0;
+    for (k, &place) in smaller.iter().enumerate().take(len - first) {
+        sum += place;
+        order[place as usize] = (first + k) as u32;
+    }
+    sum
+}
+
+/// Writes the places of `t` in ascending order, equal ones by their slot.
+#[cold]
+fn order_with_ties(t: &[f32], order: &mut [u32], slot_of: impl Fn(u32) -> u32) {
+    for (i, place) in order.iter_mut().enumerate() {
+        *place = i as u32;
+    }
+    // Distances are positive: their bits order like they do.
+    order.sort_unstable_by_key(|&i| {
+        u64::from(t[i as usize].to_bits()) << 32 | u64::from(slot_of(i))
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::rng::{Purpose, RandomKey};
+
+    fn order_of(distances: &[f32]) -> Vec<u32> {
+        let mut hits = BlockHits::default();
+        hits.clear();
+        // Slots count down from the last: a tie goes to the later hit.
+        let num = distances.len() as u32;
+        for (i, &t) in distances.iter().enumerate() {
+            hits.make_room(1);
+            hits.push(3, t, [0.5, 0.0, 0.0], num - i as u32);
+        }
+        let ordered = hits.ordered(3);
+        ordered.map(|(_, values)| num - values.slot).collect()
+    }
+
+    #[test]
+    fn hits_come_front_to_back() {
+        assert_eq!(order_of(&[]), [0_u32; 0]);
+        assert_eq!(order_of(&[2.0, 1.0, 3.0]), [1, 0, 2]);
+        assert_eq!(order_of(&[2.0, 1.0, 2.0, 0.5]), [3, 1, 2, 0]);
+    }
+
+    #[test]
+    fn lists_of_any_length_are_ordered() {
+        for len in [1, 15, 16, 17, 100, COUNTING_LIMIT, COUNTING_LIMIT + 1, 1000] {
+            // Every hundredth distance comes twice.
+            let key = RandomKey::new(7, Purpose::Render, 0);
+            let distances: Vec<f32> = (0..len as u32)
+                .map(|i| key.stream(i - u32::from(i % 100 == 99), 0).next_uniforms()[0] + 1.0)
+                .collect();
+            let order = order_of(&distances);
+            assert_eq!(order.len(), len);
+            for pair in order.windows(2) {
+                let [a, b] = [pair[0], pair[1]];
+                let (near, far) = (distances[a as usize], distances[b as usize]);
+                assert!(near < far || near == far && a > b);
+            }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Search for the hits of the rays of a tile.
+//!
+//! Each Gaussian of a tile's list is tested against all blocks of the tile at once, and then, block by block, against the rays of those it may
+//! cover. The hits of a block, and everything that is done with them, stay in the processor's first cache.
+
+use super::bins::BinnedSurfel;
+use super::hits::BlockHits;
+use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays};
+use crate::blend::Face;
+use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
+use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet, exp_of_negative};
+
+/// A Gaussian that rays of a tile may meet: a slot of the tile.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct TileSurfel {
+    pub(super) seen: SeenSurfel,
+    /// Index in the scene.
+    pub(super) index: u32,
+    /// No hit is closer than this.
+    nearest: f32,
+}
+
+/// The Gaussians of a tile, copied from the scene, and which of them each block may see. Memory is reused from tile to tile.
+///
+/// Copies are made in loops that do nothing else: the scene is larger than the caches, and loads that wait for nothing wait together.
+#[derive(Default)]
+pub(super) struct TileList {
+    surfels: Vec<Surfel>,
+    /// In order of index.
+    pub(super) slots: Vec<TileSurfel>,
+    /// Of each slot, with the normal turned towards the rays' origin.
+    pub(super) payloads: Vec<Payload>,
+    /// Blocks that may see each slot, one byte for each block.
+    seen_by: Vec<u128>,
+    /// Slots by distance.
+    nearest_first: Vec<BinnedSurfel>,
+    /// Slots of each block, nearest first.
+    blocks: [Vec<u32>; BLOCKS],
+}
+
+impl TileList {
+    /// Takes the Gaussians of a list that some block may see.
+    #[inline(always)]
+    pub(super) fn fill(&mut self, set: &SurfelSet, binned: &[BinnedSurfel], rays: &TileRays) {
+        let surfels = binned
+            .iter()
+            .map(|entry| set.surfels[entry.index() as usize]);
+        self.surfels.clear();
+        self.surfels.extend(surfels);
+        self.slots.clear();
+        self.seen_by.clear();
+        self.nearest_first.clear();
+        for (entry, surfel) in binned.iter().zip(&self.surfels) {
+            let seen = surfel.seen_from(rays.origin);
+            let seen_by = rays.grid.may_hit(&seen);
+            if seen_by != 0 {
+                let slot = BinnedSurfel::new(entry.nearest(), self.slots.len() as u32);
+                self.nearest_first.push(slot);
+                self.seen_by.push(seen_by);
+                self.slots.push(TileSurfel {
+                    seen,
+                    index: entry.index(),
+                    nearest: entry.nearest(),
+                });
+            }
+        }
+        self.copy_payloads(set);
+        self.nearest_first.sort_unstable();
+        self.blocks.iter_mut().for_each(Vec::clear);
+        for entry in &self.nearest_first {
+            let mut left = self.seen_by[entry.index() as usize];
+            while left != 0 {
+                self.blocks[left.trailing_zeros() as usize / 8].push(entry.index());
+                left &= left - 1;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn copy_payloads(&mut self, set: &SurfelSet) {
+        let payloads = self
+            .slots
+            .iter()
+            .map(|slot| set.payloads[slot.index as usize]);
+        self.payloads.clear();
+        self.payloads.extend(payloads);
+        for (payload, slot) in self.payloads.iter_mut().zip(&self.slots) {
+            *payload = payload.turned(Face::of_plane(slot.seen.plane));
+        }
+    }
+
+    /// Gives slots to the Gaussians of `indices`, in order of index.
+    pub(super) fn name_slots(
+        &mut self,
+        set: &SurfelSet,
+        origin: [f32; 3],
+        indices: impl Iterator<Item = u32>,
+    ) {
+        let mut sorted: Vec<u32> = indices.collect();
+        sorted.sort_unstable();
+        sorted.dedup();
+        let slots = sorted.into_iter().map(|index| TileSurfel {
+            seen: set.surfels[index as usize].seen_from(origin),
+            index,
+            nearest: 0.0,
+        });
+        self.slots.clear();
+        self.slots.extend(slots);
+        self.copy_payloads(set);
+    }
+
+    /// The slot of a Gaussian that [`Self::name_slots`] has named.
+    pub(super) fn slot_of(&self, index: u32) -> u32 {
+        self.slots.partition_point(|surfel| surfel.index < index) as u32
+    }
+
+    /// Tests the Gaussians that `block` may see against its rays.
+    #[inline(always)]
+    pub(super) fn find_hits(&self, block: usize, rays: &RayBlock, hits: &mut BlockHits) {
+        let mut closing = BlockClosing::OPEN;
+        for (at, &slot) in self.blocks[block].iter().enumerate() {
+            let surfel = &self.slots[slot as usize];
+            if at % CLOSING_INTERVAL == 0 {
+                // The list is sorted by this bound: once every ray has ended before it, nothing further can be seen.
+                if closing.closed_before(surfel.nearest) {
+                    break;
+                }
+                hits.make_room(CLOSING_INTERVAL);
+            }
+            let met = rays.meet(&surfel.seen);
+            if met.hits == 0 {
+                continue;
+            }
+            // The exponential only where some pixel is hit.
+            let mut alpha = [0.0_f32; LANES];
+            for k in 0..LANES {
+                let r2 = met.u[k] * met.u[k] + met.v[k] * met.v[k];
+                alpha[k] = surfel.seen.opacity * exp_of_negative(-0.5 * r2);
+            }
+            let mut left = closing.add(&met, &alpha);
+            while left != 0 {
+                let k = left.trailing_zeros() as usize / 8;
+                left &= left - 1;
+                hits.push(k, met.t[k], [alpha[k], met.u[k], met.v[k]], slot);
+            }
+        }
+    }
+}
+
+/// Gaussians between two checks for whether a block is closed.
+const CLOSING_INTERVAL: usize = 8;
+
+/// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light that a ray that goes on might skip them are
+/// left out ([`Self::SURE_ALPHA`]); once the product of `1 − α` over the others is under the limit, the ray has ended at or
+/// before the farthest of them, whatever else it met.
+struct BlockClosing {
+    transmittance: [f32; LANES],
+    farthest: [f32; LANES],
+}
+
+impl BlockClosing {
+    const OPEN: Self = Self {
+        transmittance: [1.0; LANES],
+        farthest: [0.0; LANES],
+    };
+    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor covers rounding.
+    const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
+    /// Under the limit of a ray by enough to cover the rounding of products in another order.
+    const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
+
+    /// Takes note of hits and returns, one byte for each ray, those that are not behind the end of their ray.
+    #[inline(always)]
+    fn add(&mut self, met: &BlockMet, alpha: &[f32; LANES]) -> u128 {
+        let hits = met.hits.to_le_bytes();
+        let mut counted = [0_u8; LANES];
+        for k in 0..LANES {
+            let hit = (hits[k] == 1) & (alpha[k] >= Self::SURE_ALPHA);
+            let open = self.transmittance[k] >= Self::LIMIT;
+            let behind = met.t[k] > self.farthest[k];
+            counted[k] = u8::from((hits[k] == 1) & (open | !behind));
+            let passes = if hit { 1.0 - alpha[k] } else { 1.0 };
+            let farther = hit & open & behind;
+            self.farthest[k] = if farther { met.t[k] } else { self.farthest[k] };
+            self.transmittance[k] *= if open { passes } else { 1.0 };
+        }
+        u128::from_le_bytes(counted)
+    }
+
+    #[inline(always)]
+    fn closed_before(&self, distance: f32) -> bool {
+        let mut open = 0_u32;
+        for k in 0..LANES {
+            let closed = (self.transmittance[k] < Self::LIMIT) & (self.farthest[k] < distance);
+            open += u32::from(!closed);
+        }
+        open == 0
+    }
+}
