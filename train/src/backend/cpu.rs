@@ -156,7 +156,10 @@ fn gather_pixels(
 }
 
 /// Gradient of every ray's sums, given those of the means over `factor` × `factor` rays; `width` is that of the means.
-fn adjoint_of_mean(d_means: &[Sums], width: u32, factor: u32) -> Vec<Sums> {
+fn adjoint_of_mean(d_means: Vec<Sums>, width: u32, factor: u32) -> Vec<Sums> {
+    if factor == 1 {
+        return d_means;
+    }
     let share = 1.0 / (factor * factor) as f32;
     let (factor, width) = (factor as usize, width as usize);
     let fine_width = width * factor;
@@ -190,10 +193,12 @@ impl Backend for CpuBackend {
         let target = self.target(view);
         let factor = step.rays_per_axis;
         let camera = view.view.camera.magnified(factor);
-        let sums = self.trace(&camera, Keep::Record);
-        let sums = sums.averaged(factor);
+        let mut sums = self.trace(&camera, Keep::Record);
+        if factor > 1 {
+            sums = sums.averaged(factor);
+        }
         let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
-        let d_rays = adjoint_of_mean(&d_sums, sums.width, factor);
+        let d_rays = adjoint_of_mean(d_sums, sums.width, factor);
         Ok(self.update(&d_rays, &step.sizes, terms))
     }
 
@@ -308,7 +313,7 @@ mod tests {
         let dot =
             |a: &[Sums], b: &[Sums]| -> f32 { a.iter().zip(b).map(|(a, b)| a.0[3] * b.0[3]).sum() };
         let forward = dot(&d_means, &rays.averaged(factor).pixels);
-        let backward = dot(&adjoint_of_mean(&d_means, width, factor), &rays.pixels);
+        let backward = dot(&adjoint_of_mean(d_means, width, factor), &rays.pixels);
         assert!((forward - backward).abs() < 1e-5, "{forward} {backward}");
     }
 }
