@@ -178,6 +178,8 @@ fn initial_checkpoint(
     let mut start = Initialiser::new(&cloud, options, dataset.root())?;
     views.check(run.request.bad_views, |view| start.observe(view), run)?;
     let extent = start.extent;
+    let mut state = ParameterState::new(&start.finish(&options.init));
+    state.sort_in_space();
     Ok(Checkpoint {
         stage: Stage::Radiance,
         iteration: 0,
@@ -188,7 +190,7 @@ fn initial_checkpoint(
             smoothed_l1: 0.0,
             best_l1: f64::MAX,
         },
-        state: ParameterState::new(&start.finish(&options.init)),
+        state,
     })
 }
 

@@ -20,6 +20,7 @@ pub mod job;
 pub mod log;
 pub mod loss;
 pub mod options;
+mod order;
 pub mod params;
 pub mod preview;
 pub mod progress;

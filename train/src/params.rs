@@ -5,6 +5,7 @@
 //! reference works and no cap), opacity, emission and albedo are sigmoids, quaternions are normalised.
 
 use crate::options::LearningRates;
+use crate::order;
 use eagpt_scene::{Gaussian, Gaussians};
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use glam::{Mat3, Quat, Vec2, Vec3};
@@ -224,6 +225,15 @@ impl ParameterState {
         }
         self.values[parent] = one;
         self.first[parent] = [0.0; NUM_PARAMETERS];
+    }
+
+    /// Puts Gaussians that are close in space close together in memory.
+    pub fn sort_in_space(&mut self) {
+        let position = |raw: &Raw| Vec3::from_slice(&raw[POSITION..SCALE]);
+        let order = order::along_curve(&self.values.iter().map(position).collect::<Vec<_>>());
+        for of in [&mut self.values, &mut self.first, &mut self.second] {
+            *of = order.iter().map(|&i| of[i as usize]).collect();
+        }
     }
 
     /// Number of Gaussians.

@@ -248,6 +248,7 @@ impl Backend for CpuBackend {
             .take()
             .unwrap_or_else(|| Attribution::new(self.state.len()));
         let outcome = densify::densify(&mut self.state, &self.gaussians, &seen, target);
+        self.state.sort_in_space();
         self.gaussians = self.state.gaussians();
         self.set.update(&self.gaussians);
         Ok(outcome)
