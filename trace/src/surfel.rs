@@ -63,7 +63,12 @@ impl Surfel {
 
     /// The two vectors that span the disc inside which hits count: `radius · s · t`, scene units.
     pub fn extents(&self) -> [Vec3; 2] {
-        let radius = self.cut2.max(0.0).sqrt();
+        self.extents_within(self.cut2)
+    }
+
+    /// The two vectors that span the disc of `radius_squared`, in standard deviations.
+    pub fn extents_within(&self, radius_squared: f32) -> [Vec3; 2] {
+        let radius = radius_squared.max(0.0).sqrt();
         [self.axis_u, self.axis_v].map(|axis| {
             let axis = Vec3::from(axis);
             axis * (radius / axis.length_squared())

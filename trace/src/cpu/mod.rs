@@ -3,11 +3,13 @@
 //! - [`bvh`]: an 8-wide BVH for single rays in any direction.
 //! - [`bins`]: which Gaussians each tile of a camera may see.
 //! - [`camera`]: blended sums of all pixels of a camera, and their adjoint.
+//! - [`draws`]: opaque discs drawn from the Gaussians, for rays of which the mean alone matters.
 //! - [`CpuScene`]: both together, behind [`crate::Tracer`].
 
 pub mod bins;
 pub mod bvh;
 pub mod camera;
+pub mod draws;
 mod scene;
 mod tile;
 
