@@ -36,6 +36,14 @@ const _: () = assert!(size_of::<Surfel>() == 64);
 #[repr(C, align(64))]
 pub struct Payload(pub [f32; NUM_LANES]);
 
+impl Payload {
+    /// Radiance, linear.
+    #[inline(always)]
+    pub fn radiance(&self) -> Vec3 {
+        Vec3::from_slice(&self.0[lane::RADIANCE..][..3])
+    }
+}
+
 /// Gaussians prepared for intersection, in the order of the scene.
 #[derive(Debug, Clone, Default)]
 pub struct SurfelSet {

@@ -13,7 +13,6 @@
 use super::bvh::{DiscTree, RayScratch, uniform_of};
 use crate::ray::Ray;
 use crate::surfel::SurfelSet;
-use rayon::prelude::*;
 
 /// Number of draws: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all draws
 /// together take some 1 KiB for each Gaussian.
@@ -41,8 +40,8 @@ impl Draws {
     /// Draws from `set`; another `seed` gives other draws.
     pub fn new(set: &SurfelSet, seed: u32) -> Self {
         let typical = DiscTree::new(set);
+        // On one thread: scenes make their draws when the first ray asks for one, and other threads wait for it.
         let trees = (0..NUM_DRAWS)
-            .into_par_iter()
             .map(|draw| {
                 let mut tree = typical.clone();
                 tree.refit(set, |i| drawn_radius_squared(set, i, seed, draw));
