@@ -30,9 +30,7 @@ fn room(num: usize) -> Gaussians {
     });
     let lamp = material(Vec3::splat(5.0), 1.0, Vec3::ZERO);
     let lamp = rectangle(Vec3::Z * 0.97, Vec3::X * 0.3, Vec3::Y * 0.3, spacing, lamp);
-    let ball = sphere(num / 6, 0.3, |_| {
-        material(Vec3::ONE, 0.0, Vec3::splat(0.7))
-    });
+    let ball = sphere(num / 6, 0.3, |_| material(Vec3::ONE, 0.0, Vec3::splat(0.7)));
     walls.into_iter().chain(lamp).chain(ball.iter()).collect()
 }
 

@@ -200,6 +200,13 @@ impl SurfelSet {
             .collect_into_vec(&mut self.payloads);
     }
 
+    /// Replaces the albedos alone, `[n]`.
+    pub fn set_albedos(&mut self, albedos: &[Vec3]) {
+        for (payload, albedo) in self.payloads.iter_mut().zip(albedos) {
+            payload.0[lane::ALBEDO..][..3].copy_from_slice(&albedo.to_array());
+        }
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.surfels.len()

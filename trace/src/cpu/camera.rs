@@ -8,6 +8,7 @@
 use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
 use super::tile::{TileRays, find_hits_in_tile};
+use super::weights::BlendWeights;
 use crate::blend::{
     AdjointSurfel, BlendedHit, Blender, Hit, LocalGradient, Offered, adjoint, sort_hits,
 };
@@ -242,6 +243,32 @@ impl CameraRecord {
     /// Number of blended hits of all pixels.
     pub fn num_hits(&self) -> usize {
         self.tiles.iter().map(|tile| tile.hits.len()).sum()
+    }
+
+    /// The weights of the blend in every pixel; see [`BlendWeights`].
+    pub fn weights(&self, least: f32) -> BlendWeights {
+        let frame = self.camera.ray_frame();
+        let tiles_x = self.camera.width.div_ceil(TILE);
+        let per_tile: Vec<BlendWeights> = self
+            .tiles
+            .par_iter()
+            .enumerate()
+            .map(|(tile, record)| {
+                let rays = TileRays::new(&self.camera, &frame, tiles_x, tile);
+                let mut weights = BlendWeights::default();
+                for (p, pixel) in rays.pixels() {
+                    let hits = record.hits_of(p).iter();
+                    let named = hits.map(|hit| (record.gaussians[hit.slot as usize], hit.alpha));
+                    weights.push(pixel as u32, named, least);
+                }
+                weights
+            })
+            .collect();
+        let mut all = BlendWeights::default();
+        for tile in &per_tile {
+            all.append(tile);
+        }
+        all
     }
 
     /// What each Gaussian contributes to the picture. `value` is a number for each pixel (row by row), such as its error. A

@@ -12,7 +12,7 @@
 
 use super::bvh::{DiscTree, RayScratch, uniform_of};
 use crate::ray::Ray;
-use crate::surfel::SurfelSet;
+use crate::surfel::{Surfel, SurfelSet};
 
 /// Number of draws: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all draws
 /// together take some 1 KiB for each Gaussian.
@@ -33,6 +33,7 @@ pub struct DrawnHit {
 /// Trees over the draws of a scene.
 #[derive(Debug, Clone)]
 pub struct Draws {
+    seed: u32,
     trees: Vec<DiscTree>,
 }
 
@@ -44,11 +45,13 @@ impl Draws {
         let trees = (0..NUM_DRAWS)
             .map(|draw| {
                 let mut tree = typical.clone();
-                tree.refit(set, |i| drawn_radius_squared(set, i, seed, draw));
+                tree.refit(set, |i| {
+                    drawn_radius_squared(&set.surfels[i as usize], i, seed, draw)
+                });
                 tree
             })
             .collect();
-        Self { trees }
+        Self { seed, trees }
     }
 
     /// What `ray` meets first in draw `draw` modulo [`NUM_DRAWS`].
@@ -59,14 +62,18 @@ impl Draws {
             t: hit.1,
         })
     }
+
+    /// Squared radius, in standard deviations, of Gaussian `i` of `set` in a draw; negative if it is not there.
+    pub fn radius_squared(&self, set: &SurfelSet, i: u32, draw: u32) -> f32 {
+        drawn_radius_squared(&set.surfels[i as usize], i, self.seed, draw % NUM_DRAWS)
+    }
 }
 
-/// Squared radius, in standard deviations, of Gaussian `i` in a draw; negative if it is not there.
-fn drawn_radius_squared(set: &SurfelSet, i: u32, seed: u32, draw: u32) -> f32 {
-    let surfel = &set.surfels[i as usize];
+fn drawn_radius_squared(surfel: &Surfel, i: u32, seed: u32, draw: u32) -> f32 {
     let offset = (uniform_of(seed ^ OFFSET_SEED, i) * NUM_DRAWS as f32) as u32;
     let stratum = (draw + offset) % NUM_DRAWS;
-    let u = (stratum as f32 + uniform_of(seed.wrapping_add(draw), i)) / NUM_DRAWS as f32;
+    let jitter = uniform_of(seed.wrapping_mul(NUM_DRAWS).wrapping_add(draw), i);
+    let u = (stratum as f32 + jitter) / NUM_DRAWS as f32;
     if u < surfel.opacity {
         (2.0 * (surfel.opacity / u).ln()).min(surfel.cut2)
     } else {

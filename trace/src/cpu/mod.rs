@@ -3,6 +3,7 @@
 //! - [`bvh`]: an 8-wide BVH for single rays in any direction.
 //! - [`bins`]: which Gaussians each tile of a camera may see.
 //! - [`camera`]: blended sums of all pixels of a camera, and their adjoint.
+//! - [`weights`]: the blends of a camera's pixels as a matrix, for pictures of which the geometry does not change.
 //! - [`draws`]: opaque discs drawn from the Gaussians, for rays of which the mean alone matters.
 //! - [`CpuScene`]: both together, behind [`crate::Tracer`].
 
@@ -12,6 +13,7 @@ pub mod camera;
 pub mod draws;
 mod scene;
 mod tile;
+pub mod weights;
 
 pub use camera::{CameraRecord, HitSearch};
 pub use scene::CpuScene;

@@ -140,13 +140,7 @@ impl<T: RayTracer> Tracing<'_, T> {
     }
 
     /// Follows a direction about the normal: the target of the link, or the light of an emitter.
-    fn plain(
-        &mut self,
-        surface: &Surface,
-        points: &Points,
-        sample: u32,
-        draw: u32,
-    ) -> (u32, Vec3) {
+    fn plain(&mut self, surface: &Surface, points: &Points, sample: u32, draw: u32) -> (u32, Vec3) {
         let [a, b, ..] = points.block(sample, 0);
         let direction = cosine_direction(surface.normal, a, b);
         match self.meet(surface, direction, draw) {

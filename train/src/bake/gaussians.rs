@@ -262,7 +262,12 @@ mod tests {
         };
         let mut links = Links::default();
         let engine = CpuScene::new(&scene);
-        links.extend(&engine, &receivers, rays, RandomKey::new(1, Purpose::Bake, 1));
+        links.extend(
+            &engine,
+            &receivers,
+            rays,
+            RandomKey::new(1, Purpose::Bake, 1),
+        );
         let mut series = Series::new(scene.len());
         let mut expected = 0.0;
         for bounce in 1..=4 {
