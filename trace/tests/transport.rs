@@ -441,7 +441,7 @@ fn links_bring_the_light_of_blended_rays() {
         let origin = Vec3::new(-0.7, 0.6, -0.2);
         let met = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
         let surface = Surface::at(origin, direction, &met).unwrap();
-        let directions = Directions::half_to_lights(256);
+        let directions = Directions::divided(256, 2);
         let batch = |seed: u32| -> [f64; 2] {
             let key = RandomKey::new(u64::from(seed), Purpose::Bake, 0);
             let mut links = Links::default();

@@ -37,11 +37,12 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// `num` directions, at least 1, half of them towards emitters.
-    pub fn half_to_lights(num: u32) -> Self {
+    /// `num` directions, at least 1, one in `every` (at least 2) towards emitters.
+    pub fn divided(num: u32, every: u32) -> Self {
+        let to_lights = num / every.max(2);
         Self {
-            plain: num.div_ceil(2),
-            to_lights: num / 2,
+            plain: (num - to_lights).max(1),
+            to_lights,
         }
     }
 }

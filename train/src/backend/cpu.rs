@@ -172,6 +172,10 @@ struct LitView {
     light: PixelLight,
 }
 
+/// One in so many directions looks for emitters. Measured on a room lit through a window: with half of the directions the light that
+/// arrives is noisier by an eighth, for most of it comes from walls.
+const LIGHTS_EVERY: u32 = 4;
+
 /// What part of the free memory, 1/n, views with their light may take; those that do not fit are traced again.
 const LIT_SHARE: u64 = 4;
 
@@ -302,7 +306,7 @@ impl Backend for CpuBackend {
         self.scene();
         if let (Some(gathered), Some(scene)) = (&mut self.gathered, &self.scene) {
             let radiances = &self.gaussians.radiances;
-            let directions = Directions::half_to_lights(num_samples);
+            let directions = Directions::divided(num_samples, LIGHTS_EVERY);
             let key = RandomKey::new(seed, Purpose::Albedo, 0);
             gathered.gather(scene, radiances, range, directions, key);
         }

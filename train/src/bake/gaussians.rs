@@ -35,7 +35,7 @@ pub struct GaussianBake {
 
 impl GaussianBake {
     fn directions(&self) -> Directions {
-        Directions::half_to_lights(self.num_samples)
+        Directions::divided(self.num_samples, 2)
     }
 }
 
