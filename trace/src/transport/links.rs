@@ -133,7 +133,7 @@ impl<T: RayTracer> Tracing<'_, T> {
                     direct[at] += light;
                 }
                 for sample in turn(self.directions.to_lights) {
-                    direct[at] += self.to_light(surface, &points, sample, draw);
+                    direct[at] += self.towards_light(surface, &points, sample, draw);
                 }
             }
         }
@@ -152,7 +152,13 @@ impl<T: RayTracer> Tracing<'_, T> {
     }
 
     /// Follows a direction towards an emitter: the light of what it meets, if that is one.
-    fn to_light(&mut self, surface: &Surface, points: &Points, sample: u32, draw: u32) -> Vec3 {
+    fn towards_light(
+        &mut self,
+        surface: &Surface,
+        points: &Points,
+        sample: u32,
+        draw: u32,
+    ) -> Vec3 {
         let [pick, a, b, _] = points.block(sample, 1);
         let direction = (self.lights)
             .and_then(|lights| lights.sample(surface.position, pick, a, b))
