@@ -22,7 +22,7 @@ use std::process::ExitCode;
 /// What emits keeps its radiance; everything else gets the radiance that it reflects now. The result shows at once with
 /// `eagpt render --mode 0-bounce`, or finer with a last bounce for each pixel, --mode 1-bounce.
 ///
-/// Method `gaussians` solves the light in Gaussian space, by one sweep of gathering for each bounce: no image is made. Method
+/// Method `gaussians` solves the light in Gaussian space, from rays that are traced once for all bounces: no image is made. Method
 /// `views` is the paper's: it path-traces the views of the dataset and fits radiance to them.
 ///
 /// Work is kept in a folder beside the result; the same command continues a bake that was stopped, to the same bits.
@@ -50,8 +50,8 @@ pub(crate) struct BakeArgs {
     /// Most bounces of light, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     bounces: u32,
-    /// gaussians: directions of direct light at each Gaussian, at least 1; every further bounce takes half as many, but at least 32
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
+    /// gaussians: directions traced at each Gaussian, at least 1; half of them look for emitters, the others serve all bounces
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: u32,
     /// views: samples per pixel, at least 1
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
@@ -63,7 +63,7 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
     /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it then puts the parts together.
-    /// The sweeps of gaussians need each other and have no parts
+    /// gaussians has no parts: what lights what is one matrix
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
@@ -88,7 +88,7 @@ const FIT_RATE: f32 = 0.02;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodArg {
-    /// In Gaussian space, by sweeps of gathering
+    /// In Gaussian space, from rays traced once for all bounces
     Gaussians,
     /// By path-traced views and a fit, as in the paper
     Views,
@@ -108,7 +108,7 @@ struct Recorded<'a> {
 pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args);
     if args.shard.is_some() && args.method == MethodArg::Gaussians {
-        bail!("--shard: only --method views has parts; the sweeps of gaussians need each other");
+        bail!("--shard: only --method views has parts");
     }
     let dataset = Dataset::open(&args.cameras)?;
     let mut inputs = cli::dataset_files(&dataset);
@@ -227,11 +227,9 @@ fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
         BakeProgress::Looking { done, total } => {
             (done, total, "looking for surfaces".to_owned(), "views")
         }
-        BakeProgress::Sweep {
-            bounce,
-            done,
-            total,
-        } => (done, total, format!("bounce {bounce}"), "Gaussians"),
+        BakeProgress::Gathering { done, total } => {
+            (done, total, "gathering light".to_owned(), "Gaussians")
+        }
         BakeProgress::Rendering { done, total } => {
             (done, total, "path tracing".to_owned(), "views")
         }
@@ -243,7 +241,7 @@ fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
             "fitting".to_owned(),
             "iterations",
         ),
-        BakeProgress::Swept { bounce, share } => {
+        BakeProgress::Bounced { bounce, share } => {
             reporter.note(&format!(
                 "bounce {bounce}: {:.2} % of the reflected light",
                 100.0 * share

@@ -106,8 +106,7 @@ impl Outlook {
         if args.method != MethodArg::Gaussians {
             return None;
         }
-        // Every sweep has half the directions of the one before: twice the first, and what the least number of them adds.
-        let directions = 2.25 * f64::from(args.samples);
+        let directions = f64::from(args.samples);
         Some(self.num_gaussians? as f64 * directions * GATHER_S)
     }
 }

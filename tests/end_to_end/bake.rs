@@ -20,7 +20,7 @@ insert = { ball = { centre = [0, 0, 1], radius = 0.3, radiance = 5 } }
 }
 
 #[test]
-fn sweeps_change_nothing_but_what_reflects_and_repeat_to_the_bit() {
+fn solving_changes_nothing_but_what_reflects_and_repeat_to_the_bit() {
     let place = workplace();
     let bake = "bake edited.ply --cameras room --samples 32";
     place.succeeds(&format!("{bake} --out a.ply --threads 1"));
@@ -41,9 +41,10 @@ fn sweeps_change_nothing_but_what_reflects_and_repeat_to_the_bit() {
     assert_eq!(num_changed, num_dark);
     baked.radiances.clone_from(&edited.radiances);
     assert_eq!(baked, edited);
-    // Seven sweeps of 32 directions at whatever does not emit.
+    // At whatever does not emit, half of 32 directions about the normal, and towards emitters what is above the surface of the others.
     let record = place.json("a.record.json");
-    assert_eq!(record["options"]["num_rays"], 7 * 32 * num_dark);
+    let num_rays = record["options"]["num_rays"].as_u64().unwrap() as usize;
+    assert!((16 * num_dark..=32 * num_dark).contains(&num_rays));
     assert_eq!(record["options"]["method"], "gaussians");
     assert!(!place.path("a.work").exists());
     // The same command does not replace its result, and --force does.

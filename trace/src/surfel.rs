@@ -37,6 +37,14 @@ const _: () = assert!(size_of::<Surfel>() == 64);
 #[repr(C, align(64))]
 pub struct Payload(pub [f32; NUM_LANES]);
 
+impl Payload {
+    /// Radiance, linear.
+    #[inline(always)]
+    pub fn radiance(&self) -> Vec3 {
+        Vec3::from_slice(&self.0[lane::RADIANCE..][..3])
+    }
+}
+
 /// Gaussians prepared for intersection, in the order of the scene.
 #[derive(Debug, Clone, Default)]
 pub struct SurfelSet {
@@ -64,7 +72,12 @@ impl Surfel {
 
     /// The two vectors that span the disc inside which hits count: `radius · s · t`, scene units.
     pub fn extents(&self) -> [Vec3; 2] {
-        let radius = self.cut2.max(0.0).sqrt();
+        self.extents_within(self.cut2)
+    }
+
+    /// The two vectors that span the disc of `radius_squared`, in standard deviations.
+    pub fn extents_within(&self, radius_squared: f32) -> [Vec3; 2] {
+        let radius = radius_squared.max(0.0).sqrt();
         [self.axis_u, self.axis_v].map(|axis| {
             let axis = Vec3::from(axis);
             axis * (radius / axis.length_squared())
@@ -198,6 +211,13 @@ impl SurfelSet {
                 Payload(lanes)
             })
             .collect_into_vec(&mut self.payloads);
+    }
+
+    /// Replaces the albedos alone, `[n]`.
+    pub fn set_albedos(&mut self, albedos: &[Vec3]) {
+        for (payload, albedo) in self.payloads.iter_mut().zip(albedos) {
+            payload.0[lane::ALBEDO..][..3].copy_from_slice(&albedo.to_array());
+        }
     }
 
     /// Number of Gaussians.

@@ -9,7 +9,7 @@ use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::sums::lane;
 use eagpt_trace::surfel::SurfelSet;
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 
 /// Moves one Gaussian along one lane of [`LocalGradient`] by `h`.
 fn moved(g: &OracleGaussian, which: usize, h: f64) -> OracleGaussian {
@@ -232,4 +232,40 @@ fn light_and_material_alone_are_the_same_as_with_everything() {
         num_seen += usize::from(all.0[grad_lane::EMISSION] != 0.0);
     }
     assert!(num_seen > 100);
+}
+
+/// The matrix of a view's blends against its trace, and its transpose against the definition of one: `⟨d, W v⟩ = ⟨Wᵀ d, v⟩`.
+#[test]
+fn the_matrix_of_a_view_blends_as_its_trace_does() {
+    let gaussians = random_cloud(900, 4);
+    let set = SurfelSet::new(&gaussians);
+    let camera = look_at(DVec3::new(2.4, -0.8, 0.9), DVec3::ZERO, 45, 37);
+    let (sums, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+    let albedos = &gaussians.albedos;
+    // Sums of some tens of terms in another order; what is left out and given to others changes a pixel by its share at most.
+    for (least, tolerance) in [(0.0, 1e-5), (1e-3, 1e-2)] {
+        let weights = record.weights(least);
+        let blended = weights.blend(|i| albedos[i as usize]);
+        for (pixel, (seen, blended)) in sums.pixels.iter().zip(&blended).enumerate() {
+            assert!(
+                (seen.albedo() - *blended).abs().max_element() < tolerance,
+                "pixel {pixel}: {blended} instead of {}",
+                seen.albedo()
+            );
+        }
+        let d: Vec<Vec3> = (0..blended.len())
+            .map(|i| Vec3::new((i as f32).sin(), (2.0 * i as f32).cos(), 0.5))
+            .collect();
+        let dot = |a: &[Vec3], b: &[Vec3]| -> f64 {
+            a.iter().zip(b).map(|(a, b)| f64::from(a.dot(*b))).sum()
+        };
+        let d_albedos = weights.adjoint(&d, albedos.len());
+        let (of_pixels, of_gaussians) = (dot(&d, &blended), dot(&d_albedos, albedos));
+        // Single-precision sums of some thousand terms of size one.
+        assert!(
+            (of_pixels - of_gaussians).abs() < 1e-2,
+            "{of_pixels} and {of_gaussians}"
+        );
+    }
+    assert!(record.weights(1e-3).num_bytes() < record.weights(0.0).num_bytes());
 }

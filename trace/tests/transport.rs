@@ -6,7 +6,10 @@ use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::lights::BounceSampler;
+use eagpt_trace::transport::links::{Directions, Links};
 use eagpt_trace::transport::points::Points;
+use eagpt_trace::transport::sampling::cosine_direction;
+use eagpt_trace::transport::start::Surface;
 use eagpt_trace::transport::{EMISSION_THRESHOLD, RayTracer, Sampling};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
@@ -303,7 +306,7 @@ fn light_reaches_into_corners() {
         let direction = Vec3::new(0.0, 0.0, -1.0);
         let origin = Vec3::new(0.0, 1.0 - distance, 0.5);
         let sums = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
-        let surface = eagpt_trace::transport::start::Surface::at(origin, direction, &sums).unwrap();
+        let surface = Surface::at(origin, direction, &sums).unwrap();
         let light = eagpt_trace::transport::irradiance_over_pi(
             &scene,
             &BounceSampler::new(None, 0.0),
@@ -412,4 +415,64 @@ fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
             );
         }
     }
+}
+
+/// Links and the light of emitters beside them are the integral of what arrives, as blended rays have it: by the standard errors of both,
+/// at places that see the lamp, the ball and corners.
+#[test]
+fn links_bring_the_light_of_blended_rays() {
+    const BATCHES: u32 = 64;
+    let gaussians = lit_room(1.0);
+    let scene = CpuScene::new(&gaussians);
+    let emits = |i: usize| gaussians.emissions[i] > 0.1;
+    let carried: Vec<Vec3> = (0..gaussians.len())
+        .map(|i| {
+            if emits(i) {
+                Vec3::ZERO
+            } else {
+                gaussians.radiances[i]
+            }
+        })
+        .collect();
+    let (mut total, mut variance) = (0.0, 0.0);
+    for k in 0..12_u32 {
+        let (sin, cos) = (2.4 * k as f32).sin_cos();
+        let direction = Vec3::new(cos, sin, -0.9 + 0.15 * k as f32).normalize();
+        let origin = Vec3::new(-0.7, 0.6, -0.2);
+        let met = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
+        let surface = Surface::at(origin, direction, &met).unwrap();
+        let directions = Directions::divided(256, 2);
+        let batch = |seed: u32| -> [f64; 2] {
+            let key = RandomKey::new(u64::from(seed), Purpose::Bake, 0);
+            let mut links = Links::default();
+            links.extend(&scene, &[(k, surface)], directions, key);
+            let linked = links.direct[0] + links.from_others(directions, &carried)[0];
+            let points = Points::new(RandomKey::new(u64::from(seed), Purpose::Albedo, 0), k);
+            let blended: Vec3 = (0..256)
+                .map(|s| {
+                    let [a, b, ..] = points.block(s, 0);
+                    let ray = surface.ray(cosine_direction(surface.normal, a, b));
+                    scene.trace(&ray).radiance()
+                })
+                .sum();
+            [linked, blended / 256.0].map(|light| f64::from(light.y))
+        };
+        let batches: Vec<[f64; 2]> = (0..BATCHES).map(batch).collect();
+        let moments = |of: usize| {
+            let n = f64::from(BATCHES);
+            let mean = batches.iter().map(|b| b[of]).sum::<f64>() / n;
+            let squares: f64 = batches.iter().map(|b| (b[of] - mean).powi(2)).sum();
+            (mean, squares / (n - 1.0) / n)
+        };
+        let ((linked, linked_var), (blended, blended_var)) = (moments(0), moments(1));
+        // The draws are the same in all batches: one in a hundred where few discs send the light.
+        let error = (linked_var + blended_var + (0.01 * blended).powi(2)).sqrt();
+        assert!(
+            (linked - blended).abs() < 4.5 * error,
+            "place {k}: {linked} instead of {blended} ± {error}"
+        );
+        total += linked - blended;
+        variance += error * error;
+    }
+    assert!(total.abs() < 4.0 * f64::sqrt(variance), "{total} in all");
 }

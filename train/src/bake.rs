@@ -2,7 +2,7 @@
 //!
 //! Emitters, the Gaussians whose emission exceeds τ_E, keep their radiance; every other one gets what it reflects. Geometry,
 //! emission and albedo stay as they are, bit for bit. Two methods:
-//! - [`gaussians`]: the light is solved in Gaussian space by sweeps of gathering; no image is made.
+//! - [`gaussians`]: the light is solved in Gaussian space; no image is made.
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
@@ -76,17 +76,15 @@ pub enum BakeProgress {
         /// Cameras in all.
         total: usize,
     },
-    /// Light of one more bounce is gathered.
-    Sweep {
-        /// The bounce, counted from 1.
-        bounce: u32,
+    /// Rays are traced at Gaussians.
+    Gathering {
         /// Gaussians done.
         done: usize,
         /// Gaussians in all.
         total: usize,
     },
-    /// A sweep is complete and on disk.
-    Swept {
+    /// One more bounce is solved.
+    Bounced {
         /// The bounce, counted from 1.
         bounce: u32,
         /// Its light, as a share of all so far.
@@ -153,7 +151,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
     };
     claim(request)?;
     let radiances = match &request.options.method {
-        BakeMethod::Gaussians(method) => bake.sweeps(method)?,
+        BakeMethod::Gaussians(method) => bake.solve(method)?,
         BakeMethod::Views(method) => bake.fit_views(method)?,
     };
     let num_rays = bake.num_rays;
@@ -165,7 +163,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
             };
             ply::write_gaussians(&request.out, &baked)?;
             if let BakeMethod::Gaussians(_) = request.options.method {
-                // Path-traced views are worth keeping, the state of sweeps is not.
+                // Path-traced views are worth keeping, links are not.
                 clear(&request.work)?;
             }
             Some(request.out.clone())

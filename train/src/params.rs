@@ -275,6 +275,16 @@ impl ParameterState {
             );
     }
 
+    /// Writes the albedos of the raw values alone over `albedos`, `[n]`.
+    pub fn write_albedos(&self, albedos: &mut [Vec3]) {
+        (&self.values, albedos)
+            .into_par_iter()
+            .with_min_len(1024)
+            .for_each(|(raw, albedo)| {
+                *albedo = Vec3::new(raw[ALBEDO], raw[ALBEDO + 1], raw[ALBEDO + 2]).map(sigmoid);
+            });
+    }
+
     /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the activated values). Nothing changes if a
     /// gradient is not finite: then the class of the parameter, the index of the Gaussian and the value are returned.
     pub fn step(

@@ -4,14 +4,18 @@
 //! up to eight Gaussians tested at once. Moved Gaussians are followed by a refit, until the tree has become so loose that
 //! building it again is the better choice.
 
+mod discs;
+mod nodes;
 mod search;
 
+pub use discs::DiscTree;
+pub(super) use search::uniform_of;
 pub use search::{RayScratch, Reach};
 
 use crate::surfel::{Surfel, SurfelSet};
 use glam::{Vec3, Vec3A};
-use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
-use std::time::Duration;
+use nodes::{Node, Topology};
+use obvhs::aabb::Aabb;
 
 /// Children of a node and Gaussians of a leaf: the lanes of an AVX register.
 const WIDTH: usize = 8;
@@ -27,13 +31,6 @@ const REBUILD_GROWTH: f32 = 1.5;
 /// Growth of boxes, relative to the coordinates' size: covers the rounding of the hit formula (a few units in the last
 /// place of 6e-8), so that no hit near a disc's rim is lost by the search.
 const BOX_MARGIN: f32 = 4e-7;
-
-#[derive(Debug, Clone)]
-struct Node {
-    min: [[f32; WIDTH]; 3],
-    max: [[f32; WIDTH]; 3],
-    child: [u32; WIDTH],
-}
 
 /// Up to eight Gaussians as struct of arrays; unused lanes have a negative `cut2`.
 #[derive(Debug, Clone)]
@@ -96,141 +93,27 @@ impl Bvh {
         for leaf in &mut self.leaves {
             *leaf = Leaf::new(set, leaf.index);
         }
-        let mut boxes = vec![Aabb::INVALID; self.nodes.len()];
-        for at in (0..self.nodes.len()).rev() {
-            let mut total = Aabb::INVALID;
-            for lane in 0..WIDTH {
-                let child = self.nodes[at].child[lane];
-                if child == EMPTY {
-                    continue;
-                }
-                let bounds = if child & LEAF != 0 {
-                    leaf_bounds(&self.leaves[(child & !LEAF) as usize], set)
-                } else {
-                    boxes[child as usize]
-                };
-                self.nodes[at].set_box(lane, &bounds);
-                total = total.union(&bounds);
-            }
-            boxes[at] = total;
-        }
+        let leaves = &self.leaves;
+        nodes::refit(&mut self.nodes, |leaf| leaf_bounds(&leaves[leaf], set));
     }
 
     fn rebuild(&mut self, set: &SurfelSet) {
-        self.nodes.clear();
-        self.leaves.clear();
         let counted: Vec<u32> = (0..set.len() as u32)
             .filter(|&i| set.surfels[i as usize].cut2 >= 0.0)
             .collect();
-        if counted.is_empty() {
-            self.cost_when_built = 0.0;
-            return;
-        }
         let boxes: Vec<Aabb> = counted
             .iter()
             .map(|&i| disc_bounds(&set.surfels[i as usize]))
             .collect();
-        let mut params = BvhBuildParams::slow_build();
-        // A Gaussian in two leaves would be hit twice.
-        params.pre_split = false;
-        params.max_prims_per_leaf = WIDTH as u32;
-        let tree = build_bvh2(&boxes, params, &mut Duration::default());
-        let mut widener = Widener {
-            tree: &tree,
-            counted: &counted,
-            set,
-            bvh: self,
-        };
-        widener.add_node(0);
+        let Topology { nodes, leaves } = Topology::new(&counted, &boxes);
+        self.nodes = nodes;
+        self.leaves = leaves.into_iter().map(|i| Leaf::new(set, i)).collect();
         self.refit(set);
         self.cost_when_built = self.cost();
     }
 
-    /// Expected number of boxes and leaves that a random ray touches (surface area heuristic), relative to the root.
     fn cost(&self) -> f32 {
-        let mut total = 0.0;
-        let mut root = 0.0_f32;
-        for (at, node) in self.nodes.iter().enumerate() {
-            for lane in 0..WIDTH {
-                if node.child[lane] != EMPTY {
-                    let extent = Vec3::from(node.max.map(|m| m[lane]))
-                        - Vec3::from(node.min.map(|m| m[lane]));
-                    let area = extent.x * extent.y + extent.y * extent.z + extent.z * extent.x;
-                    total += area;
-                    if at == 0 {
-                        root += area;
-                    }
-                }
-            }
-        }
-        total / root.max(f32::MIN_POSITIVE)
-    }
-}
-
-/// Turns the binary tree into wide nodes, depth first.
-struct Widener<'a> {
-    tree: &'a Bvh2,
-    counted: &'a [u32],
-    set: &'a SurfelSet,
-    bvh: &'a mut Bvh,
-}
-
-impl Widener<'_> {
-    /// Adds the wide node of binary node `root` and everything below; returns its index.
-    fn add_node(&mut self, root: usize) -> u32 {
-        let at = self.bvh.nodes.len();
-        self.bvh.nodes.push(Node::EMPTY);
-        // Open the child of the largest surface until eight are found: it is the one most rays would open anyway.
-        let mut open = vec![root];
-        while open.len() < WIDTH {
-            let widest = (0..open.len())
-                .filter(|&i| !self.tree.nodes[open[i]].is_leaf())
-                .max_by(|&a, &b| self.half_area(open[a]).total_cmp(&self.half_area(open[b])));
-            let Some(widest) = widest else { break };
-            let first = self.tree.nodes[open[widest]].first_index as usize;
-            open[widest] = first;
-            open.push(first + 1);
-        }
-        for (lane, binary) in open.into_iter().enumerate() {
-            let child = if self.tree.nodes[binary].is_leaf() {
-                self.add_leaf(binary)
-            } else {
-                self.add_node(binary)
-            };
-            self.bvh.nodes[at].child[lane] = child;
-        }
-        at as u32
-    }
-
-    fn half_area(&self, binary: usize) -> f32 {
-        self.tree.nodes[binary].aabb().half_area()
-    }
-
-    fn add_leaf(&mut self, binary: usize) -> u32 {
-        let node = &self.tree.nodes[binary];
-        let first = node.first_index as usize;
-        let mut index = [EMPTY; WIDTH];
-        let held = &self.tree.primitive_indices[first..first + node.prim_count as usize];
-        for (lane, &primitive) in index.iter_mut().zip(held) {
-            *lane = self.counted[primitive as usize];
-        }
-        self.bvh.leaves.push(Leaf::new(self.set, index));
-        LEAF | (self.bvh.leaves.len() - 1) as u32
-    }
-}
-
-impl Node {
-    const EMPTY: Self = Self {
-        min: [[f32::INFINITY; WIDTH]; 3],
-        max: [[f32::NEG_INFINITY; WIDTH]; 3],
-        child: [EMPTY; WIDTH],
-    };
-
-    fn set_box(&mut self, lane: usize, bounds: &Aabb) {
-        for axis in 0..3 {
-            self.min[axis][lane] = bounds.min[axis];
-            self.max[axis][lane] = bounds.max[axis];
-        }
+        nodes::cost(&self.nodes)
     }
 }
 
@@ -264,7 +147,12 @@ impl Leaf {
 }
 
 fn disc_bounds(surfel: &Surfel) -> Aabb {
-    let [a, b] = surfel.extents();
+    bounds_of(surfel, surfel.cut2)
+}
+
+/// Bounds of the part of a Gaussian inside `radius_squared`, in standard deviations.
+fn bounds_of(surfel: &Surfel, radius_squared: f32) -> Aabb {
+    let [a, b] = surfel.extents_within(radius_squared);
     let center = Vec3::from(surfel.position);
     let half = (a * a + b * b).map(f32::sqrt) + (center.abs() + a.abs() + b.abs()) * BOX_MARGIN;
     Aabb::new(Vec3A::from(center - half), Vec3A::from(center + half))

@@ -10,6 +10,7 @@ use super::bvh::{Bvh, RayScratch, Reach};
 use super::hits::BlockHits;
 use super::search::{TileList, TileSurfel};
 use super::tile::{BLOCKS, LANES, TileRays, pixels_of_tile};
+use super::weights::BlendWeights;
 use crate::blend::{Blender, LocalGradient, Offered};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
@@ -183,6 +184,32 @@ impl CameraRecord {
     /// Number of blended hits of all pixels.
     pub fn num_hits(&self) -> usize {
         self.tiles.iter().map(|tile| tile.hits.len()).sum()
+    }
+
+    /// The weights of the blend in every pixel; see [`BlendWeights`].
+    pub fn weights(&self, least: f32) -> BlendWeights {
+        let Some(camera) = &self.camera else {
+            return BlendWeights::default();
+        };
+        let per_tile: Vec<BlendWeights> = self
+            .tiles
+            .par_iter()
+            .enumerate()
+            .map(|(tile, record)| {
+                let mut weights = BlendWeights::default();
+                for (p, pixel) in pixels_of_tile(camera, tile) {
+                    let hits = record.hits_of(p).iter();
+                    let named = hits.map(|hit| (record.gaussians[hit.slot as usize], hit.weight));
+                    weights.push(pixel as u32, named, least);
+                }
+                weights
+            })
+            .collect();
+        let mut all = BlendWeights::default();
+        for tile in &per_tile {
+            all.append(tile);
+        }
+        all
     }
 
     /// What each Gaussian contributes to the picture. `value` is a number for each pixel (row by row), such as its error. A

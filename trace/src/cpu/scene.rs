@@ -2,15 +2,19 @@
 
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
+use super::draws::{DrawnHit, Draws};
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
-use crate::sums::{SumImage, Sums, lane};
-use crate::surfel::SurfelSet;
+use crate::sums::{SumImage, Sums};
+use crate::surfel::{Payload, SurfelSet};
 use crate::transport::lights::Lights;
 use crate::transport::{self, Integrator, LightOptions, RayTracer};
 use eagpt_scene::{Camera, Gaussians};
-use glam::Vec3;
 use std::cell::RefCell;
+use std::sync::OnceLock;
+
+/// Scenes of the same Gaussians have the same draws.
+const DRAW_SEED: u32 = 0;
 
 thread_local! {
     static SCRATCH: RefCell<RayScratch> = RefCell::default();
@@ -22,6 +26,8 @@ pub struct CpuScene {
     set: SurfelSet,
     bvh: Bvh,
     lights: Option<Lights>,
+    /// Made when they are first needed.
+    draws: OnceLock<Draws>,
 }
 
 impl CpuScene {
@@ -33,12 +39,17 @@ impl CpuScene {
             set,
             bvh,
             lights: Lights::new(gaussians),
+            draws: OnceLock::new(),
         }
     }
 
     /// The prepared Gaussians.
     pub fn surfels(&self) -> &SurfelSet {
         &self.set
+    }
+
+    fn draws(&self) -> &Draws {
+        self.draws.get_or_init(|| Draws::new(&self.set, DRAW_SEED))
     }
 
     /// The acceleration structure.
@@ -52,12 +63,12 @@ impl RayTracer for CpuScene {
         SCRATCH.with_borrow_mut(|scratch| self.bvh.trace(&self.set, ray, scratch))
     }
 
-    fn sample_radiance(&self, ray: &Ray, seed: u32) -> Vec3 {
-        let hit = SCRATCH.with_borrow_mut(|scratch| self.bvh.sample_hit(ray, seed, scratch));
-        hit.map_or(Vec3::ZERO, |hit| {
-            let lanes = &self.set.payloads[hit.index() as usize].0;
-            Vec3::from_slice(&lanes[lane::RADIANCE..][..3])
-        })
+    fn sample_hit(&self, ray: &Ray, draw: u32) -> Option<DrawnHit> {
+        SCRATCH.with_borrow_mut(|scratch| self.draws().nearest(ray, draw, scratch))
+    }
+
+    fn payload(&self, index: u32) -> &Payload {
+        &self.set.payloads[index as usize]
     }
 
     fn lights(&self) -> Option<&Lights> {
@@ -71,7 +82,11 @@ impl Tracer for CpuScene {
     }
 
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
+        let before = std::mem::take(&mut self.set.surfels);
         self.set.update(gaussians);
+        if before != self.set.surfels {
+            self.draws.take();
+        }
         self.bvh.update(&self.set);
         self.lights = Lights::new(gaussians);
         Ok(())

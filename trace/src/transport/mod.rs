@@ -8,13 +8,16 @@
 //! Directions are cosine-weighted, as in the paper, or emitters are looked for besides ([`Sampling`]); the mean is the same.
 
 pub mod lights;
+pub mod links;
 mod path;
 pub mod points;
 pub mod sampling;
 pub mod start;
 
+use crate::cpu::draws::DrawnHit;
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
+use crate::surfel::Payload;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Image};
@@ -94,9 +97,12 @@ pub trait RayTracer: Sync {
     /// Blended sums along `ray`.
     fn trace(&self, ray: &Ray) -> Sums;
 
-    /// Radiance of one hit of `ray`, chosen by its weight: over all values of `seed`, the mean is the blended radiance of
-    /// [`Self::trace`], at a fraction of the cost. For sums over many rays whose mean alone matters.
-    fn sample_radiance(&self, ray: &Ray, seed: u32) -> Vec3;
+    /// One hit of `ray`, chosen by its weight: over all values of `draw`, the mean of what hits carry is the blended sum of [`Self::trace`],
+    /// at a fraction of the cost. For sums over many rays whose mean alone matters.
+    fn sample_hit(&self, ray: &Ray, draw: u32) -> Option<DrawnHit>;
+
+    /// Light and material of a Gaussian.
+    fn payload(&self, index: u32) -> &Payload;
 
     /// The scene's emitters, if it has any.
     fn lights(&self) -> Option<&Lights>;
@@ -222,7 +228,10 @@ fn bounced(
     let bounce = sampler.sample(surface, points.block(sample, 0));
     bounce.map_or(Vec3::ZERO, |bounce| {
         let ray = surface.ray(bounce.direction);
-        scene.sample_radiance(&ray, points.word(sample)) * bounce.weight
+        let hit = scene.sample_hit(&ray, points.word(sample));
+        hit.map_or(Vec3::ZERO, |hit| {
+            scene.payload(hit.index).radiance() * bounce.weight
+        })
     })
 }
 

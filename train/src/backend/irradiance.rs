@@ -6,18 +6,13 @@
 //! out over what arrives is its albedo in closed form, `ρ = π r / E`: where the image loss starts from.
 
 use crate::surfaces::BestSeen;
-use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::sums::lane;
+use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::lights::BounceSampler;
-use eagpt_trace::transport::points::Points;
-use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
-use glam::Vec3;
-use rayon::prelude::*;
+use eagpt_trace::transport::links::{Directions, Links, Receiver};
+use glam::{Vec3, Vec4};
 use std::ops::Range;
 
 /// Albedos of natural surfaces stay inside.
@@ -30,7 +25,7 @@ const MIN_KNOWN: f32 = 1e-3;
 /// The Gaussians that training cameras see, each with a point of the surface it is part of, and the light there.
 pub(super) struct GaussianIrradiance {
     /// Indices and surfaces of the Gaussians seen.
-    seen: Vec<(u32, Surface)>,
+    seen: Vec<Receiver>,
     /// Irradiance over π, of the first of `seen`.
     arriving: Vec<Vec3>,
 }
@@ -57,23 +52,23 @@ impl GaussianIrradiance {
         self.seen.len()
     }
 
-    /// Gathers for the next of them, `range`, with `num_samples` directions each.
+    /// Gathers for the next of them, `range`, in `directions` at each. `radiances` are those of all Gaussians of the `scene`, and
+    /// random numbers are those of `key`.
     pub(super) fn gather(
         &mut self,
         scene: &CpuScene,
+        radiances: &[Vec3],
         range: Range<usize>,
-        num_samples: u32,
-        seed: u64,
+        directions: Directions,
+        key: RandomKey,
     ) {
-        let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
-        let key = RandomKey::new(seed, Purpose::Albedo, 0);
-        let light = |(gaussian, surface): &(u32, Surface)| {
-            let points = Points::new(key, *gaussian);
-            irradiance_over_pi(scene, &sampler, surface, num_samples, &points)
-        };
         debug_assert_eq!(range.start, self.arriving.len());
-        self.arriving
-            .par_extend(self.seen[range].par_iter().map(light));
+        let receivers = &self.seen[range];
+        let mut links = Links::default();
+        links.extend(scene, receivers, directions, key);
+        let others = links.from_others(directions, radiances);
+        let both = links.direct.iter().zip(&others).map(|(e, o)| *e + *o);
+        self.arriving.extend(both);
     }
 
     /// The closed form for every Gaussian that light reaches; others keep their albedo. `[n]`
@@ -89,33 +84,26 @@ impl GaussianIrradiance {
         albedos
     }
 
-    /// `set` with light that arrives in place of light that is sent out, and 1 as emission where that is known.
-    pub(super) fn carried_by(&self, set: &SurfelSet) -> SurfelSet {
-        let mut lit = set.clone();
-        for payload in &mut lit.payloads {
-            payload.0[lane::RADIANCE..=lane::EMISSION].fill(0.0);
-        }
+    /// Irradiance over π of each Gaussian, and 1 where it is known or else zeros, `[n]`.
+    pub(super) fn by_gaussian(&self, num: usize) -> Vec<Vec4> {
+        let mut known = vec![Vec4::ZERO; num];
         for ((i, _), arriving) in self.seen.iter().zip(&self.arriving) {
-            let lanes = &mut lit.payloads[*i as usize].0;
-            lanes[lane::RADIANCE..lane::EMISSION].copy_from_slice(&arriving.to_array());
-            lanes[lane::EMISSION] = 1.0;
+            known[*i as usize] = arriving.extend(1.0);
         }
-        lit
+        known
     }
 }
 
-/// The light at every pixel of `camera`, of a set made by [`GaussianIrradiance::carried_by`].
-pub(super) fn of_camera(lit: &SurfelSet, camera: &Camera) -> Vec<Vec3> {
-    let (sums, _) = camera::trace(lit, camera, HitSearch::Tiles, Keep::Nothing);
-    let light = |known: f32, radiance: Vec3| {
-        if known > MIN_KNOWN {
-            radiance / known
+/// Irradiance over π of every pixel: the blend of what Gaussians in it know, `lights` being that of
+/// [`GaussianIrradiance::by_gaussian`].
+pub(super) fn of_pixels(weights: &BlendWeights, lights: &[Vec4]) -> Vec<Vec3> {
+    let light = |sum: Vec4| {
+        if sum.w > MIN_KNOWN {
+            sum.truncate() / sum.w
         } else {
             Vec3::ZERO
         }
     };
-    sums.pixels
-        .iter()
-        .map(|s| light(s.emission(), s.radiance()))
-        .collect()
+    let sums = weights.blend(|i| lights[i as usize]);
+    sums.into_iter().map(light).collect()
 }

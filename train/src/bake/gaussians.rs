@@ -1,60 +1,52 @@
 //! Light baking in Gaussian space.
 //!
 //! The light of a scene of diffuse surfaces solves `L = L_e + ρ/π ∫ L cos θ dω`. Its Neumann series is light sorted by bounces,
-//! `L = L_e + T L_e + T² L_e + …` (Kajiya 1986, section 3), and here every term is kept where light lives anyway, on the
-//! Gaussians: sweep b gathers, for each Gaussian, the light that the others got from sweep b − 1. Sweeps are independent of each
-//! other's noise allocation: the first is direct light, which needs many directions and profits from looking at emitters; each later one
-//! is smoother and weaker, and gets half the directions of the one before. After b sweeps the scene carries the light of paths of at most b
-//! bounces.
+//! `L = L_e + T L_e + T² L_e + …` (Kajiya 1986, section 3), and here every term is kept where light lives anyway, on the Gaussians. Rays are
+//! traced once: they say how much light of emitters reaches each Gaussian, and which other Gaussians it sees
+//! ([`eagpt_trace::transport::links`]). That is the first term, and the matrix T of all further ones: a bounce more is a product of it
+//! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 
 use super::{Bake, BakeProgress, emits, with_emitters};
-use crate::error::Result;
+use crate::error::{Result, TrainError};
 use crate::sealed::Kind;
 use crate::surfaces::{self, BestSeen};
+use eagpt_scene::SceneError;
+use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussians, SceneError};
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::transport::lights::BounceSampler;
-use eagpt_trace::transport::points::Points;
+use eagpt_trace::transport::links::{Directions, Links, Receiver};
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
-use eagpt_trace::{TraceError, Tracer};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
+use std::time::{Duration, Instant};
 
-/// Directions of later sweeps never fall below this (or those of the first, if fewer).
-const MIN_SAMPLES: u32 = 32;
 /// Gaussians gathered for between two looks at whether the work shall stop.
 const AT_ONCE: usize = 4096;
+/// Time between two states on disk.
+const STORE_EVERY: Duration = Duration::from_secs(30);
 
 /// Options of [`super::BakeMethod::Gaussians`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GaussianBake {
-    /// Directions that direct light is gathered from at each Gaussian, at least 1; every further bounce takes half as many.
+    /// Directions traced at each Gaussian, at least 1: half of them look for emitters, the others serve all bounces.
     pub num_samples: u32,
 }
 
 impl GaussianBake {
-    /// Directions at each Gaussian in the sweep of `bounce`, counted from 1.
-    pub fn samples_of(&self, bounce: u32) -> u32 {
-        let halved = self.num_samples.checked_shr(bounce - 1).unwrap_or(0);
-        halved.max(MIN_SAMPLES.min(self.num_samples))
+    fn directions(&self) -> Directions {
+        Directions::divided(self.num_samples, 2)
     }
 }
 
-/// A Gaussian that reflects, and where light arrives for it.
-type Receiver = (u32, Surface);
-
-/// The sum of the sweeps so far.
+/// The sum of the bounces so far.
 #[derive(Debug, Clone, PartialEq)]
 struct Series {
-    /// Sweeps done.
+    /// Bounces done.
     bounce: u32,
-    /// Reflected radiance of all sweeps, `[n]`; zero for what emits.
+    /// Reflected radiance of all bounces, `[n]`; zero for what emits.
     total: Vec<Vec3>,
-    /// That of the last sweep alone, `[n]`.
+    /// That of the last bounce alone, `[n]`.
     last: Vec<Vec3>,
 }
 
@@ -67,21 +59,15 @@ impl Series {
         }
     }
 
-    /// The light that the next sweep gathers: that of emitters alone, then that of the last sweep alone.
-    fn source(&self, scene: &Gaussians) -> Gaussians {
-        let radiances = if self.bounce == 0 {
-            with_emitters(scene, &self.last)
+    /// Adds a bounce: what `receivers` reflect of the light of emitters, then of that of the last bounce.
+    fn add(&mut self, albedos: &[Vec3], receivers: &[Receiver], links: &Links, rays: Directions) {
+        let gathered;
+        let arriving = if self.bounce == 0 {
+            &links.direct
         } else {
-            self.last.clone()
+            gathered = links.from_others(rays, &self.last);
+            &gathered
         };
-        Gaussians {
-            radiances,
-            ..scene.clone()
-        }
-    }
-
-    /// Adds a sweep: what `receivers` reflect of what `arriving` says, irradiance over π.
-    fn add(&mut self, albedos: &[Vec3], receivers: &[Receiver], arriving: &[Vec3]) {
         self.last.fill(Vec3::ZERO);
         for ((i, _), light) in receivers.iter().zip(arriving) {
             let i = *i as usize;
@@ -91,98 +77,92 @@ impl Series {
         self.bounce += 1;
     }
 
-    /// Light of the last sweep as a share of all.
+    /// Light of the last bounce as a share of all.
     fn share(&self) -> f64 {
         let sum = |of: &[Vec3]| -> f64 { of.iter().map(|l| f64::from(l.element_sum())).sum() };
         sum(&self.last) / sum(&self.total).max(f64::MIN_POSITIVE)
     }
 }
 
-/// Irradiance over π at some receivers, of a scene that carries a [`Series::source`]. Without emitters in it no direction is spent on
-/// looking for them.
-fn gather(scene: &CpuScene, receivers: &[Receiver], num_samples: u32, key: RandomKey) -> Vec<Vec3> {
-    let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
-    receivers
-        .par_iter()
-        .map(|(gaussian, surface)| {
-            let points = Points::new(key, *gaussian);
-            irradiance_over_pi(scene, &sampler, surface, num_samples, &points)
-        })
-        .collect()
-}
-
 /// File of the state in the work folder.
-pub(super) const STATE: &str = "sweeps.state";
+pub(super) const STATE: &str = "links.state";
 
 const KIND: Kind = Kind {
     magic: b"EAGPTBAK",
-    version: 1,
+    version: 2,
     noun: "state",
 };
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    bounce: u32,
-    num_gaussians: usize,
+    num_receivers: usize,
+    directions: u32,
 }
 
 impl Bake<'_> {
     /// Radiances of all Gaussians, or `None` if it was stopped from outside.
-    pub(super) fn sweeps(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
-        let mut series = self.taken_up()?;
-        if series.bounce < self.request.options.max_bounces {
-            let mut engine = CpuScene::new(&self.scene);
-            let Some(receivers) = self.receivers(&engine)? else {
-                return Ok(None);
-            };
-            while series.bounce < self.request.options.max_bounces {
-                let source = series.source(&self.scene);
-                engine.update(&source)?;
-                let Some(arriving) = self.sweep(&engine, &receivers, method, series.bounce + 1)?
-                else {
-                    return Ok(None);
-                };
-                series.add(&self.scene.albedos, &receivers, &arriving);
-                self.store(&series)?;
-                (self.progress)(BakeProgress::Swept {
-                    bounce: series.bounce,
-                    share: series.share(),
-                });
-            }
+    pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
+        let rays = method.directions();
+        self.check_memory(rays)?;
+        let engine = CpuScene::new(&self.scene);
+        let Some(receivers) = self.receivers(&engine)? else {
+            return Ok(None);
+        };
+        let Some(links) = self.trace_links(&engine, &receivers, rays)? else {
+            return Ok(None);
+        };
+        let mut series = Series::new(self.scene.len());
+        while series.bounce < self.request.options.max_bounces {
+            series.add(&self.scene.albedos, &receivers, &links, rays);
+            (self.progress)(BakeProgress::Bounced {
+                bounce: series.bounce,
+                share: series.share(),
+            });
         }
         Ok(Some(with_emitters(&self.scene, &series.total)))
     }
 
-    /// One sweep, piece by piece; `None` if it was stopped.
-    fn sweep(
+    fn check_memory(&self, rays: Directions) -> Result<()> {
+        let needed = self.scene.len() as u64 * u64::from(rays.plain) * 4;
+        match available_memory() {
+            Some(available) if needed > available / 2 => Err(TrainError::Memory {
+                needed_mib: needed >> 20,
+                available_mib: available >> 21,
+                advice: "fewer directions (--samples) would help".to_owned(),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The links of all `receivers`, piece by piece; `None` if it was stopped.
+    fn trace_links(
         &mut self,
         engine: &CpuScene,
         receivers: &[Receiver],
-        method: &GaussianBake,
-        bounce: u32,
-    ) -> Result<Option<Vec<Vec3>>, TraceError> {
-        let key = RandomKey::new(self.request.options.seed, Purpose::Bake, bounce);
-        let num_samples = method.samples_of(bounce);
+        rays: Directions,
+    ) -> Result<Option<Links>> {
+        let mut links = self.taken_up(receivers.len(), rays)?;
+        let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 1);
         let total = receivers.len();
-        let mut arriving = Vec::with_capacity(total);
-        (self.progress)(BakeProgress::Sweep {
-            bounce,
-            done: 0,
-            total,
-        });
-        for piece in receivers.chunks(AT_ONCE) {
+        let mut stored = Instant::now();
+        loop {
+            let done = links.direct.len();
+            (self.progress)(BakeProgress::Gathering { done, total });
+            if done == total {
+                self.num_rays += links.num_rays;
+                return Ok(Some(links));
+            }
             if self.stopped() {
+                self.store(&links, rays)?;
                 return Ok(None);
             }
-            arriving.extend(gather(engine, piece, num_samples, key));
-            self.num_rays += u64::from(num_samples) * piece.len() as u64;
-            (self.progress)(BakeProgress::Sweep {
-                bounce,
-                done: arriving.len(),
-                total,
-            });
+            if stored.elapsed() > STORE_EVERY {
+                self.store(&links, rays)?;
+                stored = Instant::now();
+            }
+            let piece = &receivers[done..total.min(done + AT_ONCE)];
+            links.extend(engine, piece, rays, key);
         }
-        Ok(Some(arriving))
     }
 
     /// All Gaussians that reflect, each with its surface; `None` if it was stopped. Those that no camera sees still light others.
@@ -209,38 +189,38 @@ impl Bake<'_> {
         Ok(Some(receivers))
     }
 
-    fn store(&self, series: &Series) -> Result<()> {
+    fn store(&self, links: &Links, rays: Directions) -> Result<()> {
         let header = Header {
-            bounce: series.bounce,
-            num_gaussians: series.total.len(),
+            num_receivers: links.direct.len(),
+            directions: rays.plain,
         };
-        let flat = |of: &[Vec3]| -> Vec<f32> { of.iter().flat_map(Vec3::to_array).collect() };
-        KIND.write(
-            &self.request.work.join(STATE),
-            &header,
-            &[&flat(&series.total), &flat(&series.last)],
-        )
+        let direct: Vec<f32> = links.direct.iter().flat_map(Vec3::to_array).collect();
+        let targets: Vec<f32> = links.targets.iter().map(|&i| f32::from_bits(i)).collect();
+        let path = self.request.work.join(STATE);
+        KIND.write(&path, &header, &[&direct, &targets])
     }
 
-    /// The state that an earlier process left, or none.
-    fn taken_up(&self) -> Result<Series> {
+    /// The links that an earlier process left, or none.
+    fn taken_up(&self, num_receivers: usize, rays: Directions) -> Result<Links> {
         let path = self.request.work.join(STATE);
-        let num = self.scene.len();
         if !path.exists() {
-            return Ok(Series::new(num));
+            return Ok(Links::default());
         }
         let (header, values): (Header, _) = KIND.read(&path)?;
-        if header.num_gaussians != num || values.len() != 6 * num {
+        let num = header.num_receivers;
+        let num_direct = 3 * num;
+        let fits = num <= num_receivers
+            && header.directions == rays.plain
+            && values.len() == num_direct + num * rays.plain as usize;
+        if !fits {
             return Err(SceneError::invalid(&path, "arrays", "the state is damaged").into());
         }
-        let read = |range: Range<usize>| -> Vec<Vec3> {
-            let (triples, _) = values[range].as_chunks::<3>();
-            triples.iter().map(|t| Vec3::from_array(*t)).collect()
-        };
-        Ok(Series {
-            bounce: header.bounce,
-            total: read(0..3 * num),
-            last: read(3 * num..6 * num),
+        let (direct, targets) = values.split_at(num_direct);
+        let (triples, _) = direct.as_chunks::<3>();
+        Ok(Links {
+            direct: triples.iter().map(|t| Vec3::from_array(*t)).collect(),
+            targets: targets.iter().map(|i| i.to_bits()).collect(),
+            num_rays: 0,
         })
     }
 }
@@ -253,7 +233,7 @@ mod tests {
     /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of area share f arrives evenly, and
     /// with albedo a the radiance of the rest after K bounces is `a L f Σ_{k<K} (a (1 − f))^k`.
     #[test]
-    fn sweeps_inside_a_sphere_follow_the_geometric_series() {
+    fn bounces_inside_a_sphere_follow_the_geometric_series() {
         let (share, albedo, light) = (0.25_f32, 0.6_f32, 3.0_f32);
         // Archimedes: the cap above z = 1 − 2f has the share f of the area.
         let scene = sphere(6000, 2.0, |direction| {
@@ -264,7 +244,6 @@ mod tests {
                 material(Vec3::splat(50.0), 0.0, Vec3::splat(albedo))
             }
         });
-        let mut engine = CpuScene::new(&scene);
         let receivers: Vec<Receiver> = (0..scene.len() as u32)
             .filter(|&i| !emits(scene.emissions[i as usize]))
             .map(|i| {
@@ -277,14 +256,23 @@ mod tests {
                 (i, surface)
             })
             .collect();
+        let rays = Directions {
+            plain: 32,
+            to_lights: 16,
+        };
+        let mut links = Links::default();
+        let engine = CpuScene::new(&scene);
+        links.extend(
+            &engine,
+            &receivers,
+            rays,
+            RandomKey::new(1, Purpose::Bake, 1),
+        );
         let mut series = Series::new(scene.len());
         let mut expected = 0.0;
         for bounce in 1..=4 {
-            engine.update(&series.source(&scene)).unwrap();
-            let key = RandomKey::new(1, Purpose::Bake, bounce);
-            let arriving = gather(&engine, &receivers, 32, key);
-            series.add(&scene.albedos, &receivers, &arriving);
-            expected += albedo * light * share * (albedo * (1.0 - share)).powi(bounce as i32 - 1);
+            series.add(&scene.albedos, &receivers, &links, rays);
+            expected += albedo * light * share * (albedo * (1.0 - share)).powi(bounce - 1);
             let mean: f32 = receivers
                 .iter()
                 .map(|(i, _)| series.total[*i as usize].x)
@@ -298,15 +286,5 @@ mod tests {
         }
         let baked = with_emitters(&scene, &series.total);
         assert_eq!(baked[0], scene.radiances[0]);
-    }
-
-    #[test]
-    fn later_sweeps_take_half_the_directions_but_not_too_few() {
-        let bake = GaussianBake { num_samples: 256 };
-        assert_eq!(
-            [1, 2, 3, 4, 5, 40].map(|b| bake.samples_of(b)),
-            [256, 128, 64, 32, 32, 32]
-        );
-        assert_eq!(GaussianBake { num_samples: 8 }.samples_of(3), 8);
     }
 }

@@ -112,37 +112,56 @@ pub fn radiance_loss(
     (terms, d_sums)
 }
 
-/// Loss of stage 1 for one view: the picture is R where the emission exceeds `threshold`, and elsewhere P times `arriving`,
-/// `1/π · ∫ R(ω) (ω·Ñ) dω` of every pixel; pixels that are not `known` do not count. The gradient touches the albedo only.
+/// What stage 1 knows of a view's pixels beside their albedo.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PixelLight {
+    /// Width of the picture.
+    pub width: u32,
+    /// Height of the picture.
+    pub height: u32,
+    /// `1/π · ∫ R(ω) (ω·Ñ) dω`, row by row.
+    pub arriving: Vec<Vec3>,
+    /// R where an emitter is seen.
+    pub emitted: Vec<Option<Vec3>>,
+}
+
+impl PixelLight {
+    /// The light of `sums`, whose pixels are emitters' where emission exceeds `threshold`, and `arriving` elsewhere.
+    pub fn new(sums: &SumImage, arriving: Vec<Vec3>, threshold: f32) -> Self {
+        let emitted = |seen: &Sums| (seen.emission() > threshold).then(|| seen.radiance());
+        Self {
+            width: sums.width,
+            height: sums.height,
+            arriving,
+            emitted: sums.pixels.iter().map(emitted).collect(),
+        }
+    }
+
+    /// Bytes in memory.
+    pub fn num_bytes(&self) -> usize {
+        size_of_val(&*self.arriving) + size_of_val(&*self.emitted)
+    }
+}
+
+/// Loss of stage 1 for one view: the picture is R where an emitter is seen, and elsewhere `albedos` times the light that arrives; pixels
+/// that are not `known` do not count. The gradient is that of the albedos, row by row.
 pub fn albedo_loss(
-    sums: &SumImage,
-    arriving: &[Vec3],
-    threshold: f32,
+    albedos: &[Vec3],
+    light: &PixelLight,
     target_pq: &Image<3>,
     ssim_share: f64,
     known: Option<&KnownPixels>,
-) -> (LossTerms, Vec<Sums>) {
-    let shown = sums.pixels.iter().zip(arriving).map(|(seen, arriving)| {
-        if seen.emission() > threshold {
-            seen.radiance().to_array()
-        } else {
-            (seen.albedo() * *arriving).to_array()
-        }
-    });
-    let image = Image::from_pixels(sums.width, sums.height, shown.collect())
-        .expect("irradiance and sums have one entry per pixel");
+) -> (LossTerms, Vec<Vec3>) {
+    let lit = || light.arriving.iter().zip(&light.emitted);
+    let shown = (albedos.iter().zip(lit()))
+        .map(|(albedo, (arriving, emitted))| emitted.unwrap_or(*albedo * *arriving).to_array());
+    let image = Image::from_pixels(light.width, light.height, shown.collect())
+        .expect("irradiance and albedo have one entry per pixel");
     let color = ColorLoss::new(&image, target_pq, ssim_share, known);
-    let d_sums = sums
-        .pixels
-        .iter()
-        .zip(color.d_radiance.pixels().iter().zip(arriving))
-        .map(|(seen, (d, arriving))| {
-            let mut out = Sums::default();
-            if seen.emission() <= threshold {
-                let d_albedo = Vec3::from(*d) * *arriving;
-                out.0[lane::ALBEDO..lane::ALBEDO + 3].copy_from_slice(&d_albedo.to_array());
-            }
-            out
+    let d_albedos = (color.d_radiance.pixels().iter().zip(lit()))
+        .map(|(d, (arriving, emitted))| match emitted {
+            None => Vec3::from(*d) * *arriving,
+            Some(_) => Vec3::ZERO,
         })
         .collect();
     (
@@ -152,7 +171,7 @@ pub fn albedo_loss(
             ssim: color.ssim,
             ..LossTerms::default()
         },
-        d_sums,
+        d_albedos,
     )
 }
 

@@ -1,6 +1,7 @@
 //! Search along single rays: all hits, or one chosen by its weight.
 
-use super::{Bvh, EMPTY, LEAF, Leaf, Node, WIDTH};
+use super::nodes::{Lanes, Node, visit_leaves};
+use super::{Bvh, Leaf, WIDTH};
 use crate::blend::{Blender, Hit, Offered, sort_hits};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
@@ -15,7 +16,7 @@ const FIRST_PRUNE: usize = 24;
 #[derive(Debug, Default)]
 pub struct RayScratch {
     hits: Vec<Hit>,
-    stack: Vec<(f32, u32)>,
+    pub(super) stack: Vec<(f32, u32)>,
 }
 
 /// How far a search goes.
@@ -130,7 +131,7 @@ fn find_accepted(
 /// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them does not matter. The mixer is
 /// that of Wellons' hash prospector ("lowbias32").
 #[inline(always)]
-fn uniform_of(seed: u32, index: u32) -> f32 {
+pub(in crate::cpu) fn uniform_of(seed: u32, index: u32) -> f32 {
     let mut x = seed ^ index.wrapping_mul(0x9e37_79b9);
     x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
     x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
@@ -138,102 +139,21 @@ fn uniform_of(seed: u32, index: u32) -> f32 {
     (x >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }
 
-/// Calls `visit` with the leaves along `ray`, nearer ones mostly first, and with the distance beyond which nothing matters any more, which
-/// `visit` may lower.
-#[inline(always)]
-fn visit_leaves(
-    nodes: &[Node],
-    ray: &Ray,
-    stack: &mut Vec<(f32, u32)>,
-    mut visit: impl FnMut(usize, &mut f32),
-) {
-    stack.clear();
-    if nodes.is_empty() {
-        return;
-    }
-    // Axis-parallel rays: a huge finite reciprocal keeps 0·∞ out of the slab test.
-    let inverse = ray.direction.map(|d| {
-        if d.abs() > 1e-20 {
-            1.0 / d
-        } else {
-            1e20_f32.copysign(d)
-        }
-    });
-    let mut t_max = f32::INFINITY;
-    stack.push((0.0, 0));
-    while let Some((near, child)) = stack.pop() {
-        if near > t_max {
-            continue;
-        }
-        if child & LEAF != 0 {
-            visit((child & !LEAF) as usize, &mut t_max);
-            continue;
-        }
-        let node = &nodes[child as usize];
-        let near = node_distances(node, ray, inverse, t_max);
-        push_sorted(stack, node, &near);
-    }
-}
-
-/// Distances at which the ray enters the eight boxes; infinite where it misses.
-#[inline(always)]
-fn node_distances(node: &Node, ray: &Ray, inverse: [f32; 3], t_max: f32) -> [f32; WIDTH] {
-    let mut near = [0.0; WIDTH];
-    let mut far = [t_max; WIDTH];
-    for axis in 0..3 {
-        for lane in 0..WIDTH {
-            let a = (node.min[axis][lane] - ray.origin[axis]) * inverse[axis];
-            let b = (node.max[axis][lane] - ray.origin[axis]) * inverse[axis];
-            let (low, high) = if a < b { (a, b) } else { (b, a) };
-            near[lane] = if low > near[lane] { low } else { near[lane] };
-            far[lane] = if high < far[lane] { high } else { far[lane] };
-        }
-    }
-    // Robust slab test (Ize 2013): two roundings of 2⁻²⁴ on either side.
-    for lane in 0..WIDTH {
-        near[lane] = if near[lane] <= far[lane] * 1.000_000_4 {
-            near[lane]
-        } else {
-            f32::INFINITY
-        };
-    }
-    near
-}
-
-/// Pushes the hit children, the nearest last so that it is taken first.
-#[inline(always)]
-fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH]) {
-    let start = stack.len();
-    for lane in 0..WIDTH {
-        if near[lane] < f32::INFINITY && node.child[lane] != EMPTY {
-            let mut at = stack.len();
-            stack.push((near[lane], node.child[lane]));
-            while at > start && stack[at - 1].0 < near[lane] {
-                stack.swap(at, at - 1);
-                at -= 1;
-            }
-        }
-    }
-}
-
 #[inline(always)]
 fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, mut found: impl FnMut(Hit)) {
-    // Plain loops over arrays, with bits gathered afterwards: they become straight SIMD code.
+    // Plain loops over arrays, with the lanes that count gathered afterwards: they become straight SIMD code.
     let mut t = [0.0_f32; WIDTH];
     let mut exponent = [0.0_f32; WIDTH];
-    let mut bits = [0_u32; WIDTH];
+    let mut counted = [0_u8; WIDTH];
     for lane in 0..WIDTH {
         let seen = leaf.surfel(lane).seen_from(ray.origin);
         let met = seen.meet(ray.direction);
         t[lane] = met.t;
         exponent[lane] = -0.5 * (met.u * met.u + met.v * met.v);
         let counts = seen.counts(&met) & (met.t <= t_max) & !seen.is_own(&met, ray);
-        bits[lane] = u32::from(counts) << lane;
+        counted[lane] = u8::from(counts);
     }
-    let mut mask = bits.iter().fold(0, |all, bit| all | bit);
-    while mask != 0 {
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
+    for lane in Lanes::new(counted) {
         let alpha = leaf.opacity[lane] * exp_of_negative(exponent[lane]);
         found(Hit::new(t[lane], leaf.index[lane], alpha));
     }

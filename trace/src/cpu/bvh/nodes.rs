@@ -1,0 +1,260 @@
+//! Nodes of a wide tree: how they are made from boxes, follow moved ones, and are walked along a ray.
+
+use super::{EMPTY, LEAF, WIDTH};
+use crate::ray::Ray;
+use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
+use std::time::Duration;
+
+/// Eight boxes and what is in them. A child that does not exist has a box that no ray enters.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(in crate::cpu) struct Node {
+    /// Lower ends along x, y, z, and upper ends.
+    planes: [[[f32; WIDTH]; 3]; 2],
+    child: [u32; WIDTH],
+}
+
+/// A ray as boxes want it.
+struct SlabRay {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    /// Whether the ray meets the upper planes first, along x, y, z; it leaves through the others.
+    is_backward: [bool; 3],
+}
+
+/// A tree over boxes: nodes, parents before their children and the root first, and the items in each leaf, `EMPTY` where there is none.
+pub(super) struct Topology {
+    pub(super) nodes: Vec<Node>,
+    pub(super) leaves: Vec<[u32; WIDTH]>,
+}
+
+impl Topology {
+    /// Groups items: `items[i]` has box `boxes[i]`. The boxes of the nodes are not set yet: [`refit`].
+    pub(super) fn new(items: &[u32], boxes: &[Aabb]) -> Self {
+        let mut topology = Self {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+        };
+        if items.is_empty() {
+            return topology;
+        }
+        let mut params = BvhBuildParams::slow_build();
+        // An item in two leaves would be hit twice.
+        params.pre_split = false;
+        params.max_prims_per_leaf = WIDTH as u32;
+        let tree = build_bvh2(boxes, params, &mut Duration::default());
+        topology.add_node(&tree, items, 0);
+        topology
+    }
+
+    /// Adds the wide node of binary node `root` and everything below; returns its index.
+    fn add_node(&mut self, tree: &Bvh2, items: &[u32], root: usize) -> u32 {
+        let at = self.nodes.len();
+        self.nodes.push(Node::EMPTY);
+        // Open the child of the largest surface until eight are found: it is the one most rays would open anyway.
+        let half_area = |binary: usize| tree.nodes[binary].aabb().half_area();
+        let mut open = vec![root];
+        while open.len() < WIDTH {
+            let widest = (0..open.len())
+                .filter(|&i| !tree.nodes[open[i]].is_leaf())
+                .max_by(|&a, &b| half_area(open[a]).total_cmp(&half_area(open[b])));
+            let Some(widest) = widest else { break };
+            let first = tree.nodes[open[widest]].first_index as usize;
+            open[widest] = first;
+            open.push(first + 1);
+        }
+        for (lane, binary) in open.into_iter().enumerate() {
+            let child = if tree.nodes[binary].is_leaf() {
+                self.add_leaf(tree, items, binary)
+            } else {
+                self.add_node(tree, items, binary)
+            };
+            self.nodes[at].child[lane] = child;
+        }
+        at as u32
+    }
+
+    fn add_leaf(&mut self, tree: &Bvh2, items: &[u32], binary: usize) -> u32 {
+        let node = &tree.nodes[binary];
+        let first = node.first_index as usize;
+        let held = &tree.primitive_indices[first..first + node.prim_count as usize];
+        let mut leaf = [EMPTY; WIDTH];
+        for (lane, &item) in leaf.iter_mut().zip(held) {
+            *lane = items[item as usize];
+        }
+        self.leaves.push(leaf);
+        LEAF | (self.leaves.len() - 1) as u32
+    }
+}
+
+impl Node {
+    const EMPTY: Self = Self {
+        planes: {
+            let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
+            [[low, low, low], [high, high, high]]
+        },
+        child: [EMPTY; WIDTH],
+    };
+
+    fn set_box(&mut self, lane: usize, bounds: &Aabb) {
+        for axis in 0..3 {
+            self.planes[0][axis][lane] = bounds.min[axis];
+            self.planes[1][axis][lane] = bounds.max[axis];
+        }
+    }
+
+    /// Half the surface of a child's box; 0 if it is empty.
+    fn half_area(&self, lane: usize) -> f32 {
+        let [x, y, z] = [0, 1, 2]
+            .map(|axis| (self.planes[1][axis][lane] - self.planes[0][axis][lane]).max(0.0));
+        x * y + y * z + z * x
+    }
+}
+
+/// Sets all boxes from those of the leaves; an empty leaf has an [`Aabb::INVALID`] one.
+pub(super) fn refit(nodes: &mut [Node], bounds_of_leaf: impl Fn(usize) -> Aabb) {
+    let mut boxes = vec![Aabb::INVALID; nodes.len()];
+    for at in (0..nodes.len()).rev() {
+        let mut total = Aabb::INVALID;
+        for lane in 0..WIDTH {
+            let child = nodes[at].child[lane];
+            if child == EMPTY {
+                continue;
+            }
+            let bounds = if child & LEAF != 0 {
+                bounds_of_leaf((child & !LEAF) as usize)
+            } else {
+                boxes[child as usize]
+            };
+            let is_empty = bounds.min.x > bounds.max.x;
+            nodes[at].set_box(lane, if is_empty { &NEVER } else { &bounds });
+            total = total.union(&bounds);
+        }
+        boxes[at] = total;
+    }
+}
+
+/// A box that no ray enters, see [`Node::EMPTY`].
+const NEVER: Aabb = Aabb {
+    min: glam::Vec3A::INFINITY,
+    max: glam::Vec3A::NEG_INFINITY,
+};
+
+/// Expected number of boxes and leaves that a random ray touches (surface area heuristic), relative to the root.
+pub(super) fn cost(nodes: &[Node]) -> f32 {
+    let area = |node: &Node| -> f32 { (0..WIDTH).map(|lane| node.half_area(lane)).sum() };
+    let root = nodes.first().map_or(0.0, area);
+    nodes.iter().map(area).sum::<f32>() / root.max(f32::MIN_POSITIVE)
+}
+
+/// Calls `visit` with the leaves along `ray`, nearer ones mostly first, and with the distance beyond which nothing matters any more, which
+/// `visit` may lower.
+#[inline(always)]
+pub(super) fn visit_leaves(
+    nodes: &[Node],
+    ray: &Ray,
+    stack: &mut Vec<(f32, u32)>,
+    mut visit: impl FnMut(usize, &mut f32),
+) {
+    stack.clear();
+    if nodes.is_empty() {
+        return;
+    }
+    let ray = SlabRay::new(ray);
+    let mut t_max = f32::INFINITY;
+    stack.push((0.0, 0));
+    while let Some((near, child)) = stack.pop() {
+        if near > t_max {
+            continue;
+        }
+        if child & LEAF != 0 {
+            visit((child & !LEAF) as usize, &mut t_max);
+            continue;
+        }
+        let node = &nodes[child as usize];
+        let (near, mask) = node_distances(node, &ray, t_max);
+        push_sorted(stack, node, &near, mask);
+    }
+}
+
+impl SlabRay {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        // Axis-parallel rays: a huge finite reciprocal keeps 0·∞ out of the slab test.
+        let inverse = ray.direction.map(|d| {
+            if d.abs() > 1e-20 {
+                1.0 / d
+            } else {
+                1e20_f32.copysign(d)
+            }
+        });
+        Self {
+            origin: ray.origin,
+            inverse,
+            is_backward: inverse.map(|i| i < 0.0),
+        }
+    }
+}
+
+/// Distances at which the ray enters the eight boxes, and the lanes of those that it does enter.
+#[inline(always)]
+fn node_distances(node: &Node, ray: &SlabRay, t_max: f32) -> ([f32; WIDTH], Lanes) {
+    let mut near = [0.0; WIDTH];
+    let mut far = [t_max; WIDTH];
+    for axis in 0..3 {
+        let lows = &node.planes[usize::from(ray.is_backward[axis])][axis];
+        let highs = &node.planes[usize::from(!ray.is_backward[axis])][axis];
+        for lane in 0..WIDTH {
+            let low = (lows[lane] - ray.origin[axis]) * ray.inverse[axis];
+            let high = (highs[lane] - ray.origin[axis]) * ray.inverse[axis];
+            near[lane] = if low > near[lane] { low } else { near[lane] };
+            far[lane] = if high < far[lane] { high } else { far[lane] };
+        }
+    }
+    // Robust slab test (Ize 2013): two roundings of 2⁻²⁴ on either side.
+    let mut entered = [0_u8; WIDTH];
+    for lane in 0..WIDTH {
+        entered[lane] = u8::from(near[lane] <= far[lane] * 1.000_000_4);
+    }
+    (near, Lanes::new(entered))
+}
+
+/// Pushes the `entered` children, the nearest last so that it is taken first.
+#[inline(always)]
+fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH], entered: Lanes) {
+    let start = stack.len();
+    for lane in entered {
+        let mut at = stack.len();
+        stack.push((near[lane], node.child[lane]));
+        while at > start && stack[at - 1].0 < near[lane] {
+            stack.swap(at, at - 1);
+            at -= 1;
+        }
+    }
+}
+
+/// Some of the lanes, in order. Bytes rather than bits: compilers turn eight comparisons into eight bytes at once, but not into a mask.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lanes(u64);
+
+impl Lanes {
+    /// The lanes that hold 1 rather than 0.
+    #[inline(always)]
+    pub(super) fn new(marked: [u8; WIDTH]) -> Self {
+        Self(u64::from_le_bytes(marked))
+    }
+}
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let lane = self.0.trailing_zeros() as usize / 8;
+        self.0 &= self.0 - 1;
+        Some(lane % WIDTH)
+    }
+}

@@ -1,0 +1,82 @@
+//! Draws of a scene: Gaussians by chance turned into opaque discs, for rays of which the mean alone matters.
+//!
+//! Of a blend, one hit can stand for all: accept each with probability α and take the nearest accepted one (stochastic transparency,
+//! Enderton et al. 2010). It is then met with the weight that it has in the blend. The number that decides, u, can be drawn for each
+//! Gaussian before any ray is known: where `α = σ·exp(−r²/2) > u`, the Gaussian is there, elsewhere it is not. That is an opaque disc of
+//! radius `r = √(2 ln(σ/u))`, or nothing if `u ≥ σ`; its mean area is 2πσ in standard deviations where the footprint that a blend has to
+//! search has up to 9π. A ray through a draw is a search for the nearest of few small discs: no exponential, no sorting, no list.
+//!
+//! There are [`NUM_DRAWS`] draws, and rays take them in turn. The numbers of one Gaussian are stratified over the draws, those of
+//! different Gaussians independent, so that a ray through a random draw has the mean of the blend. The draws are the same for all rays: what
+//! they get wrong for one pair of overlapping discs does not go away with more rays, but with the number of discs that light comes from.
+
+use super::bvh::{DiscTree, RayScratch, uniform_of};
+use crate::ray::Ray;
+use crate::surfel::{Surfel, SurfelSet};
+
+/// Number of draws: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all draws
+/// together take some 1 KiB for each Gaussian.
+pub const NUM_DRAWS: u32 = 16;
+
+/// Keeps the numbers of draws apart from others of the same hash.
+const OFFSET_SEED: u32 = 0x5bd1_e995;
+
+/// The nearest Gaussian along a ray, in one draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DrawnHit {
+    /// Index of the Gaussian.
+    pub index: u32,
+    /// Distance along the ray.
+    pub t: f32,
+}
+
+/// Trees over the draws of a scene.
+#[derive(Debug, Clone)]
+pub struct Draws {
+    seed: u32,
+    trees: Vec<DiscTree>,
+}
+
+impl Draws {
+    /// Draws from `set`; another `seed` gives other draws.
+    pub fn new(set: &SurfelSet, seed: u32) -> Self {
+        let typical = DiscTree::new(set);
+        // On one thread: scenes make their draws when the first ray asks for one, and other threads wait for it.
+        let trees = (0..NUM_DRAWS)
+            .map(|draw| {
+                let mut tree = typical.clone();
+                tree.refit(set, |i| {
+                    drawn_radius_squared(&set.surfels[i as usize], i, seed, draw)
+                });
+                tree
+            })
+            .collect();
+        Self { seed, trees }
+    }
+
+    /// What `ray` meets first in draw `draw` modulo [`NUM_DRAWS`].
+    pub fn nearest(&self, ray: &Ray, draw: u32, scratch: &mut RayScratch) -> Option<DrawnHit> {
+        let hit = self.trees[(draw % NUM_DRAWS) as usize].nearest(ray, scratch)?;
+        Some(DrawnHit {
+            index: hit.0,
+            t: hit.1,
+        })
+    }
+
+    /// Squared radius, in standard deviations, of Gaussian `i` of `set` in a draw; negative if it is not there.
+    pub fn radius_squared(&self, set: &SurfelSet, i: u32, draw: u32) -> f32 {
+        drawn_radius_squared(&set.surfels[i as usize], i, self.seed, draw % NUM_DRAWS)
+    }
+}
+
+fn drawn_radius_squared(surfel: &Surfel, i: u32, seed: u32, draw: u32) -> f32 {
+    let offset = (uniform_of(seed ^ OFFSET_SEED, i) * NUM_DRAWS as f32) as u32;
+    let stratum = (draw + offset) % NUM_DRAWS;
+    let jitter = uniform_of(seed.wrapping_mul(NUM_DRAWS).wrapping_add(draw), i);
+    let u = (stratum as f32 + jitter) / NUM_DRAWS as f32;
+    if u < surfel.opacity {
+        (2.0 * (surfel.opacity / u).ln()).min(surfel.cut2)
+    } else {
+        -1.0
+    }
+}

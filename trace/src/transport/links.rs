@@ -1,0 +1,195 @@
+//! Which surfaces light each other: rays traced once, for light that goes back and forth many times.
+//!
+//! Light that arrives at a point is `E/π = 1/π ∫ L cos θ dω`. The integral is taken apart by what a direction meets. Emitters are looked for
+//! by two kinds of directions, towards them with density p and about the normal with density q = cos θ/π, and what either finds counts with
+//! the balance heuristic over both (Veach 1997, section 9.2). All other surfaces are met by the directions about the normal alone; of each
+//! only the Gaussian is kept, which is a link. Whatever light the Gaussians carry, `E/π` is then the emitters' part plus
+//! the mean of the light of the links: further bounces, or other albedos, cost a look-up for each link and no ray.
+
+use super::lights::Lights;
+use super::points::Points;
+use super::sampling::cosine_direction;
+use super::start::Surface;
+use super::{EMISSION_THRESHOLD, RayTracer};
+use crate::cpu::draws::{DrawnHit, NUM_DRAWS};
+use crate::sums::lane;
+use eagpt_scene::rng::RandomKey;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those who store links as such.
+pub const NOTHING: u32 = 0x7f7f_ffff;
+
+/// Points that are gathered for together: their rays take turns in the draws of the scene, so that a draw's tree stays in a near cache.
+const TOGETHER: usize = 256;
+
+/// A Gaussian for which light is gathered, and where it arrives.
+pub type Receiver = (u32, Surface);
+
+/// How many directions are traced for each receiver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Directions {
+    /// About the normal, at least 1.
+    pub plain: u32,
+    /// Towards emitters.
+    pub to_lights: u32,
+}
+
+impl Directions {
+    /// `num` directions, at least 1, one in `every` (at least 2) towards emitters.
+    pub fn divided(num: u32, every: u32) -> Self {
+        let to_lights = num / every.max(2);
+        Self {
+            plain: (num - to_lights).max(1),
+            to_lights,
+        }
+    }
+}
+
+/// Light of emitters at receivers, and links to what else they see.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Links {
+    /// Irradiance over π that comes from emitters, `[receivers]`.
+    pub direct: Vec<Vec3>,
+    /// Indices of Gaussians, or [`NOTHING`], `[receivers, directions.plain]`.
+    pub targets: Vec<u32>,
+    /// Rays traced.
+    pub num_rays: u64,
+}
+
+impl Links {
+    /// Traces `directions` for some more `receivers`, each with random numbers of its own among those of `key`.
+    pub fn extend(
+        &mut self,
+        scene: &impl RayTracer,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+    ) {
+        let start = self.targets.len();
+        let plain = directions.plain as usize;
+        self.targets
+            .resize(start + plain * receivers.len(), NOTHING);
+        let found: Vec<(Vec<Vec3>, u64)> = self.targets[start..]
+            .par_chunks_mut(plain * TOGETHER)
+            .zip(receivers.par_chunks(TOGETHER))
+            .map(|(targets, receivers)| {
+                let mut tracing = Tracing {
+                    scene,
+                    lights: scene.lights(),
+                    directions,
+                    num_rays: 0,
+                };
+                let direct = tracing.together(receivers, key, targets);
+                (direct, tracing.num_rays)
+            })
+            .collect();
+        for (direct, num_rays) in found {
+            self.direct.extend(direct);
+            self.num_rays += num_rays;
+        }
+    }
+
+    /// Irradiance over π that reaches each receiver from the others alone, of the light that all Gaussians carry: `radiances`, `[n]`;
+    /// that of emitters does not count.
+    pub fn from_others(&self, directions: Directions, radiances: &[Vec3]) -> Vec<Vec3> {
+        let plain = directions.plain as usize;
+        let light = |target: &u32| radiances.get(*target as usize).copied();
+        self.targets
+            .par_chunks_exact(plain)
+            .with_min_len(1024)
+            .map(|links| links.iter().filter_map(light).sum::<Vec3>() / plain as f32)
+            .collect()
+    }
+}
+
+struct Tracing<'a, T> {
+    scene: &'a T,
+    lights: Option<&'a Lights>,
+    directions: Directions,
+    num_rays: u64,
+}
+
+impl<T: RayTracer> Tracing<'_, T> {
+    /// Light of emitters at each of `receivers`; fills in their `targets`.
+    fn together(
+        &mut self,
+        receivers: &[Receiver],
+        key: RandomKey,
+        targets: &mut [u32],
+    ) -> Vec<Vec3> {
+        let mut direct = vec![Vec3::ZERO; receivers.len()];
+        let plain = self.directions.plain as usize;
+        for draw in 0..NUM_DRAWS {
+            for (at, (element, surface)) in receivers.iter().enumerate() {
+                let points = Points::new(key, *element);
+                // Samples of a receiver take turns in the draws, and receivers begin with different ones.
+                let first = draw.wrapping_sub(points.word(0)) % NUM_DRAWS;
+                let turn = |num: u32| (first..num).step_by(NUM_DRAWS as usize);
+                for sample in turn(self.directions.plain) {
+                    let (target, light) = self.plain(surface, &points, sample, draw);
+                    targets[at * plain + sample as usize] = target;
+                    direct[at] += light;
+                }
+                for sample in turn(self.directions.to_lights) {
+                    direct[at] += self.towards_light(surface, &points, sample, draw);
+                }
+            }
+        }
+        direct
+    }
+
+    /// Follows a direction about the normal: the target of the link, or the light of an emitter.
+    fn plain(&mut self, surface: &Surface, points: &Points, sample: u32, draw: u32) -> (u32, Vec3) {
+        let [a, b, ..] = points.block(sample, 0);
+        let direction = cosine_direction(surface.normal, a, b);
+        match self.meet(surface, direction, draw) {
+            None => (NOTHING, Vec3::ZERO),
+            Some(hit) if self.emits(hit) => (NOTHING, self.light(surface, direction, hit)),
+            Some(hit) => (hit.index, Vec3::ZERO),
+        }
+    }
+
+    /// Follows a direction towards an emitter: the light of what it meets, if that is one.
+    fn towards_light(
+        &mut self,
+        surface: &Surface,
+        points: &Points,
+        sample: u32,
+        draw: u32,
+    ) -> Vec3 {
+        let [pick, a, b, _] = points.block(sample, 1);
+        let direction = (self.lights)
+            .and_then(|lights| lights.sample(surface.position, pick, a, b))
+            .filter(|direction| direction.dot(surface.normal) > 0.0);
+        let Some(direction) = direction else {
+            return Vec3::ZERO;
+        };
+        match self.meet(surface, direction, draw) {
+            Some(hit) if self.emits(hit) => self.light(surface, direction, hit),
+            _ => Vec3::ZERO,
+        }
+    }
+
+    fn meet(&mut self, surface: &Surface, direction: Vec3, draw: u32) -> Option<DrawnHit> {
+        self.num_rays += 1;
+        self.scene.sample_hit(&surface.ray(direction), draw)
+    }
+
+    fn emits(&self, hit: DrawnHit) -> bool {
+        self.scene.payload(hit.index).0[lane::EMISSION] > EMISSION_THRESHOLD
+    }
+
+    /// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and m of density p.
+    fn light(&self, surface: &Surface, direction: Vec3, hit: DrawnHit) -> Vec3 {
+        let radiance = self.scene.payload(hit.index).radiance();
+        let density = |lights: &Lights| lights.density(surface.position, direction);
+        let (q, p) = (
+            direction.dot(surface.normal) * FRAC_1_PI,
+            self.lights.map_or(0.0, density),
+        );
+        let all = self.directions.plain as f32 * q + self.directions.to_lights as f32 * p;
+        radiance * (q / all)
+    }
+}
