@@ -5,9 +5,10 @@
 //! the compiler makes vector instructions. No sum depends on how an image is cut, and no bit on which instructions there are.
 
 use super::color::{hunt_lab_from_rgb, hyab, rgb_from_ycxcz, ycxcz_from_rgb};
-use super::filters::Filters;
+use super::filters::{Filters, GROUP};
 use super::math::pow;
-use super::shown::Shown;
+use super::shown::{self, Shown};
+use eagpt_scene::tonemap::ToneMapper;
 use multiversion::multiversion;
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -50,8 +51,10 @@ pub(super) struct Pair<'a> {
 /// Buffers that a thread keeps between bands.
 #[derive(Default)]
 pub(super) struct BandScratch {
-    /// A row as it is shown, `[NUM_SHOWN, radius + stride + radius]`: pixels outside of the image are those at its edge.
-    shown: Vec<f32>,
+    /// A row from [`Filters::margin`] columns left of the strip to as many or more right of it.
+    pixels: Vec<[f32; 3]>,
+    /// The same as it is shown, `[NUM_SHOWN, pixels]`.
+    planes: Vec<f32>,
     /// Of the reference and the test: the rows that the filters reach, `[ring rows, NUM_ALONG_X, stride]`.
     rings: [Vec<f32>; 2],
     /// Where in a ring the rows at each distance begin, above and below.
@@ -105,38 +108,45 @@ fn raise_errors_of_strip(
     let radius = filters.radius();
     let stride = strip.columns.len().next_multiple_of(LANES);
     let num_ring_rows = (2 * radius + 1).min(pair.height);
-    scratch.shown.resize(NUM_SHOWN * (stride + 2 * radius), 0.0);
-    for ring in &mut scratch.rings {
+    let BandScratch {
+        pixels,
+        planes,
+        rings,
+        reached,
+    } = scratch;
+    let length = (stride + 2 * filters.margin()).next_multiple_of(LANES);
+    pixels.resize(length, [0.0; 3]);
+    planes.resize(NUM_SHOWN * length, 0.0);
+    for ring in rings.iter_mut() {
         ring.resize(num_ring_rows * NUM_ALONG_X * stride, 0.0);
     }
     let slot = |row: usize| row % num_ring_rows * NUM_ALONG_X * stride;
+    let mut filtered = [[[0.0; LANES]; NUM_FILTERED]; 2];
     let mut next = strip.rows.start.saturating_sub(radius);
     for row in strip.rows.clone() {
         while next < (row + radius + 1).min(pair.height) {
-            for (image, ring) in pair.images.iter().zip(&mut scratch.rings) {
-                show_row(
-                    strip,
-                    &image[next * pair.width..][..pair.width],
-                    shown,
-                    &mut scratch.shown,
-                );
+            for (image, ring) in rings.iter_mut().enumerate() {
+                copy_row(strip, image, next, pixels);
+                show_row(pixels, shown, planes);
                 let out = &mut ring[slot(next)..][..NUM_ALONG_X * stride];
-                filter_along_x(filters, &scratch.shown, out);
+                filter_along_x(filters, planes, out);
             }
             next += 1;
         }
-        scratch.reached.clear();
-        scratch.reached.extend((0..=radius).map(|distance| {
+        reached.clear();
+        for distance in 0..=filters.margin() {
+            // Weights beyond the radius are 0: any row will do.
+            let distance = distance.min(radius);
             let below = (row + distance).min(pair.height - 1);
-            [row.saturating_sub(distance), below].map(slot)
-        }));
+            reached.push([slot(row.saturating_sub(distance)), slot(below)]);
+        }
         let first = (row - strip.rows.start) * pair.width + strip.columns.start;
         let errors = &mut errors[first..][..strip.columns.len()];
         for (block, errors) in errors.chunks_mut(LANES).enumerate() {
-            let [reference, test] = scratch.rings.each_ref().map(|ring| {
-                filter_along_y(filters, &ring[block * LANES..], stride, &scratch.reached)
-            });
-            let found = errors_of_block(&reference, &test, strip.largest_distance);
+            for (ring, filtered) in rings.iter().zip(&mut filtered) {
+                filter_along_y(filters, &ring[block * LANES..], stride, reached, filtered);
+            }
+            let found = errors_of_block(&filtered, strip.largest_distance);
             for (error, found) in errors.iter_mut().zip(found) {
                 error[0] = error[0].max(found);
             }
@@ -144,180 +154,229 @@ fn raise_errors_of_strip(
     }
 }
 
-/// Writes what is shown of a row of the image, as far as the filters reach from the strip.
+/// Copies a row of the image, as far as the filters reach from the strip; columns outside of the image are those at its edge.
+fn copy_row(strip: &Strip<'_>, image: usize, row: usize, out: &mut [[f32; 3]]) {
+    let (width, margin) = (strip.pair.width, strip.pair.filters.margin());
+    // Of the buffer, which begins `margin` columns left of the strip: what lies in the image.
+    let first = margin.saturating_sub(strip.columns.start);
+    let end = out.len().min(width + margin - strip.columns.start);
+    let column = strip.columns.start + first - margin;
+    let pixels = &strip.pair.images[image][row * width + column..][..end - first];
+    out[first..end].copy_from_slice(pixels);
+    let (left, right) = (out[first], out[end - 1]);
+    out[..first].fill(left);
+    out[end..].fill(right);
+}
+
+/// Writes the planes, `[NUM_SHOWN, pixels]`, of what is shown of `pixels`.
 #[inline(always)]
-fn show_row(strip: &Strip<'_>, pixels: &[[f32; 3]], shown: Shown, out: &mut [f32]) {
-    let radius = strip.pair.filters.radius();
-    let length = out.len() / NUM_SHOWN;
-    // Of the buffer, which begins `radius` columns left of the strip: what lies in the image.
-    let first = radius.saturating_sub(strip.columns.start);
-    let end = length.min(strip.pair.width + radius - strip.columns.start);
-    let pixels = &pixels[strip.columns.start + first - radius..][..end - first];
-    let (y, rest) = out.split_at_mut(length);
-    let (cx, rest) = rest.split_at_mut(length);
-    let (cz, luminance) = rest.split_at_mut(length);
-    let mut planes = [y, cx, cz, luminance];
-    {
-        let [y, cx, cz, luminance] = planes.each_mut().map(|plane| &mut plane[first..end]);
-        let pixels = &pixels[..y.len()];
-        let (cx, cz, luminance) = (
-            &mut cx[..pixels.len()],
-            &mut cz[..pixels.len()],
-            &mut luminance[..pixels.len()],
-        );
-        for (i, pixel) in pixels.iter().enumerate() {
-            let color = ycxcz_from_rgb(shown.of(*pixel));
-            [y[i], cx[i], cz[i]] = color;
-            luminance[i] = (color[0] + 16.0) * (1.0 / 116.0);
-        }
+fn show_row(pixels: &[[f32; 3]], shown: Shown, out: &mut [f32]) {
+    // Each curve has a loop of its own, in which nothing is decided.
+    match shown {
+        Shown::Srgb => show_row_by(pixels, out, shown::of_srgb),
+        Shown::Exposed { tonemapper, factor } => match tonemapper {
+            ToneMapper::Aces => show_row_by(pixels, out, |pixel| {
+                shown::exposed(ToneMapper::Aces, factor, pixel)
+            }),
+            ToneMapper::Hable => show_row_by(pixels, out, |pixel| {
+                shown::exposed(ToneMapper::Hable, factor, pixel)
+            }),
+            ToneMapper::Reinhard => show_row_by(pixels, out, |pixel| {
+                shown::exposed(ToneMapper::Reinhard, factor, pixel)
+            }),
+        },
     }
-    for plane in &mut planes {
-        let (left, right) = (plane[first], plane[end - 1]);
-        plane[..first].fill(left);
-        plane[end..].fill(right);
+}
+
+#[inline(always)]
+fn show_row_by(pixels: &[[f32; 3]], out: &mut [f32], shown: impl Fn([f32; 3]) -> [f32; 3]) {
+    let length = out.len() / NUM_SHOWN;
+    for (block, pixels) in pixels.as_chunks::<LANES>().0.iter().enumerate() {
+        let mut channels = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            for c in 0..3 {
+                channels[c][i] = pixels[i][c];
+            }
+        }
+        let mut planes = [[0.0; LANES]; NUM_SHOWN];
+        for i in 0..LANES {
+            let [y, cx, cz] =
+                ycxcz_from_rgb(shown([channels[0][i], channels[1][i], channels[2][i]]));
+            planes[0][i] = y;
+            planes[1][i] = cx;
+            planes[2][i] = cz;
+            planes[3][i] = (y + 16.0) * (1.0 / 116.0);
+        }
+        for (plane, values) in planes.iter().enumerate() {
+            out[plane * length + block * LANES..][..LANES].copy_from_slice(values);
+        }
     }
 }
 
 #[inline(always)]
 fn filter_along_x(filters: &Filters, shown: &[f32], out: &mut [f32]) {
-    let (length, radius) = (shown.len() / NUM_SHOWN, filters.radius());
+    let (length, margin) = (shown.len() / NUM_SHOWN, filters.margin());
     let stride = out.len() / NUM_ALONG_X;
     let [s_y, s_cx, s_cz1, s_cz2] = &filters.sensitivity;
     let [smooth, edge, point] = &filters.feature;
     for first in (0..stride).step_by(LANES) {
         let at = |plane: usize| {
+            let middle = plane * length + margin + first;
             move |distance: usize| {
-                let middle = plane * length + radius + first;
-                (
-                    block(shown, middle - distance),
-                    block(shown, middle + distance),
-                )
+                let before = block(shown, middle - distance);
+                [before, block(shown, middle + distance)]
             }
         };
-        let [cz1, cz2] = two_even(s_cz1, s_cz2, at(2));
-        let [smooth, edge, point] = feature(smooth, edge, point, at(3));
-        let filtered = [
-            even(s_y, at(0)),
-            even(s_cx, at(1)),
-            cz1,
-            cz2,
-            smooth,
-            edge,
-            point,
-        ];
+        let mut filtered = [[0.0; LANES]; NUM_ALONG_X];
+        let [
+            out_y,
+            out_cx,
+            out_cz1,
+            out_cz2,
+            out_smooth,
+            out_edge,
+            out_point,
+        ] = &mut filtered;
+        even(s_y, at(0), out_y);
+        even(s_cx, at(1), out_cx);
+        two_even([s_cz1, s_cz2], at(2), [out_cz1, out_cz2]);
+        even(smooth, at(3), out_smooth);
+        odd_and_even(edge, point, at(3), [out_edge, out_point]);
         for (plane, values) in filtered.iter().enumerate() {
             out[plane * stride + first..][..LANES].copy_from_slice(values);
         }
     }
 }
 
+/// Filters a block of a ring, which begins there, around the row whose neighbours are `reached`.
 #[inline(always)]
 fn filter_along_y(
     filters: &Filters,
     ring: &[f32],
     stride: usize,
     reached: &[[usize; 2]],
-) -> [Block; NUM_FILTERED] {
+    out: &mut [Block; NUM_FILTERED],
+) {
     let [s_y, s_cx, s_cz1, s_cz2] = &filters.sensitivity;
     let [smooth, edge, point] = &filters.feature;
     let at = |plane: usize| {
         move |distance: usize| {
             let [above, below] = reached[distance];
-            (
-                block(ring, above + plane * stride),
-                block(ring, below + plane * stride),
-            )
+            let above = block(ring, above + plane * stride);
+            [above, block(ring, below + plane * stride)]
         }
     };
-    let [cz1, cz2] = [even(s_cz1, at(2)), even(s_cz2, at(3))];
-    let [_, edge_y, point_y] = feature(smooth, edge, point, at(4));
-    [
-        even(s_y, at(0)),
-        even(s_cx, at(1)),
-        std::array::from_fn(|i| cz1[i] + cz2[i]),
-        even(smooth, at(5)),
-        even(smooth, at(6)),
-        edge_y,
-        point_y,
-    ]
+    let mut other_cz = [0.0; LANES];
+    let [
+        out_y,
+        out_cx,
+        out_cz,
+        out_edge_x,
+        out_point_x,
+        out_edge_y,
+        out_point_y,
+    ] = out;
+    even(s_y, at(0), out_y);
+    even(s_cx, at(1), out_cx);
+    even(s_cz1, at(2), out_cz);
+    even(s_cz2, at(3), &mut other_cz);
+    for i in 0..LANES {
+        out_cz[i] += other_cz[i];
+    }
+    odd_and_even(edge, point, at(4), [out_edge_y, out_point_y]);
+    even(smooth, at(5), out_edge_x);
+    even(smooth, at(6), out_point_x);
 }
 
 #[inline(always)]
 fn block(values: &[f32], first: usize) -> &Block {
-    match values[first..].first_chunk() {
-        Some(block) => block,
-        None => &[0.0; LANES],
-    }
+    // Buffers are whole blocks long beyond where any filter reaches.
+    values[first..].first_chunk().unwrap_or(&[0.0; LANES])
 }
 
 /// An even filter of the values that `at` gives at a distance to both sides.
+///
+/// Distances come in groups: sums wait for each other, products of a group do not.
 #[inline(always)]
-fn even<'a>(weights: &[f32], at: impl Fn(usize) -> (&'a Block, &'a Block)) -> Block {
-    let middle = at(0).0;
-    let mut sums: Block = std::array::from_fn(|i| weights[0] * middle[i]);
-    for (distance, weight) in weights.iter().enumerate().skip(1) {
-        let (a, b) = at(distance);
+fn even<'a>(weights: &[f32], at: impl Fn(usize) -> [&'a Block; 2], out: &mut Block) {
+    let [middle, _] = at(0);
+    for i in 0..LANES {
+        out[i] = weights[0] * middle[i];
+    }
+    for (group, weights) in weights[1..].as_chunks::<GROUP>().0.iter().enumerate() {
+        let first = 1 + group * GROUP;
+        let ([a1, b1], [a2, b2], [a3, b3]) = (at(first), at(first + 1), at(first + 2));
         for i in 0..LANES {
-            sums[i] += weight * (a[i] + b[i]);
+            out[i] += weights[0] * (a1[i] + b1[i])
+                + weights[1] * (a2[i] + b2[i])
+                + weights[2] * (a3[i] + b3[i]);
         }
     }
-    sums
 }
 
 /// Two even filters of one length.
 #[inline(always)]
 fn two_even<'a>(
-    first: &[f32],
-    second: &[f32],
-    at: impl Fn(usize) -> (&'a Block, &'a Block),
-) -> [Block; 2] {
-    let middle = at(0).0;
-    let mut sums = [first[0], second[0]].map(|weight| middle.map(|v| weight * v));
-    for (distance, (first, second)) in first.iter().zip(second).enumerate().skip(1) {
-        let (a, b) = at(distance);
+    weights: [&[f32]; 2],
+    at: impl Fn(usize) -> [&'a Block; 2],
+    [out1, out2]: [&mut Block; 2],
+) {
+    let [middle, _] = at(0);
+    for i in 0..LANES {
+        out1[i] = weights[0][0] * middle[i];
+        out2[i] = weights[1][0] * middle[i];
+    }
+    let groups = weights[0][1..].as_chunks::<GROUP>().0.iter();
+    let groups = groups.zip(weights[1][1..].as_chunks::<GROUP>().0);
+    for (group, (w, v)) in groups.enumerate() {
+        let first = 1 + group * GROUP;
+        let ([a1, b1], [a2, b2], [a3, b3]) = (at(first), at(first + 1), at(first + 2));
         for i in 0..LANES {
-            let both = a[i] + b[i];
-            sums[0][i] += first * both;
-            sums[1][i] += second * both;
+            let (s1, s2, s3) = (a1[i] + b1[i], a2[i] + b2[i], a3[i] + b3[i]);
+            out1[i] += w[0] * s1 + w[1] * s2 + w[2] * s3;
+            out2[i] += v[0] * s1 + v[1] * s2 + v[2] * s3;
         }
     }
-    sums
 }
 
-/// The Gaussian, edge and point filters.
+/// An odd filter, such as that of edges, and an even one of its length.
 #[inline(always)]
-fn feature<'a>(
-    smooth: &[f32],
-    edge: &[f32],
-    point: &[f32],
-    at: impl Fn(usize) -> (&'a Block, &'a Block),
-) -> [Block; 3] {
-    let middle = at(0).0;
-    let mut sums = [smooth[0], 0.0, point[0]].map(|weight| middle.map(|v| weight * v));
-    for distance in 1..smooth.len() {
-        let (smooth, edge, point) = (smooth[distance], edge[distance], point[distance]);
-        let (a, b) = at(distance);
+fn odd_and_even<'a>(
+    odd: &[f32],
+    even: &[f32],
+    at: impl Fn(usize) -> [&'a Block; 2],
+    [out_odd, out_even]: [&mut Block; 2],
+) {
+    let [middle, _] = at(0);
+    for i in 0..LANES {
+        out_odd[i] = 0.0;
+        out_even[i] = even[0] * middle[i];
+    }
+    let groups = odd[1..].as_chunks::<GROUP>().0.iter();
+    let groups = groups.zip(even[1..].as_chunks::<GROUP>().0);
+    for (group, (w, v)) in groups.enumerate() {
+        let first = 1 + group * GROUP;
+        let ([a1, b1], [a2, b2], [a3, b3]) = (at(first), at(first + 1), at(first + 2));
         for i in 0..LANES {
-            let both = a[i] + b[i];
-            sums[0][i] += smooth * both;
-            sums[1][i] += edge * (b[i] - a[i]);
-            sums[2][i] += point * both;
+            let (s1, s2, s3) = (a1[i] + b1[i], a2[i] + b2[i], a3[i] + b3[i]);
+            let (d1, d2, d3) = (b1[i] - a1[i], b2[i] - a2[i], b3[i] - a3[i]);
+            out_odd[i] += w[0] * d1 + w[1] * d2 + w[2] * d3;
+            out_even[i] += v[0] * s1 + v[1] * s2 + v[2] * s3;
         }
     }
-    sums
 }
 
 #[inline(always)]
-fn errors_of_block(
-    reference: &[Block; NUM_FILTERED],
-    test: &[Block; NUM_FILTERED],
-    largest_distance: f32,
-) -> Block {
+fn errors_of_block([reference, test]: &[[Block; NUM_FILTERED]; 2], largest_distance: f32) -> Block {
     let mut errors = [0.0; LANES];
     for i in 0..LANES {
-        let [reference, test] = [reference, test].map(|planes| planes.each_ref().map(|p| p[i]));
-        let color = color_error(&reference, &test, largest_distance);
-        errors[i] = pow(color, 1.0 - feature_difference(&reference, &test));
+        let (mut r, mut t) = ([0.0; NUM_FILTERED], [0.0; NUM_FILTERED]);
+        for plane in 0..NUM_FILTERED {
+            r[plane] = reference[plane][i];
+            t[plane] = test[plane][i];
+        }
+        let color = color_error(&r, &t, largest_distance);
+        errors[i] = pow(color, 1.0 - feature_difference(&r, &t));
     }
     errors
 }

@@ -12,10 +12,14 @@ const FEATURE_WIDTH_DEGREES: f64 = 0.082;
 const SENSITIVITY: [(f64, f64); 4] = [(1.0, 0.0047), (1.0, 0.0053), (34.1, 0.04), (13.5, 0.025)];
 /// Weights below this share of the middle one are left out: together less than the rounding of a sum in f32.
 const NEGLIGIBLE: f64 = 1e-9;
+/// Distances that a pass weighs together.
+pub(super) const GROUP: usize = 3;
 
-/// One-dimensional weights, that of the middle first and then those by distance from it.
+/// One-dimensional weights, that of the middle first and then those by distance from it, up to whole groups of [`GROUP`] distances,
+/// of which the last have weights of 0.
 #[derive(Debug, Clone)]
 pub(super) struct Filters {
+    radius: usize,
     /// Sensitivities to luminance, red-green and yellow-blue (two of one length, to be added).
     pub(super) sensitivity: [Vec<f32>; 4],
     /// Gaussian, edge (the weights after the middle) and point filter, all of one length.
@@ -26,16 +30,27 @@ impl Filters {
     /// The filters for so many pixels per degree of vision.
     pub(super) fn new(pixels_per_degree: f32) -> Self {
         let ppd = f64::from(pixels_per_degree);
+        let (mut sensitivity, mut feature) = (sensitivity(ppd), feature(ppd));
+        let all = sensitivity.iter().chain(&feature);
+        let radius = all.map(Vec::len).fold(1, usize::max) - 1;
+        for half in sensitivity.iter_mut().chain(&mut feature) {
+            half.resize(1 + (half.len() - 1).next_multiple_of(GROUP), 0.0);
+        }
         Self {
-            sensitivity: sensitivity(ppd),
-            feature: feature(ppd),
+            radius,
+            sensitivity,
+            feature,
         }
     }
 
     /// Pixels that the largest filter reaches to each side.
     pub(super) fn radius(&self) -> usize {
-        let all = self.sensitivity.iter().chain(&self.feature);
-        all.map(Vec::len).fold(1, usize::max) - 1
+        self.radius
+    }
+
+    /// The same up to whole groups.
+    pub(super) fn margin(&self) -> usize {
+        self.radius.next_multiple_of(GROUP)
     }
 }
 
@@ -115,12 +130,13 @@ mod tests {
     fn volumes_and_radii_at_the_default_viewing_distance() {
         let filters = Filters::new(67.020_645);
         // ⌈3 √(0.04 / 2π²) · 67.02⌉ = ⌈9.05⌉ and ⌈3 · 0.041 · 67.02⌉ = ⌈8.24⌉.
-        assert_eq!(filters.sensitivity[2].len(), 11);
-        assert_eq!(filters.feature[0].len(), 10);
-        assert_eq!(filters.radius(), 10);
+        assert_eq!((filters.radius(), filters.margin()), (10, 12));
+        let reach = |half: &[f32]| half.iter().rposition(|w| *w != 0.0).unwrap();
+        let [y, cx, cz1, cz2] = filters.sensitivity.each_ref().map(|half| reach(half));
+        assert_eq!((cz1, cz2), (10, 10));
         // exp(−π² x²/b) falls to 1e-9 at x = √(b ln 1e9) / π: 6.66 and 7.07 pixels.
-        assert_eq!(filters.sensitivity[0].len(), 7);
-        assert_eq!(filters.sensitivity[1].len(), 8);
+        assert_eq!((y, cx), (6, 7));
+        assert_eq!(filters.feature.each_ref().map(|half| reach(half)), [9; 3]);
         let [y, cx, cz1, cz2] = filters.sensitivity.each_ref().map(|w| total_of(w));
         assert!((y - 1.0).abs() < 1e-6 && (cx - 1.0).abs() < 1e-6);
         assert!((cz1 * cz1 + cz2 * cz2 - 1.0).abs() < 1e-6);
@@ -133,6 +149,6 @@ mod tests {
         let [_, edge, _] = Filters::new(67.020_645).feature;
         // A step of height 1 under the negative half, which comes after the middle.
         assert!((edge.iter().sum::<f32>() + 1.0).abs() < 1e-6);
-        assert!(edge[0] == 0.0 && edge[1..].iter().all(|w| *w < 0.0));
+        assert!(edge[0] == 0.0 && edge[1..].iter().all(|w| *w <= 0.0));
     }
 }

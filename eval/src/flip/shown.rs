@@ -17,17 +17,17 @@ pub(super) enum Shown {
     Srgb,
 }
 
-impl Shown {
-    #[inline(always)]
-    pub(super) fn of(self, pixel: [f32; 3]) -> [f32; 3] {
-        match self {
-            Self::Exposed { tonemapper, factor } => {
-                tonemapper.shown(pixel.map(|v| v.max(0.0) * factor))
-            }
-            // NaN fails the comparison and becomes black as well.
-            Self::Srgb => pixel.map(|v| linear_from_srgb(if v > 0.0 { v.min(1.0) } else { 0.0 })),
-        }
-    }
+/// [`Shown::Exposed`] of a pixel.
+#[inline(always)]
+pub(super) fn exposed(tonemapper: ToneMapper, factor: f32, pixel: [f32; 3]) -> [f32; 3] {
+    tonemapper.shown(pixel.map(|v| v.max(0.0) * factor))
+}
+
+/// [`Shown::Srgb`] of a pixel.
+#[inline(always)]
+pub(super) fn of_srgb(pixel: [f32; 3]) -> [f32; 3] {
+    // NaN fails the comparison and becomes black as well.
+    pixel.map(|v| linear_from_srgb(if v > 0.0 { v.min(1.0) } else { 0.0 }))
 }
 
 /// [`eagpt_scene::color::linear_from_srgb`] in single precision and without a branch: twenty million pixels go through it.
@@ -47,13 +47,13 @@ mod tests {
     fn srgb_is_decoded_as_everywhere_else() {
         for i in 0..=1000 {
             let srgb = i as f32 / 1000.0;
-            let [found, ..] = Shown::Srgb.of([srgb; 3]);
+            let [found, ..] = of_srgb([srgb; 3]);
             // A few roundings of single precision.
             assert!(
                 (found - color::linear_from_srgb(srgb)).abs() < 1e-6 * found + 1e-9,
                 "{srgb}: {found}"
             );
         }
-        assert_eq!(Shown::Srgb.of([f32::NAN, -1.0, 0.0]), [0.0; 3]);
+        assert_eq!(of_srgb([f32::NAN, -1.0, 0.0]), [0.0; 3]);
     }
 }
