@@ -1,8 +1,8 @@
 //! The commands, and the options that all of them share.
 
 use crate::{
-    bake, colmap, dataset, demo, doctor, edit, eval, export, ingest, masks, normals, paper, render,
-    report, run, shell, synth, train,
+    bake, bench, colmap, dataset, demo, doctor, edit, eval, export, ingest, masks, normals, paper,
+    render, report, run, shell, synth, train,
 };
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -72,6 +72,7 @@ pub(crate) enum Command {
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
     Synth(synth::SynthArgs),
+    Bench(bench::BenchArgs),
     Doctor(doctor::DoctorArgs),
     Completions(shell::CompletionsArgs),
     Man(shell::ManArgs),
@@ -107,6 +108,7 @@ pub(crate) fn dispatch(command: &Command, global: &GlobalArgs) -> Result<ExitCod
         Command::Ingest(args) => ingest::run(args, global),
         Command::Dataset(args) => dataset::run(args, global),
         Command::Normals(args) => normals::run(args, global),
+        Command::Bench(args) => bench::run(args, global),
         Command::Doctor(args) => doctor::run(args, global),
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args, global),

@@ -9,6 +9,7 @@
 )]
 
 mod bake;
+mod bench;
 mod camera_path;
 mod colmap;
 mod dataset;

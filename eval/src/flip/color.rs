@@ -1,5 +1,7 @@
 //! The colour spaces of FLIP, all from linear Rec.709 and relative to its own white (D65).
 
+use super::math::cbrt;
+
 /// XYZ of linear Rec.709, the exact rational matrix, as FLIP has it.
 const XYZ_FROM_RGB: [[f32; 3]; 3] = [
     [
@@ -50,8 +52,8 @@ pub(super) fn ycxcz_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
 /// Inverse of [`ycxcz_from_rgb`], not clipped.
 #[inline(always)]
 pub(super) fn rgb_from_ycxcz([y, cx, cz]: [f32; 3]) -> [f32; 3] {
-    let y = (y + 16.0) / 116.0;
-    let relative = [y + cx / 500.0, y, y - cz / 200.0];
+    let y = (y + 16.0) * (1.0 / 116.0);
+    let relative = [y + cx * (1.0 / 500.0), y, y - cz * (1.0 / 200.0)];
     let xyz = std::array::from_fn(|i| relative[i] * WHITE[i]);
     transform(&RGB_FROM_XYZ, xyz)
 }
@@ -60,12 +62,14 @@ pub(super) fn rgb_from_ycxcz([y, cx, cz]: [f32; 3]) -> [f32; 3] {
 #[inline(always)]
 pub(super) fn hunt_lab_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
+    const CUBE: f32 = DELTA * DELTA * DELTA;
     let [x, y, z] = relative_xyz(rgb).map(|v| {
-        if v > DELTA * DELTA * DELTA {
-            v.cbrt()
-        } else {
-            v / (3.0 * DELTA * DELTA) + 4.0 / 29.0
-        }
+        // Both, so that there is nothing to branch on.
+        let (root, line) = (
+            cbrt(v.max(CUBE)),
+            v * (1.0 / (3.0 * DELTA * DELTA)) + 4.0 / 29.0,
+        );
+        if v > CUBE { root } else { line }
     });
     let lightness = 116.0 * y - 16.0;
     let hunt = 0.01 * lightness;

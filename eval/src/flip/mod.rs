@@ -14,6 +14,8 @@ mod color;
 mod exposures;
 mod filters;
 mod magma;
+mod math;
+mod shown;
 
 pub use eagpt_scene::tonemap::ToneMapper;
 pub use exposures::{FlipOptions, FlipParameters};
@@ -21,10 +23,11 @@ pub use magma::magma_rgb8;
 
 use crate::encode::assert_comparable;
 use crate::error::Result;
-use band::{Band, BandScratch};
-use eagpt_scene::{Image, color::linear_from_srgb};
+use band::{BandScratch, Pair};
+use eagpt_scene::Image;
 use filters::Filters;
 use rayon::prelude::*;
+use shown::Shown;
 
 /// Errors of HDR-FLIP, and what they were computed with.
 #[derive(Debug, Clone)]
@@ -56,19 +59,14 @@ pub struct FlipLdr {
 pub fn flip_hdr(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) -> Result<FlipHdr> {
     assert_comparable(reference, test);
     let parameters = FlipParameters::for_reference(options, reference)?;
-    let factors = parameters.factors();
-    let filters = Filters::new(parameters.ppd);
-    let error = error_map(
-        reference,
-        test,
-        &filters,
-        factors.len(),
-        |pixel, exposure| {
-            parameters
-                .tonemapper
-                .shown(pixel.map(|v| v.max(0.0) * factors[exposure]))
-        },
-    );
+    let factors = parameters.factors().into_iter();
+    let exposures: Vec<Shown> = factors
+        .map(|factor| Shown::Exposed {
+            tonemapper: parameters.tonemapper,
+            factor,
+        })
+        .collect();
+    let error = error_map(reference, test, parameters.ppd, &exposures);
     Ok(FlipHdr {
         mean: mean(&error),
         error,
@@ -90,45 +88,33 @@ pub fn flip_ldr(reference_srgb: &Image<3>, test_srgb: &Image<3>, ppd: f32) -> Re
         ..FlipOptions::default()
     };
     options.validate()?;
-    let filters = Filters::new(ppd);
-    let error = error_map(reference_srgb, test_srgb, &filters, 1, |pixel, _| {
-        // NaN fails the comparison and becomes black as well.
-        pixel.map(|v| linear_from_srgb(if v > 0.0 { v.min(1.0) } else { 0.0 }))
-    });
+    let error = error_map(reference_srgb, test_srgb, ppd, &[Shown::Srgb]);
     Ok(FlipLdr {
         mean: mean(&error),
         error,
     })
 }
 
-/// The largest error of each pixel over `num_exposures`, for which `shown` gives linear display colours in [0, 1].
-fn error_map(
-    reference: &Image<3>,
-    test: &Image<3>,
-    filters: &Filters,
-    num_exposures: usize,
-    shown: impl Fn([f32; 3], usize) -> [f32; 3] + Sync,
-) -> Image<1> {
-    let (width, height) = (reference.width() as usize, reference.height() as usize);
+/// The largest error of each pixel over the ways in which the images are `shown`.
+fn error_map(reference: &Image<3>, test: &Image<3>, ppd: f32, shown: &[Shown]) -> Image<1> {
+    let pair = Pair {
+        filters: &Filters::new(ppd),
+        width: reference.width() as usize,
+        height: reference.height() as usize,
+        images: [reference.pixels(), test.pixels()],
+    };
     // Bands share no sums, so their height is free: low enough to feed all threads, high enough that the rows around a
     // band, which are computed again, do not dominate.
-    let num_rows = (height / (4 * rayon::current_num_threads())).clamp(24, 96);
+    let num_rows = (pair.height / (2 * rayon::current_num_threads())).clamp(32, 256);
     let mut error = Image::filled(reference.width(), reference.height(), [0.0]);
     error
         .pixels_mut()
-        .par_chunks_mut(num_rows * width)
+        .par_chunks_mut(num_rows * pair.width)
         .enumerate()
         .for_each_init(BandScratch::default, |scratch, (index, out)| {
             let first = index * num_rows;
-            let band = Band::new(filters, (width, height), first..first + out.len() / width);
-            for exposure in 0..num_exposures {
-                band.raise_errors(
-                    [reference.pixels(), test.pixels()],
-                    |pixel| shown(pixel, exposure),
-                    scratch,
-                    out,
-                );
-            }
+            let rows = first..first + out.len() / pair.width;
+            pair.raise_errors(&rows, shown, scratch, out);
         });
     error
 }

@@ -99,7 +99,7 @@ fn bits_do_not_depend_on_the_number_of_threads() {
             .unwrap()
             .install(|| flip_hdr(&reference, &test, &FlipOptions::default()).unwrap())
     };
-    // Bands of 62, 31 and 24 rows.
+    // Bands of 125, 62 and 32 rows.
     let one = run(1);
     for num_threads in [2, 5] {
         let many = run(num_threads);

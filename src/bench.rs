@@ -1,0 +1,349 @@
+//! `eagpt bench`: how fast each stage is.
+
+mod images;
+mod learning;
+mod rays;
+mod results;
+mod scene;
+mod sheet;
+mod stage;
+mod table;
+
+use crate::cli::GlobalArgs;
+use crate::interrupt;
+use crate::output::{self, Replace};
+use crate::progress::Reporter;
+use crate::record::{Input, RecordBuilder};
+use crate::terminal;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use eagpt_scene::{Gaussians, files};
+use results::{Change, Machine, Measured, Results};
+use scene::Subject;
+use serde::Serialize;
+use sheet::{Row, Sheet};
+use stage::{Bench, Stage};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+/// Measure how fast each stage is, here
+///
+/// Every figure is the median of several runs, with the smallest and the largest, and the peak memory of the process during them. Four views
+/// of the dataset are looked at; without one, of a room that comes with the program. Without a scene, Gaussians are those that training would
+/// start from: figures of a trained scene differ, --scene gives them.
+///
+/// --baseline compares with an earlier result: old figure, ratio (2 is twice as fast), and `faster` or `SLOWER` where all runs of one
+/// lie beyond all runs of the other. Measure on a machine that does nothing else. Files are written in the system's temporary folder.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct BenchArgs {
+    /// Dataset to measure on: a folder with a transforms.json, or that file [default: an embedded room]
+    #[arg(value_name = "DATASET")]
+    dataset: Option<PathBuf>,
+    /// Scene to measure on [default: what training would start from]
+    #[arg(long, value_name = "SCENE.ply")]
+    scene: Option<PathBuf>,
+    /// Stages to measure, divided by commas [default: all]
+    #[arg(long, value_name = "STAGE", value_enum, value_delimiter = ',')]
+    stage: Vec<Stage>,
+    /// Numbers of Gaussians, 1 to 100M, divided by commas, as 25k,250k,1M: the scene is thinned out or split [default: as it is]
+    #[arg(long, value_name = "N", value_delimiter = ',', value_parser = count)]
+    gaussians: Vec<usize>,
+    /// Numbers of threads, divided by commas [default: one, and all]
+    #[arg(long, value_name = "N", value_delimiter = ',')]
+    thread_counts: Vec<NonZeroUsize>,
+    /// Seconds for each figure, 0 to 3600; there are three runs and one to warm up however long they take
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = seconds)]
+    seconds: f64,
+    /// Size of the images of metrics and EXR files, pixels, 16x16 to 16384x16384
+    #[arg(long, value_name = "WxH", default_value = "3000x2000", value_parser = size)]
+    image: ImageSize,
+    /// File for the figures, JSON
+    #[arg(long, value_name = "BENCH.json")]
+    out: Option<PathBuf>,
+    /// Earlier figures to compare with
+    #[arg(long, value_name = "BENCH.json")]
+    baseline: Option<PathBuf>,
+    /// Compare with figures of another machine, too
+    #[arg(long, requires = "baseline")]
+    any_machine: bool,
+    /// Replace an earlier result of this command
+    #[arg(long)]
+    force: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt bench
+  eagpt bench kitchen --scene runs/kitchen/scene.ply --out bench.json
+  eagpt bench kitchen --scene runs/kitchen/scene.ply --baseline bench.json
+  eagpt bench --stage bounce-rays,paths --gaussians 25k,60k,250k,1M --thread-counts 1,2,4";
+
+/// Width and height in pixels.
+type ImageSize = [u32; 2];
+
+fn size(text: &str) -> Result<ImageSize, String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+    match sides {
+        Some(sides) if sides.iter().all(|side| (16..=16_384).contains(side)) => Ok(sides),
+        _ => Err(format!("`{text}` is not WxH with sides of 16 to 16384")),
+    }
+}
+
+fn count(text: &str) -> Result<usize, String> {
+    let (digits, factor) = match text.strip_suffix(['k', 'M']) {
+        Some(digits) if text.ends_with('k') => (digits, 1e3),
+        Some(digits) => (digits, 1e6),
+        None => (text, 1.0),
+    };
+    let number = digits.parse::<f64>().ok().map(|n| (n * factor).round());
+    match number {
+        Some(number) if (1.0..=1e8).contains(&number) => Ok(number as usize),
+        _ => Err(format!("`{text}` is no number from 1 to 100M")),
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("`{text}` is not from 0 to 3600")),
+    }
+}
+
+/// Progress for machines.
+#[derive(Debug, Serialize)]
+#[serde(tag = "message", rename_all = "kebab-case")]
+enum Told<'a> {
+    /// A stage is done.
+    Stage {
+        stage: &'static str,
+        gaussians: Option<usize>,
+        threads: usize,
+        rows: Vec<Change<'a>>,
+    },
+}
+
+/// A stage on a scene with so many threads.
+struct Task {
+    stage: Stage,
+    /// Index of the scene; `None` for a stage of images.
+    scene: Option<usize>,
+    threads: usize,
+}
+
+pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let baseline = args.baseline.as_deref().map(Results::read).transpose()?;
+    let mut reporter = Reporter::new(global);
+    if let (Some(path), Some(baseline)) = (&args.baseline, &baseline) {
+        check_machine(path, baseline, args.any_machine, &reporter)?;
+    }
+    let inputs: Vec<&Path> = [&args.dataset, &args.scene, &args.baseline]
+        .into_iter()
+        .filter_map(|path| path.as_deref())
+        .collect();
+    if let Some(out) = &args.out {
+        output::check_file(out, "bench", &inputs, Replace::from_flag(args.force))?;
+        output::create_parent(out)?;
+    }
+    let stop = interrupt::stop_flag()?;
+    let work = tempfile::tempdir().context("temporary folder")?;
+    let subject = Subject::prepare(args.dataset.as_deref(), args.scene.as_deref(), work.path())?;
+    let measured = measured(args, &subject);
+    let mut builder = RecordBuilder::begin("bench", &measured)?;
+    let scenes = scenes(args, &subject.gaussians);
+    let tasks = tasks(&measured.stages, &scenes, &thread_counts(args));
+    let mut results = Results::begin(measured);
+    reporter.begin("bench", "stages", 0, tasks.len() as u64);
+    for (done, task) in tasks.iter().enumerate() {
+        if stop.load(Ordering::Relaxed) {
+            reporter.finish();
+            return Ok(interrupt::exit_code());
+        }
+        let gaussians = &scenes[task.scene.unwrap_or(0)];
+        let first = results.rows.len();
+        if task.stage.needs_emitters() && !emits(gaussians) {
+            reporter.warning(&format!("{}: left out, nothing emits", task.stage.name()));
+        } else {
+            let bench = Bench {
+                cameras_at: &subject.cameras,
+                views: &subject.views,
+                gaussians,
+                extent: subject.extent,
+                image: args.image,
+                work: work.path(),
+            };
+            measure(task, &bench, args.seconds, &mut results.rows)?;
+        }
+        let done = done as u64 + 1;
+        reporter.advance(done, || task.stage.name().to_owned());
+        let rows = results.rows[first..].iter();
+        reporter.message(&Told::Stage {
+            stage: task.stage.name(),
+            gaussians: task.scene.map(|_| gaussians.len()),
+            threads: task.threads,
+            rows: rows.map(|row| change(row, baseline.as_ref())).collect(),
+        })?;
+    }
+    reporter.finish();
+    if let Some(out) = &args.out {
+        let mut text = serde_json::to_string_pretty(&results)?;
+        text.push('\n');
+        files::write_bytes_atomic(out, text.as_bytes())?;
+        let scene = args.scene.iter().map(|path| Input::of(path));
+        builder.record.inputs = scene.collect::<Result<_>>()?;
+        builder.record.device = Some("cpu".to_owned());
+        let name = out.file_name().unwrap_or_default().to_string_lossy();
+        builder.record.outputs = vec![name.into_owned()];
+        builder.write_to(&output::record_path(out))?;
+    }
+    if !global.json {
+        let heading = format!(
+            "eagpt {}, {}\n{}: {}x{}, {}\n\n",
+            results.built(),
+            results.machine.line(),
+            results.options.dataset,
+            results.options.view[0],
+            results.options.view[1],
+            results.options.scene.as_deref().unwrap_or("not trained"),
+        );
+        terminal::print(&(heading + &table::text(&results, baseline.as_ref())))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn change<'a>(row: &'a Row, baseline: Option<&Results>) -> Change<'a> {
+    match baseline {
+        Some(baseline) => Change::of(row, baseline),
+        None => Change::alone(row),
+    }
+}
+
+fn check_machine(
+    path: &Path,
+    baseline: &Results,
+    any_machine: bool,
+    reporter: &Reporter,
+) -> Result<()> {
+    let differs = baseline.machine.differences(&Machine::here());
+    if differs.is_empty() {
+        return Ok(());
+    }
+    let problem = format!(
+        "{}: machine: measured on another ({}; differs in {})",
+        path.display(),
+        baseline.machine.line(),
+        differs.join(", ")
+    );
+    if !any_machine {
+        bail!("{problem}: --any-machine compares all the same");
+    }
+    reporter.warning(&problem);
+    Ok(())
+}
+
+fn measured(args: &BenchArgs, subject: &Subject) -> Measured {
+    let camera = &subject.views[0].camera;
+    Measured {
+        dataset: subject.dataset.clone(),
+        scene: args.scene.as_ref().map(|path| path.display().to_string()),
+        view: [camera.width, camera.height],
+        image: args.image,
+        stages: if args.stage.is_empty() {
+            Stage::ALL.to_vec()
+        } else {
+            args.stage.clone()
+        },
+        seconds: args.seconds,
+    }
+}
+
+/// The scene in all numbers of Gaussians.
+fn scenes(args: &BenchArgs, gaussians: &Gaussians) -> Vec<Gaussians> {
+    if args.gaussians.is_empty() {
+        return vec![gaussians.clone()];
+    }
+    let counts = args.gaussians.iter();
+    counts
+        .map(|&num| scene::resampled(gaussians, num))
+        .collect()
+}
+
+fn thread_counts(args: &BenchArgs) -> Vec<usize> {
+    let mut counts: Vec<usize> = args.thread_counts.iter().map(|num| num.get()).collect();
+    if counts.is_empty() {
+        counts = vec![1, rayon::current_num_threads()];
+    }
+    counts.sort_unstable();
+    counts.dedup();
+    counts
+}
+
+/// Stage by stage, scene by scene, so that figures to compare are neighbours.
+fn tasks(stages: &[Stage], scenes: &[Gaussians], threads: &[usize]) -> Vec<Task> {
+    let mut tasks = Vec::new();
+    for &stage in stages {
+        let scenes = if stage.is_of_images() {
+            vec![None]
+        } else {
+            (0..scenes.len()).map(Some).collect()
+        };
+        for scene in scenes {
+            tasks.extend(threads.iter().map(|&threads| Task {
+                stage,
+                scene,
+                threads,
+            }));
+        }
+    }
+    tasks
+}
+
+fn emits(gaussians: &Gaussians) -> bool {
+    let threshold = eagpt_trace::transport::EMISSION_THRESHOLD;
+    gaussians.emissions.iter().any(|&e| e > threshold)
+}
+
+/// Measures one task in a pool of its threads.
+fn measure(task: &Task, bench: &Bench<'_>, seconds: f64, rows: &mut Vec<Row>) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(task.threads)
+        .build()
+        .context("threads")?;
+    let mut sheet = Sheet {
+        rows,
+        stage: task.stage.name(),
+        gaussians: task.scene.map(|_| bench.gaussians.len()),
+        threads: task.threads,
+        budget: Duration::from_secs_f64(seconds),
+    };
+    pool.install(|| task.stage.run(bench, &mut sheet))
+        .with_context(|| task.stage.name())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_have_thousands_and_millions() {
+        assert_eq!(count("25k"), Ok(25_000));
+        assert_eq!(count("1M"), Ok(1_000_000));
+        assert_eq!(count("0.5M"), Ok(500_000));
+        assert_eq!(count("58800"), Ok(58_800));
+        for bad in ["0", "", "k", "1G", "-3", "200M", "nan"] {
+            assert!(count(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn stages_of_images_are_measured_once_for_each_number_of_threads() {
+        let scenes = [Gaussians::default(), Gaussians::default()];
+        let tasks = tasks(&[Stage::Exr, Stage::Ply], &scenes, &[1, 2]);
+        assert_eq!(tasks.len(), 2 + 4);
+        assert!(tasks[..2].iter().all(|task| task.scene.is_none()));
+    }
+}

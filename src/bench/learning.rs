@@ -1,0 +1,98 @@
+//! Stages of training and of light baking.
+
+use super::sheet::{Sheet, Unit};
+use super::stage::Bench;
+use anyhow::{Context, Result, anyhow};
+use eagpt_scene::dataset::{SplitRule, Subset};
+use eagpt_scene::{Camera, files, ply};
+use eagpt_train::backend::{Backend, CpuBackend, RadianceStep, TrainingView};
+use eagpt_train::bake::gaussians::GaussianBake;
+use eagpt_train::bake::{BakeMethod, BakeOptions, BakeRequest, bake};
+use eagpt_train::loss::NormalTerms;
+use eagpt_train::params::{ParameterState, StepSizes};
+use eagpt_train::{Preset, TrainOptions};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Gaussians that light is gathered for in a run.
+const GATHERED: usize = 2048;
+/// Directions for each of them.
+const DIRECTIONS: u32 = 64;
+/// Directions for each Gaussian in a sweep of the light solve.
+const SWEEP_DIRECTIONS: u32 = 16;
+/// Bytes that prepared images may take: all of the few views.
+const TARGET_BUDGET: usize = 1 << 30;
+
+fn backend(bench: &Bench<'_>) -> CpuBackend {
+    CpuBackend::new(ParameterState::new(bench.gaussians), TARGET_BUDGET)
+}
+
+/// Iterations of stage 0, one view each, with one ray for a pixel.
+pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
+    let options = TrainOptions::preset(Preset::Fast).radiance;
+    let views: Vec<TrainingView> = (bench.views.iter().enumerate())
+        .map(|(index, view)| TrainingView {
+            index,
+            view: Arc::clone(view),
+        })
+        .collect();
+    let mut backend = backend(bench);
+    let step = RadianceStep {
+        weights: &options.weights,
+        normals: NormalTerms::On,
+        rays_per_axis: 1,
+        // The end of the schedule: the scene stays what it is.
+        sizes: StepSizes::radiance(&options.rates, bench.extent, 1.0),
+    };
+    let num_steps = views.len() as f64;
+    sheet.measure("stage 0", Unit::Iterations, num_steps, || {
+        for view in &views {
+            let outcome = backend.radiance_step(view, &step)?;
+            outcome.map_err(|bad| anyhow!("{}: {bad}", view.view.name))?;
+        }
+        Ok(())
+    })
+}
+
+/// Gathering of the light that arrives at Gaussians.
+pub(super) fn gathering(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
+    let mut backend = backend(bench);
+    let cameras: Vec<Camera> = bench.cameras().copied().collect();
+    let mut num = backend.begin_gathering(&cameras)?.min(GATHERED);
+    // The structure that rays are traced against is built by the first.
+    backend.gather(0..num.min(1), 1, 0)?;
+    sheet.measure_counted("irradiance", Unit::Rays, || {
+        num = backend.begin_gathering(&cameras)?.min(GATHERED);
+        backend.gather(0..num, DIRECTIONS, 0)?;
+        Ok(num as f64 * f64::from(DIRECTIONS))
+    })
+}
+
+/// One sweep of the light solve, from scene file to scene file.
+pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
+    let folder = bench.work.join("bake");
+    files::create_dir(&folder)?;
+    let scene = folder.join("scene.ply");
+    ply::write_gaussians(&scene, bench.gaussians)?;
+    let request = BakeRequest {
+        scene,
+        cameras: bench.cameras_at.to_owned(),
+        out: folder.join("baked.ply"),
+        work: folder.join("work"),
+        options: BakeOptions {
+            method: BakeMethod::Gaussians(GaussianBake {
+                num_samples: SWEEP_DIRECTIONS,
+            }),
+            max_bounces: 1,
+            seed: 0,
+            split: SplitRule::default(),
+            subset: Subset::All,
+        },
+        start_over: true,
+        stop: Arc::new(AtomicBool::new(false)),
+    };
+    sheet.measure_counted("a sweep, with its files", Unit::Rays, || {
+        let summary = bake(&request, &mut |_| ()).context("light solve")?;
+        Ok(summary.num_rays as f64)
+    })
+}
