@@ -55,7 +55,7 @@ fn log2(x: f32) -> f32 {
 fn exp2(x: f32) -> f32 {
     // (ln 2)^n / n!: the first that is missing is below 1e-8 at a half.
     const TERM: [f32; 7] = [
-        0.693_147_2,
+        std::f32::consts::LN_2,
         0.240_226_5,
         0.055_504_11,
         0.009_618_129,
