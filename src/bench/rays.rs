@@ -5,11 +5,12 @@ use super::stage::Bench;
 use anyhow::Result;
 use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::{CameraRecord, CpuScene, Wanted};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::RayTracer;
+use eagpt_trace::transport::links::NUM_DRAWS;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Ray, Tracer};
@@ -54,10 +55,11 @@ fn through_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, search: HitSearch<'
         }
         Ok(())
     })?;
+    let mut record = CameraRecord::default();
     sheet.measure("forward and adjoint", Unit::Rays, num_rays, || {
         for camera in bench.cameras() {
-            let (sums, record) = camera::trace(&set, camera, search, Keep::Record);
-            black_box(record.adjoint(&set, &bench.gaussians.scales, &sums.pixels));
+            let sums = record.trace(&set, camera, search, Keep::Record);
+            black_box(record.adjoint(&set, &sums.pixels, Wanted::Everything));
         }
         Ok(())
     })
@@ -95,11 +97,19 @@ fn one_hit(sheet: &mut Sheet<'_>, scene: &CpuScene, rays: &[Ray]) -> Result<()> 
         rays.len() as f64,
         || {
             rays.par_iter().enumerate().for_each(|(seed, ray)| {
-                black_box(scene.sample_radiance(ray, seed as u32));
+                black_box(scene.sample_hit(ray, seed as u32));
             });
             Ok(())
         },
-    )
+    )?;
+    // As links are traced: rays of a draw together.
+    let together = rays.len().div_ceil(NUM_DRAWS as usize);
+    sheet.measure("one hit of a draw", Unit::Rays, rays.len() as f64, || {
+        rays.par_iter().enumerate().for_each(|(at, ray)| {
+            black_box(scene.drawn_hit(ray, (at / together) as u32));
+        });
+        Ok(())
+    })
 }
 
 /// A ray from every n-th pixel's surface that `ray` makes one of.

@@ -4,13 +4,14 @@ use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::draws::{Draws, NUM_DRAWS};
+use eagpt_trace::cpu::draws::Draws;
 use eagpt_trace::cpu::{CameraRecord, Wanted};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::parity::PARITY_TOLERANCE;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::sums::{NUM_LANES, lane};
 use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::transport::links::NUM_DRAWS;
 use glam::{DVec3, Vec3};
 
 fn cameras() -> Vec<eagpt_scene::Camera> {

@@ -13,22 +13,11 @@
 use super::bvh::{DiscTree, RayScratch, uniform_of};
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
-
-/// Number of draws: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all draws
-/// together take some 1 KiB for each Gaussian.
-pub const NUM_DRAWS: u32 = 16;
+use crate::transport::SampledHit;
+use crate::transport::links::NUM_DRAWS;
 
 /// Keeps the numbers of draws apart from others of the same hash.
 const OFFSET_SEED: u32 = 0x5bd1_e995;
-
-/// The nearest Gaussian along a ray, in one draw.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DrawnHit {
-    /// Index of the Gaussian.
-    pub index: u32,
-    /// Distance along the ray.
-    pub t: f32,
-}
 
 /// Trees over the draws of a scene.
 #[derive(Debug, Clone)]
@@ -55,9 +44,9 @@ impl Draws {
     }
 
     /// What `ray` meets first in draw `draw` modulo [`NUM_DRAWS`].
-    pub fn nearest(&self, ray: &Ray, draw: u32, scratch: &mut RayScratch) -> Option<DrawnHit> {
+    pub fn nearest(&self, ray: &Ray, draw: u32, scratch: &mut RayScratch) -> Option<SampledHit> {
         let hit = self.trees[(draw % NUM_DRAWS) as usize].nearest(ray, scratch)?;
-        Some(DrawnHit {
+        Some(SampledHit {
             index: hit.0,
             t: hit.1,
         })

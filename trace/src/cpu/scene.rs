@@ -2,13 +2,13 @@
 
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
-use super::draws::{DrawnHit, Draws};
+use super::draws::Draws;
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{Payload, SurfelSet};
 use crate::transport::lights::Lights;
-use crate::transport::{self, Integrator, LightOptions, RayTracer};
+use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
 use eagpt_scene::{Camera, Gaussians};
 use std::cell::RefCell;
 use std::sync::OnceLock;
@@ -63,7 +63,15 @@ impl RayTracer for CpuScene {
         SCRATCH.with_borrow_mut(|scratch| self.bvh.trace(&self.set, ray, scratch))
     }
 
-    fn sample_hit(&self, ray: &Ray, draw: u32) -> Option<DrawnHit> {
+    fn sample_hit(&self, ray: &Ray, seed: u32) -> Option<SampledHit> {
+        let hit = SCRATCH.with_borrow_mut(|scratch| self.bvh.sample_hit(ray, seed, scratch))?;
+        Some(SampledHit {
+            index: hit.index(),
+            t: hit.t(),
+        })
+    }
+
+    fn drawn_hit(&self, ray: &Ray, draw: u32) -> Option<SampledHit> {
         SCRATCH.with_borrow_mut(|scratch| self.draws().nearest(ray, draw, scratch))
     }
 

@@ -10,8 +10,7 @@ use super::lights::Lights;
 use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
-use super::{EMISSION_THRESHOLD, RayTracer};
-use crate::cpu::draws::{DrawnHit, NUM_DRAWS};
+use super::{EMISSION_THRESHOLD, RayTracer, SampledHit};
 use crate::sums::lane;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -20,6 +19,10 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those who store links as such.
 pub const NOTHING: u32 = 0x7f7f_ffff;
+
+/// Number of draws: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all draws
+/// together take some 1 KiB for each Gaussian.
+pub const NUM_DRAWS: u32 = 16;
 
 /// Points that are gathered for together: their rays take turns in the draws of the scene, so that a draw's tree stays in a near cache.
 const TOGETHER: usize = 256;
@@ -172,17 +175,17 @@ impl<T: RayTracer> Tracing<'_, T> {
         }
     }
 
-    fn meet(&mut self, surface: &Surface, direction: Vec3, draw: u32) -> Option<DrawnHit> {
+    fn meet(&mut self, surface: &Surface, direction: Vec3, draw: u32) -> Option<SampledHit> {
         self.num_rays += 1;
-        self.scene.sample_hit(&surface.ray(direction), draw)
+        self.scene.drawn_hit(&surface.ray(direction), draw)
     }
 
-    fn emits(&self, hit: DrawnHit) -> bool {
+    fn emits(&self, hit: SampledHit) -> bool {
         self.scene.payload(hit.index).0[lane::EMISSION] > EMISSION_THRESHOLD
     }
 
     /// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and m of density p.
-    fn light(&self, surface: &Surface, direction: Vec3, hit: DrawnHit) -> Vec3 {
+    fn light(&self, surface: &Surface, direction: Vec3, hit: SampledHit) -> Vec3 {
         let radiance = self.scene.payload(hit.index).radiance();
         let density = |lights: &Lights| lights.density(surface.position, direction);
         let (q, p) = (

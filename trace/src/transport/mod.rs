@@ -14,7 +14,6 @@ pub mod points;
 pub mod sampling;
 pub mod start;
 
-use crate::cpu::draws::DrawnHit;
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::Payload;
@@ -92,14 +91,27 @@ impl Default for LightOptions {
     }
 }
 
+/// The one hit of a ray that stands for all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampledHit {
+    /// Index of the Gaussian.
+    pub index: u32,
+    /// Distance along the ray.
+    pub t: f32,
+}
+
 /// Something that blends the hits of a single ray.
 pub trait RayTracer: Sync {
     /// Blended sums along `ray`.
     fn trace(&self, ray: &Ray) -> Sums;
 
-    /// One hit of `ray`, chosen by its weight: over all values of `draw`, the mean of what hits carry is the blended sum of [`Self::trace`],
+    /// One hit of `ray`, chosen by its weight: over all values of `seed`, the mean of what hits carry is the blended sum of [`Self::trace`],
     /// at a fraction of the cost. For sums over many rays whose mean alone matters.
-    fn sample_hit(&self, ray: &Ray, draw: u32) -> Option<DrawnHit>;
+    fn sample_hit(&self, ray: &Ray, seed: u32) -> Option<SampledHit>;
+
+    /// As [`Self::sample_hit`], with luck that all rays of the same `draw` (modulo [`links::NUM_DRAWS`]) share: a mean over few draws does not
+    /// get better with more rays through the same Gaussians, but rays that take turns in the draws together are cheaper still.
+    fn drawn_hit(&self, ray: &Ray, draw: u32) -> Option<SampledHit>;
 
     /// Light and material of a Gaussian.
     fn payload(&self, index: u32) -> &Payload;
