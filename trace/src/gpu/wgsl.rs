@@ -1,0 +1,165 @@
+//! The kernels' sources: what is declared from Rust, what modules share, and what is their own.
+
+use super::layout;
+
+const INDEX: &str = include_str!("index.wgsl");
+const SURFEL: &str = include_str!("surfel.wgsl");
+const BLEND: &str = include_str!("blend.wgsl");
+const BINS: &str = include_str!("bins.wgsl");
+const ADJOINT: &str = include_str!("adjoint.wgsl");
+const VIEW: &str = include_str!("view.wgsl");
+
+/// A WGSL module.
+#[derive(Debug)]
+pub(super) struct Module {
+    pub(super) name: &'static str,
+    parts: &'static [&'static str],
+}
+
+impl Module {
+    /// All of its text.
+    pub(super) fn source(&self) -> String {
+        let mut source = layout::declarations();
+        source.push_str(INDEX);
+        for part in self.parts {
+            source.push_str(part);
+        }
+        source
+    }
+}
+
+pub(super) static SCAN: Module = Module {
+    name: "scan",
+    parts: &[include_str!("scan.wgsl")],
+};
+pub(super) static SORT: Module = Module {
+    name: "sort",
+    parts: &[include_str!("sort.wgsl")],
+};
+pub(super) static PROJECT: Module = Module {
+    name: "project",
+    parts: &[SURFEL, BINS, include_str!("bins_project.wgsl")],
+};
+pub(super) static EXPAND: Module = Module {
+    name: "expand",
+    parts: &[BINS, include_str!("bins_expand.wgsl")],
+};
+pub(super) static LISTS: Module = Module {
+    name: "lists",
+    parts: &[BINS, include_str!("bins_lists.wgsl")],
+};
+pub(super) static CAMERA: Module = Module {
+    name: "camera",
+    parts: &[
+        SURFEL,
+        BLEND,
+        VIEW,
+        include_str!("camera_forget.wgsl"),
+        include_str!("camera.wgsl"),
+    ],
+};
+pub(super) static CAMERA_RECORD: Module = Module {
+    name: "camera with a record",
+    parts: &[
+        SURFEL,
+        BLEND,
+        VIEW,
+        include_str!("camera_record.wgsl"),
+        include_str!("camera.wgsl"),
+    ],
+};
+pub(super) static ADJOINT_COUNT: Module = Module {
+    name: "adjoint: count",
+    parts: &[include_str!("adjoint_count.wgsl")],
+};
+pub(super) static ADJOINT_WEIGHTS: Module = Module {
+    name: "adjoint: weights",
+    parts: &[
+        SURFEL,
+        BLEND,
+        ADJOINT,
+        VIEW,
+        include_str!("adjoint_weights.wgsl"),
+    ],
+};
+pub(super) static ADJOINT_ROWS: Module = Module {
+    name: "adjoint: rows",
+    parts: &[
+        SURFEL,
+        BLEND,
+        ADJOINT,
+        VIEW,
+        include_str!("adjoint_rows.wgsl"),
+    ],
+};
+pub(super) static ADJOINT_GATHER: Module = Module {
+    name: "adjoint: gather",
+    parts: &[BLEND, ADJOINT, include_str!("adjoint_gather.wgsl")],
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    fn modules() -> Vec<&'static Module> {
+        vec![
+            &SCAN,
+            &SORT,
+            &PROJECT,
+            &EXPAND,
+            &LISTS,
+            &CAMERA,
+            &CAMERA_RECORD,
+            &ADJOINT_COUNT,
+            &ADJOINT_WEIGHTS,
+            &ADJOINT_ROWS,
+            &ADJOINT_GATHER,
+        ]
+    }
+
+    fn parse(module: &Module) -> naga::Module {
+        let source = module.source();
+        naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{}: {}", module.name, error.emit_to_string(&source)))
+    }
+
+    /// Without an adapter: what a device would reject is found here, and no module asks for more than WebGPU has.
+    #[test]
+    fn all_modules_are_valid() {
+        for module in modules() {
+            let parsed = parse(module);
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            if let Err(error) = validator.validate(&parsed) {
+                panic!(
+                    "{}: {}",
+                    module.name,
+                    error.emit_to_string(&module.source())
+                );
+            }
+            assert!(!parsed.entry_points.is_empty(), "{}", module.name);
+        }
+    }
+
+    /// Storage buffers that a kernel binds, at most eight.
+    #[test]
+    fn kernels_bind_no_more_buffers_than_every_device_has() {
+        for module in modules() {
+            let parsed = parse(module);
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            let info = validator.validate(&parsed).unwrap();
+            for (number, entry) in parsed.entry_points.iter().enumerate() {
+                let used = info.get_entry_point(number);
+                let num = parsed
+                    .global_variables
+                    .iter()
+                    .filter(|(handle, variable)| {
+                        !used[*handle].is_empty()
+                            && matches!(variable.space, naga::AddressSpace::Storage { .. })
+                    })
+                    .count();
+                assert!(num <= 8, "{} binds {num} storage buffers", entry.name);
+            }
+        }
+    }
+}
