@@ -4,6 +4,7 @@
 //! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`mod@demo`]: a simulated capture, and all that follows.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
+//! - [`device`]: what computes, CPU or GPU.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
@@ -19,6 +20,7 @@ mod cli;
 mod colmap;
 mod dataset;
 mod demo;
+mod device;
 mod doctor;
 mod edit;
 mod eval;

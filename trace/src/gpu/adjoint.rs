@@ -119,7 +119,10 @@ pub(super) struct Adjoint {
 #[derive(Debug)]
 struct AdjointBand {
     pixels: std::ops::Range<usize>,
-    steps: Vec<Step>,
+    /// Sums, with a record of what is blended, and how many hits each place in the lists has.
+    forward: Vec<Step>,
+    /// From the record and the derivatives by the sums to gradients.
+    backward: Vec<Step>,
 }
 
 impl Adjoint {
@@ -172,7 +175,8 @@ impl Adjoint {
             };
             bands.push(AdjointBand {
                 pixels: (first_row * width) as usize..(end_row * width) as usize,
-                steps: parts.steps(&tracer.sums, band)?,
+                forward: parts.forward(&tracer.sums, band)?,
+                backward: parts.backward(band),
             });
         }
         device.check()?;
@@ -209,11 +213,8 @@ impl Adjoint {
                 .map(|sums| sums.0)
                 .collect();
             device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
-            let mut commands = device.commands();
-            commands.clear_buffer(&self.masks, 0, None);
-            commands.clear_buffer(&bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
-            device.submit(commands)?;
-            device.run(&band.steps)?;
+            self.forward(device, bins, band)?;
+            device.run(&band.backward)?;
             let needed = bins.total(device, TOTAL_CHUNKS)?;
             if needed > self.room.chunks {
                 let room = self.room.grown(device, self.size, needed)?;
@@ -224,6 +225,73 @@ impl Adjoint {
             device.read::<[f32; NUM_LANES]>(&self.gradients, 0..self.num_surfels as usize)?;
         let gradients = rows.into_iter().map(LocalGradient).collect();
         Ok(Outcome::Gradients(gradients))
+    }
+
+    fn forward(&self, device: &Device, bins: &Bins, band: &AdjointBand) -> Result<(), GpuError> {
+        let mut commands = device.commands();
+        commands.clear_buffer(&self.masks, 0, None);
+        commands.clear_buffer(&bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
+        device.submit(commands)?;
+        device.run(&band.forward)
+    }
+
+    /// The band of the whole image, if it is one.
+    pub(super) fn whole(&self) -> Option<WholeImage<'_>> {
+        match self.bands.as_slice() {
+            [band] => Some(WholeImage {
+                adjoint: self,
+                band,
+            }),
+            _ => None,
+        }
+    }
+
+    /// Room for `needed` chunks of the record, and some more.
+    pub(super) fn more_room(&self, device: &Device, needed: u32) -> Result<Room, GpuError> {
+        self.room.grown(device, self.size, needed)
+    }
+}
+
+/// An image that is traced at once: its sums, their derivatives and the gradients are on the device together.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WholeImage<'a> {
+    adjoint: &'a Adjoint,
+    band: &'a AdjointBand,
+}
+
+impl WholeImage<'_> {
+    /// Where derivatives by the sums are looked for, `[pixels]`.
+    pub(super) fn d_sums(&self) -> &wgpu::Buffer {
+        &self.adjoint.d_sums
+    }
+
+    /// Where gradients are put, `[n]`.
+    pub(super) fn gradients(&self) -> &wgpu::Buffer {
+        &self.adjoint.gradients
+    }
+
+    /// Chunks of the record that there is room for.
+    pub(super) fn num_chunks(&self) -> u32 {
+        self.adjoint.room.chunks
+    }
+
+    /// Bins and traces `camera`; nobody has looked yet whether there was room.
+    pub(super) fn forward(
+        &self,
+        device: &Device,
+        bins: &Bins,
+        camera: &Camera,
+    ) -> Result<(), GpuError> {
+        let mut commands = device.commands();
+        bins.record(device, camera, &mut commands);
+        commands.clear_buffer(&self.adjoint.gradients, 0, None);
+        device.submit(commands)?;
+        self.adjoint.forward(device, bins, self.band)
+    }
+
+    /// Gradients of what was traced last.
+    pub(super) fn backward(&self, device: &Device) -> Result<(), GpuError> {
+        device.run(&self.band.backward)
     }
 }
 
@@ -243,7 +311,7 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    fn steps(&self, sums: &wgpu::Buffer, band: Band) -> Result<Vec<Step>, GpuError> {
+    fn forward(&self, sums: &wgpu::Buffer, band: Band) -> Result<Vec<Step>, GpuError> {
         let Self { device, bins, .. } = self;
         let mut steps = tile_steps(device, &band, |band, groups| {
             let buffers = [
@@ -264,7 +332,12 @@ impl Parts<'_> {
         let groups = bins.capacity.div_ceil(64);
         steps.push(device.step(&wgsl::ADJOINT_COUNT, "count_hits", &count, groups));
         steps.extend(scan(device, self.hit_starts, bins.capacity)?);
-        steps.extend(tile_steps(device, &band, |band, groups| {
+        Ok(steps)
+    }
+
+    fn backward(&self, band: Band) -> Vec<Step> {
+        let Self { device, bins, .. } = self;
+        let mut steps = tile_steps(device, &band, |band, groups| {
             let buffers = [
                 (0, &bins.view),
                 (1, band),
@@ -278,7 +351,7 @@ impl Parts<'_> {
                 (9, self.hits),
             ];
             device.step(&wgsl::ADJOINT_WEIGHTS, "weigh_hits", &buffers, groups)
-        }));
+        });
         for first_place in (0..bins.capacity).step_by(self.num_rows.max(1) as usize) {
             let band = Band {
                 first_place,
@@ -311,6 +384,6 @@ impl Parts<'_> {
             let groups = self.scene.num_surfels().div_ceil(64);
             steps.push(device.step(&wgsl::ADJOINT_GATHER, "gather_rows", &gather, groups));
         }
-        Ok(steps)
+        steps
     }
 }

@@ -89,7 +89,7 @@ pub struct Device {
 
 /// A kernel with its buffers: recorded once, run as often as needed.
 #[derive(Debug, Clone)]
-pub(super) struct Step {
+pub struct Step {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     buffers: wgpu::BindGroup,
@@ -174,7 +174,10 @@ impl Device {
     }
 
     /// A buffer that kernels use, all zeros.
-    pub(super) fn buffer(&self, what: &'static str, size: u64) -> Result<wgpu::Buffer, GpuError> {
+    ///
+    /// # Errors
+    /// [`GpuError::Limit`] if it is larger than buffers may be, or if the device gives up.
+    pub fn buffer(&self, what: &'static str, size: u64) -> Result<wgpu::Buffer, GpuError> {
         // No binding may be smaller than one element, and no element is larger than this.
         let size = size.max(LARGEST_ELEMENT).next_multiple_of(4);
         let limit = self.tier.max_bytes();
@@ -199,27 +202,22 @@ impl Device {
     }
 
     /// A buffer with `content`.
-    pub(super) fn upload(
-        &self,
-        what: &'static str,
-        content: &[u8],
-    ) -> Result<wgpu::Buffer, GpuError> {
+    ///
+    /// # Errors
+    /// As [`Self::buffer`].
+    pub fn upload(&self, what: &'static str, content: &[u8]) -> Result<wgpu::Buffer, GpuError> {
         let buffer = self.buffer(what, content.len() as u64)?;
         self.queue.write_buffer(&buffer, 0, content);
         Ok(buffer)
     }
 
     /// Replaces the start of a buffer. Work submitted before sees the old content, work submitted from now on the new.
-    pub(super) fn write(&self, buffer: &wgpu::Buffer, content: &[u8]) {
+    pub fn write(&self, buffer: &wgpu::Buffer, content: &[u8]) {
         self.queue.write_buffer(buffer, 0, content);
     }
 
     /// Parameters of kernels.
-    pub(super) fn uniform<T: bytemuck::Pod>(
-        &self,
-        what: &'static str,
-        content: &T,
-    ) -> wgpu::Buffer {
+    pub fn uniform<T: bytemuck::Pod>(&self, what: &'static str, content: &T) -> wgpu::Buffer {
         self.device
             .create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some(what),
@@ -229,7 +227,7 @@ impl Device {
     }
 
     /// Entry point `entry` of `module` on `buffers`, binding by binding, in `groups` workgroups.
-    pub(super) fn step(
+    pub fn step(
         &self,
         module: &'static wgsl::Module,
         entry: &'static str,
@@ -285,7 +283,7 @@ impl Device {
     }
 
     /// New commands.
-    pub(super) fn commands(&self) -> wgpu::CommandEncoder {
+    pub fn commands(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&Default::default())
     }
 
@@ -293,7 +291,7 @@ impl Device {
     ///
     /// # Errors
     /// What went wrong so far.
-    pub(super) fn submit(&self, commands: wgpu::CommandEncoder) -> Result<(), GpuError> {
+    pub fn submit(&self, commands: wgpu::CommandEncoder) -> Result<(), GpuError> {
         self.queue.submit([commands.finish()]);
         self.check()
     }
@@ -302,7 +300,7 @@ impl Device {
     ///
     /// # Errors
     /// What went wrong so far.
-    pub(super) fn run(&self, steps: &[Step]) -> Result<(), GpuError> {
+    pub fn run(&self, steps: &[Step]) -> Result<(), GpuError> {
         for some in steps.chunks(STEPS_PER_SUBMISSION) {
             let mut commands = self.commands();
             for step in some {
@@ -325,7 +323,10 @@ impl Device {
     }
 
     /// Elements of a buffer, after all work submitted so far.
-    pub(super) fn read<T: bytemuck::AnyBitPattern>(
+    ///
+    /// # Errors
+    /// If the device gives up.
+    pub fn read<T: bytemuck::AnyBitPattern>(
         &self,
         buffer: &wgpu::Buffer,
         elements: Range<usize>,

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 
 /// A structure of kernels, as Rust lays it out.
 #[derive(Debug)]
-pub(super) struct Layout {
+pub struct Layout {
     name: &'static str,
     size: usize,
     members: &'static [Member],
@@ -18,21 +18,23 @@ pub(super) struct Layout {
 
 /// A member of a [`Layout`].
 #[derive(Debug)]
-pub(super) struct Member {
-    pub(super) name: &'static str,
+pub struct Member {
+    /// Its name, the same in WGSL.
+    pub name: &'static str,
     /// Its type in WGSL.
-    pub(super) wgsl: &'static str,
+    pub wgsl: &'static str,
     /// Bytes from the start of the structure.
-    pub(super) offset: usize,
+    pub offset: usize,
 }
 
 /// The [`Layout`] of a `#[repr(C)]` structure, members with their types in WGSL. Does not compile where WGSL would lay it out in another way.
+#[macro_export]
 macro_rules! layout {
     ($rust:ty { $($member:ident: $wgsl:literal),* $(,)? }) => {{
-        const LAYOUT: $crate::gpu::layout::Layout = $crate::gpu::layout::Layout::new(
+        const LAYOUT: $crate::gpu::kernel::Layout = $crate::gpu::kernel::Layout::new(
             stringify!($rust),
             size_of::<$rust>(),
-            &[$($crate::gpu::layout::Member {
+            &[$($crate::gpu::kernel::Member {
                 name: stringify!($member),
                 wgsl: $wgsl,
                 offset: std::mem::offset_of!($rust, $member),
@@ -42,10 +44,11 @@ macro_rules! layout {
         LAYOUT
     }};
 }
-pub(super) use layout;
+pub use layout;
 
 impl Layout {
-    pub(super) const fn new(name: &'static str, size: usize, members: &'static [Member]) -> Self {
+    /// A structure of `size` bytes; see [`layout!`].
+    pub const fn new(name: &'static str, size: usize, members: &'static [Member]) -> Self {
         Self {
             name,
             size,
@@ -54,7 +57,7 @@ impl Layout {
     }
 
     /// Whether WGSL puts all members where Rust does.
-    pub(super) const fn is_that_of_wgsl(&self) -> bool {
+    pub const fn is_that_of_wgsl(&self) -> bool {
         let (mut end, mut largest, mut i) = (0_usize, 4_usize, 0);
         while i < self.members.len() {
             let (size, align) = size_and_align(self.members[i].wgsl);
@@ -69,7 +72,7 @@ impl Layout {
     }
 
     /// Its declaration in WGSL.
-    fn declaration(&self) -> String {
+    pub fn declaration(&self) -> String {
         let mut text = format!("struct {} {{\n", self.name);
         for member in self.members {
             write_line(
@@ -90,6 +93,7 @@ const fn size_and_align(wgsl: &str) -> (usize, usize) {
         b"vec3f" => (12, 16),
         b"vec4f" | b"vec4u" => (16, 16),
         b"array<vec4f, 4>" => (64, 16),
+        b"array<vec4f, 5>" => (80, 16),
         _ => (0, 0),
     }
 }

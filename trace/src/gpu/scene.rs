@@ -1,7 +1,7 @@
 //! Gaussians on a device, behind [`Tracer`].
 
 use super::adjoint::{Adjoint, Outcome, Room};
-use super::camera::{CameraTracer, Traced};
+use super::camera::{Binned, CameraTracer};
 use super::device::Device;
 use super::error::GpuError;
 use crate::blend::LocalGradient;
@@ -22,10 +22,13 @@ pub(super) struct SceneBuffers {
     num_surfels: u32,
 }
 
+fn lanes(set: &SurfelSet) -> Vec<[f32; 16]> {
+    const { assert!(size_of::<Payload>() == size_of::<[f32; 16]>()) };
+    set.payloads.iter().map(|payload| payload.0).collect()
+}
+
 impl SceneBuffers {
     pub(super) fn new(device: &Device, set: &SurfelSet) -> Result<Self, GpuError> {
-        let lanes: Vec<[f32; 16]> = set.payloads.iter().map(|payload| payload.0).collect();
-        const { assert!(size_of::<Payload>() == size_of::<[f32; 16]>()) };
         let limit = device.tier().max_bytes();
         let num_surfels = u32::try_from(set.len()).map_err(|_| GpuError::Limit {
             device: device.adapter().name.clone(),
@@ -35,9 +38,15 @@ impl SceneBuffers {
         })?;
         Ok(Self {
             surfels: device.upload("Gaussians", bytemuck::cast_slice(&set.surfels))?,
-            payloads: device.upload("payloads", bytemuck::cast_slice(&lanes))?,
+            payloads: device.upload("payloads", bytemuck::cast_slice(&lanes(set)))?,
             num_surfels,
         })
+    }
+
+    /// Replaces the Gaussians by as many others.
+    pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
+        device.write(&self.surfels, bytemuck::cast_slice(&set.surfels));
+        device.write(&self.payloads, bytemuck::cast_slice(&lanes(set)));
     }
 
     /// Number of Gaussians.
@@ -57,7 +66,7 @@ pub struct GpuScene {
 
 /// What depends on the size of cameras.
 #[derive(Debug, Default)]
-struct Views {
+pub(super) struct Views {
     tracer: Option<CameraTracer>,
     adjoint: Option<Adjoint>,
 }
@@ -82,7 +91,7 @@ impl Views {
     }
 
     /// Another tracer in place of the one there is.
-    fn make_tracer(
+    pub(super) fn make_tracer(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
@@ -95,6 +104,85 @@ impl Views {
         let capacity = num_entries.map(|needed| needed.saturating_add(needed / 2));
         let tracer = CameraTracer::new(device, scene, size, capacity)?;
         Ok(self.tracer.insert(tracer))
+    }
+
+    /// Blended sums of one ray through every pixel centre, read back.
+    pub(super) fn sums(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<SumImage, GpuError> {
+        let size = (camera.width, camera.height);
+        let mut tracer = self.tracer(device, scene, camera)?;
+        while let Binned::MoreEntries(needed) = tracer.bin(device, camera)? {
+            tracer = self.make_tracer(device, scene, size, Some(needed))?;
+        }
+        let mut pixels = Vec::with_capacity(camera.num_pixels());
+        tracer.trace(device, |_, sums| {
+            pixels.extend(sums);
+            Ok(())
+        })?;
+        Ok(SumImage {
+            width: camera.width,
+            height: camera.height,
+            pixels,
+        })
+    }
+
+    /// See [`GpuScene::camera_adjoint`].
+    pub(super) fn adjoint(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        d_sums: &[Sums],
+    ) -> Result<Vec<LocalGradient>, GpuError> {
+        assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
+        let size = (camera.width, camera.height);
+        self.tracer(device, scene, camera)?;
+        loop {
+            let (tracer, adjoint) = self.both(device, scene, camera)?;
+            match adjoint.run(device, &tracer.bins, camera, d_sums)? {
+                Outcome::Gradients(gradients) => return Ok(gradients),
+                Outcome::MoreEntries(needed) => {
+                    self.make_tracer(device, scene, size, Some(needed))?;
+                }
+                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
+            }
+        }
+    }
+
+    /// The tracer for `camera` and its adjoint, made if there are none.
+    pub(super) fn both(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
+        self.tracer(device, scene, camera)?;
+        if self.adjoint.is_none() {
+            let room = Room::usual(device, (camera.width, camera.height))?;
+            self.make_adjoint(device, scene, room)?;
+        }
+        match (&self.tracer, &self.adjoint) {
+            (Some(tracer), Some(adjoint)) => Ok((tracer, adjoint)),
+            _ => unreachable!("both were made"),
+        }
+    }
+
+    /// Another adjoint in place of the one there is.
+    pub(super) fn make_adjoint(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        room: Room,
+    ) -> Result<(), GpuError> {
+        self.adjoint = None;
+        if let Some(tracer) = &self.tracer {
+            self.adjoint = Some(Adjoint::new(device, scene, tracer, room)?);
+        }
+        Ok(())
     }
 }
 
@@ -125,52 +213,8 @@ impl GpuScene {
         camera: &Camera,
         d_sums: &[Sums],
     ) -> Result<Vec<LocalGradient>, GpuError> {
-        assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
-        let (device, scene) = (&*self.device, &self.buffers);
-        let size = (camera.width, camera.height);
-        let mut views = self.views();
-        views.tracer(device, scene, camera)?;
-        loop {
-            let Views { tracer, adjoint } = &mut *views;
-            let Some(tracer) = tracer else {
-                unreachable!("it was made before");
-            };
-            let adjoint = match adjoint {
-                Some(adjoint) => adjoint,
-                none => {
-                    let room = Room::usual(device, size)?;
-                    none.insert(Adjoint::new(device, scene, tracer, room)?)
-                }
-            };
-            match adjoint.run(device, &tracer.bins, camera, d_sums)? {
-                Outcome::Gradients(gradients) => return Ok(gradients),
-                Outcome::MoreEntries(needed) => {
-                    views.make_tracer(device, scene, size, Some(needed))?;
-                }
-                Outcome::MoreRoom(room) => {
-                    views.adjoint = None;
-                    let Views { tracer, adjoint } = &mut *views;
-                    if let Some(tracer) = tracer {
-                        *adjoint = Some(Adjoint::new(device, scene, tracer, room)?);
-                    }
-                }
-            }
-        }
-    }
-
-    fn trace_camera(&self, camera: &Camera) -> Result<SumImage, GpuError> {
-        let (device, scene) = (&*self.device, &self.buffers);
-        let size = (camera.width, camera.height);
-        let mut views = self.views();
-        let mut tracer = views.tracer(device, scene, camera)?;
-        loop {
-            match tracer.trace(device, camera)? {
-                Traced::Sums(sums) => return Ok(sums),
-                Traced::MoreEntries(needed) => {
-                    tracer = views.make_tracer(device, scene, size, Some(needed))?;
-                }
-            }
-        }
+        self.views()
+            .adjoint(&self.device, &self.buffers, camera, d_sums)
     }
 
     fn views(&self) -> MutexGuard<'_, Views> {
@@ -190,18 +234,28 @@ impl Tracer for GpuScene {
     }
 
     fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
-        Ok(self.trace_camera(camera)?)
+        Ok(self.views().sums(&self.device, &self.buffers, camera)?)
     }
 
     fn render(
         &self,
-        _camera: &Camera,
-        _integrator: &Integrator,
+        camera: &Camera,
+        integrator: &Integrator,
         _options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        Err(TraceError::Device {
-            device: self.device(),
-            problem: "todo".into(),
+        if *integrator != Integrator::ZeroBounce {
+            let problem = "renders 0-bounce so far; light is sampled on the CPU (--device cpu)";
+            return Err(TraceError::Device {
+                device: self.device(),
+                problem: problem.to_owned(),
+            });
+        }
+        let sums = self.camera_sums(camera)?;
+        Ok(RenderedView {
+            radiance: sums.radiance(),
+            second_moment: sums.extract(|_| [0.0]),
+            sums,
+            num_rays: 0,
         })
     }
 }

@@ -2,24 +2,61 @@
 
 use super::layout;
 
+/// Bodies that modules of other crates share with those of this one.
+pub mod shared {
+    /// `Lanes`, and the order of blending.
+    pub const BLEND: &str = include_str!("blend.wgsl");
+    /// Hits of rays with Gaussians; `exp_of_negative`.
+    pub const SURFEL: &str = include_str!("surfel.wgsl");
+}
+
 const INDEX: &str = include_str!("index.wgsl");
-const SURFEL: &str = include_str!("surfel.wgsl");
-const BLEND: &str = include_str!("blend.wgsl");
+use shared::{BLEND, SURFEL};
 const BINS: &str = include_str!("bins.wgsl");
 const ADJOINT: &str = include_str!("adjoint.wgsl");
 const VIEW: &str = include_str!("view.wgsl");
 
 /// A WGSL module.
 #[derive(Debug)]
-pub(super) struct Module {
+pub struct Module {
     pub(super) name: &'static str,
+    declare: Option<fn() -> String>,
     parts: &'static [&'static str],
 }
 
 impl Module {
+    /// A module of another crate: what all modules have, the text of `declare`, and its parts.
+    pub const fn with_declarations(
+        name: &'static str,
+        declare: fn() -> String,
+        parts: &'static [&'static str],
+    ) -> Self {
+        Self {
+            name,
+            declare: Some(declare),
+            parts,
+        }
+    }
+
+    const fn own(name: &'static str, parts: &'static [&'static str]) -> Self {
+        Self {
+            name,
+            declare: None,
+            parts,
+        }
+    }
+
+    /// Its name, different for all modules.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// All of its text.
-    pub(super) fn source(&self) -> String {
+    pub fn source(&self) -> String {
         let mut source = layout::declarations();
+        if let Some(declare) = self.declare {
+            source.push_str(&declare());
+        }
         source.push_str(INDEX);
         for part in self.parts {
             source.push_str(part);
@@ -28,74 +65,60 @@ impl Module {
     }
 }
 
-pub(super) static SCAN: Module = Module {
-    name: "scan",
-    parts: &[include_str!("scan.wgsl")],
-};
-pub(super) static SORT: Module = Module {
-    name: "sort",
-    parts: &[include_str!("sort.wgsl")],
-};
-pub(super) static PROJECT: Module = Module {
-    name: "project",
-    parts: &[SURFEL, BINS, include_str!("bins_project.wgsl")],
-};
-pub(super) static EXPAND: Module = Module {
-    name: "expand",
-    parts: &[BINS, include_str!("bins_expand.wgsl")],
-};
-pub(super) static LISTS: Module = Module {
-    name: "lists",
-    parts: &[BINS, include_str!("bins_lists.wgsl")],
-};
-pub(super) static CAMERA: Module = Module {
-    name: "camera",
-    parts: &[
+pub(super) static SCAN: Module = Module::own("scan", &[include_str!("scan.wgsl")]);
+pub(super) static SORT: Module = Module::own("sort", &[include_str!("sort.wgsl")]);
+pub(super) static PROJECT: Module = Module::own(
+    "project",
+    &[SURFEL, BINS, include_str!("bins_project.wgsl")],
+);
+pub(super) static EXPAND: Module = Module::own("expand", &[BINS, include_str!("bins_expand.wgsl")]);
+pub(super) static LISTS: Module = Module::own("lists", &[BINS, include_str!("bins_lists.wgsl")]);
+pub(super) static CAMERA: Module = Module::own(
+    "camera",
+    &[
         SURFEL,
         BLEND,
         VIEW,
         include_str!("camera_forget.wgsl"),
         include_str!("camera.wgsl"),
     ],
-};
-pub(super) static CAMERA_RECORD: Module = Module {
-    name: "camera with a record",
-    parts: &[
+);
+pub(super) static CAMERA_RECORD: Module = Module::own(
+    "camera with a record",
+    &[
         SURFEL,
         BLEND,
         VIEW,
         include_str!("camera_record.wgsl"),
         include_str!("camera.wgsl"),
     ],
-};
-pub(super) static ADJOINT_COUNT: Module = Module {
-    name: "adjoint: count",
-    parts: &[include_str!("adjoint_count.wgsl")],
-};
-pub(super) static ADJOINT_WEIGHTS: Module = Module {
-    name: "adjoint: weights",
-    parts: &[
+);
+pub(super) static ADJOINT_COUNT: Module =
+    Module::own("adjoint: count", &[include_str!("adjoint_count.wgsl")]);
+pub(super) static ADJOINT_WEIGHTS: Module = Module::own(
+    "adjoint: weights",
+    &[
         SURFEL,
         BLEND,
         ADJOINT,
         VIEW,
         include_str!("adjoint_weights.wgsl"),
     ],
-};
-pub(super) static ADJOINT_ROWS: Module = Module {
-    name: "adjoint: rows",
-    parts: &[
+);
+pub(super) static ADJOINT_ROWS: Module = Module::own(
+    "adjoint: rows",
+    &[
         SURFEL,
         BLEND,
         ADJOINT,
         VIEW,
         include_str!("adjoint_rows.wgsl"),
     ],
-};
-pub(super) static ADJOINT_GATHER: Module = Module {
-    name: "adjoint: gather",
-    parts: &[BLEND, ADJOINT, include_str!("adjoint_gather.wgsl")],
-};
+);
+pub(super) static ADJOINT_GATHER: Module = Module::own(
+    "adjoint: gather",
+    &[BLEND, ADJOINT, include_str!("adjoint_gather.wgsl")],
+);
 
 #[cfg(test)]
 mod tests {
