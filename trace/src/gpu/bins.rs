@@ -163,7 +163,6 @@ pub(super) struct Bins {
     /// First place of each tile, and the end.
     pub(super) list_starts: wgpu::Buffer,
     pub(super) capacity: u32,
-    pub(super) num_tiles: u32,
     num_surfels: u32,
     size: (u32, u32),
     steps: Vec<Step>,
@@ -251,7 +250,6 @@ impl Bins {
             listed,
             list_starts,
             capacity,
-            num_tiles,
             num_surfels: n,
             size: (width, height),
             steps,

@@ -7,8 +7,9 @@ use super::layout::{Layout, layout};
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::cpu::bins::TILE;
-use crate::sums::{NUM_LANES, SumImage, Sums};
+use crate::sums::{NUM_LANES, Sums};
 use eagpt_scene::Camera;
+use std::ops::Range;
 
 /// Hits that wait in the memory of a pixel until they can be blended. More than are usually met on a surface within the size of one
 /// Gaussian; a longer list costs registers, a shorter one more searches.
@@ -71,10 +72,10 @@ fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {
     rows.clamp(TILE, height.next_multiple_of(TILE))
 }
 
-/// Sums, or the room that was missing.
+/// Whether there was room.
 #[derive(Debug)]
-pub(super) enum Traced {
-    Sums(SumImage),
+pub(super) enum Binned {
+    Done,
     /// Lists of tiles need room for this many entries.
     MoreEntries(u32),
 }
@@ -91,7 +92,7 @@ pub(super) struct CameraTracer {
 
 #[derive(Debug)]
 struct SumBand {
-    num_pixels: usize,
+    pixels: Range<usize>,
     steps: Vec<Step>,
 }
 
@@ -132,7 +133,7 @@ impl CameraTracer {
                     device.step(&wgsl::CAMERA, "trace_tiles", &buffers, groups)
                 });
                 SumBand {
-                    num_pixels: (end_row - first_row) as usize * width as usize,
+                    pixels: (first_row * width) as usize..(end_row * width) as usize,
                     steps,
                 }
             })
@@ -151,25 +152,39 @@ impl CameraTracer {
         self.rows
     }
 
-    /// Blended sums of one ray through every pixel centre, read back.
-    pub(super) fn trace(&self, device: &Device, camera: &Camera) -> Result<Traced, GpuError> {
+    /// Pixels that there is room for at once.
+    pub(super) fn pixels_at_once(&self) -> usize {
+        self.bands
+            .iter()
+            .map(|band| band.pixels.len())
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room for.
+    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<Binned, GpuError> {
         let mut commands = device.commands();
         self.bins.record(device, camera, &mut commands);
         device.submit(commands)?;
         let needed = self.bins.num_entries(device)?;
-        if needed > self.bins.capacity {
-            return Ok(Traced::MoreEntries(needed));
-        }
-        let mut pixels = Vec::with_capacity(camera.num_pixels());
+        Ok(if needed > self.bins.capacity {
+            Binned::MoreEntries(needed)
+        } else {
+            Binned::Done
+        })
+    }
+
+    /// Traces the camera that was binned last, and hands each band of pixels with their sums to `finish` while they are on the device.
+    pub(super) fn trace(
+        &self,
+        device: &Device,
+        mut finish: impl FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
+    ) -> Result<(), GpuError> {
         for band in &self.bands {
             device.run(&band.steps)?;
-            let lanes = device.read::<[f32; NUM_LANES]>(&self.sums, 0..band.num_pixels)?;
-            pixels.extend(lanes.into_iter().map(Sums));
+            let lanes = device.read::<[f32; NUM_LANES]>(&self.sums, 0..band.pixels.len())?;
+            finish(&band.pixels, lanes.into_iter().map(Sums).collect())?;
         }
-        Ok(Traced::Sums(SumImage {
-            width: camera.width,
-            height: camera.height,
-            pixels,
-        }))
+        Ok(())
     }
 }

@@ -70,8 +70,8 @@ impl Tier {
 /// Workgroups along the first dimension of a dispatch; WebGPU allows 65,535.
 const MAX_GROUPS_X: u32 = 32_768;
 
-/// Bytes of the largest thing that buffers are arrays of.
-const LARGEST_ELEMENT: u64 = 64;
+/// Bytes of the largest thing that buffers are arrays of, or more.
+const LARGEST_ELEMENT: u64 = 128;
 
 /// Steps that are handed to the driver at once.
 const STEPS_PER_SUBMISSION: usize = 32;
@@ -175,7 +175,7 @@ impl Device {
 
     /// A buffer that kernels use, all zeros.
     pub(super) fn buffer(&self, what: &'static str, size: u64) -> Result<wgpu::Buffer, GpuError> {
-        // No binding may be smaller than one element, and no element is larger than this.
+        // No binding may be smaller than one element, and none is larger than this.
         let size = size.max(LARGEST_ELEMENT).next_multiple_of(4);
         let limit = self.tier.max_bytes();
         if size > limit {

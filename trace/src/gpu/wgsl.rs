@@ -7,6 +7,9 @@ const SURFEL: &str = include_str!("surfel.wgsl");
 const BLEND: &str = include_str!("blend.wgsl");
 const BINS: &str = include_str!("bins.wgsl");
 const ADJOINT: &str = include_str!("adjoint.wgsl");
+const PENDING: &str = include_str!("pending.wgsl");
+pub(super) const RANDOM: &str = include_str!("random.wgsl");
+pub(super) const POINTS: &str = include_str!("points.wgsl");
 const VIEW: &str = include_str!("view.wgsl");
 
 /// A WGSL module.
@@ -17,9 +20,15 @@ pub(super) struct Module {
 }
 
 impl Module {
+    #[cfg(test)]
+    pub(super) const fn new(name: &'static str, parts: &'static [&'static str]) -> Self {
+        Self { name, parts }
+    }
+
     /// All of its text.
     pub(super) fn source(&self) -> String {
         let mut source = layout::declarations();
+        source.push_str(&layout::sobol_function());
         source.push_str(INDEX);
         for part in self.parts {
             source.push_str(part);
@@ -54,6 +63,7 @@ pub(super) static CAMERA: Module = Module {
         SURFEL,
         BLEND,
         VIEW,
+        PENDING,
         include_str!("camera_forget.wgsl"),
         include_str!("camera.wgsl"),
     ],
@@ -64,6 +74,7 @@ pub(super) static CAMERA_RECORD: Module = Module {
         SURFEL,
         BLEND,
         VIEW,
+        PENDING,
         include_str!("camera_record.wgsl"),
         include_str!("camera.wgsl"),
     ],
@@ -96,6 +107,50 @@ pub(super) static ADJOINT_GATHER: Module = Module {
     name: "adjoint: gather",
     parts: &[BLEND, ADJOINT, include_str!("adjoint_gather.wgsl")],
 };
+pub(super) static RAYS: Module = Module {
+    name: "rays",
+    parts: &[
+        SURFEL,
+        BLEND,
+        PENDING,
+        include_str!("bvh.wgsl"),
+        include_str!("rays.wgsl"),
+    ],
+};
+pub(super) static BOUNCE: Module = Module {
+    name: "bounce",
+    parts: &[
+        SURFEL,
+        BLEND,
+        VIEW,
+        PENDING,
+        RANDOM,
+        POINTS,
+        include_str!("bvh.wgsl"),
+        include_str!("start.wgsl"),
+        include_str!("sampling.wgsl"),
+        include_str!("lights.wgsl"),
+        include_str!("bounce.wgsl"),
+        include_str!("light.wgsl"),
+    ],
+};
+pub(super) static PATH: Module = Module {
+    name: "path",
+    parts: &[
+        SURFEL,
+        BLEND,
+        VIEW,
+        PENDING,
+        RANDOM,
+        POINTS,
+        include_str!("bvh.wgsl"),
+        include_str!("start.wgsl"),
+        include_str!("sampling.wgsl"),
+        include_str!("lights.wgsl"),
+        include_str!("path.wgsl"),
+        include_str!("light.wgsl"),
+    ],
+};
 
 #[cfg(test)]
 mod tests {
@@ -115,6 +170,9 @@ mod tests {
             &ADJOINT_WEIGHTS,
             &ADJOINT_ROWS,
             &ADJOINT_GATHER,
+            &RAYS,
+            &BOUNCE,
+            &PATH,
         ]
     }
 
