@@ -23,3 +23,26 @@ fn gather_sample(total: ptr<function, Gathered>, surface: Surface, pixel: u32, s
     }
     add_sample(total, brought, 1u);
 }
+
+@compute @workgroup_size(64)
+fn gather_bounces(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
+    if pixel >= light.end_pixel {
+        return;
+    }
+    let surface = surface_of(pixel);
+    var total = gathered[pixel];
+    if light.first_sample == 0u {
+        total = NOTHING_GATHERED;
+    }
+    if surface.is_there {
+        for (var sample = light.first_sample; sample < light.end_sample; sample++) {
+            gather_sample(&total, surface, light.first_pixel + pixel, sample);
+        }
+    }
+    gathered[pixel] = total;
+}

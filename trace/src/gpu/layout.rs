@@ -91,6 +91,7 @@ const fn size_and_align(wgsl: &str) -> (usize, usize) {
         b"vec3f" => (12, 16),
         b"vec4f" | b"vec4u" => (16, 16),
         b"array<vec4f, 4>" => (64, 16),
+        b"array<u32, 3>" => (12, 4),
         b"Surfel" => (size_of::<Surfel>(), 16),
         _ => (0, 0),
     }
@@ -137,6 +138,7 @@ pub(super) fn layouts() -> Vec<Layout> {
         rays::RayQuery::layout(),
         light::Emitter::layout(),
         light::Gathered::layout(),
+        light::PathState::layout(),
     ]
 }
 
@@ -170,6 +172,8 @@ pub(super) fn declarations() -> String {
         ("TOTAL_CHUNKS", adjoint::TOTAL_CHUNKS),
         ("CHUNK_HITS", adjoint::CHUNK_HITS),
         ("CHUNK_WORDS", adjoint::CHUNK_WORDS),
+        ("LAST_BOUNCE", light::LAST_BOUNCE),
+        ("ROULETTE", light::ROULETTE),
         ("STACK", bvh::STACK),
         ("NO_NODE", bvh::NO_NODE),
         ("SCAN_THREADS", scan::THREADS),

@@ -1,7 +1,7 @@
 //! Light of camera pixels on the device: the twin of [`crate::transport::render`].
 //!
-//! A kernel gathers some samples of some pixels and adds them to what it has gathered before, in the order of samples; how many at once is
-//! limited, so that no driver takes it for hung.
+//! A dispatch takes one bounce of one sample, or a few samples of a single bounce, for many pixels, and adds them to what was gathered before,
+//! in the order of samples: it is short, so that no driver takes it for hung.
 
 use super::bvh::Trees;
 use super::camera::CameraTracer;
@@ -17,8 +17,16 @@ use bytemuck::Zeroable as _;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use std::ops::Range;
 
-/// Rays that a dispatch traces, about: a fifth of a second where five million are traced in one.
-const RAYS_PER_DISPATCH: u32 = 1 << 20;
+/// Pixels of a dispatch: a kernel that runs for seconds is stopped by the driver.
+const PIXELS_PER_DISPATCH: u32 = 1 << 18;
+
+/// Samples of a dispatch, at most. Software adapters (Mesa's llvmpipe) end all loops of an invocation after 65,535 turns in sum.
+const SAMPLES_PER_DISPATCH: u32 = 8;
+
+/// Flag of a path's bounce: no other one follows.
+pub(super) const LAST_BOUNCE: u32 = 1;
+/// Flag of a path's bounce: the path may be ended at random.
+pub(super) const ROULETTE: u32 = 2;
 
 /// Dispatches that are under way at once.
 const DISPATCHES_AHEAD: u32 = 16;
@@ -35,8 +43,10 @@ pub(super) struct LightParameters {
     num_emitters: u32,
     scene_root: u32,
     light_root: u32,
-    max_bounces: u32,
-    roulette_from: u32,
+    /// Number of the bounce that paths are extended by.
+    bounce: u32,
+    /// [`LAST_BOUNCE`] and [`ROULETTE`].
+    flags: u32,
     /// Pixel of the image that buffers begin with.
     first_pixel: u32,
     /// From and to, counted from `first_pixel`.
@@ -55,8 +65,8 @@ impl LightParameters {
             num_emitters: "u32",
             scene_root: "u32",
             light_root: "u32",
-            max_bounces: "u32",
-            roulette_from: "u32",
+            bounce: "u32",
+            flags: "u32",
             first_pixel: "u32",
             start_pixel: "u32",
             end_pixel: "u32",
@@ -112,9 +122,39 @@ pub(super) struct Gathered {
     /// Sum of its squared luminance.
     pub(super) squares: f32,
     pub(super) num_rays: u32,
+    padding: [u32; 3],
+}
+
+/// A path that is under way.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct PathState {
+    /// The surface it has come to.
+    position: [f32; 3],
+    slab: f32,
+    normal: [f32; 3],
+    num_rays: u32,
+    throughput: [f32; 3],
+    is_alive: u32,
+    /// Light so far.
+    brought: [f32; 3],
     padding: u32,
-    padding_too: u32,
-    and_more: u32,
+}
+
+impl PathState {
+    pub(super) fn layout() -> Layout {
+        layout!(PathState {
+            position: "vec3f",
+            slab: "f32",
+            normal: "vec3f",
+            num_rays: "u32",
+            throughput: "vec3f",
+            is_alive: "u32",
+            brought: "vec3f",
+            padding: "u32",
+        })
+    }
 }
 
 impl Gathered {
@@ -123,9 +163,7 @@ impl Gathered {
             total: "vec3f",
             squares: "f32",
             num_rays: "u32",
-            padding: "u32",
-            padding_too: "u32",
-            and_more: "u32",
+            padding: "array<u32, 3>",
         })
     }
 }
@@ -177,12 +215,20 @@ impl LightBuffers {
 #[derive(Debug)]
 pub(super) struct LightGatherer {
     parameters: LightParameters,
+    kind: GatherKind,
     num_samples: u32,
-    rays_per_sample: u32,
     uniform: wgpu::Buffer,
     gathered: wgpu::Buffer,
-    kernel: &'static wgsl::Module,
     buffers: Vec<(u32, wgpu::Buffer)>,
+}
+
+#[derive(Debug)]
+enum GatherKind {
+    OneBounce,
+    Path {
+        max_bounces: u32,
+        roulette_from: Option<u32>,
+    },
 }
 
 impl LightGatherer {
@@ -194,55 +240,55 @@ impl LightGatherer {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<Option<Self>, GpuError> {
-        let has_lights = light.num_emitters > 0 && options.sampling == Sampling::NextEvent;
-        let share = if has_lights { LIGHT_SHARE } else { 0.0 };
-        let mut parameters = LightParameters {
-            key: key_words(options.seed),
-            emission_threshold: options.emission_threshold,
-            light_share: share,
-            num_emitters: light.num_emitters,
-            scene_root: light.scene_root,
-            light_root: light.light_root,
-            ..LightParameters::zeroed()
-        };
-        let (kernel, num_samples, rays_per_sample) = match *integrator {
+        let (num_samples, kind) = match *integrator {
             Integrator::ZeroBounce => return Ok(None),
-            Integrator::OneBounce { num_samples } => (&wgsl::BOUNCE, num_samples, 1),
+            Integrator::OneBounce { num_samples } => (num_samples, GatherKind::OneBounce),
             Integrator::Path {
                 num_samples,
                 max_bounces,
                 roulette_from,
             } => {
-                parameters.max_bounces = max_bounces;
-                parameters.roulette_from = roulette_from.unwrap_or(u32::MAX);
-                let rays = max_bounces.saturating_mul(1 + u32::from(has_lights));
-                (&wgsl::PATH, num_samples, rays)
+                let kind = GatherKind::Path {
+                    max_bounces,
+                    roulette_from,
+                };
+                (num_samples, kind)
             }
         };
-        let pixels = tracer.pixels_at_once() as u64;
-        let gathered = device.buffer("light", pixels * size_of::<Gathered>() as u64)?;
+        let has_lights = light.num_emitters > 0 && options.sampling == Sampling::NextEvent;
+        let parameters = LightParameters {
+            key: RandomKey::new(options.seed, Purpose::Render, 0).words(),
+            emission_threshold: options.emission_threshold,
+            light_share: if has_lights { LIGHT_SHARE } else { 0.0 },
+            num_emitters: light.num_emitters,
+            scene_root: light.scene_root,
+            light_root: light.light_root,
+            ..LightParameters::zeroed()
+        };
+        let room = |what, size: usize| device.buffer(what, (tracer.pixels_at_once() * size) as u64);
+        let gathered = room("light", size_of::<Gathered>())?;
         let uniform = device.uniform("light", &parameters);
-        let buffers = [
-            (0, &tracer.bins.view),
-            (1, &uniform),
-            (2, &scene.surfels),
-            (3, &scene.payloads),
-            (4, &light.nodes),
-            (5, &light.leaf_indices),
-            (6, &light.emitters),
-            (7, &tracer.sums),
-            (8, &gathered),
+        let mut buffers = vec![
+            (0, tracer.bins.view.clone()),
+            (1, uniform.clone()),
+            (2, scene.surfels.clone()),
+            (3, scene.payloads.clone()),
+            (4, light.nodes.clone()),
+            (5, light.leaf_indices.clone()),
+            (6, light.emitters.clone()),
+            (7, tracer.sums.clone()),
+            (8, gathered.clone()),
         ];
+        if let GatherKind::Path { .. } = kind {
+            buffers.push((9, room("paths", size_of::<PathState>())?));
+        }
         Ok(Some(Self {
             parameters,
+            kind,
             num_samples,
-            rays_per_sample,
-            buffers: buffers
-                .map(|(binding, buffer)| (binding, buffer.clone()))
-                .to_vec(),
             uniform,
             gathered,
-            kernel,
+            buffers,
         }))
     }
 
@@ -258,25 +304,17 @@ impl LightGatherer {
         first_pixel: u32,
         num_pixels: u32,
     ) -> Result<Vec<Gathered>, GpuError> {
-        let budget = RAYS_PER_DISPATCH / self.rays_per_sample.max(1);
-        let pixels_at_once = num_pixels.min(budget.max(64));
-        let samples_at_once = (budget / pixels_at_once.max(1)).max(1);
         let mut num_dispatches = 0_u32;
-        for start_pixel in (0..num_pixels).step_by(pixels_at_once.max(1) as usize) {
-            let end_pixel = (start_pixel + pixels_at_once).min(num_pixels);
-            let groups = (end_pixel - start_pixel).div_ceil(64);
-            let step = self.step(device, groups);
-            for first_sample in (0..self.num_samples).step_by(samples_at_once as usize) {
-                let parameters = LightParameters {
-                    first_pixel,
-                    start_pixel,
-                    end_pixel,
-                    first_sample,
-                    end_sample: first_sample
-                        .saturating_add(samples_at_once)
-                        .min(self.num_samples),
-                    ..self.parameters
-                };
+        for start_pixel in (0..num_pixels).step_by(PIXELS_PER_DISPATCH as usize) {
+            let end_pixel = (start_pixel + PIXELS_PER_DISPATCH).min(num_pixels);
+            let pixels = LightParameters {
+                first_pixel,
+                start_pixel,
+                end_pixel,
+                ..self.parameters
+            };
+            let step = self.step(device, (end_pixel - start_pixel).div_ceil(64));
+            for parameters in self.dispatches(pixels) {
                 device.write(&self.uniform, bytemuck::bytes_of(&parameters));
                 device.run(std::slice::from_ref(&step))?;
                 num_dispatches += 1;
@@ -288,17 +326,43 @@ impl LightGatherer {
         device.read(&self.gathered, 0..num_pixels as usize)
     }
 
+    /// The parameters of all dispatches for some pixels, in order.
+    fn dispatches(&self, pixels: LightParameters) -> impl Iterator<Item = LightParameters> {
+        let (samples_at_once, max_bounces, roulette_from) = match self.kind {
+            GatherKind::OneBounce => (SAMPLES_PER_DISPATCH, 1, None),
+            GatherKind::Path {
+                max_bounces,
+                roulette_from,
+            } => (1, max_bounces, roulette_from),
+        };
+        let num_samples = self.num_samples;
+        let samples = (0..num_samples).step_by(samples_at_once as usize);
+        samples.flat_map(move |first_sample| {
+            (0..max_bounces).map(move |bounce| {
+                let is_last = bounce + 1 == max_bounces;
+                let has_roulette = roulette_from.is_some_and(|from| bounce + 1 >= from);
+                LightParameters {
+                    first_sample,
+                    end_sample: first_sample
+                        .saturating_add(samples_at_once)
+                        .min(num_samples),
+                    bounce,
+                    flags: u32::from(is_last) * LAST_BOUNCE + u32::from(has_roulette) * ROULETTE,
+                    ..pixels
+                }
+            })
+        })
+    }
+
     fn step(&self, device: &Device, groups: u32) -> Step {
         let buffers: Vec<(u32, &wgpu::Buffer)> = self
             .buffers
             .iter()
             .map(|(binding, buffer)| (*binding, buffer))
             .collect();
-        device.step(self.kernel, "gather", &buffers, groups)
+        match self.kind {
+            GatherKind::OneBounce => device.step(&wgsl::BOUNCE, "gather_bounces", &buffers, groups),
+            GatherKind::Path { .. } => device.step(&wgsl::PATH, "extend_paths", &buffers, groups),
+        }
     }
-}
-
-/// The words of the key of a rendering's random numbers.
-fn key_words(seed: u64) -> [u32; 4] {
-    RandomKey::new(seed, Purpose::Render, 0).words()
 }

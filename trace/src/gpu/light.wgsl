@@ -23,6 +23,8 @@ fn surface_of(pixel: u32) -> Surface {
     return surface_at(view.origin, direction, met);
 }
 
+const NOTHING_GATHERED = Gathered(vec3f(), 0.0, 0u, array<u32, 3>());
+
 fn luminance(color: vec3f) -> f32 {
     return dot(color, vec3f(0.2126, 0.7152, 0.0722));
 }
@@ -32,27 +34,4 @@ fn add_sample(total: ptr<function, Gathered>, brought: vec3f, num_rays: u32) {
     let y = luminance(brought);
     (*total).squares += y * y;
     (*total).num_rays += num_rays;
-}
-
-@compute @workgroup_size(64)
-fn gather(
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) workgroups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let pixel = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
-    if pixel >= light.end_pixel {
-        return;
-    }
-    let surface = surface_of(pixel);
-    var total = gathered[pixel];
-    if light.first_sample == 0u {
-        total = Gathered(vec3f(), 0.0, 0u, 0u, 0u, 0u);
-    }
-    if surface.is_there {
-        for (var sample = light.first_sample; sample < light.end_sample; sample++) {
-            gather_sample(&total, surface, light.first_pixel + pixel, sample);
-        }
-    }
-    gathered[pixel] = total;
 }

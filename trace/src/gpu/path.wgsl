@@ -1,5 +1,9 @@
-// Paths from a surface to the emitters: the twin of path.rs.
+// Paths from a surface to the emitters, one bounce of one sample at a time: the twin of path.rs.
 
+// Continues light.wgsl.
+@group(0) @binding(9) var<storage, read_write> paths: array<PathState>;
+
+// Blocks of numbers that a bounce draws: one for the bounce, one for the light.
 const BLOCKS = 2u;
 
 // Two rays leave from every vertex, one towards an emitter where that is asked for, then one about the normal, which the path follows. Both go
@@ -7,31 +11,23 @@ const BLOCKS = 2u;
 const TOWARDS_LIGHT = 0u;
 const ABOUT_NORMAL = 1u;
 
-fn gather_sample(total: ptr<function, Gathered>, start: Surface, pixel: u32, sample: u32) {
+// Whether the path goes on.
+fn extend(path: ptr<function, PathState>, pixel: u32) -> bool {
     let looks_for_light = light.light_share > 0.0;
-    var surface = start;
-    var throughput = vec3f(1.0);
-    var brought = vec3f();
-    var num_rays = 0u;
-    for (var ray_number = select(1u, 0u, looks_for_light); ray_number < 2u * light.max_bounces; ray_number++) {
-        let bounce = ray_number / 2u;
-        let kind = ray_number % 2u;
-        let numbers = block_of(light.key, pixel, sample, BLOCKS * bounce + 1u - kind);
-        var direction = vec3f();
+    let surface = Surface(true, (*path).position, (*path).normal, (*path).slab);
+    for (var kind = select(ABOUT_NORMAL, TOWARDS_LIGHT, looks_for_light); kind <= ABOUT_NORMAL; kind++) {
+        let block = BLOCKS * light.bounce + ABOUT_NORMAL - kind;
+        let numbers = block_of(light.key, pixel, light.first_sample, block);
+        var direction = cosine_direction(surface.normal, numbers.x, numbers.y);
         if kind == TOWARDS_LIGHT {
-            if !looks_for_light {
-                continue;
-            }
             direction = sample_light(surface.position, numbers.x, numbers.y, numbers.z);
-        } else {
-            direction = cosine_direction(surface.normal, numbers.x, numbers.y);
         }
         let plain = dot(direction, surface.normal) / PI;
         if kind == TOWARDS_LIGHT && plain <= 0.0 {
             continue;
         }
         let met = trace_ray(ray_from(surface, direction));
-        num_rays++;
+        (*path).num_rays += 1u;
         let is_emitter = met.a.w > light.emission_threshold;
         if is_emitter {
             // The balance heuristic of both ways to come by this direction.
@@ -39,27 +35,55 @@ fn gather_sample(total: ptr<function, Gathered>, start: Surface, pixel: u32, sam
             if looks_for_light {
                 weight = plain / (plain + light_density(surface.position, direction));
             }
-            brought += throughput * met.a.xyz * weight;
+            (*path).brought += (*path).throughput * met.a.xyz * weight;
         }
         if kind == TOWARDS_LIGHT {
             continue;
         }
-        throughput *= met.b.xyz;
-        let survives = numbers.z;
-        if is_emitter {
-            break;
-        }
-        if bounce + 1u >= light.roulette_from {
+        (*path).throughput *= met.b.xyz;
+        if (light.flags & ROULETTE) != 0u {
+            let throughput = (*path).throughput;
             let chance = min(max(throughput.x, max(throughput.y, throughput.z)), 1.0);
-            if survives >= chance {
-                break;
+            if numbers.z >= chance {
+                return false;
             }
-            throughput /= chance;
+            (*path).throughput = throughput / chance;
         }
-        surface = surface_at(surface.position, direction, met);
-        if !surface.is_there {
-            break;
+        let next = surface_at(surface.position, direction, met);
+        (*path).position = next.position;
+        (*path).normal = next.normal;
+        (*path).slab = next.slab;
+        return next.is_there && !is_emitter;
+    }
+    return false;
+}
+
+@compute @workgroup_size(64)
+fn extend_paths(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
+    if pixel >= light.end_pixel {
+        return;
+    }
+    var path = paths[pixel];
+    if light.bounce == 0u {
+        let surface = surface_of(pixel);
+        path = PathState(surface.position, surface.slab, surface.normal, 0u, vec3f(1.0), u32(surface.is_there), vec3f(), 0u);
+        if light.first_sample == 0u {
+            gathered[pixel] = NOTHING_GATHERED;
         }
     }
-    add_sample(total, brought, num_rays);
+    if path.is_alive == 1u {
+        let goes_on = extend(&path, light.first_pixel + pixel) && (light.flags & LAST_BOUNCE) == 0u;
+        path.is_alive = u32(goes_on);
+        if !goes_on {
+            var total = gathered[pixel];
+            add_sample(&total, path.brought, path.num_rays);
+            gathered[pixel] = total;
+        }
+    }
+    paths[pixel] = path;
 }

@@ -130,8 +130,8 @@ pub(super) static BOUNCE: Module = Module {
         include_str!("start.wgsl"),
         include_str!("sampling.wgsl"),
         include_str!("lights.wgsl"),
-        include_str!("bounce.wgsl"),
         include_str!("light.wgsl"),
+        include_str!("bounce.wgsl"),
     ],
 };
 pub(super) static PATH: Module = Module {
@@ -147,8 +147,8 @@ pub(super) static PATH: Module = Module {
         include_str!("start.wgsl"),
         include_str!("sampling.wgsl"),
         include_str!("lights.wgsl"),
-        include_str!("path.wgsl"),
         include_str!("light.wgsl"),
+        include_str!("path.wgsl"),
     ],
 };
 
