@@ -1,13 +1,13 @@
 //! `--device`: what computes, chosen in one place for all commands that can.
 
 use crate::progress::Reporter;
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use eagpt_scene::Gaussians;
+use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 #[cfg(feature = "gpu")]
 use eagpt_trace::gpu::{self, GpuScene, Kind, Wanted};
-use eagpt_trace::{Integrator, Tracer};
 use eagpt_train::backend::TrainDevice;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -88,22 +88,6 @@ pub(crate) enum Engine {
 }
 
 impl DeviceChoice {
-    /// As [`Self::open`], for a rendering by `integrator`: GPUs do not sample light so far.
-    ///
-    /// # Errors
-    /// As [`Self::open`], and if a GPU is asked for by name that cannot do it.
-    pub(crate) fn open_for(
-        &self,
-        integrator: &Integrator,
-        reporter: &mut Reporter,
-    ) -> Result<Engine> {
-        match (integrator, self) {
-            (Integrator::ZeroBounce, _) => self.open(reporter),
-            (_, Self::Auto | Self::Cpu) => Ok(Engine::Cpu),
-            _ => bail!("--device {self}: GPUs render 0-bounce so far; --device cpu samples light"),
-        }
-    }
-
     /// Opens what is asked for, and says so where it is not the CPU.
     ///
     /// # Errors
@@ -147,7 +131,7 @@ impl DeviceChoice {
         match self {
             Self::Auto | Self::Cpu => Ok(Engine::Cpu),
             Self::Gpu | Self::Index(_) | Self::Name(_) => {
-                bail!("--device {self}: this program was built without the feature gpu")
+                anyhow::bail!("--device {self}: this program was built without the feature gpu")
             }
         }
     }

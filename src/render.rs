@@ -201,7 +201,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         builder.record.inputs.push(Input::of(file)?);
     }
     let mut reporter = Reporter::new(global);
-    let engine = args.device.device.open_for(&integrator, &mut reporter)?;
+    let engine = args.device.device.open(&mut reporter)?;
     let scene = engine.tracer(&gaussians)?;
     let display = args
         .display

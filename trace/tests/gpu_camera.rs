@@ -69,10 +69,13 @@ fn sums_are_those_of_the_cpu() {
         return;
     };
     let gaussians = random_cloud(700, 3);
-    let (gpu, cpu) = (
-        GpuScene::new(&device, &gaussians).unwrap(),
+    let (mut gpu, cpu) = (
+        GpuScene::new(&device, &random_cloud(700, 4)).unwrap(),
         CpuScene::new(&gaussians),
     );
+    // Neither the scene before nor the camera before leaves anything behind.
+    gpu.camera_sums(&cameras()[0]).unwrap();
+    gpu.update(&gaussians).unwrap();
     for camera in cameras() {
         let steady = steady_pixels(&gaussians, &camera);
         assert!(2 * steady.len() > camera.num_pixels());

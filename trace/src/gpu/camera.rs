@@ -152,6 +152,15 @@ impl CameraTracer {
         self.rows
     }
 
+    /// Pixels that there is room for at once.
+    pub(super) fn pixels_at_once(&self) -> usize {
+        self.bands
+            .iter()
+            .map(|band| band.pixels.len())
+            .max()
+            .unwrap_or(0)
+    }
+
     /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room for.
     pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<Binned, GpuError> {
         let mut commands = device.commands();

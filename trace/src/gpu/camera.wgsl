@@ -1,8 +1,7 @@
 // Blended sums of all pixels of a camera: the twin of cpu/camera.rs and cpu/tile.rs. A workgroup is a tile, an invocation a pixel.
 //
-// A tile's list is sorted by a bound of the distance, pixels need the order of true distances, ties by index. Hits wait in a short sorted
-// list of the pixel until the bound has passed them. Where that list overflows the farthest hits are forgotten, and the search begins again
-// for those: exact for any number of hits, with memory for PENDING of them.
+// A tile's list is sorted by a bound of the distance, pixels need the order of true distances, ties by index. Hits wait until the bound has
+// passed them; where more wait than there is room for, another search finds those that were forgotten.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> band: Band;
@@ -12,78 +11,32 @@
 @group(0) @binding(5) var<storage, read> payloads: array<Lanes>;
 @group(0) @binding(6) var<storage, read_write> sums: array<Lanes>;
 
-const INFINITE = 3.4e38;
-
-// Hits of a pixel that are not blended yet: [next, end), nearest first.
-struct Pending {
-    next: u32,
-    end: u32,
-    // Hits from here on were forgotten in this search.
-    forgotten_t: f32,
-    forgotten_index: u32,
-    t: array<f32, PENDING>,
-    index: array<u32, PENDING>,
-    place: array<u32, PENDING>,
-    alpha: array<f32, PENDING>,
-}
-
-fn is_before(t: f32, index: u32, other_t: f32, other_index: u32) -> bool {
-    return t < other_t || (t == other_t && index < other_index);
-}
-
-fn wait_for(pending: ptr<function, Pending>, t: f32, index: u32, place: u32, alpha: f32) {
-    if !is_before(t, index, (*pending).forgotten_t, (*pending).forgotten_index) {
-        return;
-    }
-    if (*pending).end == PENDING {
-        let first = (*pending).next;
-        if first > 0u {
-            for (var i = first; i < PENDING; i++) {
-                (*pending).t[i - first] = (*pending).t[i];
-                (*pending).index[i - first] = (*pending).index[i];
-                (*pending).place[i - first] = (*pending).place[i];
-                (*pending).alpha[i - first] = (*pending).alpha[i];
-            }
-            (*pending).next = 0u;
-            (*pending).end = PENDING - first;
-        } else {
-            let last_t = (*pending).t[PENDING - 1u];
-            let last_index = (*pending).index[PENDING - 1u];
-            if !is_before(t, index, last_t, last_index) {
-                (*pending).forgotten_t = t;
-                (*pending).forgotten_index = index;
-                return;
-            }
-            (*pending).forgotten_t = last_t;
-            (*pending).forgotten_index = last_index;
-            (*pending).end = PENDING - 1u;
-        }
-    }
-    var at = (*pending).end;
-    while at > (*pending).next && is_before(t, index, (*pending).t[at - 1u], (*pending).index[at - 1u]) {
-        (*pending).t[at] = (*pending).t[at - 1u];
-        (*pending).index[at] = (*pending).index[at - 1u];
-        (*pending).place[at] = (*pending).place[at - 1u];
-        (*pending).alpha[at] = (*pending).alpha[at - 1u];
-        at--;
-    }
-    (*pending).t[at] = t;
-    (*pending).index[at] = index;
-    (*pending).place[at] = place;
-    (*pending).alpha[at] = alpha;
-    (*pending).end++;
+// Hits are known by their place in the lists.
+fn index_of(place: u32) -> u32 {
+    return listed[place].x;
 }
 
 // Blends the hits nearer than `bound`; returns whether the ray has ended.
-fn blend_before(bound: f32, pending: ptr<function, Pending>, state: ptr<function, Blender>, recorder: ptr<function, Recorder>, direction: vec3f) -> bool {
-    while (*pending).next < (*pending).end && (*pending).t[(*pending).next] < bound {
-        let at = (*pending).next;
-        (*pending).next = at + 1u;
-        let alpha = (*pending).alpha[at];
+fn blend_before(
+    bound: f32,
+    pending: ptr<function, Pending>,
+    state: ptr<function, Blender>,
+    recorder: ptr<function, Recorder>,
+    direction: vec3f,
+) -> bool {
+    while (*pending).next < (*pending).end {
+        let t = (*pending).t[(*pending).next];
+        if t >= bound {
+            break;
+        }
+        let place = (*pending).number[(*pending).next];
+        (*pending).next += 1u;
+        let index = index_of(place);
+        let alpha = alpha_of(seen_surfels[index], meet(seen_surfels[index], direction));
         let before = (*state).transmittance;
-        let offered = offer(state, (*pending).t[at], alpha, payloads[(*pending).index[at]], direction);
+        let offered = offer(state, t, alpha, payloads[index], direction);
         if offered != SKIPPED {
-            record_hit(recorder, (*pending).place[at], alpha, before);
+            record_hit(recorder, place, alpha, before);
         }
         if offered == LAST {
             return true;
@@ -115,12 +68,9 @@ fn trace_tiles(
     var pending: Pending;
     // Hits before this one are done with.
     var from_t = -1.0;
-    var from_index = 0u;
+    var from_place = start;
     loop {
-        pending.next = 0u;
-        pending.end = 0u;
-        pending.forgotten_t = INFINITE;
-        pending.forgotten_index = 0u;
+        clear(&pending);
         var ended = false;
         for (var place = start; place < end; place++) {
             let index = listed[place].x;
@@ -130,8 +80,8 @@ fn trace_tiles(
                 break;
             }
             let hit = meet(seen, direction);
-            if counts(seen, hit) && !is_before(hit.t, index, from_t, from_index) {
-                wait_for(&pending, hit.t, index, place, alpha_of(seen, hit));
+            if counts(seen, hit) && !is_before(hit.t, place, from_t, from_place) {
+                wait_for(&pending, hit.t, place);
             }
         }
         if !ended {
@@ -141,7 +91,7 @@ fn trace_tiles(
             break;
         }
         from_t = pending.forgotten_t;
-        from_index = pending.forgotten_index;
+        from_place = pending.forgotten;
     }
     finish_record(&recorder);
     sums[row * view.width + column - band.first_pixel] = state.sums;

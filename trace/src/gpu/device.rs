@@ -70,8 +70,8 @@ impl Tier {
 /// Workgroups along the first dimension of a dispatch; WebGPU allows 65,535.
 const MAX_GROUPS_X: u32 = 32_768;
 
-/// Bytes of the largest thing that buffers are arrays of.
-const LARGEST_ELEMENT: u64 = 64;
+/// Bytes of the largest thing that buffers are arrays of, or more.
+const LARGEST_ELEMENT: u64 = 128;
 
 /// Steps that are handed to the driver at once.
 const STEPS_PER_SUBMISSION: usize = 32;

@@ -1,11 +1,12 @@
 //! What kernels and Rust share: structures and constants, written down once, in Rust, and declared in WGSL from there.
 
 use super::bins::{self, Seen, View};
-use super::{adjoint, camera, scan, sort};
+use super::{adjoint, bvh, camera, light, rays, scan, sort};
 use crate::cpu::bins::{TILE, TILE_PIXELS};
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::sums::lane;
 use crate::surfel::Surfel;
+use crate::transport::start;
 use std::fmt::Write as _;
 
 /// A structure of kernels, as Rust lays it out.
@@ -94,6 +95,8 @@ const fn size_and_align(wgsl: &str) -> (usize, usize) {
         b"vec4f" | b"vec4u" => (16, 16),
         b"array<vec4f, 4>" => (64, 16),
         b"array<vec4f, 5>" => (80, 16),
+        b"array<u32, 3>" => (12, 4),
+        b"Surfel" => (size_of::<Surfel>(), 16),
         _ => (0, 0),
     }
 }
@@ -135,6 +138,11 @@ pub(super) fn layouts() -> Vec<Layout> {
         camera::Band::layout(),
         scan::ScanParameters::layout(),
         sort::SortParameters::layout(),
+        light::LightParameters::layout(),
+        rays::RayQuery::layout(),
+        light::Emitter::layout(),
+        light::Gathered::layout(),
+        light::PathState::layout(),
     ]
 }
 
@@ -150,6 +158,11 @@ pub(super) fn declarations() -> String {
         ("MIN_COSINE", MIN_COSINE),
         ("OWN_COSINE", OWN_COSINE),
         ("BIN_MARGIN_PIXELS", bins::MARGIN_PIXELS),
+        ("START_MIN_ALPHA", start::MIN_ALPHA),
+        ("SLAB_DEVIATIONS", start::SLAB_DEVIATIONS),
+        ("MIN_SLAB_SIZES", start::MIN_SLAB_SIZES),
+        ("MAX_SLAB_SIZES", start::MAX_SLAB_SIZES),
+        ("MAX_SLANT", start::MAX_SLANT),
     ] {
         write_line(&mut text, format_args!("const {name}: f32 = {value:?};"));
     }
@@ -163,6 +176,10 @@ pub(super) fn declarations() -> String {
         ("TOTAL_CHUNKS", adjoint::TOTAL_CHUNKS),
         ("CHUNK_HITS", adjoint::CHUNK_HITS),
         ("CHUNK_WORDS", adjoint::CHUNK_WORDS),
+        ("LAST_BOUNCE", light::LAST_BOUNCE),
+        ("ROULETTE", light::ROULETTE),
+        ("STACK", bvh::STACK),
+        ("NO_NODE", bvh::NO_NODE),
         ("SCAN_THREADS", scan::THREADS),
         ("SCAN_PER_THREAD", scan::PER_THREAD),
         ("SCAN_BLOCK", scan::BLOCK),
@@ -174,6 +191,21 @@ pub(super) fn declarations() -> String {
     ] {
         write_line(&mut text, format_args!("const {name}: u32 = {value}u;"));
     }
+    text
+}
+
+/// The first 16 bits of a four-dimensional Sobol point by the reversed bits of its number, as the library of [`crate::transport::points`] has
+/// them: one line for each bit.
+pub(super) fn sobol_function() -> String {
+    let mut text = String::from("fn sobol_rev(index: u32) -> vec4u {\n    var point = vec4u();\n");
+    for bit in (16..u32::BITS).rev() {
+        let [x, y, z, w] = [0, 1, 2, 3].map(|axis| sobol_burley::parts::sobol_rev(1 << bit, axis));
+        write_line(
+            &mut text,
+            format_args!("    point ^= vec4u({x}u, {y}u, {z}u, {w}u) * ((index >> {bit}u) & 1u);"),
+        );
+    }
+    text.push_str("    return point;\n}\n");
     text
 }
 

@@ -1,15 +1,22 @@
 //! Gaussians on a device, behind [`Tracer`].
 
 use super::adjoint::{Adjoint, Outcome, Room};
+use super::bvh::NO_NODE;
 use super::camera::{Binned, CameraTracer};
 use super::device::Device;
 use super::error::GpuError;
+use super::light::{Gathered, LightBuffers, LightGatherer};
+use super::rays::{RayQuery, Rays};
 use crate::blend::LocalGradient;
 use crate::engine::{RenderedView, TraceError, Tracer};
-use crate::sums::{SumImage, Sums};
+use crate::ray::Ray;
+use crate::sums::{NUM_LANES, SumImage, Sums};
 use crate::surfel::{Payload, Surfel, SurfelSet};
+use crate::transport::lights::Lights;
 use crate::transport::{Integrator, LightOptions};
 use eagpt_scene::{Camera, Gaussians};
+use glam::Vec3;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Prepared Gaussians in the memory of a device.
@@ -22,11 +29,6 @@ pub(super) struct SceneBuffers {
     num_surfels: u32,
 }
 
-fn lanes(set: &SurfelSet) -> Vec<[f32; 16]> {
-    const { assert!(size_of::<Payload>() == size_of::<[f32; 16]>()) };
-    set.payloads.iter().map(|payload| payload.0).collect()
-}
-
 impl SceneBuffers {
     pub(super) fn new(device: &Device, set: &SurfelSet) -> Result<Self, GpuError> {
         let limit = device.tier().max_bytes();
@@ -36,17 +38,21 @@ impl SceneBuffers {
             needed: (set.len() * size_of::<Surfel>()) as u64,
             limit,
         })?;
-        Ok(Self {
-            surfels: device.upload("Gaussians", bytemuck::cast_slice(&set.surfels))?,
-            payloads: device.upload("payloads", bytemuck::cast_slice(&lanes(set)))?,
+        let size = |one: usize| (set.len() * one) as u64;
+        let buffers = Self {
+            surfels: device.buffer("Gaussians", size(size_of::<Surfel>()))?,
+            payloads: device.buffer("payloads", size(size_of::<Payload>()))?,
             num_surfels,
-        })
+        };
+        buffers.write(device, set);
+        Ok(buffers)
     }
 
     /// Replaces the Gaussians by as many others.
     pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
+        let lanes: Vec<[f32; NUM_LANES]> = set.payloads.iter().map(|payload| payload.0).collect();
         device.write(&self.surfels, bytemuck::cast_slice(&set.surfels));
-        device.write(&self.payloads, bytemuck::cast_slice(&lanes(set)));
+        device.write(&self.payloads, bytemuck::cast_slice(&lanes));
     }
 
     /// Number of Gaussians.
@@ -59,7 +65,10 @@ impl SceneBuffers {
 #[derive(Debug)]
 pub struct GpuScene {
     device: Arc<Device>,
+    set: SurfelSet,
+    lights: Option<Lights>,
     buffers: SceneBuffers,
+    light: Mutex<Option<Arc<LightBuffers>>>,
     /// For cameras of the size last seen.
     views: Mutex<Views>,
 }
@@ -106,6 +115,22 @@ impl Views {
         Ok(self.tracer.insert(tracer))
     }
 
+    /// The tracer for `camera`, with its lists on the device.
+    fn binned(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<&CameraTracer, GpuError> {
+        let size = (camera.width, camera.height);
+        while let Binned::MoreEntries(needed) =
+            self.tracer(device, scene, camera)?.bin(device, camera)?
+        {
+            self.make_tracer(device, scene, size, Some(needed))?;
+        }
+        self.tracer(device, scene, camera)
+    }
+
     /// Blended sums of one ray through every pixel centre, read back.
     pub(super) fn sums(
         &mut self,
@@ -113,12 +138,8 @@ impl Views {
         scene: &SceneBuffers,
         camera: &Camera,
     ) -> Result<SumImage, GpuError> {
-        let size = (camera.width, camera.height);
-        let mut tracer = self.tracer(device, scene, camera)?;
-        while let Binned::MoreEntries(needed) = tracer.bin(device, camera)? {
-            tracer = self.make_tracer(device, scene, size, Some(needed))?;
-        }
         let mut pixels = Vec::with_capacity(camera.num_pixels());
+        let tracer = self.binned(device, scene, camera)?;
         tracer.trace(device, |_, sums| {
             pixels.extend(sums);
             Ok(())
@@ -192,10 +213,13 @@ impl GpuScene {
     /// # Errors
     /// If the device gives up, or has not enough memory.
     pub fn new(device: &Arc<Device>, gaussians: &Gaussians) -> Result<Self, GpuError> {
-        let buffers = SceneBuffers::new(device, &SurfelSet::new(gaussians))?;
+        let set = SurfelSet::new(gaussians);
         Ok(Self {
             device: Arc::clone(device),
-            buffers,
+            buffers: SceneBuffers::new(device, &set)?,
+            set,
+            lights: Lights::new(gaussians),
+            light: Mutex::default(),
             views: Mutex::default(),
         })
     }
@@ -217,9 +241,146 @@ impl GpuScene {
             .adjoint(&self.device, &self.buffers, camera, d_sums)
     }
 
+    /// Blended sums along each of `rays`: those of [`crate::transport::RayTracer::trace`].
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, GpuError> {
+        let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
+        self.rays(&*self.light()?).blend(&queries)
+    }
+
+    /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of meeting nothing. The number beside a ray makes
+    /// the choice.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn choose_hits(&self, rays: &[(Ray, u32)]) -> Result<Vec<Option<u32>>, GpuError> {
+        let queries: Vec<RayQuery> = rays
+            .iter()
+            .map(|(ray, seed)| RayQuery::new(ray, *seed))
+            .collect();
+        let chosen = self.rays(&*self.light()?).choose(&queries)?;
+        let hit = |index| (index != NO_NODE).then_some(index);
+        Ok(chosen.into_iter().map(hit).collect())
+    }
+
+    fn rays<'a>(&'a self, light: &'a LightBuffers) -> Rays<'a> {
+        Rays {
+            device: &self.device,
+            scene: &self.buffers,
+            light,
+        }
+    }
+
+    /// Traces `camera`, band by band; see [`CameraTracer::trace`]. `finish` is made when all buffers are.
+    fn trace_camera<F>(
+        &self,
+        camera: &Camera,
+        make_finish: impl FnOnce(&CameraTracer) -> Result<F, GpuError>,
+    ) -> Result<(), GpuError>
+    where
+        F: FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
+    {
+        let device = &*self.device;
+        let mut views = self.views();
+        let tracer = views.binned(device, &self.buffers, camera)?;
+        tracer.trace(device, make_finish(tracer)?)
+    }
+
+    /// What single rays need, made when first asked for.
+    fn light(&self) -> Result<Arc<LightBuffers>, GpuError> {
+        let mut light = self.light.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(light) = &*light {
+            return Ok(Arc::clone(light));
+        }
+        let made = LightBuffers::new(&self.device, &self.set, self.lights.as_ref())?;
+        Ok(Arc::clone(light.insert(Arc::new(made))))
+    }
+
+    fn render_view(
+        &self,
+        camera: &Camera,
+        integrator: &Integrator,
+        options: &LightOptions,
+    ) -> Result<RenderedView, GpuError> {
+        let device = &*self.device;
+        let light = match integrator {
+            Integrator::ZeroBounce => None,
+            _ => Some(self.light()?),
+        };
+        let mut pixels = Vec::with_capacity(camera.num_pixels());
+        let mut gathered = Vec::new();
+        let mut num_samples = 0;
+        self.trace_camera(camera, |tracer| {
+            let gatherer = match &light {
+                Some(light) => {
+                    let scene = (&self.buffers, &**light);
+                    LightGatherer::new(device, scene, tracer, integrator, options)?
+                }
+                None => None,
+            };
+            num_samples = gatherer.as_ref().map_or(0, LightGatherer::num_samples);
+            let (pixels, gathered) = (&mut pixels, &mut gathered);
+            Ok(move |band: &Range<usize>, sums: Vec<Sums>| {
+                pixels.extend(sums);
+                if let Some(gatherer) = &gatherer {
+                    let (first, num) = (band.start as u32, band.len() as u32);
+                    gathered.extend(gatherer.gather(device, first, num)?);
+                }
+                Ok(())
+            })
+        })?;
+        let sums = SumImage {
+            width: camera.width,
+            height: camera.height,
+            pixels,
+        };
+        Ok(finished(sums, &gathered, num_samples, options))
+    }
+
     fn views(&self) -> MutexGuard<'_, Views> {
         // Whoever panicked left nothing half-done: results are written to buffers before they are read.
         self.views.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The frame of sums and of the light that `num_samples` samples of each pixel have brought.
+fn finished(
+    sums: SumImage,
+    gathered: &[Gathered],
+    num_samples: u32,
+    options: &LightOptions,
+) -> RenderedView {
+    let scale = 1.0 / num_samples.max(1) as f32;
+    let is_sampled = |pixel: usize| {
+        num_samples > 0 && sums.pixels[pixel].emission() <= options.emission_threshold
+    };
+    let mut pixel = 0;
+    let radiance = sums.extract(|seen| {
+        let at = pixel;
+        pixel += 1;
+        if is_sampled(at) {
+            (seen.albedo() * Vec3::from(gathered[at].total) * scale).to_array()
+        } else {
+            seen.radiance().to_array()
+        }
+    });
+    pixel = 0;
+    let second_moment = sums.extract(|_| {
+        let at = pixel;
+        pixel += 1;
+        [if is_sampled(at) {
+            gathered[at].squares * scale
+        } else {
+            0.0
+        }]
+    });
+    RenderedView {
+        radiance,
+        second_moment,
+        num_rays: gathered.iter().map(|light| u64::from(light.num_rays)).sum(),
+        sums,
     }
 }
 
@@ -229,8 +390,16 @@ impl Tracer for GpuScene {
     }
 
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
-        *self = Self::new(&self.device, gaussians)?;
-        Ok(())
+        if gaussians.len() != self.set.len() {
+            *self = Self::new(&self.device, gaussians)?;
+            return Ok(());
+        }
+        // What depends on their number stays as it is.
+        self.set.update(gaussians);
+        self.lights = Lights::new(gaussians);
+        self.buffers.write(&self.device, &self.set);
+        self.light = Mutex::default();
+        Ok(self.device.check()?)
     }
 
     fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
@@ -241,21 +410,8 @@ impl Tracer for GpuScene {
         &self,
         camera: &Camera,
         integrator: &Integrator,
-        _options: &LightOptions,
+        options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        if *integrator != Integrator::ZeroBounce {
-            let problem = "renders 0-bounce so far; light is sampled on the CPU (--device cpu)";
-            return Err(TraceError::Device {
-                device: self.device(),
-                problem: problem.to_owned(),
-            });
-        }
-        let sums = self.camera_sums(camera)?;
-        Ok(RenderedView {
-            radiance: sums.radiance(),
-            second_moment: sums.extract(|_| [0.0]),
-            sums,
-            num_rays: 0,
-        })
+        Ok(self.render_view(camera, integrator, options)?)
     }
 }

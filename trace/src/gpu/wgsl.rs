@@ -14,6 +14,9 @@ const INDEX: &str = include_str!("index.wgsl");
 use shared::{BLEND, SURFEL};
 const BINS: &str = include_str!("bins.wgsl");
 const ADJOINT: &str = include_str!("adjoint.wgsl");
+const PENDING: &str = include_str!("pending.wgsl");
+pub(super) const RANDOM: &str = include_str!("random.wgsl");
+pub(super) const POINTS: &str = include_str!("points.wgsl");
 const VIEW: &str = include_str!("view.wgsl");
 
 /// A WGSL module.
@@ -38,7 +41,7 @@ impl Module {
         }
     }
 
-    const fn own(name: &'static str, parts: &'static [&'static str]) -> Self {
+    pub(super) const fn own(name: &'static str, parts: &'static [&'static str]) -> Self {
         Self {
             name,
             declare: None,
@@ -57,6 +60,7 @@ impl Module {
         if let Some(declare) = self.declare {
             source.push_str(&declare());
         }
+        source.push_str(&layout::sobol_function());
         source.push_str(INDEX);
         for part in self.parts {
             source.push_str(part);
@@ -79,6 +83,7 @@ pub(super) static CAMERA: Module = Module::own(
         SURFEL,
         BLEND,
         VIEW,
+        PENDING,
         include_str!("camera_forget.wgsl"),
         include_str!("camera.wgsl"),
     ],
@@ -89,6 +94,7 @@ pub(super) static CAMERA_RECORD: Module = Module::own(
         SURFEL,
         BLEND,
         VIEW,
+        PENDING,
         include_str!("camera_record.wgsl"),
         include_str!("camera.wgsl"),
     ],
@@ -119,6 +125,50 @@ pub(super) static ADJOINT_GATHER: Module = Module::own(
     "adjoint: gather",
     &[BLEND, ADJOINT, include_str!("adjoint_gather.wgsl")],
 );
+pub(super) static RAYS: Module = Module::own(
+    "rays",
+    &[
+        SURFEL,
+        BLEND,
+        PENDING,
+        include_str!("bvh.wgsl"),
+        include_str!("rays.wgsl"),
+    ],
+);
+pub(super) static BOUNCE: Module = Module::own(
+    "bounce",
+    &[
+        SURFEL,
+        BLEND,
+        VIEW,
+        PENDING,
+        RANDOM,
+        POINTS,
+        include_str!("bvh.wgsl"),
+        include_str!("start.wgsl"),
+        include_str!("sampling.wgsl"),
+        include_str!("lights.wgsl"),
+        include_str!("light.wgsl"),
+        include_str!("bounce.wgsl"),
+    ],
+);
+pub(super) static PATH: Module = Module::own(
+    "path",
+    &[
+        SURFEL,
+        BLEND,
+        VIEW,
+        PENDING,
+        RANDOM,
+        POINTS,
+        include_str!("bvh.wgsl"),
+        include_str!("start.wgsl"),
+        include_str!("sampling.wgsl"),
+        include_str!("lights.wgsl"),
+        include_str!("light.wgsl"),
+        include_str!("path.wgsl"),
+    ],
+);
 
 #[cfg(test)]
 mod tests {
@@ -138,6 +188,9 @@ mod tests {
             &ADJOINT_WEIGHTS,
             &ADJOINT_ROWS,
             &ADJOINT_GATHER,
+            &RAYS,
+            &BOUNCE,
+            &PATH,
         ]
     }
 
