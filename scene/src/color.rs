@@ -15,6 +15,17 @@ const PQ_C1: f64 = 107.0 / 128.0;
 const PQ_C2: f64 = 2413.0 / 128.0;
 const PQ_C3: f64 = 2392.0 / 128.0;
 
+/// The constants of the PQ curve by their names, for kernels: scale of linear light, floor, and those of SMPTE ST 2084.
+pub const PQ_CONSTANTS: [(&str, f64); 7] = [
+    ("PQ_SCALE", PQ_NITS_OF_ONE / PQ_PEAK_NITS),
+    ("PQ_FLOOR", PQ_FLOOR),
+    ("PQ_M1", PQ_M1),
+    ("PQ_M2", PQ_M2),
+    ("PQ_C1", PQ_C1),
+    ("PQ_C2", PQ_C2),
+    ("PQ_C3", PQ_C3),
+];
+
 /// Luminance of a linear Rec.709 colour.
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     rgb[0] * LUMINANCE_REC709[0] + rgb[1] * LUMINANCE_REC709[1] + rgb[2] * LUMINANCE_REC709[2]

@@ -104,6 +104,13 @@ impl<E: Engine> Trainer<E> {
         }
     }
 
+    /// Goes on from other parameters, those of the Gaussians that the engine has.
+    #[cfg(feature = "gpu")]
+    pub(super) fn take_back(&mut self, state: ParameterState) {
+        self.state = state;
+        self.prepare();
+    }
+
     /// Prepares the Gaussians of the parameters.
     fn prepare(&mut self) {
         if self.gaussians.len() == self.state.len() {
