@@ -5,6 +5,7 @@
 //! - [`mod@demo`]: a simulated capture, and all that follows.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`bench`]: how fast each stage is.
+//! - [`device`]: what computes, CPU or GPU.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
 //! - [`output`]: folders and files that results go to.
@@ -21,6 +22,7 @@ mod cli;
 mod colmap;
 mod dataset;
 mod demo;
+mod device;
 mod doctor;
 mod edit;
 mod eval;

@@ -6,6 +6,7 @@ mod display;
 mod shots;
 
 use crate::cli::{self, GlobalArgs};
+use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace, Target};
 use crate::parts::{self, Parts};
@@ -21,7 +22,6 @@ use eagpt_scene::dataset::{SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Image, Shard, ply, png};
-use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
 use serde::Serialize;
@@ -105,6 +105,8 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     path: PathArgs,
     #[command(flatten)]
     display: DisplayArgs,
@@ -156,6 +158,8 @@ struct Options<'a> {
     /// What only PNGs show.
     display: Display,
     camera_path: Option<PathRecord<'a>>,
+    /// Another rounds in another way.
+    device: String,
 }
 
 fn share(text: &str) -> Result<f32, String> {
@@ -196,7 +200,9 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if let Some(file) = &path_file {
         builder.record.inputs.push(Input::of(file)?);
     }
-    let scene: Box<dyn Tracer> = Box::new(CpuScene::new(&gaussians));
+    let mut reporter = Reporter::new(global);
+    let engine = args.device.device.open(&mut reporter)?;
+    let scene = engine.tracer(&gaussians)?;
     let display = args
         .display
         .resolve(scene.as_ref(), &shots.list, &integrator, &light)?;
@@ -214,6 +220,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
             ran: denoiser.as_ref().map(Denoiser::identity),
         },
         camera_path: shots.path_record(),
+        device: scene.device(),
     })?;
     target(Replace::from_flag(args.force)).prepare()?;
     if args.force {
@@ -222,7 +229,6 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let key = key(&builder.record, &outputs)?;
     let mut parts = Parts::open(&args.out, "render", &key, shard)?;
 
-    let mut reporter = Reporter::new(global);
     for warning in &builder.record.warnings {
         reporter.warning(warning);
     }

@@ -3,6 +3,7 @@
 pub(crate) mod layers;
 
 use crate::cli::{self, GlobalArgs};
+use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -72,6 +73,8 @@ pub(crate) struct TrainArgs {
     set: Vec<String>,
     /// Continue the run in RUN from its newest checkpoint, to the same bits as without the break
     ///
+    /// That is, on the same device; another goes on as well, and ends elsewhere by rounding.
+    ///
     /// Its options are taken from RUN/train.toml unless --preset or --config is given.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -90,6 +93,8 @@ pub(crate) struct TrainArgs {
     /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it [default: those of the dataset]
     #[arg(long, value_name = "DIR")]
     normals: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Print the effective options as TOML and stop
     #[arg(long)]
     dump_config: bool,
@@ -108,6 +113,7 @@ Examples:
   eagpt train kitchen --out runs/quick --preset draft --gaussians 20000 --seed 3
   eagpt train kitchen --out runs/rates --config base.toml --set radiance.rates.position=5e-5
   eagpt train kitchen --out runs/kitchen --resume
+  eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -159,6 +165,8 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     // clap asks for both unless --dump-config is given.
     let dataset = args.dataset.clone().unwrap_or_default();
     let out = args.out.clone().unwrap_or_default();
+    let mut reporter = Reporter::new(global);
+    let engine = args.device.device.open(&mut reporter)?;
     let request = TrainRequest {
         dataset,
         masks: args.masks.clone(),
@@ -178,11 +186,11 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         image_budget: args
             .memory
             .map(|mib| usize::try_from(mib.saturating_mul(1 << 20)).unwrap_or(usize::MAX)),
+        device: engine.for_training(),
         stop: interrupt::stop_flag()?,
     };
     check_target(&request)?;
     let mut builder = RecordBuilder::begin("train", &request.options)?;
-    let mut reporter = Reporter::new(global);
     let summary = reporter.follow(tell, |progress| eagpt_train::train(&request, progress))?;
     fill_record(&mut builder, &request, &summary)?;
     let record = builder.write(&request.out)?;

@@ -23,6 +23,18 @@ pub struct Windows {
     pub(crate) num: usize,
 }
 
+impl Windows {
+    /// Number of windows that count.
+    pub fn num(&self) -> usize {
+        self.num
+    }
+
+    /// Whether the window around a pixel counts, by its index in rows.
+    pub fn has(&self, pixel: usize) -> bool {
+        self.counts[pixel]
+    }
+}
+
 impl KnownPixels {
     /// The pixels that are not 0 in a mask of known pixels.
     pub fn new(valid: &Image<1>) -> Self {

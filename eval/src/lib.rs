@@ -31,7 +31,7 @@ mod report;
 pub mod scene_metrics;
 pub mod ssim;
 pub mod tabulate;
-mod window;
+pub mod window;
 
 pub use align::{AlignedMetrics, ExposureFit, compare_aligned};
 pub use encode::{pq_encoded, srgb_clipped};

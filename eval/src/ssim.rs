@@ -16,8 +16,10 @@ use crate::window::{RADIUS, blur_columns, blur_row};
 use eagpt_scene::Image;
 use rayon::prelude::*;
 
-const C1: f32 = 0.01 * 0.01;
-const C2: f32 = 0.03 * 0.03;
+/// Keeps the quotient of the means finite.
+pub const C1: f32 = 0.01 * 0.01;
+/// Keeps the quotient of the structures finite.
+pub const C2: f32 = 0.03 * 0.03;
 /// Blurred quantities that the value needs: m_x, m_y, q, p.
 const NUM_MOMENTS: usize = 4;
 /// Derivatives that are blurred for the gradient: by m_y, q, p.

@@ -1,11 +1,11 @@
 //! The 11-tap Gaussian window of SSIM, as passes over contiguous rows that the compiler vectorises.
 
 /// Taps on each side of the centre.
-pub(crate) const RADIUS: usize = 5;
+pub const RADIUS: usize = 5;
 const NUM_TAPS: usize = 2 * RADIUS + 1;
 
 /// exp(−i² / (2·1.5²)) for i = 0..=5 over the sum of all eleven: distance from the centre, then weight.
-pub(crate) const WEIGHTS: [f32; RADIUS + 1] = [
+pub const WEIGHTS: [f32; RADIUS + 1] = [
     0.266_011_72,
     0.213_005_53,
     0.109_360_69,

@@ -43,6 +43,11 @@ impl RandomKey {
         ]))
     }
 
+    /// The key itself, for kernels that draw the same numbers.
+    pub fn words(self) -> [u32; 4] {
+        self.0
+    }
+
     /// The stream of one element (pixel, Gaussian, …) and one sample of it.
     #[inline]
     pub fn stream(self, element: u32, sample: u32) -> RandomStream {

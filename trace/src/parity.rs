@@ -37,10 +37,12 @@ impl Parity {
 ///
 /// # Errors
 /// What the engine says, or [`TraceError::Device`] if a pool of one thread cannot be made.
-pub fn compare<T: Tracer>(new: impl Fn(&Gaussians) -> T + Sync) -> Result<Parity, TraceError> {
+pub fn compare<T: Tracer>(
+    new: impl Fn(&Gaussians) -> Result<T, TraceError> + Sync,
+) -> Result<Parity, TraceError> {
     let cloud = random_cloud(700, 3);
     let camera = camera(48, 32);
-    let engine = new(&cloud);
+    let engine = new(&cloud)?;
     let seen = engine.camera_sums(&camera)?;
     let one = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
@@ -49,7 +51,7 @@ pub fn compare<T: Tracer>(new: impl Fn(&Gaussians) -> T + Sync) -> Result<Parity
             device: engine.device(),
             problem: error.to_string(),
         })?;
-    let alone = one.install(|| new(&cloud).camera_sums(&camera))?;
+    let alone = one.install(|| new(&cloud)?.camera_sums(&camera))?;
 
     let gaussians: Vec<OracleGaussian> = cloud.iter().map(|g| OracleGaussian::from(&g)).collect();
     let frame = camera.ray_frame();
@@ -71,7 +73,7 @@ pub fn compare<T: Tracer>(new: impl Fn(&Gaussians) -> T + Sync) -> Result<Parity
         }
     }
 
-    let large = new(&random_cloud(50_000, 5));
+    let large = new(&random_cloud(50_000, 5))?;
     let camera = self::camera(240, 160);
     large.camera_sums(&camera)?;
     let started = Instant::now();
@@ -100,7 +102,7 @@ mod tests {
 
     #[test]
     fn the_cpu_engine_is_right() {
-        let found = compare(CpuScene::new).unwrap();
+        let found = compare(|gaussians| Ok(CpuScene::new(gaussians))).unwrap();
         assert!(found.is_good(), "{found:?}");
         assert!(
             found.num_compared > 500 && found.rays_per_s > 0.0,
@@ -140,7 +142,7 @@ mod tests {
 
     #[test]
     fn an_engine_that_is_off_is_found_out() {
-        let found = compare(|gaussians| Wrong(CpuScene::new(gaussians))).unwrap();
+        let found = compare(|gaussians| Ok(Wrong(CpuScene::new(gaussians)))).unwrap();
         assert!(!found.is_good() && found.is_repeatable, "{found:?}");
     }
 }

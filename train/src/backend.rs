@@ -4,9 +4,14 @@
 //! prepared images — for the whole run, and hands back scalars. Full state crosses the seam only for checkpoints.
 
 mod cpu;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod irradiance;
+mod trainer;
 
 pub use cpu::CpuBackend;
+#[cfg(feature = "gpu")]
+pub use gpu::GpuBackend;
 
 use crate::densify::Densified;
 use crate::error::Result;
@@ -17,6 +22,31 @@ use eagpt_scene::{Camera, View};
 use eagpt_trace::sums::SumImage;
 use std::ops::Range;
 use std::sync::Arc;
+
+/// Where a run computes.
+#[derive(Debug, Clone, Default)]
+pub enum TrainDevice {
+    /// All threads of the current rayon pool.
+    #[default]
+    Cpu,
+    /// A device that wgpu has opened.
+    #[cfg(feature = "gpu")]
+    Gpu(Arc<eagpt_trace::gpu::Device>),
+}
+
+impl TrainDevice {
+    /// A backend there that starts from `state`; prepared images may take `target_budget` bytes.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn backend(&self, state: ParameterState, target_budget: usize) -> Result<Box<dyn Backend>> {
+        Ok(match self {
+            Self::Cpu => Box::new(CpuBackend::new(state, target_budget)),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device) => Box::new(GpuBackend::new(device, state, target_budget)?),
+        })
+    }
+}
 
 /// A training view with the index by which a backend may keep prepared copies.
 #[derive(Debug, Clone)]

@@ -67,3 +67,10 @@ pub enum TrainError {
         what: String,
     },
 }
+
+#[cfg(feature = "gpu")]
+impl From<eagpt_trace::gpu::GpuError> for TrainError {
+    fn from(error: eagpt_trace::gpu::GpuError) -> Self {
+        Self::Trace(error.into())
+    }
+}

@@ -6,7 +6,7 @@ pub(crate) mod views;
 
 pub use plan::{Memory, memory};
 
-use crate::backend::{Backend, CpuBackend, TrainingView};
+use crate::backend::{Backend, TrainDevice, TrainingView};
 use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
@@ -63,6 +63,8 @@ pub struct TrainRequest {
     pub bad_views: BadViews,
     /// Bytes that images may take in memory; without it, half of what is free.
     pub image_budget: Option<usize>,
+    /// Where it is computed.
+    pub device: TrainDevice,
     /// Set from outside to stop after the current iteration with a checkpoint.
     pub stop: Arc<AtomicBool>,
 }
@@ -143,7 +145,7 @@ pub fn train(
         }
         None => initial_checkpoint(&dataset, &mut views, fingerprint.clone(), &mut run)?,
     };
-    let mut backend: Box<dyn Backend> = Box::new(CpuBackend::new(start.state.clone(), budget / 2));
+    let mut backend = request.device.backend(start.state.clone(), budget / 2)?;
     let mut position = start;
     position.state = ParameterState::default();
     let finished = run.stages(backend.as_mut(), &views, &mut position)?;

@@ -44,9 +44,9 @@ const MIN_RADIANCE: f32 = 1e-6;
 const SIGMOID_MARGIN: f32 = 1e-4;
 
 /// Adam's moment decays and divisor guard (Kingma and Ba 2015; the guard is that of 3DGS).
-const BETA_1: f32 = 0.9;
-const BETA_2: f32 = 0.999;
-const EPSILON: f32 = 1e-15;
+pub(crate) const BETA_1: f32 = 0.9;
+pub(crate) const BETA_2: f32 = 0.999;
+pub(crate) const EPSILON: f32 = 1e-15;
 
 /// Raw parameters with Adam's moments: the whole state of an optimisation.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -311,20 +311,12 @@ impl ParameterState {
             .collect();
         let suspects = first_bad.into_inner().min(raw.len());
         for (index, gradient) in raw.iter().enumerate().skip(suspects) {
-            if let Some(at) = gradient.iter().position(|x| !x.is_finite()) {
-                return Err(BadGradient {
-                    class: class_of(at),
-                    index,
-                    value: gradient[at],
-                });
+            if let Some(bad) = BadGradient::find(index, gradient) {
+                return Err(bad);
             }
         }
         self.num_steps += 1;
-        let adam = Adam {
-            sizes: *sizes,
-            correction_1: 1.0 / (1.0 - BETA_1.powi(self.num_steps as i32)),
-            correction_2: 1.0 / (1.0 - BETA_2.powi(self.num_steps as i32)),
-        };
+        let adam = Adam::new(*sizes, self.num_steps);
         self.values
             .par_chunks_mut(ADAM_CHUNK)
             .zip(self.first.par_chunks_mut(ADAM_CHUNK))
@@ -341,10 +333,23 @@ impl ParameterState {
 const ADAM_CHUNK: usize = 1024;
 
 /// One step's constants.
-struct Adam {
+pub(crate) struct Adam {
     sizes: StepSizes,
-    correction_1: f32,
-    correction_2: f32,
+    /// What first moments are to be multiplied with …
+    pub(crate) correction_1: f32,
+    /// … and second ones, since both started at zero.
+    pub(crate) correction_2: f32,
+}
+
+impl Adam {
+    /// Those of step `num_steps`, counted from 1.
+    pub(crate) fn new(sizes: StepSizes, num_steps: u32) -> Self {
+        Self {
+            sizes,
+            correction_1: 1.0 / (1.0 - BETA_1.powi(num_steps as i32)),
+            correction_2: 1.0 / (1.0 - BETA_2.powi(num_steps as i32)),
+        }
+    }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
@@ -377,6 +382,18 @@ pub struct BadGradient {
     pub index: usize,
     /// The value.
     pub value: f32,
+}
+
+impl BadGradient {
+    /// The first value of `gradient`, that of Gaussian `index`, that is not finite.
+    pub(crate) fn find(index: usize, gradient: &Raw) -> Option<Self> {
+        let at = gradient.iter().position(|x| !x.is_finite())?;
+        Some(Self {
+            class: class_of(at),
+            index,
+            value: gradient[at],
+        })
+    }
 }
 
 fn class_of(at: usize) -> &'static str {

@@ -2,7 +2,7 @@
 
 mod pq;
 
-pub use pq::{pq_from_linear, pq_from_linear_with_slope};
+pub use pq::{PQ_CONSTANTS, pq_from_linear, pq_from_linear_with_slope};
 
 /// Rec.709 luminance weights for linear R, G, B.
 pub const LUMINANCE_REC709: [f32; 3] = [0.2126, 0.7152, 0.0722];

@@ -14,6 +14,17 @@ const PQ_C1: f64 = 107.0 / 128.0;
 const PQ_C2: f64 = 2413.0 / 128.0;
 const PQ_C3: f64 = 2392.0 / 128.0;
 
+/// The constants of the curve by their names, for kernels: scale of linear light, floor, and those of SMPTE ST 2084.
+pub const PQ_CONSTANTS: [(&str, f64); 7] = [
+    ("PQ_SCALE", PQ_NITS_OF_ONE / PQ_PEAK_NITS),
+    ("PQ_FLOOR", PQ_FLOOR),
+    ("PQ_M1", PQ_M1),
+    ("PQ_M2", PQ_M2),
+    ("PQ_C1", PQ_C1),
+    ("PQ_C2", PQ_C2),
+    ("PQ_C3", PQ_C3),
+];
+
 /// PQ encoding of linear light; the normalised value is clamped below at 1e-6.
 pub fn pq_from_linear(linear: f32) -> f32 {
     pq_and_slope(f64::from(linear)).0 as f32

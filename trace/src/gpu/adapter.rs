@@ -45,12 +45,16 @@ pub enum Kind {
 
 /// All devices, in the order in which wgpu finds them; none where no driver is installed.
 pub fn adapters() -> Vec<Adapter> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    found.iter().map(describe).collect()
+    found().iter().map(describe).collect()
 }
 
-fn describe(adapter: &wgpu::Adapter) -> Adapter {
+/// All devices as wgpu has them.
+pub(super) fn found() -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY))
+}
+
+pub(super) fn describe(adapter: &wgpu::Adapter) -> Adapter {
     let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
     let driver = [info.driver.trim(), info.driver_info.trim()];
     let driver: Vec<&str> = driver.into_iter().filter(|text| !text.is_empty()).collect();

@@ -1,5 +1,50 @@
-//! Devices that wgpu finds (Vulkan, Metal, DirectX 12).
+//! The engine on devices that wgpu finds (Vulkan, Metal, DirectX 12): the same model and the same results as [`crate::cpu`], within rounding.
+//!
+//! Kernels are written by hand in WGSL, one file per stage with the stem of its twin on the CPU, and keep to what every device of WebGPU has
+//! ([`Tier::BASELINE`]): eight storage buffers, 128 MiB in one of them, no float atomics, no subgroups, 16 KiB for a workgroup. Structures and
+//! constants are declared in Rust (`layout`) and written into every module (`wgsl`) from there. Work is recorded as steps, a kernel with its
+//! buffers, that are replayed as often as needed; buffers stay on the device from call to call.
+//!
+//! - `scan`, `sort`: prefix sums and a stable radix sort.
+//! - `bins`: which Gaussians each tile of a camera may see: two sorts, by distance and by tile.
+//! - `camera`: blended sums of all pixels. Tiles go through their lists once, and again only where more hits wait than there is room for.
+//! - `adjoint`: gradients. Sums have a fixed order, nothing is added atomically: the same device gives the same bits in every run.
+//! - `bvh`, `rays`: single rays, blended or with one hit chosen by its weight.
+//! - `light`: the `1-bounce` and `path` integrators; random numbers have the bits of the CPU's.
+//! - [`GpuScene`]: all of it behind [`crate::Tracer`].
+//!
+//! Against the CPU: divisions and square roots of devices round otherwise, and compilers fuse multiplications with additions. A hit on the rim
+//! of a Gaussian, or one of two at nearly the same distance, may therefore be seen differently; tests leave such rays out
+//! ([`crate::oracle::is_ambiguous`]) and hold all others to a few units in the last place of single precision.
 
 mod adapter;
+mod adjoint;
+mod bins;
+mod bvh;
+mod camera;
+mod device;
+mod error;
+mod fit;
+mod layout;
+mod light;
+mod rays;
+mod scan;
+mod scene;
+mod sort;
+#[cfg(test)]
+mod tests;
+mod wgsl;
 
 pub use adapter::{Adapter, Kind, adapters};
+pub use device::{Device, Tier, Wanted};
+pub use error::GpuError;
+pub use fit::{Frame, FrameRoom, GpuFit};
+pub use scene::GpuScene;
+
+/// What kernels of other crates are made of.
+pub mod kernel {
+    pub use super::device::Step;
+    pub use super::layout::{Layout, Member, layout};
+    pub use super::wgsl::{Module, shared};
+    pub use wgpu::Buffer;
+}

@@ -43,6 +43,18 @@ struct Emitter {
     density: f32,
 }
 
+/// An emissive Gaussian with its chances.
+#[cfg(feature = "gpu")]
+pub(crate) struct Footprint<'a> {
+    pub(crate) surfel: &'a crate::surfel::Surfel,
+    /// Probability that one up to this one is chosen.
+    pub(crate) cumulative: f32,
+    /// Part of the footprint inside the cut.
+    pub(crate) inside: f32,
+    /// Its probability over the area of the footprint.
+    pub(crate) density: f32,
+}
+
 impl Lights {
     /// The lights among `gaussians`, or `None` if nothing emits.
     pub fn new(gaussians: &Gaussians) -> Option<Self> {
@@ -95,6 +107,20 @@ impl Lights {
     /// Never: a scene without emitters has no [`Lights`].
     pub fn is_empty(&self) -> bool {
         self.emitters.is_empty()
+    }
+
+    /// The emissive Gaussians and the chances with which they are chosen, for kernels.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn footprints(&self) -> impl Iterator<Item = Footprint<'_>> {
+        let emitters = self.emitters.iter().zip(&self.cumulative);
+        emitters
+            .zip(&self.set.surfels)
+            .map(|((emitter, &cumulative), surfel)| Footprint {
+                surfel,
+                cumulative,
+                inside: emitter.inside,
+                density: emitter.density,
+            })
     }
 
     /// A unit direction from `origin` to a random point of a random emitter; `None` if the point is the origin. `pick` chooses the emitter,

@@ -11,17 +11,17 @@ use crate::sums::Sums;
 use glam::Vec3;
 
 /// Half the slab, in standard deviations of the hits' heights.
-const SLAB_DEVIATIONS: f32 = 3.0;
+pub(crate) const SLAB_DEVIATIONS: f32 = 3.0;
 /// The slab is taken no thicker than this many mean sizes of the hit Gaussians: where a ray grazes an edge the spread is
 /// that of two surfaces and says nothing about either.
-const MAX_SLAB_SIZES: f32 = 1.0;
+pub(crate) const MAX_SLAB_SIZES: f32 = 1.0;
 /// The slab is taken no thinner than this many mean sizes: discs of a flat wall still differ in tilt.
-const MIN_SLAB_SIZES: f32 = 0.1;
+pub(crate) const MIN_SLAB_SIZES: f32 = 0.1;
 /// A ray that leaves at a grazing angle ignores hits on its own surface for at most this many slab thicknesses: farther
 /// away, even of a wall like this one, it may be another wall.
-const MAX_SLANT: f32 = 8.0;
+pub(crate) const MAX_SLANT: f32 = 8.0;
 /// Opacity below which a ray has met nothing that light could bounce off.
-const MIN_ALPHA: f32 = 1e-3;
+pub(crate) const MIN_ALPHA: f32 = 1e-3;
 
 /// A point from which light bounces on.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,379 +1,58 @@
 //! Training on the CPU.
 
-use super::irradiance::{self, GaussianIrradiance};
-use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
-use crate::densify::{self, Attribution, Densified};
+use super::trainer::{Engine, Trainer};
 use crate::error::Result;
-use crate::loss::{LossTerms, PixelLight, albedo_loss, color::pq_image, radiance_loss};
-use crate::options::{AlbedoOptions, Gather};
-use crate::params::{ParameterState, StepSizes};
-use eagpt_eval::KnownPixels;
-use eagpt_scene::machine::available_memory;
-use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussians, Image};
-use eagpt_trace::blend::{LocalGradient, grad_lane};
+use crate::params::ParameterState;
+use eagpt_scene::Camera;
+use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::cpu::{CameraRecord, CpuScene, Wanted};
-use eagpt_trace::sums::{SumImage, Sums, lane};
+use eagpt_trace::cpu::{CameraRecord, Wanted};
+use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::lights::BounceSampler;
-use eagpt_trace::transport::links::Directions;
-use eagpt_trace::transport::points::Points;
-use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
-use glam::{Vec3, Vec4};
-use rayon::prelude::*;
-use std::collections::HashMap;
-use std::ops::Range;
-use std::sync::Arc;
+
+/// The rays of the CPU engine.
+#[derive(Default)]
+pub struct CpuEngine {
+    /// Of the view that was traced last: memory for the next.
+    record: CameraRecord,
+}
 
 /// Training on the CPU, with all threads of the current rayon pool.
-pub struct CpuBackend {
-    state: ParameterState,
-    gaussians: Gaussians,
-    set: SurfelSet,
-    /// Of the view that was looked at last: memory for the next.
-    record: CameraRecord,
-    /// What views said since Gaussians were last split.
-    attribution: Option<Attribution>,
-    /// Built when stage 1 first needs it; geometry does not move from then on.
-    scene: Option<CpuScene>,
-    gathered: Option<GaussianIrradiance>,
-    /// The gathered light by Gaussian, made when it is complete.
-    lights: Vec<Vec4>,
-    /// Views as stage 1 sees them, as far as they fit.
-    lit_views: HashMap<usize, Arc<LitView>>,
-    /// Bytes that they may still take.
-    lit_budget: u64,
-    targets: HashMap<usize, Arc<Image<3>>>,
-    /// Bytes that prepared targets may still take.
-    target_budget: usize,
-}
+pub type CpuBackend = Trainer<CpuEngine>;
 
 impl CpuBackend {
     /// A backend that starts from `state`; prepared images may take `target_budget` bytes.
     pub fn new(state: ParameterState, target_budget: usize) -> Self {
-        let gaussians = state.gaussians();
-        let set = SurfelSet::new(&gaussians);
-        Self {
-            state,
-            gaussians,
-            set,
-            record: CameraRecord::default(),
-            attribution: None,
-            scene: None,
-            gathered: None,
-            lights: Vec::new(),
-            lit_views: HashMap::new(),
-            lit_budget: 0,
-            targets: HashMap::new(),
-            target_budget,
-        }
-    }
-
-    fn target(&mut self, view: &TrainingView) -> Arc<Image<3>> {
-        if let Some(target) = self.targets.get(&view.index) {
-            return Arc::clone(target);
-        }
-        let target = Arc::new(pq_image(&view.view.radiance));
-        if let Some(left) = self.target_budget.checked_sub(target.num_bytes()) {
-            self.target_budget = left;
-            self.targets.insert(view.index, Arc::clone(&target));
-        }
-        target
-    }
-
-    fn update(&mut self, d_sums: &[Sums], sizes: &StepSizes, terms: LossTerms) -> StepOutcome {
-        let wanted = if sizes.move_geometry() {
-            Wanted::Everything
-        } else {
-            Wanted::LightAndMaterial
-        };
-        let gradients = self.record.adjoint(&self.set, d_sums, wanted);
-        self.state.step(&self.gaussians, &gradients, sizes)?;
-        self.state.write_gaussians(&mut self.gaussians);
-        self.set.update(&self.gaussians);
-        Ok(terms)
-    }
-
-    fn trace(&mut self, camera: &Camera, keep: Keep) -> SumImage {
-        self.record.trace(&self.set, camera, HitSearch::Tiles, keep)
-    }
-
-    fn scene(&mut self) -> &CpuScene {
-        self.scene
-            .get_or_insert_with(|| CpuScene::new(&self.gaussians))
-    }
-
-    /// `view` with the light that was gathered.
-    fn lit_view(&mut self, view: &TrainingView, threshold: f32) -> Arc<LitView> {
-        if let Some(known) = self.lit_views.get(&view.index) {
-            return Arc::clone(known);
-        }
-        let camera = &view.view.camera;
-        let sums = self.trace(camera, Keep::Record);
-        let weights = self.record.weights(LEAST_WEIGHT);
-        let arriving = irradiance::of_pixels(&weights, &self.lights);
-        let light = PixelLight::new(&sums, arriving, threshold);
-        let lit = Arc::new(LitView { weights, light });
-        let num_bytes = (lit.weights.num_bytes() + lit.light.num_bytes()) as u64;
-        if let Some(left) = self.lit_budget.checked_sub(num_bytes) {
-            self.lit_budget = left;
-            self.lit_views.insert(view.index, Arc::clone(&lit));
-        }
-        lit
-    }
-
-    /// Loss of stage 1, and its gradient with respect to the albedo of each Gaussian, `[n]`, in a gradient of everything.
-    fn albedo_gradient(
-        &mut self,
-        view: &TrainingView,
-        step: &AlbedoStep<'_>,
-    ) -> (LossTerms, Vec<LocalGradient>) {
-        let target = self.target(view);
-        let known = view.view.valid.as_ref().map(KnownPixels::new);
-        let loss = |albedos: &[Vec3], light: &PixelLight| {
-            albedo_loss(albedos, light, &target, step.ssim_share, known.as_ref())
-        };
-        let threshold = step.options.emission_threshold;
-        match step.options.gather {
-            Gather::Gaussians => {
-                let LitView { weights, light } = &*self.lit_view(view, threshold);
-                let own = &self.gaussians.albedos;
-                let (terms, d_pixels) = loss(&weights.blend(|i| own[i as usize]), light);
-                let d_albedos = weights.adjoint(&d_pixels, own.len());
-                let gradient = |d: Vec3| {
-                    let mut lanes = LocalGradient::default();
-                    lanes.0[grad_lane::ALBEDO..].copy_from_slice(&d.to_array());
-                    lanes
-                };
-                (terms, d_albedos.into_iter().map(gradient).collect())
-            }
-            Gather::Pixels => {
-                let camera = &view.view.camera;
-                let sums = self.trace(camera, Keep::Record);
-                let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
-                let arriving = gather_pixels(self.scene(), camera, &sums, step.options, key);
-                let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
-                let light = PixelLight::new(&sums, arriving, threshold);
-                let (terms, d_pixels) = loss(&albedos, &light);
-                let of_albedo = |d: &Vec3| {
-                    let mut lanes = Sums::default();
-                    lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
-                    lanes
-                };
-                let d_sums: Vec<Sums> = d_pixels.iter().map(of_albedo).collect();
-                let wanted = Wanted::LightAndMaterial;
-                (terms, self.record.adjoint(&self.set, &d_sums, wanted))
-            }
-        }
+        Self::with_engine(state, target_budget, CpuEngine::default())
     }
 }
 
-/// A view as stage 1 sees it: geometry and light do not change.
-struct LitView {
-    weights: BlendWeights,
-    light: PixelLight,
-}
-
-/// One in so many directions looks for emitters. Measured on a room lit through a window: with half of the directions the light that
-/// arrives is noisier by an eighth, for most of it comes from walls.
-const LIGHTS_EVERY: u32 = 4;
-
-/// What part of the free memory, 1/n, views with their light may take; those that do not fit are traced again.
-const LIT_SHARE: u64 = 4;
-
-/// Weights that stage 1 keeps are at least this: what is lighter makes up a hundredth of a pixel, and nine tenths of the hits.
-const LEAST_WEIGHT: f32 = 1e-3;
-
-fn gather_pixels(
-    scene: &CpuScene,
-    camera: &Camera,
-    sums: &SumImage,
-    options: &AlbedoOptions,
-    key: RandomKey,
-) -> Vec<Vec3> {
-    let frame = camera.ray_frame();
-    let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
-    (0..camera.num_pixels())
-        .into_par_iter()
-        .map(|pixel| {
-            let seen = &sums.pixels[pixel];
-            if seen.emission() > options.emission_threshold {
-                return Vec3::ZERO;
-            }
-            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
-            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            Surface::at(frame.origin, direction, seen).map_or(Vec3::ZERO, |surface| {
-                let points = Points::new(key, pixel as u32);
-                irradiance_over_pi(scene, &sampler, &surface, options.num_samples, &points)
-            })
-        })
-        .collect()
-}
-
-/// Gradient of every ray's sums, given those of the means over `factor` × `factor` rays; `width` is that of the means.
-fn adjoint_of_mean(d_means: Vec<Sums>, width: u32, factor: u32) -> Vec<Sums> {
-    if factor == 1 {
-        return d_means;
-    }
-    let share = 1.0 / (factor * factor) as f32;
-    let (factor, width) = (factor as usize, width as usize);
-    let fine_width = width * factor;
-    (0..d_means.len() * factor * factor)
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|i| {
-            let (x, y) = (i % fine_width / factor, i / fine_width / factor);
-            Sums(d_means[y * width + x].0.map(|d| d * share))
-        })
-        .collect()
-}
-
-/// The albedo that the released code of EAG-PT starts from.
-fn reference_albedo(radiance: Vec3) -> Vec3 {
-    radiance
-        .clamp(Vec3::splat(0.01), Vec3::splat(0.99))
-        .normalize()
-}
-
-impl Backend for CpuBackend {
+impl Engine for CpuEngine {
     fn device(&self) -> String {
         "cpu".to_owned()
     }
 
-    fn radiance_step(
+    fn update(&mut self, _: &SurfelSet) -> Result<()> {
+        Ok(())
+    }
+
+    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<SumImage> {
+        Ok(self
+            .record
+            .trace(set, camera, HitSearch::Tiles, Keep::Record))
+    }
+
+    fn adjoint(
         &mut self,
-        view: &TrainingView,
-        step: &RadianceStep<'_>,
-    ) -> Result<StepOutcome> {
-        let target = self.target(view);
-        let factor = step.rays_per_axis;
-        let camera = view.view.camera.magnified(factor);
-        let mut sums = self.trace(&camera, Keep::Record);
-        if factor > 1 {
-            sums = sums.averaged(factor);
-        }
-        let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
-        let d_rays = adjoint_of_mean(d_sums, sums.width, factor);
-        Ok(self.update(&d_rays, &step.sizes, terms))
+        set: &SurfelSet,
+        _: &Camera,
+        d_sums: &[Sums],
+        wanted: Wanted,
+    ) -> Result<Vec<LocalGradient>> {
+        Ok(self.record.adjoint(set, d_sums, wanted))
     }
 
-    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
-        let (terms, gradients) = self.albedo_gradient(view, step);
-        if let Err(bad) = self.state.step(&self.gaussians, &gradients, &step.sizes) {
-            return Ok(Err(bad));
-        }
-        self.state.write_albedos(&mut self.gaussians.albedos);
-        self.set.set_albedos(&self.gaussians.albedos);
-        Ok(Ok(terms))
-    }
-
-    fn attribute(&mut self, view: &TrainingView) -> Result<()> {
-        let target = self.target(view);
-        let sums = self.trace(&view.view.camera, Keep::Record);
-        let shown = pq_image(&sums.radiance());
-        let known = view.view.valid.as_ref().map(KnownPixels::new);
-        let contributions = self.record.contributions(|pixel| {
-            if known.as_ref().is_some_and(|known| !known.has(pixel)) {
-                return 0.0;
-            }
-            let (a, b) = (shown.pixels()[pixel], target.pixels()[pixel]);
-            let color: f32 = (0..3).map(|c| (a[c] - b[c]).abs()).sum();
-            let mask = view.view.emission.as_ref();
-            let emission = mask.map_or(0.0, |mask| {
-                (sums.pixels[pixel].emission() - mask.pixels()[pixel][0]).abs()
-            });
-            color + emission
-        });
-        self.attribution
-            .get_or_insert_with(|| Attribution::new(self.state.len()))
-            .add(&contributions);
-        Ok(())
-    }
-
-    fn densify(&mut self, target: usize) -> Result<Densified> {
-        let seen = self
-            .attribution
-            .take()
-            .unwrap_or_else(|| Attribution::new(self.state.len()));
-        let outcome = densify::densify(&mut self.state, &self.gaussians, &seen, target);
-        self.state.sort_in_space();
-        self.gaussians = self.state.gaussians();
-        self.set.update(&self.gaussians);
-        Ok(outcome)
-    }
-
-    fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
-        let gathered = GaussianIrradiance::new(&self.set, cameras);
-        let num = gathered.len();
-        self.gathered = Some(gathered);
-        Ok(num)
-    }
-
-    fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
-        self.scene();
-        if let (Some(gathered), Some(scene)) = (&mut self.gathered, &self.scene) {
-            let radiances = &self.gaussians.radiances;
-            let directions = Directions::divided(num_samples, LIGHTS_EVERY);
-            let key = RandomKey::new(seed, Purpose::Albedo, 0);
-            gathered.gather(scene, radiances, range, directions, key);
-        }
-        Ok(())
-    }
-
-    fn begin_albedo(&mut self) -> Result<()> {
-        self.state.reset_moments();
-        if let Some(gathered) = &self.gathered {
-            self.lights = gathered.by_gaussian(self.set.len());
-            self.lit_views.clear();
-            self.lit_budget = available_memory().unwrap_or(0) / LIT_SHARE;
-        }
-        let albedos = match &self.gathered {
-            Some(gathered) => gathered.albedos(&self.gaussians),
-            None => self
-                .gaussians
-                .radiances
-                .iter()
-                .map(|r| reference_albedo(*r))
-                .collect(),
-        };
-        self.state.set_albedos(&albedos);
-        self.state.write_gaussians(&mut self.gaussians);
-        self.set.update(&self.gaussians);
-        Ok(())
-    }
-
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage> {
-        Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
-    }
-
-    fn state(&self) -> Result<ParameterState> {
-        Ok(self.state.clone())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// ⟨d, mean(x)⟩ = ⟨adjoint(d), x⟩, which defines the adjoint of a linear map.
-    #[test]
-    fn adjoint_of_the_mean_is_its_transpose() {
-        let value = |i: usize| Sums([((i * 37 + 11) % 101) as f32 / 101.0; 16]);
-        let (width, height, factor) = (3, 2, 2);
-        let rays = SumImage {
-            width: width * factor,
-            height: height * factor,
-            pixels: (0..24).map(value).collect(),
-        };
-        let d_means: Vec<Sums> = (0..6).map(|i| value(i + 50)).collect();
-        // The lanes of first hit and spread are not means, and have no gradient.
-        let dot =
-            |a: &[Sums], b: &[Sums]| -> f32 { a.iter().zip(b).map(|(a, b)| a.0[3] * b.0[3]).sum() };
-        let forward = dot(&d_means, &rays.averaged(factor).pixels);
-        let backward = dot(&adjoint_of_mean(d_means, width, factor), &rays.pixels);
-        assert!((forward - backward).abs() < 1e-5, "{forward} {backward}");
+    fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage> {
+        Ok(camera::trace(set, camera, HitSearch::Tiles, Keep::Nothing).0)
     }
 }

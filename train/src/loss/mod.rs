@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Pixels less opaque than this have no normal worth comparing.
-const MIN_NORMAL_ALPHA: f32 = 0.5;
+pub(crate) const MIN_NORMAL_ALPHA: f32 = 0.5;
 
 /// The terms of a loss, each before its weight λ, and their weighted sum.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -285,4 +285,4 @@ fn directions(camera: &Camera) -> Vec<Vec3> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

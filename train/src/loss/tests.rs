@@ -29,7 +29,7 @@ fn noise(i: u32) -> [f32; 4] {
         .next_uniforms()
 }
 
-fn frame() -> SumImage {
+pub(crate) fn frame() -> SumImage {
     let pixels = (0..WIDTH * HEIGHT)
         .map(|i| {
             let (x, y) = ((i % WIDTH) as f32, (i / WIDTH) as f32);
@@ -52,7 +52,7 @@ fn frame() -> SumImage {
     }
 }
 
-fn view(normal: bool) -> View {
+pub(crate) fn view(normal: bool) -> View {
     let image = |f: &dyn Fn([f32; 4]) -> [f32; 3]| {
         Image::from_pixels(
             WIDTH,
@@ -93,7 +93,7 @@ fn only(field: &str) -> LossWeights {
 }
 
 /// Unknown: a block in the middle and a corner, so that some windows of SSIM still count.
-fn mask() -> Image<1> {
+pub(crate) fn mask() -> Image<1> {
     let mut mask = Image::filled(WIDTH, HEIGHT, [1.0]);
     for (i, pixel) in (0..).zip(mask.pixels_mut()) {
         let (x, y) = (i % WIDTH, i / WIDTH);

@@ -1,0 +1,388 @@
+//! Gradients of camera rays on the device: the twin of [`crate::cpu::camera::CameraRecord::adjoint`].
+//!
+//! Tiles are traced again with a record of what is blended. Pixels turn their records into a weight and dL/dα for each hit, tiles add up the
+//! gradients of their Gaussians, Gaussians those of their tiles. Every sum has a fixed order and nothing is added atomically, so that the same
+//! device gives the same bits in every run, and the rounding is that of the CPU.
+
+use super::bins::{Bins, TILE};
+use super::camera::{Band, CameraTracer, tile_steps};
+use super::device::{Device, Step};
+use super::error::GpuError;
+use super::scan::scan;
+use super::scene::SceneBuffers;
+use super::wgsl;
+use crate::blend::LocalGradient;
+use crate::sums::{NUM_LANES, Sums};
+use eagpt_scene::Camera;
+
+/// Place of the number of chunks in the totals.
+pub(super) const TOTAL_CHUNKS: u32 = 2;
+/// Hits of a chunk of the record.
+pub(super) const CHUNK_HITS: u32 = 16;
+/// Words of a chunk: a link, and three for each hit.
+pub(super) const CHUNK_WORDS: u32 = 1 + 3 * CHUNK_HITS;
+/// Words of the record for each pixel beside its chunks.
+const PIXEL_WORDS: u32 = 2;
+
+/// Chunks that are made room for at first, for each pixel.
+const CHUNKS_PER_PIXEL: u32 = 2;
+
+/// Bytes of one row of gradients.
+const ROW_BYTES: u64 = (NUM_LANES * size_of::<f32>()) as u64;
+
+/// Room for the record: what is traced at once, and how much of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Room {
+    /// Rows of pixels, whole rows of tiles.
+    rows: u32,
+    /// Chunks of the record.
+    chunks: u32,
+}
+
+impl Room {
+    /// What is usual for cameras of `size` pixels.
+    pub(super) fn usual(device: &Device, size: (u32, u32)) -> Result<Self, GpuError> {
+        let (width, height) = size;
+        let all = Self {
+            rows: height.next_multiple_of(TILE),
+            chunks: width
+                .saturating_mul(height)
+                .saturating_mul(CHUNKS_PER_PIXEL),
+        };
+        all.within(device, size)
+    }
+
+    /// More, after a band has asked for `needed` chunks.
+    fn grown(&self, device: &Device, size: (u32, u32), needed: u32) -> Result<Self, GpuError> {
+        let more = Self {
+            chunks: needed.saturating_add(needed / 4),
+            ..*self
+        };
+        more.within(device, size)
+    }
+
+    /// Fewer rows, as many as fit into a buffer of `device` if they need as many chunks each.
+    fn within(mut self, device: &Device, (width, _): (u32, u32)) -> Result<Self, GpuError> {
+        let limit = device.tier().max_bytes();
+        while self.bytes(width) > limit {
+            if self.rows == TILE {
+                return Err(GpuError::Limit {
+                    device: device.adapter().name.clone(),
+                    what: format!("hits of {TILE} rows of {width} pixels"),
+                    needed: self.bytes(width),
+                    limit,
+                });
+            }
+            let rows = (self.rows / 2).next_multiple_of(TILE);
+            let chunks = u64::from(self.chunks) * u64::from(rows) / u64::from(self.rows);
+            self = Self {
+                rows,
+                chunks: u32::try_from(chunks).unwrap_or(u32::MAX),
+            };
+        }
+        Ok(self)
+    }
+
+    fn first_chunk(&self, width: u32) -> u32 {
+        PIXEL_WORDS * width * self.rows
+    }
+
+    fn bytes(&self, width: u32) -> u64 {
+        let pixels = u64::from(width) * u64::from(self.rows) * u64::from(PIXEL_WORDS);
+        4 * (pixels + u64::from(self.chunks) * u64::from(CHUNK_WORDS))
+    }
+}
+
+/// Gradients, or the room that was missing.
+#[derive(Debug)]
+pub(super) enum Outcome {
+    Gradients(Vec<LocalGradient>),
+    /// Lists of tiles need room for this many entries.
+    MoreEntries(u32),
+    MoreRoom(Room),
+}
+
+/// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device from call to call.
+#[derive(Debug)]
+pub(super) struct Adjoint {
+    room: Room,
+    size: (u32, u32),
+    masks: wgpu::Buffer,
+    d_sums: wgpu::Buffer,
+    /// [`LocalGradient`], `[n]`.
+    gradients: wgpu::Buffer,
+    num_surfels: u32,
+    bands: Vec<AdjointBand>,
+}
+
+#[derive(Debug)]
+struct AdjointBand {
+    pixels: std::ops::Range<usize>,
+    /// Sums, with a record of what is blended, and how many hits each place in the lists has.
+    forward: Vec<Step>,
+    /// From the record and the derivatives by the sums to gradients.
+    backward: Vec<Step>,
+}
+
+impl Adjoint {
+    pub(super) fn new(
+        device: &Device,
+        scene: &SceneBuffers,
+        tracer: &CameraTracer,
+        room: Room,
+    ) -> Result<Self, GpuError> {
+        let bins = &tracer.bins;
+        let (width, height) = bins.size();
+        let room = Room {
+            rows: room.rows.min(tracer.rows()),
+            ..room
+        };
+        let band_pixels = u64::from(width) * u64::from(room.rows.min(height));
+        let record = device.buffer("record of hits", room.bytes(width))?;
+        let masks = device.buffer("pixels of hits", 8 * u64::from(bins.capacity))?;
+        let hit_starts = device.buffer("starts of hits", 4 * u64::from(bins.capacity))?;
+        let hits = 8 * u64::from(room.chunks) * u64::from(CHUNK_HITS);
+        let hits = device.buffer("hits", hits)?;
+        let d_sums = device.buffer("derivatives by sums", ROW_BYTES * band_pixels)?;
+        let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
+        let rows = device.buffer("rows of gradients", ROW_BYTES * num_rows)?;
+        let num_surfels = scene.num_surfels();
+        let gradients = device.buffer("gradients", ROW_BYTES * u64::from(num_surfels))?;
+        let parts = Parts {
+            device,
+            scene,
+            bins,
+            record: &record,
+            masks: &masks,
+            hit_starts: &hit_starts,
+            hits: &hits,
+            d_sums: &d_sums,
+            rows: &rows,
+            num_rows: u32::try_from(num_rows).unwrap_or(u32::MAX),
+            gradients: &gradients,
+        };
+        let tiles_x = width.div_ceil(TILE);
+        let mut bands = Vec::new();
+        for first_row in (0..height).step_by(room.rows as usize) {
+            let end_row = (first_row + room.rows).min(height);
+            let band = Band {
+                first_tile: first_row / TILE * tiles_x,
+                end_tile: end_row.div_ceil(TILE) * tiles_x,
+                first_pixel: first_row * width,
+                first_chunk: room.first_chunk(width),
+                ..Band::default()
+            };
+            bands.push(AdjointBand {
+                pixels: (first_row * width) as usize..(end_row * width) as usize,
+                forward: parts.forward(&tracer.sums, band)?,
+                backward: parts.backward(band),
+            });
+        }
+        device.check()?;
+        Ok(Self {
+            room,
+            size: (width, height),
+            masks,
+            d_sums,
+            gradients,
+            num_surfels,
+            bands,
+        })
+    }
+
+    /// Gradients by all Gaussians, read back; `d_sums` = dL/dV for every pixel, row by row.
+    pub(super) fn run(
+        &self,
+        device: &Device,
+        bins: &Bins,
+        camera: &Camera,
+        d_sums: &[Sums],
+    ) -> Result<Outcome, GpuError> {
+        let mut commands = device.commands();
+        bins.record(device, camera, &mut commands);
+        commands.clear_buffer(&self.gradients, 0, None);
+        device.submit(commands)?;
+        let needed = bins.num_entries(device)?;
+        if needed > bins.capacity {
+            return Ok(Outcome::MoreEntries(needed));
+        }
+        for band in &self.bands {
+            let lanes: Vec<[f32; NUM_LANES]> = d_sums[band.pixels.clone()]
+                .iter()
+                .map(|sums| sums.0)
+                .collect();
+            device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
+            self.forward(device, bins, band)?;
+            device.run(&band.backward)?;
+            let needed = bins.total(device, TOTAL_CHUNKS)?;
+            if needed > self.room.chunks {
+                let room = self.room.grown(device, self.size, needed)?;
+                return Ok(Outcome::MoreRoom(room));
+            }
+        }
+        let rows =
+            device.read::<[f32; NUM_LANES]>(&self.gradients, 0..self.num_surfels as usize)?;
+        let gradients = rows.into_iter().map(LocalGradient).collect();
+        Ok(Outcome::Gradients(gradients))
+    }
+
+    fn forward(&self, device: &Device, bins: &Bins, band: &AdjointBand) -> Result<(), GpuError> {
+        let mut commands = device.commands();
+        commands.clear_buffer(&self.masks, 0, None);
+        commands.clear_buffer(&bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
+        device.submit(commands)?;
+        device.run(&band.forward)
+    }
+
+    /// The band of the whole image, if it is one.
+    pub(super) fn whole(&self) -> Option<WholeImage<'_>> {
+        match self.bands.as_slice() {
+            [band] => Some(WholeImage {
+                adjoint: self,
+                band,
+            }),
+            _ => None,
+        }
+    }
+
+    /// Room for `needed` chunks of the record, and some more.
+    pub(super) fn more_room(&self, device: &Device, needed: u32) -> Result<Room, GpuError> {
+        self.room.grown(device, self.size, needed)
+    }
+}
+
+/// An image that is traced at once: its sums, their derivatives and the gradients are on the device together.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WholeImage<'a> {
+    adjoint: &'a Adjoint,
+    band: &'a AdjointBand,
+}
+
+impl WholeImage<'_> {
+    /// Where derivatives by the sums are looked for, `[pixels]`.
+    pub(super) fn d_sums(&self) -> &wgpu::Buffer {
+        &self.adjoint.d_sums
+    }
+
+    /// Where gradients are put, `[n]`.
+    pub(super) fn gradients(&self) -> &wgpu::Buffer {
+        &self.adjoint.gradients
+    }
+
+    /// Chunks of the record that there is room for.
+    pub(super) fn num_chunks(&self) -> u32 {
+        self.adjoint.room.chunks
+    }
+
+    /// Bins and traces `camera`; nobody has looked yet whether there was room.
+    pub(super) fn forward(
+        &self,
+        device: &Device,
+        bins: &Bins,
+        camera: &Camera,
+    ) -> Result<(), GpuError> {
+        let mut commands = device.commands();
+        bins.record(device, camera, &mut commands);
+        commands.clear_buffer(&self.adjoint.gradients, 0, None);
+        device.submit(commands)?;
+        self.adjoint.forward(device, bins, self.band)
+    }
+
+    /// Gradients of what was traced last.
+    pub(super) fn backward(&self, device: &Device) -> Result<(), GpuError> {
+        device.run(&self.band.backward)
+    }
+}
+
+/// What the steps of a band work on.
+struct Parts<'a> {
+    device: &'a Device,
+    scene: &'a SceneBuffers,
+    bins: &'a Bins,
+    record: &'a wgpu::Buffer,
+    masks: &'a wgpu::Buffer,
+    hit_starts: &'a wgpu::Buffer,
+    hits: &'a wgpu::Buffer,
+    d_sums: &'a wgpu::Buffer,
+    rows: &'a wgpu::Buffer,
+    num_rows: u32,
+    gradients: &'a wgpu::Buffer,
+}
+
+impl Parts<'_> {
+    fn forward(&self, sums: &wgpu::Buffer, band: Band) -> Result<Vec<Step>, GpuError> {
+        let Self { device, bins, .. } = self;
+        let mut steps = tile_steps(device, &band, |band, groups| {
+            let buffers = [
+                (0, &bins.view),
+                (1, band),
+                (2, &bins.list_starts),
+                (3, &bins.listed),
+                (4, &bins.seen),
+                (5, &self.scene.payloads),
+                (6, sums),
+                (7, self.record),
+                (8, self.masks),
+                (9, &bins.totals),
+            ];
+            device.step(&wgsl::CAMERA_RECORD, "trace_tiles", &buffers, groups)
+        });
+        let count = [(2, self.masks), (3, self.hit_starts)];
+        let groups = bins.capacity.div_ceil(64);
+        steps.push(device.step(&wgsl::ADJOINT_COUNT, "count_hits", &count, groups));
+        steps.extend(scan(device, self.hit_starts, bins.capacity)?);
+        Ok(steps)
+    }
+
+    fn backward(&self, band: Band) -> Vec<Step> {
+        let Self { device, bins, .. } = self;
+        let mut steps = tile_steps(device, &band, |band, groups| {
+            let buffers = [
+                (0, &bins.view),
+                (1, band),
+                (2, self.record),
+                (3, &bins.listed),
+                (4, &bins.seen),
+                (5, &self.scene.payloads),
+                (6, self.d_sums),
+                (7, self.masks),
+                (8, self.hit_starts),
+                (9, self.hits),
+            ];
+            device.step(&wgsl::ADJOINT_WEIGHTS, "weigh_hits", &buffers, groups)
+        });
+        for first_place in (0..bins.capacity).step_by(self.num_rows.max(1) as usize) {
+            let band = Band {
+                first_place,
+                ..band
+            };
+            let band = device.uniform("band", &band);
+            let add = [
+                (0, &bins.view),
+                (1, &band),
+                (2, &bins.listed),
+                (3, &bins.seen),
+                (4, self.d_sums),
+                (5, self.masks),
+                (6, self.hit_starts),
+                (7, self.hits),
+                (8, self.rows),
+            ];
+            let groups = self.num_rows.div_ceil(64);
+            steps.push(device.step(&wgsl::ADJOINT_ROWS, "add_rows", &add, groups));
+            let gather = [
+                (0, &bins.view),
+                (1, &band),
+                (2, &bins.order),
+                (3, &bins.entry_starts),
+                (4, &bins.places),
+                (5, self.masks),
+                (6, self.rows),
+                (7, self.gradients),
+            ];
+            let groups = self.scene.num_surfels().div_ceil(64);
+            steps.push(device.step(&wgsl::ADJOINT_GATHER, "gather_rows", &gather, groups));
+        }
+        steps
+    }
+}

@@ -1,0 +1,39 @@
+// Last stage of the adjoint: the rows of each Gaussian are added in the order of its tiles, so that sums come out the same in every run
+// without an atomic addition of floats.
+
+@group(0) @binding(2) var<storage, read> order: array<u32>;
+@group(0) @binding(3) var<storage, read> entry_starts: array<u32>;
+@group(0) @binding(4) var<storage, read> places: array<u32>;
+@group(0) @binding(5) var<storage, read> masks: array<vec2u>;
+@group(0) @binding(6) var<storage, read> rows: array<Lanes>;
+@group(0) @binding(7) var<storage, read_write> gradients: array<Lanes>;
+
+@compute @workgroup_size(64)
+fn gather_rows(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let at = group_number(workgroup, workgroups) * 64u + thread;
+    if at >= view.num_surfels {
+        return;
+    }
+    let end = min(entry_starts[at + 1u], arrayLength(&places));
+    let index = order[at];
+    var sum = gradients[index];
+    var changed = false;
+    for (var entry = entry_starts[at]; entry < end; entry++) {
+        let place = places[entry];
+        if place < band.first_place || place - band.first_place >= arrayLength(&rows) {
+            continue;
+        }
+        if any(masks[place] != vec2u()) {
+            let row = rows[place - band.first_place];
+            sum = Lanes(sum.a + row.a, sum.b + row.b, sum.c + row.c, sum.d + row.d);
+            changed = true;
+        }
+    }
+    if changed {
+        gradients[index] = sum;
+    }
+}

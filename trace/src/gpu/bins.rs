@@ -1,0 +1,300 @@
+//! Binning on the device: the twin of [`crate::cpu::bins`].
+//!
+//! Gaussians are projected, sorted by the distance from which on they can be hit, spread over the tiles that they may cover, and these entries
+//! are sorted by tile; both sorts are stable, so that lists come out nearest first, and the same in every run.
+
+use super::device::{Device, Step};
+use super::error::GpuError;
+use super::layout::{Layout, layout};
+use super::scan::scan;
+use super::scene::SceneBuffers;
+use super::sort::Sorter;
+use super::wgsl;
+use eagpt_scene::Camera;
+
+/// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as many as run in step on any device.
+pub(super) const TILE: u32 = 8;
+/// Pixels of a tile.
+pub(super) const TILE_PIXELS: u32 = TILE * TILE;
+
+/// Safety margin of projected bounds, in pixels: above the rounding of single-precision projections, whatever the order of operations.
+pub(super) const MARGIN_PIXELS: f32 = 0.02;
+
+/// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one part in 4,096, and a sort takes three
+/// passes fewer.
+pub(super) const KEY_SHIFT: u32 = 11;
+/// Bits of a key: a distance is not negative, so its sign is left out, too.
+const KEY_BITS: u32 = 31 - KEY_SHIFT;
+/// Key of what nobody sees: above that of every finite distance.
+pub(super) const FARTHEST_KEY: u32 = (1 << KEY_BITS) - 1;
+
+/// Place of the number of Gaussians in the totals.
+const TOTAL_SURFELS: u32 = 0;
+/// Place of the number of entries of all lists.
+pub(super) const TOTAL_ENTRIES: u32 = 1;
+/// Numbers that kernels hand on to others.
+const NUM_TOTALS: u64 = 4;
+
+/// Entries that are made room for at first, for each Gaussian.
+const ENTRIES_PER_SURFEL: u32 = 4;
+
+/// A Gaussian relative to the camera: the twin of [`crate::surfel::SeenSurfel`] on the device.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct Seen {
+    normal: [f32; 3],
+    plane: f32,
+    axis_u: [f32; 3],
+    offset_u: f32,
+    axis_v: [f32; 3],
+    offset_v: f32,
+    cut2: f32,
+    opacity: f32,
+    /// No hit is closer than this.
+    nearest: f32,
+    padding: f32,
+}
+
+impl Seen {
+    pub(super) fn layout() -> Layout {
+        layout!(Seen {
+            normal: "vec3f",
+            plane: "f32",
+            axis_u: "vec3f",
+            offset_u: "f32",
+            axis_v: "vec3f",
+            offset_v: "f32",
+            cut2: "f32",
+            opacity: "f32",
+            nearest: "f32",
+            padding: "f32",
+        })
+    }
+}
+
+/// A camera as kernels know it.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct View {
+    origin: [f32; 3],
+    width: u32,
+    /// As in [`eagpt_scene::camera::RayFrame`].
+    base: [f32; 3],
+    height: u32,
+    step_x: [f32; 3],
+    tiles_x: u32,
+    step_y: [f32; 3],
+    tiles_y: u32,
+    /// Rows of the projection, scaled by the focal lengths.
+    right: [f32; 3],
+    center_x: f32,
+    down: [f32; 3],
+    center_y: f32,
+    forward: [f32; 3],
+    num_surfels: u32,
+    /// Inward unit normals of the planes through the origin and the image's edges.
+    sides: [[f32; 4]; 4],
+}
+
+impl View {
+    pub(super) fn layout() -> Layout {
+        layout!(View {
+            origin: "vec3f",
+            width: "u32",
+            base: "vec3f",
+            height: "u32",
+            step_x: "vec3f",
+            tiles_x: "u32",
+            step_y: "vec3f",
+            tiles_y: "u32",
+            right: "vec3f",
+            center_x: "f32",
+            down: "vec3f",
+            center_y: "f32",
+            forward: "vec3f",
+            num_surfels: "u32",
+            sides: "array<vec4f, 4>",
+        })
+    }
+
+    pub(super) fn new(camera: &Camera, num_surfels: u32) -> Self {
+        let frame = camera.ray_frame();
+        let axes = &camera.world_from_camera.matrix3;
+        let (right, down) = (axes.x_axis * camera.fx, axes.y_axis * camera.fy);
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let sides = [
+            right + axes.z_axis * camera.cx,
+            axes.z_axis * (width - camera.cx) - right,
+            down + axes.z_axis * camera.cy,
+            axes.z_axis * (height - camera.cy) - down,
+        ];
+        Self {
+            origin: frame.origin.to_array(),
+            width: camera.width,
+            base: frame.base.to_array(),
+            height: camera.height,
+            step_x: frame.step_x.to_array(),
+            tiles_x: camera.width.div_ceil(TILE),
+            step_y: frame.step_y.to_array(),
+            tiles_y: camera.height.div_ceil(TILE),
+            right: right.as_vec3().to_array(),
+            center_x: camera.cx as f32,
+            down: down.as_vec3().to_array(),
+            center_y: camera.cy as f32,
+            forward: axes.z_axis.as_vec3().to_array(),
+            num_surfels,
+            sides: sides.map(|side| side.normalize().as_vec3().extend(0.0).to_array()),
+        }
+    }
+}
+
+/// Lists of the Gaussians that tiles may see, for cameras of one size and scenes of one number of Gaussians.
+#[derive(Debug)]
+pub(super) struct Bins {
+    pub(super) view: wgpu::Buffer,
+    /// [`Seen`], `[n]`.
+    pub(super) seen: wgpu::Buffer,
+    pub(super) totals: wgpu::Buffer,
+    /// Gaussians, those that may be hit nearer first, `[n]`.
+    pub(super) order: wgpu::Buffer,
+    /// First entry of each Gaussian of [`Self::order`], and the end, `[n + 1]`.
+    pub(super) entry_starts: wgpu::Buffer,
+    /// Place of each entry in the lists.
+    pub(super) places: wgpu::Buffer,
+    /// Gaussian and tile of each place.
+    pub(super) listed: wgpu::Buffer,
+    /// First place of each tile, and the end.
+    pub(super) list_starts: wgpu::Buffer,
+    pub(super) capacity: u32,
+    num_surfels: u32,
+    size: (u32, u32),
+    steps: Vec<Step>,
+}
+
+impl Bins {
+    /// Room for the lists of `scene` as cameras of `width` × `height` pixels see it, with `capacity` entries in all; `None`: as many as
+    /// is usual.
+    pub(super) fn new(
+        device: &Device,
+        scene: &SceneBuffers,
+        (width, height): (u32, u32),
+        capacity: Option<u32>,
+    ) -> Result<Self, GpuError> {
+        let n = scene.num_surfels();
+        let capacity = capacity.unwrap_or_else(|| n.saturating_mul(ENTRIES_PER_SURFEL).max(1024));
+        let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        let num_tiles = tiles_x * tiles_y;
+        let bytes = |num: u32, size: u64| u64::from(num) * size;
+        let view: View = bytemuck::Zeroable::zeroed();
+        let view = device.uniform("view", &view);
+        let mut totals = [0_u32; NUM_TOTALS as usize];
+        totals[TOTAL_SURFELS as usize] = n;
+        let totals = device.upload("totals", bytemuck::cast_slice(&totals))?;
+        let seen = device.buffer("Gaussians as seen", bytes(n, size_of::<Seen>() as u64))?;
+        let rects = device.buffer("rectangles", bytes(n, 8))?;
+        let by_distance = Sorter::new(device, n, KEY_BITS, (&totals, TOTAL_SURFELS))?;
+        let entry_starts = device.buffer("starts of entries", bytes(n + 1, 4))?;
+        let tile_bits = u32::BITS - num_tiles.leading_zeros();
+        let by_tile = Sorter::new(device, capacity, tile_bits, (&totals, TOTAL_ENTRIES))?;
+        let entry_surfels = device.buffer("Gaussians of entries", bytes(capacity, 4))?;
+        let places = device.buffer("places of entries", bytes(capacity, 4))?;
+        let listed = device.buffer("lists of tiles", bytes(capacity, 8))?;
+        let list_starts = device.buffer("starts of lists", bytes(num_tiles + 1, 4))?;
+
+        let (keys, values) = by_distance.unsorted();
+        let order = by_distance.sorted().1;
+        let project = [
+            (0, &view),
+            (1, &scene.surfels),
+            (2, &seen),
+            (3, &rects),
+            (4, keys),
+            (5, values),
+        ];
+        let mut steps = vec![device.step(&wgsl::PROJECT, "project", &project, n.div_ceil(64))];
+        steps.extend_from_slice(by_distance.steps());
+        let count = [(0, &view), (1, order), (2, &rects), (3, &entry_starts)];
+        let groups = (n + 1).div_ceil(64);
+        steps.push(device.step(&wgsl::EXPAND, "count_entries", &count, groups));
+        steps.extend(scan(device, &entry_starts, n + 1)?);
+        let (tiles, entries) = by_tile.unsorted();
+        let expand = [
+            (0, &view),
+            (1, order),
+            (2, &rects),
+            (3, &entry_starts),
+            (4, &totals),
+            (5, tiles),
+            (6, entries),
+            (7, &entry_surfels),
+        ];
+        steps.push(device.step(&wgsl::EXPAND, "expand", &expand, groups));
+        steps.extend_from_slice(by_tile.steps());
+        let (tiles, entries) = by_tile.sorted();
+        let list = [
+            (0, &view),
+            (1, &totals),
+            (2, tiles),
+            (3, entries),
+            (4, &entry_surfels),
+            (5, &listed),
+            (6, &places),
+            (7, &list_starts),
+        ];
+        steps.push(device.step(&wgsl::LISTS, "list", &list, capacity.div_ceil(64)));
+        device.check()?;
+        Ok(Self {
+            order: order.clone(),
+            view,
+            seen,
+            totals,
+            entry_starts,
+            places,
+            listed,
+            list_starts,
+            capacity,
+            num_surfels: n,
+            size: (width, height),
+            steps,
+        })
+    }
+
+    /// Whether it has room for `camera` and this many Gaussians.
+    pub(super) fn fits(&self, camera: &Camera, num_surfels: u32) -> bool {
+        self.size == (camera.width, camera.height) && self.num_surfels == num_surfels
+    }
+
+    /// Appends the binning for `camera` to `commands`.
+    pub(super) fn record(
+        &self,
+        device: &Device,
+        camera: &Camera,
+        commands: &mut wgpu::CommandEncoder,
+    ) {
+        let view = View::new(camera, self.num_surfels);
+        device.write(&self.view, bytemuck::bytes_of(&view));
+        commands.clear_buffer(&self.list_starts, 0, None);
+        for step in &self.steps {
+            step.record(commands);
+        }
+    }
+
+    /// Number of entries that the last binning needed. More than [`Self::capacity`]: lists are incomplete, and have to be made anew with room
+    /// for that many. Waits for the device.
+    pub(super) fn num_entries(&self, device: &Device) -> Result<u32, GpuError> {
+        self.total(device, TOTAL_ENTRIES)
+    }
+
+    /// One of the totals. Waits for the device.
+    pub(super) fn total(&self, device: &Device, which: u32) -> Result<u32, GpuError> {
+        let at = which as usize;
+        let read = device.read::<u32>(&self.totals, at..at + 1)?;
+        Ok(read.first().copied().unwrap_or(0))
+    }
+
+    /// Pixels of its cameras.
+    pub(super) fn size(&self) -> (u32, u32) {
+        self.size
+    }
+}

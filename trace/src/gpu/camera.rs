@@ -1,0 +1,189 @@
+//! Blended sums of all pixels of a camera on the device: the twin of [`crate::cpu::camera`].
+
+use super::bins::{Bins, TILE};
+use super::device::{Device, Step};
+use super::error::GpuError;
+use super::layout::{Layout, layout};
+use super::scene::SceneBuffers;
+use super::wgsl;
+use crate::sums::{NUM_LANES, Sums};
+use eagpt_scene::Camera;
+use std::ops::Range;
+
+/// Hits that wait in the memory of a pixel until they can be blended. More than are usually met on a surface within the size of one
+/// Gaussian; a longer list costs registers, a shorter one more searches.
+pub(super) const PENDING: u32 = 16;
+
+/// Tiles of one dispatch: a kernel that runs for seconds is stopped by the driver.
+const TILES_PER_DISPATCH: u32 = 4096;
+
+/// Some tiles of an image, in the order of tiles, and where things of theirs begin.
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Band {
+    pub(super) first_tile: u32,
+    pub(super) end_tile: u32,
+    /// Pixel that buffers of the band begin with.
+    pub(super) first_pixel: u32,
+    /// Word of the record that its chunks begin with.
+    pub(super) first_chunk: u32,
+    /// Place in the lists that rows of gradients begin with.
+    pub(super) first_place: u32,
+}
+
+impl Band {
+    pub(super) fn layout() -> Layout {
+        layout!(Band {
+            first_tile: "u32",
+            end_tile: "u32",
+            first_pixel: "u32",
+            first_chunk: "u32",
+            first_place: "u32",
+        })
+    }
+}
+
+/// The steps that `step` makes for all tiles of `band`, of parts of it and the number of their tiles.
+pub(super) fn tile_steps(
+    device: &Device,
+    band: &Band,
+    step: impl Fn(&wgpu::Buffer, u32) -> Step,
+) -> Vec<Step> {
+    (band.first_tile..band.end_tile)
+        .step_by(TILES_PER_DISPATCH as usize)
+        .map(|first_tile| {
+            let end_tile = (first_tile + TILES_PER_DISPATCH).min(band.end_tile);
+            let part = Band {
+                first_tile,
+                end_tile,
+                ..*band
+            };
+            step(&device.uniform("band", &part), end_tile - first_tile)
+        })
+        .collect()
+}
+
+/// Rows of pixels whose sums fit into one buffer, whole rows of tiles.
+fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {
+    let row_bytes = u64::from(width) * size_of::<Sums>() as u64;
+    let rows = device.tier().max_bytes() / row_bytes.max(1);
+    let rows = u32::try_from(rows).unwrap_or(u32::MAX) / TILE * TILE;
+    rows.clamp(TILE, height.next_multiple_of(TILE))
+}
+
+/// Whether there was room.
+#[derive(Debug)]
+pub(super) enum Binned {
+    Done,
+    /// Lists of tiles need room for this many entries.
+    MoreEntries(u32),
+}
+
+/// Camera rays of a scene, for cameras of one size. Buffers stay on the device from call to call.
+#[derive(Debug)]
+pub(super) struct CameraTracer {
+    pub(super) bins: Bins,
+    /// [`Sums`] of a band of rows.
+    pub(super) sums: wgpu::Buffer,
+    rows: u32,
+    bands: Vec<SumBand>,
+}
+
+#[derive(Debug)]
+struct SumBand {
+    pixels: Range<usize>,
+    steps: Vec<Step>,
+}
+
+impl CameraTracer {
+    /// Room for cameras of `size` pixels; `capacity` as for [`Bins::new`].
+    pub(super) fn new(
+        device: &Device,
+        scene: &SceneBuffers,
+        size: (u32, u32),
+        capacity: Option<u32>,
+    ) -> Result<Self, GpuError> {
+        let bins = Bins::new(device, scene, size, capacity)?;
+        let (width, height) = size;
+        let rows = rows_per_buffer(device, width, height);
+        let bytes = u64::from(rows.min(height)) * u64::from(width) * size_of::<Sums>() as u64;
+        let sums = device.buffer("sums", bytes)?;
+        let tiles_x = width.div_ceil(TILE);
+        let bands = (0..height)
+            .step_by(rows as usize)
+            .map(|first_row| {
+                let end_row = (first_row + rows).min(height);
+                let band = Band {
+                    first_tile: first_row / TILE * tiles_x,
+                    end_tile: end_row.div_ceil(TILE) * tiles_x,
+                    first_pixel: first_row * width,
+                    ..Band::default()
+                };
+                let steps = tile_steps(device, &band, |band, groups| {
+                    let buffers = [
+                        (0, &bins.view),
+                        (1, band),
+                        (2, &bins.list_starts),
+                        (3, &bins.listed),
+                        (4, &bins.seen),
+                        (5, &scene.payloads),
+                        (6, &sums),
+                    ];
+                    device.step(&wgsl::CAMERA, "trace_tiles", &buffers, groups)
+                });
+                SumBand {
+                    pixels: (first_row * width) as usize..(end_row * width) as usize,
+                    steps,
+                }
+            })
+            .collect();
+        device.check()?;
+        Ok(Self {
+            bins,
+            sums,
+            rows,
+            bands,
+        })
+    }
+
+    /// Rows of pixels that there is room for at once, whole rows of tiles.
+    pub(super) fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// Pixels that there is room for at once.
+    pub(super) fn pixels_at_once(&self) -> usize {
+        self.bands
+            .iter()
+            .map(|band| band.pixels.len())
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room for.
+    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<Binned, GpuError> {
+        let mut commands = device.commands();
+        self.bins.record(device, camera, &mut commands);
+        device.submit(commands)?;
+        let needed = self.bins.num_entries(device)?;
+        Ok(if needed > self.bins.capacity {
+            Binned::MoreEntries(needed)
+        } else {
+            Binned::Done
+        })
+    }
+
+    /// Traces the camera that was binned last, and hands each band of pixels with their sums to `finish` while they are on the device.
+    pub(super) fn trace(
+        &self,
+        device: &Device,
+        mut finish: impl FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
+    ) -> Result<(), GpuError> {
+        for band in &self.bands {
+            device.run(&band.steps)?;
+            let lanes = device.read::<[f32; NUM_LANES]>(&self.sums, 0..band.pixels.len())?;
+            finish(&band.pixels, lanes.into_iter().map(Sums).collect())?;
+        }
+        Ok(())
+    }
+}

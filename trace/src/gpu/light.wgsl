@@ -1,0 +1,37 @@
+// What the integrators work on, and what all of them do.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> light: LightParameters;
+@group(0) @binding(2) var<storage, read> surfels: array<Surfel>;
+@group(0) @binding(3) var<storage, read> payloads: array<Lanes>;
+// Of the scene, then of the emitters.
+@group(0) @binding(4) var<storage, read> nodes: array<vec4f>;
+@group(0) @binding(5) var<storage, read> leaf_indices: array<u32>;
+@group(0) @binding(6) var<storage, read> emitters: array<Emitter>;
+// Of the camera rays.
+@group(0) @binding(7) var<storage, read> sums: array<Lanes>;
+@group(0) @binding(8) var<storage, read_write> gathered: array<Gathered>;
+
+// The surface that a pixel sees; none where it sees an emitter, or nothing.
+fn surface_of(pixel: u32) -> Surface {
+    let met = sums[pixel];
+    if met.a.w > light.emission_threshold {
+        return Surface(false, vec3f(), vec3f(), 0.0);
+    }
+    let image_pixel = light.first_pixel + pixel;
+    let direction = pixel_direction(f32(image_pixel % view.width) + 0.5, f32(image_pixel / view.width) + 0.5);
+    return surface_at(view.origin, direction, met);
+}
+
+const NOTHING_GATHERED = Gathered(vec3f(), 0.0, 0u, array<u32, 3>());
+
+fn luminance(color: vec3f) -> f32 {
+    return dot(color, vec3f(0.2126, 0.7152, 0.0722));
+}
+
+fn add_sample(total: ptr<function, Gathered>, brought: vec3f, num_rays: u32) {
+    (*total).total += brought;
+    let y = luminance(brought);
+    (*total).squares += y * y;
+    (*total).num_rays += num_rays;
+}

@@ -1,0 +1,112 @@
+//! Single rays on the device, of any origin and direction, many at a time: the twin of [`crate::transport::RayTracer`].
+
+use super::device::Device;
+use super::error::GpuError;
+use super::layout::{Layout, layout};
+use super::light::{LightBuffers, LightParameters};
+use super::scene::SceneBuffers;
+use super::wgsl;
+use crate::ray::Ray;
+use crate::sums::{NUM_LANES, Sums};
+
+/// Rays of one dispatch: a kernel that runs for seconds is stopped by the driver.
+const RAYS_PER_DISPATCH: u32 = 1 << 20;
+
+/// A ray as kernels know it.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct RayQuery {
+    origin: [f32; 3],
+    t_own: f32,
+    direction: [f32; 3],
+    /// Of the choice of a hit.
+    seed: u32,
+    own_normal: [f32; 3],
+    padding: u32,
+}
+
+impl RayQuery {
+    pub(super) fn layout() -> Layout {
+        layout!(RayQuery {
+            origin: "vec3f",
+            t_own: "f32",
+            direction: "vec3f",
+            seed: "u32",
+            own_normal: "vec3f",
+            padding: "u32",
+        })
+    }
+
+    pub(super) fn new(ray: &Ray, seed: u32) -> Self {
+        Self {
+            origin: ray.origin,
+            t_own: ray.t_own,
+            direction: ray.direction,
+            seed,
+            own_normal: ray.own_normal,
+            padding: 0,
+        }
+    }
+}
+
+/// Rays on a device, to be traced through a scene.
+pub(super) struct Rays<'a> {
+    pub(super) device: &'a Device,
+    pub(super) scene: &'a SceneBuffers,
+    pub(super) light: &'a LightBuffers,
+}
+
+impl Rays<'_> {
+    /// Blended sums along each ray.
+    pub(super) fn blend(&self, queries: &[RayQuery]) -> Result<Vec<Sums>, GpuError> {
+        let size = (queries.len() * size_of::<Sums>()) as u64;
+        let sums = self.device.buffer("sums of rays", size)?;
+        self.run(
+            "blend_rays",
+            queries,
+            &[(3, &self.scene.payloads), (7, &sums)],
+        )?;
+        let lanes = self
+            .device
+            .read::<[f32; NUM_LANES]>(&sums, 0..queries.len())?;
+        Ok(lanes.into_iter().map(Sums).collect())
+    }
+
+    /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where nothing is met.
+    pub(super) fn choose(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
+        let size = size_of_val(queries) as u64;
+        let chosen = self.device.buffer("chosen hits", size)?;
+        self.run("choose_hits", queries, &[(8, &chosen)])?;
+        self.device.read(&chosen, 0..queries.len())
+    }
+
+    fn run(
+        &self,
+        entry: &'static str,
+        queries: &[RayQuery],
+        results: &[(u32, &wgpu::Buffer)],
+    ) -> Result<(), GpuError> {
+        let Self {
+            device,
+            scene,
+            light,
+        } = self;
+        let num_rays = queries.len() as u32;
+        let queries = device.upload("rays", bytemuck::cast_slice(queries))?;
+        let mut steps = Vec::new();
+        for first in (0..num_rays).step_by(RAYS_PER_DISPATCH as usize) {
+            let end = first.saturating_add(RAYS_PER_DISPATCH).min(num_rays);
+            let uniform = device.uniform("light", &LightParameters::of_rays(light, first..end));
+            let mut buffers = vec![
+                (1, &uniform),
+                (2, &scene.surfels),
+                (4, &light.nodes),
+                (5, &light.leaf_indices),
+                (6, &queries),
+            ];
+            buffers.extend_from_slice(results);
+            steps.push(device.step(&wgsl::RAYS, entry, &buffers, (end - first).div_ceil(64)));
+        }
+        device.run(&steps)
+    }
+}

@@ -1,0 +1,44 @@
+//! Exclusive prefix sums on the device.
+
+use super::device::{Device, Step};
+use super::error::GpuError;
+use super::layout::{Layout, layout};
+use super::wgsl;
+
+/// Invocations of a workgroup.
+pub(super) const THREADS: u32 = 256;
+/// Values of an invocation.
+pub(super) const PER_THREAD: u32 = 8;
+/// Values of a workgroup.
+pub(super) const BLOCK: u32 = THREADS * PER_THREAD;
+
+/// Parameters of the kernels.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct ScanParameters {
+    num_values: u32,
+}
+
+impl ScanParameters {
+    pub(super) fn layout() -> Layout {
+        layout!(ScanParameters { num_values: "u32" })
+    }
+}
+
+/// Replaces the first `num_values` of `values` (32-bit counts) by the sums of those before them.
+pub(super) fn scan(
+    device: &Device,
+    values: &wgpu::Buffer,
+    num_values: u32,
+) -> Result<Vec<Step>, GpuError> {
+    let num_blocks = num_values.div_ceil(BLOCK);
+    let parameters = device.uniform("scan", &ScanParameters { num_values });
+    let sums = device.buffer("sums of blocks", 4 * u64::from(num_blocks))?;
+    let buffers = [(0, &parameters), (1, values), (2, &sums)];
+    let mut steps = vec![device.step(&wgsl::SCAN, "scan_blocks", &buffers, num_blocks)];
+    if num_blocks > 1 {
+        steps.extend(scan(device, &sums, num_blocks)?);
+        steps.push(device.step(&wgsl::SCAN, "scan_add", &buffers, num_blocks));
+    }
+    Ok(steps)
+}

@@ -1,0 +1,417 @@
+//! Gaussians on a device, behind [`Tracer`].
+
+use super::adjoint::{Adjoint, Outcome, Room};
+use super::bvh::NO_NODE;
+use super::camera::{Binned, CameraTracer};
+use super::device::Device;
+use super::error::GpuError;
+use super::light::{Gathered, LightBuffers, LightGatherer};
+use super::rays::{RayQuery, Rays};
+use crate::blend::LocalGradient;
+use crate::engine::{RenderedView, TraceError, Tracer};
+use crate::ray::Ray;
+use crate::sums::{NUM_LANES, SumImage, Sums};
+use crate::surfel::{Payload, Surfel, SurfelSet};
+use crate::transport::lights::Lights;
+use crate::transport::{Integrator, LightOptions};
+use eagpt_scene::{Camera, Gaussians};
+use glam::Vec3;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Prepared Gaussians in the memory of a device.
+#[derive(Debug)]
+pub(super) struct SceneBuffers {
+    /// [`Surfel`], `[n]`.
+    pub(super) surfels: wgpu::Buffer,
+    /// [`Payload`], `[n]`.
+    pub(super) payloads: wgpu::Buffer,
+    num_surfels: u32,
+}
+
+impl SceneBuffers {
+    pub(super) fn new(device: &Device, set: &SurfelSet) -> Result<Self, GpuError> {
+        let limit = device.tier().max_bytes();
+        let num_surfels = u32::try_from(set.len()).map_err(|_| GpuError::Limit {
+            device: device.adapter().name.clone(),
+            what: "Gaussians".to_owned(),
+            needed: (set.len() * size_of::<Surfel>()) as u64,
+            limit,
+        })?;
+        let size = |one: usize| (set.len() * one) as u64;
+        let buffers = Self {
+            surfels: device.buffer("Gaussians", size(size_of::<Surfel>()))?,
+            payloads: device.buffer("payloads", size(size_of::<Payload>()))?,
+            num_surfels,
+        };
+        buffers.write(device, set);
+        Ok(buffers)
+    }
+
+    /// Replaces the Gaussians by as many others.
+    pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
+        let lanes: Vec<[f32; NUM_LANES]> = set.payloads.iter().map(|payload| payload.0).collect();
+        device.write(&self.surfels, bytemuck::cast_slice(&set.surfels));
+        device.write(&self.payloads, bytemuck::cast_slice(&lanes));
+    }
+
+    /// Number of Gaussians.
+    pub(super) fn num_surfels(&self) -> u32 {
+        self.num_surfels
+    }
+}
+
+/// Gaussians on a device.
+#[derive(Debug)]
+pub struct GpuScene {
+    device: Arc<Device>,
+    set: SurfelSet,
+    lights: Option<Lights>,
+    buffers: SceneBuffers,
+    light: Mutex<Option<Arc<LightBuffers>>>,
+    /// For cameras of the size last seen.
+    views: Mutex<Views>,
+}
+
+/// What depends on the size of cameras.
+#[derive(Debug, Default)]
+pub(super) struct Views {
+    tracer: Option<CameraTracer>,
+    adjoint: Option<Adjoint>,
+}
+
+impl Views {
+    /// The tracer for `camera`, made if there is none.
+    fn tracer(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<&CameraTracer, GpuError> {
+        let fits = |tracer: &CameraTracer| tracer.bins.fits(camera, scene.num_surfels());
+        if !self.tracer.as_ref().is_some_and(fits) {
+            let size = (camera.width, camera.height);
+            return self.make_tracer(device, scene, size, None);
+        }
+        match &self.tracer {
+            Some(tracer) => Ok(tracer),
+            None => unreachable!("it fits"),
+        }
+    }
+
+    /// Another tracer in place of the one there is.
+    pub(super) fn make_tracer(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        size: (u32, u32),
+        num_entries: Option<u32>,
+    ) -> Result<&CameraTracer, GpuError> {
+        // The old one's memory goes first.
+        *self = Self::default();
+        // Half more than is needed now: the next view needs another number.
+        let capacity = num_entries.map(|needed| needed.saturating_add(needed / 2));
+        let tracer = CameraTracer::new(device, scene, size, capacity)?;
+        Ok(self.tracer.insert(tracer))
+    }
+
+    /// The tracer for `camera`, with its lists on the device.
+    fn binned(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<&CameraTracer, GpuError> {
+        let size = (camera.width, camera.height);
+        while let Binned::MoreEntries(needed) =
+            self.tracer(device, scene, camera)?.bin(device, camera)?
+        {
+            self.make_tracer(device, scene, size, Some(needed))?;
+        }
+        self.tracer(device, scene, camera)
+    }
+
+    /// Blended sums of one ray through every pixel centre, read back.
+    pub(super) fn sums(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<SumImage, GpuError> {
+        let mut pixels = Vec::with_capacity(camera.num_pixels());
+        let tracer = self.binned(device, scene, camera)?;
+        tracer.trace(device, |_, sums| {
+            pixels.extend(sums);
+            Ok(())
+        })?;
+        Ok(SumImage {
+            width: camera.width,
+            height: camera.height,
+            pixels,
+        })
+    }
+
+    /// See [`GpuScene::camera_adjoint`].
+    pub(super) fn adjoint(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        d_sums: &[Sums],
+    ) -> Result<Vec<LocalGradient>, GpuError> {
+        assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
+        let size = (camera.width, camera.height);
+        self.tracer(device, scene, camera)?;
+        loop {
+            let (tracer, adjoint) = self.both(device, scene, camera)?;
+            match adjoint.run(device, &tracer.bins, camera, d_sums)? {
+                Outcome::Gradients(gradients) => return Ok(gradients),
+                Outcome::MoreEntries(needed) => {
+                    self.make_tracer(device, scene, size, Some(needed))?;
+                }
+                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
+            }
+        }
+    }
+
+    /// The tracer for `camera` and its adjoint, made if there are none.
+    pub(super) fn both(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+    ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
+        self.tracer(device, scene, camera)?;
+        if self.adjoint.is_none() {
+            let room = Room::usual(device, (camera.width, camera.height))?;
+            self.make_adjoint(device, scene, room)?;
+        }
+        match (&self.tracer, &self.adjoint) {
+            (Some(tracer), Some(adjoint)) => Ok((tracer, adjoint)),
+            _ => unreachable!("both were made"),
+        }
+    }
+
+    /// Another adjoint in place of the one there is.
+    pub(super) fn make_adjoint(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        room: Room,
+    ) -> Result<(), GpuError> {
+        self.adjoint = None;
+        if let Some(tracer) = &self.tracer {
+            self.adjoint = Some(Adjoint::new(device, scene, tracer, room)?);
+        }
+        Ok(())
+    }
+}
+
+impl GpuScene {
+    /// Brings a scene to `device`.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn new(device: &Arc<Device>, gaussians: &Gaussians) -> Result<Self, GpuError> {
+        let set = SurfelSet::new(gaussians);
+        Ok(Self {
+            device: Arc::clone(device),
+            buffers: SceneBuffers::new(device, &set)?,
+            set,
+            lights: Lights::new(gaussians),
+            light: Mutex::default(),
+            views: Mutex::default(),
+        })
+    }
+
+    /// Gradient of the loss with respect to every Gaussian, given `d_sums` = dL/dV for every pixel of `camera`, row by row: that of
+    /// [`crate::cpu::camera::CameraRecord::adjoint`].
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    ///
+    /// # Panics
+    /// If `d_sums` are not as many as the camera has pixels.
+    pub fn camera_adjoint(
+        &self,
+        camera: &Camera,
+        d_sums: &[Sums],
+    ) -> Result<Vec<LocalGradient>, GpuError> {
+        self.views()
+            .adjoint(&self.device, &self.buffers, camera, d_sums)
+    }
+
+    /// Blended sums along each of `rays`: those of [`crate::transport::RayTracer::trace`].
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, GpuError> {
+        let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
+        self.rays(&*self.light()?).blend(&queries)
+    }
+
+    /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of meeting nothing. The number beside a ray makes
+    /// the choice.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn choose_hits(&self, rays: &[(Ray, u32)]) -> Result<Vec<Option<u32>>, GpuError> {
+        let queries: Vec<RayQuery> = rays
+            .iter()
+            .map(|(ray, seed)| RayQuery::new(ray, *seed))
+            .collect();
+        let chosen = self.rays(&*self.light()?).choose(&queries)?;
+        let hit = |index| (index != NO_NODE).then_some(index);
+        Ok(chosen.into_iter().map(hit).collect())
+    }
+
+    fn rays<'a>(&'a self, light: &'a LightBuffers) -> Rays<'a> {
+        Rays {
+            device: &self.device,
+            scene: &self.buffers,
+            light,
+        }
+    }
+
+    /// Traces `camera`, band by band; see [`CameraTracer::trace`]. `finish` is made when all buffers are.
+    fn trace_camera<F>(
+        &self,
+        camera: &Camera,
+        make_finish: impl FnOnce(&CameraTracer) -> Result<F, GpuError>,
+    ) -> Result<(), GpuError>
+    where
+        F: FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
+    {
+        let device = &*self.device;
+        let mut views = self.views();
+        let tracer = views.binned(device, &self.buffers, camera)?;
+        tracer.trace(device, make_finish(tracer)?)
+    }
+
+    /// What single rays need, made when first asked for.
+    fn light(&self) -> Result<Arc<LightBuffers>, GpuError> {
+        let mut light = self.light.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(light) = &*light {
+            return Ok(Arc::clone(light));
+        }
+        let made = LightBuffers::new(&self.device, &self.set, self.lights.as_ref())?;
+        Ok(Arc::clone(light.insert(Arc::new(made))))
+    }
+
+    fn render_view(
+        &self,
+        camera: &Camera,
+        integrator: &Integrator,
+        options: &LightOptions,
+    ) -> Result<RenderedView, GpuError> {
+        let device = &*self.device;
+        let light = match integrator {
+            Integrator::ZeroBounce => None,
+            _ => Some(self.light()?),
+        };
+        let mut pixels = Vec::with_capacity(camera.num_pixels());
+        let mut gathered = Vec::new();
+        let mut num_samples = 0;
+        self.trace_camera(camera, |tracer| {
+            let gatherer = match &light {
+                Some(light) => {
+                    let scene = (&self.buffers, &**light);
+                    LightGatherer::new(device, scene, tracer, integrator, options)?
+                }
+                None => None,
+            };
+            num_samples = gatherer.as_ref().map_or(0, LightGatherer::num_samples);
+            let (pixels, gathered) = (&mut pixels, &mut gathered);
+            Ok(move |band: &Range<usize>, sums: Vec<Sums>| {
+                pixels.extend(sums);
+                if let Some(gatherer) = &gatherer {
+                    let (first, num) = (band.start as u32, band.len() as u32);
+                    gathered.extend(gatherer.gather(device, first, num)?);
+                }
+                Ok(())
+            })
+        })?;
+        let sums = SumImage {
+            width: camera.width,
+            height: camera.height,
+            pixels,
+        };
+        Ok(finished(sums, &gathered, num_samples, options))
+    }
+
+    fn views(&self) -> MutexGuard<'_, Views> {
+        // Whoever panicked left nothing half-done: results are written to buffers before they are read.
+        self.views.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The frame of sums and of the light that `num_samples` samples of each pixel have brought.
+fn finished(
+    sums: SumImage,
+    gathered: &[Gathered],
+    num_samples: u32,
+    options: &LightOptions,
+) -> RenderedView {
+    let scale = 1.0 / num_samples.max(1) as f32;
+    let is_sampled = |pixel: usize| {
+        num_samples > 0 && sums.pixels[pixel].emission() <= options.emission_threshold
+    };
+    let mut pixel = 0;
+    let radiance = sums.extract(|seen| {
+        let at = pixel;
+        pixel += 1;
+        if is_sampled(at) {
+            (seen.albedo() * Vec3::from(gathered[at].total) * scale).to_array()
+        } else {
+            seen.radiance().to_array()
+        }
+    });
+    pixel = 0;
+    let second_moment = sums.extract(|_| {
+        let at = pixel;
+        pixel += 1;
+        [if is_sampled(at) {
+            gathered[at].squares * scale
+        } else {
+            0.0
+        }]
+    });
+    RenderedView {
+        radiance,
+        second_moment,
+        num_rays: gathered.iter().map(|light| u64::from(light.num_rays)).sum(),
+        sums,
+    }
+}
+
+impl Tracer for GpuScene {
+    fn device(&self) -> String {
+        format!("gpu: {}", self.device.adapter().name)
+    }
+
+    fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
+        if gaussians.len() != self.set.len() {
+            *self = Self::new(&self.device, gaussians)?;
+            return Ok(());
+        }
+        // What depends on their number stays as it is.
+        self.set.update(gaussians);
+        self.lights = Lights::new(gaussians);
+        self.buffers.write(&self.device, &self.set);
+        self.light = Mutex::default();
+        Ok(self.device.check()?)
+    }
+
+    fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
+        Ok(self.views().sums(&self.device, &self.buffers, camera)?)
+    }
+
+    fn render(
+        &self,
+        camera: &Camera,
+        integrator: &Integrator,
+        options: &LightOptions,
+    ) -> Result<RenderedView, TraceError> {
+        Ok(self.render_view(camera, integrator, options)?)
+    }
+}

@@ -1,0 +1,122 @@
+//! A stable radix sort on the device.
+
+use super::device::{Device, Step};
+use super::error::GpuError;
+use super::layout::{Layout, layout};
+use super::scan::scan;
+use super::wgsl;
+
+/// Invocations of a workgroup.
+pub(super) const THREADS: u32 = 128;
+/// Elements of an invocation.
+pub(super) const PER_THREAD: u32 = 8;
+/// Elements of a workgroup.
+pub(super) const BLOCK: u32 = THREADS * PER_THREAD;
+/// Bits of a key that one pass sorts by.
+const DIGIT_BITS: u32 = 4;
+/// Values of those.
+pub(super) const DIGITS: u32 = 1 << DIGIT_BITS;
+
+// Counters of 128 invocations fill half of the 16 KiB that a workgroup is guaranteed.
+const _: () = assert!(4 * (DIGITS + 1) * THREADS <= 16 << 10);
+
+/// Parameters of the kernels.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct SortParameters {
+    shift: u32,
+    num_blocks: u32,
+    capacity: u32,
+    total: u32,
+}
+
+impl SortParameters {
+    pub(super) fn layout() -> Layout {
+        layout!(SortParameters {
+            shift: "u32",
+            num_blocks: "u32",
+            capacity: "u32",
+            total: "u32",
+        })
+    }
+}
+
+/// Keys with values, and room to sort them into.
+#[derive(Debug)]
+pub(super) struct Sorter {
+    keys: [wgpu::Buffer; 2],
+    values: [wgpu::Buffer; 2],
+    steps: Vec<Step>,
+    sorted: usize,
+}
+
+impl Sorter {
+    /// Sorts at most `capacity` pairs by the lower `num_bits` of their keys. Their number is read from `totals[total]` on the device.
+    pub(super) fn new(
+        device: &Device,
+        capacity: u32,
+        num_bits: u32,
+        (totals, total): (&wgpu::Buffer, u32),
+    ) -> Result<Self, GpuError> {
+        let room = |what| device.buffer(what, 4 * u64::from(capacity));
+        let keys = [room("sort keys")?, room("sort keys")?];
+        let values = [room("sort values")?, room("sort values")?];
+        let num_blocks = capacity.div_ceil(BLOCK);
+        let num_places = DIGITS * num_blocks;
+        let places = device.buffer("sort places", 4 * u64::from(num_places))?;
+        let add_up = scan(device, &places, num_places)?;
+        let mut steps = Vec::new();
+        let num_passes = num_bits.div_ceil(DIGIT_BITS);
+        for pass in 0..num_passes {
+            let (from, to) = (pass as usize % 2, (pass as usize + 1) % 2);
+            let parameters = device.uniform(
+                "sort",
+                &SortParameters {
+                    shift: pass * DIGIT_BITS,
+                    num_blocks,
+                    capacity,
+                    total,
+                },
+            );
+            let count = [
+                (0, &parameters),
+                (1, totals),
+                (2, &keys[from]),
+                (4, &places),
+            ];
+            steps.push(device.step(&wgsl::SORT, "sort_count", &count, num_blocks));
+            steps.extend(add_up.iter().cloned());
+            let scatter = [
+                (0, &parameters),
+                (1, totals),
+                (2, &keys[from]),
+                (3, &values[from]),
+                (4, &places),
+                (5, &keys[to]),
+                (6, &values[to]),
+            ];
+            steps.push(device.step(&wgsl::SORT, "sort_scatter", &scatter, num_blocks));
+        }
+        Ok(Self {
+            keys,
+            values,
+            steps,
+            sorted: num_passes as usize % 2,
+        })
+    }
+
+    /// Where keys and values are put.
+    pub(super) fn unsorted(&self) -> (&wgpu::Buffer, &wgpu::Buffer) {
+        (&self.keys[0], &self.values[0])
+    }
+
+    /// Where they are when [`Self::steps`] have run.
+    pub(super) fn sorted(&self) -> (&wgpu::Buffer, &wgpu::Buffer) {
+        (&self.keys[self.sorted], &self.values[self.sorted])
+    }
+
+    /// What sorts.
+    pub(super) fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+}

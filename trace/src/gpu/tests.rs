@@ -1,0 +1,146 @@
+//! Kernels against their twins, stage by stage, on whatever device there is.
+
+use super::device::{Device, Wanted};
+use super::scan::scan;
+use super::sort::Sorter;
+use super::wgsl::{self, Module};
+use crate::transport::points::Points;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use std::sync::{Arc, OnceLock};
+
+/// Any device; `None`, with a line that names `what`, where there is none. `EAGPT_REQUIRE_GPU=1` makes that a failure.
+fn device(what: &str) -> Option<Arc<Device>> {
+    static DEVICE: OnceLock<Option<Arc<Device>>> = OnceLock::new();
+    let device = DEVICE.get_or_init(|| Device::open(&Wanted::Any).ok());
+    if device.is_none() {
+        let is_required = std::env::var("EAGPT_REQUIRE_GPU").is_ok_and(|value| value == "1");
+        assert!(!is_required, "{what}: no device, and one is required");
+        eprintln!("skipped: {what}: no adapter (Debian: apt-get install mesa-vulkan-drivers)");
+    }
+    device.clone()
+}
+
+fn words(num: u32, seed: u64) -> Vec<u32> {
+    let key = RandomKey::new(seed, Purpose::Initialise, 0);
+    (0..num).map(|i| key.stream(i, 0).next_words()[0]).collect()
+}
+
+#[test]
+fn prefix_sums_are_exact_over_several_levels() {
+    let Some(device) = device("prefix sums") else {
+        return;
+    };
+    // One value, one block, blocks of blocks, and one value more than those.
+    for num in [1, 2048, 2049, 2048 * 3 + 5, 2048 * 2048 + 1] {
+        let values: Vec<u32> = words(num, 1).iter().map(|word| word % 1000).collect();
+        let buffer = device
+            .upload("values", bytemuck::cast_slice(&values))
+            .unwrap();
+        device.run(&scan(&device, &buffer, num).unwrap()).unwrap();
+        let got: Vec<u32> = device.read(&buffer, 0..num as usize).unwrap();
+        let mut sum = 0;
+        for (got, value) in got.iter().zip(values) {
+            assert_eq!(*got, sum);
+            sum += value;
+        }
+    }
+}
+
+#[test]
+fn sorting_is_stable() {
+    let Some(device) = device("sorting") else {
+        return;
+    };
+    // Few keys, so that most are equal; more room than there are elements.
+    for (num, capacity, bits) in [(5, 5, 4), (3000, 4000, 9), (20_000, 20_000, 20)] {
+        let keys: Vec<u32> = words(num, 2)
+            .iter()
+            .map(|word| word & ((1 << bits) - 1))
+            .collect();
+        let values: Vec<u32> = (0..num).collect();
+        let totals = device
+            .upload("totals", bytemuck::cast_slice(&[7, num]))
+            .unwrap();
+        let sorter = Sorter::new(&device, capacity, bits, (&totals, 1)).unwrap();
+        let (to_keys, to_values) = sorter.unsorted();
+        device.write(to_keys, bytemuck::cast_slice(&keys));
+        device.write(to_values, bytemuck::cast_slice(&values));
+        device.run(sorter.steps()).unwrap();
+        let (sorted_keys, sorted_values) = sorter.sorted();
+        let got_keys: Vec<u32> = device.read(sorted_keys, 0..num as usize).unwrap();
+        let got_values: Vec<u32> = device.read(sorted_values, 0..num as usize).unwrap();
+        let mut wanted: Vec<(u32, u32)> = keys.into_iter().zip(values).collect();
+        wanted.sort_by_key(|&(key, _)| key);
+        let got: Vec<(u32, u32)> = got_keys.into_iter().zip(got_values).collect();
+        assert!(got == wanted, "{num} of {capacity} by {bits} bits");
+    }
+}
+
+/// Draws what [`Points`] draws, for elements 0 to 63 and samples that a word of the input names.
+static DRAW: Module = Module::own(
+    "draw",
+    &[
+        wgsl::RANDOM,
+        wgsl::POINTS,
+        "@group(0) @binding(0) var<storage, read> input: array<vec4u>;
+        @group(0) @binding(1) var<storage, read_write> blocks: array<vec4f>;
+        @group(0) @binding(2) var<storage, read_write> words: array<u32>;
+        @compute @workgroup_size(64)
+        fn draw(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) element: u32) {
+            let at = group.x * 64u + element;
+            let numbers = input[1u + group.x];
+            blocks[at] = block_of(input[0], element, numbers.x, numbers.y);
+            words[at] = word_of(input[0], element, numbers.x);
+        }",
+    ],
+);
+
+#[test]
+fn random_numbers_and_sobol_points_have_the_bits_of_the_cpu() {
+    let Some(device) = device("random numbers") else {
+        return;
+    };
+    let key = RandomKey::new(0x1234_5678_9abc, Purpose::Render, 3);
+    let draws: Vec<[u32; 4]> = [0, 1, 2, 3, 255, 65_535, 65_536, 1_000_000]
+        .into_iter()
+        .flat_map(|sample| [0, 1, 13].map(|block| [sample, block, 0, 0]))
+        .collect();
+    let input: Vec<[u32; 4]> = std::iter::once(key.words()).chain(draws.clone()).collect();
+    let input = device
+        .upload("input", bytemuck::cast_slice(&input))
+        .unwrap();
+    let num = 64 * draws.len();
+    let blocks = device.buffer("blocks", 16 * num as u64).unwrap();
+    let words = device.buffer("words", 4 * num as u64).unwrap();
+    let buffers = [(0, &input), (1, &blocks), (2, &words)];
+    let step = device.step(&DRAW, "draw", &buffers, draws.len() as u32);
+    device.run(&[step]).unwrap();
+    let blocks: Vec<[f32; 4]> = device.read(&blocks, 0..num).unwrap();
+    let words: Vec<u32> = device.read(&words, 0..num).unwrap();
+    for (at, (got, word)) in blocks.iter().zip(words).enumerate() {
+        let [sample, block, ..] = draws[at / 64];
+        let points = Points::new(key, at as u32 % 64);
+        assert_eq!(
+            *got,
+            points.block(sample, block),
+            "sample {sample}, block {block}"
+        );
+        assert_eq!(word, points.word(sample), "sample {sample}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_told_with_its_size() {
+    let Some(device) = device("sizes of buffers") else {
+        return;
+    };
+    let limit = device.tier().max_bytes();
+    let error = device.buffer("too much", limit + 4).unwrap_err();
+    let said = error.to_string();
+    assert!(
+        said.contains("too much") && said.contains(&limit.to_string()) && !said.contains('\n'),
+        "{said}"
+    );
+    // That was found out before the device was asked, and it goes on working.
+    assert_eq!(device.check(), Ok(()));
+}

@@ -1,0 +1,185 @@
+//! Light transport on a device against closed forms and against the CPU engine, in mean and in variance.
+
+mod gpu;
+
+use eagpt_scene::{Camera, Gaussian, Gaussians};
+use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::gpu::GpuScene;
+use eagpt_trace::transport::Sampling;
+use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
+use glam::{DVec3, Vec3};
+
+fn inside_view() -> Camera {
+    look_at(DVec3::ZERO, DVec3::new(0.2, -1.0, -0.6), 12, 12)
+}
+
+/// A room with coloured walls and a lamp whose rim fades.
+fn lit_room() -> Gaussians {
+    let walls = cube(1.0, 0.14, |side| {
+        let color = Vec3::new(0.6, 0.5 + 0.3 * side.x, 0.5 - 0.3 * side.y);
+        material(Vec3::splat(0.3) + 0.1 * side, 0.0, color)
+    });
+    let lamp = rectangle(
+        Vec3::Z * 0.95,
+        Vec3::X * 0.4,
+        Vec3::Y * 0.4,
+        0.1,
+        material(Vec3::splat(5.0), 1.0, Vec3::ZERO),
+    );
+    let soft = |g: Gaussian| Gaussian {
+        emission: (1.2 - 3.0 * g.position.x.abs()).clamp(0.0, 1.0),
+        ..g
+    };
+    walls
+        .into_iter()
+        .chain(lamp.into_iter().map(soft))
+        .collect()
+}
+
+fn path(num_samples: u32, max_bounces: u32) -> Integrator {
+    Integrator::Path {
+        num_samples,
+        max_bounces,
+        roulette_from: None,
+    }
+}
+
+fn render(
+    scene: &impl Tracer,
+    integrator: Integrator,
+    sampling: Sampling,
+    seed: u64,
+) -> RenderedView {
+    let options = LightOptions {
+        seed,
+        sampling,
+        ..LightOptions::default()
+    };
+    scene.render(&inside_view(), &integrator, &options).unwrap()
+}
+
+/// A furnace: radiance 1 from everywhere, so that one bounce off albedo a shows a.
+#[test]
+fn one_bounce_in_a_furnace_shows_the_albedo() {
+    let Some(device) = gpu::device("a furnace") else {
+        return;
+    };
+    let furnace = sphere(1500, 1.0, |_| {
+        material(Vec3::ONE, 0.0, Vec3::new(0.3, 0.6, 0.9))
+    });
+    let scene = GpuScene::new(&device, &furnace).unwrap();
+    let integrator = Integrator::OneBounce { num_samples: 8 };
+    let view = render(&scene, integrator, Sampling::NextEvent, 1);
+    for pixel in view.radiance.pixels() {
+        for (value, expected) in pixel.iter().zip([0.3, 0.6, 0.9]) {
+            // 1e-4 of the light passes between discs at each of two hits.
+            assert!(
+                (value - expected).abs() < 5e-4,
+                "{value} instead of {expected}"
+            );
+        }
+    }
+    assert_eq!(view.num_rays, 8 * 144);
+}
+
+/// What several renderings of one scene say together.
+struct Runs {
+    /// Mean of the green channel, `[pixels]`.
+    means: Vec<f64>,
+    /// Sum over pixels of the variance of a single rendering.
+    noise: f64,
+    second_moment: f64,
+}
+
+fn runs(scene: &impl Tracer, integrator: Integrator, sampling: Sampling) -> Runs {
+    let views: Vec<RenderedView> = (10..13)
+        .map(|seed| render(scene, integrator, sampling, seed))
+        .collect();
+    let n = views.len() as f64;
+    let value = |view: &RenderedView, i: usize| f64::from(view.radiance.pixels()[i][1]);
+    let num_pixels = views[0].radiance.pixels().len();
+    let means: Vec<f64> = (0..num_pixels)
+        .map(|i| views.iter().map(|view| value(view, i)).sum::<f64>() / n)
+        .collect();
+    let square = |i: usize, view: &RenderedView| (value(view, i) - means[i]).powi(2);
+    let noise = (0..num_pixels)
+        .map(|i| views.iter().map(|view| square(i, view)).sum::<f64>() / (n - 1.0))
+        .sum();
+    let moments = views.iter().flat_map(|view| view.second_moment.pixels());
+    Runs {
+        means,
+        noise,
+        second_moment: moments.map(|[moment]| f64::from(*moment)).sum::<f64>() / n,
+    }
+}
+
+/// Every integrator with each way of looking for light: the same mean within four standard errors of the difference, and the same noise. The
+/// seeds are the same: while both engines draw the same numbers for the same things the differences are of rounding alone, and the test is
+/// the sharper for it.
+#[test]
+fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
+    let Some(device) = gpu::device("integrators") else {
+        return;
+    };
+    let room = lit_room();
+    let (gpu, cpu) = (GpuScene::new(&device, &room).unwrap(), CpuScene::new(&room));
+    let one_bounce = Integrator::OneBounce { num_samples: 12 };
+    let roulette = Integrator::Path {
+        num_samples: 4,
+        max_bounces: 4,
+        roulette_from: Some(1),
+    };
+    for (integrator, sampling) in [
+        (one_bounce, Sampling::Cosine),
+        (one_bounce, Sampling::NextEvent),
+        (path(4, 3), Sampling::Cosine),
+        (path(4, 3), Sampling::NextEvent),
+        (roulette, Sampling::NextEvent),
+    ] {
+        let got = runs(&gpu, integrator, sampling);
+        let wanted = runs(&cpu, integrator, sampling);
+        let n = got.means.len() as f64;
+        let pairs = got.means.iter().zip(&wanted.means);
+        let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
+        let bias = differences.iter().sum::<f64>() / n;
+        let variance = differences.iter().map(|d| (d - bias).powi(2)).sum::<f64>() / (n - 1.0);
+        let error = (variance / n).sqrt();
+        assert!(
+            bias.abs() < 4.0 * error + 1e-4,
+            "{integrator:?} {sampling:?}: bias {bias} ± {error}"
+        );
+        // Sums over 144 pixels of variances from three runs: their own error is some 10 % where no few pixels dominate.
+        eprintln!(
+            "{integrator:?} {sampling:?}: bias {bias} ± {error}, noise {} {}",
+            got.noise / wanted.noise,
+            got.second_moment / wanted.second_moment
+        );
+        for (what, ratio) in [
+            ("noise", got.noise / wanted.noise),
+            ("second moment", got.second_moment / wanted.second_moment),
+        ] {
+            assert!(
+                (0.7..1.4).contains(&ratio),
+                "{integrator:?} {sampling:?}: {what} is {ratio} times that of the CPU"
+            );
+        }
+    }
+}
+
+/// The same seed gives the same bits, another seed others; 0-bounce is the radiance of camera rays.
+#[test]
+fn renderings_are_repeatable() {
+    let Some(device) = gpu::device("repeatable renderings") else {
+        return;
+    };
+    let scene = GpuScene::new(&device, &lit_room()).unwrap();
+    let run = |seed| render(&scene, path(3, 3), Sampling::NextEvent, seed);
+    let first = run(1);
+    assert!(first == run(1));
+    assert!(first.radiance != run(2).radiance);
+    let plain = render(&scene, Integrator::ZeroBounce, Sampling::NextEvent, 1);
+    assert_eq!(plain.radiance, plain.sums.radiance());
+    assert_eq!(plain.sums, first.sums);
+    assert_eq!(plain.num_rays, 0);
+}

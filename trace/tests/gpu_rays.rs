@@ -1,0 +1,147 @@
+//! Single rays on a device: blended sums against the CPU engine, and hits chosen by their weight against blended ones.
+
+mod gpu;
+
+use eagpt_scene::Gaussians;
+use eagpt_testkit::gaussians::random_cloud;
+use eagpt_trace::Sums;
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::gpu::GpuScene;
+use eagpt_trace::oracle::{self, OracleGaussian};
+use eagpt_trace::ray::Ray;
+use eagpt_trace::transport::RayTracer;
+use glam::{DVec3, Vec3};
+
+/// Largest difference of a sum, relative to 1 plus its value: as for camera rays.
+const SUM_TOLERANCE: f32 = 5e-5;
+
+/// Rays from inside a cloud in all directions; every other one leaves from a surface and does not see what lies along it.
+fn rays(num: usize) -> Vec<Ray> {
+    let direction = |i: usize| {
+        let azimuth = i as f32 * 2.399_963;
+        let z = 1.0 - (2 * i + 1) as f32 / num as f32;
+        let flat = (1.0 - z * z).sqrt();
+        Vec3::new(flat * azimuth.cos(), flat * azimuth.sin(), z).normalize()
+    };
+    (0..num)
+        .map(|i| {
+            let origin = [0.05, -0.02, 0.1 + 0.001 * i as f32];
+            let free = Ray::free(origin, direction(i).to_array());
+            match i % 2 {
+                0 => free,
+                _ => Ray {
+                    t_own: 0.5,
+                    own_normal: direction(7 * i % num).to_array(),
+                    ..free
+                },
+            }
+        })
+        .collect()
+}
+
+fn is_steady(gaussians: &[OracleGaussian], ray: &Ray) -> bool {
+    let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
+    let hits = oracle::hits(gaussians, origin, direction);
+    // Hits just at the end of the own surface may be either.
+    let own = hits
+        .iter()
+        .any(|hit| (hit.t - f64::from(ray.t_own)).abs() < 1e-5);
+    !own && !oracle::is_ambiguous(&hits)
+}
+
+fn worst_difference(got: &Sums, wanted: &Sums) -> f32 {
+    let pairs = got.0.iter().zip(wanted.0);
+    pairs.fold(0.0, |worst, (got, wanted)| {
+        worst.max((got - wanted).abs() / (1.0 + wanted.abs()))
+    })
+}
+
+#[test]
+fn blended_rays_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("blended rays") else {
+        return;
+    };
+    // The second scene has more hits on a ray than wait at once.
+    let mut faint = random_cloud(600, 6);
+    faint
+        .opacities
+        .iter_mut()
+        .for_each(|o| *o = 0.02 + 0.05 * *o);
+    faint.scales.iter_mut().for_each(|s| *s += 0.12);
+    for gaussians in [random_cloud(700, 3), faint] {
+        let wanted = CpuScene::new(&gaussians);
+        let rays = rays(400);
+        let sums = GpuScene::new(&device, &gaussians)
+            .unwrap()
+            .trace_rays(&rays)
+            .unwrap();
+        let oracle: Vec<OracleGaussian> =
+            gaussians.iter().map(|g| OracleGaussian::from(&g)).collect();
+        let mut num_compared = 0;
+        for (ray, got) in rays.iter().zip(&sums) {
+            if is_steady(&oracle, ray) {
+                num_compared += 1;
+                let worst = worst_difference(got, &wanted.trace(ray));
+                assert!(worst < SUM_TOLERANCE, "{ray:?}: {worst:e}");
+            }
+        }
+        assert!(num_compared > 200, "{num_compared}");
+    }
+}
+
+#[test]
+fn nothing_is_met_in_an_empty_scene() {
+    let Some(device) = gpu::device("rays through nothing") else {
+        return;
+    };
+    let empty = GpuScene::new(&device, &Gaussians::default()).unwrap();
+    assert_eq!(
+        empty.trace_rays(&rays(3)).unwrap(),
+        vec![Sums::default(); 3]
+    );
+    assert_eq!(empty.choose_hits(&[(rays(1)[0], 5)]).unwrap(), vec![None]);
+    assert_eq!(empty.trace_rays(&[]).unwrap(), vec![]);
+}
+
+/// The mean of what chosen hits carry is the blended sum.
+#[test]
+fn chosen_hits_have_the_mean_of_blended_ones() {
+    let Some(device) = gpu::device("chosen hits") else {
+        return;
+    };
+    let gaussians = random_cloud(700, 3);
+    let scene = GpuScene::new(&device, &gaussians).unwrap();
+    let rays = rays(24);
+    let num_draws = 4000_u32;
+    let queries: Vec<(Ray, u32)> = rays
+        .iter()
+        .flat_map(|ray| (0..num_draws).map(|draw| (*ray, draw.wrapping_mul(0x9e37_79b1))))
+        .collect();
+    let blended = scene.trace_rays(&rays).unwrap();
+    let chosen = scene.choose_hits(&queries).unwrap();
+    for (hits, sums) in chosen.chunks_exact(num_draws as usize).zip(blended) {
+        // Whether anything is hit, and the radiance of what is.
+        for (value, wanted) in [
+            (None, sums.alpha()),
+            (Some(0), sums.radiance().x),
+            (Some(2), sums.radiance().z),
+        ] {
+            let of = |hit: &Option<u32>| {
+                hit.map_or(0.0, |index| match value {
+                    None => 1.0,
+                    Some(channel) => f64::from(gaussians.radiances[index as usize][channel]),
+                })
+            };
+            let n = f64::from(num_draws);
+            let mean = hits.iter().map(of).sum::<f64>() / n;
+            let variance = hits.iter().map(|hit| (of(hit) - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            // Five standard errors for 72 comparisons; the blend leaves out what is behind a transmittance of 1e-4.
+            let error = (variance / n).sqrt();
+            let difference = (mean - f64::from(wanted)).abs();
+            assert!(
+                difference < 5.0 * error + 2e-4 * (1.0 + mean),
+                "{mean} ± {error} instead of {wanted}"
+            );
+        }
+    }
+}

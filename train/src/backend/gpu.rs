@@ -1,0 +1,225 @@
+//! Training on a device.
+//!
+//! - [`params`]: parameters, moments and Gaussians; the chain rule and Adam.
+//! - [`wanted`]: what views should look like.
+//! - [`loss`]: the loss of stage 0, its sums over pixels and its derivatives by the sums of rays.
+//! - [`report`]: what the host reads after a step: twelve numbers.
+//! - [`kernels`]: the modules of these.
+//!
+//! A step is handed to the device as a whole and looked at once, at its end. Where it turns out that there was no room for all hits, no
+//! parameter has moved, and the step is taken again with more room.
+
+mod kernels;
+mod loss;
+mod params;
+mod report;
+mod wanted;
+
+use super::trainer::{Engine, Trainer};
+use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
+use crate::densify::Densified;
+use crate::error::Result;
+use crate::loss::color::pq_image;
+use crate::params::ParameterState;
+use eagpt_scene::Camera;
+use eagpt_trace::blend::LocalGradient;
+use eagpt_trace::cpu::Wanted;
+use eagpt_trace::gpu::{Device, GpuFit};
+use eagpt_trace::sums::{SumImage, Sums};
+use eagpt_trace::surfel::SurfelSet;
+use loss::{LossBuffers, LossOptions};
+use params::ResidentState;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::Arc;
+use wanted::WantedView;
+
+/// The rays of a device.
+struct GpuEngine {
+    fit: GpuFit,
+}
+
+impl Engine for GpuEngine {
+    fn device(&self) -> String {
+        format!("gpu: {}", self.fit.device().adapter().name)
+    }
+
+    fn update(&mut self, set: &SurfelSet) -> Result<()> {
+        Ok(self.fit.update(set)?)
+    }
+
+    fn trace(&mut self, _: &SurfelSet, camera: &Camera) -> Result<SumImage> {
+        Ok(self.fit.camera_sums(camera)?)
+    }
+
+    fn adjoint(
+        &mut self,
+        _: &SurfelSet,
+        camera: &Camera,
+        d_sums: &[Sums],
+        _: Wanted,
+    ) -> Result<Vec<LocalGradient>> {
+        Ok(self.fit.camera_adjoint(camera, d_sums)?)
+    }
+
+    fn camera_sums(&self, _: &SurfelSet, camera: &Camera) -> Result<SumImage> {
+        Ok(self.fit.camera_sums(camera)?)
+    }
+}
+
+/// Training on a device. A step of stage 0 passes through the host with its report alone; what stage 1 gathers, its loss, and which
+/// Gaussians are split, is found out on the CPU.
+pub struct GpuBackend {
+    device: Arc<Device>,
+    /// The rays; while a [`ResidentState`] is there, its other parts are behind.
+    host: Trainer<GpuEngine>,
+    resident: Option<ResidentState>,
+    loss: Option<LossBuffers>,
+    views: HashMap<usize, WantedView>,
+    /// Bytes that views may still take.
+    view_budget: usize,
+}
+
+impl GpuBackend {
+    /// A backend that starts from `state`; prepared images may take `target_budget` bytes of the host's memory, and of the device's.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn new(device: &Arc<Device>, state: ParameterState, target_budget: usize) -> Result<Self> {
+        let set = SurfelSet::new(&state.gaussians());
+        let fit = GpuFit::new(device, &set)?;
+        let engine = GpuEngine { fit };
+        Ok(Self {
+            device: Arc::clone(device),
+            host: Trainer::with_engine(state, target_budget, engine),
+            resident: None,
+            loss: None,
+            views: HashMap::new(),
+            view_budget: target_budget,
+        })
+    }
+
+    /// The host's trainer, with the state that the device has.
+    fn host(&mut self) -> Result<&mut Trainer<GpuEngine>> {
+        if let Some(resident) = self.resident.take() {
+            self.host.take_back(resident.state()?);
+        }
+        Ok(&mut self.host)
+    }
+
+    fn wanted(&mut self, view: &TrainingView) -> Result<WantedView> {
+        if let Some(wanted) = self.views.get(&view.index) {
+            return Ok(wanted.clone());
+        }
+        let wanted = WantedView::new(&self.device, &view.view, &pq_image(&view.view.radiance))?;
+        let size = WantedView::num_bytes(view.view.camera.num_pixels());
+        if let Some(left) = self.view_budget.checked_sub(size) {
+            self.view_budget = left;
+            self.views.insert(view.index, wanted.clone());
+        }
+        Ok(wanted)
+    }
+
+    /// A step of stage 0 on the device; `None` where one buffer does not hold all rays.
+    fn resident_step(
+        &mut self,
+        view: &TrainingView,
+        step: &RadianceStep<'_>,
+    ) -> Result<Option<StepOutcome>> {
+        let camera = &view.view.camera;
+        let rays = camera.magnified(step.rays_per_axis);
+        if self.host.engine.fit.frame(&rays)?.is_none() {
+            return Ok(None);
+        }
+        let wanted = self.wanted(view)?;
+        let options = LossOptions {
+            weights: step.weights,
+            normals: step.normals,
+            rays_per_axis: step.rays_per_axis,
+        };
+        let device = &*self.device;
+        let fit = &self.host.engine.fit;
+        let resident = match &mut self.resident {
+            Some(resident) => resident,
+            none => none.insert(ResidentState::new(&self.device, &self.host.state)?),
+        };
+        if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
+            // The old one's memory goes first.
+            self.loss = None;
+        }
+        let loss = match &mut self.loss {
+            Some(loss) => loss,
+            none => none.insert(LossBuffers::new(device, camera.num_pixels())?),
+        };
+        while let Some(frame) = fit.frame(&rays)? {
+            resident.begin();
+            fit.forward(&rays)?;
+            let at = (camera, &wanted);
+            device.run(&loss.steps(device, at, &options, (&frame, resident.report())))?;
+            fit.backward(&rays)?;
+            device.run(&resident.steps(fit, &frame, &step.sizes))?;
+            let report = resident.read_report()?;
+            if fit.make_room(&rays, report.needed())? {
+                continue;
+            }
+            let terms = loss::terms(&report, &wanted, &options);
+            return Ok(Some(resident.finish(&report)?.map(|()| terms)));
+        }
+        Ok(None)
+    }
+}
+
+impl Backend for GpuBackend {
+    fn device(&self) -> String {
+        self.host.device()
+    }
+
+    fn radiance_step(
+        &mut self,
+        view: &TrainingView,
+        step: &RadianceStep<'_>,
+    ) -> Result<StepOutcome> {
+        match self.resident_step(view, step)? {
+            Some(outcome) => Ok(outcome),
+            None => self.host()?.radiance_step(view, step),
+        }
+    }
+
+    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
+        self.host()?.albedo_step(view, step)
+    }
+
+    fn attribute(&mut self, view: &TrainingView) -> Result<()> {
+        self.host()?.attribute(view)
+    }
+
+    fn densify(&mut self, target: usize) -> Result<Densified> {
+        self.host()?.densify(target)
+    }
+
+    fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
+        self.host()?.begin_gathering(cameras)
+    }
+
+    fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
+        self.host()?.gather(range, num_samples, seed)
+    }
+
+    fn begin_albedo(&mut self) -> Result<()> {
+        self.host()?.begin_albedo()
+    }
+
+    fn camera_sums(&self, camera: &Camera) -> Result<SumImage> {
+        self.host.camera_sums(camera)
+    }
+
+    fn state(&self) -> Result<ParameterState> {
+        match &self.resident {
+            Some(resident) => resident.state(),
+            None => self.host.state(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

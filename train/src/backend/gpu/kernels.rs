@@ -1,0 +1,152 @@
+//! The modules of training's kernels, and what they share with Rust.
+
+use super::loss::LossParameters;
+use super::params::AdamParameters;
+use super::wanted::{self, Wanted};
+use super::{loss, report};
+use crate::loss::MIN_NORMAL_ALPHA;
+use crate::params::{BETA_1, BETA_2, EPSILON, NUM_PARAMETERS};
+use eagpt_eval::ssim;
+use eagpt_eval::window::{RADIUS, WEIGHTS};
+use eagpt_scene::color::PQ_CONSTANTS;
+use eagpt_trace::gpu::kernel::{Module, shared};
+use eagpt_trace::model::{MAX_RADIUS, MIN_ALPHA};
+
+const NUMBERS: &str = include_str!("numbers.wgsl");
+const PIXELS: &str = include_str!("loss_pixels.wgsl");
+
+pub(super) static PARAMS: Module = Module::with_declarations(
+    "parameters",
+    declarations,
+    &[
+        shared::SURFEL,
+        shared::BLEND,
+        NUMBERS,
+        include_str!("params.wgsl"),
+    ],
+);
+pub(super) static COLOR: Module = Module::with_declarations(
+    "loss: colour",
+    declarations,
+    &[
+        shared::SURFEL,
+        shared::BLEND,
+        NUMBERS,
+        PIXELS,
+        include_str!("loss_color.wgsl"),
+    ],
+);
+pub(super) static SURFACE: Module = Module::with_declarations(
+    "loss: surface",
+    declarations,
+    &[
+        shared::SURFEL,
+        shared::BLEND,
+        NUMBERS,
+        PIXELS,
+        include_str!("loss_surface.wgsl"),
+    ],
+);
+pub(super) static ADD_UP: Module = Module::with_declarations(
+    "loss: sums",
+    declarations,
+    &[
+        shared::SURFEL,
+        shared::BLEND,
+        NUMBERS,
+        PIXELS,
+        include_str!("loss_add_up.wgsl"),
+    ],
+);
+pub(super) static DERIVATIVES: Module = Module::with_declarations(
+    "loss: derivatives",
+    declarations,
+    &[
+        shared::SURFEL,
+        shared::BLEND,
+        NUMBERS,
+        PIXELS,
+        include_str!("loss_derivatives.wgsl"),
+    ],
+);
+
+/// Structures and constants beside those of the rays.
+fn declarations() -> String {
+    let mut text = String::new();
+    for layout in [
+        AdamParameters::layout(),
+        LossParameters::layout(),
+        Wanted::layout(),
+    ] {
+        text.push_str(&layout.declaration());
+    }
+    let pq_numbers = PQ_CONSTANTS.map(|(name, value)| (name, value as f32));
+    let numbers = [
+        ("BETA_1", BETA_1),
+        ("BETA_2", BETA_2),
+        ("EPSILON", EPSILON),
+        ("MIN_ALPHA", MIN_ALPHA),
+        ("MAX_RADIUS", MAX_RADIUS),
+        ("MIN_NORMAL_ALPHA", MIN_NORMAL_ALPHA),
+        ("MIN_POSITIVE", f32::MIN_POSITIVE),
+        ("SSIM_C1", ssim::C1),
+        ("SSIM_C2", ssim::C2),
+    ];
+    for (name, value) in numbers.into_iter().chain(pq_numbers) {
+        text.push_str(&format!("const {name}: f32 = {value:?};\n"));
+    }
+    for (name, value) in [
+        ("NUM_PARAMETERS", NUM_PARAMETERS as u32),
+        ("REPORT_BAD", report::BAD),
+        ("REPORT_ENTRIES", report::ENTRIES),
+        ("REPORT_CHUNKS", report::CHUNKS),
+        ("REPORT_TERMS", report::TERMS),
+        ("NOTHING_BAD", report::NOTHING_BAD),
+        ("ADD_THREADS", loss::ADD_THREADS),
+        ("ADD_PER_THREAD", loss::ADD_PER_THREAD),
+        ("KNOWN", wanted::KNOWN),
+        ("WINDOW", wanted::WINDOW),
+    ] {
+        text.push_str(&format!("const {name}: u32 = {value}u;\n"));
+    }
+    let weights: Vec<String> = WEIGHTS.iter().map(|w| format!("{w:?}")).collect();
+    text.push_str(&format!(
+        "const BLUR_RADIUS: i32 = {RADIUS};\nconst BLUR_WEIGHTS = array<f32, {}>({});\n",
+        WEIGHTS.len(),
+        weights.join(", ")
+    ));
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    /// Without a device: valid by what WebGPU has, and no kernel binds more storage buffers than every device has.
+    #[test]
+    fn all_modules_are_valid_and_bind_at_most_eight_buffers() {
+        for module in [&PARAMS, &COLOR, &SURFACE, &ADD_UP, &DERIVATIVES] {
+            let (name, source) = (module.name(), module.source());
+            let parsed = naga::front::wgsl::parse_str(&source)
+                .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            let info = validator
+                .validate(&parsed)
+                .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
+            assert!(!parsed.entry_points.is_empty(), "{name}");
+            for (number, entry) in parsed.entry_points.iter().enumerate() {
+                let used = info.get_entry_point(number);
+                let num = parsed
+                    .global_variables
+                    .iter()
+                    .filter(|(handle, variable)| {
+                        !used[*handle].is_empty()
+                            && matches!(variable.space, naga::AddressSpace::Storage { .. })
+                    })
+                    .count();
+                assert!(num <= 8, "{}: {num} storage buffers", entry.name);
+            }
+        }
+    }
+}

@@ -1,0 +1,108 @@
+// Derivatives of the whole loss by the sums of every ray.
+
+@group(0) @binding(8) var<storage, read> surfaces: array<SurfaceGradient>;
+@group(0) @binding(9) var<storage, read> report: array<u32>;
+@group(0) @binding(10) var<storage, read_write> d_rays: array<Lanes>;
+
+fn blurred_down(pixel: u32) -> Moments {
+    let x = pixel % loss.width;
+    let row = i32(pixel / loss.width);
+    var weights = BLUR_WEIGHTS;
+    var sum = Moments();
+    for (var offset = -BLUR_RADIUS; offset <= BLUR_RADIUS; offset++) {
+        let y = row + offset;
+        if y >= 0 && y < i32(loss.height) {
+            let other = blurred[u32(y) * loss.width + x];
+            let weight = weights[abs(offset)];
+            sum.of_shown += weight * other.of_shown;
+            sum.of_squares += weight * other.of_squares;
+            sum.of_product += weight * other.of_product;
+        }
+    }
+    return sum;
+}
+
+// By the radiance, of the colour term.
+fn by_radiance(pixel: u32) -> vec3f {
+    let shown = encoded[pixel].pq;
+    let target_pq = wanted[pixel].pq;
+    let by_moments = blurred_down(pixel);
+    let d_ssim = loss.per_window * (by_moments.of_shown + 2.0 * shown * by_moments.of_squares + target_pq * by_moments.of_product);
+    let d_pq = loss.l1 * sign(shown - target_pq) - loss.ssim * d_ssim;
+    return d_pq * encoded[pixel].slope;
+}
+
+fn surface_at(x: i32, y: i32) -> SurfaceGradient {
+    if x < 0 || y < 0 || x >= i32(loss.width) || y >= i32(loss.height) {
+        return SurfaceGradient();
+    }
+    return surfaces[u32(y) * loss.width + u32(x)];
+}
+
+// By the distance from the origin of the point of a pixel, of the term of spanned normals.
+fn by_mean_distance(pixel: u32) -> f32 {
+    let x = i32(pixel % loss.width);
+    let y = i32(pixel / loss.width);
+    let d_point = surface_at(x - 1, y).d_across - surface_at(x + 1, y).d_across + surface_at(x, y - 1).d_down
+        - surface_at(x, y + 1).d_down;
+    return dot(d_point, direction_of(pixel));
+}
+
+fn derivative(pixel: u32) -> Lanes {
+    let sums = means[pixel];
+    var d_radiance = vec3f();
+    var d_emission = 0.0;
+    var d_normal = vec3f();
+    var d_alpha = 0.0;
+    var d_distance = 0.0;
+    if is_known(pixel) {
+        d_radiance = loss.color * by_radiance(pixel);
+        d_emission = loss.emission * sign(sums.a.w - wanted[pixel].emission);
+        d_alpha = loss.alpha * sign(alpha_of_sums(sums) - opacity_wanted(pixel));
+    }
+    if loss.has_normals != 0u {
+        let num_map = bitcast<f32>(report[REPORT_TERMS + 5u]);
+        let num_spanned = bitcast<f32>(report[REPORT_TERMS + 7u]);
+        if num_map > 0.0 && terms[pixel].surface.y > 0.0 {
+            d_normal += loss.normal / num_map * one_minus_cosine(normal_of(sums), wanted[pixel].normal).xyz;
+        }
+        if num_spanned > 0.0 {
+            let share = loss.depth_normal / num_spanned;
+            d_normal += share * surfaces[pixel].d_normal;
+            if alpha_of_sums(sums) > 0.0 {
+                // D̃ = D / A
+                let d_mean = share * by_mean_distance(pixel) / alpha_of_sums(sums);
+                d_distance += d_mean;
+                d_alpha -= d_mean * mean_distance(sums);
+            }
+        }
+    }
+    return Lanes(
+        vec4f(d_radiance, d_emission),
+        vec4f(0.0, 0.0, 0.0, d_normal.x),
+        vec4f(d_normal.yz, d_alpha, d_distance),
+        vec4f(),
+    );
+}
+
+@compute @workgroup_size(64)
+fn derivatives(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = group_number(workgroup, workgroups) * 64u + thread;
+    if pixel >= loss.num_pixels {
+        return;
+    }
+    let d = derivative(pixel);
+    let n = loss.rays_per_axis;
+    let num = f32(n * n);
+    let shared_out = Lanes(d.a / num, d.b / num, d.c / num, vec4f());
+    let first = vec2u(pixel % loss.width, pixel / loss.width) * n;
+    for (var y = 0u; y < n; y++) {
+        for (var x = 0u; x < n; x++) {
+            d_rays[(first.y + y) * loss.width * n + first.x + x] = shared_out;
+        }
+    }
+}

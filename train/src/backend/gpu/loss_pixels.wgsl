@@ -1,0 +1,76 @@
+// What the kernels of the loss share: the twin of loss/. Pixels are those of the view, row by row; each is the mean over the same number of rays.
+
+@group(0) @binding(0) var<uniform> loss: LossParameters;
+@group(0) @binding(1) var<storage, read> rays: array<Lanes>;
+// Mean sums of each pixel; spread and first distance have no part in a loss.
+@group(0) @binding(2) var<storage, read_write> means: array<Lanes>;
+@group(0) @binding(3) var<storage, read> wanted: array<Wanted>;
+@group(0) @binding(4) var<storage, read_write> encoded: array<Encoded>;
+// Moments, and later derivatives by them, blurred along x.
+@group(0) @binding(5) var<storage, read_write> blurred: array<Moments>;
+@group(0) @binding(6) var<storage, read_write> partials: array<Moments>;
+@group(0) @binding(7) var<storage, read_write> terms: array<Terms>;
+
+// PQ values and their slopes.
+struct Encoded {
+    pq: vec3f,
+    slope: vec3f,
+}
+
+// Of the three colours: mean of what is wanted, mean of what is shown, mean of the sum of their squares, mean of their product.
+struct Moments {
+    of_wanted: vec3f,
+    of_shown: vec3f,
+    of_squares: vec3f,
+    of_product: vec3f,
+}
+
+// Contributions of a pixel to sums.
+struct Terms {
+    // |difference| of PQ values, SSIM, |E − M|, |A − A_gt|
+    image: vec4f,
+    // 1 − Ñ·N and its pixels, 1 − Ñ_d·N and its pixels
+    surface: vec4f,
+}
+
+// Derivatives of one pixel's term of spanned normals by the differences of points across and down, and by its N.
+struct SurfaceGradient {
+    d_across: vec3f,
+    d_down: vec3f,
+    d_normal: vec3f,
+}
+
+fn is_known(pixel: u32) -> bool {
+    return (wanted[pixel].flags & KNOWN) != 0u;
+}
+
+fn opacity_wanted(pixel: u32) -> f32 {
+    return f32(wanted[pixel].flags >> 16u) / 65535.0;
+}
+
+fn normal_of(sums: Lanes) -> vec3f {
+    return vec3f(sums.b.w, sums.c.xy);
+}
+
+fn alpha_of_sums(sums: Lanes) -> f32 {
+    return sums.c.z;
+}
+
+fn mean_distance(sums: Lanes) -> f32 {
+    return select(0.0, sums.c.w / sums.c.z, sums.c.z > 0.0);
+}
+
+// Of the middle of a pixel.
+fn direction_of(pixel: u32) -> vec3f {
+    let x = f32(pixel % loss.width) + 0.5;
+    let y = f32(pixel / loss.width) + 0.5;
+    return normalize(loss.base + loss.step_x * x + loss.step_y * y);
+}
+
+// Value and derivative by n of 1 − (n/|n|)·m, m of unit length.
+fn one_minus_cosine(n: vec3f, m: vec3f) -> vec4f {
+    let norm = length(n);
+    let unit = n / norm;
+    let cosine = dot(unit, m);
+    return vec4f((unit * cosine - m) / norm, 1.0 - cosine);
+}

@@ -1,0 +1,244 @@
+//! Each stage against its twin on the CPU.
+
+use super::loss::{LossBuffers, LossOptions};
+use super::params::ResidentState;
+use super::report;
+use super::wanted::WantedView;
+use crate::loss::color::pq_image;
+use crate::loss::tests::{frame, mask, view};
+use crate::loss::{LossTerms, NormalTerms, radiance_loss};
+use crate::options::{LossWeights, Preset, TrainOptions};
+use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
+use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_trace::blend::LocalGradient;
+use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::gpu::{Frame, GpuFit};
+use eagpt_trace::sums::{NUM_LANES, Sums, lane};
+use eagpt_trace::surfel::SurfelSet;
+use glam::DVec3;
+
+#[path = "../../../../trace/tests/gpu/mod.rs"]
+mod gpu;
+
+/// Of a value, relative to the largest of its kind: ten times the largest difference seen on lavapipe.
+const TOLERANCE: f32 = 2e-5;
+
+fn weights() -> LossWeights {
+    TrainOptions::preset(Preset::Draft).radiance.weights
+}
+
+/// Largest difference in lane `k`, relative to the largest value.
+fn off(got: &[Sums], wanted: &[Sums], k: usize) -> f32 {
+    let scale = wanted.iter().fold(0.0_f32, |m, s| m.max(s.0[k].abs()));
+    let pairs = got.iter().zip(wanted);
+    let worst = pairs.fold(0.0_f32, |m, (a, b)| m.max((a.0[k] - b.0[k]).abs()));
+    if worst == 0.0 { 0.0 } else { worst / scale }
+}
+
+fn list(terms: &LossTerms) -> [f64; 7] {
+    [
+        terms.total,
+        terms.l1,
+        terms.ssim,
+        terms.normal,
+        terms.depth_normal,
+        terms.emission,
+        terms.alpha,
+    ]
+}
+
+#[test]
+fn losses_and_their_derivatives_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("losses on a device") else {
+        return;
+    };
+    let (sums, weights) = (frame(), weights());
+    let mut failures = Vec::new();
+    for (with_map, with_mask, normals) in [
+        (true, false, NormalTerms::On),
+        (false, false, NormalTerms::On),
+        (true, true, NormalTerms::On),
+        (false, true, NormalTerms::Off),
+    ] {
+        let mut view = view(with_map);
+        view.valid = with_mask.then(mask);
+        let target = pq_image(&view.radiance);
+        let (wanted_terms, wanted_d) = radiance_loss(&sums, &view, &target, &weights, normals);
+
+        let num_pixels = sums.pixels.len();
+        let lanes: Vec<[f32; NUM_LANES]> = sums.pixels.iter().map(|s| s.0).collect();
+        let made = |what| device.buffer(what, 64 * num_pixels as u64).unwrap();
+        let frame = Frame {
+            sums: device.upload("sums", bytemuck::cast_slice(&lanes)).unwrap(),
+            d_sums: made("d_sums"),
+            gradients: made("gradients"),
+            totals: made("totals"),
+            room: eagpt_trace::gpu::FrameRoom {
+                entries: 0,
+                chunks: 0,
+            },
+        };
+        let words = bytemuck::cast_slice(&report::EMPTY).to_vec();
+        let report_buffer = device.upload("report", &words).unwrap();
+        let on_device = WantedView::new(&device, &view, &target).unwrap();
+        let options = LossOptions {
+            weights: &weights,
+            normals,
+            rays_per_axis: 1,
+        };
+        let buffers = LossBuffers::new(&device, num_pixels).unwrap();
+        let at = (&view.camera, &on_device);
+        let steps = buffers.steps(&device, at, &options, (&frame, &report_buffer));
+        device.run(&steps).unwrap();
+        let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_sums, 0..num_pixels).unwrap();
+        let d: Vec<Sums> = d.into_iter().map(Sums).collect();
+        let words: Vec<u32> = device.read(&report_buffer, 0..report::NUM_WORDS).unwrap();
+        let report = report::Report(words.try_into().unwrap());
+        let terms = super::loss::terms(&report, &on_device, &options);
+
+        let name = format!("map {with_map}, mask {with_mask}, {normals:?}");
+        for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
+            if (got - wanted).abs() > f64::from(TOLERANCE) * wanted.abs().max(0.01) {
+                failures.push(format!("{name}: {terms:?} instead of {wanted_terms:?}"));
+                break;
+            }
+        }
+        for k in 0..NUM_LANES {
+            let off = off(&d, &wanted_d, k);
+            // A pixel that is not finite compares as no difference.
+            let is_finite = d.iter().all(|s| s.0[k].is_finite());
+            if off > TOLERANCE || !is_finite {
+                failures.push(format!("{name}: lane {k} off by {off:e}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// Four steps with other gradients each: moments, corrections and everything that follows from parameters.
+#[test]
+fn steps_of_adam_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("Adam on a device") else {
+        return;
+    };
+    let mut cpu = ParameterState::new(&random_cloud(130, 4));
+    // Quaternions do not stay of unit length.
+    for (i, raw) in cpu.values.iter_mut().enumerate() {
+        raw[5..9]
+            .iter_mut()
+            .for_each(|q| *q *= 1.0 + 0.01 * i as f32);
+    }
+    let mut gaussians = cpu.gaussians();
+    let mut set = SurfelSet::new(&gaussians);
+    let fit = GpuFit::new(&device, &set).unwrap();
+    let mut gpu = ResidentState::new(&device, &cpu).unwrap();
+    let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
+    let frame = fit.frame(&camera).unwrap().unwrap();
+    let options = TrainOptions::preset(Preset::Draft);
+    for time in 0..4 {
+        let gradients: Vec<LocalGradient> = (0..cpu.len())
+            .map(|i| {
+                let value = |k: usize| ((i * 37 + k * 11 + time * 5) % 101) as f32 / 50.0 - 1.0;
+                LocalGradient(std::array::from_fn(value))
+            })
+            .collect();
+        let lanes: Vec<[f32; NUM_LANES]> = gradients.iter().map(|g| g.0).collect();
+        device.write(&frame.gradients, bytemuck::cast_slice(&lanes));
+        let sizes = StepSizes::radiance(&options.radiance.rates, 2.0, 0.1);
+        cpu.step(&gaussians, &gradients, &sizes).unwrap();
+        cpu.write_gaussians(&mut gaussians);
+        gpu.begin();
+        device.run(&gpu.steps(&fit, &frame, &sizes)).unwrap();
+        let report = gpu.read_report().unwrap();
+        gpu.finish(&report).unwrap().unwrap();
+    }
+    set.update(&gaussians);
+    let state = gpu.state().unwrap();
+    assert_eq!(state.num_steps, cpu.num_steps);
+    let mut failures = Vec::new();
+    for (name, got, wanted) in [
+        ("values", &state.values, &cpu.values),
+        ("first", &state.first, &cpu.first),
+        ("second", &state.second, &cpu.second),
+    ] {
+        for (class, range) in CLASSES {
+            let worst = relative(got, wanted, range);
+            if worst > TOLERANCE {
+                failures.push(format!("{name} of {class}: off by {worst:e}"));
+            }
+        }
+    }
+    // What is traced is what follows from the parameters.
+    let seen = fit.camera_sums(&camera).unwrap();
+    let (wanted, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
+    let off = off(&seen.pixels, &wanted.pixels, lane::RADIANCE);
+    if off > 1e-3 {
+        failures.push(format!("traced: off by {off:e}"));
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+fn relative(got: &[Raw], wanted: &[Raw], range: std::ops::Range<usize>) -> f32 {
+    let mut worst = 0.0_f32;
+    for k in range {
+        let scale = wanted.iter().fold(0.0_f32, |m, raw| m.max(raw[k].abs()));
+        for (a, b) in got.iter().zip(wanted) {
+            let off = (a[k] - b[k]).abs();
+            if off > 0.0 {
+                worst = worst.max(off / scale);
+            }
+        }
+    }
+    worst
+}
+
+#[test]
+fn nothing_moves_along_a_gradient_that_is_no_number() {
+    let Some(device) = gpu::device("gradients that are no numbers") else {
+        return;
+    };
+    let before = ParameterState::new(&random_cloud(70, 4));
+    let set = SurfelSet::new(&before.gaussians());
+    let fit = GpuFit::new(&device, &set).unwrap();
+    let mut state = ResidentState::new(&device, &before).unwrap();
+    let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
+    let frame = fit.frame(&camera).unwrap().unwrap();
+    let mut lanes = vec![[1.0_f32; NUM_LANES]; before.len()];
+    lanes[66][12] = f32::NAN;
+    lanes[67][0] = f32::INFINITY;
+    device.write(&frame.gradients, bytemuck::cast_slice(&lanes));
+    state.begin();
+    let sizes = StepSizes([0.1; NUM_PARAMETERS]);
+    device.run(&state.steps(&fit, &frame, &sizes)).unwrap();
+    let report = state.read_report().unwrap();
+    let bad = state.finish(&report).unwrap().unwrap_err();
+    assert_eq!((bad.class, bad.index), ("emission", 66));
+    assert_eq!(state.state().unwrap(), before);
+}
+
+/// A step for whose hits there is no room at first is the step that it would have been.
+#[test]
+fn a_step_without_room_is_taken_again() {
+    let Some(device) = gpu::device("room for hits") else {
+        return;
+    };
+    let cloud = random_cloud(400, 4);
+    let fit = GpuFit::new(&device, &SurfelSet::new(&cloud)).unwrap();
+    let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 37, 29);
+    let small = fit.frame(&camera).unwrap().unwrap();
+    let more = eagpt_trace::gpu::FrameRoom {
+        entries: small.room.entries + 1,
+        chunks: 0,
+    };
+    assert!(fit.make_room(&camera, more).unwrap());
+    let entries = fit.frame(&camera).unwrap().unwrap();
+    assert!(entries.room.entries > small.room.entries && entries != small);
+    let more = eagpt_trace::gpu::FrameRoom {
+        entries: 0,
+        chunks: entries.room.chunks + 1,
+    };
+    assert!(fit.make_room(&camera, more).unwrap());
+    let chunks = fit.frame(&camera).unwrap().unwrap();
+    assert!(chunks.room.chunks > entries.room.chunks);
+    assert!(!fit.make_room(&camera, chunks.room).unwrap());
+}

@@ -1,0 +1,190 @@
+//! Training on a device against training on the CPU: one step, fifty steps, and a run that was stopped.
+
+#![cfg(feature = "gpu")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stderr,
+    reason = "a test fails by panicking, and says if it was skipped"
+)]
+
+#[path = "../../trace/tests/gpu/mod.rs"]
+mod gpu;
+
+use eagpt_testkit::room;
+use eagpt_train::backend::TrainDevice;
+use eagpt_train::checkpoint::{self, Checkpoint};
+use eagpt_train::job::{BadViews, Existing};
+use eagpt_train::options::StageChoice;
+use eagpt_train::params::CLASSES;
+use eagpt_train::{Preset, TrainOptions, TrainProgress, TrainRequest, train};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A tiny room, with masks and normals.
+fn dataset(dir: &Path) -> PathBuf {
+    let options = room::RoomOptions {
+        num_views: 5,
+        width: 40,
+        height: 28,
+        num_samples: 4,
+        num_points: 500,
+        seed: 3,
+    };
+    let path = dir.join("room");
+    room::write(&path, &options, |_| ()).unwrap();
+    path
+}
+
+fn request(dir: &Path, out: &str, device: &TrainDevice) -> TrainRequest {
+    let mut options = TrainOptions::preset(Preset::Draft);
+    options.stage = StageChoice::Radiance;
+    options.num_gaussians = Some(400);
+    options.radiance.densify.times = 0;
+    options.output.preview_every = 0;
+    options.output.log_every = 1;
+    TrainRequest {
+        dataset: dir.join("room"),
+        masks: None,
+        normals: None,
+        out: dir.join(out),
+        options,
+        existing: Existing::Refuse,
+        bad_views: BadViews::Refuse,
+        image_budget: None,
+        device: device.clone(),
+        stop: Arc::new(AtomicBool::new(false)),
+    }
+}
+
+fn newest(request: &TrainRequest) -> Checkpoint {
+    checkpoint::newest(&request.out.join("checkpoints"))
+        .unwrap()
+        .0
+}
+
+/// A member of every line of the log.
+fn logged(request: &TrainRequest, name: &str) -> Vec<f64> {
+    let text = std::fs::read_to_string(request.out.join("log.jsonl")).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
+        .map(|line| {
+            line[name]
+                .as_f64()
+                .unwrap_or_else(|| panic!("{name}: {line}"))
+        })
+        .collect()
+}
+
+#[test]
+fn a_step_is_that_of_the_cpu() {
+    let Some(device) = gpu::device("a training step") else {
+        return;
+    };
+    let dir = tempfile::tempdir().unwrap();
+    dataset(dir.path());
+    let mut failures = Vec::new();
+    // Early, with one ray for each pixel; and late, with four of them and all terms.
+    for (name, late) in [("early", false), ("late", true)] {
+        let ends = [TrainDevice::Cpu, TrainDevice::Gpu(Arc::clone(&device))].map(|device| {
+            let kind = matches!(device, TrainDevice::Cpu);
+            let mut request = request(dir.path(), &format!("{name}-{kind}"), &device);
+            request.options.radiance.iterations = 1;
+            if late {
+                request.options.radiance.normals_from = 0.0;
+                request.options.radiance.antialias_from = 0.0;
+            }
+            train(&request, &mut |_| ()).unwrap();
+            (newest(&request).state, logged(&request, "total")[0])
+        });
+        let [(cpu, cpu_loss), (gpu, gpu_loss)] = &ends;
+        if (cpu_loss - gpu_loss).abs() > LOSS_TOLERANCE * cpu_loss {
+            failures.push(format!("{name}: loss {gpu_loss} instead of {cpu_loss}"));
+        }
+        // The first step of Adam is the sign of the gradient; moments tell what it was.
+        for (class, range) in CLASSES {
+            let pairs = || {
+                let rows = cpu.first.iter().zip(&gpu.first);
+                rows.flat_map(|(a, b)| a[range.clone()].iter().zip(&b[range.clone()]))
+            };
+            let norm = pairs().map(|(a, _)| f64::from(a * a)).sum::<f64>().sqrt();
+            let off = pairs()
+                .map(|(a, b)| f64::from((a - b) * (a - b)))
+                .sum::<f64>()
+                .sqrt();
+            if off > GRADIENT_TOLERANCE * norm {
+                failures.push(format!("{name}, {class}: off by {off:e} of {norm:e}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// Of a loss, relative: ten times the largest that was seen on lavapipe.
+const LOSS_TOLERANCE: f64 = 1e-4;
+/// Of a class of gradients, relative in the Euclidean norm. Pixels whose hits rounding reorders have another gradient.
+const GRADIENT_TOLERANCE: f64 = 1e-3;
+
+#[test]
+fn the_loss_falls_as_on_the_cpu() {
+    let Some(device) = gpu::device("fifty training steps") else {
+        return;
+    };
+    let dir = tempfile::tempdir().unwrap();
+    dataset(dir.path());
+    let [cpu, gpu] = [TrainDevice::Cpu, TrainDevice::Gpu(device)].map(|device| {
+        let kind = matches!(device, TrainDevice::Cpu);
+        let mut request = request(dir.path(), &format!("run-{kind}"), &device);
+        request.options.radiance.iterations = 50;
+        request.options.radiance.normals_from = 0.3;
+        request.options.radiance.antialias_from = 0.8;
+        let summary = train(&request, &mut |_| ()).unwrap();
+        assert_eq!(summary.device.starts_with("gpu: "), !kind);
+        logged(&request, "total")
+    });
+    assert_eq!((cpu.len(), gpu.len()), (50, 50));
+    let worst = cpu
+        .iter()
+        .zip(&gpu)
+        .map(|(a, b)| (a - b).abs() / a)
+        .fold(0.0, f64::max);
+    eprintln!("loss over fifty steps: off by at most {worst:e}");
+    assert!(worst < CURVE_TOLERANCE, "{worst:e}: {cpu:?} {gpu:?}");
+    assert!(gpu[49] < gpu[0]);
+}
+
+/// Of the loss in each of fifty steps, relative. Adam turns the rounding of the smallest gradients into whole steps, so that runs drift
+/// apart.
+const CURVE_TOLERANCE: f64 = 0.02;
+
+#[test]
+fn a_stopped_run_ends_in_the_same_bits() {
+    let Some(device) = gpu::device("a stopped training run") else {
+        return;
+    };
+    let device = TrainDevice::Gpu(device);
+    let dir = tempfile::tempdir().unwrap();
+    dataset(dir.path());
+    let make = |out: &str| {
+        let mut request = request(dir.path(), out, &device);
+        request.options.radiance.iterations = 12;
+        request.options.radiance.densify.times = 2;
+        request.options.radiance.densify.start_share = 0.5;
+        request
+    };
+    let whole = make("whole");
+    train(&whole, &mut |_| ()).unwrap();
+    let mut stopped = make("stopped");
+    let stop = Arc::clone(&stopped.stop);
+    let summary = train(&stopped, &mut |message| {
+        if matches!(message, TrainProgress::Iteration { iteration: 7, .. }) {
+            stop.store(true, Ordering::Relaxed);
+        }
+    });
+    assert!(summary.unwrap().scene.is_none());
+    stopped.stop = Arc::default();
+    stopped.existing = Existing::Resume;
+    train(&stopped, &mut |_| ()).unwrap();
+    assert!(newest(&whole) == newest(&stopped));
+}
