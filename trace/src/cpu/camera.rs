@@ -205,11 +205,7 @@ impl CameraRecord {
                 weights
             })
             .collect();
-        let mut all = BlendWeights::default();
-        for tile in &per_tile {
-            all.append(tile);
-        }
-        all
+        BlendWeights::joined(&per_tile)
     }
 
     /// What each Gaussian contributes to the picture. `value` is a number for each pixel (row by row), such as its error. A

@@ -40,12 +40,22 @@ impl BlendWeights {
         self.ends.push(self.entries.len() as u32);
     }
 
-    /// Adds the pixels of `other` behind these.
-    pub(super) fn append(&mut self, other: &Self) {
-        let start = self.entries.len() as u32;
-        self.pixels.extend(&other.pixels);
-        self.ends.extend(other.ends.iter().map(|end| start + end));
-        self.entries.extend(&other.entries);
+    /// The pixels of all `parts`, in as much memory as they need: a training run keeps one of these for each view.
+    pub(super) fn joined(parts: &[Self]) -> Self {
+        let num_pixels = parts.iter().map(|part| part.pixels.len()).sum();
+        let num_entries = parts.iter().map(|part| part.entries.len()).sum();
+        let mut all = Self {
+            pixels: Vec::with_capacity(num_pixels),
+            ends: Vec::with_capacity(num_pixels),
+            entries: Vec::with_capacity(num_entries),
+        };
+        for part in parts {
+            let start = all.entries.len() as u32;
+            all.pixels.extend(&part.pixels);
+            all.ends.extend(part.ends.iter().map(|end| start + end));
+            all.entries.extend(&part.entries);
+        }
+        all
     }
 
     /// Bytes in memory.
