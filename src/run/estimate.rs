@@ -12,9 +12,9 @@ use eagpt_scene::dataset::{SplitRule, Subset};
 use std::path::Path;
 
 /// Seconds of a core for a pixel of an iteration of stage 0, forwards and backwards.
-const TRAIN_PIXEL_S: f64 = 5.5e-6;
+const TRAIN_PIXEL_S: f64 = 3.7e-6;
 /// Of stage 1, whose light has been gathered.
-const ALBEDO_PIXEL_S: f64 = 3e-6;
+const ALBEDO_PIXEL_S: f64 = 1.2e-6;
 /// For a pixel of an image by 0-bounce, with its files.
 const FRAME_PIXEL_S: f64 = 6.5e-6;
 /// For a sample of a pixel by 1-bounce.
