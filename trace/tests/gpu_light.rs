@@ -56,7 +56,9 @@ fn render(
         sampling,
         ..LightOptions::default()
     };
-    scene.render(&inside_view(), &integrator, &options).unwrap()
+    scene
+        .render(&inside_view(), &integrator, &options)
+        .expect("the device works")
 }
 
 /// A furnace: radiance 1 from everywhere, so that one bounce off albedo a shows a.

@@ -70,50 +70,49 @@ pub struct GpuScene {
     buffers: SceneBuffers,
     light: Mutex<Option<Arc<LightBuffers>>>,
     /// For cameras of the size last seen.
-    views: Mutex<Views>,
+    view: Mutex<Option<SizedView>>,
 }
 
 /// What depends on the size of cameras.
-#[derive(Debug, Default)]
-struct Views {
-    tracer: Option<CameraTracer>,
+#[derive(Debug)]
+struct SizedView {
+    tracer: CameraTracer,
     adjoint: Option<Adjoint>,
 }
 
-impl Views {
-    /// The tracer for `camera`, made if there is none.
-    fn tracer(
-        &mut self,
-        device: &Device,
-        scene: &SceneBuffers,
-        camera: &Camera,
-    ) -> Result<&CameraTracer, GpuError> {
-        let fits = |tracer: &CameraTracer| tracer.bins.fits(camera, scene.num_surfels());
-        if !self.tracer.as_ref().is_some_and(fits) {
-            let size = (camera.width, camera.height);
-            return self.make_tracer(device, scene, size, None);
-        }
-        match &self.tracer {
-            Some(tracer) => Ok(tracer),
-            None => unreachable!("it fits"),
-        }
+/// The view for the size of `camera`, made if there is none.
+fn view_for<'a>(
+    view: &'a mut Option<SizedView>,
+    device: &Device,
+    scene: &SceneBuffers,
+    camera: &Camera,
+) -> Result<&'a mut SizedView, GpuError> {
+    let fits = |view: &SizedView| view.tracer.bins.fits(camera, scene.num_surfels());
+    if !view.as_ref().is_some_and(fits) {
+        return new_view(view, device, scene, camera, None);
     }
+    match view {
+        Some(view) => Ok(view),
+        none => new_view(none, device, scene, camera, None),
+    }
+}
 
-    /// Another tracer in place of the one there is.
-    fn make_tracer(
-        &mut self,
-        device: &Device,
-        scene: &SceneBuffers,
-        size: (u32, u32),
-        num_entries: Option<u32>,
-    ) -> Result<&CameraTracer, GpuError> {
-        // The old one's memory goes first.
-        *self = Self::default();
-        // Half more than is needed now: the next view needs another number.
-        let capacity = num_entries.map(|needed| needed.saturating_add(needed / 2));
-        let tracer = CameraTracer::new(device, scene, size, capacity)?;
-        Ok(self.tracer.insert(tracer))
-    }
+/// Another view in place of the one there is, with room for half more than `num_entries`: the next camera needs another number.
+fn new_view<'a>(
+    view: &'a mut Option<SizedView>,
+    device: &Device,
+    scene: &SceneBuffers,
+    camera: &Camera,
+    num_entries: Option<u32>,
+) -> Result<&'a mut SizedView, GpuError> {
+    // The old one's memory goes first.
+    *view = None;
+    let capacity = num_entries.map(|needed| needed.saturating_add(needed / 2));
+    let size = (camera.width, camera.height);
+    Ok(view.insert(SizedView {
+        tracer: CameraTracer::new(device, scene, size, capacity)?,
+        adjoint: None,
+    }))
 }
 
 impl GpuScene {
@@ -129,7 +128,7 @@ impl GpuScene {
             set,
             lights: Lights::new(gaussians),
             light: Mutex::default(),
-            views: Mutex::default(),
+            view: Mutex::default(),
         })
     }
 
@@ -148,32 +147,24 @@ impl GpuScene {
     ) -> Result<Vec<LocalGradient>, GpuError> {
         assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
         let (device, scene) = (&*self.device, &self.buffers);
-        let size = (camera.width, camera.height);
-        let mut views = self.views();
-        views.tracer(device, scene, camera)?;
+        let mut slot = self.view();
+        let mut view = view_for(&mut slot, device, scene, camera)?;
         loop {
-            let Views { tracer, adjoint } = &mut *views;
-            let Some(tracer) = tracer else {
-                unreachable!("it was made before");
-            };
-            let adjoint = match adjoint {
+            let adjoint = match &mut view.adjoint {
                 Some(adjoint) => adjoint,
                 none => {
-                    let room = Room::usual(device, size)?;
-                    none.insert(Adjoint::new(device, scene, tracer, room)?)
+                    let room = Room::usual(device, (camera.width, camera.height))?;
+                    none.insert(Adjoint::new(device, scene, &view.tracer, room)?)
                 }
             };
-            match adjoint.run(device, &tracer.bins, camera, d_sums)? {
+            match adjoint.run(device, &view.tracer.bins, camera, d_sums)? {
                 Outcome::Gradients(gradients) => return Ok(gradients),
                 Outcome::MoreEntries(needed) => {
-                    views.make_tracer(device, scene, size, Some(needed))?;
+                    view = new_view(&mut slot, device, scene, camera, Some(needed))?;
                 }
                 Outcome::MoreRoom(room) => {
-                    views.adjoint = None;
-                    let Views { tracer, adjoint } = &mut *views;
-                    if let Some(tracer) = tracer {
-                        *adjoint = Some(Adjoint::new(device, scene, tracer, room)?);
-                    }
+                    view.adjoint = None;
+                    view.adjoint = Some(Adjoint::new(device, scene, &view.tracer, room)?);
                 }
             }
         }
@@ -221,13 +212,12 @@ impl GpuScene {
         F: FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
     {
         let (device, scene) = (&*self.device, &self.buffers);
-        let size = (camera.width, camera.height);
-        let mut views = self.views();
-        let mut tracer = views.tracer(device, scene, camera)?;
-        while let Binned::MoreEntries(needed) = tracer.bin(device, camera)? {
-            tracer = views.make_tracer(device, scene, size, Some(needed))?;
+        let mut slot = self.view();
+        let mut view = view_for(&mut slot, device, scene, camera)?;
+        while let Binned::MoreEntries(needed) = view.tracer.bin(device, camera)? {
+            view = new_view(&mut slot, device, scene, camera, Some(needed))?;
         }
-        tracer.trace(device, make_finish(tracer)?)
+        view.tracer.trace(device, make_finish(&view.tracer)?)
     }
 
     /// What single rays need, made when first asked for.
@@ -281,9 +271,9 @@ impl GpuScene {
         Ok(finished(sums, &gathered, num_samples, options))
     }
 
-    fn views(&self) -> MutexGuard<'_, Views> {
+    fn view(&self) -> MutexGuard<'_, Option<SizedView>> {
         // Whoever panicked left nothing half-done: results are written to buffers before they are read.
-        self.views.lock().unwrap_or_else(PoisonError::into_inner)
+        self.view.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
