@@ -48,6 +48,7 @@ fn bounce_rays(num: usize) -> Vec<Ray> {
         .collect()
 }
 
+#[allow(clippy::print_stderr, reason = "a skipped benchmark says so")]
 fn engine(c: &mut Criterion) {
     let device = Device::open(&Wanted::Hardware).or_else(|_| Device::open(&Wanted::Any));
     let device: Arc<Device> = match device {

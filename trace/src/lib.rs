@@ -11,6 +11,7 @@
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
 //! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays, whose adjoint is there, too.
+//! - `gpu` (feature `gpu`): the same on devices that wgpu finds.
 //! - [`transport`]: `0-bounce`, `1-bounce` and `path` renderings on any [`Tracer`].
 //!
 //! [`Tracer`] is the seam between engines and the code above them.

@@ -56,7 +56,9 @@ fn render(
         sampling,
         ..LightOptions::default()
     };
-    scene.render(&inside_view(), &integrator, &options).unwrap()
+    scene
+        .render(&inside_view(), &integrator, &options)
+        .expect("the device works")
 }
 
 /// A furnace: radiance 1 from everywhere, so that one bounce off albedo a shows a.
@@ -150,11 +152,6 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
             "{integrator:?} {sampling:?}: bias {bias} ± {error}"
         );
         // Sums over 144 pixels of variances from three runs: their own error is some 10 % where no few pixels dominate.
-        eprintln!(
-            "{integrator:?} {sampling:?}: bias {bias} ± {error}, noise {} {}",
-            got.noise / wanted.noise,
-            got.second_moment / wanted.second_moment
-        );
         for (what, ratio) in [
             ("noise", got.noise / wanted.noise),
             ("second moment", got.second_moment / wanted.second_moment),

@@ -119,10 +119,22 @@ impl Device {
     /// # Errors
     /// [`GpuError::NotFound`] if it does not exist, [`GpuError::Open`] if its driver refuses.
     pub fn open(wanted: &Wanted) -> Result<Arc<Self>, GpuError> {
+        Self::open_one(wanted).map(Arc::new)
+    }
+
+    /// The same with smaller buffers than the device could have.
+    #[cfg(test)]
+    pub(super) fn open_limited(wanted: &Wanted, max_bytes: u64) -> Result<Arc<Self>, GpuError> {
+        let mut device = Self::open_one(wanted)?;
+        device.tier.max_binding = max_bytes;
+        Ok(Arc::new(device))
+    }
+
+    fn open_one(wanted: &Wanted) -> Result<Self, GpuError> {
         let mut found = adapter::found();
         let described: Vec<Adapter> = found.iter().map(adapter::describe).collect();
         let at = choose(wanted, &described)?;
-        Self::open_adapter(&found.swap_remove(at), described[at].clone()).map(Arc::new)
+        Self::open_adapter(&found.swap_remove(at), described[at].clone())
     }
 
     fn open_adapter(adapter: &wgpu::Adapter, described: Adapter) -> Result<Self, GpuError> {

@@ -1,6 +1,6 @@
 //! Light of camera pixels on the device: the twin of [`crate::transport::render`].
 //!
-//! A dispatch takes one bounce of one sample, or a few samples of a single bounce, for many pixels, and adds them to what was gathered before,
+//! A dispatch takes one ray of one sample of a path, or a few samples of a single bounce, for many pixels, and adds them to what was gathered before,
 //! in the order of samples: it is short, so that no driver takes it for hung.
 
 use super::bvh::Trees;
@@ -8,8 +8,10 @@ use super::camera::CameraTracer;
 use super::device::{Device, Step};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
+use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
+use crate::sums::Sums;
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::lights::Lights;
 use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
@@ -23,10 +25,14 @@ const PIXELS_PER_DISPATCH: u32 = 1 << 18;
 /// Samples of a dispatch, at most. Software adapters (Mesa's llvmpipe) end all loops of an invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 8;
 
-/// Flag of a path's bounce: no other one follows.
-pub(super) const LAST_BOUNCE: u32 = 1;
-/// Flag of a path's bounce: the path may be ended at random.
-pub(super) const ROULETTE: u32 = 2;
+/// Flag of a path's ray: none came before it.
+pub(super) const FIRST_RAY: u32 = 1;
+/// Flag of a path's ray: it looks for an emitter, and the path does not follow it.
+pub(super) const TOWARDS_LIGHT: u32 = 2;
+/// Flag of a path's ray: the path may be ended at random.
+pub(super) const ROULETTE: u32 = 4;
+/// Flag of a path's ray: no bounce follows.
+pub(super) const LAST_BOUNCE: u32 = 8;
 
 /// Dispatches that are under way at once.
 const DISPATCHES_AHEAD: u32 = 16;
@@ -45,7 +51,7 @@ pub(super) struct LightParameters {
     light_root: u32,
     /// Number of the bounce that paths are extended by.
     bounce: u32,
-    /// [`LAST_BOUNCE`] and [`ROULETTE`].
+    /// Of a path's ray: [`FIRST_RAY`] and others.
     flags: u32,
     /// Pixel of the image that buffers begin with.
     first_pixel: u32,
@@ -219,6 +225,15 @@ pub(super) struct LightGatherer {
     num_samples: u32,
     uniform: wgpu::Buffer,
     gathered: wgpu::Buffer,
+    /// Run one after the other.
+    kernels: Vec<GatherKernel>,
+}
+
+/// A kernel and its buffers.
+#[derive(Debug)]
+struct GatherKernel {
+    module: &'static wgsl::Module,
+    entry: &'static str,
     buffers: Vec<(u32, wgpu::Buffer)>,
 }
 
@@ -268,27 +283,76 @@ impl LightGatherer {
         let room = |what, size: usize| device.buffer(what, (tracer.pixels_at_once() * size) as u64);
         let gathered = room("light", size_of::<Gathered>())?;
         let uniform = device.uniform("light", &parameters);
-        let mut buffers = vec![
-            (0, tracer.bins.view.clone()),
-            (1, uniform.clone()),
-            (2, scene.surfels.clone()),
-            (3, scene.payloads.clone()),
-            (4, light.nodes.clone()),
-            (5, light.leaf_indices.clone()),
-            (6, light.emitters.clone()),
-            (7, tracer.sums.clone()),
-            (8, gathered.clone()),
-        ];
-        if let GatherKind::Path { .. } = kind {
-            buffers.push((9, room("paths", size_of::<PathState>())?));
-        }
+        let kernel = |module, entry, buffers: &[(u32, &wgpu::Buffer)]| GatherKernel {
+            module,
+            entry,
+            buffers: buffers
+                .iter()
+                .map(|&(binding, buffer)| (binding, buffer.clone()))
+                .collect(),
+        };
+        let view = (0, &tracer.bins.view);
+        let (uniform_at, surfels, payloads) =
+            ((1, &uniform), (2, &scene.surfels), (3, &scene.payloads));
+        let (nodes, leaves, emitters) = (
+            (4, &light.nodes),
+            (5, &light.leaf_indices),
+            (6, &light.emitters),
+        );
+        let (sums, total) = ((7, &tracer.sums), (8, &gathered));
+        let kernels = match kind {
+            GatherKind::OneBounce => {
+                let buffers = [
+                    view, uniform_at, surfels, payloads, nodes, leaves, emitters, sums, total,
+                ];
+                vec![kernel(&wgsl::BOUNCE, "gather_bounces", &buffers)]
+            }
+            GatherKind::Path { .. } => {
+                let paths = room("paths", size_of::<PathState>())?;
+                let rays = room("rays of paths", size_of::<RayQuery>())?;
+                let met = room("sums of paths", size_of::<Sums>())?;
+                let aim = [
+                    view,
+                    uniform_at,
+                    emitters,
+                    sums,
+                    total,
+                    (9, &paths),
+                    (10, &rays),
+                ];
+                let blend = [
+                    uniform_at,
+                    surfels,
+                    payloads,
+                    nodes,
+                    leaves,
+                    (6, &rays),
+                    (7, &met),
+                ];
+                let shade = [
+                    uniform_at,
+                    nodes,
+                    leaves,
+                    emitters,
+                    total,
+                    (9, &paths),
+                    (10, &rays),
+                    (11, &met),
+                ];
+                vec![
+                    kernel(&wgsl::PATH, "aim_rays", &aim),
+                    kernel(&wgsl::RAYS, "blend_rays", &blend),
+                    kernel(&wgsl::PATH, "shade_rays", &shade),
+                ]
+            }
+        };
         Ok(Some(Self {
             parameters,
             kind,
             num_samples,
             uniform,
             gathered,
-            buffers,
+            kernels,
         }))
     }
 
@@ -313,10 +377,10 @@ impl LightGatherer {
                 end_pixel,
                 ..self.parameters
             };
-            let step = self.step(device, (end_pixel - start_pixel).div_ceil(64));
-            for parameters in self.dispatches(pixels) {
+            let steps = self.steps(device, (end_pixel - start_pixel).div_ceil(64));
+            for parameters in self.turns(pixels) {
                 device.write(&self.uniform, bytemuck::bytes_of(&parameters));
-                device.run(std::slice::from_ref(&step))?;
+                device.run(&steps)?;
                 num_dispatches += 1;
                 if num_dispatches.is_multiple_of(DISPATCHES_AHEAD) {
                     device.wait()?;
@@ -326,8 +390,8 @@ impl LightGatherer {
         device.read(&self.gathered, 0..num_pixels as usize)
     }
 
-    /// The parameters of all dispatches for some pixels, in order.
-    fn dispatches(&self, pixels: LightParameters) -> impl Iterator<Item = LightParameters> {
+    /// The parameters of all turns of the kernels for some pixels, in order.
+    fn turns(&self, pixels: LightParameters) -> impl Iterator<Item = LightParameters> {
         let (samples_at_once, max_bounces, roulette_from) = match self.kind {
             GatherKind::OneBounce => (SAMPLES_PER_DISPATCH, 1, None),
             GatherKind::Path {
@@ -335,34 +399,46 @@ impl LightGatherer {
                 roulette_from,
             } => (1, max_bounces, roulette_from),
         };
+        let looks_for_light = pixels.light_share > 0.0;
         let num_samples = self.num_samples;
         let samples = (0..num_samples).step_by(samples_at_once as usize);
+        let is_path = matches!(self.kind, GatherKind::Path { .. });
+        // Towards the light first.
+        let kinds: &[u32] = match (is_path, looks_for_light) {
+            (true, true) => &[TOWARDS_LIGHT, 0],
+            _ => &[0],
+        };
         samples.flat_map(move |first_sample| {
-            (0..max_bounces).map(move |bounce| {
-                let is_last = bounce + 1 == max_bounces;
-                let has_roulette = roulette_from.is_some_and(|from| bounce + 1 >= from);
-                LightParameters {
-                    first_sample,
-                    end_sample: first_sample
-                        .saturating_add(samples_at_once)
-                        .min(num_samples),
-                    bounce,
-                    flags: u32::from(is_last) * LAST_BOUNCE + u32::from(has_roulette) * ROULETTE,
-                    ..pixels
-                }
+            (0..max_bounces).flat_map(move |bounce| {
+                kinds.iter().enumerate().map(move |(number, kind)| {
+                    let when = |is_so: bool, flag: u32| if is_so { flag } else { 0 };
+                    let has_roulette = roulette_from.is_some_and(|from| bounce + 1 >= from);
+                    LightParameters {
+                        first_sample,
+                        end_sample: first_sample
+                            .saturating_add(samples_at_once)
+                            .min(num_samples),
+                        bounce,
+                        flags: kind
+                            | when(bounce == 0 && number == 0, FIRST_RAY)
+                            | when(has_roulette, ROULETTE)
+                            | when(bounce + 1 == max_bounces, LAST_BOUNCE),
+                        ..pixels
+                    }
+                })
             })
         })
     }
 
-    fn step(&self, device: &Device, groups: u32) -> Step {
-        let buffers: Vec<(u32, &wgpu::Buffer)> = self
-            .buffers
-            .iter()
-            .map(|(binding, buffer)| (*binding, buffer))
-            .collect();
-        match self.kind {
-            GatherKind::OneBounce => device.step(&wgsl::BOUNCE, "gather_bounces", &buffers, groups),
-            GatherKind::Path { .. } => device.step(&wgsl::PATH, "extend_paths", &buffers, groups),
-        }
+    fn steps(&self, device: &Device, groups: u32) -> Vec<Step> {
+        let step = |kernel: &GatherKernel| {
+            let buffers: Vec<(u32, &wgpu::Buffer)> = kernel
+                .buffers
+                .iter()
+                .map(|(binding, buffer)| (*binding, buffer))
+                .collect();
+            device.step(kernel.module, kernel.entry, &buffers, groups)
+        };
+        self.kernels.iter().map(step).collect()
     }
 }

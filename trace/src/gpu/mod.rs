@@ -11,6 +11,8 @@
 //! - `adjoint`: gradients. Sums have a fixed order, nothing is added atomically: the same device gives the same bits in every run.
 //! - `bvh`, `rays`: single rays, blended or with one hit chosen by its weight.
 //! - `light`: the `1-bounce` and `path` integrators; random numbers have the bits of the CPU's.
+//!   Software adapters (Mesa's llvmpipe) stop all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but for
+//!   single Gaussians that cover as many tiles.
 //! - [`GpuScene`]: all of it behind [`crate::Tracer`].
 //!
 //! Against the CPU: divisions and square roots of devices round otherwise, and compilers fuse multiplications with additions. A hit on the rim

@@ -22,7 +22,8 @@ pub(super) struct RayQuery {
     /// Of the choice of a hit.
     seed: u32,
     own_normal: [f32; 3],
-    padding: u32,
+    /// 1 where there is nothing to trace.
+    is_idle: u32,
 }
 
 impl RayQuery {
@@ -33,7 +34,7 @@ impl RayQuery {
             direction: "vec3f",
             seed: "u32",
             own_normal: "vec3f",
-            padding: "u32",
+            is_idle: "u32",
         })
     }
 
@@ -44,7 +45,7 @@ impl RayQuery {
             direction: ray.direction,
             seed,
             own_normal: ray.own_normal,
-            padding: 0,
+            is_idle: 0,
         }
     }
 }

@@ -20,7 +20,7 @@ fn blend_rays(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let number = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
-    if number < light.end_pixel {
+    if number < light.end_pixel && rays[number].is_idle == 0u {
         ray_sums[number] = trace_ray(ray_of(rays[number]));
     }
 }

@@ -1,11 +1,15 @@
 //! Kernels against their twins, stage by stage, on whatever device there is.
 
+use super::GpuScene;
 use super::device::{Device, Wanted};
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
 use crate::transport::points::Points;
+use crate::{Integrator, LightOptions, Tracer};
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, random_cloud};
+use glam::DAffine3;
 use std::sync::{Arc, OnceLock};
 
 /// Any device; `None`, with a line that names `what`, where there is none. `EAGPT_REQUIRE_GPU=1` makes that a failure.
@@ -143,4 +147,39 @@ fn what_does_not_fit_is_told_with_its_size() {
     );
     // That was found out before the device was asked, and it goes on working.
     assert_eq!(device.check(), Ok(()));
+}
+
+/// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.
+#[test]
+fn work_in_parts_gives_the_same_bits() {
+    let Some(whole) = device("work in parts") else {
+        return;
+    };
+    let parts = Device::open_limited(&Wanted::Any, 400 << 10).unwrap();
+    // Sums of 465 KB, and records of hits of some 3 MB.
+    let camera = Camera {
+        width: 97,
+        height: 75,
+        fx: 80.0,
+        fy: 80.0,
+        cx: 48.0,
+        cy: 37.0,
+        world_from_camera: DAffine3::IDENTITY,
+    };
+    let cloud = random_cloud(300, 9);
+    let [whole, parts] = [whole, parts].map(|device| {
+        let scene = GpuScene::new(&device, &cloud).unwrap();
+        let view = scene
+            .render(
+                &camera,
+                &Integrator::OneBounce { num_samples: 1 },
+                &LightOptions::default(),
+            )
+            .unwrap();
+        let gradients = scene.camera_adjoint(&camera, &view.sums.pixels).unwrap();
+        (view, gradients)
+    });
+    assert!(whole.0 == parts.0);
+    assert!(whole.1 == parts.1);
+    assert!(whole.1.iter().any(|gradient| gradient.0[0] != 0.0));
 }
