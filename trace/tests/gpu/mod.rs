@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 const REQUIRE: &str = "EAGPT_REQUIRE_GPU";
 
 /// Any device, a program on the processor included; `None`, with a line that names `what`, where there is none.
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
 pub(crate) fn device(what: &str) -> Option<Arc<Device>> {
     static DEVICE: OnceLock<Result<Arc<Device>, GpuError>> = OnceLock::new();
     match DEVICE.get_or_init(|| Device::open(&Wanted::Any)) {

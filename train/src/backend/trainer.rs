@@ -121,7 +121,8 @@ impl<E: Engine> Trainer<E> {
         self.set.update(&self.gaussians);
     }
 
-    fn target(&mut self, view: &TrainingView) -> Arc<Image<3>> {
+    /// The radiance of `view` as PQ values.
+    pub(super) fn target(&mut self, view: &TrainingView) -> Arc<Image<3>> {
         if let Some(target) = self.targets.get(&view.index) {
             return Arc::clone(target);
         }

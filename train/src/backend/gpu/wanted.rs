@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use eagpt_eval::KnownPixels;
+use eagpt_eval::known::Windows;
 use eagpt_scene::{Image, View};
 use eagpt_trace::gpu::Device;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, layout};
@@ -70,7 +71,9 @@ impl WantedView {
             let opacity = (alpha.clamp(0.0, 1.0) * 65_535.0).round() as u32;
             Wanted {
                 pq: target_pq.pixels()[i],
-                flags: KNOWN * u32::from(is_known) | WINDOW * u32::from(counts) | opacity << 16,
+                flags: (KNOWN * u32::from(is_known))
+                    | (WINDOW * u32::from(counts))
+                    | (opacity << 16),
                 normal: view
                     .normal
                     .as_ref()
@@ -85,7 +88,7 @@ impl WantedView {
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
             num_known: known.as_ref().map_or(num_pixels, KnownPixels::num),
-            num_windows: windows.as_ref().map_or(num_pixels, |windows| windows.num()),
+            num_windows: windows.as_ref().map_or(num_pixels, Windows::num),
             has_map: view.normal.is_some(),
             has_emission: view.emission.is_some(),
         })
