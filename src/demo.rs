@@ -1,6 +1,7 @@
 //! `eagpt demo`: the whole chain on a simulated capture.
 
 use crate::cli::{self, GlobalArgs};
+use crate::device::{DeviceArgs, DeviceChoice};
 use crate::progress::Reporter;
 use crate::run;
 use anyhow::{Result, bail};
@@ -31,6 +32,8 @@ pub(crate) struct DemoArgs {
     /// Show the report with the program that opens HTML files
     #[arg(long)]
     open: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 const PROJECT: &str = include_str!("demo/project.toml");
@@ -59,7 +62,12 @@ const CHOICES: [(&str, &str, &str); 4] = [
 pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let mut project = PROJECT.replace("{seed}", &args.seed.to_string());
     for (placeholder, text, quick) in CHOICES {
-        project = project.replace(placeholder, if args.quick { quick } else { text });
+        let text = if args.quick { quick } else { text };
+        let device = match placeholder {
+            "{train}" | "{render}" => device_line(&args.device.device),
+            _ => String::new(),
+        };
+        project = project.replace(placeholder, &format!("{text}{device}"));
     }
     let path = args.out.join("demo.toml");
     // A project that somebody has changed is theirs.
@@ -75,6 +83,14 @@ pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
         cli::open_file(&report)?;
     }
     Ok(code)
+}
+
+/// What a section of the project says about the device: nothing, unless something is asked for.
+fn device_line(device: &DeviceChoice) -> String {
+    match device {
+        DeviceChoice::Auto => String::new(),
+        device => format!("\ndevice = {}", toml::Value::String(device.to_string())),
+    }
 }
 
 /// Writes a file, or makes sure that it is the one that is there.

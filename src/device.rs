@@ -11,6 +11,8 @@ use eagpt_trace::gpu::{self, GpuScene, Kind, Wanted};
 use eagpt_train::backend::TrainDevice;
 use serde::{Serialize, Serializer};
 use std::fmt;
+#[cfg(feature = "gpu")]
+use std::path::Path;
 use std::str::FromStr;
 
 /// The option of commands that compute.
@@ -96,6 +98,7 @@ impl DeviceChoice {
     pub(crate) fn open(&self, reporter: &mut Reporter) -> Result<Engine> {
         let device = match self {
             Self::Cpu => return Ok(Engine::Cpu),
+            Self::Auto if !may_have_hardware() => return Ok(Engine::Cpu),
             Self::Auto => match gpu::Device::open(&Wanted::Hardware) {
                 Ok(device) => device,
                 Err(gpu::GpuError::NotFound { .. }) => return Ok(Engine::Cpu),
@@ -135,6 +138,17 @@ impl DeviceChoice {
             }
         }
     }
+}
+
+/// Whether the system could have a GPU: where it cannot, drivers need not be woken, some of which complain of a missing display. On Linux
+/// each has a node of the kernel: of DRM, NVIDIA, Adreno, Mali or, under Windows, DirectX.
+#[cfg(feature = "gpu")]
+fn may_have_hardware() -> bool {
+    let nodes = ["dri", "nvidiactl", "kgsl-3d0", "mali0", "dxg"];
+    !cfg!(target_os = "linux")
+        || nodes
+            .iter()
+            .any(|node| Path::new("/dev").join(node).exists())
 }
 
 impl Engine {

@@ -15,6 +15,7 @@ mod colmap;
 mod dataset;
 mod denoise;
 mod determinism;
+mod device;
 mod docs;
 mod edit;
 mod errors;

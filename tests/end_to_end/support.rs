@@ -45,6 +45,8 @@ impl Workplace {
             .args(arguments.split_whitespace())
             .current_dir(self.dir.path())
             .env_remove("EAGPT_LOG")
+            // Mesa's layer that puts devices in order complains of a missing display on standard error.
+            .env("NODEVICE_SELECT", "1")
             .stdin(Stdio::null());
         command
     }

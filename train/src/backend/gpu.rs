@@ -67,6 +67,9 @@ impl Engine for GpuEngine {
     }
 }
 
+/// Views that stay on the device take at most so much of its memory, which nothing tells the size of; others come anew each time.
+const MOST_VIEW_BYTES: usize = 1 << 30;
+
 /// Training on a device. A step of stage 0 passes through the host with its report alone; what stage 1 gathers, its loss, and which
 /// Gaussians are split, is found out on the CPU.
 pub struct GpuBackend {
@@ -81,7 +84,8 @@ pub struct GpuBackend {
 }
 
 impl GpuBackend {
-    /// A backend that starts from `state`; prepared images may take `target_budget` bytes of the host's memory, and of the device's.
+    /// A backend that starts from `state`; prepared images may take `target_budget` bytes of the host's memory, and as much of the
+    /// device's, but no more than 1 GiB.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
@@ -95,7 +99,7 @@ impl GpuBackend {
             resident: None,
             loss: None,
             views: HashMap::new(),
-            view_budget: target_budget,
+            view_budget: target_budget.min(MOST_VIEW_BYTES),
         })
     }
 
@@ -111,12 +115,14 @@ impl GpuBackend {
         if let Some(wanted) = self.views.get(&view.index) {
             return Ok(wanted.clone());
         }
-        let wanted = WantedView::new(&self.device, &view.view, &pq_image(&view.view.radiance))?;
         let size = WantedView::num_bytes(view.view.camera.num_pixels());
-        if let Some(left) = self.view_budget.checked_sub(size) {
-            self.view_budget = left;
-            self.views.insert(view.index, wanted.clone());
-        }
+        let Some(left) = self.view_budget.checked_sub(size) else {
+            let target = self.host.target(view);
+            return WantedView::new(&self.device, &view.view, &target);
+        };
+        let wanted = WantedView::new(&self.device, &view.view, &pq_image(&view.view.radiance))?;
+        self.view_budget = left;
+        self.views.insert(view.index, wanted.clone());
         Ok(wanted)
     }
 

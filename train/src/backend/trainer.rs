@@ -110,7 +110,7 @@ impl<E: Engine> Trainer<E> {
         }
     }
 
-    fn target(&mut self, view: &TrainingView) -> Arc<Image<3>> {
+    pub(super) fn target(&mut self, view: &TrainingView) -> Arc<Image<3>> {
         if let Some(target) = self.targets.get(&view.index) {
             return Arc::clone(target);
         }

@@ -20,8 +20,11 @@ use glam::DVec3;
 #[path = "../../../../trace/tests/gpu/mod.rs"]
 mod gpu;
 
-/// Of a value, relative to the largest of its kind: ten times the largest difference seen on lavapipe.
-const TOLERANCE: f32 = 2e-5;
+/// Of a derivative, relative to the largest of its lane: ten times the 9.4e-6 seen on lavapipe.
+const TOLERANCE: f32 = 1e-4;
+
+/// Of a parameter or moment, relative to the largest of its kind: ten times the 3e-7 seen on lavapipe.
+const STEP_TOLERANCE: f32 = 3e-6;
 
 fn weights() -> LossWeights {
     TrainOptions::preset(Preset::Draft).radiance.weights
@@ -53,7 +56,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         return;
     };
     let (sums, weights) = (frame(), weights());
-    let mut failures = Vec::new();
+    let (mut failures, mut worst) = (Vec::new(), 0.0_f32);
     for (with_map, with_mask, normals) in [
         (true, false, NormalTerms::On),
         (false, false, NormalTerms::On),
@@ -105,6 +108,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         }
         for k in 0..NUM_LANES {
             let off = off(&d, &wanted_d, k);
+            worst = worst.max(off);
             // A pixel that is not finite compares as no difference.
             let is_finite = d.iter().all(|s| s.0[k].is_finite());
             if off > TOLERANCE || !is_finite {
@@ -112,6 +116,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
             }
         }
     }
+    eprintln!("derivatives off by at most {worst:e}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
@@ -163,7 +168,8 @@ fn steps_of_adam_are_those_of_the_cpu() {
     ] {
         for (class, range) in CLASSES {
             let worst = relative(got, wanted, range);
-            if worst > TOLERANCE {
+            eprintln!("{name} of {class}: off by {worst:e}");
+            if worst > STEP_TOLERANCE {
                 failures.push(format!("{name} of {class}: off by {worst:e}"));
             }
         }

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use eagpt_eval::KnownPixels;
+use eagpt_eval::known::Windows;
 use eagpt_scene::{Image, View};
 use eagpt_trace::gpu::Device;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, layout};
@@ -87,9 +88,7 @@ impl WantedView {
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
             num_known: known.as_ref().map_or(num_pixels, KnownPixels::num),
-            num_windows: windows
-                .as_ref()
-                .map_or(num_pixels, eagpt_eval::known::Windows::num),
+            num_windows: windows.as_ref().map_or(num_pixels, Windows::num),
             has_map: view.normal.is_some(),
             has_emission: view.emission.is_some(),
         })
