@@ -4,7 +4,7 @@
 //! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`mod@demo`]: a simulated capture, and all that follows.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
-//! - [`bench`]: how fast each stage is.
+//! - [`mod@bench`]: how fast each stage is.
 //! - [`device`]: what computes, CPU or GPU.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
