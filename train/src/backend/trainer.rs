@@ -77,7 +77,7 @@ pub struct Trainer<E> {
     /// Built when stage 1 first needs it; geometry does not move from then on.
     scene: Option<CpuScene>,
     gathered: Option<GaussianIrradiance>,
-    /// The gathered light by Gaussian, made when it is complete.
+    /// The gathered light by Gaussian, made when a view first needs it.
     lights: Vec<Vec4>,
     /// Views as stage 1 sees them, as far as they fit.
     lit_views: HashMap<usize, Arc<LitView>>,
@@ -154,6 +154,14 @@ impl<E: Engine> Trainer<E> {
     fn lit_view(&mut self, view: &TrainingView, threshold: f32) -> Arc<LitView> {
         if let Some(known) = self.lit_views.get(&view.index) {
             return Arc::clone(known);
+        }
+        // Not when the stage begins: a resumed run gathers as well, and then goes on in the middle.
+        if self.lights.len() != self.set.len() {
+            self.lights = match &self.gathered {
+                Some(gathered) => gathered.by_gaussian(self.set.len()),
+                None => vec![Vec4::ZERO; self.set.len()],
+            };
+            self.lit_budget = available_memory().unwrap_or(0) / LIT_SHARE;
         }
         let camera = &view.view.camera;
         let sums = self.look(camera);
@@ -364,6 +372,8 @@ impl<E: Engine> Backend for Trainer<E> {
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
         let gathered = GaussianIrradiance::new(&self.set, cameras);
         let num = gathered.len();
+        self.lights.clear();
+        self.lit_views.clear();
         self.gathered = Some(gathered);
         Ok(num)
     }
@@ -381,11 +391,6 @@ impl<E: Engine> Backend for Trainer<E> {
 
     fn begin_albedo(&mut self) -> Result<()> {
         self.state.reset_moments();
-        if let Some(gathered) = &self.gathered {
-            self.lights = gathered.by_gaussian(self.set.len());
-            self.lit_views.clear();
-            self.lit_budget = available_memory().unwrap_or(0) / LIT_SHARE;
-        }
         let albedos = match &self.gathered {
             Some(gathered) => gathered.albedos(&self.gaussians),
             None => self
