@@ -236,7 +236,7 @@ const LIGHTS_EVERY: u32 = 4;
 /// What part of the free memory, 1/n, views with their light may take; those that do not fit are traced again.
 const LIT_SHARE: u64 = 4;
 
-/// Weights that stage 1 keeps are at least this: what is lighter makes up a hundredth of a pixel, and nine tenths of the hits.
+/// Weights that stage 1 keeps are at least this: what is lighter is a third of the hits of a trained room, and less than a fiftieth of a pixel.
 const LEAST_WEIGHT: f32 = 1e-3;
 
 fn gather_pixels(
