@@ -6,6 +6,7 @@ use super::wgsl;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use wgpu::util::DeviceExt as _;
 
 /// Which device is meant.
@@ -75,6 +76,9 @@ const LARGEST_ELEMENT: u64 = 128;
 
 /// Steps that are handed to the driver at once.
 const STEPS_PER_SUBMISSION: usize = 32;
+
+/// Time in which the thread that has waited for the device tells others what it knows: that it is there.
+const MAPPED_WITHIN: Duration = Duration::from_secs(60);
 
 /// A device that computes. Cheap to share behind an [`Arc`].
 #[derive(Debug)]
@@ -358,16 +362,17 @@ impl Device {
         let start = (elements.start * size_of::<T>()) as u64;
         commands.copy_buffer_to_buffer(buffer, start, &staging, 0, size);
         self.submit(commands)?;
-        let mapped = Arc::new(Mutex::new(None));
-        let result = Arc::clone(&mapped);
+        let (sender, mapped) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |outcome| {
-            *lock(&result) = Some(outcome);
+            // Nobody listens after the time below.
+            sender.send(outcome).ok();
         });
         self.wait()?;
-        match lock(&mapped).take() {
-            Some(Ok(())) => {}
-            Some(Err(error)) => return Err(self.lost(&error.to_string())),
-            None => return Err(self.lost("a buffer was not mapped")),
+        // Of two threads that wait at once, one is told of both buffers, and the other may be through before it passes that on.
+        match mapped.recv_timeout(MAPPED_WITHIN) {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(self.lost(&error.to_string())),
+            Err(_) => return Err(self.lost("a buffer was not mapped")),
         }
         let view = staging
             .get_mapped_range(..)
