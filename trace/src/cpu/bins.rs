@@ -17,7 +17,7 @@ pub const TILE_PIXELS: usize = (TILE * TILE) as usize;
 
 /// Safety margin of projected bounds, in pixels: far above the rounding of single-precision projections (about 1e-3 pixel
 /// for images of 8,000 pixels), far below what costs time.
-const MARGIN_PIXELS: f32 = 0.02;
+pub(crate) const MARGIN_PIXELS: f32 = 0.02;
 
 /// Gaussians projected at once by a thread.
 const CHUNK: usize = 4096;
@@ -171,19 +171,19 @@ struct PixelRect {
 }
 
 /// World to pixels, in single precision, with rows scaled by the focal lengths.
-struct Projector {
-    origin: Vec3,
-    right: Vec3,
-    down: Vec3,
-    forward: Vec3,
-    center: (f32, f32),
-    size: (u32, u32),
+pub(crate) struct Projector {
+    pub(crate) origin: Vec3,
+    pub(crate) right: Vec3,
+    pub(crate) down: Vec3,
+    pub(crate) forward: Vec3,
+    pub(crate) center: (f32, f32),
+    pub(crate) size: (u32, u32),
     /// Inward unit normals of the planes through the origin and the image's edges.
-    sides: [Vec3; 4],
+    pub(crate) sides: [Vec3; 4],
 }
 
 impl Projector {
-    fn new(camera: &Camera) -> Self {
+    pub(crate) fn new(camera: &Camera) -> Self {
         let axes = &camera.world_from_camera.matrix3;
         let (right, down) = (axes.x_axis * camera.fx, axes.y_axis * camera.fy);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));

@@ -10,15 +10,13 @@ use super::scan::scan;
 use super::scene::SceneBuffers;
 use super::sort::Sorter;
 use super::wgsl;
+use crate::cpu::bins::Projector;
 use eagpt_scene::Camera;
 
 /// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as many as run in step on any device.
 pub(super) const TILE: u32 = 8;
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: u32 = TILE * TILE;
-
-/// Safety margin of projected bounds, in pixels: above the rounding of single-precision projections, whatever the order of operations.
-pub(super) const MARGIN_PIXELS: f32 = 0.02;
 
 /// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one part in 4,096, and a sort takes three
 /// passes fewer.
@@ -120,17 +118,9 @@ impl View {
 
     pub(super) fn new(camera: &Camera, num_surfels: u32) -> Self {
         let frame = camera.ray_frame();
-        let axes = &camera.world_from_camera.matrix3;
-        let (right, down) = (axes.x_axis * camera.fx, axes.y_axis * camera.fy);
-        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        let sides = [
-            right + axes.z_axis * camera.cx,
-            axes.z_axis * (width - camera.cx) - right,
-            down + axes.z_axis * camera.cy,
-            axes.z_axis * (height - camera.cy) - down,
-        ];
+        let projector = Projector::new(camera);
         Self {
-            origin: frame.origin.to_array(),
+            origin: projector.origin.to_array(),
             width: camera.width,
             base: frame.base.to_array(),
             height: camera.height,
@@ -138,13 +128,13 @@ impl View {
             tiles_x: camera.width.div_ceil(TILE),
             step_y: frame.step_y.to_array(),
             tiles_y: camera.height.div_ceil(TILE),
-            right: right.as_vec3().to_array(),
-            center_x: camera.cx as f32,
-            down: down.as_vec3().to_array(),
-            center_y: camera.cy as f32,
-            forward: axes.z_axis.as_vec3().to_array(),
+            right: projector.right.to_array(),
+            center_x: projector.center.0,
+            down: projector.down.to_array(),
+            center_y: projector.center.1,
+            forward: projector.forward.to_array(),
             num_surfels,
-            sides: sides.map(|side| side.normalize().as_vec3().extend(0.0).to_array()),
+            sides: projector.sides.map(|side| side.extend(0.0).to_array()),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::bins::{self, Seen, View};
 use super::{adjoint, bvh, camera, light, rays, scan, sort};
+use crate::cpu::bins::MARGIN_PIXELS;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::sums::lane;
 use crate::surfel::Surfel;
@@ -156,7 +157,7 @@ pub(super) fn declarations() -> String {
         ("MIN_TRANSMITTANCE", MIN_TRANSMITTANCE),
         ("MIN_COSINE", MIN_COSINE),
         ("OWN_COSINE", OWN_COSINE),
-        ("BIN_MARGIN_PIXELS", bins::MARGIN_PIXELS),
+        ("BIN_MARGIN_PIXELS", MARGIN_PIXELS),
         ("START_MIN_ALPHA", start::MIN_ALPHA),
         ("SLAB_DEVIATIONS", start::SLAB_DEVIATIONS),
         ("MIN_SLAB_SIZES", start::MIN_SLAB_SIZES),

@@ -86,28 +86,6 @@ fn blur_moments(
     blurred[pixel] = sum;
 }
 
-// Blurred along both axes.
-fn window_of(pixel: u32) -> Moments {
-    let x = pixel % loss.width;
-    let row = i32(pixel / loss.width);
-    var weights = BLUR_WEIGHTS;
-    var sum = Moments();
-    for (var offset = -BLUR_RADIUS; offset <= BLUR_RADIUS; offset++) {
-        let y = row + offset;
-        if y >= 0 && y < i32(loss.height) {
-            let other = blurred[u32(y) * loss.width + x];
-            let weight = weights[abs(offset)];
-            sum = Moments(
-                sum.of_wanted + weight * other.of_wanted,
-                sum.of_shown + weight * other.of_shown,
-                sum.of_squares + weight * other.of_squares,
-                sum.of_product + weight * other.of_product,
-            );
-        }
-    }
-    return sum;
-}
-
 @compute @workgroup_size(64)
 fn compare(
     @builtin(workgroup_id) workgroup: vec3u,

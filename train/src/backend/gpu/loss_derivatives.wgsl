@@ -4,29 +4,11 @@
 @group(0) @binding(9) var<storage, read> report: array<u32>;
 @group(0) @binding(10) var<storage, read_write> d_rays: array<Lanes>;
 
-fn blurred_down(pixel: u32) -> Moments {
-    let x = pixel % loss.width;
-    let row = i32(pixel / loss.width);
-    var weights = BLUR_WEIGHTS;
-    var sum = Moments();
-    for (var offset = -BLUR_RADIUS; offset <= BLUR_RADIUS; offset++) {
-        let y = row + offset;
-        if y >= 0 && y < i32(loss.height) {
-            let other = blurred[u32(y) * loss.width + x];
-            let weight = weights[abs(offset)];
-            sum.of_shown += weight * other.of_shown;
-            sum.of_squares += weight * other.of_squares;
-            sum.of_product += weight * other.of_product;
-        }
-    }
-    return sum;
-}
-
 // By the radiance, of the colour term.
 fn by_radiance(pixel: u32) -> vec3f {
     let shown = encoded[pixel].pq;
     let target_pq = wanted[pixel].pq;
-    let by_moments = blurred_down(pixel);
+    let by_moments = window_of(pixel);
     let d_ssim = loss.per_window * (by_moments.of_shown + 2.0 * shown * by_moments.of_squares + target_pq * by_moments.of_product);
     let d_pq = loss.l1 * sign(shown - target_pq) - loss.ssim * d_ssim;
     return d_pq * encoded[pixel].slope;

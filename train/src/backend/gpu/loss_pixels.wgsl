@@ -74,3 +74,25 @@ fn one_minus_cosine(n: vec3f, m: vec3f) -> vec4f {
     let cosine = dot(unit, m);
     return vec4f((unit * cosine - m) / norm, 1.0 - cosine);
 }
+
+// What is blurred along x, blurred along y as well.
+fn window_of(pixel: u32) -> Moments {
+    let x = pixel % loss.width;
+    let row = i32(pixel / loss.width);
+    var weights = BLUR_WEIGHTS;
+    var sum = Moments();
+    for (var offset = -BLUR_RADIUS; offset <= BLUR_RADIUS; offset++) {
+        let y = row + offset;
+        if y >= 0 && y < i32(loss.height) {
+            let other = blurred[u32(y) * loss.width + x];
+            let weight = weights[abs(offset)];
+            sum = Moments(
+                sum.of_wanted + weight * other.of_wanted,
+                sum.of_shown + weight * other.of_shown,
+                sum.of_squares + weight * other.of_squares,
+                sum.of_product + weight * other.of_product,
+            );
+        }
+    }
+    return sum;
+}
