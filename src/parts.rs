@@ -155,8 +155,19 @@ impl Parts {
             own,
             others,
         };
+        files::remove_temporaries([dir.join(file_name(shard))])?;
         parts.save()?;
         Ok(parts)
+    }
+
+    /// Removes what a process that was killed has left of `files`, those of the shard: other shards, which may be writing in the same
+    /// folder, have others.
+    ///
+    /// # Errors
+    /// If something cannot be removed.
+    pub(crate) fn clear_temporaries(&self, files: &[PathBuf]) -> Result<()> {
+        let paths = files.iter().map(|file| self.dir.join(file));
+        Ok(files::remove_temporaries(paths)?)
     }
 
     fn save(&self) -> Result<()> {
@@ -289,6 +300,20 @@ mod tests {
         assert!(whole.done("a").is_none());
         whole.close().unwrap();
         assert!(shards(dir).unwrap().is_empty());
+    }
+
+    #[test]
+    fn what_a_killed_process_left_of_its_own_files_goes() {
+        let dir = tempfile::tempdir().unwrap();
+        let [mine, record, others] = ["a.png", "shard-1-of-2.record.json", "b.png"].map(|file| {
+            let path = dir.path().join(format!("{file}.0b9d304f.tmp"));
+            std::fs::write(&path, b"half").unwrap();
+            path
+        });
+        let parts = Parts::open(dir.path(), "render", "k", "1/2".parse().unwrap()).unwrap();
+        parts.clear_temporaries(&["a.png".into()]).unwrap();
+        assert!(!mine.exists() && !record.exists());
+        assert!(others.exists());
     }
 
     #[test]

@@ -228,6 +228,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
     let key = key(&builder.record, &outputs)?;
     let mut parts = Parts::open(&args.out, "render", &key, shard)?;
+    parts.clear_temporaries(&shard_files(args, shard, &shots))?;
 
     for warning in &builder.record.warnings {
         reporter.warning(warning);
@@ -300,9 +301,13 @@ fn check<'a>(
     {
         return Ok(());
     }
-    let mine = shots.of_shard(shard);
-    let files: Vec<PathBuf> = mine.flat_map(|(_, shot)| files(args, shot)).collect();
-    target(Replace::Refuse).check(&files)
+    target(Replace::Refuse).check(&shard_files(args, shard, shots))
+}
+
+/// The files of all views of a shard, relative to the folder of the result.
+fn shard_files(args: &RenderArgs, shard: Shard, shots: &Shots) -> Vec<PathBuf> {
+    let shots = shots.of_shard(shard);
+    shots.flat_map(|(_, shot)| files(args, shot)).collect()
 }
 
 /// Digest of everything that decides the result: not where the inputs are, but what is in them.

@@ -1,6 +1,7 @@
 //! Writing files so that nobody ever sees half of one.
 
 use crate::error::{Result, SceneError};
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs::File;
 use std::hash::{BuildHasher, RandomState};
@@ -83,34 +84,35 @@ fn temporary_name(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Removes what processes have left that were killed while they wrote `path`, or files below it if it is a folder. Nothing else may be
-/// writing there.
+/// Removes what processes have left that were killed while they wrote one of `paths`, or files below it if it is a folder. Nothing else
+/// may be writing there.
 ///
 /// # Errors
 /// [`SceneError::Io`] if a folder cannot be read, or a file not removed.
-pub fn remove_temporaries(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        return sweep(path, None);
+pub fn remove_temporaries(paths: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
+    let mut files = BTreeMap::<PathBuf, BTreeSet<String>>::new();
+    for path in paths {
+        let path = path.as_ref();
+        if path.is_dir() {
+            sweep(path, None)?;
+        } else if let Some(name) = path.file_name().and_then(OsStr::to_str) {
+            // A bare name is in the current folder.
+            let folder = path.parent().filter(|path| !path.as_os_str().is_empty());
+            let folder = folder.unwrap_or(Path::new("."));
+            files
+                .entry(folder.to_owned())
+                .or_default()
+                .insert(name.to_owned());
+        }
     }
-    let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(OsStr::to_str))
-    else {
-        return Ok(());
-    };
-    // A bare name is in the current folder.
-    let folder = if folder.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        folder
-    };
-    if folder.is_dir() {
-        sweep(folder, Some(name))
-    } else {
-        Ok(())
+    for (folder, names) in files.iter().filter(|(folder, _)| folder.is_dir()) {
+        sweep(folder, Some(names))?;
     }
+    Ok(())
 }
 
-/// Removes temporary files of `only` this name; without one, of all names, and in folders below too.
-fn sweep(folder: &Path, only: Option<&str>) -> Result<()> {
+/// Removes temporary files of `only` these names; without them, of all names, and in folders below too.
+fn sweep(folder: &Path, only: Option<&BTreeSet<String>>) -> Result<()> {
     let entries = std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read", e))?;
     for entry in entries {
         let path = entry.map_err(|e| SceneError::io(folder, "read", e))?.path();
@@ -120,7 +122,7 @@ fn sweep(folder: &Path, only: Option<&str>) -> Result<()> {
             if only.is_none() {
                 sweep(&path, only)?;
             }
-        } else if written.is_some_and(|written| only.is_none_or(|only| only == written)) {
+        } else if written.is_some_and(|name| only.is_none_or(|only| only.contains(name))) {
             remove_if_there(&path)?;
         }
     }
@@ -184,13 +186,13 @@ mod tests {
         ] {
             std::fs::write(at(name), b"half").unwrap();
         }
-        remove_temporaries(&at("a.exr")).unwrap();
+        remove_temporaries([at("a.exr")]).unwrap();
         assert!(at("a.exr").exists() && !at("a.exr.0b9d304f.tmp").exists());
         assert!(at("b.exr.00000000.tmp").exists());
-        remove_temporaries(dir.path()).unwrap();
+        remove_temporaries([dir.path()]).unwrap();
         assert!(!at("b.exr.00000000.tmp").exists() && !at("deep/c.png.abcdef01.tmp").exists());
         assert!(at("kept.tmp").exists() && at("kept.0b9d304.tmp").exists());
-        remove_temporaries(&at("gone/a.exr")).unwrap();
+        remove_temporaries([at("gone/a.exr")]).unwrap();
     }
 
     #[test]

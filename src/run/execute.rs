@@ -214,7 +214,7 @@ pub(super) fn finish(
     seconds: f64,
 ) -> Result<()> {
     for product in &step.products {
-        files::remove_temporaries(product)?;
+        files::remove_temporaries([product])?;
     }
     let products = folder.products(step)?;
     let done = StepRecord {
