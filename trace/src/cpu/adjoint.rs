@@ -47,7 +47,7 @@ struct Moments {
     shape: Sums,
 }
 
-/// A slot of a tile.
+/// A Gaussian of a tile.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Row {
@@ -104,7 +104,7 @@ pub(super) struct RowPlaces {
     /// First place of each Gaussian, and the end.
     starts: Vec<u32>,
     next: Vec<u32>,
-    /// Tile and slot, tiles in order.
+    /// Tile and row, tiles in order.
     places: Vec<(u32, u32)>,
 }
 
@@ -123,9 +123,9 @@ impl RowPlaces {
         self.next.clear();
         self.next.extend_from_slice(&self.starts);
         for (tile, record) in tiles.iter().enumerate() {
-            for (slot, &g) in record.gaussians.iter().enumerate() {
+            for (row, &g) in record.gaussians.iter().enumerate() {
                 let next = &mut self.next[g as usize];
-                self.places[*next as usize] = (tile as u32, slot as u32);
+                self.places[*next as usize] = (tile as u32, row as u32);
                 *next += 1;
             }
         }
@@ -139,8 +139,8 @@ impl RowPlaces {
             .map(|g| {
                 let mut total = LocalGradient::default();
                 let range = self.starts[g] as usize..self.starts[g + 1] as usize;
-                for &(tile, slot) in &self.places[range] {
-                    total.add(&tiles[tile as usize].gradients[slot as usize]);
+                for &(tile, row) in &self.places[range] {
+                    total.add(&tiles[tile as usize].gradients[row as usize]);
                 }
                 total
             })
@@ -192,10 +192,10 @@ fn adjoint_of_tile(
         match loss.wanted {
             Wanted::LightAndMaterial => {
                 for hit in hits {
-                    rows[hit.slot as usize].moments.add_light(hit, d_sums);
+                    rows[record.row_of(hit)].moments.add_light(hit, d_sums);
                 }
             }
-            Wanted::Everything => add_ray(rows, hits, d_sums),
+            Wanted::Everything => add_ray(rows, record, hits, d_sums),
         }
     }
     record.gradients.clear();
@@ -210,14 +210,14 @@ fn adjoint_of_tile(
 
 /// Adds the hits of a ray, back to front.
 #[inline(always)]
-fn add_ray(rows: &mut [Row], hits: &[BlendedHit], d_sums: &Sums) {
+fn add_ray(rows: &mut [Row], record: &TileRecord, hits: &[BlendedHit], d_sums: &Sums) {
     let d_distance = d_sums.0[lane::DISTANCE];
     // The distance is no part of a payload, and the lanes behind it are not differentiated.
     let mut d_payload = d_sums.0;
     d_payload[lane::DISTANCE..].fill(0.0);
     let mut behind = 0.0_f32;
     for hit in hits.iter().rev() {
-        let row = &mut rows[hit.slot as usize];
+        let row = &mut rows[record.row_of(hit)];
         let value = dot(&d_payload, &row.payload.0) + d_distance * hit.t;
         let difference = value - behind;
         behind += hit.alpha * difference;

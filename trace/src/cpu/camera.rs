@@ -52,20 +52,25 @@ pub struct CameraRecord {
 #[derive(Debug, Clone, Default)]
 pub(super) struct TileRecord {
     sums: Vec<Sums>,
-    /// Index in the scene of each slot.
+    /// Row of each slot; [`UNUSED`] where nothing was blended.
+    rows: Vec<u32>,
+    /// Index in the scene of each row.
     pub(super) gaussians: Vec<u32>,
     hits: Vec<BlendedHit>,
     /// End of each pixel's hits.
     ends: Vec<u32>,
-    /// Of each slot, once asked for.
+    /// Of each row, once asked for.
     pub(super) gradients: Vec<LocalGradient>,
 }
+
+/// Row of a slot that no ray blends: of those of a search, many lie behind opaque surfaces.
+const UNUSED: u32 = u32::MAX;
 
 /// One blended hit of a ray, as the adjoint needs it again.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BlendedHit {
-    /// Slot of the Gaussian.
-    pub(super) slot: u32,
+    /// Slot of the Gaussian; see [`TileRecord::row_of`].
+    slot: u32,
     /// Distance along the ray.
     pub(super) t: f32,
     /// Opacity α.
@@ -101,8 +106,6 @@ struct TileScratch {
     /// Hits of single rays, and the end of each pixel's.
     found: Vec<(f32, u32, f32)>,
     ends: Vec<usize>,
-    /// Slots by which a record names those that were hit.
-    places: Vec<u32>,
 }
 
 thread_local! {
@@ -154,7 +157,7 @@ impl CameraRecord {
                             trace_tile(set, bins, tile, &rays, scratch, record, keep);
                         }
                     }
-                    record.name_what_was_hit(&scratch.list.slots, &mut scratch.places);
+                    record.name_rows(&scratch.list.slots);
                 });
             });
         SumImage {
@@ -199,7 +202,7 @@ impl CameraRecord {
                 let mut weights = BlendWeights::default();
                 for (p, pixel) in pixels_of_tile(camera, tile) {
                     let hits = record.hits_of(p).iter();
-                    let named = hits.map(|hit| (record.gaussians[hit.slot as usize], hit.weight));
+                    let named = hits.map(|hit| (record.gaussians[record.row_of(hit)], hit.weight));
                     weights.push(pixel as u32, named, least);
                 }
                 weights
@@ -227,7 +230,7 @@ impl CameraRecord {
                 for (p, pixel) in pixels_of_tile(camera, tile) {
                     let value = value(pixel);
                     for hit in record.hits_of(p) {
-                        let row = &mut rows[hit.slot as usize];
+                        let row = &mut rows[record.row_of(hit)];
                         row.weight += hit.weight;
                         row.weighted_value += hit.weight * value;
                         // Of equal ones the first in the image, whatever the order within a tile.
@@ -250,28 +253,26 @@ impl CameraRecord {
 impl TileRecord {
     fn clear(&mut self) {
         self.sums.clear();
+        self.rows.clear();
         self.gaussians.clear();
         self.hits.clear();
         self.ends.clear();
     }
 
-    /// Renumbers the slots: of those of a search, many lie behind what was blended.
-    fn name_what_was_hit(&mut self, slots: &[TileSurfel], places: &mut Vec<u32>) {
-        const UNUSED: u32 = u32::MAX;
-        places.clear();
-        places.resize(slots.len(), UNUSED);
-        for hit in &self.hits {
-            places[hit.slot as usize] = 0;
-        }
-        for (place, surfel) in places.iter_mut().zip(slots) {
-            if *place != UNUSED {
-                *place = self.gaussians.len() as u32;
+    /// Gives a row to each slot that was blended, in order.
+    fn name_rows(&mut self, slots: &[TileSurfel]) {
+        for (row, surfel) in self.rows.iter_mut().zip(slots) {
+            if *row != UNUSED {
+                *row = self.gaussians.len() as u32;
                 self.gaussians.push(surfel.index);
             }
         }
-        for hit in &mut self.hits {
-            hit.slot = places[hit.slot as usize];
-        }
+    }
+
+    /// The row of the Gaussian of a hit.
+    #[inline(always)]
+    pub(super) fn row_of(&self, hit: &BlendedHit) -> usize {
+        self.rows[hit.slot as usize] as usize
     }
 
     /// The blended hits of a pixel of the tile, front to back.
@@ -284,9 +285,10 @@ impl TileRecord {
         &self.hits[start..self.ends[pixel] as usize]
     }
 
-    /// Blends the hits of a block.
+    /// Blends the hits of a block. There are as many payloads as slots.
     #[inline(always)]
     fn blend(&mut self, payloads: &[Payload], hits: &mut BlockHits, keep: Keep) {
+        self.rows.resize(payloads.len(), UNUSED);
         for lane in 0..LANES {
             let mut blender = Blender::default();
             for (t, hit) in hits.ordered(lane) {
@@ -294,6 +296,7 @@ impl TileRecord {
                 let payload = &payloads[hit.slot as usize];
                 let offered = blender.offer_turned(t, hit.alpha, payload);
                 if keep == Keep::Record && offered != Offered::Skipped {
+                    self.rows[hit.slot as usize] = 0;
                     self.hits.push(BlendedHit {
                         slot: hit.slot,
                         t,
