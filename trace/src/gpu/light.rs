@@ -3,21 +3,23 @@
 //! A dispatch takes one ray of one sample of a path, or a few samples of a single bounce, for many pixels, and adds them to what was gathered before,
 //! in the order of samples: it is short, so that no driver takes it for hung.
 
-use super::bvh::Trees;
+mod buffers;
+mod parameters;
+
 use super::camera::CameraTracer;
 use super::device::{Device, Step};
 use super::error::GpuError;
-use super::layout::{Layout, layout};
 use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::sums::Sums;
-use crate::surfel::{Surfel, SurfelSet};
-use crate::transport::lights::Lights;
 use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
+pub(super) use buffers::LightBuffers;
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use std::ops::Range;
+pub(super) use parameters::{
+    Emitter, FIRST_RAY, Gathered, LAST_BOUNCE, LightParameters, PathState, ROULETTE, TOWARDS_LIGHT,
+};
 
 /// Pixels of a dispatch: a kernel that runs for seconds is stopped by the driver.
 const PIXELS_PER_DISPATCH: u32 = 1 << 18;
@@ -25,197 +27,8 @@ const PIXELS_PER_DISPATCH: u32 = 1 << 18;
 /// Samples of a dispatch, at most. Software adapters (Mesa's llvmpipe) end all loops of an invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 8;
 
-/// Flag of a path's ray: none came before it.
-pub(super) const FIRST_RAY: u32 = 1;
-/// Flag of a path's ray: it looks for an emitter, and the path does not follow it.
-pub(super) const TOWARDS_LIGHT: u32 = 2;
-/// Flag of a path's ray: the path may be ended at random.
-pub(super) const ROULETTE: u32 = 4;
-/// Flag of a path's ray: no bounce follows.
-pub(super) const LAST_BOUNCE: u32 = 8;
-
 /// Dispatches that are under way at once.
 const DISPATCHES_AHEAD: u32 = 16;
-
-/// Parameters of the kernels.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct LightParameters {
-    /// Key of the random numbers.
-    key: [u32; 4],
-    emission_threshold: f32,
-    /// Share of directions towards emitters; above 0 where next-event estimation is on.
-    light_share: f32,
-    num_emitters: u32,
-    scene_root: u32,
-    light_root: u32,
-    /// Number of the bounce that paths are extended by.
-    bounce: u32,
-    /// Of a path's ray: [`FIRST_RAY`] and others.
-    flags: u32,
-    /// Pixel of the image that buffers begin with.
-    first_pixel: u32,
-    /// From and to, counted from `first_pixel`.
-    start_pixel: u32,
-    end_pixel: u32,
-    first_sample: u32,
-    end_sample: u32,
-}
-
-impl LightParameters {
-    pub(super) fn layout() -> Layout {
-        layout!(LightParameters {
-            key: "vec4u",
-            emission_threshold: "f32",
-            light_share: "f32",
-            num_emitters: "u32",
-            scene_root: "u32",
-            light_root: "u32",
-            bounce: "u32",
-            flags: "u32",
-            first_pixel: "u32",
-            start_pixel: "u32",
-            end_pixel: "u32",
-            first_sample: "u32",
-            end_sample: "u32",
-        })
-    }
-
-    /// For rays of `range` through a scene.
-    pub(super) fn of_rays(light: &LightBuffers, range: Range<u32>) -> Self {
-        Self {
-            scene_root: light.scene_root,
-            light_root: light.light_root,
-            start_pixel: range.start,
-            end_pixel: range.end,
-            ..Self::zeroed()
-        }
-    }
-}
-
-/// An emissive Gaussian.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct Emitter {
-    surfel: Surfel,
-    /// Probability that one up to this one is chosen.
-    cumulative: f32,
-    /// Part of the footprint inside the cut.
-    inside: f32,
-    /// Probability over the footprint's area.
-    density: f32,
-    padding: f32,
-}
-
-impl Emitter {
-    pub(super) fn layout() -> Layout {
-        layout!(Emitter {
-            surfel: "Surfel",
-            cumulative: "f32",
-            inside: "f32",
-            density: "f32",
-            padding: "f32",
-        })
-    }
-}
-
-/// What samples have brought to a pixel.
-#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct Gathered {
-    /// Sum of the light, before the albedo.
-    pub(super) total: [f32; 3],
-    /// Sum of its squared luminance.
-    pub(super) squares: f32,
-    pub(super) num_rays: u32,
-    padding: [u32; 3],
-}
-
-/// A path that is under way.
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct PathState {
-    /// The surface it has come to.
-    position: [f32; 3],
-    slab: f32,
-    normal: [f32; 3],
-    num_rays: u32,
-    throughput: [f32; 3],
-    is_alive: u32,
-    /// Light so far.
-    brought: [f32; 3],
-    padding: u32,
-}
-
-impl PathState {
-    pub(super) fn layout() -> Layout {
-        layout!(PathState {
-            position: "vec3f",
-            slab: "f32",
-            normal: "vec3f",
-            num_rays: "u32",
-            throughput: "vec3f",
-            is_alive: "u32",
-            brought: "vec3f",
-            padding: "u32",
-        })
-    }
-}
-
-impl Gathered {
-    pub(super) fn layout() -> Layout {
-        layout!(Gathered {
-            total: "vec3f",
-            squares: "f32",
-            num_rays: "u32",
-            padding: "array<u32, 3>",
-        })
-    }
-}
-
-/// What single rays need of a scene.
-#[derive(Debug)]
-pub(super) struct LightBuffers {
-    pub(super) nodes: wgpu::Buffer,
-    pub(super) leaf_indices: wgpu::Buffer,
-    emitters: wgpu::Buffer,
-    num_emitters: u32,
-    scene_root: u32,
-    light_root: u32,
-}
-
-impl LightBuffers {
-    pub(super) fn new(
-        device: &Device,
-        set: &SurfelSet,
-        lights: Option<&Lights>,
-    ) -> Result<Self, GpuError> {
-        let emitters: Vec<Emitter> = lights.map_or(Vec::new(), |lights| {
-            let of = lights.footprints();
-            of.map(|footprint| Emitter {
-                surfel: *footprint.surfel,
-                cumulative: footprint.cumulative,
-                inside: footprint.inside,
-                density: footprint.density,
-                padding: 0.0,
-            })
-            .collect()
-        });
-        let mut trees = Trees::default();
-        let scene_root = trees.add(&set.surfels);
-        let surfels: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
-        let light_root = trees.add(&surfels);
-        Ok(Self {
-            nodes: device.upload("nodes", bytemuck::cast_slice(&trees.nodes))?,
-            leaf_indices: device.upload("leaves", bytemuck::cast_slice(&trees.leaf_indices))?,
-            emitters: device.upload("emitters", bytemuck::cast_slice(&emitters))?,
-            num_emitters: emitters.len() as u32,
-            scene_root,
-            light_root,
-        })
-    }
-}
 
 /// Gathers light for the pixels of bands.
 #[derive(Debug)]

@@ -1,0 +1,208 @@
+//! Which device is opened, and what it can do.
+
+use super::{Device, note};
+use crate::gpu::adapter::{self, Adapter, Kind};
+use crate::gpu::error::{GpuError, one_line};
+use std::sync::{Arc, Mutex};
+
+/// Which device is meant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Wanted {
+    /// The first that is no program on the processor.
+    Hardware,
+    /// The first there is, programs on the processor included.
+    Any,
+    /// The one at this place of [`crate::gpu::adapters`].
+    Index(usize),
+    /// The first whose name contains this, in any case.
+    Name(String),
+}
+
+/// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what WebGPU guarantees; what a device offers beyond
+/// makes buffers larger, and tells where faster ways are open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tier {
+    /// Largest binding of a storage buffer, bytes.
+    pub max_binding: u64,
+    /// Largest buffer, bytes.
+    pub max_buffer: u64,
+    /// Storage buffers that a kernel may have.
+    pub max_storage_buffers: u32,
+    /// Whether 32-bit floats are added atomically.
+    pub has_float_atomics: bool,
+    /// Whether invocations of a subgroup see each other's values.
+    pub has_subgroups: bool,
+    /// Whether kernels can be timed.
+    pub has_timestamps: bool,
+}
+
+impl Tier {
+    /// What every device has.
+    pub const BASELINE: Self = Self {
+        max_binding: 128 << 20,
+        max_buffer: 256 << 20,
+        max_storage_buffers: 8,
+        has_float_atomics: false,
+        has_subgroups: false,
+        has_timestamps: false,
+    };
+
+    fn of(adapter: &Adapter) -> Self {
+        Self {
+            max_binding: adapter.max_binding,
+            max_buffer: adapter.max_buffer,
+            max_storage_buffers: adapter.max_storage_buffers,
+            has_float_atomics: adapter.has_float_atomics,
+            has_subgroups: adapter.subgroups.is_some(),
+            has_timestamps: adapter.has_timestamps,
+        }
+    }
+
+    /// Bytes that one buffer may have and be bound whole.
+    pub fn max_bytes(&self) -> u64 {
+        self.max_binding.min(self.max_buffer)
+    }
+}
+
+impl Device {
+    /// Opens a device with all the memory limits it has, and [`Tier::BASELINE`] otherwise.
+    ///
+    /// # Errors
+    /// [`GpuError::NotFound`] if it does not exist, [`GpuError::Open`] if its driver refuses.
+    pub fn open(wanted: &Wanted) -> Result<Arc<Self>, GpuError> {
+        Self::open_one(wanted).map(Arc::new)
+    }
+
+    /// The same with smaller buffers than the device could have.
+    #[cfg(test)]
+    pub(in crate::gpu) fn open_limited(
+        wanted: &Wanted,
+        max_bytes: u64,
+    ) -> Result<Arc<Self>, GpuError> {
+        let mut device = Self::open_one(wanted)?;
+        device.tier.max_binding = max_bytes;
+        Ok(Arc::new(device))
+    }
+
+    fn open_one(wanted: &Wanted) -> Result<Self, GpuError> {
+        let mut found = adapter::found();
+        let described: Vec<Adapter> = found.iter().map(adapter::describe).collect();
+        let at = choose(wanted, &described)?;
+        Self::open_adapter(&found.swap_remove(at), described[at].clone())
+    }
+
+    fn open_adapter(adapter: &wgpu::Adapter, described: Adapter) -> Result<Self, GpuError> {
+        let tier = Tier::of(&described);
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("eagpt"),
+            required_limits: wgpu::Limits {
+                max_storage_buffer_binding_size: tier.max_binding,
+                max_buffer_size: tier.max_buffer,
+                ..wgpu::Limits::defaults()
+            },
+            ..Default::default()
+        };
+        let opened = pollster::block_on(adapter.request_device(&descriptor));
+        let (device, queue) = opened.map_err(|error| GpuError::Open {
+            device: described.name.clone(),
+            problem: one_line(&error.to_string()),
+        })?;
+        let failure = Arc::new(Mutex::new(None));
+        let (name, noted) = (described.name.clone(), Arc::clone(&failure));
+        device.on_uncaptured_error(Arc::new(move |error| {
+            note(&noted, failure_of(&name, &error));
+        }));
+        let (name, noted) = (described.name.clone(), Arc::clone(&failure));
+        device.set_device_lost_callback(move |reason, problem| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                let (device, problem) = (name.clone(), one_line(&problem));
+                note(&noted, GpuError::Lost { device, problem });
+            }
+        });
+        Ok(Self {
+            adapter: described,
+            tier,
+            device,
+            queue,
+            failure,
+            kernels: Mutex::default(),
+        })
+    }
+}
+
+fn failure_of(device: &str, error: &wgpu::Error) -> GpuError {
+    let (device, problem) = (device.to_owned(), one_line(&error.to_string()));
+    match error {
+        wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { device, problem },
+        wgpu::Error::Internal { .. } => GpuError::Lost { device, problem },
+        wgpu::Error::Validation { .. } => GpuError::Rejected { device, problem },
+    }
+}
+
+fn choose(wanted: &Wanted, found: &[Adapter]) -> Result<usize, GpuError> {
+    let at = match wanted {
+        Wanted::Hardware => found.iter().position(|a| a.kind != Kind::Software),
+        Wanted::Any => (!found.is_empty()).then_some(0),
+        Wanted::Index(index) => (*index < found.len()).then_some(*index),
+        Wanted::Name(name) => found
+            .iter()
+            .position(|a| a.name.to_lowercase().contains(&name.to_lowercase())),
+    };
+    at.ok_or_else(|| GpuError::NotFound {
+        wanted: match wanted {
+            Wanted::Hardware => "gpu".to_owned(),
+            Wanted::Any => "any".to_owned(),
+            Wanted::Index(index) => format!("number {index}"),
+            Wanted::Name(name) => name.clone(),
+        },
+        found: match found {
+            [] => "none".to_owned(),
+            _ => {
+                let names: Vec<&str> = found.iter().map(|a| a.name.as_str()).collect();
+                names.join(", ")
+            }
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adapter(name: &str, kind: Kind) -> Adapter {
+        Adapter {
+            name: name.to_owned(),
+            kind,
+            backend: "vulkan".to_owned(),
+            driver: String::new(),
+            max_binding: 128 << 20,
+            max_buffer: 256 << 20,
+            max_storage_buffers: 8,
+            subgroups: None,
+            has_float_atomics: false,
+            has_timestamps: false,
+        }
+    }
+
+    #[test]
+    fn devices_are_chosen_by_place_name_and_kind() {
+        let found = [
+            adapter("llvmpipe (LLVM)", Kind::Software),
+            adapter("Radeon 780M", Kind::Integrated),
+        ];
+        assert_eq!(choose(&Wanted::Hardware, &found), Ok(1));
+        assert_eq!(choose(&Wanted::Any, &found), Ok(0));
+        assert_eq!(choose(&Wanted::Index(1), &found), Ok(1));
+        assert_eq!(choose(&Wanted::Name("LLVMPipe".to_owned()), &found), Ok(0));
+        let missing = choose(&Wanted::Index(2), &found).unwrap_err();
+        assert_eq!(
+            missing.to_string(),
+            "device number 2: not found; there is llvmpipe (LLVM), Radeon 780M"
+        );
+        let none = choose(&Wanted::Hardware, &found[..1]).unwrap_err();
+        assert_eq!(
+            none.to_string(),
+            "device gpu: not found; there is llvmpipe (LLVM)"
+        );
+    }
+}

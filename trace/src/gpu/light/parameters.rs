@@ -1,0 +1,166 @@
+//! What kernels of light are told, and what they leave: flags and structures.
+
+use super::LightBuffers;
+use crate::gpu::layout::{Layout, layout};
+use crate::surfel::Surfel;
+use crate::transport::lights::Footprint;
+use bytemuck::Zeroable as _;
+use std::ops::Range;
+
+/// Flag of a path's ray: none came before it.
+pub(in crate::gpu) const FIRST_RAY: u32 = 1;
+/// Flag of a path's ray: it looks for an emitter, and the path does not follow it.
+pub(in crate::gpu) const TOWARDS_LIGHT: u32 = 2;
+/// Flag of a path's ray: the path may be ended at random.
+pub(in crate::gpu) const ROULETTE: u32 = 4;
+/// Flag of a path's ray: no bounce follows.
+pub(in crate::gpu) const LAST_BOUNCE: u32 = 8;
+
+/// Parameters of the kernels.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(in crate::gpu) struct LightParameters {
+    /// Key of the random numbers.
+    pub(super) key: [u32; 4],
+    pub(super) emission_threshold: f32,
+    /// Share of directions towards emitters; above 0 where next-event estimation is on.
+    pub(super) light_share: f32,
+    pub(super) num_emitters: u32,
+    pub(super) scene_root: u32,
+    pub(super) light_root: u32,
+    /// Number of the bounce that paths are extended by.
+    pub(super) bounce: u32,
+    /// Of a path's ray: [`FIRST_RAY`] and others.
+    pub(super) flags: u32,
+    /// Pixel of the image that buffers begin with.
+    pub(super) first_pixel: u32,
+    /// From and to, counted from `first_pixel`.
+    pub(super) start_pixel: u32,
+    pub(super) end_pixel: u32,
+    pub(super) first_sample: u32,
+    pub(super) end_sample: u32,
+}
+
+impl LightParameters {
+    pub(in crate::gpu) fn layout() -> Layout {
+        layout!(LightParameters {
+            key: "vec4u",
+            emission_threshold: "f32",
+            light_share: "f32",
+            num_emitters: "u32",
+            scene_root: "u32",
+            light_root: "u32",
+            bounce: "u32",
+            flags: "u32",
+            first_pixel: "u32",
+            start_pixel: "u32",
+            end_pixel: "u32",
+            first_sample: "u32",
+            end_sample: "u32",
+        })
+    }
+
+    /// For rays of `range` through a scene.
+    pub(in crate::gpu) fn of_rays(light: &LightBuffers, range: Range<u32>) -> Self {
+        Self {
+            scene_root: light.scene_root,
+            light_root: light.light_root,
+            start_pixel: range.start,
+            end_pixel: range.end,
+            ..Self::zeroed()
+        }
+    }
+}
+
+/// An emissive Gaussian.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(in crate::gpu) struct Emitter {
+    pub(super) surfel: Surfel,
+    /// Probability that one up to this one is chosen.
+    cumulative: f32,
+    /// Part of the footprint inside the cut.
+    inside: f32,
+    /// Probability over the footprint's area.
+    density: f32,
+    padding: f32,
+}
+
+impl From<Footprint<'_>> for Emitter {
+    fn from(footprint: Footprint<'_>) -> Self {
+        Self {
+            surfel: *footprint.surfel,
+            cumulative: footprint.cumulative,
+            inside: footprint.inside,
+            density: footprint.density,
+            padding: 0.0,
+        }
+    }
+}
+
+impl Emitter {
+    pub(in crate::gpu) fn layout() -> Layout {
+        layout!(Emitter {
+            surfel: "Surfel",
+            cumulative: "f32",
+            inside: "f32",
+            density: "f32",
+            padding: "f32",
+        })
+    }
+}
+
+/// What samples have brought to a pixel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(in crate::gpu) struct Gathered {
+    /// Sum of the light, before the albedo.
+    pub(in crate::gpu) total: [f32; 3],
+    /// Sum of its squared luminance.
+    pub(in crate::gpu) squares: f32,
+    pub(in crate::gpu) num_rays: u32,
+    padding: [u32; 3],
+}
+
+impl Gathered {
+    pub(in crate::gpu) fn layout() -> Layout {
+        layout!(Gathered {
+            total: "vec3f",
+            squares: "f32",
+            num_rays: "u32",
+            padding: "array<u32, 3>",
+        })
+    }
+}
+
+/// A path that is under way.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(in crate::gpu) struct PathState {
+    /// The surface it has come to.
+    position: [f32; 3],
+    slab: f32,
+    normal: [f32; 3],
+    num_rays: u32,
+    throughput: [f32; 3],
+    is_alive: u32,
+    /// Light so far.
+    brought: [f32; 3],
+    padding: u32,
+}
+
+impl PathState {
+    pub(in crate::gpu) fn layout() -> Layout {
+        layout!(PathState {
+            position: "vec3f",
+            slab: "f32",
+            normal: "vec3f",
+            num_rays: "u32",
+            throughput: "vec3f",
+            is_alive: "u32",
+            brought: "vec3f",
+            padding: "u32",
+        })
+    }
+}
