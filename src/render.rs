@@ -22,7 +22,7 @@ use eagpt_scene::dataset::{SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Image, Shard, ply, png};
-use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
 use serde::Serialize;
 use shots::{PathArgs, PathRecord, Shot, Shots};
@@ -81,6 +81,9 @@ pub(crate) struct RenderArgs {
     /// How light is looked for; the mean image is the same, the noise is not
     #[arg(long, value_enum, default_value = "next-event")]
     sampling: SamplingArg,
+    /// What a path's rays make of the Gaussians they meet
+    #[arg(long, value_enum, default_value = "blended")]
+    hits: HitsArg,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
     seed: u64,
@@ -141,6 +144,15 @@ enum SamplingArg {
     Cosine,
     /// Towards emitters as well, with multiple importance sampling
     NextEvent,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HitsArg {
+    /// The blend of all is one surface, as in the paper
+    Blended,
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes to half a percent less or so in a room,
+    /// mostly next to emitters. 1-bounce does so always, to the same mean
+    Sampled,
 }
 
 /// What decides the result, for the record.
@@ -404,6 +416,10 @@ fn light(args: &RenderArgs) -> LightOptions {
         sampling: match args.sampling {
             SamplingArg::Cosine => Sampling::Cosine,
             SamplingArg::NextEvent => Sampling::NextEvent,
+        },
+        hits: match args.hits {
+            HitsArg::Blended => Hits::Blended,
+            HitsArg::Sampled => Hits::Sampled,
         },
     }
 }

@@ -181,6 +181,17 @@ impl Blender {
     }
 }
 
+/// Sums of a ray of unit `direction` whose one hit stands for all. Of the distances of the others it says nothing: those of discs that
+/// overlap on a surface differ by about the size of a disc where they are tilted, which becomes the spread.
+pub fn sums_of_one(t: f32, payload: &Payload, direction: [f32; 3]) -> Sums {
+    let mut blender = Blender::default();
+    blender.offer(t, 1.0, payload, direction);
+    let mut sums = blender.finish();
+    let size = payload.0[lane::SIZE];
+    sums.0[lane::SPREAD] = size * size;
+    sums
+}
+
 /// Lanes of a [`LocalGradient`].
 pub mod grad_lane {
     /// Position, in the Gaussian's frame (t_u, t_v, n): three lanes.

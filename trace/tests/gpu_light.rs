@@ -6,7 +6,7 @@ use eagpt_scene::{Camera, Gaussian, Gaussians};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
-use eagpt_trace::transport::Sampling;
+use eagpt_trace::transport::{Hits, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
 use glam::{DVec3, Vec3};
 
@@ -37,6 +37,9 @@ fn lit_room() -> Gaussians {
         .collect()
 }
 
+/// What is used where nothing is said.
+const PLAIN: (Sampling, Hits) = (Sampling::NextEvent, Hits::Blended);
+
 fn path(num_samples: u32, max_bounces: u32) -> Integrator {
     Integrator::Path {
         num_samples,
@@ -48,12 +51,13 @@ fn path(num_samples: u32, max_bounces: u32) -> Integrator {
 fn render(
     scene: &impl Tracer,
     integrator: Integrator,
-    sampling: Sampling,
+    (sampling, hits): (Sampling, Hits),
     seed: u64,
 ) -> RenderedView {
     let options = LightOptions {
         seed,
         sampling,
+        hits,
         ..LightOptions::default()
     };
     scene
@@ -72,7 +76,7 @@ fn one_bounce_in_a_furnace_shows_the_albedo() {
     });
     let scene = GpuScene::new(&device, &furnace).unwrap();
     let integrator = Integrator::OneBounce { num_samples: 8 };
-    let view = render(&scene, integrator, Sampling::NextEvent, 1);
+    let view = render(&scene, integrator, PLAIN, 1);
     for pixel in view.radiance.pixels() {
         for (value, expected) in pixel.iter().zip([0.3, 0.6, 0.9]) {
             // 1e-4 of the light passes between discs at each of two hits.
@@ -94,9 +98,9 @@ struct Runs {
     second_moment: f64,
 }
 
-fn runs(scene: &impl Tracer, integrator: Integrator, sampling: Sampling) -> Runs {
+fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> Runs {
     let views: Vec<RenderedView> = (10..13)
-        .map(|seed| render(scene, integrator, sampling, seed))
+        .map(|seed| render(scene, integrator, how, seed))
         .collect();
     let n = views.len() as f64;
     let value = |view: &RenderedView, i: usize| f64::from(view.radiance.pixels()[i][1]);
@@ -132,15 +136,16 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
         max_bounces: 4,
         roulette_from: Some(1),
     };
-    for (integrator, sampling) in [
-        (one_bounce, Sampling::Cosine),
-        (one_bounce, Sampling::NextEvent),
-        (path(4, 3), Sampling::Cosine),
-        (path(4, 3), Sampling::NextEvent),
-        (roulette, Sampling::NextEvent),
+    for (integrator, how) in [
+        (one_bounce, (Sampling::Cosine, Hits::Blended)),
+        (one_bounce, PLAIN),
+        (path(4, 3), (Sampling::Cosine, Hits::Blended)),
+        (path(4, 3), PLAIN),
+        (path(4, 3), (Sampling::NextEvent, Hits::Sampled)),
+        (roulette, PLAIN),
     ] {
-        let got = runs(&gpu, integrator, sampling);
-        let wanted = runs(&cpu, integrator, sampling);
+        let got = runs(&gpu, integrator, how);
+        let wanted = runs(&cpu, integrator, how);
         let n = got.means.len() as f64;
         let pairs = got.means.iter().zip(&wanted.means);
         let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
@@ -149,7 +154,7 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
         let error = (variance / n).sqrt();
         assert!(
             bias.abs() < 4.0 * error + 1e-4,
-            "{integrator:?} {sampling:?}: bias {bias} ± {error}"
+            "{integrator:?} {how:?}: bias {bias} ± {error}"
         );
         // Sums over 144 pixels of variances from three runs: their own error is some 10 % where no few pixels dominate.
         for (what, ratio) in [
@@ -158,7 +163,7 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
         ] {
             assert!(
                 (0.7..1.4).contains(&ratio),
-                "{integrator:?} {sampling:?}: {what} is {ratio} times that of the CPU"
+                "{integrator:?} {how:?}: {what} is {ratio} times that of the CPU"
             );
         }
     }
@@ -171,11 +176,11 @@ fn renderings_are_repeatable() {
         return;
     };
     let scene = GpuScene::new(&device, &lit_room()).unwrap();
-    let run = |seed| render(&scene, path(3, 3), Sampling::NextEvent, seed);
+    let run = |seed| render(&scene, path(3, 3), PLAIN, seed);
     let first = run(1);
     assert!(first == run(1));
     assert!(first.radiance != run(2).radiance);
-    let plain = render(&scene, Integrator::ZeroBounce, Sampling::NextEvent, 1);
+    let plain = render(&scene, Integrator::ZeroBounce, PLAIN, 1);
     assert_eq!(plain.radiance, plain.sums.radiance());
     assert_eq!(plain.sums, first.sums);
     assert_eq!(plain.num_rays, 0);

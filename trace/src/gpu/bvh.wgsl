@@ -169,3 +169,16 @@ fn sample_hit(ray: Ray, seed: u32) -> u32 {
     }
     return nearest;
 }
+
+// Sums of a ray whose one hit stands for all: the twin of `sums_of_one`.
+fn sample_ray(ray: Ray, seed: u32) -> Lanes {
+    let index = sample_hit(ray, seed);
+    if index == NO_NODE {
+        return NO_LANES;
+    }
+    let t = meet(seen_from(surfels[index], ray.origin), ray.direction).t;
+    var sums = hit_values(payloads[index], ray.direction, t);
+    let size = sums.d.y;
+    sums.d = vec4f(size * size, size, t, 0.0);
+    return sums;
+}

@@ -13,7 +13,7 @@ use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::sums::Sums;
-use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
+use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
 pub(super) use buffers::LightBuffers;
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -133,7 +133,7 @@ impl LightGatherer {
                     (9, &paths),
                     (10, &rays),
                 ];
-                let blend = [
+                let meet = [
                     uniform_at,
                     surfels,
                     payloads,
@@ -152,9 +152,13 @@ impl LightGatherer {
                     (10, &rays),
                     (11, &met),
                 ];
+                let meet_rays = match options.hits {
+                    Hits::Blended => "blend_rays",
+                    Hits::Sampled => "sample_rays",
+                };
                 vec![
                     kernel(&wgsl::PATH, "aim_rays", &aim),
-                    kernel(&wgsl::RAYS, "blend_rays", &blend),
+                    kernel(&wgsl::RAYS, meet_rays, &meet),
                     kernel(&wgsl::PATH, "shade_rays", &shade),
                 ]
             }

@@ -59,7 +59,8 @@ fn aim_rays(
     }
     let is_below = is_towards_light() && dot(direction, path.normal) <= 0.0;
     let ray = ray_from(Surface(true, path.position, path.normal, path.slab), direction);
-    rays[pixel] = RayQuery(ray.origin, ray.t_own, direction, 0u, ray.own_normal, u32(is_below));
+    let choice = bitcast<u32>(numbers.w);
+    rays[pixel] = RayQuery(ray.origin, ray.t_own, direction, choice, ray.own_normal, u32(is_below));
 }
 
 // Adds what a ray has met to its path; returns whether the path goes on.

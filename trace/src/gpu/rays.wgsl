@@ -26,6 +26,18 @@ fn blend_rays(
 }
 
 @compute @workgroup_size(64)
+fn sample_rays(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
+    if number < light.end_pixel && rays[number].is_idle == 0u {
+        ray_sums[number] = sample_ray(ray_of(rays[number]), rays[number].seed);
+    }
+}
+
+@compute @workgroup_size(64)
 fn choose_hits(
     @builtin(workgroup_id) workgroup: vec3u,
     @builtin(num_workgroups) workgroups: vec3u,

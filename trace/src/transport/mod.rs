@@ -65,6 +65,20 @@ pub struct LightOptions {
     pub emission_threshold: f32,
     /// How light is looked for.
     pub sampling: Sampling,
+    /// What the rays of a path make of their hits. A single bounce is linear in what it meets, and always takes one.
+    pub hits: Hits,
+}
+
+/// What a ray makes of the Gaussians it meets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hits {
+    /// The blend of all is one surface, as in the paper.
+    Blended,
+    /// One of them, chosen by its weight in the blend, stands for all. Rays are about twice as fast. The mean is nearly the same: emission is
+    /// compared with τ_E hit by hit, which takes nothing from the Gaussians around an emitter, and bounces start on one disc of
+    /// several that overlap.
+    Sampled,
 }
 
 /// How light is looked for. The noise differs, the mean does not.
@@ -87,6 +101,7 @@ impl Default for LightOptions {
             seed: 0,
             emission_threshold: EMISSION_THRESHOLD,
             sampling: Sampling::NextEvent,
+            hits: Hits::Blended,
         }
     }
 }
@@ -167,6 +182,7 @@ pub fn render(
                     max_bounces,
                     roulette_from,
                     threshold: options.emission_threshold,
+                    hits: options.hits,
                 };
                 for s in 0..num_samples {
                     samples.add(paths.sample(&surface, &points, s));

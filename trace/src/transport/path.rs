@@ -1,10 +1,13 @@
 //! Paths from a surface to the emitters.
 
-use super::RayTracer;
 use super::lights::Lights;
 use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
+use super::{Hits, RayTracer};
+use crate::blend::sums_of_one;
+use crate::ray::Ray;
+use crate::sums::Sums;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
@@ -20,6 +23,7 @@ pub(super) struct Paths<'a, T> {
     pub(super) roulette_from: Option<u32>,
     /// τ_E.
     pub(super) threshold: f32,
+    pub(super) hits: Hits,
 }
 
 /// What a path brought, and what it cost.
@@ -47,10 +51,10 @@ impl<T: RayTracer> Paths<'_, T> {
                 path.light += throughput * light;
                 path.num_rays += 1;
             }
-            let [a, b, survive, _] = block(0);
+            let [a, b, survive, choice] = block(0);
             let ray = surface.ray(cosine_direction(surface.normal, a, b));
             let direction = Vec3::from(ray.direction);
-            let met = self.scene.trace(&ray);
+            let met = self.meet(&ray, choice);
             path.num_rays += 1;
             if met.emission() > self.threshold {
                 let weight = self.lights.map_or(1.0, |lights| {
@@ -76,19 +80,32 @@ impl<T: RayTracer> Paths<'_, T> {
         path
     }
 
+    /// What a ray meets; `choice` is the random number of the hit that stands for all.
+    fn meet(&self, ray: &Ray, choice: f32) -> Sums {
+        match self.hits {
+            Hits::Blended => self.scene.trace(ray),
+            Hits::Sampled => {
+                let hit = self.scene.sample_hit(ray, choice.to_bits());
+                hit.map_or(Sums::default(), |hit| {
+                    sums_of_one(hit.t, self.scene.payload(hit.index), ray.direction)
+                })
+            }
+        }
+    }
+
     /// What a direction towards a random emitter brings, weighted; `None` if that is below the surface and no ray was traced.
     fn towards_light(
         &self,
         lights: &Lights,
         surface: &Surface,
-        [pick, a, b, _]: [f32; 4],
+        [pick, a, b, choice]: [f32; 4],
     ) -> Option<Vec3> {
         let direction = lights.sample(surface.position, pick, a, b)?;
         let plain = direction.dot(surface.normal) * FRAC_1_PI;
         if plain <= 0.0 {
             return None;
         }
-        let met = self.scene.trace(&surface.ray(direction));
+        let met = self.meet(&surface.ray(direction), choice);
         if met.emission() <= self.threshold {
             return Some(Vec3::ZERO);
         }
