@@ -4,18 +4,7 @@
 @group(0) @binding(1) var<storage, read_write> values: array<u32>;
 @group(0) @binding(2) var<storage, read_write> block_sums: array<u32>;
 
-var<workgroup> thread_sums: array<u32, SCAN_THREADS>;
-
-// Replaces the sums of threads by the sums of all threads up to and including them (Hillis and Steele).
-fn add_up_threads(thread: u32) {
-    for (var step = 1u; step < SCAN_THREADS; step <<= 1u) {
-        workgroupBarrier();
-        let before = select(0u, thread_sums[max(thread, step) - step], thread >= step);
-        workgroupBarrier();
-        thread_sums[thread] += before;
-    }
-    workgroupBarrier();
-}
+const GROUP_THREADS = SCAN_THREADS;
 
 @compute @workgroup_size(SCAN_THREADS)
 fn scan_blocks(
@@ -29,9 +18,7 @@ fn scan_blocks(
     for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
         sum += values[i];
     }
-    thread_sums[thread] = sum;
-    add_up_threads(thread);
-    var total = thread_sums[thread] - sum;
+    var total = sum_before(thread, sum);
     for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
         let value = values[i];
         values[i] = total;

@@ -12,7 +12,8 @@
 @group(0) @binding(6) var<storage, read_write> sorted_values: array<u32>;
 
 var<workgroup> counters: array<u32, SORT_COUNTERS>;
-var<workgroup> thread_sums: array<u32, SORT_THREADS>;
+
+const GROUP_THREADS = SORT_THREADS;
 
 fn num_elements() -> u32 {
     return min(totals[sort.total], sort.capacity);
@@ -66,15 +67,7 @@ fn sort_scatter(
     for (var i = 0u; i < SORT_DIGITS; i++) {
         sum += counters[thread * SORT_DIGITS + i];
     }
-    thread_sums[thread] = sum;
-    for (var step = 1u; step < SORT_THREADS; step <<= 1u) {
-        workgroupBarrier();
-        let before = select(0u, thread_sums[max(thread, step) - step], thread >= step);
-        workgroupBarrier();
-        thread_sums[thread] += before;
-    }
-    workgroupBarrier();
-    var total = thread_sums[thread] - sum;
+    var total = sum_before(thread, sum);
     for (var i = 0u; i < SORT_DIGITS; i++) {
         let at = thread * SORT_DIGITS + i;
         let count = counters[at];

@@ -2,6 +2,7 @@
 
 use super::GpuScene;
 use super::device::{Device, Wanted};
+use super::error::GpuError;
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
@@ -12,16 +13,11 @@ use eagpt_scene::{Camera, random_cloud};
 use glam::DAffine3;
 use std::sync::{Arc, OnceLock};
 
-/// Any device; `None`, with a line that names `what`, where there is none. `EAGPT_REQUIRE_GPU=1` makes that a failure.
+/// Any device; `None`, with a line that names `what`, where there is none.
 fn device(what: &str) -> Option<Arc<Device>> {
-    static DEVICE: OnceLock<Option<Arc<Device>>> = OnceLock::new();
-    let device = DEVICE.get_or_init(|| Device::open(&Wanted::Any).ok());
-    if device.is_none() {
-        let is_required = std::env::var("EAGPT_REQUIRE_GPU").is_ok_and(|value| value == "1");
-        assert!(!is_required, "{what}: no device, and one is required");
-        eprintln!("skipped: {what}: no adapter (Debian: apt-get install mesa-vulkan-drivers)");
-    }
-    device.clone()
+    static DEVICE: OnceLock<Result<Arc<Device>, GpuError>> = OnceLock::new();
+    let opened = DEVICE.get_or_init(|| Device::open(&Wanted::Any));
+    eagpt_testkit::opened_device(what, opened.as_ref()).map(Arc::clone)
 }
 
 fn words(num: u32, seed: u64) -> Vec<u32> {
@@ -83,7 +79,7 @@ fn sorting_is_stable() {
 /// Draws what [`Points`] draws, for elements 0 to 63 and samples that a word of the input names.
 static DRAW: Module = Module::own(
     "draw",
-    &[
+    &[&[
         wgsl::RANDOM,
         wgsl::POINTS,
         "@group(0) @binding(0) var<storage, read> input: array<vec4u>;
@@ -96,7 +92,7 @@ static DRAW: Module = Module::own(
             blocks[at] = block_of(input[0], element, numbers.x, numbers.y);
             words[at] = word_of(input[0], element, numbers.x);
         }",
-    ],
+    ]],
 );
 
 #[test]

@@ -1,0 +1,16 @@
+// Sums over the threads of a workgroup, of which a module has GROUP_THREADS.
+
+var<workgroup> thread_sums: array<u32, GROUP_THREADS>;
+
+// The sum of `value` over all threads before this one (Hillis and Steele). `thread_sums` then has the sums up to and including each thread.
+fn sum_before(thread: u32, value: u32) -> u32 {
+    thread_sums[thread] = value;
+    for (var step = 1u; step < GROUP_THREADS; step <<= 1u) {
+        workgroupBarrier();
+        let before = select(0u, thread_sums[max(thread, step) - step], thread >= step);
+        workgroupBarrier();
+        thread_sums[thread] += before;
+    }
+    workgroupBarrier();
+    return thread_sums[thread] - value;
+}
