@@ -8,6 +8,7 @@
 pub mod gaussians;
 pub mod views;
 
+use crate::backend::TrainDevice;
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::{Dataset, Gaussians, SceneError, Shard, files, ply};
@@ -59,6 +60,8 @@ pub struct BakeRequest {
     pub work: PathBuf,
     /// Options.
     pub options: BakeOptions,
+    /// What traces rays and, with [`BakeMethod::Views`], fits.
+    pub device: TrainDevice,
     /// Whether the work of another bake may go from the work folder.
     pub start_over: bool,
     /// Set from outside to stop soon, with the work so far on disk.

@@ -13,7 +13,7 @@ use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::sums::Sums;
 use crate::surfel::{Surfel, SurfelSet};
-use crate::transport::lights::Lights;
+use crate::transport::lights::{Footprint, Lights};
 use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -117,6 +117,29 @@ impl Emitter {
             padding: "f32",
         })
     }
+
+    /// Those of `lights`, in their order.
+    pub(super) fn all(lights: Option<&Lights>) -> Vec<Self> {
+        let of = |lights: &Lights| {
+            let emitter = |footprint: Footprint<'_>| Self {
+                surfel: *footprint.surfel,
+                cumulative: footprint.cumulative,
+                inside: footprint.inside,
+                density: footprint.density,
+                padding: 0.0,
+            };
+            lights.footprints().map(emitter).collect()
+        };
+        lights.map_or(Vec::new(), of)
+    }
+}
+
+impl Trees {
+    /// Adds the tree of `emitters`; see [`Self::add`].
+    pub(super) fn add_emitters(&mut self, emitters: &[Emitter]) -> u32 {
+        let surfels: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
+        self.add(&surfels)
+    }
 }
 
 /// What samples have brought to a pixel.
@@ -191,21 +214,10 @@ impl LightBuffers {
         set: &SurfelSet,
         lights: Option<&Lights>,
     ) -> Result<Self, GpuError> {
-        let emitters: Vec<Emitter> = lights.map_or(Vec::new(), |lights| {
-            let of = lights.footprints();
-            of.map(|footprint| Emitter {
-                surfel: *footprint.surfel,
-                cumulative: footprint.cumulative,
-                inside: footprint.inside,
-                density: footprint.density,
-                padding: 0.0,
-            })
-            .collect()
-        });
+        let emitters = Emitter::all(lights);
         let mut trees = Trees::default();
         let scene_root = trees.add(&set.surfels);
-        let surfels: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
-        let light_root = trees.add(&surfels);
+        let light_root = trees.add_emitters(&emitters);
         Ok(Self {
             nodes: device.upload("nodes", bytemuck::cast_slice(&trees.nodes))?,
             leaf_indices: device.upload("leaves", bytemuck::cast_slice(&trees.leaf_indices))?,

@@ -169,6 +169,21 @@ pub(super) static PATH: Module = Module::own(
         include_str!("path.wgsl"),
     ],
 );
+pub(super) static LINKS: Module = Module::own(
+    "links",
+    &[
+        SURFEL,
+        BLEND,
+        PENDING,
+        RANDOM,
+        POINTS,
+        include_str!("bvh.wgsl"),
+        include_str!("start.wgsl"),
+        include_str!("sampling.wgsl"),
+        include_str!("lights.wgsl"),
+        include_str!("links.wgsl"),
+    ],
+);
 
 #[cfg(test)]
 mod tests {
@@ -191,6 +206,7 @@ mod tests {
             &RAYS,
             &BOUNCE,
             &PATH,
+            &LINKS,
         ]
     }
 
