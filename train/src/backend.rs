@@ -27,7 +27,7 @@ use eagpt_trace::sums::SumImage;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Where a run computes.
+/// Where a run or a bake computes.
 #[derive(Debug, Clone, Default)]
 pub enum TrainDevice {
     /// All threads of the current rayon pool.
@@ -39,6 +39,15 @@ pub enum TrainDevice {
 }
 
 impl TrainDevice {
+    /// What computes: recorded beside results.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Cpu => "cpu".to_owned(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device) => format!("gpu: {}", device.adapter().name),
+        }
+    }
+
     /// A backend there that starts from `state`; prepared images may take `target_budget` bytes.
     ///
     /// # Errors

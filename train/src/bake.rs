@@ -125,6 +125,8 @@ pub struct BakeSummary {
     pub num_rays: u64,
     /// How the views were divided.
     pub split: Split,
+    /// What computed.
+    pub device: String,
 }
 
 /// Bakes the light of a scene.
@@ -177,6 +179,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays,
         split,
+        device: request.device.name(),
     })
 }
 

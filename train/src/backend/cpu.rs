@@ -31,7 +31,7 @@ impl CpuBackend {
 
 impl Engine for CpuEngine {
     fn device(&self) -> String {
-        "cpu".to_owned()
+        TrainDevice::Cpu.name()
     }
 
     fn update(&mut self, _: &SurfelSet) -> Result<()> {

@@ -40,9 +40,15 @@ struct GpuEngine {
     fit: GpuFit,
 }
 
+impl GpuEngine {
+    fn place(&self) -> TrainDevice {
+        TrainDevice::Gpu(Arc::clone(self.fit.device()))
+    }
+}
+
 impl Engine for GpuEngine {
     fn device(&self) -> String {
-        format!("gpu: {}", self.fit.device().adapter().name)
+        self.place().name()
     }
 
     fn update(&mut self, set: &SurfelSet) -> Result<()> {
@@ -68,7 +74,7 @@ impl Engine for GpuEngine {
     }
 
     fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
-        TrainDevice::Gpu(Arc::clone(self.fit.device())).tracer(gaussians)
+        self.place().tracer(gaussians)
     }
 }
 
