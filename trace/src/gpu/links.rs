@@ -45,7 +45,7 @@ pub(super) struct LinkParameters {
     /// Directions towards emitters of each receiver, in all.
     num_to_lights: u32,
     num_receivers: u32,
-    /// 1 for directions towards emitters, 0 for those about the normal.
+    /// An [`Aim`].
     is_towards_lights: u32,
     first_sample: u32,
     end_sample: u32,
@@ -197,6 +197,15 @@ pub(super) struct LinkRays<'a> {
     pub(super) links: &'a LinkBuffers,
 }
 
+/// Where the directions of a dispatch go.
+#[derive(Clone, Copy)]
+enum Aim {
+    /// About the normal.
+    Normal = 0,
+    /// Towards emitters.
+    Lights = 1,
+}
+
 /// Buffers for some receivers at once.
 struct Piece {
     num_receivers: u32,
@@ -280,10 +289,10 @@ impl LinkRays<'_> {
         links: &mut Links,
     ) -> Result<(), GpuError> {
         let num_receivers = piece.num_receivers as usize;
-        let dispatch = |is_towards_lights: bool, samples: &Range<u32>| {
+        let dispatch = |aim: Aim, samples: &Range<u32>| {
             let parameters = LinkParameters {
                 num_receivers: piece.num_receivers,
-                is_towards_lights: u32::from(is_towards_lights),
+                is_towards_lights: aim as u32,
                 first_sample: samples.start,
                 end_sample: samples.end,
                 ..parameters
@@ -300,7 +309,7 @@ impl LinkRays<'_> {
             _ => parameters.num_to_lights,
         };
         for (number, samples) in (1_u32..).zip(piece.samples(num_to_lights)) {
-            dispatch(true, &samples)?;
+            dispatch(Aim::Lights, &samples)?;
             if number.is_multiple_of(DISPATCHES_AHEAD) {
                 self.device.wait()?;
             }
@@ -309,7 +318,7 @@ impl LinkRays<'_> {
         let start = links.targets.len();
         links.targets.resize(start + num_receivers * num_plain, 0);
         for samples in piece.samples(parameters.num_plain) {
-            dispatch(false, &samples)?;
+            dispatch(Aim::Normal, &samples)?;
             let found: Vec<u32> = self
                 .device
                 .read(&piece.links, 0..num_receivers * samples.len())?;
