@@ -1,6 +1,7 @@
 //! `eagpt bake`: radiance that fits the light after an edit.
 
 use crate::cli::{self, GlobalArgs};
+use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;
@@ -25,7 +26,8 @@ use std::process::ExitCode;
 /// Method `gaussians` solves the light in Gaussian space, from rays that are traced once for all bounces: no image is made. Method
 /// `views` is the paper's: it path-traces the views of the dataset and fits radiance to them.
 ///
-/// Work is kept in a folder beside the result; the same command continues a bake that was stopped, to the same bits.
+/// Work is kept in a folder beside the result; the same command continues a bake that was stopped, to the same bits. That is, on the same
+/// device; another goes on as well, and ends elsewhere by rounding.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct BakeArgs {
@@ -69,6 +71,8 @@ pub(crate) struct BakeArgs {
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
     seed: u64,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work beside BAKED.ply]
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
@@ -79,6 +83,7 @@ pub(crate) struct BakeArgs {
 
 const EXAMPLES: &str = "Examples:
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply
+  eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply --device gpu
   eagpt render bakes/ball.ply --cameras kitchen --mode 0-bounce --out renders/baked
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views --shard 1/4   (and 2/4 … on other machines)
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views";
@@ -117,6 +122,8 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let replace = Replace::from_flag(args.force);
     output::check_file(&args.out, "bake", &inputs, replace)?;
     output::create_parent(&args.out)?;
+    let mut reporter = Reporter::new(global);
+    let engine = args.device.device.open(&mut reporter)?;
     let request = BakeRequest {
         scene: args.scene.clone(),
         cameras: args.cameras.clone(),
@@ -126,11 +133,11 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .clone()
             .unwrap_or_else(|| args.out.with_extension("work")),
         options,
+        device: engine.for_training(),
         start_over: args.force,
         stop: interrupt::stop_flag()?,
     };
     let mut builder = RecordBuilder::begin("bake", &options)?;
-    let mut reporter = Reporter::new(global);
     let mut warnings = Vec::new();
     let listen = |reporter: &mut Reporter, message: &BakeProgress| {
         if let BakeProgress::Warning { text } = message {
@@ -151,7 +158,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let record = &mut builder.record;
     record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
     record.seed = Some(args.seed);
-    record.device = Some("cpu".to_owned());
+    record.device = Some(summary.device.clone());
     record.split = Some(SplitRecord::new(&summary.split, args.split));
     record.warnings = warnings;
     let name = scene.file_name().unwrap_or_default();

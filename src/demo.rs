@@ -64,7 +64,7 @@ pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
     for (placeholder, text, quick) in CHOICES {
         let text = if args.quick { quick } else { text };
         let device = match placeholder {
-            "{train}" | "{render}" => device_line(&args.device.device),
+            "{train}" | "{render}" | "{bake}" => device_line(&args.device.device),
             _ => String::new(),
         };
         project = project.replace(placeholder, &format!("{text}{device}"));

@@ -5,9 +5,8 @@ use anyhow::Result;
 use clap::Args;
 use eagpt_scene::Gaussians;
 use eagpt_trace::Tracer;
-use eagpt_trace::cpu::CpuScene;
 #[cfg(feature = "gpu")]
-use eagpt_trace::gpu::{self, GpuScene, Kind, Wanted};
+use eagpt_trace::gpu::{self, Kind, Wanted};
 use eagpt_train::backend::TrainDevice;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -152,7 +151,7 @@ fn may_have_hardware() -> bool {
 }
 
 impl Engine {
-    /// For training.
+    /// For training and baking.
     pub(crate) fn for_training(&self) -> TrainDevice {
         match self {
             Self::Cpu => TrainDevice::Cpu,
@@ -166,11 +165,7 @@ impl Engine {
     /// # Errors
     /// If the device gives up, or has not enough memory.
     pub(crate) fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
-        Ok(match self {
-            Self::Cpu => Box::new(CpuScene::new(gaussians)),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device) => Box::new(GpuScene::new(device, gaussians)?),
-        })
+        Ok(self.for_training().tracer(gaussians)?)
     }
 }
 

@@ -1,7 +1,7 @@
 //! `--device`: the same results from whatever computes, and clear words where it cannot.
 
 use crate::support::Workplace;
-use eagpt_scene::exr;
+use eagpt_scene::{exr, ply};
 use serde_json::Value;
 
 /// The doctor's findings about one topic.
@@ -56,6 +56,47 @@ fn a_gpu_trains_and_renders_what_the_cpu_does() {
     eprintln!("a scene of a GPU is off by {shown:e}");
     // 0.13 % were seen on lavapipe: rounding lets sixty steps drift apart.
     assert!(shown < 0.01, "{shown}");
+}
+
+/// Mean absolute difference of the radiances of two scenes, over the mean of the first; nothing else may differ.
+fn difference_of_light(place: &Workplace, [a, b]: [&str; 2]) -> f32 {
+    let [a, mut b] = [a, b].map(|name| ply::read_gaussians(&place.path(name)).unwrap());
+    let pairs = a.radiances.iter().zip(&b.radiances);
+    let off: f32 = pairs.map(|(a, b)| (*a - *b).abs().element_sum()).sum();
+    b.radiances.clone_from(&a.radiances);
+    assert_eq!(a, b);
+    off / a.radiances.iter().map(|l| l.element_sum()).sum::<f32>()
+}
+
+#[test]
+fn a_gpu_bakes_what_the_cpu_does() {
+    let place = Workplace::new();
+    if !has_device(&place, "baking by the program") {
+        return;
+    }
+    place.train("run");
+    for (method, options) in [
+        ("gaussians", "--samples 32"),
+        ("views", "--spp 1 --bounces 2 --iterations 4"),
+    ] {
+        let bake = format!("bake run/scene.ply --cameras room --method {method} {options}");
+        for device in ["cpu", "gpu:0"] {
+            let out = format!("{method}-{}", device.trim_end_matches(":0"));
+            place.succeeds(&format!("{bake} --out {out}.ply --device {device}"));
+            let record = place.json(&format!("{out}.record.json"));
+            let recorded = record["device"].as_str().unwrap();
+            assert!(recorded.starts_with(out.rsplit('-').next().unwrap()));
+        }
+        let names = ["cpu", "gpu"].map(|device| format!("{method}-{device}.ply"));
+        let off = difference_of_light(&place, [&names[0], &names[1]]);
+        eprintln!("light baked by {method} on a GPU is off by {off:e}");
+        // The same rays are traced. TOLERANCE
+        assert!(off < 1e-3, "{method}: {off}");
+    }
+    place.fails_cleanly(
+        "bake run/scene.ply --cameras room --out other.ply --device gpu:nobody-has-this",
+        &["nobody-has-this", "not found"],
+    );
 }
 
 #[test]

@@ -6,12 +6,15 @@
 )]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::gpu::{Device, GpuScene, Kind, Wanted};
 use eagpt_trace::ray::Ray;
+use eagpt_trace::transport::links::{Directions, Receiver};
+use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use std::hint::black_box;
 use std::sync::Arc;
 
@@ -46,6 +49,22 @@ fn bounce_rays(num: usize) -> Vec<Ray> {
             Ray::free(origin, direction.to_array())
         })
         .collect()
+}
+
+/// What does not emit, from the side of the middle of the room.
+fn receivers(gaussians: &Gaussians) -> impl Iterator<Item = Receiver> {
+    let reflecting = (0..)
+        .zip(gaussians.iter())
+        .filter(|(_, g)| g.emission < 0.1);
+    reflecting.map(|(i, g)| {
+        let normal = Mat3::from_quat(g.rotation).z_axis;
+        let surface = Surface {
+            position: g.position,
+            normal: -normal * normal.dot(g.position).signum(),
+            slab: 0.5 * g.scale.x,
+        };
+        (i, surface)
+    })
 }
 
 #[allow(clippy::print_stderr, reason = "a skipped benchmark says so")]
@@ -92,6 +111,18 @@ fn engine(c: &mut Criterion) {
     });
     group.bench_function("one hit, chosen", |b| {
         b.iter(|| black_box(scene.choose_hits(&queries)));
+    });
+    group.finish();
+
+    let receivers: Vec<Receiver> = receivers(&gaussians).take(num_rays / 64).collect();
+    let mut group = c.benchmark_group(format!("{name}: links"));
+    group
+        .throughput(Throughput::Elements(64 * receivers.len() as u64))
+        .sample_size(10);
+    group.bench_function("64 directions, half to emitters", |b| {
+        let directions = Directions::divided(64, 2);
+        let key = RandomKey::new(0, Purpose::Bake, 1);
+        b.iter(|| black_box(scene.trace_links(&receivers, directions, key)));
     });
     group.finish();
 

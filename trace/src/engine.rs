@@ -1,7 +1,9 @@
 //! The seam between ray tracing engines and everything above them.
 
 use crate::sums::SumImage;
+use crate::transport::links::{Directions, Links, Receiver};
 use crate::transport::{Integrator, LightOptions};
+use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Image};
 
 /// Why an engine could not do its work. The CPU engine never fails.
@@ -72,4 +74,16 @@ pub trait Tracer: Send + Sync {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError>;
+
+    /// Light of emitters at `receivers`, and links to what else they see in `directions`; each has random numbers of its own among
+    /// those of `key`. Which receivers are traced together makes no difference.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn trace_links(
+        &self,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+    ) -> Result<Links, TraceError>;
 }

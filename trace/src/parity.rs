@@ -98,7 +98,9 @@ mod tests {
     use crate::cpu::CpuScene;
     use crate::engine::RenderedView;
     use crate::sums::SumImage;
+    use crate::transport::links::{Directions, Links, Receiver};
     use crate::transport::{Integrator, LightOptions};
+    use eagpt_scene::rng::RandomKey;
 
     #[test]
     fn the_cpu_engine_is_right() {
@@ -137,6 +139,15 @@ mod tests {
             options: &LightOptions,
         ) -> Result<RenderedView, TraceError> {
             self.0.render(camera, integrator, options)
+        }
+
+        fn trace_links(
+            &self,
+            receivers: &[Receiver],
+            directions: Directions,
+            key: RandomKey,
+        ) -> Result<Links, TraceError> {
+            self.0.trace_links(receivers, directions, key)
         }
     }
 

@@ -1,40 +1,20 @@
 //! Light transport on a device against closed forms and against the CPU engine, in mean and in variance.
 
 mod gpu;
+#[path = "gpu/room.rs"]
+mod room;
 
-use eagpt_scene::{Camera, Gaussian, Gaussians};
-use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
+use eagpt_scene::Camera;
+use eagpt_testkit::gaussians::{look_at, material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::transport::{Hits, Sampling};
 use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
 use glam::{DVec3, Vec3};
+use room::lit_room;
 
 fn inside_view() -> Camera {
     look_at(DVec3::ZERO, DVec3::new(0.2, -1.0, -0.6), 12, 12)
-}
-
-/// A room with coloured walls and a lamp whose rim fades.
-fn lit_room() -> Gaussians {
-    let walls = cube(1.0, 0.14, |side| {
-        let color = Vec3::new(0.6, 0.5 + 0.3 * side.x, 0.5 - 0.3 * side.y);
-        material(Vec3::splat(0.3) + 0.1 * side, 0.0, color)
-    });
-    let lamp = rectangle(
-        Vec3::Z * 0.95,
-        Vec3::X * 0.4,
-        Vec3::Y * 0.4,
-        0.1,
-        material(Vec3::splat(5.0), 1.0, Vec3::ZERO),
-    );
-    let soft = |g: Gaussian| Gaussian {
-        emission: (1.2 - 3.0 * g.position.x.abs()).clamp(0.0, 1.0),
-        ..g
-    };
-    walls
-        .into_iter()
-        .chain(lamp.into_iter().map(soft))
-        .collect()
 }
 
 /// What is used where nothing is said.

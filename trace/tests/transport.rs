@@ -463,8 +463,7 @@ fn links_bring_the_light_of_blended_rays() {
         let directions = Directions::divided(256, 2);
         let batch = |seed: u32| -> [f64; 2] {
             let key = RandomKey::new(u64::from(seed), Purpose::Bake, 0);
-            let mut links = Links::default();
-            links.extend(&scene, &[(k, surface)], directions, key);
+            let links = Links::trace(&scene, &[(k, surface)], directions, key);
             let linked = links.direct[0] + links.from_others(directions, &carried)[0];
             let points = Points::new(RandomKey::new(u64::from(seed), Purpose::Albedo, 0), k);
             let blended: Vec3 = (0..256)

@@ -18,12 +18,16 @@ use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms};
 use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::{BadGradient, ParameterState, StepSizes};
-use eagpt_scene::{Camera, View};
+use eagpt_scene::{Camera, Gaussians, View};
+use eagpt_trace::Tracer;
+use eagpt_trace::cpu::CpuScene;
+#[cfg(feature = "gpu")]
+use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::sums::SumImage;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Where a run computes.
+/// Where a run or a bake computes.
 #[derive(Debug, Clone, Default)]
 pub enum TrainDevice {
     /// All threads of the current rayon pool.
@@ -35,6 +39,15 @@ pub enum TrainDevice {
 }
 
 impl TrainDevice {
+    /// What computes: recorded beside results.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Cpu => "cpu".to_owned(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device) => format!("gpu: {}", device.adapter().name),
+        }
+    }
+
     /// A backend there that starts from `state`; prepared images may take `target_budget` bytes.
     ///
     /// # Errors
@@ -44,6 +57,18 @@ impl TrainDevice {
             Self::Cpu => Box::new(CpuBackend::new(state, target_budget)),
             #[cfg(feature = "gpu")]
             Self::Gpu(device) => Box::new(GpuBackend::new(device, state, target_budget)?),
+        })
+    }
+
+    /// A scene there, to be looked at.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    pub fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
+        Ok(match self {
+            Self::Cpu => Box::new(CpuScene::new(gaussians)),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device) => Box::new(GpuScene::new(device, gaussians)?),
         })
     }
 }

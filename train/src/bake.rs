@@ -8,6 +8,7 @@
 pub mod gaussians;
 pub mod views;
 
+use crate::backend::TrainDevice;
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::{Dataset, Gaussians, SceneError, Shard, files, ply};
@@ -59,6 +60,8 @@ pub struct BakeRequest {
     pub work: PathBuf,
     /// Options.
     pub options: BakeOptions,
+    /// What traces rays and, with [`BakeMethod::Views`], fits.
+    pub device: TrainDevice,
     /// Whether the work of another bake may go from the work folder.
     pub start_over: bool,
     /// Set from outside to stop soon, with the work so far on disk.
@@ -122,6 +125,8 @@ pub struct BakeSummary {
     pub num_rays: u64,
     /// How the views were divided.
     pub split: Split,
+    /// What computed.
+    pub device: String,
 }
 
 /// Bakes the light of a scene.
@@ -174,6 +179,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays,
         split,
+        device: request.device.name(),
     })
 }
 

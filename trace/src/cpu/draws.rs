@@ -16,6 +16,9 @@ use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::SampledHit;
 use crate::transport::links::NUM_DRAWS;
 
+/// Seed of an engine's draws: scenes of the same Gaussians have the same ones.
+pub(crate) const SCENE_SEED: u32 = 0;
+
 /// Keeps the numbers of draws apart from others of the same hash.
 const OFFSET_SEED: u32 = 0x5bd1_e995;
 
@@ -58,7 +61,8 @@ impl Draws {
     }
 }
 
-fn drawn_radius_squared(surfel: &Surfel, i: u32, seed: u32, draw: u32) -> f32 {
+/// Squared radius, in standard deviations, of Gaussian `i` in one of [`NUM_DRAWS`] draws; negative if it is not there.
+pub(crate) fn drawn_radius_squared(surfel: &Surfel, i: u32, seed: u32, draw: u32) -> f32 {
     let offset = (uniform_of(seed ^ OFFSET_SEED, i) * NUM_DRAWS as f32) as u32;
     let stratum = (draw + offset) % NUM_DRAWS;
     let jitter = uniform_of(seed.wrapping_mul(NUM_DRAWS).wrapping_add(draw), i);

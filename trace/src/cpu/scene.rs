@@ -2,19 +2,18 @@
 
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
-use super::draws::Draws;
+use super::draws::{Draws, SCENE_SEED};
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{Payload, SurfelSet};
 use crate::transport::lights::Lights;
+use crate::transport::links::{Directions, Links, Receiver};
 use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
+use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use std::cell::RefCell;
 use std::sync::OnceLock;
-
-/// Scenes of the same Gaussians have the same draws.
-const DRAW_SEED: u32 = 0;
 
 thread_local! {
     static SCRATCH: RefCell<RayScratch> = RefCell::default();
@@ -49,7 +48,7 @@ impl CpuScene {
     }
 
     fn draws(&self) -> &Draws {
-        self.draws.get_or_init(|| Draws::new(&self.set, DRAW_SEED))
+        self.draws.get_or_init(|| Draws::new(&self.set, SCENE_SEED))
     }
 
     /// The acceleration structure.
@@ -118,5 +117,14 @@ impl Tracer for CpuScene {
             sums,
             num_rays: light.num_rays,
         })
+    }
+
+    fn trace_links(
+        &self,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+    ) -> Result<Links, TraceError> {
+        Ok(Links::trace(self, receivers, directions, key))
     }
 }

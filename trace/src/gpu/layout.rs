@@ -1,11 +1,12 @@
 //! What kernels and Rust share: structures and constants, written down once, in Rust, and declared in WGSL from there.
 
 use super::bins::{self, Seen, View};
-use super::{adjoint, bvh, camera, light, rays, scan, sort};
+use super::{adjoint, bvh, camera, light, links, rays, scan, sort};
 use crate::cpu::bins::MARGIN_PIXELS;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::sums::lane;
 use crate::surfel::Surfel;
+use crate::transport::links::{NOTHING, NUM_DRAWS};
 use crate::transport::start;
 use std::fmt::Write as _;
 
@@ -143,6 +144,10 @@ pub(super) fn layouts() -> Vec<Layout> {
         light::Emitter::layout(),
         light::Gathered::layout(),
         light::PathState::layout(),
+        links::LinkParameters::layout(),
+        links::ReceiverOnDevice::layout(),
+        links::FoundLink::layout(),
+        links::ArrivedLight::layout(),
     ]
 }
 
@@ -180,6 +185,8 @@ pub(super) fn declarations() -> String {
         ("TOWARDS_LIGHT", light::TOWARDS_LIGHT),
         ("ROULETTE", light::ROULETTE),
         ("LAST_BOUNCE", light::LAST_BOUNCE),
+        ("NUM_DRAWS", NUM_DRAWS),
+        ("NOTHING", NOTHING),
         ("STACK", bvh::STACK),
         ("NO_NODE", bvh::NO_NODE),
         ("SCAN_THREADS", scan::THREADS),

@@ -13,6 +13,7 @@
 //! - `light`: the `1-bounce` and `path` integrators; random numbers have the bits of the CPU's.
 //!   Software adapters (Mesa's llvmpipe) stop all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but for
 //!   single Gaussians that cover as many tiles.
+//! - `links`: which Gaussians light each other. Discs of a draw have the radii of the CPU's to the bit; one tree serves all draws.
 //! - [`GpuScene`]: all of it behind [`crate::Tracer`].
 //!
 //! Against the CPU: divisions and square roots of devices round otherwise, and compilers fuse multiplications with additions. A hit on the rim
@@ -29,6 +30,7 @@ mod error;
 mod fit;
 mod layout;
 mod light;
+mod links;
 mod rays;
 mod scan;
 mod scene;

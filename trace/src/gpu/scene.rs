@@ -6,6 +6,7 @@ use super::camera::{Binned, CameraTracer};
 use super::device::Device;
 use super::error::GpuError;
 use super::light::{Gathered, LightBuffers, LightGatherer};
+use super::links::{LinkBuffers, LinkRays};
 use super::rays::{RayQuery, Rays};
 use crate::blend::LocalGradient;
 use crate::engine::{RenderedView, TraceError, Tracer};
@@ -13,7 +14,9 @@ use crate::ray::Ray;
 use crate::sums::{NUM_LANES, SumImage, Sums};
 use crate::surfel::{Payload, Surfel, SurfelSet};
 use crate::transport::lights::Lights;
+use crate::transport::links::{Directions, Links, Receiver};
 use crate::transport::{Integrator, LightOptions};
+use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use glam::Vec3;
 use std::ops::Range;
@@ -69,6 +72,7 @@ pub struct GpuScene {
     lights: Option<Lights>,
     buffers: SceneBuffers,
     light: Mutex<Option<Arc<LightBuffers>>>,
+    links: Mutex<Option<Arc<LinkBuffers>>>,
     /// For cameras of the size last seen.
     views: Mutex<Views>,
 }
@@ -220,6 +224,7 @@ impl GpuScene {
             set,
             lights: Lights::new(gaussians),
             light: Mutex::default(),
+            links: Mutex::default(),
             views: Mutex::default(),
         })
     }
@@ -290,12 +295,16 @@ impl GpuScene {
 
     /// What single rays need, made when first asked for.
     fn light(&self) -> Result<Arc<LightBuffers>, GpuError> {
-        let mut light = self.light.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(light) = &*light {
-            return Ok(Arc::clone(light));
-        }
-        let made = LightBuffers::new(&self.device, &self.set, self.lights.as_ref())?;
-        Ok(Arc::clone(light.insert(Arc::new(made))))
+        made_once(&self.light, || {
+            LightBuffers::new(&self.device, &self.set, self.lights.as_ref())
+        })
+    }
+
+    /// What links need, made when first asked for.
+    fn links(&self) -> Result<Arc<LinkBuffers>, GpuError> {
+        made_once(&self.links, || {
+            LinkBuffers::new(&self.device, &self.set, self.lights.as_ref())
+        })
     }
 
     fn render_view(
@@ -343,6 +352,18 @@ impl GpuScene {
         // Whoever panicked left nothing half-done: results are written to buffers before they are read.
         self.views.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// What `place` holds, or else what `make` makes for it.
+fn made_once<T>(
+    place: &Mutex<Option<Arc<T>>>,
+    make: impl FnOnce() -> Result<T, GpuError>,
+) -> Result<Arc<T>, GpuError> {
+    let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(made) = &*place {
+        return Ok(Arc::clone(made));
+    }
+    Ok(Arc::clone(place.insert(Arc::new(make()?))))
 }
 
 /// The frame of sums and of the light that `num_samples` samples of each pixel have brought.
@@ -399,6 +420,7 @@ impl Tracer for GpuScene {
         self.lights = Lights::new(gaussians);
         self.buffers.write(&self.device, &self.set);
         self.light = Mutex::default();
+        self.links = Mutex::default();
         Ok(self.device.check()?)
     }
 
@@ -413,5 +435,19 @@ impl Tracer for GpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
         Ok(self.render_view(camera, integrator, options)?)
+    }
+
+    fn trace_links(
+        &self,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+    ) -> Result<Links, TraceError> {
+        let rays = LinkRays {
+            device: &self.device,
+            scene: &self.buffers,
+            links: &*self.links()?,
+        };
+        Ok(rays.trace(receivers, directions, key)?)
     }
 }

@@ -6,11 +6,13 @@ use super::error::GpuError;
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
+use crate::transport::links::{Directions, Receiver};
 use crate::transport::points::Points;
+use crate::transport::start::Surface;
 use crate::{Integrator, LightOptions, Tracer};
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, random_cloud};
-use glam::DAffine3;
+use eagpt_scene::{Camera, Gaussian, random_cloud};
+use glam::{DAffine3, Mat3};
 use std::sync::{Arc, OnceLock};
 
 /// Any device; `None`, with a line that names `what`, where there is none.
@@ -145,6 +147,16 @@ fn what_does_not_fit_is_told_with_its_size() {
     assert_eq!(device.check(), Ok(()));
 }
 
+/// A Gaussian's own plane.
+fn receiver((i, gaussian): (u32, Gaussian)) -> Receiver {
+    let surface = Surface {
+        position: gaussian.position,
+        normal: Mat3::from_quat(gaussian.rotation).z_axis,
+        slab: gaussian.scale.x,
+    };
+    (i, surface)
+}
+
 /// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.
 #[test]
 fn work_in_parts_gives_the_same_bits() {
@@ -173,9 +185,14 @@ fn work_in_parts_gives_the_same_bits() {
             )
             .unwrap();
         let gradients = scene.camera_adjoint(&camera, &view.sums.pixels).unwrap();
-        (view, gradients)
+        // 38,400 directions about the normal, of which 25,600 fit.
+        let receivers: Vec<Receiver> = (0..).zip(cloud.iter()).map(receiver).collect();
+        let key = RandomKey::new(1, Purpose::Bake, 0);
+        let links = scene.trace_links(&receivers, Directions::divided(160, 5), key);
+        (view, gradients, links.unwrap())
     });
     assert!(whole.0 == parts.0);
     assert!(whole.1 == parts.1);
+    assert!(whole.2 == parts.2);
     assert!(whole.1.iter().any(|gradient| gradient.0[0] != 0.0));
 }

@@ -29,16 +29,17 @@ const ADJOINT: &[&str] = &[SURFEL, BLEND, VIEW, include_str!("adjoint.wgsl")];
 /// What searches along single rays share.
 const SEARCH: &[&str] = &[SURFEL, BLEND, PENDING, include_str!("bvh.wgsl")];
 
-/// What the integrators share, beside [`SEARCH`].
-const LIGHT: &[&str] = &[
-    VIEW,
+/// What looks for light from surfaces, beside [`SEARCH`].
+const LIGHTS: &[&str] = &[
     RANDOM,
     POINTS,
     include_str!("start.wgsl"),
     include_str!("sampling.wgsl"),
     include_str!("lights.wgsl"),
-    include_str!("light.wgsl"),
 ];
+
+/// What the integrators share, beside [`LIGHTS`].
+const GATHERED: &[&str] = &[VIEW, include_str!("light.wgsl")];
 
 /// A WGSL module: parts of text, some of which other modules have, too.
 #[derive(Debug)]
@@ -134,10 +135,16 @@ pub(super) static ADJOINT_GATHER: Module = Module::own(
     &[ADJOINT, &[include_str!("adjoint_gather.wgsl")]],
 );
 pub(super) static RAYS: Module = Module::own("rays", &[SEARCH, &[include_str!("rays.wgsl")]]);
-pub(super) static BOUNCE: Module =
-    Module::own("bounce", &[SEARCH, LIGHT, &[include_str!("bounce.wgsl")]]);
-pub(super) static PATH: Module =
-    Module::own("path", &[SEARCH, LIGHT, &[include_str!("path.wgsl")]]);
+pub(super) static BOUNCE: Module = Module::own(
+    "bounce",
+    &[SEARCH, LIGHTS, GATHERED, &[include_str!("bounce.wgsl")]],
+);
+pub(super) static PATH: Module = Module::own(
+    "path",
+    &[SEARCH, LIGHTS, GATHERED, &[include_str!("path.wgsl")]],
+);
+pub(super) static LINKS: Module =
+    Module::own("links", &[SEARCH, LIGHTS, &[include_str!("links.wgsl")]]);
 
 #[cfg(test)]
 mod tests {
@@ -161,6 +168,7 @@ mod tests {
             &RAYS,
             &BOUNCE,
             &PATH,
+            &LINKS,
         ] {
             assert_eq!(
                 eagpt_testkit::kernels::check(module.name, &module.source()),

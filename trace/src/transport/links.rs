@@ -5,6 +5,8 @@
 //! the balance heuristic over both (Veach 1997, section 9.2). All other surfaces are met by the directions about the normal alone; of each
 //! only the Gaussian is kept, which is a link. Whatever light the Gaussians carry, `E/π` is then the emitters' part plus
 //! the mean of the light of the links: further bounces, or other albedos, cost a look-up for each link and no ray.
+//!
+//! [`Links::trace`] is the plain way, for whatever traces single rays; [`crate::Tracer::trace_links`] is that of an engine.
 
 use super::lights::Lights;
 use super::points::Points;
@@ -62,19 +64,19 @@ pub struct Links {
 }
 
 impl Links {
-    /// Traces `directions` for some more `receivers`, each with random numbers of its own among those of `key`.
-    pub fn extend(
-        &mut self,
+    /// Traces `directions` for some `receivers`, each with random numbers of its own among those of `key`.
+    pub fn trace(
         scene: &impl RayTracer,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
-    ) {
-        let start = self.targets.len();
+    ) -> Self {
         let plain = directions.plain as usize;
-        self.targets
-            .resize(start + plain * receivers.len(), NOTHING);
-        let found: Vec<(Vec<Vec3>, u64)> = self.targets[start..]
+        let mut links = Self {
+            targets: vec![NOTHING; plain * receivers.len()],
+            ..Self::default()
+        };
+        let found: Vec<(Vec<Vec3>, u64)> = (links.targets)
             .par_chunks_mut(plain * TOGETHER)
             .zip(receivers.par_chunks(TOGETHER))
             .map(|(targets, receivers)| {
@@ -89,9 +91,17 @@ impl Links {
             })
             .collect();
         for (direct, num_rays) in found {
-            self.direct.extend(direct);
-            self.num_rays += num_rays;
+            links.direct.extend(direct);
+            links.num_rays += num_rays;
         }
+        links
+    }
+
+    /// Adds those of more receivers, traced in as many directions.
+    pub fn append(&mut self, mut more: Self) {
+        self.direct.append(&mut more.direct);
+        self.targets.append(&mut more.targets);
+        self.num_rays += more.num_rays;
     }
 
     /// Irradiance over π that reaches each receiver from the others alone, of the light that all Gaussians carry: `radiances`, `[n]`;

@@ -1,9 +1,11 @@
 //! Training on the CPU.
 
+use super::TrainDevice;
 use super::trainer::{Engine, Trainer};
 use crate::error::Result;
 use crate::params::ParameterState;
-use eagpt_scene::Camera;
+use eagpt_scene::{Camera, Gaussians};
+use eagpt_trace::Tracer;
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::cpu::{CameraRecord, Wanted};
@@ -29,7 +31,7 @@ impl CpuBackend {
 
 impl Engine for CpuEngine {
     fn device(&self) -> String {
-        "cpu".to_owned()
+        TrainDevice::Cpu.name()
     }
 
     fn update(&mut self, _: &SurfelSet) -> Result<()> {
@@ -54,5 +56,9 @@ impl Engine for CpuEngine {
 
     fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage> {
         Ok(camera::trace(set, camera, HitSearch::Tiles, Keep::Nothing).0)
+    }
+
+    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
+        TrainDevice::Cpu.tracer(gaussians)
     }
 }

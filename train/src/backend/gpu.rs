@@ -16,12 +16,13 @@ mod report;
 mod wanted;
 
 use super::trainer::{Engine, Trainer};
-use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
+use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainDevice, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
 use crate::loss::color::pq_image;
 use crate::params::ParameterState;
-use eagpt_scene::Camera;
+use eagpt_scene::{Camera, Gaussians};
+use eagpt_trace::Tracer;
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::Wanted;
 use eagpt_trace::gpu::{Device, GpuFit};
@@ -39,9 +40,15 @@ struct GpuEngine {
     fit: GpuFit,
 }
 
+impl GpuEngine {
+    fn place(&self) -> TrainDevice {
+        TrainDevice::Gpu(Arc::clone(self.fit.device()))
+    }
+}
+
 impl Engine for GpuEngine {
     fn device(&self) -> String {
-        format!("gpu: {}", self.fit.device().adapter().name)
+        self.place().name()
     }
 
     fn update(&mut self, set: &SurfelSet) -> Result<()> {
@@ -65,13 +72,17 @@ impl Engine for GpuEngine {
     fn camera_sums(&self, _: &SurfelSet, camera: &Camera) -> Result<SumImage> {
         Ok(self.fit.camera_sums(camera)?)
     }
+
+    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
+        self.place().tracer(gaussians)
+    }
 }
 
 /// Views that stay on the device take at most so much of its memory, which nothing tells the size of; others come anew each time.
 const MOST_VIEW_BYTES: usize = 1 << 30;
 
-/// Training on a device. A step of stage 0 passes through the host with its report alone; what stage 1 gathers, its loss, and which
-/// Gaussians are split, is found out on the CPU.
+/// Training on a device. A step of stage 0 passes through the host with its report alone, and the light of stage 1 is gathered on the device; the
+/// loss of stage 1, where Gaussians are seen, and which of them are split, is found out on the CPU.
 pub struct GpuBackend {
     device: Arc<Device>,
     /// The rays; while a [`ResidentState`] is there, its other parts are behind.

@@ -5,13 +5,14 @@
 //! pixel is the blend of its Gaussians' light, and the picture is linear in the albedo. What a diffuse Gaussian sends
 //! out over what arrives is its albedo in closed form, `ρ = π r / E`: where the image loss starts from.
 
+use crate::error::Result;
 use crate::surfaces::BestSeen;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::Tracer;
 use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::links::{Directions, Links, Receiver};
+use eagpt_trace::transport::links::{Directions, Receiver};
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
@@ -54,21 +55,23 @@ impl GaussianIrradiance {
 
     /// Gathers for the next of them, `range`, in `directions` at each. `radiances` are those of all Gaussians of the `scene`, and
     /// random numbers are those of `key`.
+    ///
+    /// # Errors
+    /// If the device of the `scene` gives up.
     pub(super) fn gather(
         &mut self,
-        scene: &CpuScene,
+        scene: &dyn Tracer,
         radiances: &[Vec3],
         range: Range<usize>,
         directions: Directions,
         key: RandomKey,
-    ) {
+    ) -> Result<()> {
         debug_assert_eq!(range.start, self.arriving.len());
-        let receivers = &self.seen[range];
-        let mut links = Links::default();
-        links.extend(scene, receivers, directions, key);
+        let links = scene.trace_links(&self.seen[range], directions, key)?;
         let others = links.from_others(directions, radiances);
         let both = links.direct.iter().zip(&others).map(|(e, o)| *e + *o);
         self.arriving.extend(both);
+        Ok(())
     }
 
     /// The closed form for every Gaussian that light reaches; others keep their albedo. `[n]`

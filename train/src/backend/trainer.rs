@@ -11,6 +11,7 @@ use eagpt_eval::KnownPixels;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image};
+use eagpt_trace::Tracer;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
 use eagpt_trace::cpu::weights::BlendWeights;
@@ -62,6 +63,12 @@ pub trait Engine {
     /// # Errors
     /// If the device gives up.
     fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
+
+    /// A scene where this computes, for rays that are not those of cameras.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>>;
 }
 
 /// Training with the rays of an [`Engine`]; all else by all threads of the current rayon pool.
@@ -74,8 +81,10 @@ pub struct Trainer<E> {
     record: CameraRecord,
     /// What views said since Gaussians were last split.
     attribution: Option<Attribution>,
-    /// Built when stage 1 first needs it; geometry does not move from then on.
+    /// Built when stage 1 first gathers for pixels; geometry does not move from then on.
     scene: Option<CpuScene>,
+    /// What light is gathered with for Gaussians, until stage 1 takes its first step.
+    tracer: Option<Box<dyn Tracer>>,
     gathered: Option<GaussianIrradiance>,
     /// The gathered light by Gaussian, made when a view first needs it.
     lights: Vec<Vec4>,
@@ -101,6 +110,7 @@ impl<E: Engine> Trainer<E> {
             record: CameraRecord::default(),
             attribution: None,
             scene: None,
+            tracer: None,
             gathered: None,
             lights: Vec::new(),
             lit_views: HashMap::new(),
@@ -161,6 +171,7 @@ impl<E: Engine> Trainer<E> {
                 Some(gathered) => gathered.by_gaussian(self.set.len()),
                 None => vec![Vec4::ZERO; self.set.len()],
             };
+            self.tracer = None;
             self.lit_budget = available_memory().unwrap_or(0) / LIT_SHARE;
         }
         let camera = &view.view.camera;
@@ -379,14 +390,17 @@ impl<E: Engine> Backend for Trainer<E> {
     }
 
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
-        self.scene();
-        if let (Some(gathered), Some(scene)) = (&mut self.gathered, &self.scene) {
-            let radiances = &self.gaussians.radiances;
-            let directions = Directions::divided(num_samples, LIGHTS_EVERY);
-            let key = RandomKey::new(seed, Purpose::Albedo, 0);
-            gathered.gather(scene, radiances, range, directions, key);
-        }
-        Ok(())
+        let Some(gathered) = &mut self.gathered else {
+            return Ok(());
+        };
+        let tracer = match &self.tracer {
+            Some(tracer) => tracer,
+            None => self.tracer.insert(self.engine.tracer(&self.gaussians)?),
+        };
+        let radiances = &self.gaussians.radiances;
+        let directions = Directions::divided(num_samples, LIGHTS_EVERY);
+        let key = RandomKey::new(seed, Purpose::Albedo, 0);
+        gathered.gather(&**tracer, radiances, range, directions, key)
     }
 
     fn begin_albedo(&mut self) -> Result<()> {

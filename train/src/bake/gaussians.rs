@@ -104,11 +104,10 @@ impl Bake<'_> {
     pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
         let rays = method.directions();
         self.check_memory(rays)?;
-        let engine = CpuScene::new(&self.scene);
-        let Some(receivers) = self.receivers(&engine)? else {
+        let Some(receivers) = self.receivers()? else {
             return Ok(None);
         };
-        let Some(links) = self.trace_links(&engine, &receivers, rays)? else {
+        let Some(links) = self.trace_links(&receivers, rays)? else {
             return Ok(None);
         };
         let mut series = Series::new(self.scene.len());
@@ -135,12 +134,8 @@ impl Bake<'_> {
     }
 
     /// The links of all `receivers`, piece by piece; `None` if it was stopped.
-    fn trace_links(
-        &mut self,
-        engine: &CpuScene,
-        receivers: &[Receiver],
-        rays: Directions,
-    ) -> Result<Option<Links>> {
+    fn trace_links(&mut self, receivers: &[Receiver], rays: Directions) -> Result<Option<Links>> {
+        let tracer = self.request.device.tracer(&self.scene)?;
         let mut links = self.taken_up(receivers.len(), rays)?;
         let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 1);
         let total = receivers.len();
@@ -161,12 +156,19 @@ impl Bake<'_> {
                 stored = Instant::now();
             }
             let piece = &receivers[done..total.min(done + AT_ONCE)];
-            links.extend(engine, piece, rays, key);
+            match tracer.trace_links(piece, rays, key) {
+                Ok(more) => links.append(more),
+                Err(error) => {
+                    self.store(&links, rays)?;
+                    return Err(error.into());
+                }
+            }
         }
     }
 
     /// All Gaussians that reflect, each with its surface; `None` if it was stopped. Those that no camera sees still light others.
-    fn receivers(&mut self, engine: &CpuScene) -> Result<Option<Vec<Receiver>>> {
+    fn receivers(&mut self) -> Result<Option<Vec<Receiver>>> {
+        let engine = CpuScene::new(&self.scene);
         let total = self.frames.len();
         let mut best = BestSeen::new(self.scene.len());
         for (done, &frame) in (1..).zip(&self.frames) {
@@ -182,7 +184,7 @@ impl Bake<'_> {
             .filter(|&i| !emits(self.scene.emissions[i as usize]))
             .map(|i| {
                 let surface = seen[i as usize]
-                    .unwrap_or_else(|| surfaces::lone(engine, &self.scene.get(i as usize)));
+                    .unwrap_or_else(|| surfaces::lone(&engine, &self.scene.get(i as usize)));
                 (i, surface)
             })
             .collect();
@@ -260,14 +262,8 @@ mod tests {
             plain: 32,
             to_lights: 16,
         };
-        let mut links = Links::default();
-        let engine = CpuScene::new(&scene);
-        links.extend(
-            &engine,
-            &receivers,
-            rays,
-            RandomKey::new(1, Purpose::Bake, 1),
-        );
+        let key = RandomKey::new(1, Purpose::Bake, 1);
+        let links = Links::trace(&CpuScene::new(&scene), &receivers, rays, key);
         let mut series = Series::new(scene.len());
         let mut expected = 0.0;
         for bounce in 1..=4 {

@@ -5,7 +5,7 @@
 //! everything else held.
 
 use super::{Bake, BakeProgress};
-use crate::backend::{Backend, CpuBackend, RadianceStep};
+use crate::backend::RadianceStep;
 use crate::error::{Result, TrainError};
 use crate::job::views::Views;
 use crate::loss::NormalTerms;
@@ -14,9 +14,8 @@ use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Dataset, Shard, files};
-use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::Sampling;
-use eagpt_trace::{Integrator, LightOptions, Tracer};
+use eagpt_trace::{Integrator, LightOptions};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -76,7 +75,7 @@ impl Bake<'_> {
             .collect();
         let found = total - missing.len();
         (self.progress)(BakeProgress::Rendering { done: found, total });
-        let engine = CpuScene::new(&self.scene);
+        let engine = self.request.device.tracer(&self.scene)?;
         let options = self.request.options;
         let integrator = Integrator::Path {
             num_samples: method.num_samples,
@@ -111,7 +110,8 @@ impl Bake<'_> {
         let images = Arc::new(Dataset::open(&self.request.work)?);
         let all = (0..images.len()).collect();
         let views = Views::new(images, all, IMAGE_BUDGET, self.request.options.seed);
-        let mut backend = CpuBackend::new(ParameterState::new(&self.scene), IMAGE_BUDGET / 2);
+        let state = ParameterState::new(&self.scene);
+        let mut backend = self.request.device.backend(state, IMAGE_BUDGET / 2)?;
         let total = method.iterations;
         let rates = LearningRates {
             position: 0.0,

@@ -7,6 +7,14 @@ use crate::gpu::error::GpuError;
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::lights::Lights;
 
+impl Trees {
+    /// Adds the tree of `emitters`; see [`Self::add`].
+    pub(in crate::gpu) fn add_emitters(&mut self, emitters: &[Emitter]) -> u32 {
+        let surfels: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
+        self.add(&surfels)
+    }
+}
+
 /// What single rays need of a scene.
 #[derive(Debug)]
 pub(in crate::gpu) struct LightBuffers {
@@ -24,13 +32,10 @@ impl LightBuffers {
         set: &SurfelSet,
         lights: Option<&Lights>,
     ) -> Result<Self, GpuError> {
-        let emitters: Vec<Emitter> = lights.map_or(Vec::new(), |lights| {
-            lights.footprints().map(Emitter::from).collect()
-        });
+        let emitters = Emitter::all(lights);
         let mut trees = Trees::default();
         let scene_root = trees.add(&set.surfels);
-        let surfels: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
-        let light_root = trees.add(&surfels);
+        let light_root = trees.add_emitters(&emitters);
         Ok(Self {
             nodes: device.upload("nodes", bytemuck::cast_slice(&trees.nodes))?,
             leaf_indices: device.upload("leaves", bytemuck::cast_slice(&trees.leaf_indices))?,

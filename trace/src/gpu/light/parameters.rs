@@ -3,7 +3,7 @@
 use super::LightBuffers;
 use crate::gpu::layout::{Layout, layout};
 use crate::surfel::Surfel;
-use crate::transport::lights::Footprint;
+use crate::transport::lights::{Footprint, Lights};
 use bytemuck::Zeroable as _;
 use std::ops::Range;
 
@@ -106,6 +106,13 @@ impl Emitter {
             inside: "f32",
             density: "f32",
             padding: "f32",
+        })
+    }
+
+    /// Those of `lights`, in their order.
+    pub(in crate::gpu) fn all(lights: Option<&Lights>) -> Vec<Self> {
+        lights.map_or(Vec::new(), |lights| {
+            lights.footprints().map(Self::from).collect()
         })
     }
 }

@@ -1,0 +1,368 @@
+//! Links on the device: the twin of [`crate::transport::links`].
+//!
+//! A dispatch follows one direction of one receiver in each invocation; another one adds up what they have found. Light is added in the order
+//! of samples, those towards emitters first, so that the bits depend neither on the size of dispatches nor on which receivers are traced together.
+
+use super::bvh::Trees;
+use super::device::{Device, Step};
+use super::error::GpuError;
+use super::layout::{Layout, layout};
+use super::light::Emitter;
+use super::scene::SceneBuffers;
+use super::wgsl;
+use crate::cpu::draws::{SCENE_SEED, drawn_radius_squared};
+use crate::surfel::{Surfel, SurfelSet};
+use crate::transport::EMISSION_THRESHOLD;
+use crate::transport::lights::Lights;
+use crate::transport::links::{Directions, Links, NUM_DRAWS, Receiver};
+use bytemuck::Zeroable as _;
+use eagpt_scene::rng::RandomKey;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Directions of a dispatch, at most: a kernel that runs for seconds is stopped by the driver.
+const DIRECTIONS_PER_DISPATCH: u32 = 1 << 18;
+
+/// Samples that an invocation adds up, at most. Software adapters (Mesa's llvmpipe) end all loops of an invocation after 65,535 turns in sum.
+const SAMPLES_PER_DISPATCH: u32 = 1 << 14;
+
+/// Dispatches that are under way at once.
+const DISPATCHES_AHEAD: u32 = 16;
+
+/// Parameters of the kernels.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct LinkParameters {
+    /// Key of the random numbers.
+    key: [u32; 4],
+    emission_threshold: f32,
+    num_emitters: u32,
+    scene_root: u32,
+    light_root: u32,
+    /// Directions about the normal of each receiver, in all.
+    num_plain: u32,
+    /// Directions towards emitters of each receiver, in all.
+    num_to_lights: u32,
+    num_receivers: u32,
+    /// An [`Aim`].
+    is_towards_lights: u32,
+    first_sample: u32,
+    end_sample: u32,
+    padding: [u32; 2],
+}
+
+impl LinkParameters {
+    pub(super) fn layout() -> Layout {
+        layout!(LinkParameters {
+            key: "vec4u",
+            emission_threshold: "f32",
+            num_emitters: "u32",
+            scene_root: "u32",
+            light_root: "u32",
+            num_plain: "u32",
+            num_to_lights: "u32",
+            num_receivers: "u32",
+            is_towards_lights: "u32",
+            first_sample: "u32",
+            end_sample: "u32",
+            padding: "vec2u",
+        })
+    }
+}
+
+/// A [`Receiver`] as kernels know it.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct ReceiverOnDevice {
+    position: [f32; 3],
+    slab: f32,
+    normal: [f32; 3],
+    element: u32,
+}
+
+impl ReceiverOnDevice {
+    pub(super) fn layout() -> Layout {
+        layout!(ReceiverOnDevice {
+            position: "vec3f",
+            slab: "f32",
+            normal: "vec3f",
+            element: "u32",
+        })
+    }
+
+    fn new((element, surface): &Receiver) -> Self {
+        Self {
+            position: surface.position.to_array(),
+            slab: surface.slab,
+            normal: surface.normal.to_array(),
+            element: *element,
+        }
+    }
+}
+
+/// What one direction has found.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct FoundLink {
+    /// Of an emitter, weighted.
+    light: [f32; 3],
+    /// A Gaussian, [`crate::transport::links::NOTHING`], or [`super::bvh::NO_NODE`] where no ray was traced.
+    link: u32,
+}
+
+impl FoundLink {
+    pub(super) fn layout() -> Layout {
+        layout!(FoundLink {
+            light: "vec3f",
+            link: "u32",
+        })
+    }
+}
+
+/// What the directions of a receiver have brought.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct ArrivedLight {
+    light: [f32; 3],
+    num_rays: u32,
+}
+
+impl ArrivedLight {
+    pub(super) fn layout() -> Layout {
+        layout!(ArrivedLight {
+            light: "vec3f",
+            num_rays: "u32",
+        })
+    }
+}
+
+/// What links need of a scene, beside its Gaussians.
+#[derive(Debug)]
+pub(super) struct LinkBuffers {
+    nodes: wgpu::Buffer,
+    leaf_indices: wgpu::Buffer,
+    emitters: wgpu::Buffer,
+    /// Squared radii of discs in standard deviations, `[n, NUM_DRAWS]`: as many bytes as the Gaussians themselves.
+    radii: wgpu::Buffer,
+    num_emitters: u32,
+    scene_root: u32,
+    light_root: u32,
+}
+
+impl LinkBuffers {
+    pub(super) fn new(
+        device: &Device,
+        set: &SurfelSet,
+        lights: Option<&Lights>,
+    ) -> Result<Self, GpuError> {
+        let drawn: Vec<[f32; NUM_DRAWS as usize]> = (0..set.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|i| {
+                let radius = |draw: usize| {
+                    drawn_radius_squared(&set.surfels[i], i as u32, SCENE_SEED, draw as u32)
+                };
+                std::array::from_fn(radius)
+            })
+            .collect();
+        let largest: Vec<Surfel> = (set.surfels.iter())
+            .zip(&drawn)
+            .map(|(surfel, radii)| Surfel {
+                cut2: radii.iter().fold(-1.0, |most, &radius| most.max(radius)),
+                ..*surfel
+            })
+            .collect();
+        let emitters = Emitter::all(lights);
+        let mut trees = Trees::default();
+        let scene_root = trees.add(&largest);
+        let light_root = trees.add_emitters(&emitters);
+        Ok(Self {
+            nodes: device.upload("nodes", bytemuck::cast_slice(&trees.nodes))?,
+            leaf_indices: device.upload("leaves", bytemuck::cast_slice(&trees.leaf_indices))?,
+            emitters: device.upload("emitters", bytemuck::cast_slice(&emitters))?,
+            radii: device.upload("radii of discs", bytemuck::cast_slice(&drawn))?,
+            num_emitters: emitters.len() as u32,
+            scene_root,
+            light_root,
+        })
+    }
+}
+
+/// Traces links through a scene on a device.
+pub(super) struct LinkRays<'a> {
+    pub(super) device: &'a Device,
+    pub(super) scene: &'a SceneBuffers,
+    pub(super) links: &'a LinkBuffers,
+}
+
+/// Where the directions of a dispatch go.
+#[derive(Clone, Copy)]
+enum Aim {
+    /// About the normal.
+    Normal = 0,
+    /// Towards emitters.
+    Lights = 1,
+}
+
+/// Buffers for some receivers at once.
+struct Piece {
+    num_receivers: u32,
+    samples_at_once: u32,
+    uniform: wgpu::Buffer,
+    receivers: wgpu::Buffer,
+    found: wgpu::Buffer,
+    links: wgpu::Buffer,
+    arrived: wgpu::Buffer,
+}
+
+impl Piece {
+    /// `num` samples, as many in a dispatch as there is room for.
+    fn samples(&self, num: u32) -> impl Iterator<Item = Range<u32>> {
+        let at_once = self.samples_at_once;
+        (0..num)
+            .step_by(at_once as usize)
+            .map(move |first| first..first.saturating_add(at_once).min(num))
+    }
+}
+
+impl LinkRays<'_> {
+    /// The links of `receivers`; see [`Links::trace`].
+    pub(super) fn trace(
+        &self,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+    ) -> Result<Links, GpuError> {
+        let mut links = Links::default();
+        if receivers.is_empty() {
+            return Ok(links);
+        }
+        let samples = directions.plain.max(directions.to_lights);
+        let room = self.device.tier().max_bytes() / size_of::<FoundLink>() as u64;
+        let directions_at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
+        let most_samples = SAMPLES_PER_DISPATCH.min(directions_at_once);
+        let samples_at_once = samples.clamp(1, most_samples);
+        let at_once = (directions_at_once / samples_at_once) as usize;
+        let mut piece = self.piece(at_once.min(receivers.len()), samples_at_once)?;
+        let parameters = LinkParameters {
+            key: key.words(),
+            emission_threshold: EMISSION_THRESHOLD,
+            num_emitters: self.links.num_emitters,
+            scene_root: self.links.scene_root,
+            light_root: self.links.light_root,
+            num_plain: directions.plain,
+            num_to_lights: directions.to_lights,
+            ..LinkParameters::zeroed()
+        };
+        for some in receivers.chunks(at_once) {
+            let on_device: Vec<ReceiverOnDevice> = some.iter().map(ReceiverOnDevice::new).collect();
+            self.device
+                .write(&piece.receivers, bytemuck::cast_slice(&on_device));
+            piece.num_receivers = some.len() as u32;
+            self.trace_piece(&piece, parameters, &mut links)?;
+        }
+        Ok(links)
+    }
+
+    fn piece(&self, num_receivers: usize, samples_at_once: u32) -> Result<Piece, GpuError> {
+        let device = self.device;
+        let of_receivers = |size: usize| (num_receivers * size) as u64;
+        let of_directions = |size: usize| of_receivers(samples_at_once as usize * size);
+        Ok(Piece {
+            num_receivers: 0,
+            samples_at_once,
+            uniform: device.uniform("links", &LinkParameters::zeroed()),
+            receivers: device.buffer("receivers", of_receivers(size_of::<ReceiverOnDevice>()))?,
+            found: device.buffer("found links", of_directions(size_of::<FoundLink>()))?,
+            links: device.buffer("links", of_directions(size_of::<u32>()))?,
+            arrived: device.buffer("arrived light", of_receivers(size_of::<ArrivedLight>()))?,
+        })
+    }
+
+    /// Adds the links of the receivers that are in `piece`.
+    fn trace_piece(
+        &self,
+        piece: &Piece,
+        parameters: LinkParameters,
+        links: &mut Links,
+    ) -> Result<(), GpuError> {
+        let num_receivers = piece.num_receivers as usize;
+        let dispatch = |aim: Aim, samples: &Range<u32>| {
+            let parameters = LinkParameters {
+                num_receivers: piece.num_receivers,
+                is_towards_lights: aim as u32,
+                first_sample: samples.start,
+                end_sample: samples.end,
+                ..parameters
+            };
+            self.device
+                .write(&piece.uniform, bytemuck::bytes_of(&parameters));
+            self.device.run(&self.steps(piece, samples.len() as u32))
+        };
+        let nothing = vec![ArrivedLight::zeroed(); num_receivers];
+        self.device
+            .write(&piece.arrived, bytemuck::cast_slice(&nothing));
+        let num_to_lights = match parameters.num_emitters {
+            0 => 0,
+            _ => parameters.num_to_lights,
+        };
+        for (number, samples) in (1_u32..).zip(piece.samples(num_to_lights)) {
+            dispatch(Aim::Lights, &samples)?;
+            if number.is_multiple_of(DISPATCHES_AHEAD) {
+                self.device.wait()?;
+            }
+        }
+        let num_plain = parameters.num_plain as usize;
+        let start = links.targets.len();
+        links.targets.resize(start + num_receivers * num_plain, 0);
+        for samples in piece.samples(parameters.num_plain) {
+            dispatch(Aim::Normal, &samples)?;
+            let found: Vec<u32> = self
+                .device
+                .read(&piece.links, 0..num_receivers * samples.len())?;
+            let (first, end) = (samples.start as usize, samples.end as usize);
+            let rows = links.targets[start..].chunks_exact_mut(num_plain);
+            for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
+                row[first..end].copy_from_slice(found);
+            }
+        }
+        let arrived: Vec<ArrivedLight> = self.device.read(&piece.arrived, 0..num_receivers)?;
+        for one in arrived {
+            links.direct.push(Vec3::from_array(one.light));
+            links.num_rays += u64::from(one.num_rays);
+        }
+        Ok(())
+    }
+
+    fn steps(&self, piece: &Piece, num_samples: u32) -> [Step; 2] {
+        let of = self.links;
+        let uniform = (1, &piece.uniform);
+        let follow = [
+            uniform,
+            (2, &self.scene.surfels),
+            (3, &self.scene.payloads),
+            (4, &of.nodes),
+            (5, &of.leaf_indices),
+            (6, &of.emitters),
+            (7, &of.radii),
+            (8, &piece.receivers),
+            (9, &piece.found),
+        ];
+        let add = [
+            uniform,
+            (9, &piece.found),
+            (10, &piece.links),
+            (11, &piece.arrived),
+        ];
+        let num_directions = piece.num_receivers * num_samples;
+        let step = |entry, buffers: &[(u32, &wgpu::Buffer)], invocations: u32| {
+            (self.device).step(&wgsl::LINKS, entry, buffers, invocations.div_ceil(64))
+        };
+        [
+            step("follow_directions", &follow, num_directions),
+            step("add_up", &add, piece.num_receivers),
+        ]
+    }
+}
