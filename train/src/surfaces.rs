@@ -5,7 +5,8 @@
 
 use eagpt_scene::{Camera, Gaussian};
 use eagpt_trace::Ray;
-use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::CameraRecord;
+use eagpt_trace::cpu::camera::{HitSearch, Keep};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::RayTracer;
 use eagpt_trace::transport::start::Surface;
@@ -17,6 +18,8 @@ const LONE_SLAB: f32 = 0.5;
 /// The best-seen surfaces so far.
 pub(crate) struct BestSeen {
     best: Vec<Option<(f32, Surface)>>,
+    /// Of the last camera: memory for the next.
+    record: CameraRecord,
 }
 
 impl BestSeen {
@@ -24,14 +27,15 @@ impl BestSeen {
     pub(crate) fn new(num: usize) -> Self {
         Self {
             best: vec![None; num],
+            record: CameraRecord::default(),
         }
     }
 
     /// Looks through every pixel of `camera`: what weighs more in one of them than anywhere before is seen better there.
     pub(crate) fn look(&mut self, set: &SurfelSet, camera: &Camera) {
-        let (sums, record) = camera::trace(set, camera, HitSearch::Tiles, Keep::Record);
+        let sums = (self.record).trace(set, camera, HitSearch::Tiles, Keep::Record);
         let frame = camera.ray_frame();
-        for found in record.contributions(|_| 0.0) {
+        for found in self.record.contributions(|_| 0.0) {
             let best = &mut self.best[found.gaussian as usize];
             let (weight, pixel) = (found.largest_weight, found.pixel);
             if best.is_some_and(|(most, _)| weight <= most) {
