@@ -69,6 +69,7 @@ const MOST_FLIPPED: f64 = 1e-3;
 const LIGHT_TOLERANCE: f32 = 3e-5;
 
 /// Holds `got` against `wanted`, but for as many flips as there may be.
+#[allow(clippy::print_stderr, reason = "says how far off it is")]
 fn compare(what: &str, got: &Links, wanted: &Links, tolerance: f32) {
     assert_eq!(got.targets.len(), wanted.targets.len(), "{what}");
     assert_eq!(got.direct.len(), wanted.direct.len(), "{what}");
