@@ -47,6 +47,28 @@ fn prefix_sums_are_exact_over_several_levels() {
 }
 
 #[test]
+fn a_sum_beyond_32_bits_is_not_taken_for_a_small_one() {
+    let Some(device) = device("large prefix sums") else {
+        return;
+    };
+    // Beyond it within a thread, within a workgroup, and over workgroups.
+    for (num, value) in [(8, 1 << 30), (2048, 1 << 22), (300_000, 1 << 15)] {
+        let mut values = vec![value; num];
+        values.push(0);
+        let buffer = device
+            .upload("values", bytemuck::cast_slice(&values))
+            .unwrap();
+        device
+            .run(&scan(&device, &buffer, values.len() as u32).unwrap())
+            .unwrap();
+        assert_eq!(
+            device.read::<u32>(&buffer, num..num + 1).unwrap(),
+            [u32::MAX]
+        );
+    }
+}
+
+#[test]
 fn sorting_is_stable() {
     let Some(device) = device("sorting") else {
         return;
@@ -143,6 +165,20 @@ fn what_does_not_fit_is_told_with_its_size() {
     );
     // That was found out before the device was asked, and it goes on working.
     assert_eq!(device.check(), Ok(()));
+}
+
+#[test]
+fn an_image_with_more_tiles_than_can_be_counted_is_told() {
+    let Some(device) = device("sizes of images") else {
+        return;
+    };
+    let scene = GpuScene::new(&device, &random_cloud(3, 1)).unwrap();
+    let camera = Camera::centred([70_000, 1], 1.0, DAffine3::IDENTITY);
+    let said = scene.camera_sums(&camera).unwrap_err().to_string();
+    assert!(
+        said.ends_with(": image of 70000×1 pixels: no side may have more than 65535"),
+        "{said}"
+    );
 }
 
 /// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.
