@@ -6,6 +6,7 @@ use super::error::GpuError;
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
+use crate::parity;
 use crate::transport::points::Points;
 use crate::{Integrator, LightOptions, Tracer};
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -179,6 +180,16 @@ fn an_image_with_more_tiles_than_can_be_counted_is_told() {
         said.ends_with(": image of 70000×1 pixels: no side may have more than 65535"),
         "{said}"
     );
+}
+
+/// The self-test that users run.
+#[test]
+fn the_device_engine_is_right() {
+    let Some(device) = device("the self-test") else {
+        return;
+    };
+    let found = parity::compare(|gaussians| Ok(GpuScene::new(&device, gaussians)?)).unwrap();
+    assert!(found.is_good() && found.rays_per_s > 0.0, "{found:?}");
 }
 
 /// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.
