@@ -277,7 +277,7 @@ impl Bins {
         device.write(&self.view, bytemuck::bytes_of(&view));
         commands.clear_buffer(&self.list_starts, 0, None);
         for step in &self.steps {
-            step.record(commands);
+            step.record(device, commands);
         }
     }
 

@@ -192,6 +192,30 @@ fn the_device_engine_is_right() {
     assert!(found.is_good() && found.rays_per_s > 0.0, "{found:?}");
 }
 
+#[test]
+fn steps_are_timed_where_the_device_can() {
+    let Some(device) = device("times of steps") else {
+        return;
+    };
+    let values = device.buffer("values", 4 * 5000).unwrap();
+    let steps = scan(&device, &values, 5000).unwrap();
+    let (_, profile) = device.profile(|| device.run(&steps)).unwrap();
+    let Some(profile) = profile else {
+        assert!(!device.tier().has_timestamps);
+        return;
+    };
+    let names: Vec<_> = profile
+        .stages
+        .iter()
+        .map(|s| (s.name, s.num_steps))
+        .collect();
+    assert_eq!(names, [("scan_blocks", 2), ("scan_add", 1)]);
+    assert!(profile.stages.iter().all(|stage| stage.seconds >= 0.0));
+    assert_eq!(profile.num_untimed, 0);
+    // Over and done with: nothing else is timed.
+    assert!(device.memory_bytes().is_none_or(|bytes| bytes > 0));
+}
+
 /// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.
 #[test]
 fn work_in_parts_gives_the_same_bits() {
