@@ -19,7 +19,7 @@ use std::process::ExitCode;
 ///
 /// Cores, memory, the programs and libraries that are found and what each missing one would give. The self-test traces a scene that is
 /// known everywhere with the engine and with a plain double-precision oracle, with one thread and with all of them; if they differ, the
-/// exit code is 1. Takes a second or two and writes nothing.
+/// exit code is 1. Takes a second or two, with a slow device some more, and writes nothing.
 ///
 /// The same test runs on the GPU where there is one that is hardware, or on the device that --device names.
 #[derive(Debug, Args)]

@@ -2,7 +2,7 @@
 
 mod gpu;
 
-use eagpt_scene::Gaussians;
+use eagpt_scene::{Gaussian, Gaussians};
 use eagpt_testkit::gaussians::random_cloud;
 use eagpt_trace::Sums;
 use eagpt_trace::cpu::CpuScene;
@@ -10,7 +10,7 @@ use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::RayTracer;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
 
 /// Largest difference of a sum, relative to 1 plus its value: as for camera rays.
 const SUM_TOLERANCE: f32 = 5e-5;
@@ -54,6 +54,38 @@ fn worst_difference(got: &Sums, wanted: &Sums) -> f32 {
     pairs.fold(0.0, |worst, (got, wanted)| {
         worst.max((got - wanted).abs() / (1.0 + wanted.abs()))
     })
+}
+
+/// Discs in one another, the smallest in front: a search finds the nearer box small and the farther one large on every level of a tree that
+/// joins the boxes that fit best, and puts all of the latter off.
+#[test]
+fn no_hit_is_lost_in_a_deep_tree() {
+    let Some(device) = gpu::device("rays through a deep tree") else {
+        return;
+    };
+    let dolls: Gaussians = (0..400)
+        .map(|i| Gaussian {
+            position: Vec3::Z * (2.0 + 1e-3 * i as f32),
+            scale: Vec2::splat(1e-3 * 1.02_f32.powi(i)),
+            rotation: Quat::IDENTITY,
+            opacity: 0.02,
+            radiance: Vec3::new(1.0, i as f32 / 400.0, 0.5),
+            emission: 0.0,
+            albedo: Vec3::ONE,
+        })
+        .collect();
+    let rays: Vec<Ray> = (0..64)
+        .map(|i| {
+            let direction = Vec3::new(1e-4 * i as f32, 1e-5, 1.0).normalize();
+            Ray::free([0.0; 3], direction.to_array())
+        })
+        .collect();
+    let scene = GpuScene::new(&device, &dolls).unwrap();
+    let cpu = CpuScene::new(&dolls);
+    for (got, ray) in scene.trace_rays(&rays).unwrap().iter().zip(&rays) {
+        let off = worst_difference(got, &cpu.trace(ray));
+        assert!(off < SUM_TOLERANCE, "{ray:?}: {off}");
+    }
 }
 
 #[test]

@@ -33,6 +33,9 @@ pub(super) const TOTAL_ENTRIES: u32 = 1;
 /// Numbers that kernels hand on to others.
 const NUM_TOTALS: u64 = 4;
 
+/// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows of tiles in 16.
+const MAX_SIDE: u32 = 65_535;
+
 /// Entries that are made room for at first, for each Gaussian.
 const ENTRIES_PER_SURFEL: u32 = 4;
 
@@ -171,6 +174,14 @@ impl Bins {
         (width, height): (u32, u32),
         capacity: Option<u32>,
     ) -> Result<Self, GpuError> {
+        if width.max(height) > MAX_SIDE {
+            return Err(GpuError::Image {
+                device: device.adapter().name.clone(),
+                width,
+                height,
+                limit: MAX_SIDE,
+            });
+        }
         let n = scene.num_surfels();
         let capacity = capacity.unwrap_or_else(|| n.saturating_mul(ENTRIES_PER_SURFEL).max(1024));
         let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
@@ -266,7 +277,7 @@ impl Bins {
         device.write(&self.view, bytemuck::bytes_of(&view));
         commands.clear_buffer(&self.list_starts, 0, None);
         for step in &self.steps {
-            step.record(commands);
+            step.record(device, commands);
         }
     }
 

@@ -75,7 +75,7 @@ fn next_leaf(traversal: ptr<function, Traversal>, origin: vec3f) -> vec2u {
 }
 
 fn push(traversal: ptr<function, Traversal>, node: u32, near: f32) {
-    // Trees are no deeper than the stack: Rust has seen to that.
+    // No tree has more levels than that (`Trees::add`): nothing is left out.
     if near < INFINITE && (*traversal).height < STACK {
         (*traversal).node[(*traversal).height] = node;
         (*traversal).near[(*traversal).height] = near;

@@ -2,11 +2,14 @@
 
 mod memory;
 mod open;
+mod profile;
 mod work;
 
 use super::adapter::Adapter;
 use super::error::{GpuError, one_line};
 pub use open::{Tier, Wanted};
+use profile::Recording;
+pub use profile::{Profile, StageTime};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub use work::Step;
@@ -20,6 +23,8 @@ pub struct Device {
     queue: wgpu::Queue,
     failure: Arc<Mutex<Option<GpuError>>>,
     kernels: Mutex<HashMap<(&'static str, &'static str), wgpu::ComputePipeline>>,
+    /// While steps are timed.
+    recording: Mutex<Option<Recording>>,
 }
 
 impl Device {

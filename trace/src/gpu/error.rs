@@ -49,6 +49,20 @@ pub enum GpuError {
         /// Bytes there may be.
         limit: u64,
     },
+    /// The image has more pixels than kernels count.
+    #[error(
+        "device {device}: image of {width}×{height} pixels: no side may have more than {limit}"
+    )]
+    Image {
+        /// Name of the device.
+        device: String,
+        /// Pixels of a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Pixels that a side may have.
+        limit: u32,
+    },
     /// The driver or wgpu rejects a kernel or how it is called: a defect of this program or of the driver.
     #[error("device {device}: kernel rejected: {problem}")]
     Rejected {
@@ -67,6 +81,7 @@ impl GpuError {
             | Self::OutOfMemory { device, .. }
             | Self::Lost { device, .. }
             | Self::Limit { device, .. }
+            | Self::Image { device, .. }
             | Self::Rejected { device, .. } => device,
         }
     }

@@ -75,7 +75,7 @@ impl Rays<'_> {
 
     /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where nothing is met.
     pub(super) fn choose(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
-        let size = size_of_val(queries) as u64;
+        let size = (queries.len() * size_of::<u32>()) as u64;
         let chosen = self.device.buffer("chosen hits", size)?;
         self.run("choose_hits", queries, &[(8, &chosen)])?;
         self.device.read(&chosen, 0..queries.len())

@@ -16,13 +16,13 @@ fn scan_blocks(
     let first = block * SCAN_BLOCK + thread * SCAN_PER_THREAD;
     var sum = 0u;
     for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
-        sum += values[i];
+        sum = saturating_add(sum, values[i]);
     }
     var total = sum_before(thread, sum);
     for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
         let value = values[i];
         values[i] = total;
-        total += value;
+        total = saturating_add(total, value);
     }
     if thread == SCAN_THREADS - 1u && block * SCAN_BLOCK < scan.num_values {
         block_sums[block] = total;
@@ -42,6 +42,6 @@ fn scan_add(
     }
     let before = block_sums[block];
     for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
-        values[i] += before;
+        values[i] = saturating_add(values[i], before);
     }
 }

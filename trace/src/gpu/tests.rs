@@ -6,6 +6,7 @@ use super::error::GpuError;
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
+use crate::parity;
 use crate::transport::links::{Directions, Receiver};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
@@ -45,6 +46,28 @@ fn prefix_sums_are_exact_over_several_levels() {
             assert_eq!(*got, sum);
             sum += value;
         }
+    }
+}
+
+#[test]
+fn a_sum_beyond_32_bits_is_not_taken_for_a_small_one() {
+    let Some(device) = device("large prefix sums") else {
+        return;
+    };
+    // Beyond it within a thread, within a workgroup, and over workgroups.
+    for (num, value) in [(8, 1 << 30), (2048, 1 << 22), (300_000, 1 << 15)] {
+        let mut values = vec![value; num];
+        values.push(0);
+        let buffer = device
+            .upload("values", bytemuck::cast_slice(&values))
+            .unwrap();
+        device
+            .run(&scan(&device, &buffer, values.len() as u32).unwrap())
+            .unwrap();
+        assert_eq!(
+            device.read::<u32>(&buffer, num..num + 1).unwrap(),
+            [u32::MAX]
+        );
     }
 }
 
@@ -155,6 +178,54 @@ fn receiver((i, gaussian): (u32, Gaussian)) -> Receiver {
         slab: gaussian.scale.x,
     };
     (i, surface)
+}
+
+#[test]
+fn an_image_with_more_tiles_than_can_be_counted_is_told() {
+    let Some(device) = device("sizes of images") else {
+        return;
+    };
+    let scene = GpuScene::new(&device, &random_cloud(3, 1)).unwrap();
+    let camera = Camera::centred([70_000, 1], 1.0, DAffine3::IDENTITY);
+    let said = scene.camera_sums(&camera).unwrap_err().to_string();
+    assert!(
+        said.ends_with(": image of 70000×1 pixels: no side may have more than 65535"),
+        "{said}"
+    );
+}
+
+/// The self-test that users run.
+#[test]
+fn the_device_engine_is_right() {
+    let Some(device) = device("the self-test") else {
+        return;
+    };
+    let found = parity::compare(|gaussians| Ok(GpuScene::new(&device, gaussians)?)).unwrap();
+    assert!(found.is_good() && found.rays_per_s > 0.0, "{found:?}");
+}
+
+#[test]
+fn steps_are_timed_where_the_device_can() {
+    let Some(device) = device("times of steps") else {
+        return;
+    };
+    let values = device.buffer("values", 4 * 5000).unwrap();
+    let steps = scan(&device, &values, 5000).unwrap();
+    let (_, profile) = device.profile(|| device.run(&steps)).unwrap();
+    let Some(profile) = profile else {
+        assert!(!device.tier().has_timestamps);
+        return;
+    };
+    let names: Vec<_> = profile
+        .stages
+        .iter()
+        .map(|s| (s.name, s.num_steps))
+        .collect();
+    assert_eq!(names, [("scan_blocks", 2), ("scan_add", 1)]);
+    assert!(profile.stages.iter().all(|stage| stage.seconds >= 0.0));
+    assert_eq!(profile.num_untimed, 0);
+    // Over and done with: nothing else is timed.
+    assert!(device.memory_bytes().is_none_or(|bytes| bytes > 0));
 }
 
 /// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.

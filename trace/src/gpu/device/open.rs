@@ -95,6 +95,7 @@ impl Device {
         let tier = Tier::of(&described);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("eagpt"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: wgpu::Limits {
                 max_storage_buffer_binding_size: tier.max_binding,
                 max_buffer_size: tier.max_buffer,
@@ -126,6 +127,7 @@ impl Device {
             queue,
             failure,
             kernels: Mutex::default(),
+            recording: Mutex::default(),
         })
     }
 }

@@ -21,13 +21,15 @@ pub struct Step {
 
 impl Step {
     /// Appends the step to `commands`. Steps see what earlier ones have written.
-    pub(in crate::gpu) fn record(&self, commands: &mut wgpu::CommandEncoder) {
+    pub(in crate::gpu) fn record(&self, device: &Device, commands: &mut wgpu::CommandEncoder) {
         if self.groups == 0 {
             return;
         }
+        let mut recording = lock(&device.recording);
+        let timestamps = recording.as_mut().and_then(|some| some.time(self.label));
         let mut pass = commands.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some(self.label),
-            timestamp_writes: None,
+            timestamp_writes: timestamps,
         });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.buffers, &[]);
@@ -115,7 +117,7 @@ impl Device {
         for some in steps.chunks(STEPS_PER_SUBMISSION) {
             let mut commands = self.commands();
             for step in some {
-                step.record(&mut commands);
+                step.record(self, &mut commands);
             }
             self.submit(commands)?;
         }
