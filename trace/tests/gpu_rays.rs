@@ -63,13 +63,13 @@ fn no_hit_is_lost_in_a_deep_tree() {
     let Some(device) = gpu::device("rays through a deep tree") else {
         return;
     };
-    let dolls: Gaussians = (0..400)
+    let dolls: Gaussians = (0..300)
         .map(|i| Gaussian {
-            position: Vec3::Z * (2.0 + 1e-3 * i as f32),
-            scale: Vec2::splat(1e-3 * 1.02_f32.powi(i)),
+            position: Vec3::Z * (2.0 + 1e-5 * i as f32),
+            scale: Vec2::splat(1e-6 * 1.06_f32.powi(i)),
             rotation: Quat::IDENTITY,
             opacity: 0.02,
-            radiance: Vec3::new(1.0, i as f32 / 400.0, 0.5),
+            radiance: Vec3::new(1.0, i as f32 / 300.0, 0.5),
             emission: 0.0,
             albedo: Vec3::ONE,
         })
