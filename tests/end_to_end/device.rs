@@ -75,9 +75,11 @@ fn a_gpu_bakes_what_the_cpu_does() {
         return;
     }
     place.train("run");
-    for (method, options) in [
-        ("gaussians", "--samples 32"),
-        ("views", "--spp 1 --bounces 2 --iterations 4"),
+    // The same rays are traced: 7e-7 were seen on lavapipe, and a single link that rounding decides otherwise may make 1e-5. Views are fitted by
+    // steps of training, which rounding lets drift apart: 5e-4 were seen.
+    for (method, options, tolerance) in [
+        ("gaussians", "--samples 32", 1e-4),
+        ("views", "--spp 1 --bounces 2 --iterations 4", 5e-3),
     ] {
         let bake = format!("bake run/scene.ply --cameras room --method {method} {options}");
         for device in ["cpu", "gpu:0"] {
@@ -90,8 +92,7 @@ fn a_gpu_bakes_what_the_cpu_does() {
         let names = ["cpu", "gpu"].map(|device| format!("{method}-{device}.ply"));
         let off = difference_of_light(&place, [&names[0], &names[1]]);
         eprintln!("light baked by {method} on a GPU is off by {off:e}");
-        // The same rays are traced. TOLERANCE
-        assert!(off < 1e-3, "{method}: {off}");
+        assert!(off < tolerance, "{method}: {off}");
     }
     place.fails_cleanly(
         "bake run/scene.ply --cameras room --out other.ply --device gpu:nobody-has-this",
