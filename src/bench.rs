@@ -21,6 +21,7 @@ use eagpt_scene::{Gaussians, files};
 use results::{Change, Machine, Measured, Results};
 use scene::Subject;
 use serde::Serialize;
+pub(crate) use sheet::Unit;
 use sheet::{Row, Sheet};
 use stage::{Bench, Stage};
 use std::num::NonZeroUsize;
@@ -28,6 +29,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
+pub(crate) use table::figure;
 
 /// Measure how fast each stage is, here
 ///

@@ -1,5 +1,6 @@
 //! `eagpt doctor`: what this machine can do.
 
+use crate::bench::{Unit, figure};
 use crate::cli::GlobalArgs;
 use crate::device::{DeviceArgs, Engine};
 use crate::progress::Reporter;
@@ -297,12 +298,12 @@ fn self_test(outcome: Result<Parity, TraceError>) -> Finding {
         "other"
     };
     let text = format!(
-        "{}: {} rays within {:.1e} of the oracle ({PARITY_TOLERANCE:.1e} allowed), {bits} bits with one thread; {:.2} M camera rays/s \
-         through 50,000 Gaussians",
+        "{}: {} rays within {:.1e} of the oracle ({PARITY_TOLERANCE:.1e} allowed), {bits} bits with one thread; {} from a \
+         camera through 50,000 Gaussians",
         found.device,
         found.num_compared,
         found.worst,
-        1e-6 * found.rays_per_s
+        figure(Unit::Rays, found.rays_per_s)
     );
     if found.is_good() {
         Finding::good(topic, text)

@@ -12,7 +12,7 @@ const MAX_RUNS: usize = 10_000;
 
 /// What a figure counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Unit {
+pub(crate) enum Unit {
     #[serde(rename = "rays/s")]
     Rays,
     #[serde(rename = "paths/s")]

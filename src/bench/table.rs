@@ -104,7 +104,7 @@ fn aligned(lines: &[Vec<String>]) -> String {
 }
 
 /// Three digits and a unit, as `1.23 Mrays/s` or `45.6 ms`.
-fn figure(unit: Unit, value: f64) -> String {
+pub(crate) fn figure(unit: Unit, value: f64) -> String {
     const PREFIXES: [(f64, &str); 7] = [
         (1e9, "G"),
         (1e6, "M"),
