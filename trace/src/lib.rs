@@ -28,6 +28,7 @@ pub mod ray;
 pub mod sums;
 pub mod surfel;
 pub mod transport;
+mod tree;
 
 pub use engine::{RenderedView, TraceError, Tracer};
 pub use ray::Ray;

@@ -4,10 +4,10 @@
 //! search with a stack of fixed size: where the library's tree is deeper, what is too deep is halved by position instead.
 
 use crate::surfel::Surfel;
+use crate::tree::binary_tree;
 use glam::{Vec3, Vec3A};
-use obvhs::bvh2::{Bvh2, builder::build_bvh2, node::Bvh2Node};
-use obvhs::{BvhBuildParams, aabb::Aabb};
-use std::time::Duration;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 
 /// Stands for no node, and for no Gaussian.
 pub(super) const NO_NODE: u32 = u32::MAX;
@@ -49,7 +49,7 @@ impl Trees {
             .iter()
             .map(|&i| disc_bounds(&surfels[i as usize]))
             .collect();
-        let mut tree = built(&boxes);
+        let mut tree = binary_tree(&boxes, LEAF_SIZE);
         cut_down(&mut tree, &boxes);
         let root = (self.nodes.len() / 2) as u32;
         let first_leaf = self.leaf_indices.len() as u32;
@@ -68,14 +68,6 @@ impl Trees {
             .extend(held.map(|&primitive| counted[primitive as usize]));
         root
     }
-}
-
-fn built(boxes: &[Aabb]) -> Bvh2 {
-    let mut params = BvhBuildParams::slow_build();
-    // A Gaussian in two leaves would be hit twice.
-    params.pre_split = false;
-    params.max_prims_per_leaf = LEAF_SIZE;
-    build_bvh2(boxes, params, &mut Duration::default())
 }
 
 /// Number of the level of the deepest leaf at or below `node`, from which levels are counted.
@@ -230,7 +222,7 @@ mod tests {
         let root = trees.add(&surfels);
         [
             check(&trees, root, &surfels),
-            1 + deepest_below(&built(&boxes), 0),
+            1 + deepest_below(&binary_tree(&boxes, LEAF_SIZE), 0),
         ]
     }
 

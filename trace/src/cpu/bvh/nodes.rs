@@ -2,8 +2,8 @@
 
 use super::{EMPTY, LEAF, WIDTH};
 use crate::ray::Ray;
-use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2};
-use std::time::Duration;
+use crate::tree::binary_tree;
+use obvhs::{aabb::Aabb, bvh2::Bvh2};
 
 /// Eight boxes and what is in them. A child that does not exist has a box that no ray enters.
 #[derive(Debug, Clone)]
@@ -38,11 +38,7 @@ impl Topology {
         if items.is_empty() {
             return topology;
         }
-        let mut params = BvhBuildParams::slow_build();
-        // An item in two leaves would be hit twice.
-        params.pre_split = false;
-        params.max_prims_per_leaf = WIDTH as u32;
-        let tree = build_bvh2(boxes, params, &mut Duration::default());
+        let tree = binary_tree(boxes, WIDTH as u32);
         topology.add_node(&tree, items, 0);
         topology
     }
