@@ -22,6 +22,20 @@ pub(crate) fn binary_tree(boxes: &[Aabb], leaf_size: u32) -> Bvh2 {
     build_bvh2(&grown, params, &mut Duration::default())
 }
 
+/// Number of the level of the deepest leaf at or below `node`, from which levels are counted.
+#[cfg(any(test, feature = "gpu"))]
+pub(crate) fn deepest_below(tree: &Bvh2, node: u32) -> u32 {
+    let (mut deepest, mut left) = (0, vec![(node, 0)]);
+    while let Some((node, level)) = left.pop() {
+        deepest = deepest.max(level);
+        let node = &tree.nodes[node as usize];
+        if node.prim_count == 0 {
+            left.extend([0, 1].map(|child| (node.first_index + child, level + 1)));
+        }
+    }
+    deepest
+}
+
 fn grown(of: &Aabb, i: u32) -> Aabb {
     // Multiplicative hashing: neighbours get numbers far apart.
     let share = |factor: u32| (i.wrapping_mul(factor) >> 24) as f32 / 256.0;
@@ -34,24 +48,13 @@ fn grown(of: &Aabb, i: u32) -> Aabb {
 mod tests {
     use super::*;
 
-    fn depth(tree: &Bvh2) -> u32 {
-        let (mut deepest, mut left) = (0, vec![(0, 1)]);
-        while let Some((node, level)) = left.pop() {
-            deepest = deepest.max(level);
-            let node = &tree.nodes[node as usize];
-            if node.prim_count == 0 {
-                left.extend([0, 1].map(|child| (node.first_index + child, level + 1)));
-            }
-        }
-        deepest
-    }
-
     #[test]
     fn equal_boxes_make_a_balanced_tree_that_holds_them() {
         let one = Aabb::new(Vec3A::new(1.0, 1.0, -2.0), Vec3A::new(1.1, 1.2, -1.9));
         let tree = binary_tree(&vec![one; 5000], 8);
         // A chain would have hundreds of levels.
-        assert!(depth(&tree) < 64, "{}", depth(&tree));
+        let deepest = deepest_below(&tree, 0);
+        assert!(deepest < 64, "{deepest}");
         let root = tree.nodes[0].aabb();
         assert!(root.min.cmple(one.min).all() && root.max.cmpge(one.max).all());
         let mut held = tree.primitive_indices.clone();

@@ -4,7 +4,7 @@
 //! search with a stack of fixed size: where the library's tree is deeper, what is too deep is halved by position instead.
 
 use crate::surfel::Surfel;
-use crate::tree::binary_tree;
+use crate::tree::{binary_tree, deepest_below};
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, node::Bvh2Node};
@@ -68,19 +68,6 @@ impl Trees {
             .extend(held.map(|&primitive| counted[primitive as usize]));
         root
     }
-}
-
-/// Number of the level of the deepest leaf at or below `node`, from which levels are counted.
-fn deepest_below(tree: &Bvh2, node: u32) -> u32 {
-    let (mut deepest, mut left) = (0, vec![(node, 0)]);
-    while let Some((node, level)) = left.pop() {
-        deepest = deepest.max(level);
-        let node = &tree.nodes[node as usize];
-        if node.prim_count == 0 {
-            left.extend([0, 1].map(|child| (node.first_index + child, level + 1)));
-        }
-    }
-    deepest
 }
 
 /// Halves the parts of `tree` that no search could get to the end of. Such trees come of Gaussians that lie in one another like dolls: whoever
