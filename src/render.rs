@@ -150,8 +150,8 @@ enum SamplingArg {
 enum HitsArg {
     /// The blend of all is one surface, as in the paper
     Blended,
-    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes to half a percent less or so in a room,
-    /// mostly next to emitters. 1-bounce does so always, to the same mean
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes to about one percent less in a room.
+    /// 1-bounce does so always, to the same mean
     Sampled,
 }
 
