@@ -19,7 +19,7 @@ use super::trainer::{Engine, Trainer};
 use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainDevice, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
-use crate::loss::color::pq_image;
+use crate::loss::target::Target;
 use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
@@ -131,7 +131,7 @@ impl GpuBackend {
             let target = self.host.target(view);
             return WantedView::new(&self.device, &view.view, &target);
         };
-        let wanted = WantedView::new(&self.device, &view.view, &pq_image(&view.view.radiance))?;
+        let wanted = WantedView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
         self.view_budget = left;
         self.views.insert(view.index, wanted.clone());
         Ok(wanted)

@@ -4,13 +4,14 @@ use super::irradiance::{self, GaussianIrradiance};
 use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
 use crate::densify::{self, Attribution, Densified};
 use crate::error::Result;
+use crate::loss::target::Target;
 use crate::loss::{LossTerms, PixelLight, albedo_loss, color::pq_image, radiance_loss};
 use crate::options::{AlbedoOptions, Gather};
 use crate::params::ParameterState;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussians, Image};
+use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
@@ -92,7 +93,7 @@ pub struct Trainer<E> {
     lit_views: HashMap<usize, Arc<LitView>>,
     /// Bytes that they may still take.
     lit_budget: u64,
-    targets: HashMap<usize, Arc<Image<3>>>,
+    targets: HashMap<usize, Arc<Target>>,
     /// Bytes that prepared targets may still take.
     target_budget: usize,
 }
@@ -120,11 +121,11 @@ impl<E: Engine> Trainer<E> {
         }
     }
 
-    pub(super) fn target(&mut self, view: &TrainingView) -> Arc<Image<3>> {
+    pub(super) fn target(&mut self, view: &TrainingView) -> Arc<Target> {
         if let Some(target) = self.targets.get(&view.index) {
             return Arc::clone(target);
         }
-        let target = Arc::new(pq_image(&view.view.radiance));
+        let target = Arc::new(Target::new(&view.view.radiance));
         if let Some(left) = self.target_budget.checked_sub(target.num_bytes()) {
             self.target_budget = left;
             self.targets.insert(view.index, Arc::clone(&target));
@@ -194,7 +195,7 @@ impl<E: Engine> Trainer<E> {
         view: &TrainingView,
         step: &AlbedoStep<'_>,
     ) -> (LossTerms, Vec<LocalGradient>) {
-        let target = self.target(view);
+        let target = self.target(view).pq();
         let known = view.view.valid.as_ref().map(KnownPixels::new);
         let loss = |albedos: &[Vec3], light: &PixelLight| {
             albedo_loss(albedos, light, &target, step.ssim_share, known.as_ref())
@@ -311,7 +312,7 @@ impl<E: Engine> Backend for Trainer<E> {
         view: &TrainingView,
         step: &RadianceStep<'_>,
     ) -> Result<StepOutcome> {
-        let target = self.target(view);
+        let target = self.target(view).pq();
         let factor = step.rays_per_axis;
         let camera = view.view.camera.magnified(factor);
         let mut sums = self.engine.trace(&self.set, &camera)?;
@@ -346,7 +347,7 @@ impl<E: Engine> Backend for Trainer<E> {
     }
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
-        let target = self.target(view);
+        let target = self.target(view).pq();
         let sums = self.look(&view.view.camera);
         let shown = pq_image(&sums.radiance());
         let known = view.view.valid.as_ref().map(KnownPixels::new);

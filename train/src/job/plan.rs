@@ -14,8 +14,8 @@ const BYTES_PER_GAUSSIAN: u64 = 4 * 17 * 4 + 17 * 4 + 2 * 64 + 64;
 /// Bytes a pixel of the current view takes: sums and their gradient (16 floats each), some forty recorded hits, images of the
 /// loss.
 const BYTES_PER_PIXEL: u64 = 2 * 64 + 40 * 12 + 200;
-/// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, PQ target, irradiance.
-const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 3 + 4 + 4) * 4;
+/// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, irradiance and where emitters are, all as floats, and the target.
+const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 4 + 4) * 4 + 3 * 2;
 
 /// The files of a run.
 pub(super) struct Folder {

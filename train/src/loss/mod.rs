@@ -9,6 +9,7 @@
 
 pub mod color;
 pub mod depth_normal;
+pub mod target;
 
 use crate::options::LossWeights;
 use color::ColorLoss;

@@ -5,6 +5,7 @@ use super::params::AdamParameters;
 use super::wanted::{self, Wanted};
 use super::{loss, report};
 use crate::loss::MIN_NORMAL_ALPHA;
+use crate::loss::target::PQ_RANGE;
 use crate::params::{BETA_1, BETA_2, EPSILON, NUM_PARAMETERS};
 use eagpt_eval::ssim;
 use eagpt_eval::window::{RADIUS, WEIGHTS};
@@ -64,6 +65,7 @@ fn declarations() -> String {
         ("MIN_POSITIVE", f32::MIN_POSITIVE),
         ("SSIM_C1", ssim::C1),
         ("SSIM_C2", ssim::C2),
+        ("PQ_RANGE", PQ_RANGE),
     ];
     for (name, value) in numbers.into_iter().chain(pq_numbers) {
         text.push_str(&format!("const {name}: f32 = {value:?};\n"));
@@ -79,6 +81,8 @@ fn declarations() -> String {
         ("ADD_PER_THREAD", loss::ADD_PER_THREAD),
         ("KNOWN", wanted::KNOWN),
         ("WINDOW", wanted::WINDOW),
+        ("FLAG_BITS", wanted::FLAG_BITS),
+        ("FULL_OPACITY", wanted::FULL_OPACITY),
     ] {
         text.push_str(&format!("const {name}: u32 = {value}u;\n"));
     }

@@ -125,7 +125,7 @@ impl LossBuffers {
         // Vectors of three take as much as vectors of four.
         let vectors = |num: u64| 16 * num * num_pixels as u64;
         let groups = (num_pixels as u64).div_ceil(u64::from(ADD_THREADS * ADD_PER_THREAD));
-        const { assert!(size_of::<Sums>() == 64 && size_of::<Wanted>() == 32) };
+        const { assert!(size_of::<Sums>() == 64 && size_of::<Wanted>() == 16) };
         Ok(Self {
             num_pixels,
             means: device.buffer("means of rays", vectors(4))?,

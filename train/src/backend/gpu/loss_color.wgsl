@@ -56,7 +56,7 @@ fn add_moments(sum: Moments, weight: f32, x: i32, row: u32) -> Moments {
         return sum;
     }
     let pixel = row * loss.width + u32(x);
-    let a = wanted[pixel].pq;
+    let a = pq_wanted(pixel);
     let b = encoded[pixel].pq;
     return Moments(
         sum.of_wanted + weight * a,
@@ -98,7 +98,7 @@ fn compare(
     }
     var similarity = 0.0;
     var d_moments = Moments();
-    if (wanted[pixel].flags & WINDOW) != 0u {
+    if has_flag(pixel, WINDOW) {
         let m = window_of(pixel);
         let product = m.of_wanted * m.of_shown;
         let squares = m.of_wanted * m.of_wanted + m.of_shown * m.of_shown;
@@ -120,9 +120,9 @@ fn compare(
     partials[pixel] = d_moments;
     var image = vec4f(0.0, similarity, 0.0, 0.0);
     if is_known(pixel) {
-        let difference = abs(encoded[pixel].pq - wanted[pixel].pq);
+        let difference = abs(encoded[pixel].pq - pq_wanted(pixel));
         image.x = difference.x + difference.y + difference.z;
-        image.z = select(0.0, abs(means[pixel].a.w - wanted[pixel].emission), loss.has_emission != 0u);
+        image.z = select(0.0, abs(means[pixel].a.w - emission_wanted(pixel)), loss.has_emission != 0u);
         image.w = abs(alpha_of_sums(means[pixel]) - opacity_wanted(pixel));
     }
     terms[pixel].image = image;

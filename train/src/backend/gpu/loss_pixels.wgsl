@@ -40,12 +40,31 @@ struct SurfaceGradient {
     d_normal: vec3f,
 }
 
+fn has_flag(pixel: u32, flag: u32) -> bool {
+    return ((wanted[pixel].normal_z_flags >> 16u) & flag) != 0u;
+}
+
 fn is_known(pixel: u32) -> bool {
-    return (wanted[pixel].flags & KNOWN) != 0u;
+    return has_flag(pixel, KNOWN);
 }
 
 fn opacity_wanted(pixel: u32) -> f32 {
-    return f32(wanted[pixel].flags >> 16u) / 65535.0;
+    return f32(wanted[pixel].normal_z_flags >> (16u + FLAG_BITS)) / f32(FULL_OPACITY);
+}
+
+fn pq_wanted(pixel: u32) -> vec3f {
+    let blue = unpack2x16unorm(wanted[pixel].blue_emission).x;
+    return PQ_RANGE * vec3f(unpack2x16unorm(wanted[pixel].red_green), blue);
+}
+
+fn emission_wanted(pixel: u32) -> f32 {
+    return unpack2x16unorm(wanted[pixel].blue_emission).y;
+}
+
+// Zero where there is none.
+fn normal_wanted(pixel: u32) -> vec3f {
+    let z = unpack2x16snorm(wanted[pixel].normal_z_flags).x;
+    return vec3f(unpack2x16snorm(wanted[pixel].normal_xy), z);
 }
 
 fn normal_of(sums: Lanes) -> vec3f {

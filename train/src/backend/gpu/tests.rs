@@ -4,11 +4,12 @@ use super::loss::{LossBuffers, LossOptions};
 use super::params::ResidentState;
 use super::report;
 use super::wanted::WantedView;
-use crate::loss::color::pq_image;
+use crate::loss::target::Target;
 use crate::loss::tests::{frame, mask, view};
 use crate::loss::{LossTerms, NormalTerms, radiance_loss};
 use crate::options::{LossWeights, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
+use eagpt_scene::Image;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
@@ -16,6 +17,7 @@ use eagpt_trace::gpu::{Frame, GpuFit};
 use eagpt_trace::sums::{NUM_LANES, Sums, lane};
 use eagpt_trace::surfel::SurfelSet;
 use glam::DVec3;
+use std::ops::RangeInclusive;
 
 #[path = "../../../../trace/tests/gpu/mod.rs"]
 mod gpu;
@@ -36,6 +38,13 @@ fn off(got: &[Sums], wanted: &[Sums], k: usize) -> f32 {
     let pairs = got.iter().zip(wanted);
     let worst = pairs.fold(0.0_f32, |m, (a, b)| m.max((a.0[k] - b.0[k]).abs()));
     if worst == 0.0 { 0.0 } else { worst / scale }
+}
+
+/// What is left of an image on the device: `steps` of one unit.
+fn kept<const C: usize>(image: &Image<C>, range: RangeInclusive<f32>, steps: f32) -> Image<C> {
+    let near = |v: f32| (v.clamp(*range.start(), *range.end()) * steps).round() / steps;
+    let pixels = image.pixels().iter().map(|p| p.map(near)).collect();
+    Image::from_pixels(image.width(), image.height(), pixels).unwrap()
 }
 
 fn list(terms: &LossTerms) -> [f64; 7] {
@@ -65,8 +74,10 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
     ] {
         let mut view = view(with_map);
         view.valid = with_mask.then(mask);
-        let target = pq_image(&view.radiance);
-        let (wanted_terms, wanted_d) = radiance_loss(&sums, &view, &target, &weights, normals);
+        view.normal = view.normal.map(|map| kept(&map, -1.0..=1.0, 32_767.0));
+        view.emission = view.emission.map(|mask| kept(&mask, 0.0..=1.0, 65_535.0));
+        let target = Target::new(&view.radiance);
+        let (wanted_terms, wanted_d) = radiance_loss(&sums, &view, &target.pq(), &weights, normals);
 
         let num_pixels = sums.pixels.len();
         let lanes: Vec<[f32; NUM_LANES]> = sums.pixels.iter().map(|s| s.0).collect();

@@ -1,6 +1,7 @@
 //! What views should look like, on the device.
 
 use crate::error::Result;
+use crate::loss::target::Target;
 use eagpt_eval::KnownPixels;
 use eagpt_eval::known::Windows;
 use eagpt_scene::{Image, View};
@@ -11,29 +12,49 @@ use eagpt_trace::gpu::kernel::{Buffer, Layout, layout};
 pub(super) const KNOWN: u32 = 1;
 /// A pixel whose window of SSIM touches nothing unknown.
 pub(super) const WINDOW: u32 = 2;
+/// Bits of flags in front of the opacity.
+pub(super) const FLAG_BITS: u32 = 2;
+/// The opacity that stands for 1.
+pub(super) const FULL_OPACITY: u32 = (1 << (16 - FLAG_BITS)) - 1;
 
-/// What one pixel should look like.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+/// What one pixel should look like, 16 bits a number: half of what floats take.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct Wanted {
-    /// PQ values.
-    pq: [f32; 3],
-    /// [`KNOWN`] and [`WINDOW`]; the opacity in the upper half, 0 to 65,535.
-    flags: u32,
-    /// Zero where there is none.
-    normal: [f32; 3],
-    emission: f32,
+    /// Steps of a [`Target`], red in the lower half.
+    red_green: u32,
+    /// In the upper half the emission.
+    blue_emission: u32,
+    /// Signed; all zero where there is none.
+    normal_xy: u32,
+    /// In the upper half [`KNOWN`] and [`WINDOW`], and over them the opacity, 0 to [`FULL_OPACITY`].
+    normal_z_flags: u32,
 }
 
 impl Wanted {
     pub(super) fn layout() -> Layout {
         layout!(Wanted {
-            pq: "vec3f",
-            flags: "u32",
-            normal: "vec3f",
-            emission: "f32",
+            red_green: "u32",
+            blue_emission: "u32",
+            normal_xy: "u32",
+            normal_z_flags: "u32",
         })
     }
+}
+
+/// 0 to 1 as 0 to `most`; what is less, more or no number becomes the nearest of them, and 0.
+fn unsigned(value: f32, most: u32) -> u32 {
+    (value.clamp(0.0, 1.0) * most as f32).round() as u32
+}
+
+/// −1 to 1 as a signed number of 16 bits.
+fn signed(value: f32) -> u32 {
+    u32::from((value.clamp(-1.0, 1.0) * 32_767.0).round() as i16 as u16)
+}
+
+/// Two numbers of 16 bits, the first one in the lower half.
+fn pair(low: u32, high: u32) -> u32 {
+    low | (high << 16)
 }
 
 /// A view on the device, and the numbers that its means are taken over.
@@ -55,33 +76,26 @@ impl WantedView {
         num_pixels * size_of::<Wanted>()
     }
 
-    /// Brings `view` to the device; `target_pq` is its radiance as PQ values.
-    pub(super) fn new(device: &Device, view: &View, target_pq: &Image<3>) -> Result<Self> {
+    /// Brings `view` to the device; `target` is its radiance.
+    pub(super) fn new(device: &Device, view: &View, target: &Target) -> Result<Self> {
         let known = view.valid.as_ref().map(KnownPixels::new);
         let windows = known.as_ref().map(KnownPixels::windows);
         let num_pixels = view.camera.num_pixels();
+        let single = |image: &Option<Image<1>>, i: usize| image.as_ref().map(|m| m.pixels()[i][0]);
         let pixel = |i: usize| {
             let is_known = known.as_ref().is_none_or(|known| known.has(i));
             let counts = windows.as_ref().is_none_or(|windows| windows.has(i));
-            let alpha = view
-                .alpha
-                .as_ref()
-                .map_or(1.0, |image| image.pixels()[i][0]);
-            // NaN where nothing is known becomes 0.
-            let opacity = (alpha.clamp(0.0, 1.0) * 65_535.0).round() as u32;
+            let flags = (KNOWN * u32::from(is_known)) | (WINDOW * u32::from(counts));
+            let opacity = unsigned(single(&view.alpha, i).unwrap_or(1.0), FULL_OPACITY);
+            let emission = single(&view.emission, i).unwrap_or(0.0);
+            let pq = target.pixels()[i].map(u32::from);
+            let normal = view.normal.as_ref();
+            let normal = normal.map_or([0; 3], |map| map.pixels()[i].map(signed));
             Wanted {
-                pq: target_pq.pixels()[i],
-                flags: (KNOWN * u32::from(is_known))
-                    | (WINDOW * u32::from(counts))
-                    | (opacity << 16),
-                normal: view
-                    .normal
-                    .as_ref()
-                    .map_or([0.0; 3], |image| image.pixels()[i]),
-                emission: view
-                    .emission
-                    .as_ref()
-                    .map_or(0.0, |image| image.pixels()[i][0]),
+                red_green: pair(pq[0], pq[1]),
+                blue_emission: pair(pq[2], unsigned(emission, 0xffff)),
+                normal_xy: pair(normal[0], normal[1]),
+                normal_z_flags: pair(normal[2], flags | (opacity << FLAG_BITS)),
             }
         };
         let pixels: Vec<Wanted> = (0..num_pixels).map(pixel).collect();
