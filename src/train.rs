@@ -101,7 +101,7 @@ pub(crate) struct TrainArgs {
 }
 
 const OUTPUTS_AND_EXAMPLES: &str = "Files in RUN:
-  scene.ply      the scene: 17 activated float32 properties a Gaussian
+  scene.ply      the scene: 17 activated float32 properties a Gaussian, 41 with harmonics
   train.toml     the effective options
   log.jsonl      loss curves, one JSON object a line
   previews/      photographs and renderings of a few views, side by side

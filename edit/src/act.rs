@@ -2,7 +2,7 @@
 
 use crate::place::Placement;
 use eagpt_scene::color::luminance;
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use glam::Vec3;
 
 /// An action on a selection.
@@ -31,7 +31,7 @@ pub enum Paint {
     ScaleLight(Vec3),
     /// Radiance of this colour, its luminance kept.
     TintLight(Vec3),
-    /// Radiance, linear Rec.709, not negative.
+    /// Radiance, linear Rec.709, not negative, the same in all directions.
     SetRadiance(Vec3),
     /// Emission score, 0 to 1.
     SetEmission(f32),
@@ -49,6 +49,7 @@ impl Paint {
         match *self {
             Self::LightsOff => {
                 g.radiance = Vec3::ZERO;
+                g.harmonics = Harmonics::NONE;
                 g.emission = 0.0;
             }
             Self::ScaleLight(factor) => g.radiance *= factor,
@@ -56,7 +57,10 @@ impl Paint {
                 let share = luminance(g.radiance.to_array()) / luminance(color.to_array());
                 g.radiance = color * share;
             }
-            Self::SetRadiance(radiance) => g.radiance = radiance,
+            Self::SetRadiance(radiance) => {
+                g.radiance = radiance;
+                g.harmonics = Harmonics::NONE;
+            }
             Self::SetEmission(emission) => g.emission = emission,
             Self::SetAlbedo(albedo) => g.albedo = albedo,
             Self::ScaleAlbedo(factor) => g.albedo = (g.albedo * factor).min(Vec3::ONE),
@@ -80,17 +84,6 @@ pub(crate) fn bounds(gaussians: &Gaussians, mask: &[bool]) -> Option<(Vec3, Vec3
         found = Some(found.map_or((p, p), |(low, high)| (low.min(p), high.max(p))));
     }
     found
-}
-
-/// Replaces the Gaussian at `index`.
-pub(crate) fn set(gaussians: &mut Gaussians, index: usize, g: &Gaussian) {
-    gaussians.positions[index] = g.position;
-    gaussians.scales[index] = g.scale;
-    gaussians.rotations[index] = g.rotation;
-    gaussians.opacities[index] = g.opacity;
-    gaussians.radiances[index] = g.radiance;
-    gaussians.emissions[index] = g.emission;
-    gaussians.albedos[index] = g.albedo;
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred through anywhere.
 
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use glam::{Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -169,6 +169,7 @@ impl Surface {
             rotation,
             opacity: OPACITY,
             radiance: self.material.radiance.unwrap_or(Vec3::ZERO),
+            harmonics: Harmonics::NONE,
             emission: f32::from(self.material.radiance.is_some()),
             albedo: self.material.albedo,
         }

@@ -91,17 +91,20 @@ impl Similarity {
         self.to + self.rotation * ((point - self.from) * self.scale)
     }
 
-    /// The Gaussian with its centre, in-plane axes and scales moved along; its light and material stay.
+    /// The Gaussian with its centre, in-plane axes and scales moved along, and the directions of its light; light and material stay.
     pub fn gaussian(&self, g: &Gaussian) -> Gaussian {
-        Gaussian {
+        let moved = Gaussian {
             position: self.point(g.position),
             scale: g.scale * self.scale,
-            rotation: if self.rotation == Quat::IDENTITY {
-                g.rotation
-            } else {
-                (self.rotation * g.rotation).normalize()
-            },
             ..*g
+        };
+        if self.rotation == Quat::IDENTITY {
+            return moved;
+        }
+        Gaussian {
+            rotation: (self.rotation * g.rotation).normalize(),
+            harmonics: g.harmonics.rotated(self.rotation),
+            ..moved
         }
     }
 }
@@ -109,6 +112,7 @@ impl Similarity {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eagpt_scene::Harmonics;
     use glam::Vec2;
     use std::f32::consts::FRAC_PI_2;
 
@@ -121,6 +125,7 @@ mod tests {
             rotation: Quat::IDENTITY,
             opacity: 0.5,
             radiance: Vec3::ONE,
+            harmonics: Harmonics::NONE,
             emission: 0.0,
             albedo: Vec3::splat(0.5),
         }
@@ -152,7 +157,14 @@ mod tests {
             rotation: Quat::from_rotation_y(FRAC_PI_2),
             ..Placement::by(Vec3::new(0.0, 0.0, 10.0))
         };
-        let moved = placement.resolve(BOUNDS, Vec3::Z).gaussian(&disc());
+        let mut disc = disc();
+        // Brighter the more it is seen along −y, and along x.
+        (disc.harmonics.0[0], disc.harmonics.0[6]) = (0.5, -0.25);
+        let moved = placement.resolve(BOUNDS, Vec3::Z).gaussian(&disc);
+        let mut turned = Harmonics::NONE;
+        (turned.0[0], turned.0[3]) = (0.5, -0.25);
+        let off = (turned.0.iter().zip(moved.harmonics.0)).map(|(a, b)| (a - b).abs());
+        assert!(off.fold(0.0, f32::max) < 1e-6, "{:?}", moved.harmonics);
         // One unit right of the centre goes two units down.
         let error = moved.position - Vec3::new(1.0, 2.0, 10.0);
         assert!(error.length() < 1e-5, "{error}");

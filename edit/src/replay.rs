@@ -158,7 +158,7 @@ impl State<'_> {
         self.selected = selected;
         if !matches!(step.actions.first(), Some(Action::Duplicate(_))) {
             for (&index, smaller) in &cuts.shrunk {
-                act::set(&mut self.gaussians, index, smaller);
+                self.gaussians.set(index, smaller);
             }
             if !cuts.dropped.is_empty() {
                 let kept = (0..self.gaussians.len()).map(|i| !cuts.dropped.contains(&i));
@@ -226,7 +226,7 @@ impl State<'_> {
     fn change(&mut self, change: impl Fn(&Gaussian) -> Gaussian) {
         for index in (0..self.gaussians.len()).filter(|i| self.selected[*i]) {
             let changed = change(&self.gaussians.get(index));
-            act::set(&mut self.gaussians, index, &changed);
+            self.gaussians.set(index, &changed);
         }
     }
 

@@ -1,6 +1,6 @@
 //! What several tests need.
 
-use eagpt_scene::Gaussian;
+use eagpt_scene::{Gaussian, Harmonics};
 use glam::{Quat, Vec2, Vec3};
 
 /// A level, grey disc.
@@ -11,6 +11,7 @@ pub(crate) fn disc(position: Vec3) -> Gaussian {
         rotation: Quat::IDENTITY,
         opacity: 0.9,
         radiance: Vec3::splat(0.5),
+        harmonics: Harmonics::NONE,
         emission: 0.0,
         albedo: Vec3::splat(0.5),
     }

@@ -7,7 +7,7 @@
 )]
 
 use eagpt_edit::{Script, replay};
-use eagpt_scene::{Gaussians, ply};
+use eagpt_scene::{Gaussians, Harmonics, ply};
 use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
 
@@ -52,6 +52,7 @@ fn the_lamp_is_as_high_as_its_script_says() {
         rotation: Quat::IDENTITY,
         opacity: 1.0,
         radiance: Vec3::ONE,
+        harmonics: Harmonics::NONE,
         emission: 1.0,
         albedo: Vec3::ONE,
     });

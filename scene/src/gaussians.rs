@@ -1,5 +1,6 @@
 //! 2D Gaussians as struct of arrays, with activated (physical) values.
 
+use crate::harmonics::Harmonics;
 use crate::rng::{Purpose, RandomKey};
 use glam::{Quat, Vec2, Vec3};
 
@@ -16,13 +17,15 @@ pub struct Gaussian {
     pub opacity: f32,
     /// Outgoing radiance, linear Rec.709, not negative.
     pub radiance: Vec3,
+    /// How the radiance differs with the direction it is seen from.
+    pub harmonics: Harmonics,
     /// Emission score, 0 (reflects) to 1 (emits).
     pub emission: f32,
     /// Diffuse albedo, linear Rec.709, 0 to 1.
     pub albedo: Vec3,
 }
 
-/// A set of [`Gaussian`]s; every array has the same length.
+/// A set of [`Gaussian`]s; every array has the same length, but for `harmonics`, which may be empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
     /// Centres, `[n]`, world space, scene units.
@@ -35,6 +38,8 @@ pub struct Gaussians {
     pub opacities: Vec<f32>,
     /// Linear radiances, `[n]`.
     pub radiances: Vec<Vec3>,
+    /// How radiances differ with the direction, `[n]`; empty where none does.
+    pub harmonics: Vec<Harmonics>,
     /// Emission scores, `[n]`, 0 to 1.
     pub emissions: Vec<f32>,
     /// Diffuse albedos, `[n]`, 0 to 1.
@@ -60,6 +65,7 @@ impl Gaussians {
             rotations: Vec::with_capacity(capacity),
             opacities: Vec::with_capacity(capacity),
             radiances: Vec::with_capacity(capacity),
+            harmonics: Vec::new(),
             emissions: Vec::with_capacity(capacity),
             albedos: Vec::with_capacity(capacity),
         }
@@ -67,6 +73,10 @@ impl Gaussians {
 
     /// Appends one Gaussian.
     pub fn push(&mut self, g: Gaussian) {
+        if !self.harmonics.is_empty() || g.harmonics != Harmonics::NONE {
+            self.harmonics.resize(self.len(), Harmonics::NONE);
+            self.harmonics.push(g.harmonics);
+        }
         self.positions.push(g.position);
         self.scales.push(g.scale);
         self.rotations.push(g.rotation);
@@ -74,6 +84,24 @@ impl Gaussians {
         self.radiances.push(g.radiance);
         self.emissions.push(g.emission);
         self.albedos.push(g.albedo);
+    }
+
+    /// Replaces the Gaussian at `index`.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Self::len`].
+    pub fn set(&mut self, index: usize, g: &Gaussian) {
+        self.positions[index] = g.position;
+        self.scales[index] = g.scale;
+        self.rotations[index] = g.rotation;
+        self.opacities[index] = g.opacity;
+        self.radiances[index] = g.radiance;
+        self.emissions[index] = g.emission;
+        self.albedos[index] = g.albedo;
+        if !self.harmonics.is_empty() || g.harmonics != Harmonics::NONE {
+            self.harmonics.resize(self.len(), Harmonics::NONE);
+            self.harmonics[index] = g.harmonics;
+        }
     }
 
     /// The Gaussian at `index`.
@@ -87,6 +115,7 @@ impl Gaussians {
             rotation: self.rotations[index],
             opacity: self.opacities[index],
             radiance: self.radiances[index],
+            harmonics: self.harmonics.get(index).copied().unwrap_or_default(),
             emission: self.emissions[index],
             albedo: self.albedos[index],
         }
@@ -134,9 +163,38 @@ pub fn random_cloud(num: usize, seed: u64) -> Gaussians {
                 rotation: Quat::from_xyzw(f - 0.5, g - 0.5, h - 0.5, k - 0.5 + 1e-3).normalize(),
                 opacity: 0.02 + 0.979 * l,
                 radiance: Vec3::new(m, n, o) * 4.0,
+                harmonics: Harmonics::NONE,
                 emission: p,
                 albedo: Vec3::new(q, r, a),
             }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn harmonics_are_there_for_all_or_none() {
+        let mut set = random_cloud(3, 1);
+        assert!(set.harmonics.is_empty());
+        let mut turned = set.get(1);
+        turned.harmonics.0[4] = 0.5;
+        set.push(turned);
+        assert_eq!(set.harmonics.len(), 4);
+        assert_eq!(
+            (set.get(3), set.get(0).harmonics),
+            (turned, Harmonics::NONE)
+        );
+        set.push(set.get(0));
+        assert_eq!(set.harmonics.len(), 5);
+        let mut plain = random_cloud(3, 1);
+        plain.set(2, &plain.get(1));
+        assert!(plain.harmonics.is_empty());
+        plain.set(2, &turned);
+        assert_eq!((plain.get(2), plain.harmonics.len()), (turned, 3));
+        let kept: Gaussians = plain.iter().take(2).collect();
+        assert_eq!(kept, random_cloud(2, 1));
+    }
 }

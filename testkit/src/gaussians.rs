@@ -1,8 +1,25 @@
 //! Gaussians of known shape, and cameras to look at them.
 
 pub use eagpt_scene::random_cloud;
-use eagpt_scene::{Camera, Gaussian, Gaussians};
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
+
+/// The same Gaussians with light that differs with the direction, up to fivefold.
+pub fn directional(mut gaussians: Gaussians, seed: u64) -> Gaussians {
+    let key = RandomKey::new(seed, Purpose::Initialise, 1);
+    gaussians.harmonics = (0..gaussians.len() as u32)
+        .map(|i| {
+            let mut stream = key.stream(i, 0);
+            let mut harmonics = Harmonics::NONE;
+            for four in harmonics.0.as_chunks_mut::<4>().0 {
+                *four = stream.next_uniforms().map(|u| u - 0.5);
+            }
+            harmonics
+        })
+        .collect();
+    gaussians
+}
 
 /// A camera at `origin` looking at `target`, z up, 60° across.
 pub fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
@@ -58,6 +75,7 @@ pub fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian {
         rotation: Quat::IDENTITY,
         opacity: 0.95,
         radiance,
+        harmonics: Harmonics::NONE,
         emission,
         albedo,
     }

@@ -4,7 +4,8 @@ use crate::blend::Face;
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
 use crate::sums::{NUM_LANES, lane};
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::harmonics::functions_from;
+use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
@@ -50,8 +51,17 @@ impl Payload {
 pub struct SurfelSet {
     /// Geometry, `[n]`.
     pub surfels: Vec<Surfel>,
-    /// Light and material, `[n]`.
+    /// Light and material, `[n]`; the radiance is that of all directions.
     pub payloads: Vec<Payload>,
+    /// How the radiance differs with the direction it is seen from, `[n]`; empty where none does.
+    pub harmonics: Vec<Harmonics>,
+}
+
+/// A [`SurfelSet`] as it looks from one point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SeenSet<'a> {
+    pub(crate) surfels: &'a [Surfel],
+    pub(crate) payloads: &'a [Payload],
 }
 
 impl Surfel {
@@ -211,6 +221,37 @@ impl SurfelSet {
                 Payload(lanes)
             })
             .collect_into_vec(&mut self.payloads);
+        self.harmonics.clone_from(&gaussians.harmonics);
+    }
+
+    /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to another.
+    pub(crate) fn look_from<'a>(&'a self, eye: Vec3, memory: &'a mut Vec<Payload>) -> SeenSet<'a> {
+        if !self.harmonics.is_empty() {
+            (&self.payloads, &self.surfels, &self.harmonics)
+                .into_par_iter()
+                .with_min_len(1024)
+                .map(|(payload, surfel, harmonics)| {
+                    let functions = functions_from(eye, surfel.position.into());
+                    let radiance = payload.radiance() * harmonics.factor(&functions);
+                    let mut seen = *payload;
+                    seen.0[lane::RADIANCE..][..3].copy_from_slice(&radiance.to_array());
+                    seen
+                })
+                .collect_into_vec(memory);
+        }
+        self.as_seen(memory)
+    }
+
+    /// What [`Self::look_from`] has left in `memory`.
+    pub(crate) fn as_seen<'a>(&'a self, memory: &'a [Payload]) -> SeenSet<'a> {
+        SeenSet {
+            surfels: &self.surfels,
+            payloads: if self.harmonics.is_empty() {
+                &self.payloads
+            } else {
+                memory
+            },
+        }
     }
 
     /// Replaces the albedos alone, `[n]`.

@@ -2,8 +2,8 @@
 
 mod gpu;
 
-use eagpt_scene::{Camera, Gaussian, Gaussians};
-use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
+use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
@@ -69,20 +69,20 @@ fn sums_are_those_of_the_cpu() {
     let Some(device) = gpu::device("sums of camera rays") else {
         return;
     };
-    let gaussians = random_cloud(700, 3);
-    let (mut gpu, cpu) = (
-        GpuScene::new(&device, &random_cloud(700, 4)).unwrap(),
-        CpuScene::new(&gaussians),
-    );
+    let plain = random_cloud(700, 3);
+    let mut gpu = GpuScene::new(&device, &random_cloud(700, 4)).unwrap();
     // Neither the scene before nor the camera before leaves anything behind.
     gpu.camera_sums(&cameras()[0]).unwrap();
-    gpu.update(&gaussians).unwrap();
-    for camera in cameras() {
-        let steady = steady_pixels(&gaussians, &camera);
-        assert!(2 * steady.len() > camera.num_pixels());
-        let got = gpu.camera_sums(&camera).unwrap();
-        let worst = worst_difference(&got, &cpu.camera_sums(&camera).unwrap(), &steady);
-        assert!(worst < SUM_TOLERANCE, "{worst:e}");
+    for gaussians in [&plain, &directional(plain.clone(), 5), &plain] {
+        gpu.update(gaussians).unwrap();
+        let cpu = CpuScene::new(gaussians);
+        for camera in cameras() {
+            let steady = steady_pixels(gaussians, &camera);
+            assert!(2 * steady.len() > camera.num_pixels());
+            let got = gpu.camera_sums(&camera).unwrap();
+            let worst = worst_difference(&got, &cpu.camera_sums(&camera).unwrap(), &steady);
+            assert!(worst < SUM_TOLERANCE, "{worst:e}");
+        }
     }
 }
 
@@ -99,6 +99,7 @@ fn long_lists_of_hits_keep_their_order() {
         rotation: Quat::from_rotation_y(1.5 + 0.002 * (i % 7) as f32),
         opacity: 0.02 + 0.001 * (i % 50) as f32,
         radiance: Vec3::new(1.0, 0.1 * (i % 9) as f32, 0.2 * (i % 5) as f32),
+        harmonics: Harmonics::NONE,
         emission: 0.01 * i as f32,
         albedo: Vec3::splat(0.5),
     };
@@ -153,7 +154,7 @@ fn gradients_are_those_of_the_cpu() {
     let Some(device) = gpu::device("gradients of camera rays") else {
         return;
     };
-    let gaussians = random_cloud(700, 3);
+    let gaussians = directional(random_cloud(700, 3), 5);
     let set = SurfelSet::new(&gaussians);
     let gpu = GpuScene::new(&device, &gaussians).unwrap();
     for camera in cameras() {

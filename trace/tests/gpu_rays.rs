@@ -2,7 +2,7 @@
 
 mod gpu;
 
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use eagpt_testkit::gaussians::random_cloud;
 use eagpt_trace::Sums;
 use eagpt_trace::cpu::CpuScene;
@@ -70,6 +70,7 @@ fn no_hit_is_lost_in_a_deep_tree() {
             rotation: Quat::IDENTITY,
             opacity: 0.02,
             radiance: Vec3::new(1.0, i as f32 / 300.0, 0.5),
+            harmonics: Harmonics::NONE,
             emission: 0.0,
             albedo: Vec3::ONE,
         })

@@ -11,7 +11,7 @@ pub mod views;
 use crate::backend::TrainDevice;
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
-use eagpt_scene::{Dataset, Gaussians, SceneError, Shard, files, ply};
+use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, files, ply};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use gaussians::GaussianBake;
 use glam::Vec3;
@@ -140,7 +140,8 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         let text = warning.clone();
         progress(BakeProgress::Warning { text });
     }
-    let scene = ply::read_gaussians(&request.scene)?;
+    let mut scene = ply::read_gaussians(&request.scene)?;
+    forget_directions(&mut scene);
     if !scene.emissions.iter().any(|&e| e > EMISSION_THRESHOLD) {
         let problem =
             format!("nothing emits (emission > {EMISSION_THRESHOLD}): all would be black");
@@ -203,6 +204,18 @@ impl Bake<'_> {
 /// Whether a Gaussian keeps its radiance.
 fn emits(emission: f32) -> bool {
     emission > EMISSION_THRESHOLD
+}
+
+/// What reflects sends its light in all directions alike; what emits keeps its own. A bake knows no more.
+fn forget_directions(scene: &mut Gaussians) {
+    for (harmonics, &emission) in scene.harmonics.iter_mut().zip(&scene.emissions) {
+        if !emits(emission) {
+            *harmonics = Harmonics::NONE;
+        }
+    }
+    if scene.harmonics.iter().all(|h| *h == Harmonics::NONE) {
+        scene.harmonics.clear();
+    }
 }
 
 /// `radiances` of what reflects, and the scene's own of what emits. `[n]`

@@ -1,12 +1,14 @@
 //! The full state of a run on disk.
 //!
-//! A sealed file with the raw values, first and second moments, `[n, 17]` each. Written atomically; a damaged one is recognised
+//! A sealed file with the raw values, first and second moments, `[n, 17]` each, and where radiance differs with the direction those of
+//! the coefficients, `[n, 24]` each. Written atomically; a damaged one is recognised
 //! by its digest.
 
 use crate::error::{Result, TrainError};
 use crate::options::Stage;
-use crate::params::{NUM_PARAMETERS, ParameterState, Raw};
+use crate::params::{Learned, NUM_PARAMETERS, ParameterState};
 use crate::sealed::Kind;
+use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::{SceneError, files};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -90,8 +92,9 @@ impl Checkpoint {
             num_steps: self.state.num_steps,
         };
         let state = &self.state;
-        let arrays = [&state.values, &state.first, &state.second].map(|array| array.as_flattened());
-        KIND.write(&path, &header, &arrays)?;
+        let raw = state.raw.arrays().map(<[_]>::as_flattened);
+        let harmonics = state.harmonics.arrays().map(<[_]>::as_flattened);
+        KIND.write(&path, &header, &[raw, harmonics].concat())?;
         Ok(path)
     }
 
@@ -101,14 +104,12 @@ impl Checkpoint {
     /// If the file cannot be read, is damaged, or is of another version.
     pub fn read(path: &Path) -> Result<Self> {
         let (header, values): (Header, _) = KIND.read(path)?;
-        let array_len = NUM_PARAMETERS * header.num_gaussians;
-        if values.len() != 3 * array_len {
+        let num_raw = 3 * NUM_PARAMETERS * header.num_gaussians;
+        let num_harmonics = 3 * NUM_COEFFICIENTS * header.num_gaussians;
+        if values.len() != num_raw && values.len() != num_raw + num_harmonics {
             return Err(SceneError::invalid(path, "arrays", "the checkpoint is damaged").into());
         }
-        let read = |which: usize| -> Vec<Raw> {
-            let (rows, _) = values[which * array_len..][..array_len].as_chunks();
-            rows.to_vec()
-        };
+        let (raw, harmonics) = values.split_at(num_raw);
         Ok(Self {
             stage: header.stage,
             iteration: header.iteration,
@@ -116,12 +117,23 @@ impl Checkpoint {
             extent: header.extent,
             monitor: header.monitor,
             state: ParameterState {
-                values: read(0),
-                first: read(1),
-                second: read(2),
+                raw: learned(raw),
+                harmonics: learned(harmonics),
                 num_steps: header.num_steps,
             },
         })
+    }
+}
+
+/// Values, first and second moments, one after the other.
+fn learned<const K: usize>(values: &[f32]) -> Learned<K> {
+    let (rows, _) = values.as_chunks();
+    let (values, moments) = rows.split_at(rows.len() / 3);
+    let (first, second) = moments.split_at(moments.len() / 2);
+    Learned {
+        values: values.to_vec(),
+        first: first.to_vec(),
+        second: second.to_vec(),
     }
 }
 
@@ -197,7 +209,8 @@ mod tests {
     use super::*;
 
     fn sample(iteration: u32) -> Checkpoint {
-        let array = |x: f32| vec![[x; NUM_PARAMETERS], [x + 0.125; NUM_PARAMETERS]];
+        let array = |x: f32| [[x; NUM_PARAMETERS], [x + 0.125; NUM_PARAMETERS]].concat();
+        let coefficients = |x: f32| [[x; NUM_COEFFICIENTS], [x - 0.5; NUM_COEFFICIENTS]].concat();
         Checkpoint {
             stage: Stage::Radiance,
             iteration,
@@ -213,9 +226,8 @@ mod tests {
                 best_l1: f64::MAX,
             },
             state: ParameterState {
-                values: array(1.0),
-                first: array(-0.1),
-                second: array(1e-20),
+                raw: learned(&[1.0, -0.1, 1e-20].map(array).concat()),
+                harmonics: learned(&[2.0, 0.3, 1e-9].map(coefficients).concat()),
                 num_steps: 7,
             },
         }

@@ -106,7 +106,7 @@ pub fn densify(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eagpt_scene::Gaussian;
+    use eagpt_scene::{Gaussian, Harmonics};
     use glam::{Quat, Vec2, Vec3};
 
     fn row(n: usize) -> Gaussians {
@@ -117,6 +117,7 @@ mod tests {
                 rotation: Quat::from_rotation_z(0.5),
                 opacity: 0.5,
                 radiance: Vec3::splat(1.0 + i as f32),
+                harmonics: Harmonics::NONE,
                 emission: 0.1,
                 albedo: Vec3::splat(0.5),
             })

@@ -11,7 +11,7 @@ use eagpt_scene::color::{linear_from_srgb, srgb8_from_linear};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::ply::PointCloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussian, Gaussians, View};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics, View};
 use glam::{Quat, Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -158,6 +158,7 @@ impl Initialiser {
                     } else {
                         color
                     },
+                    harmonics: Harmonics::NONE,
                     emission: match seen.num_masked {
                         0 => options.emission,
                         n => (seen.emission / n as f32).clamp(0.02, 0.98),

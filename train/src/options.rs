@@ -115,6 +115,25 @@ pub struct LearningRates {
     pub final_share: f32,
 }
 
+impl LearningRates {
+    /// What share of the rates is left when `progress` (0 to 1) of the stage is done.
+    pub fn share_at(&self, progress: f32) -> f32 {
+        self.final_share.powf(progress)
+    }
+}
+
+/// Radiance by [`eagpt_scene::harmonics`], for light that glossy surfaces reflect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HarmonicsOptions {
+    /// Highest degree, 0 to 2; with 0 radiance is the same in all directions, as in the paper.
+    pub degree: u32,
+    /// Step size of the coefficients; falls as the others do.
+    pub rate: f32,
+    /// What share of itself, times its step size, a coefficient loses in each iteration: what few views say stays small. Not negative.
+    pub decay: f32,
+}
+
 /// Weights of the loss, λ of the paper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -146,6 +165,8 @@ pub struct RadianceOptions {
     pub antialias_from: f32,
     /// Step sizes.
     pub rates: LearningRates,
+    /// Radiance that differs with the direction it is seen from.
+    pub harmonics: HarmonicsOptions,
     /// Loss weights.
     pub weights: LossWeights,
     /// How the number of Gaussians grows.

@@ -94,6 +94,7 @@ fn a_step_is_that_of_the_cpu() {
             if late {
                 request.options.radiance.normals_from = 0.0;
                 request.options.radiance.antialias_from = 0.0;
+                request.options.radiance.harmonics.degree = 2;
             }
             train(&request, &mut |_| ()).unwrap();
             (newest(&request).state, logged(&request, "total")[0])
@@ -103,10 +104,23 @@ fn a_step_is_that_of_the_cpu() {
         if (cpu_loss - gpu_loss).abs() > LOSS_TOLERANCE * cpu_loss {
             failures.push(format!("{name}: loss {gpu_loss} instead of {cpu_loss}"));
         }
+        let of_harmonics = [cpu, gpu].map(|state| state.harmonics.first.concat());
+        let [norm, off] =
+            [|a: f32, _: f32| a, |a: f32, b: f32| a - b].map(|of: fn(f32, f32) -> f32| {
+                let pairs = of_harmonics[0].iter().zip(&of_harmonics[1]);
+                pairs
+                    .map(|(a, b)| f64::from(of(*a, *b)).powi(2))
+                    .sum::<f64>()
+                    .sqrt()
+            });
+        eprintln!("{name}, harmonics: off by {off:e} of {norm:e}");
+        if off > GRADIENT_TOLERANCE * norm || (norm > 0.0) != late {
+            failures.push(format!("{name}, harmonics: off by {off:e} of {norm:e}"));
+        }
         // The first step of Adam is the sign of the gradient; moments tell what it was.
         for (class, range) in CLASSES {
             let pairs = || {
-                let rows = cpu.first.iter().zip(&gpu.first);
+                let rows = cpu.raw.first.iter().zip(&gpu.raw.first);
                 rows.flat_map(|(a, b)| a[range.clone()].iter().zip(&b[range.clone()]))
             };
             let norm = pairs().map(|(a, _)| f64::from(a * a)).sum::<f64>().sqrt();
@@ -174,6 +188,7 @@ fn a_stopped_run_ends_in_the_same_bits() {
         request.options.radiance.iterations = 12;
         request.options.radiance.densify.times = 2;
         request.options.radiance.densify.start_share = 0.5;
+        request.options.radiance.harmonics.degree = 2;
         request
     };
     let whole = make("whole");

@@ -7,7 +7,7 @@ use eagpt_colmap::model::{Form, Observations, Part};
 use eagpt_fuzz::SEPARATOR;
 use eagpt_scene::exr::Precision;
 use eagpt_scene::ply::PointCloud;
-use eagpt_scene::{Gaussian, Gaussians, Image, exr, files, ply};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics, Image, exr, files, ply};
 use glam::{Quat, Vec3};
 use image::{ImageBuffer, Luma, RgbImage, Rgba};
 use std::error::Error;
@@ -162,6 +162,7 @@ impl Seeds {
             rotation: Quat::IDENTITY,
             opacity: 0.5,
             radiance: Vec3::splat(2.0),
+            harmonics: Harmonics::NONE,
             emission: 0.1,
             albedo: Vec3::splat(0.3),
         };

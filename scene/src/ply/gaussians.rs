@@ -1,4 +1,4 @@
-//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties.
+//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties, and 24 more where radiance differs with the direction.
 //!
 //! Activated means physical: scales in scene units, opacity, emission and albedo in 0 to 1, radiance linear. Splat
 //! viewers expect raw parameters instead; [`super::write_preview`] makes files for them.
@@ -7,6 +7,7 @@ use super::values::Vertices;
 use crate::error::{Result, SceneError};
 use crate::files;
 use crate::gaussians::{Gaussian, Gaussians};
+use crate::harmonics::{Harmonics, NUM_COEFFICIENTS};
 use glam::{Quat, Vec2, Vec3};
 use std::io::Write;
 use std::path::Path;
@@ -32,6 +33,34 @@ pub(super) const PROPERTIES: [&str; 17] = [
     "albedos_2",
 ];
 
+/// Further properties of a file whose radiance differs with the direction; other programs step over them and see the radiance without.
+const HARMONICS: [&str; NUM_COEFFICIENTS] = [
+    "harmonics_0",
+    "harmonics_1",
+    "harmonics_2",
+    "harmonics_3",
+    "harmonics_4",
+    "harmonics_5",
+    "harmonics_6",
+    "harmonics_7",
+    "harmonics_8",
+    "harmonics_9",
+    "harmonics_10",
+    "harmonics_11",
+    "harmonics_12",
+    "harmonics_13",
+    "harmonics_14",
+    "harmonics_15",
+    "harmonics_16",
+    "harmonics_17",
+    "harmonics_18",
+    "harmonics_19",
+    "harmonics_20",
+    "harmonics_21",
+    "harmonics_22",
+    "harmonics_23",
+];
+
 /// How far opacity, emission and albedo may leave 0 to 1 and be clamped: the noise of other programs' rounding.
 const UNIT_TOLERANCE: f32 = 1e-4;
 /// Quaternions nearer than this to unit length stay as they are, so that a file is written as it was read; single
@@ -44,7 +73,7 @@ const MIN_QUATERNION_LENGTH: f32 = 1e-6;
 ///
 /// # Errors
 /// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value: unreadable, truncated, a
-/// missing property, a value that is not finite, a scale not above 0, a negative radiance, an opacity, emission or albedo
+/// missing property, a value or coefficient that is not finite, a scale not above 0, a negative radiance, an opacity, emission or albedo
 /// outside 0 to 1, a zero quaternion.
 pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
     let bytes = files::read(path)?;
@@ -60,14 +89,35 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Gaussians> {
             "missing property: with f_dc_0 this is a file for splat viewers, not of Gaussians that carry light",
         ));
     }
-    let columns = vertices.columns(PROPERTIES)?;
     let mut gaussians = Gaussians::with_capacity(vertices.len());
+    let columns = vertices.columns(PROPERTIES)?;
     vertices.for_each_row(columns, |index, values| {
         let row = checked(path, index, values.map(|value| value as f32))?;
         gaussians.push(gaussian(row));
         Ok(())
     })?;
+    if vertices.find(HARMONICS[0]).is_some() {
+        gaussians.harmonics.reserve(vertices.len());
+        let columns = vertices.columns(HARMONICS)?;
+        vertices.for_each_row(columns, |index, values| {
+            let values = values.map(|value| value as f32);
+            gaussians.harmonics.push(harmonics(path, index, values)?);
+            Ok(())
+        })?;
+    }
     Ok(gaussians)
+}
+
+/// Checks coefficients.
+fn harmonics(path: &Path, index: usize, values: [f32; NUM_COEFFICIENTS]) -> Result<Harmonics> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(Harmonics(values)),
+        Some(k) => Err(SceneError::invalid(
+            path,
+            format!("vertex[{index}].{}", HARMONICS[k]),
+            format!("{:?} is not finite", values[k]),
+        )),
+    }
 }
 
 /// Writes Gaussians, binary little endian, atomic. What [`read_gaussians`] would refuse is refused.
@@ -77,12 +127,21 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Gaussians> {
 pub fn write_gaussians(path: &Path, gaussians: &Gaussians) -> Result<()> {
     files::write_atomic(path, |file| {
         let io = |e| SceneError::io(path, "write", e);
-        file.write_all(header("vertex", gaussians.len(), &PROPERTIES).as_bytes())
+        let mut properties = PROPERTIES.to_vec();
+        if !gaussians.harmonics.is_empty() {
+            properties.extend(HARMONICS);
+        }
+        file.write_all(header("vertex", gaussians.len(), &properties).as_bytes())
             .map_err(io)?;
         for (index, g) in gaussians.iter().enumerate() {
             let row = checked(path, index, row(&g))?;
             file.write_all(bytemuck::bytes_of(&row.map(f32::to_le_bytes)))
                 .map_err(io)?;
+            if let Some(coefficients) = gaussians.harmonics.get(index) {
+                let values = harmonics(path, index, coefficients.0)?.0;
+                file.write_all(bytemuck::bytes_of(&values.map(f32::to_le_bytes)))
+                    .map_err(io)?;
+            }
         }
         Ok(())
     })
@@ -116,6 +175,7 @@ fn gaussian(row: [f32; 17]) -> Gaussian {
         rotation: Quat::from_xyzw(row[6], row[7], row[8], row[5]),
         opacity: row[9],
         radiance: vec3(10),
+        harmonics: Harmonics::NONE,
         emission: row[13],
         albedo: vec3(14),
     }

@@ -3,6 +3,7 @@ mod preview;
 
 use super::*;
 use crate::gaussians::{Gaussian, Gaussians};
+use crate::harmonics::Harmonics;
 use crate::testing::{assert_error, for_each_damage, for_each_truncation};
 use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
@@ -21,6 +22,7 @@ fn sample(num: usize) -> Gaussians {
                 rotation: Quat::from_xyzw((t + 1.0).sin(), t.cos(), 0.3, 0.7 - t).normalize(),
                 opacity: (0.37 * t).fract(),
                 radiance: Vec3::new(0.0, t * 100.0, 1.0 / (t + 3.0)),
+                harmonics: Harmonics::NONE,
                 emission: (0.7 * t).fract(),
                 albedo: Vec3::new(0.0, 1.0, (0.1 * t).fract()),
             }
@@ -68,6 +70,7 @@ fn a_written_gaussian_has_the_bytes_of_the_format() {
         rotation: Quat::from_xyzw(0.5, -0.5, 0.5, -0.5),
         opacity: 0.75,
         radiance: Vec3::new(4.0, 5.0, 6.0),
+        harmonics: Harmonics::NONE,
         emission: 0.125,
         albedo: Vec3::new(0.0, 1.0, 0.5),
     };
@@ -227,6 +230,41 @@ fn impossible_values_are_named() {
     assert_error(parse(&ascii(row)), &["vertex[0].quaternions: length 0.0 "]);
 }
 
+#[test]
+fn light_that_differs_with_the_direction_takes_further_properties() {
+    let mut gaussians = sample(5);
+    let coefficient = |i: usize, k: usize| (i * 24 + k) as f32 / 50.0 - 1.0;
+    gaussians.harmonics = (0..5)
+        .map(|i| Harmonics(std::array::from_fn(|k| coefficient(i, k))))
+        .collect();
+    let bytes = written(&gaussians);
+    assert_eq!(parse(&bytes).unwrap(), gaussians);
+    // The properties that other programs know come first, and are what they are without.
+    let header = String::from_utf8_lossy(&bytes);
+    let (first, last) = (
+        "albedos_2\nproperty float harmonics_0\n",
+        "harmonics_23\nend_header\n",
+    );
+    assert!(header.contains(first) && header.contains(last));
+    let (plain, row) = (written(&sample(5)), 4 * (17 + 24));
+    assert_eq!(
+        bytes[bytes.len() - 5 * row..][..4 * 17],
+        plain[plain.len() - 5 * 4 * 17..][..4 * 17]
+    );
+
+    let some_missing = String::from_utf8_lossy(&ascii([0.5; 17]))
+        .replace("albedos_2\n", "albedos_2\nproperty float harmonics_0\n");
+    let missing = parse(format!("{some_missing} 0.5").as_bytes());
+    assert_error(missing, &["a.ply: vertex.harmonics_1: missing property"]);
+    gaussians.harmonics[3].0[7] = f32::NAN;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.ply");
+    assert_error(
+        write_gaussians(&path, &gaussians),
+        &["a.ply: vertex[3].harmonics_7: NaN is not finite"],
+    );
+}
+
 fn row_to_gaussian(row: [f32; 17]) -> Gaussian {
     Gaussian {
         position: Vec3::new(row[0], row[1], row[2]),
@@ -234,6 +272,7 @@ fn row_to_gaussian(row: [f32; 17]) -> Gaussian {
         rotation: Quat::from_xyzw(row[6], row[7], row[8], row[5]),
         opacity: row[9],
         radiance: Vec3::new(row[10], row[11], row[12]),
+        harmonics: Harmonics::NONE,
         emission: row[13],
         albedo: Vec3::new(row[14], row[15], row[16]),
     }

@@ -15,7 +15,7 @@ use super::camera::{BlendedHit, CameraRecord, TileRecord};
 use super::tile::pixels_of_tile;
 use crate::blend::{Face, LocalGradient, grad_lane};
 use crate::sums::{NUM_LANES, Sums, lane};
-use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet};
+use crate::surfel::{Payload, SeenSet, SeenSurfel, Surfel, SurfelSet};
 use eagpt_scene::Camera;
 use glam::Vec3;
 use multiversion::multiversion;
@@ -81,7 +81,7 @@ impl CameraRecord {
             return vec![LocalGradient::default(); set.len()];
         };
         let loss = Loss {
-            set,
+            set: set.as_seen(&self.seen),
             d_sums,
             wanted,
         };
@@ -150,7 +150,7 @@ impl RowPlaces {
 
 /// What is differentiated.
 struct Loss<'a> {
-    set: &'a SurfelSet,
+    set: SeenSet<'a>,
     d_sums: &'a [Sums],
     wanted: Wanted,
 }

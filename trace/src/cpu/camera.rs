@@ -14,7 +14,7 @@ use super::weights::BlendWeights;
 use crate::blend::{Blender, LocalGradient, Offered};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
-use crate::surfel::{Payload, SurfelSet};
+use crate::surfel::{Payload, SeenSet, SurfelSet};
 use eagpt_scene::Camera;
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -46,6 +46,8 @@ pub struct CameraRecord {
     pub(super) tiles: Vec<TileRecord>,
     bins: TileBins,
     pub(super) rows: RowPlaces,
+    /// Payloads as the camera sees them, where that makes a difference.
+    pub(super) seen: Vec<Payload>,
 }
 
 /// What a tile keeps.
@@ -142,6 +144,7 @@ impl CameraRecord {
         self.tiles
             .resize_with((tiles_x * tiles_y) as usize, TileRecord::default);
         let bins = &self.bins;
+        let seen = set.look_from(frame.origin, &mut self.seen);
         self.tiles
             .par_iter_mut()
             .enumerate()
@@ -151,10 +154,10 @@ impl CameraRecord {
                     record.clear();
                     match search {
                         HitSearch::SingleRays(bvh) => {
-                            trace_tile_by_rays(set, bvh, &rays, scratch, record, keep);
+                            trace_tile_by_rays(seen, bvh, &rays, scratch, record, keep);
                         }
                         HitSearch::Tiles => {
-                            trace_tile(set, bins, tile, &rays, scratch, record, keep);
+                            trace_tile(seen, bins, tile, &rays, scratch, record, keep);
                         }
                     }
                     record.name_rows(&scratch.list.slots);
@@ -322,7 +325,7 @@ impl TileRecord {
     "aarch64+neon"
 ))]
 fn trace_tile(
-    set: &SurfelSet,
+    set: SeenSet<'_>,
     bins: &TileBins,
     tile: usize,
     rays: &TileRays,
@@ -343,7 +346,7 @@ fn trace_tile(
 
 /// As [`trace_tile`], with the hits of the BVH.
 fn trace_tile_by_rays(
-    set: &SurfelSet,
+    set: SeenSet<'_>,
     bvh: &Bvh,
     rays: &TileRays,
     scratch: &mut TileScratch,

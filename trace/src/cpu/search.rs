@@ -8,7 +8,7 @@ use super::hits::BlockHits;
 use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays};
 use crate::blend::Face;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::surfel::{Payload, SeenSurfel, Surfel, SurfelSet, exp_of_negative};
+use crate::surfel::{Payload, SeenSet, SeenSurfel, Surfel, exp_of_negative};
 
 /// A Gaussian that rays of a tile may meet: a slot of the tile.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +42,7 @@ pub(super) struct TileList {
 impl TileList {
     /// Takes the Gaussians of a list that some block may see.
     #[inline(always)]
-    pub(super) fn fill(&mut self, set: &SurfelSet, binned: &[BinnedSurfel], rays: &TileRays) {
+    pub(super) fn fill(&mut self, set: SeenSet<'_>, binned: &[BinnedSurfel], rays: &TileRays) {
         let surfels = binned
             .iter()
             .map(|entry| set.surfels[entry.index() as usize]);
@@ -78,7 +78,7 @@ impl TileList {
     }
 
     #[inline(always)]
-    fn copy_payloads(&mut self, set: &SurfelSet) {
+    fn copy_payloads(&mut self, set: SeenSet<'_>) {
         let payloads = self
             .slots
             .iter()
@@ -93,7 +93,7 @@ impl TileList {
     /// Gives slots to the Gaussians of `indices`, in order of index.
     pub(super) fn name_slots(
         &mut self,
-        set: &SurfelSet,
+        set: SeenSet<'_>,
         origin: [f32; 3],
         indices: impl Iterator<Item = u32>,
     ) {

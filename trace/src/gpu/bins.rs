@@ -148,6 +148,8 @@ pub(super) struct Bins {
     pub(super) view: wgpu::Buffer,
     /// [`Seen`], `[n]`.
     pub(super) seen: wgpu::Buffer,
+    /// [`crate::surfel::Payload`] as the camera sees them, `[n]`.
+    pub(super) payloads: wgpu::Buffer,
     pub(super) totals: wgpu::Buffer,
     /// Gaussians, those that may be hit nearer first, `[n]`.
     pub(super) order: wgpu::Buffer,
@@ -214,6 +216,18 @@ impl Bins {
             (5, values),
         ];
         let mut steps = vec![device.step(&wgsl::PROJECT, "project", &project, n.div_ceil(64))];
+        let mut payloads = scene.payloads.clone();
+        if let Some(harmonics) = &scene.harmonics {
+            payloads = device.buffer("payloads as seen", scene.payloads.size())?;
+            let look = [
+                (0, &view),
+                (1, &scene.surfels),
+                (2, &scene.payloads),
+                (3, harmonics),
+                (4, &payloads),
+            ];
+            steps.push(device.step(&wgsl::LOOK, "look", &look, n.div_ceil(64)));
+        }
         steps.extend_from_slice(by_distance.steps());
         let count = [(0, &view), (1, order), (2, &rects), (3, &entry_starts)];
         let groups = (n + 1).div_ceil(64);
@@ -249,6 +263,7 @@ impl Bins {
             order: order.clone(),
             view,
             seen,
+            payloads,
             totals,
             entry_starts,
             places,

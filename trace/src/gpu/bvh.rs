@@ -150,7 +150,7 @@ fn disc_bounds(surfel: &Surfel) -> Aabb {
 mod tests {
     use super::*;
     use crate::surfel::SurfelSet;
-    use eagpt_scene::{Gaussian, Gaussians, random_cloud};
+    use eagpt_scene::{Gaussian, Gaussians, Harmonics, random_cloud};
     use glam::{Quat, Vec2};
 
     fn disc(position: Vec3, scale: f32) -> Gaussian {
@@ -160,6 +160,7 @@ mod tests {
             rotation: Quat::from_rotation_x(0.3),
             opacity: 0.9,
             radiance: Vec3::ONE,
+            harmonics: Harmonics::NONE,
             emission: 0.0,
             albedo: Vec3::ONE,
         }

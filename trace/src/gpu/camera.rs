@@ -126,7 +126,7 @@ impl CameraTracer {
                         (2, &bins.list_starts),
                         (3, &bins.listed),
                         (4, &bins.seen),
-                        (5, &scene.payloads),
+                        (5, &bins.payloads),
                         (6, &sums),
                     ];
                     device.step(&wgsl::CAMERA, "trace_tiles", &buffers, groups)

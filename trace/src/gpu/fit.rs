@@ -31,6 +31,8 @@ pub struct Frame {
     pub d_sums: wgpu::Buffer,
     /// [`LocalGradient`], `[n]`: written by [`GpuFit::backward`].
     pub gradients: wgpu::Buffer,
+    /// [`crate::surfel::Payload`] as the camera sees them, `[n]`: written by [`GpuFit::forward`].
+    pub payloads: wgpu::Buffer,
     /// Numbers of what the rays needed room for, at [`Frame::ENTRIES`] and [`Frame::CHUNKS`].
     pub totals: wgpu::Buffer,
     /// Where there was less room than needed, what was traced is worth nothing.
@@ -76,7 +78,7 @@ impl GpuFit {
     /// # Errors
     /// As [`Self::new`].
     pub fn update(&mut self, set: &SurfelSet) -> Result<(), GpuError> {
-        if set.len() == self.scene.num_surfels() as usize {
+        if self.scene.fit(set) {
             self.scene.write(&self.device, set);
             return Ok(());
         }
@@ -94,6 +96,11 @@ impl GpuFit {
     /// [`crate::surfel::Payload`], `[n]`.
     pub fn payloads(&self) -> &wgpu::Buffer {
         &self.scene.payloads
+    }
+
+    /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the direction.
+    pub fn harmonics(&self) -> Option<&wgpu::Buffer> {
+        self.scene.harmonics.as_ref()
     }
 
     /// Number of Gaussians.
@@ -133,6 +140,7 @@ impl GpuFit {
             sums: tracer.sums.clone(),
             d_sums: image.d_sums().clone(),
             gradients: image.gradients().clone(),
+            payloads: tracer.bins.payloads.clone(),
             totals: tracer.bins.totals.clone(),
             room: FrameRoom {
                 entries: tracer.bins.capacity,

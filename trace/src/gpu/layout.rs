@@ -8,6 +8,7 @@ use crate::sums::lane;
 use crate::surfel::Surfel;
 use crate::transport::links::{NOTHING, NUM_DRAWS};
 use crate::transport::start;
+use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use std::fmt::Write as _;
 
 /// A structure of kernels, as Rust lays it out.
@@ -94,6 +95,7 @@ const fn size_and_align(wgsl: &str) -> (usize, usize) {
         b"vec2u" | b"vec2f" => (8, 8),
         b"vec3f" => (12, 16),
         b"vec4f" | b"vec4u" => (16, 16),
+        b"array<vec4f, 2>" => (32, 16),
         b"array<vec4f, 4>" => (64, 16),
         b"array<vec4f, 5>" => (80, 16),
         b"array<u32, 3>" => (12, 4),
@@ -168,7 +170,11 @@ pub(super) fn declarations() -> String {
         ("MIN_SLAB_SIZES", start::MIN_SLAB_SIZES),
         ("MAX_SLAB_SIZES", start::MAX_SLAB_SIZES),
         ("MAX_SLANT", start::MAX_SLANT),
-    ] {
+        ("MAX_EXPONENT", MAX_EXPONENT),
+    ]
+    .into_iter()
+    .chain(FUNCTION_CONSTANTS)
+    {
         write_line(&mut text, format_args!("const {name}: f32 = {value:?};"));
     }
     for (name, value) in [
@@ -186,6 +192,7 @@ pub(super) fn declarations() -> String {
         ("ROULETTE", light::ROULETTE),
         ("LAST_BOUNCE", light::LAST_BOUNCE),
         ("NUM_DRAWS", NUM_DRAWS),
+        ("NUM_FUNCTIONS", NUM_FUNCTIONS as u32),
         ("NOTHING", NOTHING),
         ("STACK", bvh::STACK),
         ("NO_NODE", bvh::NO_NODE),

@@ -17,7 +17,7 @@ use crate::transport::lights::Lights;
 use crate::transport::links::{Directions, Links, Receiver};
 use crate::transport::{Integrator, LightOptions};
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians};
+use eagpt_scene::{Camera, Gaussians, Harmonics};
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -29,6 +29,8 @@ pub(super) struct SceneBuffers {
     pub(super) surfels: wgpu::Buffer,
     /// [`Payload`], `[n]`.
     pub(super) payloads: wgpu::Buffer,
+    /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the direction.
+    pub(super) harmonics: Option<wgpu::Buffer>,
     num_surfels: u32,
 }
 
@@ -45,17 +47,30 @@ impl SceneBuffers {
         let buffers = Self {
             surfels: device.buffer("Gaussians", size(size_of::<Surfel>()))?,
             payloads: device.buffer("payloads", size(size_of::<Payload>()))?,
+            harmonics: match set.harmonics.is_empty() {
+                true => None,
+                false => Some(device.buffer("harmonics", size(size_of::<Harmonics>()))?),
+            },
             num_surfels,
         };
         buffers.write(device, set);
         Ok(buffers)
     }
 
-    /// Replaces the Gaussians by as many others.
+    /// Whether there is room for `set`, and not for others.
+    pub(super) fn fit(&self, set: &SurfelSet) -> bool {
+        set.len() == self.num_surfels as usize
+            && set.harmonics.is_empty() == self.harmonics.is_none()
+    }
+
+    /// Replaces the Gaussians by others, for which there is room.
     pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
         let lanes: Vec<[f32; NUM_LANES]> = set.payloads.iter().map(|payload| payload.0).collect();
         device.write(&self.surfels, bytemuck::cast_slice(&set.surfels));
         device.write(&self.payloads, bytemuck::cast_slice(&lanes));
+        if let Some(harmonics) = &self.harmonics {
+            device.write(harmonics, bytemuck::cast_slice(&set.harmonics));
+        }
     }
 
     /// Number of Gaussians.
@@ -411,12 +426,12 @@ impl Tracer for GpuScene {
     }
 
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
-        if gaussians.len() != self.set.len() {
+        self.set.update(gaussians);
+        if !self.buffers.fit(&self.set) {
             *self = Self::new(&self.device, gaussians)?;
             return Ok(());
         }
         // What depends on their number stays as it is.
-        self.set.update(gaussians);
         self.lights = Lights::new(gaussians);
         self.buffers.write(&self.device, &self.set);
         self.light = Mutex::default();

@@ -8,9 +8,11 @@ pub mod shared {
     pub const BLEND: &str = include_str!("blend.wgsl");
     /// Hits of rays with Gaussians; `exp_of_negative`.
     pub const SURFEL: &str = include_str!("surfel.wgsl");
+    /// Functions of the direction a Gaussian is seen from.
+    pub const HARMONICS: &str = include_str!("harmonics.wgsl");
 }
 
-use shared::{BLEND, SURFEL};
+use shared::{BLEND, HARMONICS, SURFEL};
 
 const INDEX: &str = include_str!("index.wgsl");
 const BINS: &str = include_str!("bins.wgsl");
@@ -97,6 +99,10 @@ pub(super) static PROJECT: Module = Module::own(
     "project",
     &[&[SURFEL, BINS, include_str!("bins_project.wgsl")]],
 );
+pub(super) static LOOK: Module = Module::own(
+    "look",
+    &[&[SURFEL, BLEND, HARMONICS, include_str!("look.wgsl")]],
+);
 pub(super) static EXPAND: Module =
     Module::own("expand", &[&[BINS, include_str!("bins_expand.wgsl")]]);
 pub(super) static LISTS: Module = Module::own("lists", &[&[BINS, include_str!("bins_lists.wgsl")]]);
@@ -157,6 +163,7 @@ mod tests {
             &SCAN,
             &SORT,
             &PROJECT,
+            &LOOK,
             &EXPAND,
             &LISTS,
             &CAMERA,

@@ -216,6 +216,7 @@ impl<'a> BounceSampler<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eagpt_scene::Harmonics;
     use eagpt_scene::rng::{Purpose, RandomKey};
     use glam::{Quat, Vec2};
 
@@ -226,6 +227,7 @@ mod tests {
             rotation: Quat::from_rotation_x(turn),
             opacity: 0.9,
             radiance: Vec3::splat(brightness),
+            harmonics: Harmonics::NONE,
             emission: 1.0,
             albedo: Vec3::ZERO,
         };

@@ -158,7 +158,7 @@ impl GpuBackend {
         let fit = &self.host.engine.fit;
         let resident = match &mut self.resident {
             Some(resident) => resident,
-            none => none.insert(ResidentState::new(&self.device, &self.host.state)?),
+            none => none.insert(ResidentState::new(&self.device, &self.host.state, fit)?),
         };
         if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
             // The old one's memory goes first.
@@ -174,7 +174,7 @@ impl GpuBackend {
             let at = (camera, &wanted);
             device.run(&loss.steps(device, at, &options, (&frame, resident.report())))?;
             fit.backward(&rays)?;
-            device.run(&resident.steps(fit, &frame, &step.sizes))?;
+            device.run(&resident.steps(fit, (&frame, camera.origin()), &step.sizes))?;
             let report = resident.read_report()?;
             if fit.make_room(&rays, report.needed())? {
                 continue;

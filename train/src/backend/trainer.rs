@@ -327,7 +327,11 @@ impl<E: Engine> Backend for Trainer<E> {
             Wanted::LightAndMaterial
         };
         let gradients = self.engine.adjoint(&self.set, &camera, &d_rays, wanted)?;
-        if let Err(bad) = self.state.step(&self.gaussians, &gradients, &step.sizes) {
+        let eye = camera.origin();
+        if let Err(bad) = self
+            .state
+            .step(&self.gaussians, eye, &gradients, &step.sizes)
+        {
             return Ok(Err(bad));
         }
         self.prepare();
@@ -337,7 +341,11 @@ impl<E: Engine> Backend for Trainer<E> {
 
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
         let (terms, gradients) = self.albedo_gradient(view, step);
-        if let Err(bad) = self.state.step(&self.gaussians, &gradients, &step.sizes) {
+        let eye = view.view.camera.origin();
+        if let Err(bad) = self
+            .state
+            .step(&self.gaussians, eye, &gradients, &step.sizes)
+        {
             return Ok(Err(bad));
         }
         self.state.write_albedos(&mut self.gaussians.albedos);

@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// Bytes a Gaussian takes while it is trained: raw values, moments, gradients (4 × 17 floats), its activated and prepared forms.
 const BYTES_PER_GAUSSIAN: u64 = 4 * 17 * 4 + 17 * 4 + 2 * 64 + 64;
+/// Bytes that the coefficients of a Gaussian's harmonics take: values, moments, gradients, those of the Gaussian, prepared ones; and its payload as a
+/// camera sees it.
+const BYTES_PER_HARMONICS: u64 = 6 * 24 * 4 + 64;
 /// Bytes a pixel of the current view takes: sums and their gradient (16 floats each), some forty recorded hits, images of the
 /// loss.
 const BYTES_PER_PIXEL: u64 = 2 * 64 + 40 * 12 + 200;
@@ -229,7 +232,11 @@ pub fn memory(dataset: &Dataset, options: &TrainOptions, split: &Split) -> Resul
     let images: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;
     let cloud = dataset.points()?.map_or(0, |points| points.len());
     let num_gaussians = options.gaussians_for(cloud) as u64;
-    let fixed = num_gaussians * BYTES_PER_GAUSSIAN + largest * BYTES_PER_PIXEL;
+    let bytes_per_gaussian = match options.radiance.harmonics.degree {
+        0 => BYTES_PER_GAUSSIAN,
+        _ => BYTES_PER_GAUSSIAN + BYTES_PER_HARMONICS,
+    };
+    let fixed = num_gaussians * bytes_per_gaussian + largest * BYTES_PER_PIXEL;
     let irradiance = if options.stage == StageChoice::Radiance {
         0
     } else {

@@ -33,7 +33,8 @@ impl Run<'_> {
                 } else {
                     NormalTerms::On
                 };
-                let sizes = StepSizes::radiance(&stage.rates, position.extent, progress);
+                let sizes = StepSizes::radiance(&stage.rates, position.extent, progress)
+                    .with_harmonics(&stage.harmonics, stage.rates.share_at(progress));
                 backend.radiance_step(
                     view,
                     &RadianceStep {

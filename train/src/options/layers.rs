@@ -2,6 +2,7 @@
 
 use super::{Preset, TrainOptions};
 use crate::error::{Result, TrainError};
+use eagpt_scene::harmonics::MAX_DEGREE;
 
 impl TrainOptions {
     /// The preset with TOML tables put on top, later ones winning.
@@ -62,6 +63,13 @@ impl TrainOptions {
                 format!("{value} is not strictly between 0 and 1"),
             )
         };
+        let not_negative = |field: &str, value: f64| {
+            check(
+                value >= 0.0 && value.is_finite(),
+                field,
+                format!("{value} is negative or not a number"),
+            )
+        };
         let at_least_one =
             |field: &str, value: u64| check(value > 0, field, "0 is too few".to_owned());
         positive("init.per_point", self.init.per_point.into())?;
@@ -88,6 +96,14 @@ impl TrainOptions {
         ] {
             positive(&format!("radiance.rates.{field}"), value.into())?;
         }
+        let harmonics = &self.radiance.harmonics;
+        check(
+            harmonics.degree <= MAX_DEGREE,
+            "radiance.harmonics.degree",
+            format!("{} is above {MAX_DEGREE}", harmonics.degree),
+        )?;
+        positive("radiance.harmonics.rate", harmonics.rate.into())?;
+        not_negative("radiance.harmonics.decay", harmonics.decay.into())?;
         let weights = &self.radiance.weights;
         share("radiance.weights.ssim_share", weights.ssim_share)?;
         for (field, value) in [
@@ -97,11 +113,7 @@ impl TrainOptions {
             ("emission", weights.emission),
             ("alpha", weights.alpha),
         ] {
-            check(
-                value >= 0.0 && value.is_finite(),
-                &format!("radiance.weights.{field}"),
-                format!("{value} is negative or not a number"),
-            )?;
+            not_negative(&format!("radiance.weights.{field}"), value)?;
         }
         let densify = &self.radiance.densify;
         share("radiance.densify.from", densify.from.into())?;

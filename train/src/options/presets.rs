@@ -1,8 +1,8 @@
 //! The values of the presets.
 
 use super::{
-    AlbedoOptions, DensifyOptions, Gather, InitOptions, LearningRates, LossWeights, OutputOptions,
-    Preset, RadianceOptions, StageChoice, TrainOptions,
+    AlbedoOptions, DensifyOptions, Gather, HarmonicsOptions, InitOptions, LearningRates,
+    LossWeights, OutputOptions, Preset, RadianceOptions, StageChoice, TrainOptions,
 };
 use eagpt_scene::dataset::SplitRule;
 
@@ -70,6 +70,11 @@ impl TrainOptions {
                 normals_from: 0.1,
                 antialias_from: if preset == Preset::Fast { 0.82 } else { 1.0 },
                 rates,
+                harmonics: HarmonicsOptions {
+                    degree: 0,
+                    rate: 1.5e-2,
+                    decay: 0.0,
+                },
                 weights,
                 densify: DensifyOptions {
                     times: if preset == Preset::Paper { 0 } else { 8 },

@@ -1,44 +1,45 @@
 //! What Adam moves and remembers, and one step of it (Kingma and Ba 2015).
 
+use super::learned::{Adam, Learned};
 use super::{
-    ALBEDO, CLASSES, NUM_PARAMETERS, POSITION, RADIANCE, Raw, SCALE, gaussian_from_raw, logit,
-    raw_from_gaussian, raw_gradient, sigmoid,
+    ALBEDO, CLASSES, NUM_PARAMETERS, POSITION, RADIANCE, Raw, SCALE, gaussian_from_raw,
+    harmonics_gradient, logit, raw_from_gaussian, raw_gradient, sigmoid,
 };
-use crate::options::LearningRates;
+use crate::options::{HarmonicsOptions, LearningRates};
 use crate::order;
-use eagpt_scene::Gaussians;
+use eagpt_scene::harmonics::{NUM_COEFFICIENTS, functions_from, num_functions};
+use eagpt_scene::{Gaussians, Harmonics};
 use eagpt_trace::blend::LocalGradient;
 use glam::Vec3;
-use multiversion::multiversion;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Adam's moment decays and divisor guard (Kingma and Ba 2015; the guard is that of 3DGS).
-pub(crate) const BETA_1: f32 = 0.9;
-pub(crate) const BETA_2: f32 = 0.999;
-pub(crate) const EPSILON: f32 = 1e-15;
 
 /// Raw parameters with Adam's moments: the whole state of an optimisation.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ParameterState {
-    /// Raw values, `[n]`.
-    pub values: Vec<Raw>,
-    /// First moments, `[n]`.
-    pub first: Vec<Raw>,
-    /// Second moments, `[n]`.
-    pub second: Vec<Raw>,
+    /// Raw parameters, `[n]`.
+    pub raw: Learned<NUM_PARAMETERS>,
+    /// Coefficients of [`Harmonics`], `[n]`; empty where radiance does not differ with the direction.
+    pub harmonics: Learned<NUM_COEFFICIENTS>,
     /// Steps taken since the moments were zero.
     pub num_steps: u32,
 }
 
-/// Adam's step size for every raw parameter; 0 keeps a parameter as it is.
+/// Adam's step sizes; 0 keeps a parameter as it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepSizes(pub Raw);
+pub struct StepSizes {
+    /// Of every raw parameter.
+    pub raw: Raw,
+    /// Of every coefficient of the harmonics.
+    pub harmonics: [f32; NUM_COEFFICIENTS],
+    /// What part of its size times its step size a coefficient loses in a step: decoupled weight decay (Loshchilov and Hutter 2019).
+    pub harmonics_decay: f32,
+}
 
 impl StepSizes {
-    /// Steps of stage 0 when `progress` (0 to 1) of it is done. `extent`: see [`LearningRates::position`].
+    /// Steps of stage 0 when `progress` (0 to 1) of it is done; harmonics stay. `extent`: see [`LearningRates::position`].
     pub fn radiance(rates: &LearningRates, extent: f32, progress: f32) -> Self {
-        let decay = rates.final_share.powf(progress);
+        let decay = rates.share_at(progress);
         let mut sizes = [0.0; NUM_PARAMETERS];
         let of_class = [
             rates.position * extent,
@@ -52,45 +53,57 @@ impl StepSizes {
         for ((_, range), rate) in CLASSES.into_iter().zip(of_class) {
             sizes[range].fill(rate * decay);
         }
-        Self(sizes)
+        Self {
+            raw: sizes,
+            harmonics: [0.0; NUM_COEFFICIENTS],
+            harmonics_decay: 0.0,
+        }
+    }
+
+    /// With steps of harmonics: `share` of the rate that they begin with.
+    pub fn with_harmonics(mut self, options: &HarmonicsOptions, share: f32) -> Self {
+        self.harmonics[..3 * num_functions(options.degree)].fill(options.rate * share);
+        self.harmonics_decay = options.decay;
+        self
     }
 
     /// Whether anything moves beside light and material: radiance, emission, albedo.
     pub fn move_geometry(&self) -> bool {
-        self.0[..RADIANCE].iter().any(|&size| size != 0.0)
+        self.raw[..RADIANCE].iter().any(|&size| size != 0.0)
     }
 
     /// Steps of stage 1: albedo only.
     pub fn albedo(rate: f32) -> Self {
         let mut sizes = [0.0; NUM_PARAMETERS];
         sizes[ALBEDO..].fill(rate);
-        Self(sizes)
+        Self {
+            raw: sizes,
+            harmonics: [0.0; NUM_COEFFICIENTS],
+            harmonics_decay: 0.0,
+        }
     }
 }
 
 impl ParameterState {
     /// The state at the start: the given Gaussians, no moments.
     pub fn new(gaussians: &Gaussians) -> Self {
-        let values: Vec<Raw> = gaussians.iter().map(|g| raw_from_gaussian(&g)).collect();
-        let zeros = vec![[0.0; NUM_PARAMETERS]; values.len()];
         Self {
-            values,
-            first: zeros.clone(),
-            second: zeros,
+            raw: Learned::new(gaussians.iter().map(|g| raw_from_gaussian(&g)).collect()),
+            harmonics: Learned::new(gaussians.harmonics.iter().map(|h| h.0).collect()),
             num_steps: 0,
         }
     }
 
     /// Forgets the moments: a new stage begins.
     pub fn reset_moments(&mut self) {
-        self.first.fill([0.0; NUM_PARAMETERS]);
-        self.second.fill([0.0; NUM_PARAMETERS]);
+        self.raw.reset_moments();
+        self.harmonics.reset_moments();
         self.num_steps = 0;
     }
 
     /// Sets the albedos, `[n]`, each 0 to 1.
     pub fn set_albedos(&mut self, albedos: &[Vec3]) {
-        for (raw, albedo) in self.values.iter_mut().zip(albedos) {
+        for (raw, albedo) in self.raw.values.iter_mut().zip(albedos) {
             raw[ALBEDO..].copy_from_slice(&albedo.to_array().map(logit));
         }
     }
@@ -99,7 +112,7 @@ impl ParameterState {
     /// of `axis` times `shrink`, `step` (scene units) to either side of where it was. The halves know its second moments, so that their first
     /// steps are not longer than its own; the direction they find out.
     pub fn split(&mut self, parent: usize, place: usize, axis: usize, step: Vec3, shrink: f32) {
-        let mut half = self.values[parent];
+        let mut half = self.raw.values[parent];
         half[SCALE + axis] += shrink.ln();
         let moved = |by: Vec3| {
             let mut raw = half;
@@ -108,49 +121,51 @@ impl ParameterState {
             }
             raw
         };
-        let (one, other) = (moved(step), moved(-step));
-        let second = self.second[parent];
-        if place == self.values.len() {
-            self.values.push(other);
-            self.first.push([0.0; NUM_PARAMETERS]);
-            self.second.push(second);
-        } else {
-            self.values[place] = other;
-            self.first[place] = [0.0; NUM_PARAMETERS];
-            self.second[place] = second;
+        self.raw.split(parent, place, [moved(step), moved(-step)]);
+        if let Some(&coefficients) = self.harmonics.values.get(parent) {
+            self.harmonics.split(parent, place, [coefficients; 2]);
         }
-        self.values[parent] = one;
-        self.first[parent] = [0.0; NUM_PARAMETERS];
     }
 
     /// Puts Gaussians that are close in space close together in memory.
     pub fn sort_in_space(&mut self) {
         let position = |raw: &Raw| Vec3::from_slice(&raw[POSITION..SCALE]);
-        let order = order::along_curve(&self.values.iter().map(position).collect::<Vec<_>>());
-        for of in [&mut self.values, &mut self.first, &mut self.second] {
-            *of = order.iter().map(|&i| of[i as usize]).collect();
+        let order = order::along_curve(&self.raw.values.iter().map(position).collect::<Vec<_>>());
+        self.raw.reorder(&order);
+        if !self.harmonics.is_empty() {
+            self.harmonics.reorder(&order);
         }
     }
 
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
-        self.values.len()
+        self.raw.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
+        self.raw.is_empty()
     }
 
     /// The Gaussians of the raw values.
     pub fn gaussians(&self) -> Gaussians {
-        self.values.iter().map(gaussian_from_raw).collect()
+        let mut gaussians: Gaussians = self.raw.values.iter().map(gaussian_from_raw).collect();
+        self.write_harmonics(&mut gaussians);
+        gaussians
+    }
+
+    fn write_harmonics(&self, gaussians: &mut Gaussians) {
+        gaussians.harmonics.clear();
+        gaussians
+            .harmonics
+            .extend(self.harmonics.values.iter().copied().map(Harmonics));
     }
 
     /// Writes the Gaussians of the raw values over `gaussians`, `[n]`.
     pub fn write_gaussians(&self, gaussians: &mut Gaussians) {
+        self.write_harmonics(gaussians);
         (
-            &self.values,
+            &self.raw.values,
             &mut gaussians.positions,
             &mut gaussians.scales,
             &mut gaussians.rotations,
@@ -173,7 +188,7 @@ impl ParameterState {
 
     /// Writes the albedos of the raw values alone over `albedos`, `[n]`.
     pub fn write_albedos(&self, albedos: &mut [Vec3]) {
-        (&self.values, albedos)
+        (&self.raw.values, albedos)
             .into_par_iter()
             .with_min_len(1024)
             .for_each(|(raw, albedo)| {
@@ -181,23 +196,33 @@ impl ParameterState {
             });
     }
 
-    /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the activated values). Nothing changes if a
-    /// gradient is not finite: then the class of the parameter, the index of the Gaussian and the value are returned.
+    /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the activated values) as they look from `eye`. Nothing
+    /// changes if a gradient is not finite: then the class of the parameter, the index of the Gaussian and the value are returned.
     pub fn step(
         &mut self,
         gaussians: &Gaussians,
+        eye: Vec3,
         gradients: &[LocalGradient],
         sizes: &StepSizes,
     ) -> Result<(), BadGradient> {
         let first_bad = AtomicUsize::new(usize::MAX);
+        let moves_harmonics =
+            !self.harmonics.is_empty() && sizes.harmonics != [0.0; NUM_COEFFICIENTS];
+        let mut of_harmonics =
+            vec![[0.0; NUM_COEFFICIENTS]; if moves_harmonics { self.len() } else { 0 }];
         let raw: Vec<Raw> = self
+            .raw
             .values
             .par_iter()
             .zip(gradients)
             .with_min_len(1024)
             .enumerate()
             .map(|(i, (value, local))| {
-                let raw = raw_gradient(value, &gaussians.get(i), local);
+                let mut g = gaussians.get(i);
+                if !self.harmonics.is_empty() {
+                    g.radiance *= g.harmonics.factor(&functions_from(eye, g.position));
+                }
+                let raw = raw_gradient(value, &g, local);
                 // A sum is not finite if one of its terms is not.
                 if !raw.iter().sum::<f32>().is_finite() {
                     first_bad.fetch_min(i, Ordering::Relaxed);
@@ -211,60 +236,26 @@ impl ParameterState {
                 return Err(bad);
             }
         }
-        self.num_steps += 1;
-        let adam = Adam::new(*sizes, self.num_steps);
-        self.values
-            .par_chunks_mut(ADAM_CHUNK)
-            .zip(self.first.par_chunks_mut(ADAM_CHUNK))
-            .zip(self.second.par_chunks_mut(ADAM_CHUNK))
-            .zip(raw.par_chunks(ADAM_CHUNK))
-            .for_each(|(((values, first), second), gradients)| {
-                adam_step(&adam, values, first, second, gradients);
+        of_harmonics
+            .par_iter_mut()
+            .zip(&raw)
+            .zip(&gaussians.positions)
+            .with_min_len(1024)
+            .for_each(|((row, raw), position)| {
+                *row = harmonics_gradient(raw, &functions_from(eye, *position));
             });
+        self.num_steps += 1;
+        let adam = Adam::new(self.num_steps);
+        self.raw.step(&adam, &sizes.raw, 0.0, &raw);
+        if moves_harmonics {
+            self.harmonics.step(
+                &adam,
+                &sizes.harmonics,
+                sizes.harmonics_decay,
+                &of_harmonics,
+            );
+        }
         Ok(())
-    }
-}
-
-/// Gaussians updated at once by a thread.
-const ADAM_CHUNK: usize = 1024;
-
-/// One step's constants.
-pub(crate) struct Adam {
-    sizes: StepSizes,
-    /// What first moments are to be multiplied with …
-    pub(crate) correction_1: f32,
-    /// … and second ones, since both started at zero.
-    pub(crate) correction_2: f32,
-}
-
-impl Adam {
-    /// Those of step `num_steps`, counted from 1.
-    pub(crate) fn new(sizes: StepSizes, num_steps: u32) -> Self {
-        Self {
-            sizes,
-            correction_1: 1.0 / (1.0 - BETA_1.powi(num_steps as i32)),
-            correction_2: 1.0 / (1.0 - BETA_2.powi(num_steps as i32)),
-        }
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn adam_step(
-    adam: &Adam,
-    values: &mut [Raw],
-    first: &mut [Raw],
-    second: &mut [Raw],
-    gradients: &[Raw],
-) {
-    let moments = first.iter_mut().zip(second);
-    for ((value, gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
-        for k in 0..NUM_PARAMETERS {
-            let g = gradient[k];
-            first[k] = BETA_1 * first[k] + (1.0 - BETA_1) * g;
-            second[k] = BETA_2 * second[k] + (1.0 - BETA_2) * g * g;
-            let root = (second[k] * adam.correction_2).sqrt() + EPSILON;
-            value[k] -= adam.sizes.0[k] * first[k] * adam.correction_1 / root;
-        }
     }
 }
 
@@ -310,21 +301,71 @@ mod tests {
         let gaussians: Gaussians = [sample()].into_iter().collect();
         let mut state = ParameterState::new(&gaussians);
         let before = state.clone();
+        let everything = StepSizes {
+            raw: [0.1; NUM_PARAMETERS],
+            ..StepSizes::albedo(0.1)
+        };
         let mut gradient = LocalGradient::default();
         gradient.0[grad_lane::OPACITY] = 1.0;
         state
-            .step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS]))
+            .step(&gaussians, Vec3::ZERO, &[gradient], &everything)
             .unwrap();
         // The first step of Adam has the length of the rate, against the gradient.
-        assert!((state.values[0][OPACITY] - (before.values[0][OPACITY] - 0.1)).abs() < 1e-6);
-        assert_eq!(state.values[0][RADIANCE..], before.values[0][RADIANCE..]);
+        assert!(
+            (state.raw.values[0][OPACITY] - (before.raw.values[0][OPACITY] - 0.1)).abs() < 1e-6
+        );
+        assert_eq!(
+            state.raw.values[0][RADIANCE..],
+            before.raw.values[0][RADIANCE..]
+        );
 
         let kept = state.clone();
         gradient.0[grad_lane::EMISSION] = f32::NAN;
         let bad = state
-            .step(&gaussians, &[gradient], &StepSizes([0.1; NUM_PARAMETERS]))
+            .step(&gaussians, Vec3::ZERO, &[gradient], &everything)
             .unwrap_err();
         assert_eq!((bad.class, bad.index), ("emission", 0));
         assert_eq!(state, kept);
+    }
+
+    #[test]
+    fn harmonics_move_up_to_their_degree_and_go_with_their_gaussian() {
+        let mut gaussians: Gaussians = [sample(), sample()].into_iter().collect();
+        gaussians.positions[1] = Vec3::new(0.3, -1.0, 2.5);
+        gaussians.harmonics = vec![Harmonics([0.25; NUM_COEFFICIENTS]); 2];
+        let mut state = ParameterState::new(&gaussians);
+        let mut gradient = LocalGradient::default();
+        gradient.0[grad_lane::RADIANCE] = 1.0;
+        let options = HarmonicsOptions {
+            degree: 1,
+            rate: 0.1,
+            decay: 0.5,
+        };
+        let sizes = StepSizes::albedo(0.1).with_harmonics(&options, 0.5);
+        let eye = Vec3::new(2.0, 1.0, 0.0);
+        let gradients = [gradient, LocalGradient::default()];
+        state.step(&gaussians, eye, &gradients, &sizes).unwrap();
+        let [moved, unseen] = [0, 1].map(|i| state.harmonics.values[i]);
+        let functions = functions_from(eye, gaussians.positions[0]);
+        for k in 0..NUM_COEFFICIENTS {
+            // Half of the rate, a twentieth: decay takes half of a twentieth of a quarter; the first step has the length of the rate.
+            let wanted = match k {
+                9.. => 0.25,
+                _ if k % 3 == 0 => 0.25 * 0.975 - 0.05 * functions[k / 3].signum(),
+                _ => 0.25 * 0.975,
+            };
+            assert!((moved[k] - wanted).abs() < 1e-6, "{k}: {}", moved[k]);
+        }
+        assert!((unseen[0] - 0.25 * 0.975).abs() < 1e-6 && unseen[9] == 0.25);
+        state.split(0, 2, 0, Vec3::X * 0.1, 0.7);
+        assert_eq!(state.gaussians().harmonics.len(), 3);
+        assert_eq!(state.gaussians().get(2).harmonics.0, moved);
+        state.sort_in_space();
+        let found = state
+            .gaussians()
+            .iter()
+            .filter(|g| g.harmonics.0 == moved)
+            .count();
+        assert_eq!(found, 2);
     }
 }

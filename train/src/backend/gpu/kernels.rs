@@ -21,7 +21,7 @@ const PIXELS: &str = include_str!("loss_pixels.wgsl");
 pub(super) static PARAMS: Module = Module::with_declarations(
     "parameters",
     declarations,
-    &[COMMON, &[include_str!("params.wgsl")]],
+    &[COMMON, &[shared::HARMONICS, include_str!("params.wgsl")]],
 );
 pub(super) static COLOR: Module = Module::with_declarations(
     "loss: colour",

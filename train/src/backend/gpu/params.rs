@@ -3,9 +3,10 @@
 use super::kernels;
 use super::report::{self, Report};
 use crate::error::Result;
-use crate::params::{Adam, BadGradient, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
+use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Step, layout};
 use eagpt_trace::gpu::{Device, Frame, GpuFit};
+use glam::Vec3;
 use std::sync::Arc;
 
 /// One step's constants.
@@ -13,6 +14,11 @@ use std::sync::Arc;
 #[repr(C)]
 pub(super) struct AdamParameters {
     sizes: [[f32; 4]; 5],
+    /// Of each coefficient of one channel.
+    harmonics: [[f32; 4]; 2],
+    /// What the camera looks from.
+    eye: [f32; 3],
+    harmonics_decay: f32,
     correction_1: f32,
     correction_2: f32,
     num_gaussians: u32,
@@ -28,6 +34,9 @@ impl AdamParameters {
     pub(super) fn layout() -> Layout {
         layout!(AdamParameters {
             sizes: "array<vec4f, 5>",
+            harmonics: "array<vec4f, 2>",
+            eye: "vec3f",
+            harmonics_decay: "f32",
             correction_1: "f32",
             correction_2: "f32",
             num_gaussians: "u32",
@@ -49,21 +58,42 @@ pub(super) struct ResidentState {
     first: Buffer,
     second: Buffer,
     raw_gradients: Buffer,
+    harmonics: Option<ResidentHarmonics>,
     report: Buffer,
     num_gaussians: usize,
     num_steps: u32,
 }
 
+/// Coefficients on a device, which are traced as they are, and their moments, `[n, 24]` each.
+#[derive(Debug)]
+struct ResidentHarmonics {
+    values: Buffer,
+    first: Buffer,
+    second: Buffer,
+}
+
+fn bytes<const K: usize>(rows: &[[f32; K]]) -> Vec<u8> {
+    bytemuck::cast_slice(rows.as_flattened()).to_vec()
+}
+
 impl ResidentState {
-    /// Brings `state` to the device.
-    pub(super) fn new(device: &Arc<Device>, state: &ParameterState) -> Result<Self> {
-        let bytes = |rows: &[Raw]| bytemuck::cast_slice(rows.as_flattened()).to_vec();
+    /// Brings `state` to the device, where `fit` has its Gaussians.
+    pub(super) fn new(device: &Arc<Device>, state: &ParameterState, fit: &GpuFit) -> Result<Self> {
+        let harmonics = match fit.harmonics() {
+            None => None,
+            Some(values) => Some(ResidentHarmonics {
+                values: values.clone(),
+                first: device.upload("first moments", &bytes(&state.harmonics.first))?,
+                second: device.upload("second moments", &bytes(&state.harmonics.second))?,
+            }),
+        };
         let size = (size_of::<Raw>() * state.len()) as u64;
         Ok(Self {
-            values: device.upload("parameters", &bytes(&state.values))?,
-            first: device.upload("first moments", &bytes(&state.first))?,
-            second: device.upload("second moments", &bytes(&state.second))?,
+            values: device.upload("parameters", &bytes(&state.raw.values))?,
+            first: device.upload("first moments", &bytes(&state.raw.first))?,
+            second: device.upload("second moments", &bytes(&state.raw.second))?,
             raw_gradients: device.buffer("gradients by parameters", size)?,
+            harmonics,
             report: device.buffer("report", 4 * report::NUM_WORDS as u64)?,
             num_gaussians: state.len(),
             num_steps: state.num_steps,
@@ -82,14 +112,24 @@ impl ResidentState {
             .write(&self.report, bytemuck::cast_slice(&report::EMPTY));
     }
 
-    /// The kernels of a step along the gradients of `frame`, which moves the Gaussians of `fit`.
-    pub(super) fn steps(&self, fit: &GpuFit, frame: &Frame, sizes: &StepSizes) -> Vec<Step> {
+    /// The kernels of a step along the gradients of `frame`, which was traced from `eye`; it moves the Gaussians of `fit`.
+    pub(super) fn steps(
+        &self,
+        fit: &GpuFit,
+        (frame, eye): (&Frame, Vec3),
+        sizes: &StepSizes,
+    ) -> Vec<Step> {
+        // Steps are the same for all channels.
+        let (of_functions, _) = sizes.harmonics.as_chunks::<3>();
         let mut padded = [0.0; 20];
-        padded[..NUM_PARAMETERS].copy_from_slice(&sizes.0);
-        let adam = Adam::new(*sizes, self.num_steps + 1);
+        padded[..NUM_PARAMETERS].copy_from_slice(&sizes.raw);
+        let adam = Adam::new(self.num_steps + 1);
         let (rows, _) = padded.as_chunks();
         let parameters = AdamParameters {
             sizes: std::array::from_fn(|k| rows[k]),
+            harmonics: std::array::from_fn(|k| std::array::from_fn(|l| of_functions[4 * k + l][0])),
+            eye: eye.to_array(),
+            harmonics_decay: sizes.harmonics_decay,
             correction_1: adam.correction_1,
             correction_2: adam.correction_2,
             num_gaussians: self.num_gaussians as u32,
@@ -105,6 +145,7 @@ impl ResidentState {
             (4, &frame.gradients),
             (5, &self.raw_gradients),
             (6, &self.report),
+            (8, &frame.payloads),
         ];
         let adam = [
             (0, &parameters),
@@ -117,9 +158,26 @@ impl ResidentState {
             (8, fit.payloads()),
             (9, &frame.totals),
         ];
-        [("chain_rule", &chain[..]), ("adam_step", &adam[..])]
-            .map(|(entry, buffers)| self.device.step(&kernels::PARAMS, entry, buffers, groups))
-            .to_vec()
+        let step = |entry, buffers: &[(u32, &Buffer)]| {
+            self.device.step(&kernels::PARAMS, entry, buffers, groups)
+        };
+        let mut steps = vec![step("chain_rule", &chain)];
+        if let Some(harmonics) = &self.harmonics {
+            // Before the Gaussians move: directions are those they were seen from.
+            let buffers = [
+                (0, &parameters),
+                (1, &harmonics.values),
+                (2, &harmonics.first),
+                (3, &harmonics.second),
+                (5, &self.raw_gradients),
+                (6, &self.report),
+                (7, fit.surfels()),
+                (9, &frame.totals),
+            ];
+            steps.push(step("harmonics_step", &buffers));
+        }
+        steps.push(step("adam_step", &adam));
+        steps
     }
 
     /// The report of the step that was submitted last; waits for it.
@@ -153,15 +211,24 @@ impl ResidentState {
         })))
     }
 
+    fn read<const K: usize>(&self, buffers: [&Buffer; 3]) -> Result<Learned<K>> {
+        let rows = |buffer: &Buffer| self.device.read::<[f32; K]>(buffer, 0..self.num_gaussians);
+        let [values, first, second] = buffers;
+        Ok(Learned {
+            values: rows(values)?,
+            first: rows(first)?,
+            second: rows(second)?,
+        })
+    }
+
     /// The state, read back.
     pub(super) fn state(&self) -> Result<ParameterState> {
-        let read = |buffer: &Buffer| -> Result<Vec<Raw>> {
-            Ok(self.device.read::<Raw>(buffer, 0..self.num_gaussians)?)
-        };
         Ok(ParameterState {
-            values: read(&self.values)?,
-            first: read(&self.first)?,
-            second: read(&self.second)?,
+            raw: self.read([&self.values, &self.first, &self.second])?,
+            harmonics: match &self.harmonics {
+                None => Learned::default(),
+                Some(h) => self.read([&h.values, &h.first, &h.second])?,
+            },
             num_steps: self.num_steps,
         })
     }

@@ -11,6 +11,7 @@
 @group(0) @binding(5) var<storage, read_write> raw_gradients: array<f32>;
 @group(0) @binding(6) var<storage, read_write> report: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> surfels: array<Surfel>;
+// In `chain_rule` as the camera sees them.
 @group(0) @binding(8) var<storage, read_write> payloads: array<Lanes>;
 @group(0) @binding(9) var<storage, read> totals: array<u32>;
 
@@ -99,7 +100,7 @@ fn chain_rule(
     sum += put(at + 5u, -dot(q.xyz, turn) * factor);
     sum += put3(at + 6u, (q.w * turn + cross(q.xyz, turn)) * factor);
     sum += put(at + 9u, d.c.x * g.opacity * (1.0 - g.opacity));
-    sum += put3(at + 10u, d.c.yzw * g.radiance);
+    sum += put3(at + 10u, d.c.yzw * payloads[index].a.xyz);
     sum += put(at + 13u, d.d.x * g.emission * (1.0 - g.emission));
     sum += put3(at + 14u, d.d.yzw * g.albedo * (1.0 - g.albedo));
     // A sum is not finite if one of its terms is not.
@@ -121,6 +122,44 @@ fn surfel_of(g: Activated, frame: mat3x3f) -> Surfel {
     );
 }
 
+// Nothing changes if a gradient is not a number, or if there was no room for all that it is made of.
+fn gradients_are_good() -> bool {
+    let has_room = totals[TOTAL_ENTRIES] <= adam.entries && totals[TOTAL_CHUNKS] <= adam.chunks;
+    return has_room && atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD;
+}
+
+fn move_value(at: u32, gradient: f32, size: f32, decay: f32) {
+    let mean = BETA_1 * first[at] + (1.0 - BETA_1) * gradient;
+    let square = BETA_2 * second[at] + (1.0 - BETA_2) * gradient * gradient;
+    first[at] = mean;
+    second[at] = square;
+    let root = sqrt(square * adam.correction_2) + EPSILON;
+    values[at] = (1.0 - size * decay) * values[at] - size * mean * adam.correction_1 / root;
+}
+
+// Moves the coefficients of harmonics: `values`, `first` and `second` are theirs, [n, NUM_FUNCTIONS, 3] each.
+@compute @workgroup_size(64)
+fn harmonics_step(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let index = group_number(workgroup, workgroups) * 64u + thread;
+    if index >= adam.num_gaussians || !gradients_are_good() {
+        return;
+    }
+    var functions = harmonic_functions(adam.eye, surfels[index].position);
+    for (var k = 0u; k < NUM_FUNCTIONS; k++) {
+        let size = adam.harmonics[k / 4u][k % 4u];
+        for (var channel = 0u; channel < 3u; channel++) {
+            // By the logarithm of radiance.
+            let gradient = raw_gradients[index * NUM_PARAMETERS + 10u + channel];
+            let at = (index * NUM_FUNCTIONS + k) * 3u + channel;
+            move_value(at, gradient * functions[k], size, adam.harmonics_decay);
+        }
+    }
+}
+
 @compute @workgroup_size(64)
 fn adam_step(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -128,26 +167,16 @@ fn adam_step(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let index = group_number(workgroup, workgroups) * 64u + thread;
-    let entries = totals[TOTAL_ENTRIES];
-    let chunks = totals[TOTAL_CHUNKS];
     if index == 0u {
-        atomicStore(&report[REPORT_ENTRIES], entries);
-        atomicStore(&report[REPORT_CHUNKS], chunks);
+        atomicStore(&report[REPORT_ENTRIES], totals[TOTAL_ENTRIES]);
+        atomicStore(&report[REPORT_CHUNKS], totals[TOTAL_CHUNKS]);
     }
-    // Nothing changes if a gradient is not a number, or if there was no room for all that it is made of.
-    let is_good = atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD && entries <= adam.entries && chunks <= adam.chunks;
-    if index >= adam.num_gaussians || !is_good {
+    if index >= adam.num_gaussians || !gradients_are_good() {
         return;
     }
     let at = index * NUM_PARAMETERS;
     for (var k = 0u; k < NUM_PARAMETERS; k++) {
-        let gradient = raw_gradients[at + k];
-        let mean = BETA_1 * first[at + k] + (1.0 - BETA_1) * gradient;
-        let square = BETA_2 * second[at + k] + (1.0 - BETA_2) * gradient * gradient;
-        first[at + k] = mean;
-        second[at + k] = square;
-        let root = sqrt(square * adam.correction_2) + EPSILON;
-        values[at + k] -= adam.sizes[k / 4u][k % 4u] * mean * adam.correction_1 / root;
+        move_value(at + k, raw_gradients[at + k], adam.sizes[k / 4u][k % 4u], 0.0);
     }
     let g = activated(at);
     let frame = frame_of(g.rotation);

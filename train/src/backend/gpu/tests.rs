@@ -7,16 +7,17 @@ use super::wanted::WantedView;
 use crate::loss::target::Target;
 use crate::loss::tests::{frame, mask, view};
 use crate::loss::{LossTerms, NormalTerms, radiance_loss};
-use crate::options::{LossWeights, Preset, TrainOptions};
-use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
+use crate::options::{HarmonicsOptions, LossWeights, Preset, TrainOptions};
+use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
 use eagpt_scene::Image;
-use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_scene::harmonics::NUM_COEFFICIENTS;
+use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::gpu::{Frame, GpuFit};
 use eagpt_trace::sums::{NUM_LANES, Sums, lane};
 use eagpt_trace::surfel::SurfelSet;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::ops::RangeInclusive;
 
 #[path = "../../../../trace/tests/gpu/mod.rs"]
@@ -86,6 +87,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
             sums: device.upload("sums", bytemuck::cast_slice(&lanes)).unwrap(),
             d_sums: made("d_sums"),
             gradients: made("gradients"),
+            payloads: made("payloads"),
             totals: made("totals"),
             room: eagpt_trace::gpu::FrameRoom {
                 entries: 0,
@@ -137,9 +139,9 @@ fn steps_of_adam_are_those_of_the_cpu() {
     let Some(device) = gpu::device("Adam on a device") else {
         return;
     };
-    let mut cpu = ParameterState::new(&random_cloud(130, 4));
+    let mut cpu = ParameterState::new(&directional(random_cloud(130, 4), 5));
     // Quaternions do not stay of unit length.
-    for (i, raw) in cpu.values.iter_mut().enumerate() {
+    for (i, raw) in cpu.raw.values.iter_mut().enumerate() {
         raw[5..9]
             .iter_mut()
             .for_each(|q| *q *= 1.0 + 0.01 * i as f32);
@@ -147,11 +149,18 @@ fn steps_of_adam_are_those_of_the_cpu() {
     let mut gaussians = cpu.gaussians();
     let mut set = SurfelSet::new(&gaussians);
     let fit = GpuFit::new(&device, &set).unwrap();
-    let mut gpu = ResidentState::new(&device, &cpu).unwrap();
+    let mut gpu = ResidentState::new(&device, &cpu, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
+    let eye = camera.origin();
     let frame = fit.frame(&camera).unwrap().unwrap();
+    let harmonics = HarmonicsOptions {
+        degree: 1,
+        rate: 0.02,
+        decay: 0.5,
+    };
     let options = TrainOptions::preset(Preset::Draft);
     for time in 0..4 {
+        fit.forward(&camera).unwrap();
         let gradients: Vec<LocalGradient> = (0..cpu.len())
             .map(|i| {
                 let value = |k: usize| ((i * 37 + k * 11 + time * 5) % 101) as f32 / 50.0 - 1.0;
@@ -160,11 +169,12 @@ fn steps_of_adam_are_those_of_the_cpu() {
             .collect();
         let lanes: Vec<[f32; NUM_LANES]> = gradients.iter().map(|g| g.0).collect();
         device.write(&frame.gradients, bytemuck::cast_slice(&lanes));
-        let sizes = StepSizes::radiance(&options.radiance.rates, 2.0, 0.1);
-        cpu.step(&gaussians, &gradients, &sizes).unwrap();
+        let sizes =
+            StepSizes::radiance(&options.radiance.rates, 2.0, 0.1).with_harmonics(&harmonics, 0.9);
+        cpu.step(&gaussians, eye, &gradients, &sizes).unwrap();
         cpu.write_gaussians(&mut gaussians);
         gpu.begin();
-        device.run(&gpu.steps(&fit, &frame, &sizes)).unwrap();
+        device.run(&gpu.steps(&fit, (&frame, eye), &sizes)).unwrap();
         let report = gpu.read_report().unwrap();
         gpu.finish(&report).unwrap().unwrap();
     }
@@ -173,9 +183,9 @@ fn steps_of_adam_are_those_of_the_cpu() {
     assert_eq!(state.num_steps, cpu.num_steps);
     let mut failures = Vec::new();
     for (name, got, wanted) in [
-        ("values", &state.values, &cpu.values),
-        ("first", &state.first, &cpu.first),
-        ("second", &state.second, &cpu.second),
+        ("values", &state.raw.values, &cpu.raw.values),
+        ("first", &state.raw.first, &cpu.raw.first),
+        ("second", &state.raw.second, &cpu.raw.second),
     ] {
         for (class, range) in CLASSES {
             let worst = relative(got, wanted, range);
@@ -183,6 +193,14 @@ fn steps_of_adam_are_those_of_the_cpu() {
             if worst > STEP_TOLERANCE {
                 failures.push(format!("{name} of {class}: off by {worst:e}"));
             }
+        }
+    }
+    let arrays = state.harmonics.arrays();
+    for (k, (got, wanted)) in arrays.into_iter().zip(cpu.harmonics.arrays()).enumerate() {
+        let worst = relative(got, wanted, 0..NUM_COEFFICIENTS);
+        eprintln!("harmonics {k}: off by {worst:e}");
+        if worst > STEP_TOLERANCE {
+            failures.push(format!("harmonics {k}: off by {worst:e}"));
         }
     }
     // What is traced is what follows from the parameters.
@@ -195,7 +213,11 @@ fn steps_of_adam_are_those_of_the_cpu() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-fn relative(got: &[Raw], wanted: &[Raw], range: std::ops::Range<usize>) -> f32 {
+fn relative<const K: usize>(
+    got: &[[f32; K]],
+    wanted: &[[f32; K]],
+    range: std::ops::Range<usize>,
+) -> f32 {
     let mut worst = 0.0_f32;
     for k in range {
         let scale = wanted.iter().fold(0.0_f32, |m, raw| m.max(raw[k].abs()));
@@ -217,7 +239,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     let before = ParameterState::new(&random_cloud(70, 4));
     let set = SurfelSet::new(&before.gaussians());
     let fit = GpuFit::new(&device, &set).unwrap();
-    let mut state = ResidentState::new(&device, &before).unwrap();
+    let mut state = ResidentState::new(&device, &before, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
     let frame = fit.frame(&camera).unwrap().unwrap();
     let mut lanes = vec![[1.0_f32; NUM_LANES]; before.len()];
@@ -225,8 +247,13 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     lanes[67][0] = f32::INFINITY;
     device.write(&frame.gradients, bytemuck::cast_slice(&lanes));
     state.begin();
-    let sizes = StepSizes([0.1; NUM_PARAMETERS]);
-    device.run(&state.steps(&fit, &frame, &sizes)).unwrap();
+    let sizes = StepSizes {
+        raw: [0.1; NUM_PARAMETERS],
+        ..StepSizes::albedo(0.1)
+    };
+    device
+        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .unwrap();
     let report = state.read_report().unwrap();
     let bad = state.finish(&report).unwrap().unwrap_err();
     assert_eq!((bad.class, bad.index), ("emission", 66));

@@ -1,0 +1,31 @@
+// The light of Gaussians as a camera sees it: the twin of `SurfelSet::look_from`.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> surfels: array<Surfel>;
+@group(0) @binding(2) var<storage, read> payloads: array<Lanes>;
+// [n, NUM_FUNCTIONS, 3]
+@group(0) @binding(3) var<storage, read> harmonics: array<f32>;
+@group(0) @binding(4) var<storage, read_write> seen_payloads: array<Lanes>;
+
+@compute @workgroup_size(64)
+fn look(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let index = group_number(workgroup, workgroups) * 64u + thread;
+    if index >= view.num_surfels {
+        return;
+    }
+    var functions = harmonic_functions(view.origin, surfels[index].position);
+    var sum = vec3f();
+    for (var k = 0u; k < NUM_FUNCTIONS; k++) {
+        let at = (index * NUM_FUNCTIONS + k) * 3u;
+        sum += vec3f(harmonics[at], harmonics[at + 1u], harmonics[at + 2u]) * functions[k];
+    }
+    sum = clamp(sum, vec3f(-MAX_EXPONENT), vec3f(MAX_EXPONENT));
+    let factor = vec3f(exp_of_negative(sum.x), exp_of_negative(sum.y), exp_of_negative(sum.z));
+    var seen = payloads[index];
+    seen.a = vec4f(seen.a.xyz * factor, seen.a.w);
+    seen_payloads[index] = seen;
+}
