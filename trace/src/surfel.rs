@@ -221,7 +221,8 @@ impl SurfelSet {
                 Payload(lanes)
             })
             .collect_into_vec(&mut self.payloads);
-        self.harmonics.clone_from(&gaussians.harmonics);
+        let harmonics = gaussians.harmonics.par_iter().with_min_len(1024);
+        harmonics.copied().collect_into_vec(&mut self.harmonics);
     }
 
     /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to another.

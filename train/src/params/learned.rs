@@ -80,28 +80,33 @@ impl<const K: usize> Learned<K> {
         }
     }
 
-    /// One step along `gradients`, `[n]`. `decay`: see [`super::StepSizes::harmonics_decay`].
+    /// One step along the gradient of each row. `decay`: see [`super::StepSizes::harmonics_decay`].
     pub(super) fn step(
         &mut self,
         adam: &Adam,
         sizes: &[f32; K],
         decay: f32,
-        gradients: &[[f32; K]],
+        gradient: impl Fn(usize) -> [f32; K] + Sync,
     ) {
         let kept = sizes.map(|size| 1.0 - size * decay);
         self.values
             .par_chunks_mut(CHUNK)
             .zip(self.first.par_chunks_mut(CHUNK))
             .zip(self.second.par_chunks_mut(CHUNK))
-            .zip(gradients.par_chunks(CHUNK))
-            .for_each(|(((values, first), second), gradients)| {
-                adam_step(adam, (sizes, &kept), values, first, second, gradients);
+            .enumerate()
+            .for_each(|(chunk, ((values, first), second))| {
+                // Next to the processor: gradients of all rows are as long as the rows.
+                let mut gradients = [[0.0; K]; CHUNK];
+                for (i, row) in gradients.iter_mut().enumerate().take(values.len()) {
+                    *row = gradient(chunk * CHUNK + i);
+                }
+                adam_step(adam, (sizes, &kept), values, first, second, &gradients);
             });
     }
 }
 
 /// Gaussians updated at once by a thread.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 128;
 
 /// One step's constants.
 pub(crate) struct Adam {

@@ -155,10 +155,10 @@ impl ParameterState {
     }
 
     fn write_harmonics(&self, gaussians: &mut Gaussians) {
-        gaussians.harmonics.clear();
-        gaussians
-            .harmonics
-            .extend(self.harmonics.values.iter().copied().map(Harmonics));
+        let coefficients = self.harmonics.values.par_iter().with_min_len(1024);
+        coefficients
+            .map(|row| Harmonics(*row))
+            .collect_into_vec(&mut gaussians.harmonics);
     }
 
     /// Writes the Gaussians of the raw values over `gaussians`, `[n]`.
@@ -208,8 +208,6 @@ impl ParameterState {
         let first_bad = AtomicUsize::new(usize::MAX);
         let moves_harmonics =
             !self.harmonics.is_empty() && sizes.harmonics != [0.0; NUM_COEFFICIENTS];
-        let mut of_harmonics =
-            vec![[0.0; NUM_COEFFICIENTS]; if moves_harmonics { self.len() } else { 0 }];
         let raw: Vec<Raw> = self
             .raw
             .values
@@ -236,24 +234,16 @@ impl ParameterState {
                 return Err(bad);
             }
         }
-        of_harmonics
-            .par_iter_mut()
-            .zip(&raw)
-            .zip(&gaussians.positions)
-            .with_min_len(1024)
-            .for_each(|((row, raw), position)| {
-                *row = harmonics_gradient(raw, &functions_from(eye, *position));
-            });
         self.num_steps += 1;
         let adam = Adam::new(self.num_steps);
-        self.raw.step(&adam, &sizes.raw, 0.0, &raw);
+        self.raw.step(&adam, &sizes.raw, 0.0, |i| raw[i]);
         if moves_harmonics {
-            self.harmonics.step(
-                &adam,
-                &sizes.harmonics,
-                sizes.harmonics_decay,
-                &of_harmonics,
-            );
+            let gradient = |i: usize| {
+                harmonics_gradient(&raw[i], &functions_from(eye, gaussians.positions[i]))
+            };
+            let decay = sizes.harmonics_decay;
+            self.harmonics
+                .step(&adam, &sizes.harmonics, decay, gradient);
         }
         Ok(())
     }
