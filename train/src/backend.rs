@@ -118,6 +118,12 @@ pub trait Backend {
     /// What computes: recorded beside the result.
     fn device(&self) -> String;
 
+    /// From here on radiance may differ with the direction: coefficients are there, all zero. Nothing happens where they are there already.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn begin_harmonics(&mut self) -> Result<()>;
+
     /// Takes one step of stage 0; parameters stay as they are if a gradient is not finite.
     ///
     /// # Errors

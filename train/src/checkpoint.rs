@@ -67,6 +67,9 @@ struct Header {
     monitor: LossMonitor,
     num_gaussians: usize,
     num_steps: u32,
+    /// Steps of the harmonics.
+    #[serde(default)]
+    harmonics_steps: u32,
 }
 
 impl Checkpoint {
@@ -89,7 +92,8 @@ impl Checkpoint {
             extent: self.extent,
             monitor: self.monitor,
             num_gaussians: self.state.len(),
-            num_steps: self.state.num_steps,
+            num_steps: self.state.raw.num_steps,
+            harmonics_steps: self.state.harmonics.num_steps,
         };
         let state = &self.state;
         let raw = state.raw.arrays().map(<[_]>::as_flattened);
@@ -117,16 +121,15 @@ impl Checkpoint {
             extent: header.extent,
             monitor: header.monitor,
             state: ParameterState {
-                raw: learned(raw),
-                harmonics: learned(harmonics),
-                num_steps: header.num_steps,
+                raw: learned(raw, header.num_steps),
+                harmonics: learned(harmonics, header.harmonics_steps),
             },
         })
     }
 }
 
 /// Values, first and second moments, one after the other.
-fn learned<const K: usize>(values: &[f32]) -> Learned<K> {
+fn learned<const K: usize>(values: &[f32], num_steps: u32) -> Learned<K> {
     let (rows, _) = values.as_chunks();
     let (values, moments) = rows.split_at(rows.len() / 3);
     let (first, second) = moments.split_at(moments.len() / 2);
@@ -134,6 +137,7 @@ fn learned<const K: usize>(values: &[f32]) -> Learned<K> {
         values: values.to_vec(),
         first: first.to_vec(),
         second: second.to_vec(),
+        num_steps,
     }
 }
 
@@ -226,9 +230,8 @@ mod tests {
                 best_l1: f64::MAX,
             },
             state: ParameterState {
-                raw: learned(&[1.0, -0.1, 1e-20].map(array).concat()),
-                harmonics: learned(&[2.0, 0.3, 1e-9].map(coefficients).concat()),
-                num_steps: 7,
+                raw: learned(&[1.0, -0.1, 1e-20].map(array).concat(), 7),
+                harmonics: learned(&[2.0, 0.3, 1e-9].map(coefficients).concat(), 3),
             },
         }
     }

@@ -17,7 +17,7 @@ use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::{Split, Subset};
-use eagpt_scene::{Dataset, Harmonics, SceneError, files, ply};
+use eagpt_scene::{Dataset, SceneError, files, ply};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -180,11 +180,7 @@ fn initial_checkpoint(
     let mut start = Initialiser::new(&cloud, options, dataset.root())?;
     views.check(run.request.bad_views, |view| start.observe(view), run)?;
     let extent = start.extent;
-    let mut gaussians = start.finish(&options.init);
-    if options.radiance.harmonics.degree > 0 {
-        gaussians.harmonics = vec![Harmonics::NONE; gaussians.len()];
-    }
-    let mut state = ParameterState::new(&gaussians);
+    let mut state = ParameterState::new(&start.finish(&options.init));
     state.sort_in_space();
     Ok(Checkpoint {
         stage: Stage::Radiance,

@@ -128,10 +128,21 @@ impl LearningRates {
 pub struct HarmonicsOptions {
     /// Highest degree, 0 to 2; with 0 radiance is the same in all directions, as in the paper.
     pub degree: u32,
+    /// Share of the iterations after which they start, 0 to 1. Light that may differ with the direction explains surfaces that are in the wrong
+    /// place: geometry comes first.
+    pub from: f32,
     /// Step size of the coefficients; falls as the others do.
     pub rate: f32,
     /// What share of itself, times its step size, a coefficient loses in each iteration: what few views say stays small. Not negative.
     pub decay: f32,
+}
+
+impl HarmonicsOptions {
+    /// The iteration of `total`, counted from 1, from which on coefficients move; `None` if they never do.
+    pub fn start(&self, total: u32) -> Option<u32> {
+        let first = (f64::from(self.from) * f64::from(total)).ceil() as u32 + 1;
+        (self.degree > 0 && first <= total).then_some(first)
+    }
 }
 
 /// Weights of the loss, λ of the paper.

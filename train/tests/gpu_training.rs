@@ -95,6 +95,7 @@ fn a_step_is_that_of_the_cpu() {
                 request.options.radiance.normals_from = 0.0;
                 request.options.radiance.antialias_from = 0.0;
                 request.options.radiance.harmonics.degree = 2;
+                request.options.radiance.harmonics.from = 0.0;
             }
             train(&request, &mut |_| ()).unwrap();
             (newest(&request).state, logged(&request, "total")[0])

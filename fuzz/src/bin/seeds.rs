@@ -6,6 +6,7 @@ use eagpt_colmap::Model;
 use eagpt_colmap::model::{Form, Observations, Part};
 use eagpt_fuzz::SEPARATOR;
 use eagpt_scene::exr::Precision;
+use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::ply::PointCloud;
 use eagpt_scene::{Gaussian, Gaussians, Harmonics, Image, exr, files, ply};
 use glam::{Quat, Vec3};
@@ -166,8 +167,10 @@ impl Seeds {
             emission: 0.1,
             albedo: Vec3::splat(0.3),
         };
-        let gaussians: Gaussians = [gaussian; 2].into_iter().collect();
+        let mut gaussians: Gaussians = [gaussian; 2].into_iter().collect();
         ply::write_gaussians(&self.path("ply", "gaussians")?, &gaussians)?;
+        gaussians.harmonics = vec![Harmonics([0.25; NUM_COEFFICIENTS]); 2];
+        ply::write_gaussians(&self.path("ply", "harmonics")?, &gaussians)?;
         let save = |name: &str, picture: image::DynamicImage, format| -> Outcome {
             Ok(picture.save_with_format(self.path("picture", name)?, format)?)
         };

@@ -180,7 +180,7 @@ impl GpuBackend {
                 continue;
             }
             let terms = loss::terms(&report, &wanted, &options);
-            return Ok(Some(resident.finish(&report)?.map(|()| terms)));
+            return Ok(Some(resident.finish(&report, &step.sizes)?.map(|()| terms)));
         }
         Ok(None)
     }
@@ -189,6 +189,10 @@ impl GpuBackend {
 impl Backend for GpuBackend {
     fn device(&self) -> String {
         self.host.device()
+    }
+
+    fn begin_harmonics(&mut self) -> Result<()> {
+        self.host()?.begin_harmonics()
     }
 
     fn radiance_step(

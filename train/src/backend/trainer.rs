@@ -307,6 +307,12 @@ impl<E: Engine> Backend for Trainer<E> {
         self.engine.device()
     }
 
+    fn begin_harmonics(&mut self) -> Result<()> {
+        self.state.begin_harmonics();
+        self.prepare();
+        self.engine.update(&self.set)
+    }
+
     fn radiance_step(
         &mut self,
         view: &TrainingView,

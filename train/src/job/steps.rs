@@ -33,8 +33,15 @@ impl Run<'_> {
                 } else {
                     NormalTerms::On
                 };
-                let sizes = StepSizes::radiance(&stage.rates, position.extent, progress)
-                    .with_harmonics(&stage.harmonics, stage.rates.share_at(progress));
+                let mut sizes = StepSizes::radiance(&stage.rates, position.extent, progress);
+                let start = stage.harmonics.start(stage.iterations);
+                if start == Some(iteration) {
+                    backend.begin_harmonics()?;
+                }
+                if start.is_some_and(|start| iteration >= start) {
+                    let share = stage.rates.share_at(progress);
+                    sizes = sizes.with_harmonics(&stage.harmonics, share);
+                }
                 backend.radiance_step(
                     view,
                     &RadianceStep {

@@ -102,6 +102,7 @@ impl TrainOptions {
             "radiance.harmonics.degree",
             format!("{} is above {MAX_DEGREE}", harmonics.degree),
         )?;
+        share("radiance.harmonics.from", harmonics.from.into())?;
         positive("radiance.harmonics.rate", harmonics.rate.into())?;
         not_negative("radiance.harmonics.decay", harmonics.decay.into())?;
         let weights = &self.radiance.weights;

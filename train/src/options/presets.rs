@@ -72,6 +72,7 @@ impl TrainOptions {
                 rates,
                 harmonics: HarmonicsOptions {
                     degree: 0,
+                    from: 0.5,
                     rate: 1.5e-2,
                     decay: 0.0,
                 },

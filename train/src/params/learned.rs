@@ -17,6 +17,8 @@ pub struct Learned<const K: usize> {
     pub first: Vec<[f32; K]>,
     /// Second moments, `[n]`.
     pub second: Vec<[f32; K]>,
+    /// Steps taken since the moments were zero.
+    pub num_steps: u32,
 }
 
 impl<const K: usize> Default for Learned<K> {
@@ -33,6 +35,7 @@ impl<const K: usize> Learned<K> {
             values,
             first: zeros.clone(),
             second: zeros,
+            num_steps: 0,
         }
     }
 
@@ -55,6 +58,7 @@ impl<const K: usize> Learned<K> {
     pub fn reset_moments(&mut self) {
         self.first.fill([0.0; K]);
         self.second.fill([0.0; K]);
+        self.num_steps = 0;
     }
 
     /// Puts one half of a row at its place and the other at `place`, which is another row or the end. Both know the second moments.
@@ -83,11 +87,12 @@ impl<const K: usize> Learned<K> {
     /// One step along the gradient of each row. `decay`: see [`super::StepSizes::harmonics_decay`].
     pub(super) fn step(
         &mut self,
-        adam: &Adam,
         sizes: &[f32; K],
         decay: f32,
         gradient: impl Fn(usize) -> [f32; K] + Sync,
     ) {
+        self.num_steps += 1;
+        let adam = Adam::new(self.num_steps);
         let kept = sizes.map(|size| 1.0 - size * decay);
         self.values
             .par_chunks_mut(CHUNK)
@@ -100,7 +105,7 @@ impl<const K: usize> Learned<K> {
                 for (i, row) in gradients.iter_mut().enumerate().take(values.len()) {
                     *row = gradient(chunk * CHUNK + i);
                 }
-                adam_step(adam, (sizes, &kept), values, first, second, &gradients);
+                adam_step(&adam, (sizes, &kept), values, first, second, &gradients);
             });
     }
 }

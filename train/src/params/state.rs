@@ -1,6 +1,6 @@
 //! What Adam moves and remembers, and one step of it (Kingma and Ba 2015).
 
-use super::learned::{Adam, Learned};
+use super::learned::Learned;
 use super::{
     ALBEDO, CLASSES, NUM_PARAMETERS, POSITION, RADIANCE, Raw, SCALE, gaussian_from_raw,
     harmonics_gradient, logit, raw_from_gaussian, raw_gradient, sigmoid,
@@ -21,8 +21,6 @@ pub struct ParameterState {
     pub raw: Learned<NUM_PARAMETERS>,
     /// Coefficients of [`Harmonics`], `[n]`; empty where radiance does not differ with the direction.
     pub harmonics: Learned<NUM_COEFFICIENTS>,
-    /// Steps taken since the moments were zero.
-    pub num_steps: u32,
 }
 
 /// Adam's step sizes; 0 keeps a parameter as it is.
@@ -72,6 +70,11 @@ impl StepSizes {
         self.raw[..RADIANCE].iter().any(|&size| size != 0.0)
     }
 
+    /// Whether harmonics move.
+    pub fn move_harmonics(&self) -> bool {
+        self.harmonics.iter().any(|&size| size != 0.0)
+    }
+
     /// Steps of stage 1: albedo only.
     pub fn albedo(rate: f32) -> Self {
         let mut sizes = [0.0; NUM_PARAMETERS];
@@ -90,7 +93,13 @@ impl ParameterState {
         Self {
             raw: Learned::new(gaussians.iter().map(|g| raw_from_gaussian(&g)).collect()),
             harmonics: Learned::new(gaussians.harmonics.iter().map(|h| h.0).collect()),
-            num_steps: 0,
+        }
+    }
+
+    /// Coefficients of harmonics, all zero, where there are none yet.
+    pub fn begin_harmonics(&mut self) {
+        if self.harmonics.is_empty() {
+            self.harmonics = Learned::new(vec![[0.0; NUM_COEFFICIENTS]; self.len()]);
         }
     }
 
@@ -98,7 +107,6 @@ impl ParameterState {
     pub fn reset_moments(&mut self) {
         self.raw.reset_moments();
         self.harmonics.reset_moments();
-        self.num_steps = 0;
     }
 
     /// Sets the albedos, `[n]`, each 0 to 1.
@@ -206,8 +214,7 @@ impl ParameterState {
         sizes: &StepSizes,
     ) -> Result<(), BadGradient> {
         let first_bad = AtomicUsize::new(usize::MAX);
-        let moves_harmonics =
-            !self.harmonics.is_empty() && sizes.harmonics != [0.0; NUM_COEFFICIENTS];
+        let moves_harmonics = !self.harmonics.is_empty() && sizes.move_harmonics();
         let raw: Vec<Raw> = self
             .raw
             .values
@@ -234,16 +241,13 @@ impl ParameterState {
                 return Err(bad);
             }
         }
-        self.num_steps += 1;
-        let adam = Adam::new(self.num_steps);
-        self.raw.step(&adam, &sizes.raw, 0.0, |i| raw[i]);
+        self.raw.step(&sizes.raw, 0.0, |i| raw[i]);
         if moves_harmonics {
             let gradient = |i: usize| {
                 harmonics_gradient(&raw[i], &functions_from(eye, gaussians.positions[i]))
             };
             let decay = sizes.harmonics_decay;
-            self.harmonics
-                .step(&adam, &sizes.harmonics, decay, gradient);
+            self.harmonics.step(&sizes.harmonics, decay, gradient);
         }
         Ok(())
     }
@@ -328,6 +332,7 @@ mod tests {
         gradient.0[grad_lane::RADIANCE] = 1.0;
         let options = HarmonicsOptions {
             degree: 1,
+            from: 0.0,
             rate: 0.1,
             decay: 0.5,
         };

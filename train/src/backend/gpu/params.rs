@@ -21,13 +21,13 @@ pub(super) struct AdamParameters {
     harmonics_decay: f32,
     correction_1: f32,
     correction_2: f32,
+    harmonics_correction_1: f32,
+    harmonics_correction_2: f32,
     num_gaussians: u32,
     /// Room for entries and chunks: with more of them, gradients are worth nothing.
     entries: u32,
     chunks: u32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
+    padding: u32,
 }
 
 impl AdamParameters {
@@ -39,12 +39,12 @@ impl AdamParameters {
             harmonics_decay: "f32",
             correction_1: "f32",
             correction_2: "f32",
+            harmonics_correction_1: "f32",
+            harmonics_correction_2: "f32",
             num_gaussians: "u32",
             entries: "u32",
             chunks: "u32",
-            padding_a: "u32",
-            padding_b: "u32",
-            padding_c: "u32",
+            padding: "u32",
         })
     }
 }
@@ -70,6 +70,7 @@ struct ResidentHarmonics {
     values: Buffer,
     first: Buffer,
     second: Buffer,
+    num_steps: u32,
 }
 
 fn bytes<const K: usize>(rows: &[[f32; K]]) -> Vec<u8> {
@@ -85,6 +86,7 @@ impl ResidentState {
                 values: values.clone(),
                 first: device.upload("first moments", &bytes(&state.harmonics.first))?,
                 second: device.upload("second moments", &bytes(&state.harmonics.second))?,
+                num_steps: state.harmonics.num_steps,
             }),
         };
         let size = (size_of::<Raw>() * state.len()) as u64;
@@ -96,7 +98,7 @@ impl ResidentState {
             harmonics,
             report: device.buffer("report", 4 * report::NUM_WORDS as u64)?,
             num_gaussians: state.len(),
-            num_steps: state.num_steps,
+            num_steps: state.raw.num_steps,
             device: Arc::clone(device),
         })
     }
@@ -124,6 +126,8 @@ impl ResidentState {
         let mut padded = [0.0; 20];
         padded[..NUM_PARAMETERS].copy_from_slice(&sizes.raw);
         let adam = Adam::new(self.num_steps + 1);
+        let moving = self.harmonics.as_ref().filter(|_| sizes.move_harmonics());
+        let of_harmonics = Adam::new(moving.map_or(0, |h| h.num_steps) + 1);
         let (rows, _) = padded.as_chunks();
         let parameters = AdamParameters {
             sizes: std::array::from_fn(|k| rows[k]),
@@ -132,6 +136,8 @@ impl ResidentState {
             harmonics_decay: sizes.harmonics_decay,
             correction_1: adam.correction_1,
             correction_2: adam.correction_2,
+            harmonics_correction_1: of_harmonics.correction_1,
+            harmonics_correction_2: of_harmonics.correction_2,
             num_gaussians: self.num_gaussians as u32,
             entries: frame.room.entries,
             chunks: frame.room.chunks,
@@ -162,7 +168,7 @@ impl ResidentState {
             self.device.step(&kernels::PARAMS, entry, buffers, groups)
         };
         let mut steps = vec![step("chain_rule", &chain)];
-        if let Some(harmonics) = &self.harmonics {
+        if let Some(harmonics) = moving {
             // Before the Gaussians move: directions are those they were seen from.
             let buffers = [
                 (0, &parameters),
@@ -190,13 +196,17 @@ impl ResidentState {
         Ok(Report(all))
     }
 
-    /// Notes that the step was taken, or says why the device has not taken it.
+    /// Notes that the step of `sizes` was taken, or says why the device has not taken it.
     pub(super) fn finish(
         &mut self,
         report: &Report,
+        sizes: &StepSizes,
     ) -> Result<std::result::Result<(), BadGradient>> {
         let Some(index) = report.first_bad() else {
             self.num_steps += 1;
+            if let Some(harmonics) = self.harmonics.as_mut().filter(|_| sizes.move_harmonics()) {
+                harmonics.num_steps += 1;
+            }
             return Ok(Ok(()));
         };
         let rows = self
@@ -211,25 +221,25 @@ impl ResidentState {
         })))
     }
 
-    fn read<const K: usize>(&self, buffers: [&Buffer; 3]) -> Result<Learned<K>> {
+    fn read<const K: usize>(&self, buffers: [&Buffer; 3], num_steps: u32) -> Result<Learned<K>> {
         let rows = |buffer: &Buffer| self.device.read::<[f32; K]>(buffer, 0..self.num_gaussians);
         let [values, first, second] = buffers;
         Ok(Learned {
             values: rows(values)?,
             first: rows(first)?,
             second: rows(second)?,
+            num_steps,
         })
     }
 
     /// The state, read back.
     pub(super) fn state(&self) -> Result<ParameterState> {
         Ok(ParameterState {
-            raw: self.read([&self.values, &self.first, &self.second])?,
+            raw: self.read([&self.values, &self.first, &self.second], self.num_steps)?,
             harmonics: match &self.harmonics {
                 None => Learned::default(),
-                Some(h) => self.read([&h.values, &h.first, &h.second])?,
+                Some(h) => self.read([&h.values, &h.first, &h.second], h.num_steps)?,
             },
-            num_steps: self.num_steps,
         })
     }
 }

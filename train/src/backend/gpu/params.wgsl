@@ -128,13 +128,13 @@ fn gradients_are_good() -> bool {
     return has_room && atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD;
 }
 
-fn move_value(at: u32, gradient: f32, size: f32, decay: f32) {
+fn move_value(at: u32, gradient: f32, size: f32, decay: f32, corrections: vec2f) {
     let mean = BETA_1 * first[at] + (1.0 - BETA_1) * gradient;
     let square = BETA_2 * second[at] + (1.0 - BETA_2) * gradient * gradient;
     first[at] = mean;
     second[at] = square;
-    let root = sqrt(square * adam.correction_2) + EPSILON;
-    values[at] = (1.0 - size * decay) * values[at] - size * mean * adam.correction_1 / root;
+    let root = sqrt(square * corrections.y) + EPSILON;
+    values[at] = (1.0 - size * decay) * values[at] - size * mean * corrections.x / root;
 }
 
 // Moves the coefficients of harmonics: `values`, `first` and `second` are theirs, [n, NUM_FUNCTIONS, 3] each.
@@ -148,6 +148,7 @@ fn harmonics_step(
     if index >= adam.num_gaussians || !gradients_are_good() {
         return;
     }
+    let corrections = vec2f(adam.harmonics_correction_1, adam.harmonics_correction_2);
     var functions = harmonic_functions(adam.eye, surfels[index].position);
     for (var k = 0u; k < NUM_FUNCTIONS; k++) {
         let size = adam.harmonics[k / 4u][k % 4u];
@@ -155,7 +156,7 @@ fn harmonics_step(
             // By the logarithm of radiance.
             let gradient = raw_gradients[index * NUM_PARAMETERS + 10u + channel];
             let at = (index * NUM_FUNCTIONS + k) * 3u + channel;
-            move_value(at, gradient * functions[k], size, adam.harmonics_decay);
+            move_value(at, gradient * functions[k], size, adam.harmonics_decay, corrections);
         }
     }
 }
@@ -174,9 +175,10 @@ fn adam_step(
     if index >= adam.num_gaussians || !gradients_are_good() {
         return;
     }
+    let corrections = vec2f(adam.correction_1, adam.correction_2);
     let at = index * NUM_PARAMETERS;
     for (var k = 0u; k < NUM_PARAMETERS; k++) {
-        move_value(at + k, raw_gradients[at + k], adam.sizes[k / 4u][k % 4u], 0.0);
+        move_value(at + k, raw_gradients[at + k], adam.sizes[k / 4u][k % 4u], 0.0, corrections);
     }
     let g = activated(at);
     let frame = frame_of(g.rotation);

@@ -155,6 +155,7 @@ fn steps_of_adam_are_those_of_the_cpu() {
     let frame = fit.frame(&camera).unwrap().unwrap();
     let harmonics = HarmonicsOptions {
         degree: 1,
+        from: 0.0,
         rate: 0.02,
         decay: 0.5,
     };
@@ -176,11 +177,12 @@ fn steps_of_adam_are_those_of_the_cpu() {
         gpu.begin();
         device.run(&gpu.steps(&fit, (&frame, eye), &sizes)).unwrap();
         let report = gpu.read_report().unwrap();
-        gpu.finish(&report).unwrap().unwrap();
+        gpu.finish(&report, &sizes).unwrap().unwrap();
     }
     set.update(&gaussians);
     let state = gpu.state().unwrap();
-    assert_eq!(state.num_steps, cpu.num_steps);
+    let steps = |state: &ParameterState| (state.raw.num_steps, state.harmonics.num_steps);
+    assert_eq!((steps(&state), steps(&cpu)), ((4, 4), (4, 4)));
     let mut failures = Vec::new();
     for (name, got, wanted) in [
         ("values", &state.raw.values, &cpu.raw.values),
@@ -255,7 +257,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
         .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
         .unwrap();
     let report = state.read_report().unwrap();
-    let bad = state.finish(&report).unwrap().unwrap_err();
+    let bad = state.finish(&report, &sizes).unwrap().unwrap_err();
     assert_eq!((bad.class, bad.index), ("emission", 66));
     assert_eq!(state.state().unwrap(), before);
 }
