@@ -1,6 +1,6 @@
 //! 2D Gaussians as struct of arrays, with activated (physical) values.
 
-use crate::harmonics::Harmonics;
+use crate::harmonics::{Harmonics, functions_from};
 use crate::rng::{Purpose, RandomKey};
 use glam::{Quat, Vec2, Vec3};
 
@@ -119,6 +119,17 @@ impl Gaussians {
             emission: self.emissions[index],
             albedo: self.albedos[index],
         }
+    }
+
+    /// Radiance of the Gaussian at `index` as it is seen from `eye`.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Self::len`].
+    pub fn seen_radiance(&self, index: usize, eye: Vec3) -> Vec3 {
+        let radiance = self.radiances[index];
+        self.harmonics.get(index).map_or(radiance, |harmonics| {
+            radiance * harmonics.factor(&functions_from(eye, self.positions[index]))
+        })
     }
 
     /// All Gaussians in order, by value.

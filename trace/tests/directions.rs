@@ -1,7 +1,6 @@
 //! Radiance that differs with the direction: cameras see it, bounces do not.
 
 use eagpt_scene::Gaussians;
-use eagpt_scene::harmonics::functions_from;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
@@ -17,8 +16,8 @@ use glam::{DVec3, Vec3};
 fn as_seen_from(eye: Vec3, gaussians: &Gaussians) -> Gaussians {
     let mut plain = gaussians.clone();
     plain.harmonics.clear();
-    for (index, g) in gaussians.iter().enumerate() {
-        plain.radiances[index] *= g.harmonics.factor(&functions_from(eye, g.position));
+    for (index, radiance) in plain.radiances.iter_mut().enumerate() {
+        *radiance = gaussians.seen_radiance(index, eye);
     }
     plain
 }

@@ -224,9 +224,7 @@ impl ParameterState {
             .enumerate()
             .map(|(i, (value, local))| {
                 let mut g = gaussians.get(i);
-                if !self.harmonics.is_empty() {
-                    g.radiance *= g.harmonics.factor(&functions_from(eye, g.position));
-                }
+                g.radiance = gaussians.seen_radiance(i, eye);
                 let raw = raw_gradient(value, &g, local);
                 // A sum is not finite if one of its terms is not.
                 if !raw.iter().sum::<f32>().is_finite() {
