@@ -71,10 +71,10 @@ impl TrainOptions {
                 antialias_from: if preset == Preset::Fast { 0.82 } else { 1.0 },
                 rates,
                 harmonics: HarmonicsOptions {
-                    degree: 0,
+                    degree: if preset == Preset::Fast { 2 } else { 0 },
                     from: 0.5,
-                    rate: 1.5e-2,
-                    decay: 0.0,
+                    rate: 0.06,
+                    decay: 0.1,
                 },
                 weights,
                 densify: DensifyOptions {
