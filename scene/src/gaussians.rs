@@ -1,6 +1,6 @@
 //! 2D Gaussians as struct of arrays, with activated (physical) values.
 
-use crate::harmonics::{Harmonics, functions_from};
+use crate::harmonics::Harmonics;
 use crate::rng::{Purpose, RandomKey};
 use glam::{Quat, Vec2, Vec3};
 
@@ -128,7 +128,7 @@ impl Gaussians {
     pub fn seen_radiance(&self, index: usize, eye: Vec3) -> Vec3 {
         let radiance = self.radiances[index];
         self.harmonics.get(index).map_or(radiance, |harmonics| {
-            radiance * harmonics.factor(&functions_from(eye, self.positions[index]))
+            harmonics.seen(radiance, self.positions[index], eye)
         })
     }
 

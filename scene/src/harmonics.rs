@@ -82,6 +82,12 @@ impl Harmonics {
             .map(f32::exp)
     }
 
+    /// What of a Gaussian's `radiance` leaves it, from `position`, towards `eye`.
+    #[inline]
+    pub fn seen(&self, radiance: Vec3, position: Vec3, eye: Vec3) -> Vec3 {
+        radiance * self.factor(&functions_from(eye, position))
+    }
+
     /// As of a Gaussian that was turned by `rotation`, unit, together with its light.
     pub fn rotated(&self, rotation: Quat) -> Self {
         let frame = Mat3::from_quat(rotation);

@@ -4,7 +4,6 @@ use crate::blend::Face;
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
 use crate::sums::{NUM_LANES, lane};
-use eagpt_scene::harmonics::functions_from;
 use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -232,8 +231,7 @@ impl SurfelSet {
                 .into_par_iter()
                 .with_min_len(1024)
                 .map(|(payload, surfel, harmonics)| {
-                    let functions = functions_from(eye, surfel.position.into());
-                    let radiance = payload.radiance() * harmonics.factor(&functions);
+                    let radiance = harmonics.seen(payload.radiance(), surfel.position.into(), eye);
                     let mut seen = *payload;
                     seen.0[lane::RADIANCE..][..3].copy_from_slice(&radiance.to_array());
                     seen

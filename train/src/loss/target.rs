@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// What the steps of [`Target`] divide: PQ values stay below it, however bright the light (`(c₂/c₃)^m₂` is 1.99).
 pub const PQ_RANGE: f32 = 2.0;
 
-/// Bits and largest number of a step.
+/// The last step.
 const MOST: f32 = u16::MAX as f32;
 
 /// A picture as PQ values in 65,535 steps of [`PQ_RANGE`]: half of the memory of floats, the same on every device. A step is 3e-5; the PQ

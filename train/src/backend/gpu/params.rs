@@ -4,6 +4,7 @@ use super::kernels;
 use super::report::{self, Report};
 use crate::error::Result;
 use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
+use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Step, layout};
 use eagpt_trace::gpu::{Device, Frame, GpuFit};
 use glam::Vec3;
@@ -49,24 +50,9 @@ impl AdamParameters {
     }
 }
 
-/// The state of an optimisation on a device.
+/// The twin of [`Learned`] on a device, `[n, K]` each.
 #[derive(Debug)]
-pub(super) struct ResidentState {
-    device: Arc<Device>,
-    /// `[n, 17]` each.
-    values: Buffer,
-    first: Buffer,
-    second: Buffer,
-    raw_gradients: Buffer,
-    harmonics: Option<ResidentHarmonics>,
-    report: Buffer,
-    num_gaussians: usize,
-    num_steps: u32,
-}
-
-/// Coefficients on a device, which are traced as they are, and their moments, `[n, 24]` each.
-#[derive(Debug)]
-struct ResidentHarmonics {
+struct ResidentRows<const K: usize> {
     values: Buffer,
     first: Buffer,
     second: Buffer,
@@ -77,28 +63,59 @@ fn bytes<const K: usize>(rows: &[[f32; K]]) -> Vec<u8> {
     bytemuck::cast_slice(rows.as_flattened()).to_vec()
 }
 
+impl<const K: usize> ResidentRows<K> {
+    /// Brings the moments of `rows` to the device, which has their `values`.
+    fn new(device: &Device, rows: &Learned<K>, values: Buffer) -> Result<Self> {
+        Ok(Self {
+            values,
+            first: device.upload("first moments", &bytes(&rows.first))?,
+            second: device.upload("second moments", &bytes(&rows.second))?,
+            num_steps: rows.num_steps,
+        })
+    }
+
+    /// Where the kernels that move them have them.
+    fn bindings(&self) -> [(u32, &Buffer); 3] {
+        [(1, &self.values), (2, &self.first), (3, &self.second)]
+    }
+
+    /// Read back.
+    fn learned(&self, device: &Device, num_rows: usize) -> Result<Learned<K>> {
+        let rows = |buffer: &Buffer| device.read::<[f32; K]>(buffer, 0..num_rows);
+        Ok(Learned {
+            values: rows(&self.values)?,
+            first: rows(&self.first)?,
+            second: rows(&self.second)?,
+            num_steps: self.num_steps,
+        })
+    }
+}
+
+/// The state of an optimisation on a device.
+#[derive(Debug)]
+pub(super) struct ResidentState {
+    device: Arc<Device>,
+    raw: ResidentRows<NUM_PARAMETERS>,
+    raw_gradients: Buffer,
+    /// Coefficients are traced as they are: their values are those of the scene.
+    harmonics: Option<ResidentRows<NUM_COEFFICIENTS>>,
+    report: Buffer,
+    num_gaussians: usize,
+}
+
 impl ResidentState {
     /// Brings `state` to the device, where `fit` has its Gaussians.
     pub(super) fn new(device: &Arc<Device>, state: &ParameterState, fit: &GpuFit) -> Result<Self> {
-        let harmonics = match fit.harmonics() {
-            None => None,
-            Some(values) => Some(ResidentHarmonics {
-                values: values.clone(),
-                first: device.upload("first moments", &bytes(&state.harmonics.first))?,
-                second: device.upload("second moments", &bytes(&state.harmonics.second))?,
-                num_steps: state.harmonics.num_steps,
-            }),
-        };
+        let values = device.upload("parameters", &bytes(&state.raw.values))?;
+        let harmonics = fit.harmonics().cloned();
+        let harmonics = harmonics.map(|values| ResidentRows::new(device, &state.harmonics, values));
         let size = (size_of::<Raw>() * state.len()) as u64;
         Ok(Self {
-            values: device.upload("parameters", &bytes(&state.raw.values))?,
-            first: device.upload("first moments", &bytes(&state.raw.first))?,
-            second: device.upload("second moments", &bytes(&state.raw.second))?,
+            raw: ResidentRows::new(device, &state.raw, values)?,
             raw_gradients: device.buffer("gradients by parameters", size)?,
-            harmonics,
+            harmonics: harmonics.transpose()?,
             report: device.buffer("report", 4 * report::NUM_WORDS as u64)?,
             num_gaussians: state.len(),
-            num_steps: state.raw.num_steps,
             device: Arc::clone(device),
         })
     }
@@ -125,7 +142,7 @@ impl ResidentState {
         let (of_functions, _) = sizes.harmonics.as_chunks::<3>();
         let mut padded = [0.0; 20];
         padded[..NUM_PARAMETERS].copy_from_slice(&sizes.raw);
-        let adam = Adam::new(self.num_steps + 1);
+        let adam = Adam::new(self.raw.num_steps + 1);
         let moving = self.harmonics.as_ref().filter(|_| sizes.move_harmonics());
         let of_harmonics = Adam::new(moving.map_or(0, |h| h.num_steps) + 1);
         let (rows, _) = padded.as_chunks();
@@ -145,44 +162,27 @@ impl ResidentState {
         };
         let parameters = self.device.uniform("Adam", &parameters);
         let groups = (self.num_gaussians as u32).div_ceil(64);
-        let chain = [
-            (0, &parameters),
-            (1, &self.values),
-            (4, &frame.gradients),
-            (5, &self.raw_gradients),
-            (6, &self.report),
-            (8, &frame.payloads),
-        ];
-        let adam = [
-            (0, &parameters),
-            (1, &self.values),
-            (2, &self.first),
-            (3, &self.second),
-            (5, &self.raw_gradients),
-            (6, &self.report),
-            (7, fit.surfels()),
-            (8, fit.payloads()),
-            (9, &frame.totals),
-        ];
-        let step = |entry, buffers: &[(u32, &Buffer)]| {
-            self.device.step(&kernels::PARAMS, entry, buffers, groups)
-        };
-        let mut steps = vec![step("chain_rule", &chain)];
-        if let Some(harmonics) = moving {
-            // Before the Gaussians move: directions are those they were seen from.
-            let buffers = [
+        let step = |entry, rows: &[(u32, &Buffer)], more: &[(u32, &Buffer)]| {
+            let shared = [
                 (0, &parameters),
-                (1, &harmonics.values),
-                (2, &harmonics.first),
-                (3, &harmonics.second),
                 (5, &self.raw_gradients),
                 (6, &self.report),
-                (7, fit.surfels()),
-                (9, &frame.totals),
             ];
-            steps.push(step("harmonics_step", &buffers));
+            let buffers = [&shared, rows, more].concat();
+            self.device.step(&kernels::PARAMS, entry, &buffers, groups)
+        };
+        let raw = self.raw.bindings();
+        let seen = [(4, &frame.gradients), (8, &frame.payloads)];
+        let surfels = (7, fit.surfels());
+        let totals = (9, &frame.totals);
+        let mut steps = vec![step("chain_rule", &raw[..1], &seen)];
+        if let Some(harmonics) = moving {
+            // Before the Gaussians move: directions are those they were seen from.
+            let rows = harmonics.bindings();
+            steps.push(step("harmonics_step", &rows, &[surfels, totals]));
         }
-        steps.push(step("adam_step", &adam));
+        let moved = [surfels, (8, fit.payloads()), totals];
+        steps.push(step("adam_step", &raw, &moved));
         steps
     }
 
@@ -203,7 +203,7 @@ impl ResidentState {
         sizes: &StepSizes,
     ) -> Result<std::result::Result<(), BadGradient>> {
         let Some(index) = report.first_bad() else {
-            self.num_steps += 1;
+            self.raw.num_steps += 1;
             if let Some(harmonics) = self.harmonics.as_mut().filter(|_| sizes.move_harmonics()) {
                 harmonics.num_steps += 1;
             }
@@ -221,25 +221,16 @@ impl ResidentState {
         })))
     }
 
-    fn read<const K: usize>(&self, buffers: [&Buffer; 3], num_steps: u32) -> Result<Learned<K>> {
-        let rows = |buffer: &Buffer| self.device.read::<[f32; K]>(buffer, 0..self.num_gaussians);
-        let [values, first, second] = buffers;
-        Ok(Learned {
-            values: rows(values)?,
-            first: rows(first)?,
-            second: rows(second)?,
-            num_steps,
-        })
-    }
-
     /// The state, read back.
     pub(super) fn state(&self) -> Result<ParameterState> {
+        let (device, num) = (&*self.device, self.num_gaussians);
+        let harmonics = self.harmonics.as_ref();
+        let harmonics = harmonics
+            .map(|rows| rows.learned(device, num))
+            .transpose()?;
         Ok(ParameterState {
-            raw: self.read([&self.values, &self.first, &self.second], self.num_steps)?,
-            harmonics: match &self.harmonics {
-                None => Learned::default(),
-                Some(h) => self.read([&h.values, &h.first, &h.second], h.num_steps)?,
-            },
+            raw: self.raw.learned(device, num)?,
+            harmonics: harmonics.unwrap_or_default(),
         })
     }
 }
