@@ -225,3 +225,32 @@ impl LocalGradient {
         }
     }
 }
+
+/// What a Gaussian contributes to pixels of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Contribution {
+    /// Index in the scene.
+    pub gaussian: u32,
+    /// Sum of its weights: the pixels it fills.
+    pub weight: f32,
+    /// Sum of its weights times the pixels' values.
+    pub weighted_value: f32,
+    /// Its largest weight in a pixel, 0 to 1.
+    pub largest_weight: f32,
+    /// The first pixel where it has that, row by row.
+    pub pixel: u32,
+}
+
+impl Contribution {
+    /// Adds a hit with `weight` in `pixel`, whose value is `value`. The order of hits does not matter to the pixel.
+    #[inline(always)]
+    pub fn add(&mut self, weight: f32, pixel: u32, value: f32) {
+        self.weight += weight;
+        self.weighted_value += weight * value;
+        let is_first = weight == self.largest_weight && pixel < self.pixel;
+        if weight > self.largest_weight || is_first {
+            (self.largest_weight, self.pixel) = (weight, pixel);
+        }
+    }
+}

@@ -2,6 +2,7 @@
 
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_trace::blend::Contribution;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::cpu::draws::Draws;
@@ -217,13 +218,14 @@ fn contributions_add_up_to_the_picture() {
     for camera in cameras() {
         let (image, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
         let value = |pixel: usize| 1.0 + (pixel % 7) as f32;
-        let contributions = record.contributions(value);
+        let values: Vec<f32> = (0..camera.num_pixels()).map(value).collect();
+        let contributions = record.contributions(&values);
         let (mut weight, mut weighted) = (0.0, 0.0);
         for (pixel, sums) in image.pixels.iter().enumerate() {
             weight += f64::from(sums.alpha());
             weighted += f64::from(sums.alpha() * value(pixel));
         }
-        let total = |part: fn(&camera::Contribution) -> f32| -> f64 {
+        let total = |part: fn(&Contribution) -> f32| -> f64 {
             contributions.iter().map(|c| f64::from(part(c))).sum()
         };
         // Sums of some ten thousand single-precision terms in another order.

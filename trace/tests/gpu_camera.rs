@@ -4,10 +4,11 @@ mod gpu;
 
 use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
+use eagpt_trace::blend::Contribution;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::gpu::GpuScene;
+use eagpt_trace::gpu::{GpuFit, GpuScene};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::sums::{NUM_LANES, lane};
 use eagpt_trace::surfel::SurfelSet;
@@ -19,6 +20,9 @@ const SUM_TOLERANCE: f64 = 5e-5;
 
 /// Largest difference of a gradient, relative to the largest of its lane: ten times the 1e-5 seen on lavapipe.
 const GRADIENT_TOLERANCE: f32 = 1e-4;
+
+/// Largest difference of a contribution, relative to 1 plus its value: ten times the 1e-5 seen on lavapipe.
+const CONTRIBUTION_TOLERANCE: f32 = 1e-4;
 
 fn cameras() -> Vec<Camera> {
     [
@@ -146,6 +150,55 @@ fn weight(pixel: usize, k: usize) -> f32 {
         1.0
     };
     sign * (0.2 + ((pixel * 31 + k * 17) % 13) as f32 / 13.0)
+}
+
+/// What Gaussians contribute, against the CPU, whose tiles tell it one by one.
+#[test]
+fn contributions_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("what Gaussians contribute") else {
+        return;
+    };
+    let gaussians = random_cloud(700, 3);
+    let set = SurfelSet::new(&gaussians);
+    let fit = GpuFit::new(&device, &set).unwrap();
+    for camera in cameras() {
+        let value = |pixel: usize| weight(pixel, 0);
+        let values: Vec<f32> = (0..camera.num_pixels()).map(value).collect();
+        let (_, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+        let mut wanted = vec![Contribution::default(); gaussians.len()];
+        for row in record.contributions(&values) {
+            let sum = &mut wanted[row.gaussian as usize];
+            sum.weight += row.weight;
+            sum.weighted_value += row.weighted_value;
+            if row.largest_weight > sum.largest_weight {
+                (sum.largest_weight, sum.pixel) = (row.largest_weight, row.pixel);
+            }
+        }
+        let got = fit.contributions(&camera, &values).unwrap();
+        assert!(got == fit.contributions(&camera, &values).unwrap());
+        assert!(got.len() > 100);
+        let num_wanted = wanted.iter().filter(|row| row.weight > 0.0).count();
+        assert!(got.len().abs_diff(num_wanted) * 100 <= num_wanted);
+        let (mut worst, mut num_other_pixels) = (0.0_f32, 0);
+        for row in &got {
+            let wanted = &wanted[row.gaussian as usize];
+            // Gaussians on the rim of which a hit flips are told by a weight that nothing else has.
+            for (a, b) in [
+                (row.weight, wanted.weight),
+                (row.weighted_value, wanted.weighted_value),
+                (row.largest_weight, wanted.largest_weight),
+            ] {
+                worst = worst.max((a - b).abs() / (1.0 + b.abs()));
+            }
+            num_other_pixels += usize::from(row.pixel != wanted.pixel);
+        }
+        eprintln!(
+            "off by {worst:e}, {num_other_pixels} of {} in other pixels",
+            got.len()
+        );
+        assert!(worst < CONTRIBUTION_TOLERANCE, "{worst:e}");
+        assert!(num_other_pixels * 100 <= got.len());
+    }
 }
 
 /// Each lane of the gradient against that of the CPU, relative to the lane's largest value.

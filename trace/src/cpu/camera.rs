@@ -11,7 +11,7 @@ use super::hits::BlockHits;
 use super::search::{TileList, TileSurfel};
 use super::tile::{BLOCKS, LANES, TileRays, pixels_of_tile};
 use super::weights::BlendWeights;
-use crate::blend::{Blender, LocalGradient, Offered};
+use crate::blend::{Blender, Contribution, LocalGradient, Offered};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{Payload, SeenSet, SurfelSet};
@@ -82,21 +82,6 @@ pub(super) struct BlendedHit {
     /// In-plane coordinates in standard deviations.
     pub(super) u: f32,
     pub(super) v: f32,
-}
-
-/// What a Gaussian contributes to the pixels of a tile.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Contribution {
-    /// Index in the scene.
-    pub gaussian: u32,
-    /// Sum of its weights: the pixels it fills.
-    pub weight: f32,
-    /// Sum of its weights times the pixels' values.
-    pub weighted_value: f32,
-    /// Its largest weight in a pixel, 0 to 1.
-    pub largest_weight: f32,
-    /// That pixel, row by row.
-    pub pixel: u32,
 }
 
 /// Memory a thread reuses from tile to tile.
@@ -214,9 +199,12 @@ impl CameraRecord {
         BlendWeights::joined(&per_tile)
     }
 
-    /// What each Gaussian contributes to the picture. `value` is a number for each pixel (row by row), such as its error. A
+    /// What each Gaussian contributes to the picture. `values` are a number for each pixel (row by row), such as its error. A
     /// Gaussian that several tiles saw comes once for each of them, tiles in order.
-    pub fn contributions(&self, value: impl Fn(usize) -> f32 + Sync) -> Vec<Contribution> {
+    ///
+    /// # Panics
+    /// If `values` are not as many as the camera has pixels.
+    pub fn contributions(&self, values: &[f32]) -> Vec<Contribution> {
         let Some(camera) = &self.camera else {
             return Vec::new();
         };
@@ -231,17 +219,9 @@ impl CameraRecord {
                 };
                 let mut rows: Vec<Contribution> = record.gaussians.iter().map(of).collect();
                 for (p, pixel) in pixels_of_tile(camera, tile) {
-                    let value = value(pixel);
                     for hit in record.hits_of(p) {
                         let row = &mut rows[record.row_of(hit)];
-                        row.weight += hit.weight;
-                        row.weighted_value += hit.weight * value;
-                        // Of equal ones the first in the image, whatever the order within a tile.
-                        let is_first =
-                            hit.weight == row.largest_weight && (pixel as u32) < row.pixel;
-                        if hit.weight > row.largest_weight || is_first {
-                            (row.largest_weight, row.pixel) = (hit.weight, pixel as u32);
-                        }
+                        row.add(hit.weight, pixel as u32, values[pixel]);
                     }
                 }
                 // Tiles reach beyond the image's border; what was hit only there was not seen.

@@ -1,19 +1,21 @@
-//! Gradients of camera rays on the device: the twin of [`crate::cpu::camera::CameraRecord::adjoint`].
+//! Gradients of camera rays on the device: the twin of [`crate::cpu::camera::CameraRecord::adjoint`]; and what Gaussians contribute to pixels, that of
+//! [`crate::cpu::camera::CameraRecord::contributions`].
 //!
 //! Tiles are traced again with a record of what is blended. Pixels turn their records into a weight and dL/dα for each hit, tiles add up the
 //! gradients of their Gaussians, Gaussians those of their tiles. Every sum has a fixed order and nothing is added atomically, so that the same
 //! device gives the same bits in every run, and the rounding is that of the CPU.
 
+mod steps;
+
 use super::bins::{Bins, TILE};
-use super::camera::{Band, CameraTracer, tile_steps};
+use super::camera::{Band, CameraTracer};
 use super::device::{Device, Step};
 use super::error::GpuError;
-use super::scan::scan;
 use super::scene::SceneBuffers;
-use super::wgsl;
-use crate::blend::LocalGradient;
+use crate::blend::{Contribution, LocalGradient};
 use crate::sums::{NUM_LANES, Sums};
 use eagpt_scene::Camera;
+use steps::Parts;
 
 /// Place of the number of chunks in the totals.
 pub(super) const TOTAL_CHUNKS: u32 = 2;
@@ -93,10 +95,28 @@ impl Room {
     }
 }
 
-/// Gradients, or the room that was missing.
+/// What goes back from the pixels of a camera to the Gaussians.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Backward<'a> {
+    /// Derivatives by the sums of each pixel, row by row: they become gradients.
+    Derivatives(&'a [Sums]),
+    /// A number for each pixel, row by row: of these, contributions are told.
+    Values(&'a [f32]),
+}
+
+impl Backward<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Derivatives(d_sums) => d_sums.len(),
+            Self::Values(values) => values.len(),
+        }
+    }
+}
+
+/// Whether there was room.
 #[derive(Debug)]
 pub(super) enum Outcome {
-    Gradients(Vec<LocalGradient>),
+    Done,
     /// Lists of tiles need room for this many entries.
     MoreEntries(u32),
     MoreRoom(Room),
@@ -109,8 +129,12 @@ pub(super) struct Adjoint {
     size: (u32, u32),
     masks: wgpu::Buffer,
     d_sums: wgpu::Buffer,
+    /// A number for each pixel of a band.
+    values: wgpu::Buffer,
     /// [`LocalGradient`], `[n]`.
     gradients: wgpu::Buffer,
+    /// [`Contribution`], `[n]`.
+    contributions: wgpu::Buffer,
     num_surfels: u32,
     bands: Vec<AdjointBand>,
 }
@@ -122,6 +146,8 @@ struct AdjointBand {
     forward: Vec<Step>,
     /// From the record and the derivatives by the sums to gradients.
     backward: Vec<Step>,
+    /// From the record and the values to contributions.
+    attribute: Vec<Step>,
 }
 
 impl Adjoint {
@@ -144,10 +170,14 @@ impl Adjoint {
         let hits = 8 * u64::from(room.chunks) * u64::from(CHUNK_HITS);
         let hits = device.buffer("hits", hits)?;
         let d_sums = device.buffer("derivatives by sums", ROW_BYTES * band_pixels)?;
+        let values = device.buffer("values of pixels", 4 * band_pixels)?;
         let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
         let rows = device.buffer("rows of gradients", ROW_BYTES * num_rows)?;
         let num_surfels = scene.num_surfels();
-        let gradients = device.buffer("gradients", ROW_BYTES * u64::from(num_surfels))?;
+        let of_all = |row: u64| row * u64::from(num_surfels);
+        let gradients = device.buffer("gradients", of_all(ROW_BYTES))?;
+        let contributions = of_all(size_of::<Contribution>() as u64);
+        let contributions = device.buffer("contributions", contributions)?;
         let parts = Parts {
             device,
             scene,
@@ -157,9 +187,11 @@ impl Adjoint {
             hit_starts: &hit_starts,
             hits: &hits,
             d_sums: &d_sums,
+            values: &values,
             rows: &rows,
             num_rows: u32::try_from(num_rows).unwrap_or(u32::MAX),
             gradients: &gradients,
+            contributions: &contributions,
         };
         let tiles_x = width.div_ceil(TILE);
         let mut bands = Vec::new();
@@ -176,6 +208,7 @@ impl Adjoint {
                 pixels: (first_row * width) as usize..(end_row * width) as usize,
                 forward: parts.forward(&tracer.sums, band)?,
                 backward: parts.backward(band),
+                attribute: parts.attribute(band),
             });
         }
         device.check()?;
@@ -184,46 +217,69 @@ impl Adjoint {
             size: (width, height),
             masks,
             d_sums,
+            values,
             gradients,
+            contributions,
             num_surfels,
             bands,
         })
     }
 
-    /// Gradients by all Gaussians, read back; `d_sums` = dL/dV for every pixel, row by row.
+    /// Goes back from `what`, which is there for every pixel, to all Gaussians.
     pub(super) fn run(
         &self,
         device: &Device,
         bins: &Bins,
         camera: &Camera,
-        d_sums: &[Sums],
+        what: Backward<'_>,
     ) -> Result<Outcome, GpuError> {
+        assert_eq!(what.len(), camera.num_pixels(), "one for each pixel");
         let mut commands = device.commands();
         bins.record(device, camera, &mut commands);
         commands.clear_buffer(&self.gradients, 0, None);
+        commands.clear_buffer(&self.contributions, 0, None);
         device.submit(commands)?;
         let needed = bins.num_entries(device)?;
         if needed > bins.capacity {
             return Ok(Outcome::MoreEntries(needed));
         }
         for band in &self.bands {
-            let lanes: Vec<[f32; NUM_LANES]> = d_sums[band.pixels.clone()]
-                .iter()
-                .map(|sums| sums.0)
-                .collect();
-            device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
             self.forward(device, bins, band)?;
-            device.run(&band.backward)?;
+            match what {
+                Backward::Derivatives(d_sums) => {
+                    let d_sums = d_sums[band.pixels.clone()].iter();
+                    let lanes: Vec<[f32; NUM_LANES]> = d_sums.map(|sums| sums.0).collect();
+                    device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
+                    device.run(&band.backward)?;
+                }
+                Backward::Values(values) => {
+                    let values = &values[band.pixels.clone()];
+                    device.write(&self.values, bytemuck::cast_slice(values));
+                    device.run(&band.attribute)?;
+                }
+            }
             let needed = bins.total(device, TOTAL_CHUNKS)?;
             if needed > self.room.chunks {
                 let room = self.room.grown(device, self.size, needed)?;
                 return Ok(Outcome::MoreRoom(room));
             }
         }
-        let rows =
-            device.read::<[f32; NUM_LANES]>(&self.gradients, 0..self.num_surfels as usize)?;
-        let gradients = rows.into_iter().map(LocalGradient).collect();
-        Ok(Outcome::Gradients(gradients))
+        Ok(Outcome::Done)
+    }
+
+    /// Gradients by all Gaussians, read back.
+    pub(super) fn gradients(&self, device: &Device) -> Result<Vec<LocalGradient>, GpuError> {
+        let all = 0..self.num_surfels as usize;
+        let rows = device.read::<[f32; NUM_LANES]>(&self.gradients, all)?;
+        Ok(rows.into_iter().map(LocalGradient).collect())
+    }
+
+    /// What Gaussians contribute, read back; without those that contribute nothing.
+    pub(super) fn contributions(&self, device: &Device) -> Result<Vec<Contribution>, GpuError> {
+        let all = 0..self.num_surfels as usize;
+        let mut rows = device.read::<Contribution>(&self.contributions, all)?;
+        rows.retain(|row| row.weight > 0.0);
+        Ok(rows)
     }
 
     fn forward(&self, device: &Device, bins: &Bins, band: &AdjointBand) -> Result<(), GpuError> {
@@ -291,98 +347,5 @@ impl WholeImage<'_> {
     /// Gradients of what was traced last.
     pub(super) fn backward(&self, device: &Device) -> Result<(), GpuError> {
         device.run(&self.band.backward)
-    }
-}
-
-/// What the steps of a band work on.
-struct Parts<'a> {
-    device: &'a Device,
-    scene: &'a SceneBuffers,
-    bins: &'a Bins,
-    record: &'a wgpu::Buffer,
-    masks: &'a wgpu::Buffer,
-    hit_starts: &'a wgpu::Buffer,
-    hits: &'a wgpu::Buffer,
-    d_sums: &'a wgpu::Buffer,
-    rows: &'a wgpu::Buffer,
-    num_rows: u32,
-    gradients: &'a wgpu::Buffer,
-}
-
-impl Parts<'_> {
-    fn forward(&self, sums: &wgpu::Buffer, band: Band) -> Result<Vec<Step>, GpuError> {
-        let Self { device, bins, .. } = self;
-        let mut steps = tile_steps(device, &band, |band, groups| {
-            let buffers = [
-                (0, &bins.view),
-                (1, band),
-                (2, &bins.list_starts),
-                (3, &bins.listed),
-                (4, &bins.seen),
-                (5, &bins.payloads),
-                (6, sums),
-                (7, self.record),
-                (8, self.masks),
-                (9, &bins.totals),
-            ];
-            device.step(&wgsl::CAMERA_RECORD, "trace_tiles", &buffers, groups)
-        });
-        let count = [(2, self.masks), (3, self.hit_starts)];
-        let groups = bins.capacity.div_ceil(64);
-        steps.push(device.step(&wgsl::ADJOINT_COUNT, "count_hits", &count, groups));
-        steps.extend(scan(device, self.hit_starts, bins.capacity)?);
-        Ok(steps)
-    }
-
-    fn backward(&self, band: Band) -> Vec<Step> {
-        let Self { device, bins, .. } = self;
-        let mut steps = tile_steps(device, &band, |band, groups| {
-            let buffers = [
-                (0, &bins.view),
-                (1, band),
-                (2, self.record),
-                (3, &bins.listed),
-                (4, &bins.seen),
-                (5, &bins.payloads),
-                (6, self.d_sums),
-                (7, self.masks),
-                (8, self.hit_starts),
-                (9, self.hits),
-            ];
-            device.step(&wgsl::ADJOINT_WEIGHTS, "weigh_hits", &buffers, groups)
-        });
-        for first_place in (0..bins.capacity).step_by(self.num_rows.max(1) as usize) {
-            let band = Band {
-                first_place,
-                ..band
-            };
-            let band = device.uniform("band", &band);
-            let add = [
-                (0, &bins.view),
-                (1, &band),
-                (2, &bins.listed),
-                (3, &bins.seen),
-                (4, self.d_sums),
-                (5, self.masks),
-                (6, self.hit_starts),
-                (7, self.hits),
-                (8, self.rows),
-            ];
-            let groups = self.num_rows.div_ceil(64);
-            steps.push(device.step(&wgsl::ADJOINT_ROWS, "add_rows", &add, groups));
-            let gather = [
-                (0, &bins.view),
-                (1, &band),
-                (2, &bins.order),
-                (3, &bins.entry_starts),
-                (4, &bins.places),
-                (5, self.masks),
-                (6, self.rows),
-                (7, self.gradients),
-            ];
-            let groups = self.scene.num_surfels().div_ceil(64);
-            steps.push(device.step(&wgsl::ADJOINT_GATHER, "gather_rows", &gather, groups));
-        }
-        steps
     }
 }

@@ -2,6 +2,7 @@
 
 use super::bins::{self, Seen, View};
 use super::{adjoint, bvh, camera, light, links, rays, scan, sort};
+use crate::blend::Contribution;
 use crate::cpu::bins::MARGIN_PIXELS;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::sums::lane;
@@ -135,6 +136,13 @@ pub(super) fn layouts() -> Vec<Layout> {
             size: "f32",
             normal: "vec3f",
             padding: "f32",
+        }),
+        layout!(Contribution {
+            gaussian: "u32",
+            weight: "f32",
+            weighted_value: "f32",
+            largest_weight: "f32",
+            pixel: "u32",
         }),
         Seen::layout(),
         View::layout(),

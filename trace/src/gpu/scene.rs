@@ -1,6 +1,6 @@
 //! Gaussians on a device, behind [`Tracer`].
 
-use super::adjoint::{Adjoint, Outcome, Room};
+use super::adjoint::{Adjoint, Backward, Outcome, Room};
 use super::bvh::NO_NODE;
 use super::camera::{Binned, CameraTracer};
 use super::device::Device;
@@ -170,7 +170,29 @@ impl Views {
         })
     }
 
-    /// See [`GpuScene::camera_adjoint`].
+    /// Goes back from `what` at the pixels of `camera` to the Gaussians, and hands over what has come out.
+    pub(super) fn backward(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        what: Backward<'_>,
+    ) -> Result<&Adjoint, GpuError> {
+        let size = (camera.width, camera.height);
+        loop {
+            let (tracer, adjoint) = self.both(device, scene, camera)?;
+            match adjoint.run(device, &tracer.bins, camera, what)? {
+                Outcome::Done => break,
+                Outcome::MoreEntries(needed) => {
+                    self.make_tracer(device, scene, size, Some(needed))?;
+                }
+                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
+            }
+        }
+        Ok(self.both(device, scene, camera)?.1)
+    }
+
+    /// See [`super::GpuFit::camera_adjoint`].
     pub(super) fn adjoint(
         &mut self,
         device: &Device,
@@ -178,19 +200,9 @@ impl Views {
         camera: &Camera,
         d_sums: &[Sums],
     ) -> Result<Vec<LocalGradient>, GpuError> {
-        assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
-        let size = (camera.width, camera.height);
-        self.tracer(device, scene, camera)?;
-        loop {
-            let (tracer, adjoint) = self.both(device, scene, camera)?;
-            match adjoint.run(device, &tracer.bins, camera, d_sums)? {
-                Outcome::Gradients(gradients) => return Ok(gradients),
-                Outcome::MoreEntries(needed) => {
-                    self.make_tracer(device, scene, size, Some(needed))?;
-                }
-                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
-            }
-        }
+        let what = Backward::Derivatives(d_sums);
+        self.backward(device, scene, camera, what)?
+            .gradients(device)
     }
 
     /// The tracer for `camera` and its adjoint, made if there are none.

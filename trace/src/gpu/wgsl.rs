@@ -140,6 +140,14 @@ pub(super) static ADJOINT_GATHER: Module = Module::own(
     "adjoint: gather",
     &[ADJOINT, &[include_str!("adjoint_gather.wgsl")]],
 );
+pub(super) static CONTRIBUTION_ROWS: Module = Module::own(
+    "contributions: rows",
+    &[ADJOINT, &[include_str!("contributions_rows.wgsl")]],
+);
+pub(super) static CONTRIBUTION_GATHER: Module = Module::own(
+    "contributions: gather",
+    &[ADJOINT, &[include_str!("contributions_gather.wgsl")]],
+);
 pub(super) static RAYS: Module = Module::own("rays", &[SEARCH, &[include_str!("rays.wgsl")]]);
 pub(super) static BOUNCE: Module = Module::own(
     "bounce",
@@ -172,6 +180,8 @@ mod tests {
             &ADJOINT_WEIGHTS,
             &ADJOINT_ROWS,
             &ADJOINT_GATHER,
+            &CONTRIBUTION_ROWS,
+            &CONTRIBUTION_GATHER,
             &RAYS,
             &BOUNCE,
             &PATH,
