@@ -1,6 +1,8 @@
 //! The seam between ray tracing engines and everything above them.
 
-use crate::sums::SumImage;
+use crate::blend::Contribution;
+use crate::ray::Ray;
+use crate::sums::{SumImage, Sums};
 use crate::transport::links::{Directions, Links, Receiver};
 use crate::transport::{Integrator, LightOptions};
 use eagpt_scene::rng::RandomKey;
@@ -63,6 +65,18 @@ pub trait Tracer: Send + Sync {
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
     fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError>;
+
+    /// The same, and how much of each Gaussian is in it. A Gaussian may come more than once, with different pixels; their values are zero.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn contributions(&self, camera: &Camera) -> Result<(SumImage, Vec<Contribution>), TraceError>;
+
+    /// Blended sums along each of `rays`.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError>;
 
     /// Renders `camera` with `integrator`.
     ///

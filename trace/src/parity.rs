@@ -119,9 +119,11 @@ fn camera(width: u32, height: u32) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::blend::Contribution;
     use crate::cpu::CpuScene;
     use crate::engine::RenderedView;
-    use crate::sums::SumImage;
+    use crate::ray::Ray;
+    use crate::sums::{SumImage, Sums};
     use crate::transport::links::{Directions, Links, Receiver};
     use crate::transport::{Integrator, LightOptions};
     use eagpt_scene::rng::RandomKey;
@@ -154,6 +156,17 @@ mod tests {
                 pixel.0 = pixel.0.map(|lane| 1.001 * lane);
             }
             Ok(sums)
+        }
+
+        fn contributions(
+            &self,
+            camera: &Camera,
+        ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+            self.0.contributions(camera)
+        }
+
+        fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {
+            self.0.trace_rays(rays)
         }
 
         fn render(

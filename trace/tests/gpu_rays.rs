@@ -4,12 +4,12 @@ mod gpu;
 
 use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use eagpt_testkit::gaussians::random_cloud;
-use eagpt_trace::Sums;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::RayTracer;
+use eagpt_trace::{Sums, Tracer};
 use glam::{DVec3, Quat, Vec2, Vec3};
 
 /// Largest difference of a sum, relative to 1 plus its value: as for camera rays.

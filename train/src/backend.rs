@@ -4,9 +4,11 @@
 //! prepared images — for the whole run, and hands back scalars. Full state crosses the seam only for checkpoints.
 
 mod cpu;
+mod engine;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod irradiance;
+mod lit;
 mod trainer;
 
 pub use cpu::CpuBackend;

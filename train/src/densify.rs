@@ -8,7 +8,7 @@
 
 use crate::params::ParameterState;
 use eagpt_scene::Gaussians;
-use eagpt_trace::cpu::camera::Contribution;
+use eagpt_trace::blend::Contribution;
 
 /// A Gaussian whose weight exceeds this in no pixel of any view is not needed where it is.
 const MIN_WEIGHT: f32 = 0.02;

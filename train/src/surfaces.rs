@@ -3,23 +3,21 @@
 //! A Gaussian's own centre and normal are noisy samples of the surface that its neighbours and it make up together. That surface is what
 //! a camera ray blends; each Gaussian takes it from the pixel that sees it best.
 
+use crate::error::Result;
 use eagpt_scene::{Camera, Gaussian};
-use eagpt_trace::Ray;
-use eagpt_trace::cpu::CameraRecord;
-use eagpt_trace::cpu::camera::{HitSearch, Keep};
-use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::RayTracer;
 use eagpt_trace::transport::start::Surface;
+use eagpt_trace::{Ray, Sums, Tracer};
 use glam::Mat3;
 
 /// Half the slab of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same wall.
 const LONE_SLAB: f32 = 0.5;
 
+/// Rays of Gaussians alone that are traced together: as many as a device has room for.
+const RAYS_AT_ONCE: usize = 1 << 18;
+
 /// The best-seen surfaces so far.
 pub(crate) struct BestSeen {
     best: Vec<Option<(f32, Surface)>>,
-    /// Of the last camera: memory for the next.
-    record: CameraRecord,
 }
 
 impl BestSeen {
@@ -27,15 +25,17 @@ impl BestSeen {
     pub(crate) fn new(num: usize) -> Self {
         Self {
             best: vec![None; num],
-            record: CameraRecord::default(),
         }
     }
 
     /// Looks through every pixel of `camera`: what weighs more in one of them than anywhere before is seen better there.
-    pub(crate) fn look(&mut self, set: &SurfelSet, camera: &Camera) {
-        let sums = (self.record).trace(set, camera, HitSearch::Tiles, Keep::Record);
+    ///
+    /// # Errors
+    /// If the device of the `scene` gives up.
+    pub(crate) fn look(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
+        let (sums, contributions) = scene.contributions(camera)?;
         let frame = camera.ray_frame();
-        for found in self.record.contributions(|_| 0.0) {
+        for found in contributions {
             let best = &mut self.best[found.gaussian as usize];
             let (weight, pixel) = (found.largest_weight, found.pixel);
             if best.is_some_and(|(most, _)| weight <= most) {
@@ -49,6 +49,7 @@ impl BestSeen {
                 *best = Some((weight, surface));
             }
         }
+        Ok(())
     }
 
     /// The surface of each Gaussian; `None` where no camera saw it.
@@ -57,22 +58,45 @@ impl BestSeen {
     }
 }
 
-/// The surface of a Gaussian that no camera sees: its own plane, from the side with more room before it.
-pub(crate) fn lone(scene: &impl RayTracer, gaussian: &Gaussian) -> Surface {
+/// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more room before it.
+///
+/// # Errors
+/// If the device of the `scene` gives up.
+pub(crate) fn lone(
+    scene: &dyn Tracer,
+    gaussians: impl Iterator<Item = Gaussian>,
+) -> Result<Vec<Surface>> {
+    let sides: Vec<Surface> = gaussians.flat_map(|gaussian| sides(&gaussian)).collect();
+    let rays: Vec<Ray> = sides.iter().map(|side| side.ray(side.normal)).collect();
+    let mut met = Vec::with_capacity(rays.len());
+    for some in rays.chunks(RAYS_AT_ONCE) {
+        met.extend(scene.trace_rays(some)?);
+    }
+    let (sides, _) = sides.as_chunks::<2>();
+    let (met, _) = met.as_chunks::<2>();
+    let roomier = |([front, back], [before, behind]): (&[Surface; 2], &[Sums; 2])| {
+        if room(before) >= room(behind) {
+            *front
+        } else {
+            *back
+        }
+    };
+    Ok(sides.iter().zip(met).map(roomier).collect())
+}
+
+/// Both sides of a Gaussian alone.
+fn sides(gaussian: &Gaussian) -> [Surface; 2] {
     let size = (gaussian.scale.x * gaussian.scale.y).sqrt();
     let normal = Mat3::from_quat(gaussian.rotation).z_axis;
-    let sides = [normal, -normal].map(|normal| Surface {
+    [normal, -normal].map(|normal| Surface {
         position: gaussian.position,
         normal,
         slab: LONE_SLAB * size,
-    });
-    let [front, back] = sides.map(|side| room_before(scene, &side.ray(side.normal)));
-    if front >= back { sides[0] } else { sides[1] }
+    })
 }
 
-/// How far a ray gets before it meets something rather than nothing.
-fn room_before(scene: &impl RayTracer, ray: &Ray) -> f32 {
-    let met = scene.trace(ray);
+/// How far a ray got before it met something rather than nothing.
+fn room(met: &Sums) -> f32 {
     if met.alpha() > 0.5 {
         met.mean_distance()
     } else {

@@ -3,6 +3,7 @@
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
 use super::draws::{Draws, SCENE_SEED};
+use crate::blend::Contribution;
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
@@ -12,6 +13,7 @@ use crate::transport::links::{Directions, Links, Receiver};
 use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
+use rayon::prelude::*;
 use std::cell::RefCell;
 use std::sync::OnceLock;
 
@@ -101,6 +103,16 @@ impl Tracer for CpuScene {
 
     fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
         Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
+    }
+
+    fn contributions(&self, camera: &Camera) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+        let (sums, record) = camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record);
+        let contributions = record.contributions(&vec![0.0; camera.num_pixels()]);
+        Ok((sums, contributions))
+    }
+
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {
+        Ok(rays.par_iter().map(|ray| self.trace(ray)).collect())
     }
 
     fn render(

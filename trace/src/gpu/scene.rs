@@ -8,7 +8,7 @@ use super::error::GpuError;
 use super::light::{Gathered, LightBuffers, LightGatherer};
 use super::links::{LinkBuffers, LinkRays};
 use super::rays::{RayQuery, Rays};
-use crate::blend::LocalGradient;
+use crate::blend::{Contribution, LocalGradient};
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{NUM_LANES, SumImage, Sums};
@@ -273,15 +273,6 @@ impl GpuScene {
             .adjoint(&self.device, &self.buffers, camera, d_sums)
     }
 
-    /// Blended sums along each of `rays`: those of [`crate::transport::RayTracer::trace`].
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, GpuError> {
-        let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
-        self.rays(&*self.light()?).blend(&queries)
-    }
-
     /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of meeting nothing. The number beside a ray makes
     /// the choice.
     ///
@@ -453,6 +444,22 @@ impl Tracer for GpuScene {
 
     fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
         Ok(self.views().sums(&self.device, &self.buffers, camera)?)
+    }
+
+    fn contributions(&self, camera: &Camera) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+        let mut views = self.views();
+        let (device, buffers) = (&*self.device, &self.buffers);
+        let sums = views.sums(device, buffers, camera)?;
+        let values = vec![0.0; camera.num_pixels()];
+        let contributions = views
+            .backward(device, buffers, camera, Backward::Values(&values))?
+            .contributions(device)?;
+        Ok((sums, contributions))
+    }
+
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {
+        let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
+        Ok(self.rays(&*self.light()?).blend(&queries)?)
     }
 
     fn render(

@@ -1,13 +1,15 @@
 //! Training on the CPU.
 
 use super::TrainDevice;
-use super::trainer::{Engine, Trainer};
+use super::engine::Engine;
+use super::trainer::Trainer;
 use crate::error::Result;
 use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::blend::LocalGradient;
+use eagpt_trace::blend::{Contribution, LocalGradient};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::cpu::{CameraRecord, Wanted};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
@@ -52,6 +54,14 @@ impl Engine for CpuEngine {
         wanted: Wanted,
     ) -> Result<Vec<LocalGradient>> {
         Ok(self.record.adjoint(set, d_sums, wanted))
+    }
+
+    fn contributions(&mut self, _: &Camera, values: &[f32]) -> Result<Vec<Contribution>> {
+        Ok(self.record.contributions(values))
+    }
+
+    fn weights(&self, least: f32) -> Option<BlendWeights> {
+        Some(self.record.weights(least))
     }
 
     fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage> {

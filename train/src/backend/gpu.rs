@@ -15,7 +15,8 @@ mod params;
 mod report;
 mod wanted;
 
-use super::trainer::{Engine, Trainer};
+use super::engine::Engine;
+use super::trainer::Trainer;
 use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainDevice, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
@@ -23,8 +24,9 @@ use crate::loss::target::Target;
 use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::blend::LocalGradient;
+use eagpt_trace::blend::{Contribution, LocalGradient};
 use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::gpu::{Device, GpuFit};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
@@ -67,6 +69,14 @@ impl Engine for GpuEngine {
         _: Wanted,
     ) -> Result<Vec<LocalGradient>> {
         Ok(self.fit.camera_adjoint(camera, d_sums)?)
+    }
+
+    fn contributions(&mut self, camera: &Camera, values: &[f32]) -> Result<Vec<Contribution>> {
+        Ok(self.fit.contributions(camera, values)?)
+    }
+
+    fn weights(&self, _: f32) -> Option<BlendWeights> {
+        None
     }
 
     fn camera_sums(&self, _: &SurfelSet, camera: &Camera) -> Result<SumImage> {

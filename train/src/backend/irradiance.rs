@@ -10,8 +10,6 @@ use crate::surfaces::BestSeen;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::links::{Directions, Receiver};
 use glam::{Vec3, Vec4};
 use std::ops::Range;
@@ -32,20 +30,23 @@ pub(super) struct GaussianIrradiance {
 }
 
 impl GaussianIrradiance {
-    /// Looks for each Gaussian's best pixel in all `cameras`.
-    pub(super) fn new(set: &SurfelSet, cameras: &[Camera]) -> Self {
-        let mut best = BestSeen::new(set.len());
+    /// Looks for each best pixel of the `num` Gaussians of `scene` in all `cameras`.
+    ///
+    /// # Errors
+    /// If the device of the `scene` gives up.
+    pub(super) fn new(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Self> {
+        let mut best = BestSeen::new(num);
         for camera in cameras {
-            best.look(set, camera);
+            best.look(scene, camera)?;
         }
         let seen = (0..)
             .zip(best.finish())
             .filter_map(|(i, found)| Some((i, found?)))
             .collect();
-        Self {
+        Ok(Self {
             seen,
             arriving: Vec::new(),
-        }
+        })
     }
 
     /// Number of Gaussians to gather for.
@@ -97,16 +98,15 @@ impl GaussianIrradiance {
     }
 }
 
-/// Irradiance over π of every pixel: the blend of what Gaussians in it know, `lights` being that of
+/// Irradiance over π of every pixel: what Gaussians in it know, given the sums of their blend, those of
 /// [`GaussianIrradiance::by_gaussian`].
-pub(super) fn of_pixels(weights: &BlendWeights, lights: &[Vec4]) -> Vec<Vec3> {
-    let light = |sum: Vec4| {
+pub(super) fn of_pixels(blended: &[Vec4]) -> Vec<Vec3> {
+    let light = |sum: &Vec4| {
         if sum.w > MIN_KNOWN {
             sum.truncate() / sum.w
         } else {
             Vec3::ZERO
         }
     };
-    let sums = weights.blend(|i| lights[i as usize]);
-    sums.into_iter().map(light).collect()
+    blended.iter().map(light).collect()
 }

@@ -1,76 +1,29 @@
 //! Training, whatever blends the rays: parameters, targets, losses and what the stages remember are on the host.
 
-use super::irradiance::{self, GaussianIrradiance};
+use super::engine::Engine;
+use super::irradiance::GaussianIrradiance;
+use super::lit::{self, LitView, LitViews};
 use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
 use crate::densify::{self, Attribution, Densified};
 use crate::error::Result;
 use crate::loss::target::Target;
 use crate::loss::{LossTerms, PixelLight, albedo_loss, color::pq_image, radiance_loss};
-use crate::options::{AlbedoOptions, Gather};
+use crate::options::Gather;
 use crate::params::ParameterState;
 use eagpt_eval::KnownPixels;
-use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
-use eagpt_trace::cpu::camera::{HitSearch, Keep};
-use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::cpu::{CameraRecord, CpuScene, Wanted};
+use eagpt_trace::cpu::{CpuScene, Wanted};
 use eagpt_trace::sums::{SumImage, Sums, lane};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::lights::BounceSampler;
 use eagpt_trace::transport::links::Directions;
-use eagpt_trace::transport::points::Points;
-use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{LIGHT_SHARE, RayTracer, irradiance_over_pi};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// What blends the rays of cameras, and goes back from derivatives by their sums to gradients.
-pub trait Engine {
-    /// What computes: recorded beside the result.
-    fn device(&self) -> String;
-
-    /// Takes note that Gaussians have changed.
-    ///
-    /// # Errors
-    /// If the device gives up.
-    fn update(&mut self, set: &SurfelSet) -> Result<()>;
-
-    /// Blended sums of one ray through every pixel centre, to be followed by [`Self::adjoint`].
-    ///
-    /// # Errors
-    /// If the device gives up.
-    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
-
-    /// Gradients by all Gaussians; `d_sums` = dL/dV for every pixel of `camera`, which was traced last.
-    ///
-    /// # Errors
-    /// If the device gives up.
-    fn adjoint(
-        &mut self,
-        set: &SurfelSet,
-        camera: &Camera,
-        d_sums: &[Sums],
-        wanted: Wanted,
-    ) -> Result<Vec<LocalGradient>>;
-
-    /// Blended sums alone.
-    ///
-    /// # Errors
-    /// If the device gives up.
-    fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
-
-    /// A scene where this computes, for rays that are not those of cameras.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>>;
-}
 
 /// Training with the rays of an [`Engine`]; all else by all threads of the current rayon pool.
 pub struct Trainer<E> {
@@ -78,8 +31,6 @@ pub struct Trainer<E> {
     pub(super) state: ParameterState,
     gaussians: Gaussians,
     set: SurfelSet,
-    /// Of the view whose weights were asked for last, which the CPU alone knows: memory for the next.
-    record: CameraRecord,
     /// What views said since Gaussians were last split.
     attribution: Option<Attribution>,
     /// Built when stage 1 first gathers for pixels; geometry does not move from then on.
@@ -87,12 +38,8 @@ pub struct Trainer<E> {
     /// What light is gathered with for Gaussians, until stage 1 takes its first step.
     tracer: Option<Box<dyn Tracer>>,
     gathered: Option<GaussianIrradiance>,
-    /// The gathered light by Gaussian, made when a view first needs it.
-    lights: Vec<Vec4>,
-    /// Views as stage 1 sees them, as far as they fit.
-    lit_views: HashMap<usize, Arc<LitView>>,
-    /// Bytes that they may still take.
-    lit_budget: u64,
+    /// Views with that light, made when one is first needed.
+    lit: Option<LitViews>,
     targets: HashMap<usize, Arc<Target>>,
     /// Bytes that prepared targets may still take.
     target_budget: usize,
@@ -108,14 +55,11 @@ impl<E: Engine> Trainer<E> {
             state,
             gaussians,
             set,
-            record: CameraRecord::default(),
             attribution: None,
             scene: None,
             tracer: None,
             gathered: None,
-            lights: Vec::new(),
-            lit_views: HashMap::new(),
-            lit_budget: 0,
+            lit: None,
             targets: HashMap::new(),
             target_budget,
         }
@@ -150,43 +94,26 @@ impl<E: Engine> Trainer<E> {
         self.set.update(&self.gaussians);
     }
 
-    /// Traces a camera on the CPU, for its record.
-    fn look(&mut self, camera: &Camera) -> SumImage {
-        let record = &mut self.record;
-        record.trace(&self.set, camera, HitSearch::Tiles, Keep::Record)
-    }
-
     fn scene(&mut self) -> &CpuScene {
         self.scene
             .get_or_insert_with(|| CpuScene::new(&self.gaussians))
     }
 
-    /// `view` with the light that was gathered.
-    fn lit_view(&mut self, view: &TrainingView, threshold: f32) -> Arc<LitView> {
-        if let Some(known) = self.lit_views.get(&view.index) {
-            return Arc::clone(known);
-        }
+    /// `view` with the light that was gathered; emission beyond `threshold` is an emitter's.
+    pub(super) fn lit_view(&mut self, view: &TrainingView, threshold: f32) -> Result<Arc<LitView>> {
         // Not when the stage begins: a resumed run gathers as well, and then goes on in the middle.
-        if self.lights.len() != self.set.len() {
-            self.lights = match &self.gathered {
-                Some(gathered) => gathered.by_gaussian(self.set.len()),
-                None => vec![Vec4::ZERO; self.set.len()],
-            };
-            self.tracer = None;
-            self.lit_budget = available_memory().unwrap_or(0) / LIT_SHARE;
-        }
-        let camera = &view.view.camera;
-        let sums = self.look(camera);
-        let weights = self.record.weights(LEAST_WEIGHT);
-        let arriving = irradiance::of_pixels(&weights, &self.lights);
-        let light = PixelLight::new(&sums, arriving, threshold);
-        let lit = Arc::new(LitView { weights, light });
-        let num_bytes = (lit.weights.num_bytes() + lit.light.num_bytes()) as u64;
-        if let Some(left) = self.lit_budget.checked_sub(num_bytes) {
-            self.lit_budget = left;
-            self.lit_views.insert(view.index, Arc::clone(&lit));
-        }
-        lit
+        let lit = match &mut self.lit {
+            Some(lit) => lit,
+            none => {
+                self.tracer = None;
+                let num = self.set.len();
+                let gathered = self.gathered.as_ref();
+                let lights = gathered.map(|gathered| gathered.by_gaussian(num));
+                none.insert(LitViews::new(lights.unwrap_or(vec![Vec4::ZERO; num])))
+            }
+        };
+        let scene = (&self.gaussians, &self.set);
+        lit.view(view, &mut self.engine, scene, threshold)
     }
 
     /// Loss of stage 1, and its gradient with respect to the albedo of each Gaussian, `[n]`, in a gradient of everything.
@@ -194,88 +121,55 @@ impl<E: Engine> Trainer<E> {
         &mut self,
         view: &TrainingView,
         step: &AlbedoStep<'_>,
-    ) -> (LossTerms, Vec<LocalGradient>) {
+    ) -> Result<(LossTerms, Vec<LocalGradient>)> {
         let target = self.target(view).pq();
         let known = view.view.valid.as_ref().map(KnownPixels::new);
         let loss = |albedos: &[Vec3], light: &PixelLight| {
             albedo_loss(albedos, light, &target, step.ssim_share, known.as_ref())
         };
         let threshold = step.options.emission_threshold;
-        match step.options.gather {
+        let camera = &view.view.camera;
+        let (sums, light) = match step.options.gather {
             Gather::Gaussians => {
-                let LitView { weights, light } = &*self.lit_view(view, threshold);
-                let own = &self.gaussians.albedos;
-                let (terms, d_pixels) = loss(&weights.blend(|i| own[i as usize]), light);
-                let d_albedos = weights.adjoint(&d_pixels, own.len());
-                let gradient = |d: Vec3| {
-                    let mut lanes = LocalGradient::default();
-                    lanes.0[grad_lane::ALBEDO..].copy_from_slice(&d.to_array());
-                    lanes
-                };
-                (terms, d_albedos.into_iter().map(gradient).collect())
+                let lit = self.lit_view(view, threshold)?;
+                if let Some(weights) = &lit.weights {
+                    let own = &self.gaussians.albedos;
+                    let (terms, d_pixels) = loss(&weights.blend(|i| own[i as usize]), &lit.light);
+                    let d_albedos = weights.adjoint(&d_pixels, own.len());
+                    let gradient = |d: Vec3| {
+                        let mut lanes = LocalGradient::default();
+                        lanes.0[grad_lane::ALBEDO..].copy_from_slice(&d.to_array());
+                        lanes
+                    };
+                    return Ok((terms, d_albedos.into_iter().map(gradient).collect()));
+                }
+                (self.engine.trace(&self.set, camera)?, lit.light.clone())
             }
             Gather::Pixels => {
-                let camera = &view.view.camera;
-                let sums = self.look(camera);
+                let sums = self.engine.trace(&self.set, camera)?;
                 let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
-                let arriving = gather_pixels(self.scene(), camera, &sums, step.options, key);
-                let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
+                let arriving = lit::gather_pixels(self.scene(), camera, &sums, step.options, key);
                 let light = PixelLight::new(&sums, arriving, threshold);
-                let (terms, d_pixels) = loss(&albedos, &light);
-                let of_albedo = |d: &Vec3| {
-                    let mut lanes = Sums::default();
-                    lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
-                    lanes
-                };
-                let d_sums: Vec<Sums> = d_pixels.iter().map(of_albedo).collect();
-                let wanted = Wanted::LightAndMaterial;
-                (terms, self.record.adjoint(&self.set, &d_sums, wanted))
+                (sums, light)
             }
-        }
+        };
+        let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
+        let (terms, d_pixels) = loss(&albedos, &light);
+        let of_albedo = |d: &Vec3| {
+            let mut lanes = Sums::default();
+            lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
+            lanes
+        };
+        let d_sums: Vec<Sums> = d_pixels.iter().map(of_albedo).collect();
+        let wanted = Wanted::LightAndMaterial;
+        let gradients = (self.engine).adjoint(&self.set, camera, &d_sums, wanted)?;
+        Ok((terms, gradients))
     }
-}
-
-/// A view as stage 1 sees it: geometry and light do not change.
-struct LitView {
-    weights: BlendWeights,
-    light: PixelLight,
 }
 
 /// One in so many directions looks for emitters. Measured on a room lit through a window: with half of the directions the light that
 /// arrives is noisier by an eighth, for most of it comes from walls.
 const LIGHTS_EVERY: u32 = 4;
-
-/// What part of the free memory, 1/n, views with their light may take; those that do not fit are traced again.
-const LIT_SHARE: u64 = 4;
-
-/// Weights that stage 1 keeps are at least this: what is lighter is a third of the hits of a trained room, and less than a fiftieth of a pixel.
-const LEAST_WEIGHT: f32 = 1e-3;
-
-fn gather_pixels(
-    scene: &CpuScene,
-    camera: &Camera,
-    sums: &SumImage,
-    options: &AlbedoOptions,
-    key: RandomKey,
-) -> Vec<Vec3> {
-    let frame = camera.ray_frame();
-    let sampler = BounceSampler::new(scene.lights(), LIGHT_SHARE);
-    (0..camera.num_pixels())
-        .into_par_iter()
-        .map(|pixel| {
-            let seen = &sums.pixels[pixel];
-            if seen.emission() > options.emission_threshold {
-                return Vec3::ZERO;
-            }
-            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
-            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            Surface::at(frame.origin, direction, seen).map_or(Vec3::ZERO, |surface| {
-                let points = Points::new(key, pixel as u32);
-                irradiance_over_pi(scene, &sampler, &surface, options.num_samples, &points)
-            })
-        })
-        .collect()
-}
 
 /// Gradient of every ray's sums, given those of the means over `factor` × `factor` rays; `width` is that of the means.
 fn adjoint_of_mean(d_means: Vec<Sums>, width: u32, factor: u32) -> Vec<Sums> {
@@ -346,7 +240,7 @@ impl<E: Engine> Backend for Trainer<E> {
     }
 
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
-        let (terms, gradients) = self.albedo_gradient(view, step);
+        let (terms, gradients) = self.albedo_gradient(view, step)?;
         let eye = view.view.camera.origin();
         if let Err(bad) = self
             .state
@@ -362,10 +256,11 @@ impl<E: Engine> Backend for Trainer<E> {
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
         let target = self.target(view).pq();
-        let sums = self.look(&view.view.camera);
+        let camera = &view.view.camera;
+        let sums = self.engine.trace(&self.set, camera)?;
         let shown = pq_image(&sums.radiance());
         let known = view.view.valid.as_ref().map(KnownPixels::new);
-        let contributions = self.record.contributions(|pixel| {
+        let error = |pixel: usize| {
             if known.as_ref().is_some_and(|known| !known.has(pixel)) {
                 return 0.0;
             }
@@ -376,7 +271,12 @@ impl<E: Engine> Backend for Trainer<E> {
                 (sums.pixels[pixel].emission() - mask.pixels()[pixel][0]).abs()
             });
             color + emission
-        });
+        };
+        let errors: Vec<f32> = (0..camera.num_pixels())
+            .into_par_iter()
+            .map(error)
+            .collect();
+        let contributions = self.engine.contributions(camera, &errors)?;
         self.attribution
             .get_or_insert_with(|| Attribution::new(self.state.len()))
             .add(&contributions);
@@ -396,21 +296,17 @@ impl<E: Engine> Backend for Trainer<E> {
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
-        let gathered = GaussianIrradiance::new(&self.set, cameras);
+        let tracer = self.tracer.insert(self.engine.tracer(&self.gaussians)?);
+        let gathered = GaussianIrradiance::new(&**tracer, self.gaussians.len(), cameras)?;
         let num = gathered.len();
-        self.lights.clear();
-        self.lit_views.clear();
+        self.lit = None;
         self.gathered = Some(gathered);
         Ok(num)
     }
 
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
-        let Some(gathered) = &mut self.gathered else {
+        let (Some(gathered), Some(tracer)) = (&mut self.gathered, &self.tracer) else {
             return Ok(());
-        };
-        let tracer = match &self.tracer {
-            Some(tracer) => tracer,
-            None => self.tracer.insert(self.engine.tracer(&self.gaussians)?),
         };
         let radiances = &self.gaussians.radiances;
         let directions = Directions::divided(num_samples, LIGHTS_EVERY);

@@ -13,11 +13,10 @@ use crate::surfaces::{self, BestSeen};
 use eagpt_scene::SceneError;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::Tracer;
 use eagpt_trace::transport::links::{Directions, Links, Receiver};
 use eagpt_trace::transport::start::Surface;
 use glam::Vec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -104,10 +103,11 @@ impl Bake<'_> {
     pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
         let rays = method.directions();
         self.check_memory(rays)?;
-        let Some(receivers) = self.receivers()? else {
+        let tracer = self.request.device.tracer(&self.scene)?;
+        let Some(receivers) = self.receivers(&*tracer)? else {
             return Ok(None);
         };
-        let Some(links) = self.trace_links(&receivers, rays)? else {
+        let Some(links) = self.trace_links(&*tracer, &receivers, rays)? else {
             return Ok(None);
         };
         let mut series = Series::new(self.scene.len());
@@ -134,8 +134,12 @@ impl Bake<'_> {
     }
 
     /// The links of all `receivers`, piece by piece; `None` if it was stopped.
-    fn trace_links(&mut self, receivers: &[Receiver], rays: Directions) -> Result<Option<Links>> {
-        let tracer = self.request.device.tracer(&self.scene)?;
+    fn trace_links(
+        &mut self,
+        tracer: &dyn Tracer,
+        receivers: &[Receiver],
+        rays: Directions,
+    ) -> Result<Option<Links>> {
         let mut links = self.taken_up(receivers.len(), rays)?;
         let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 1);
         let total = receivers.len();
@@ -167,28 +171,26 @@ impl Bake<'_> {
     }
 
     /// All Gaussians that reflect, each with its surface; `None` if it was stopped. Those that no camera sees still light others.
-    fn receivers(&mut self) -> Result<Option<Vec<Receiver>>> {
-        let engine = CpuScene::new(&self.scene);
+    fn receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Vec<Receiver>>> {
         let total = self.frames.len();
         let mut best = BestSeen::new(self.scene.len());
         for (done, &frame) in (1..).zip(&self.frames) {
             if self.stopped() {
                 return Ok(None);
             }
-            best.look(engine.surfels(), &self.dataset.frames()[frame].camera);
+            best.look(tracer, &self.dataset.frames()[frame].camera)?;
             (self.progress)(BakeProgress::Looking { done, total });
         }
-        let seen: Vec<Option<Surface>> = best.finish().collect();
-        let receivers = (0..self.scene.len() as u32)
-            .into_par_iter()
-            .filter(|&i| !emits(self.scene.emissions[i as usize]))
-            .map(|i| {
-                let surface = seen[i as usize]
-                    .unwrap_or_else(|| surfaces::lone(&engine, &self.scene.get(i as usize)));
-                (i, surface)
-            })
+        let reflecting = (0..).zip(best.finish());
+        let reflecting: Vec<(u32, Option<Surface>)> = reflecting
+            .filter(|&(i, _)| !emits(self.scene.emissions[i as usize]))
             .collect();
-        Ok(Some(receivers))
+        let unseen = reflecting.iter().filter(|(_, surface)| surface.is_none());
+        let unseen = unseen.map(|&(i, _)| self.scene.get(i as usize));
+        let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
+        let receivers = reflecting.into_iter();
+        let receivers = receivers.filter_map(|(i, seen)| Some((i, seen.or_else(|| lone.next())?)));
+        Ok(Some(receivers.collect()))
     }
 
     fn store(&self, links: &Links, rays: Directions) -> Result<()> {
@@ -231,6 +233,7 @@ impl Bake<'_> {
 mod tests {
     use super::*;
     use eagpt_testkit::gaussians::{material, sphere};
+    use eagpt_trace::cpu::CpuScene;
 
     /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of area share f arrives evenly, and
     /// with albedo a the radiance of the rest after K bounces is `a L f Σ_{k<K} (a (1 − f))^k`.

@@ -1,0 +1,63 @@
+//! The seam between training on the host and what blends the rays.
+
+use crate::error::Result;
+use eagpt_scene::{Camera, Gaussians};
+use eagpt_trace::Tracer;
+use eagpt_trace::blend::{Contribution, LocalGradient};
+use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::weights::BlendWeights;
+use eagpt_trace::sums::{SumImage, Sums};
+use eagpt_trace::surfel::SurfelSet;
+
+/// What blends the rays of cameras, and goes back from derivatives by their sums to gradients.
+pub trait Engine {
+    /// What computes: recorded beside the result.
+    fn device(&self) -> String;
+
+    /// Takes note that Gaussians have changed.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn update(&mut self, set: &SurfelSet) -> Result<()>;
+
+    /// Blended sums of one ray through every pixel centre, to be followed by [`Self::adjoint`], [`Self::contributions`] or [`Self::weights`].
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
+
+    /// Gradients by all Gaussians; `d_sums` = dL/dV for every pixel of `camera`, which was traced last.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn adjoint(
+        &mut self,
+        set: &SurfelSet,
+        camera: &Camera,
+        d_sums: &[Sums],
+        wanted: Wanted,
+    ) -> Result<Vec<LocalGradient>>;
+
+    /// What each Gaussian contributes to the pixels of `camera`, which was traced last; `values` are a number for each of them. A Gaussian
+    /// may come more than once, with different pixels.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn contributions(&mut self, camera: &Camera, values: &[f32]) -> Result<Vec<Contribution>>;
+
+    /// The weights of the blend in every pixel of the camera that was traced last, without those below `least`; `None` where it is better to
+    /// trace again than to keep them.
+    fn weights(&self, least: f32) -> Option<BlendWeights>;
+
+    /// Blended sums alone.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
+
+    /// A scene where this computes, for rays that are not those of cameras.
+    ///
+    /// # Errors
+    /// If the device gives up, or has not enough memory.
+    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>>;
+}
