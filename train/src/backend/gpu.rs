@@ -2,7 +2,7 @@
 //!
 //! - [`params`]: parameters, moments and Gaussians; the chain rule and Adam.
 //! - [`wanted`]: what views should look like.
-//! - [`loss`]: the loss of stage 0, its sums over pixels and its derivatives by the sums of rays.
+//! - [`loss`]: the losses of both stages, their sums over pixels and their derivatives by the sums of rays.
 //! - [`report`]: what the host reads after a step: twelve numbers.
 //! - [`kernels`]: the modules of these.
 //!
@@ -20,13 +20,16 @@ use super::trainer::Trainer;
 use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainDevice, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
+use crate::loss::NormalTerms;
 use crate::loss::target::Target;
-use crate::params::ParameterState;
+use crate::options::{Gather, LossWeights};
+use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{Contribution, LocalGradient};
 use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::weights::BlendWeights;
+use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Device, GpuFit};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
@@ -91,8 +94,9 @@ impl Engine for GpuEngine {
 /// Views that stay on the device take at most so much of its memory, which nothing tells the size of; others come anew each time.
 const MOST_VIEW_BYTES: usize = 1 << 30;
 
-/// Training on a device. A step of stage 0 passes through the host with its report alone, and the light of stage 1 is gathered on the device; the
-/// loss of stage 1, where Gaussians are seen, and which of them are split, is found out on the CPU.
+/// Training on a device. A step passes through the host with its report alone. What comes once in a while is traced on the device and decided on
+/// the host: which Gaussians are split, where each is seen best, and what light the pixels of a view receive in stage 1. Where light is gathered
+/// anew for every pixel ([`Gather::Pixels`]), that is done on the CPU.
 pub struct GpuBackend {
     device: Arc<Device>,
     /// The rays; while a [`ResidentState`] is there, its other parts are behind.
@@ -100,7 +104,9 @@ pub struct GpuBackend {
     resident: Option<ResidentState>,
     loss: Option<LossBuffers>,
     views: HashMap<usize, WantedView>,
-    /// Bytes that views may still take.
+    /// The light of views in stage 1.
+    lit: HashMap<usize, Buffer>,
+    /// Bytes that views and their light may still take.
     view_budget: usize,
 }
 
@@ -120,6 +126,7 @@ impl GpuBackend {
             resident: None,
             loss: None,
             views: HashMap::new(),
+            lit: HashMap::new(),
             view_budget: target_budget.min(MOST_VIEW_BYTES),
         })
     }
@@ -147,29 +154,38 @@ impl GpuBackend {
         Ok(wanted)
     }
 
-    /// A step of stage 0 on the device; `None` where one buffer does not hold all rays.
+    /// The light of a view in stage 1; emission beyond `threshold` is an emitter's.
+    fn lit(&mut self, view: &TrainingView, threshold: f32) -> Result<Buffer> {
+        if let Some(lit) = self.lit.get(&view.index) {
+            return Ok(lit.clone());
+        }
+        // Views are traced as steps have put the Gaussians, in the first step of a run as in all others.
+        resident(&mut self.resident, &self.host)?;
+        let known = self.host.lit_view(view, threshold)?;
+        let lit = loss::lit_pixels(&self.device, &known.light)?;
+        if let Some(left) = self.view_budget.checked_sub(lit.size() as usize) {
+            self.view_budget = left;
+            self.lit.insert(view.index, lit.clone());
+        }
+        Ok(lit)
+    }
+
+    /// A step on the device; `None` where one buffer does not hold all rays.
     fn resident_step(
         &mut self,
         view: &TrainingView,
-        step: &RadianceStep<'_>,
+        options: &LossOptions<'_>,
+        sizes: &StepSizes,
     ) -> Result<Option<StepOutcome>> {
         let camera = &view.view.camera;
-        let rays = camera.magnified(step.rays_per_axis);
+        let rays = camera.magnified(options.rays_per_axis);
         if self.host.engine.fit.frame(&rays)?.is_none() {
             return Ok(None);
         }
         let wanted = self.wanted(view)?;
-        let options = LossOptions {
-            weights: step.weights,
-            normals: step.normals,
-            rays_per_axis: step.rays_per_axis,
-        };
         let device = &*self.device;
         let fit = &self.host.engine.fit;
-        let resident = match &mut self.resident {
-            Some(resident) => resident,
-            none => none.insert(ResidentState::new(&self.device, &self.host.state, fit)?),
-        };
+        let resident = resident(&mut self.resident, &self.host)?;
         if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
             // The old one's memory goes first.
             self.loss = None;
@@ -182,18 +198,30 @@ impl GpuBackend {
             resident.begin();
             fit.forward(&rays)?;
             let at = (camera, &wanted);
-            device.run(&loss.steps(device, at, &options, (&frame, resident.report())))?;
+            device.run(&loss.steps(device, at, options, (&frame, resident.report())))?;
             fit.backward(&rays)?;
-            device.run(&resident.steps(fit, (&frame, camera.origin()), &step.sizes))?;
+            device.run(&resident.steps(fit, (&frame, camera.origin()), sizes))?;
             let report = resident.read_report()?;
             if fit.make_room(&rays, report.needed())? {
                 continue;
             }
-            let terms = loss::terms(&report, &wanted, &options);
-            return Ok(Some(resident.finish(&report, &step.sizes)?.map(|()| terms)));
+            let terms = loss::terms(&report, &wanted, options);
+            return Ok(Some(resident.finish(&report, sizes)?.map(|()| terms)));
         }
         Ok(None)
     }
+}
+
+/// The state on the device, brought there from the `host` if it is not there yet.
+fn resident<'a>(
+    place: &'a mut Option<ResidentState>,
+    host: &Trainer<GpuEngine>,
+) -> Result<&'a mut ResidentState> {
+    let fit = &host.engine.fit;
+    Ok(match place {
+        Some(resident) => resident,
+        none => none.insert(ResidentState::new(fit.device(), &host.state, fit)?),
+    })
 }
 
 impl Backend for GpuBackend {
@@ -210,14 +238,40 @@ impl Backend for GpuBackend {
         view: &TrainingView,
         step: &RadianceStep<'_>,
     ) -> Result<StepOutcome> {
-        match self.resident_step(view, step)? {
+        let options = LossOptions {
+            weights: step.weights,
+            normals: step.normals,
+            rays_per_axis: step.rays_per_axis,
+            lit: None,
+        };
+        match self.resident_step(view, &options, &step.sizes)? {
             Some(outcome) => Ok(outcome),
             None => self.host()?.radiance_step(view, step),
         }
     }
 
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
-        self.host()?.albedo_step(view, step)
+        if step.options.gather == Gather::Pixels {
+            return self.host()?.albedo_step(view, step);
+        }
+        let lit = self.lit(view, step.options.emission_threshold)?;
+        let options = LossOptions {
+            weights: &LossWeights {
+                color: 1.0,
+                ssim_share: step.ssim_share,
+                normal: 0.0,
+                depth_normal: 0.0,
+                emission: 0.0,
+                alpha: 0.0,
+            },
+            normals: NormalTerms::Off,
+            rays_per_axis: 1,
+            lit: Some(&lit),
+        };
+        match self.resident_step(view, &options, &step.sizes)? {
+            Some(outcome) => Ok(outcome),
+            None => self.host()?.albedo_step(view, step),
+        }
     }
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
@@ -229,6 +283,8 @@ impl Backend for GpuBackend {
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
+        let freed = self.lit.drain().map(|(_, lit)| lit.size() as usize);
+        self.view_budget += freed.sum::<usize>();
         self.host()?.begin_gathering(cameras)
     }
 

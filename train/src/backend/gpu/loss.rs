@@ -1,10 +1,10 @@
-//! The loss of stage 0 on the device: the twin of [`crate::loss::radiance_loss`].
+//! The losses on the device: the twins of [`crate::loss::radiance_loss`] and [`crate::loss::albedo_loss`].
 
 use super::kernels;
 use super::report::Report;
 use super::wanted::{Wanted, WantedView};
 use crate::error::Result;
-use crate::loss::{LossTerms, NormalTerms};
+use crate::loss::{LossTerms, NormalTerms, PixelLight};
 use crate::options::LossWeights;
 use eagpt_scene::Camera;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Module, Step, layout};
@@ -104,6 +104,20 @@ pub(super) struct LossOptions<'a> {
     pub(super) normals: NormalTerms,
     /// Rays along each axis of a pixel.
     pub(super) rays_per_axis: u32,
+    /// Of stage 1 the light of the view, by which albedos are compared in place of radiance; see [`lit_pixels`].
+    pub(super) lit: Option<&'a Buffer>,
+}
+
+/// The light of a view for [`LossOptions::lit`].
+pub(super) fn lit_pixels(device: &Device, light: &PixelLight) -> Result<Buffer> {
+    let lit = light.arriving.iter().zip(&light.emitted);
+    let pixels: Vec<[f32; 4]> = lit
+        .map(|(arriving, emitted)| match emitted {
+            Some(radiance) => radiance.extend(1.0).to_array(),
+            None => arriving.extend(0.0).to_array(),
+        })
+        .collect();
+    Ok(device.upload("light of a view", bytemuck::cast_slice(&pixels))?)
 }
 
 /// Memory of the kernels, for views of one number of pixels.
@@ -179,10 +193,30 @@ impl LossBuffers {
             device.step(module, entry, &buffers, groups)
         };
         let surfaces = (8, &self.surfaces);
-        let derivatives = [surfaces, (9, report), (10, &frame.d_sums)];
+        let d_sums = (10, &frame.d_sums);
+        let (encode, derivatives) = match options.lit {
+            None => (
+                step(&kernels::COLOR, "encode", &[0, 1, 2, 4], &[]),
+                step(
+                    &kernels::DERIVATIVES,
+                    "derivatives",
+                    &[0, 2, 3, 4, 5, 7],
+                    &[surfaces, (9, report), d_sums],
+                ),
+            ),
+            Some(lit) => (
+                step(&kernels::COLOR, "encode_lit", &[0, 1, 2, 4], &[(11, lit)]),
+                step(
+                    &kernels::DERIVATIVES,
+                    "derivatives_lit",
+                    &[0, 3, 4, 5],
+                    &[d_sums, (11, lit)],
+                ),
+            ),
+        };
         let sums = (8, &self.group_sums);
         vec![
-            step(&kernels::COLOR, "encode", &[0, 1, 2, 4], &[]),
+            encode,
             step(&kernels::COLOR, "blur_moments", &[0, 3, 4, 5], &[]),
             step(&kernels::COLOR, "compare", &[0, 2, 3, 4, 5, 6, 7], &[]),
             step(&kernels::COLOR, "blur_partials", &[0, 5, 6], &[]),
@@ -194,12 +228,7 @@ impl LossBuffers {
             ),
             step(&kernels::ADD_UP, "add_pixels", &[0, 7], &[sums]),
             step(&kernels::ADD_UP, "add_groups", &[0], &[sums, (9, report)]),
-            step(
-                &kernels::DERIVATIVES,
-                "derivatives",
-                &[0, 2, 3, 4, 5, 7],
-                &derivatives,
-            ),
+            derivatives,
         ]
     }
 }
@@ -219,21 +248,29 @@ pub(super) fn terms(report: &Report, view: &WantedView, options: &LossOptions<'_
     let weights = options.weights;
     let mean = |sum: f64, num: f64| if num > 0.0 { sum / num } else { 0.0 };
     let known = view.num_known.max(1) as f64;
+    let l1 = l1 / (3.0 * known);
+    let ssim = match view.num_windows {
+        0 => 1.0,
+        num => ssim / (3.0 * num as f64),
+    };
+    let color = (1.0 - weights.ssim_share) * l1 + weights.ssim_share * (1.0 - ssim);
+    let shown = LossTerms {
+        total: weights.color * color,
+        l1,
+        ssim,
+        ..LossTerms::default()
+    };
+    if options.lit.is_some() {
+        return shown;
+    }
     let mut terms = LossTerms {
-        total: 0.0,
-        l1: l1 / (3.0 * known),
-        ssim: match view.num_windows {
-            0 => 1.0,
-            num => ssim / (3.0 * num as f64),
-        },
         normal: mean(normal, num_map),
         depth_normal: mean(spanned, num_spanned),
         emission: emission / known,
         alpha: alpha / known,
+        ..shown
     };
-    let color = (1.0 - weights.ssim_share) * terms.l1 + weights.ssim_share * (1.0 - terms.ssim);
-    terms.total = weights.color * color
-        + weights.normal * terms.normal
+    terms.total += weights.normal * terms.normal
         + weights.depth_normal * terms.depth_normal
         + weights.emission * terms.emission
         + weights.alpha * terms.alpha;

@@ -19,6 +19,13 @@ fn pq_with_slope(linear: f32) -> vec2f {
     return vec2f(value, select(slope, 0.0, is_clamped));
 }
 
+fn encoded_as_pq(linear: vec3f) -> Encoded {
+    let r = pq_with_slope(linear.x);
+    let g = pq_with_slope(linear.y);
+    let b = pq_with_slope(linear.z);
+    return Encoded(vec3f(r.x, g.x, b.x), vec3f(r.y, g.y, b.y));
+}
+
 fn mean_of_rays(pixel: u32) -> Lanes {
     let n = loss.rays_per_axis;
     let first = vec2u(pixel % loss.width, pixel / loss.width) * n;
@@ -45,10 +52,24 @@ fn encode(
     }
     let sums = mean_of_rays(pixel);
     means[pixel] = sums;
-    let r = pq_with_slope(sums.a.x);
-    let g = pq_with_slope(sums.a.y);
-    let b = pq_with_slope(sums.a.z);
-    encoded[pixel] = Encoded(vec3f(r.x, g.x, b.x), vec3f(r.y, g.y, b.y));
+    encoded[pixel] = encoded_as_pq(sums.a.xyz);
+}
+
+// Of stage 1: what albedos make of the light.
+@compute @workgroup_size(64)
+fn encode_lit(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = group_number(workgroup, workgroups) * 64u + thread;
+    if pixel >= loss.num_pixels {
+        return;
+    }
+    let sums = mean_of_rays(pixel);
+    means[pixel] = sums;
+    let light = lit[pixel];
+    encoded[pixel] = encoded_as_pq(select(sums.b.xyz * light.xyz, light.xyz, light.w > 0.0));
 }
 
 fn add_moments(sum: Moments, weight: f32, x: i32, row: u32) -> Moments {

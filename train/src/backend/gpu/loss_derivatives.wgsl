@@ -4,8 +4,8 @@
 @group(0) @binding(9) var<storage, read> report: array<u32>;
 @group(0) @binding(10) var<storage, read_write> d_rays: array<Lanes>;
 
-// By the radiance, of the colour term.
-fn by_radiance(pixel: u32) -> vec3f {
+// By the light that is shown, of the colour term.
+fn by_shown(pixel: u32) -> vec3f {
     let shown = encoded[pixel].pq;
     let target_pq = pq_wanted(pixel);
     let by_moments = window_of(pixel);
@@ -38,7 +38,7 @@ fn derivative(pixel: u32) -> Lanes {
     var d_alpha = 0.0;
     var d_distance = 0.0;
     if is_known(pixel) {
-        d_radiance = loss.color * by_radiance(pixel);
+        d_radiance = loss.color * by_shown(pixel);
         d_emission = loss.emission * sign(sums.a.w - emission_wanted(pixel));
         d_alpha = loss.alpha * sign(alpha_of_sums(sums) - opacity_wanted(pixel));
     }
@@ -67,6 +67,19 @@ fn derivative(pixel: u32) -> Lanes {
     );
 }
 
+// What is a derivative by the mean of a pixel's rays, by each of them.
+fn share_out(pixel: u32, d: Lanes) {
+    let n = loss.rays_per_axis;
+    let num = f32(n * n);
+    let shared_out = Lanes(d.a / num, d.b / num, d.c / num, vec4f());
+    let first = vec2u(pixel % loss.width, pixel / loss.width) * n;
+    for (var y = 0u; y < n; y++) {
+        for (var x = 0u; x < n; x++) {
+            d_rays[(first.y + y) * loss.width * n + first.x + x] = shared_out;
+        }
+    }
+}
+
 @compute @workgroup_size(64)
 fn derivatives(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -77,14 +90,24 @@ fn derivatives(
     if pixel >= loss.num_pixels {
         return;
     }
-    let d = derivative(pixel);
-    let n = loss.rays_per_axis;
-    let num = f32(n * n);
-    let shared_out = Lanes(d.a / num, d.b / num, d.c / num, vec4f());
-    let first = vec2u(pixel % loss.width, pixel / loss.width) * n;
-    for (var y = 0u; y < n; y++) {
-        for (var x = 0u; x < n; x++) {
-            d_rays[(first.y + y) * loss.width * n + first.x + x] = shared_out;
-        }
+    share_out(pixel, derivative(pixel));
+}
+
+// Of stage 1: by the albedos alone, which emitters do not show.
+@compute @workgroup_size(64)
+fn derivatives_lit(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = group_number(workgroup, workgroups) * 64u + thread;
+    if pixel >= loss.num_pixels {
+        return;
     }
+    let light = lit[pixel];
+    var d_albedo = vec3f();
+    if is_known(pixel) && light.w == 0.0 {
+        d_albedo = loss.color * by_shown(pixel) * light.xyz;
+    }
+    share_out(pixel, Lanes(vec4f(), vec4f(d_albedo, 0.0), vec4f(), vec4f()));
 }

@@ -10,6 +10,8 @@
 @group(0) @binding(5) var<storage, read_write> blurred: array<Moments>;
 @group(0) @binding(6) var<storage, read_write> partials: array<Moments>;
 @group(0) @binding(7) var<storage, read_write> terms: array<Terms>;
+// Of stage 1: the light that arrives at each pixel, or with 1 beside it the light of an emitter.
+@group(0) @binding(11) var<storage, read> lit: array<vec4f>;
 
 // PQ values and their slopes.
 struct Encoded {

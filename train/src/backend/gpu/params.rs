@@ -104,20 +104,39 @@ pub(super) struct ResidentState {
 }
 
 impl ResidentState {
-    /// Brings `state` to the device, where `fit` has its Gaussians.
+    /// Brings `state` to the device, where `fit` has its Gaussians. They are put there again as steps put them: what a run goes on with has the bits
+    /// of what it stopped with.
     pub(super) fn new(device: &Arc<Device>, state: &ParameterState, fit: &GpuFit) -> Result<Self> {
         let values = device.upload("parameters", &bytes(&state.raw.values))?;
         let harmonics = fit.harmonics().cloned();
         let harmonics = harmonics.map(|values| ResidentRows::new(device, &state.harmonics, values));
         let size = (size_of::<Raw>() * state.len()) as u64;
-        Ok(Self {
+        let resident = Self {
             raw: ResidentRows::new(device, &state.raw, values)?,
             raw_gradients: device.buffer("gradients by parameters", size)?,
             harmonics: harmonics.transpose()?,
             report: device.buffer("report", 4 * report::NUM_WORDS as u64)?,
             num_gaussians: state.len(),
             device: Arc::clone(device),
-        })
+        };
+        let parameters = AdamParameters {
+            num_gaussians: resident.num_gaussians as u32,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let buffers = [
+            (0, &device.uniform("Adam", &parameters)),
+            (1, &resident.raw.values),
+            (7, fit.surfels()),
+            (8, fit.payloads()),
+        ];
+        let groups = resident.num_groups();
+        device.run(&[device.step(&kernels::PARAMS, "activate", &buffers, groups)])?;
+        Ok(resident)
+    }
+
+    /// Workgroups with an invocation for each Gaussian.
+    fn num_groups(&self) -> u32 {
+        (self.num_gaussians as u32).div_ceil(64)
     }
 
     /// Where kernels leave what the host reads after a step.
@@ -161,7 +180,7 @@ impl ResidentState {
             ..bytemuck::Zeroable::zeroed()
         };
         let parameters = self.device.uniform("Adam", &parameters);
-        let groups = (self.num_gaussians as u32).div_ceil(64);
+        let groups = self.num_groups();
         let step = |entry, rows: &[(u32, &Buffer)], more: &[(u32, &Buffer)]| {
             let shared = [
                 (0, &parameters),

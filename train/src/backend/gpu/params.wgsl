@@ -161,6 +161,20 @@ fn harmonics_step(
     }
 }
 
+// The Gaussian of the raw parameters.
+fn put_gaussian(index: u32) {
+    let g = activated(index * NUM_PARAMETERS);
+    let frame = frame_of(g.rotation);
+    let surfel = surfel_of(g, frame);
+    surfels[index] = surfel;
+    payloads[index] = Lanes(
+        vec4f(g.radiance, g.emission),
+        vec4f(g.albedo, frame[2].x),
+        vec4f(frame[2].yz, 1.0, 0.0),
+        vec4f(0.0, surfel.size, 0.0, 0.0),
+    );
+}
+
 @compute @workgroup_size(64)
 fn adam_step(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -180,14 +194,18 @@ fn adam_step(
     for (var k = 0u; k < NUM_PARAMETERS; k++) {
         move_value(at + k, raw_gradients[at + k], adam.sizes[k / 4u][k % 4u], 0.0, corrections);
     }
-    let g = activated(at);
-    let frame = frame_of(g.rotation);
-    let surfel = surfel_of(g, frame);
-    surfels[index] = surfel;
-    payloads[index] = Lanes(
-        vec4f(g.radiance, g.emission),
-        vec4f(g.albedo, frame[2].x),
-        vec4f(frame[2].yz, 1.0, 0.0),
-        vec4f(0.0, surfel.size, 0.0, 0.0),
-    );
+    put_gaussian(index);
+}
+
+// What is traced, before the first step: as every step leaves it, to the bit, not as the host would put it.
+@compute @workgroup_size(64)
+fn activate(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let index = group_number(workgroup, workgroups) * 64u + thread;
+    if index < adam.num_gaussians {
+        put_gaussian(index);
+    }
 }

@@ -1,21 +1,22 @@
 //! Each stage against its twin on the CPU.
 
-use super::loss::{LossBuffers, LossOptions};
+use super::loss::{LossBuffers, LossOptions, lit_pixels};
 use super::params::ResidentState;
 use super::report;
 use super::wanted::WantedView;
 use crate::loss::target::Target;
 use crate::loss::tests::{frame, mask, view};
-use crate::loss::{LossTerms, NormalTerms, radiance_loss};
+use crate::loss::{LossTerms, NormalTerms, PixelLight, albedo_loss, radiance_loss};
 use crate::options::{HarmonicsOptions, LossWeights, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
-use eagpt_scene::Image;
+use eagpt_eval::KnownPixels;
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
+use eagpt_scene::{Image, View};
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::gpu::{Frame, GpuFit};
-use eagpt_trace::sums::{NUM_LANES, Sums, lane};
+use eagpt_trace::gpu::{Device, Frame, GpuFit};
+use eagpt_trace::sums::{NUM_LANES, SumImage, Sums, lane};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
 use std::ops::RangeInclusive;
@@ -60,6 +61,41 @@ fn list(terms: &LossTerms) -> [f64; 7] {
     ]
 }
 
+/// Terms and derivatives by the sums, from the device.
+fn compared(
+    device: &Device,
+    sums: &SumImage,
+    (view, target): (&View, &Target),
+    options: &LossOptions<'_>,
+) -> (LossTerms, Vec<Sums>) {
+    let num_pixels = sums.pixels.len();
+    let lanes: Vec<[f32; NUM_LANES]> = sums.pixels.iter().map(|s| s.0).collect();
+    let made = |what| device.buffer(what, 64 * num_pixels as u64).unwrap();
+    let frame = Frame {
+        sums: device.upload("sums", bytemuck::cast_slice(&lanes)).unwrap(),
+        d_sums: made("d_sums"),
+        gradients: made("gradients"),
+        payloads: made("payloads"),
+        totals: made("totals"),
+        room: eagpt_trace::gpu::FrameRoom {
+            entries: 0,
+            chunks: 0,
+        },
+    };
+    let words = bytemuck::cast_slice(&report::EMPTY).to_vec();
+    let report_buffer = device.upload("report", &words).unwrap();
+    let on_device = WantedView::new(device, view, target).unwrap();
+    let buffers = LossBuffers::new(device, num_pixels).unwrap();
+    let at = (&view.camera, &on_device);
+    let steps = buffers.steps(device, at, options, (&frame, &report_buffer));
+    device.run(&steps).unwrap();
+    let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_sums, 0..num_pixels).unwrap();
+    let words: Vec<u32> = device.read(&report_buffer, 0..report::NUM_WORDS).unwrap();
+    let report = report::Report(words.try_into().unwrap());
+    let terms = super::loss::terms(&report, &on_device, options);
+    (terms, d.into_iter().map(Sums).collect())
+}
+
 #[test]
 fn losses_and_their_derivatives_are_those_of_the_cpu() {
     let Some(device) = gpu::device("losses on a device") else {
@@ -80,37 +116,13 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         let target = Target::new(&view.radiance);
         let (wanted_terms, wanted_d) = radiance_loss(&sums, &view, &target.pq(), &weights, normals);
 
-        let num_pixels = sums.pixels.len();
-        let lanes: Vec<[f32; NUM_LANES]> = sums.pixels.iter().map(|s| s.0).collect();
-        let made = |what| device.buffer(what, 64 * num_pixels as u64).unwrap();
-        let frame = Frame {
-            sums: device.upload("sums", bytemuck::cast_slice(&lanes)).unwrap(),
-            d_sums: made("d_sums"),
-            gradients: made("gradients"),
-            payloads: made("payloads"),
-            totals: made("totals"),
-            room: eagpt_trace::gpu::FrameRoom {
-                entries: 0,
-                chunks: 0,
-            },
-        };
-        let words = bytemuck::cast_slice(&report::EMPTY).to_vec();
-        let report_buffer = device.upload("report", &words).unwrap();
-        let on_device = WantedView::new(&device, &view, &target).unwrap();
         let options = LossOptions {
             weights: &weights,
             normals,
             rays_per_axis: 1,
+            lit: None,
         };
-        let buffers = LossBuffers::new(&device, num_pixels).unwrap();
-        let at = (&view.camera, &on_device);
-        let steps = buffers.steps(&device, at, &options, (&frame, &report_buffer));
-        device.run(&steps).unwrap();
-        let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_sums, 0..num_pixels).unwrap();
-        let d: Vec<Sums> = d.into_iter().map(Sums).collect();
-        let words: Vec<u32> = device.read(&report_buffer, 0..report::NUM_WORDS).unwrap();
-        let report = report::Report(words.try_into().unwrap());
-        let terms = super::loss::terms(&report, &on_device, &options);
+        let (terms, d) = compared(&device, &sums, (&view, &target), &options);
 
         let name = format!("map {with_map}, mask {with_mask}, {normals:?}");
         for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
@@ -131,6 +143,57 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
     }
     eprintln!("derivatives off by at most {worst:e}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn losses_of_albedos_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("losses of albedos on a device") else {
+        return;
+    };
+    let mut sums = frame();
+    for pixel in sums.pixels.iter_mut().step_by(5) {
+        pixel.0[lane::EMISSION] = 0.9;
+    }
+    let mut view = view(false);
+    view.valid = Some(mask());
+    let target = Target::new(&view.radiance);
+    // Every pixel under a light of its own; emitters among them.
+    let arriving =
+        (0..sums.pixels.len()).map(|i| Vec3::new(0.7, 1.0, 1.3) * (0.5 + (i % 7) as f32));
+    let light = PixelLight::new(&sums, arriving.collect(), 0.5);
+    let num_emitters = light.emitted.iter().flatten().count();
+    assert!(num_emitters > 0 && num_emitters < sums.pixels.len());
+    let weights = LossWeights {
+        color: 1.0,
+        ..weights()
+    };
+    let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
+    let known = view.valid.as_ref().map(KnownPixels::new);
+    let share = weights.ssim_share;
+    let (wanted_terms, wanted_d) =
+        albedo_loss(&albedos, &light, &target.pq(), share, known.as_ref());
+    let lit = lit_pixels(&device, &light).unwrap();
+    let options = LossOptions {
+        weights: &weights,
+        normals: NormalTerms::Off,
+        rays_per_axis: 1,
+        lit: Some(&lit),
+    };
+    let (terms, d) = compared(&device, &sums, (&view, &target), &options);
+    for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
+        let off = (got - wanted).abs();
+        assert!(off <= f64::from(TOLERANCE) * wanted.abs(), "{terms:?}");
+    }
+    let mut all_wanted = vec![Sums::default(); wanted_d.len()];
+    for (lanes, d) in all_wanted.iter_mut().zip(&wanted_d) {
+        lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
+    }
+    for k in 0..NUM_LANES {
+        let off = off(&d, &all_wanted, k);
+        assert!(off <= TOLERANCE, "lane {k} off by {off:e}");
+        assert!(d.iter().all(|s| s.0[k].is_finite()));
+    }
+    assert!(wanted_d.iter().any(|d| *d != Vec3::ZERO));
 }
 
 /// Four steps with other gradients each: moments, corrections and everything that follows from parameters.
