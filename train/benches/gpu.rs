@@ -18,7 +18,7 @@ use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::links::{Directions, Receiver};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
-use eagpt_train::backend::{RadianceStep, TrainDevice, TrainingView};
+use eagpt_train::backend::{AlbedoStep, Backend, RadianceStep, TrainDevice, TrainingView};
 use eagpt_train::loss::NormalTerms;
 use eagpt_train::params::{ParameterState, StepSizes};
 use eagpt_train::{Preset, TrainOptions};
@@ -200,8 +200,8 @@ fn training_view(camera: Camera, seen: &SumImage) -> Outcome<TrainingView> {
     })
 }
 
-/// Rows of camera rays and training, and where a step's rays spend their time.
-fn learning(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<()> {
+/// Rows of camera rays, and where those of a training step spend their time.
+fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<SumImage> {
     let device = Arc::clone(&table.device);
     let num_pixels = camera.num_pixels() as f64;
     let scene = GpuScene::new(&device, gaussians)?;
@@ -266,8 +266,28 @@ fn learning(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome
         },
     )?;
     table.profile("forward and adjoint of one view", both)?;
-    drop(fit);
+    let values = vec![1.0; camera.num_pixels()];
+    table.row(
+        "what Gaussians contribute to a view, read back",
+        (num_pixels, "rays"),
+        "",
+        || {
+            black_box(fit.contributions(&camera, &values)?);
+            Ok(())
+        },
+    )?;
+    Ok(sums)
+}
 
+/// Rows of training, and where a step spends its time.
+fn training(
+    table: &mut Table,
+    gaussians: &Gaussians,
+    camera: Camera,
+    seen: &SumImage,
+    num_gathered: usize,
+) -> Outcome<()> {
+    let device = Arc::clone(&table.device);
     let options = TrainOptions::preset(Preset::Fast).radiance;
     let step = RadianceStep {
         weights: &options.weights,
@@ -275,17 +295,46 @@ fn learning(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome
         rays_per_axis: 1,
         sizes: StepSizes::radiance(&options.rates, 1.0, 1.0),
     };
-    let view = training_view(camera, &sums)?;
+    let view = training_view(camera, seen)?;
     let on = TrainDevice::Gpu(Arc::clone(&device));
     let mut backend = on.backend(ParameterState::new(gaussians), 1 << 30)?;
-    let mut take = || -> Outcome<()> {
-        backend
-            .radiance_step(&view, &step)?
-            .map_err(|bad| bad.to_string())?;
+    let take = |backend: &mut dyn Backend, step: &RadianceStep<'_>| -> Outcome<()> {
+        let taken = backend.radiance_step(&view, step)?;
+        taken.map_err(|bad| bad.to_string())?;
         Ok(())
     };
-    table.row("training, stage 0", (1.0, "it"), "26 it/s", &mut take)?;
-    table.profile("a step of stage 0", take)
+    let one = (1.0, "it");
+    table.row("training, stage 0", one, "26 it/s", || {
+        take(&mut *backend, &step)
+    })?;
+    table.profile("a step of stage 0", || take(&mut *backend, &step))?;
+    backend.begin_harmonics()?;
+    let with_harmonics = RadianceStep {
+        sizes: step.sizes.with_harmonics(&options.harmonics, 1.0),
+        ..step
+    };
+    table.row("training, stage 0 with harmonics", one, "", || {
+        take(&mut *backend, &with_harmonics)
+    })?;
+
+    // Light for some of the Gaussians: how much there is makes no difference to a step.
+    let num_seen = backend.begin_gathering(&[camera])?;
+    backend.gather(0..num_seen.min(num_gathered), 16, 0)?;
+    backend.begin_albedo()?;
+    let options = TrainOptions::preset(Preset::Fast).albedo;
+    let step = AlbedoStep {
+        options: &options,
+        ssim_share: 0.2,
+        seed: 0,
+        iteration: 1,
+        sizes: StepSizes::albedo(1e-3),
+    };
+    // 400 iterations in 32 minutes.
+    table.row("training, stage 1", one, "0.21 it/s", || {
+        let taken = backend.albedo_step(&view, &step)?;
+        taken.map_err(|bad| bad.to_string())?;
+        Ok(())
+    })
 }
 
 /// Rows of single rays and of light.
@@ -386,7 +435,8 @@ fn main() -> Outcome<()> {
         most_memory: None,
         profiles: String::new(),
     };
-    learning(&mut table, &gaussians, camera)?;
+    let seen = looking(&mut table, &gaussians, camera)?;
+    training(&mut table, &gaussians, camera, &seen, size.num_rays / 64)?;
     light(&mut table, &gaussians, camera, size)?;
     println!("{}", table.profiles);
     match table.most_memory {
