@@ -38,6 +38,7 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
         .collect();
     let mut backend = backend(bench);
     let step = RadianceStep {
+        iteration: 1,
         weights: &options.weights,
         normals: NormalTerms::On,
         rays_per_axis: 1,
@@ -47,8 +48,10 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
     let num_steps = views.len() as f64;
     sheet.measure("stage 0", Unit::Iterations, num_steps, || {
         for view in &views {
-            let outcome = backend.radiance_step(view, &step)?;
-            outcome.map_err(|bad| anyhow!("{}: {bad}", view.view.name))?;
+            for taken in backend.radiance_step(view, &step)? {
+                let outcome = taken.outcome;
+                outcome.map_err(|bad| anyhow!("{}: {bad}", view.view.name))?;
+            }
         }
         Ok(())
     })
@@ -58,11 +61,8 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
 pub(super) fn gathering(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
     let mut backend = backend(bench);
     let cameras: Vec<Camera> = bench.cameras().copied().collect();
-    let mut num = backend.begin_gathering(&cameras)?.min(GATHERED);
-    // The structure that rays are traced against is built by the first.
-    backend.gather(0..num.min(1), 1, 0)?;
     sheet.measure_counted("irradiance", Unit::Rays, || {
-        num = backend.begin_gathering(&cameras)?.min(GATHERED);
+        let num = backend.begin_gathering(&cameras)?.min(GATHERED);
         backend.gather(0..num, DIRECTIONS, 0)?;
         Ok(num as f64 * f64::from(DIRECTIONS))
     })

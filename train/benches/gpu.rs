@@ -18,7 +18,7 @@ use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::links::{Directions, Receiver};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
-use eagpt_train::backend::{AlbedoStep, Backend, RadianceStep, TrainDevice, TrainingView};
+use eagpt_train::backend::{AlbedoStep, Backend, RadianceStep, Taken, TrainDevice, TrainingView};
 use eagpt_train::loss::NormalTerms;
 use eagpt_train::params::{ParameterState, StepSizes};
 use eagpt_train::{Preset, TrainOptions};
@@ -290,6 +290,7 @@ fn training(
     let device = Arc::clone(&table.device);
     let options = TrainOptions::preset(Preset::Fast).radiance;
     let step = RadianceStep {
+        iteration: 1,
         weights: &options.weights,
         normals: NormalTerms::On,
         rays_per_axis: 1,
@@ -299,9 +300,7 @@ fn training(
     let on = TrainDevice::Gpu(Arc::clone(&device));
     let mut backend = on.backend(ParameterState::new(gaussians), 1 << 30)?;
     let take = |backend: &mut dyn Backend, step: &RadianceStep<'_>| -> Outcome<()> {
-        let taken = backend.radiance_step(&view, step)?;
-        taken.map_err(|bad| bad.to_string())?;
-        Ok(())
+        check(backend.radiance_step(&view, step)?)
     };
     let one = (1.0, "it");
     table.row("training, stage 0", one, "26 it/s", || {
@@ -331,10 +330,17 @@ fn training(
     };
     // 400 iterations in 32 minutes.
     table.row("training, stage 1", one, "0.21 it/s", || {
-        let taken = backend.albedo_step(&view, &step)?;
-        taken.map_err(|bad| bad.to_string())?;
-        Ok(())
-    })
+        check(backend.albedo_step(&view, &step)?)
+    })?;
+    check(backend.finish()?)
+}
+
+/// Steps are good if their gradients are numbers.
+fn check(taken: Vec<Taken>) -> Outcome<()> {
+    for step in taken {
+        step.outcome.map_err(|bad| bad.to_string())?;
+    }
+    Ok(())
 }
 
 /// Rows of single rays and of light.

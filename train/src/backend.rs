@@ -87,6 +87,8 @@ pub struct TrainingView {
 /// One iteration of stage 0.
 #[derive(Debug, Clone, Copy)]
 pub struct RadianceStep<'a> {
+    /// Iteration, counted from 1.
+    pub iteration: u32,
     /// Loss weights.
     pub weights: &'a LossWeights,
     /// Whether the normal terms take part yet.
@@ -115,7 +117,21 @@ pub struct AlbedoStep<'a> {
 /// What a step found out.
 pub type StepOutcome = std::result::Result<LossTerms, BadGradient>;
 
+/// A step that is over.
+#[derive(Debug, Clone)]
+pub struct Taken {
+    /// Iteration, counted from 1.
+    pub iteration: u32,
+    /// The view it compared with.
+    pub view: TrainingView,
+    /// What it found out. Parameters stay as they are if a gradient is not finite; nor is any later step taken then.
+    pub outcome: StepOutcome,
+}
+
 /// A device that trains.
+///
+/// A step may still be under way when the call that begins it returns: each call returns those that are over by then, and [`Self::finish`] the
+/// rest, in the order in which they were begun.
 pub trait Backend {
     /// What computes: recorded beside the result.
     fn device(&self) -> String;
@@ -126,21 +142,24 @@ pub trait Backend {
     /// If the device gives up.
     fn begin_harmonics(&mut self) -> Result<()>;
 
-    /// Takes one step of stage 0; parameters stay as they are if a gradient is not finite.
+    /// Begins a step of stage 0.
     ///
     /// # Errors
     /// If the device gives up.
-    fn radiance_step(
-        &mut self,
-        view: &TrainingView,
-        step: &RadianceStep<'_>,
-    ) -> Result<StepOutcome>;
+    fn radiance_step(&mut self, view: &TrainingView, step: &RadianceStep<'_>)
+    -> Result<Vec<Taken>>;
 
-    /// Takes one step of stage 1; parameters stay as they are if a gradient is not finite.
+    /// Begins a step of stage 1.
     ///
     /// # Errors
     /// If the device gives up.
-    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome>;
+    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>>;
+
+    /// Waits until all steps are over.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    fn finish(&mut self) -> Result<Vec<Taken>>;
 
     /// Adds what `view` says about the Gaussians to what [`Self::densify`] will go by.
     ///
@@ -173,15 +192,15 @@ pub trait Backend {
     /// If the device gives up.
     fn begin_albedo(&mut self) -> Result<()>;
 
-    /// Blended sums of a camera, for previews.
+    /// Blended sums of a camera after all steps, for previews.
     ///
     /// # Errors
     /// If the device gives up.
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage>;
+    fn camera_sums(&mut self, camera: &Camera) -> Result<SumImage>;
 
-    /// The full state, read back.
+    /// The full state after all steps, read back.
     ///
     /// # Errors
     /// If the device gives up.
-    fn state(&self) -> Result<ParameterState>;
+    fn state(&mut self) -> Result<ParameterState>;
 }

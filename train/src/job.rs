@@ -6,7 +6,7 @@ pub(crate) mod views;
 
 pub use plan::{Memory, memory};
 
-use crate::backend::{Backend, TrainDevice, TrainingView};
+use crate::backend::{Backend, Taken, TrainDevice};
 use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
@@ -274,18 +274,28 @@ impl Run<'_> {
         while position.iteration < total {
             let iteration = position.iteration + 1;
             let view = views.at(stage, iteration)?;
-            let terms = self.step(backend, &view, position, iteration)?;
+            for step in self.step(backend, &view, position, iteration)? {
+                self.note(&mut log, position, total, &step)?;
+            }
             position.iteration = iteration;
-            self.watch(position, &terms, &view)?;
-            self.report(&mut log, position, total, &view, terms)?;
-            if stage == Stage::Radiance
-                && let Some(time) = options.radiance.densify.time_at(iteration, total)
-            {
+            let last = iteration == total;
+            let stop = self.request.stop.load(Ordering::Relaxed);
+            let stores = last || stop || iteration.is_multiple_of(options.output.checkpoint_every);
+            let every = options.output.preview_every;
+            let shows = every > 0 && (iteration.is_multiple_of(every) || last) && !shown.is_empty();
+            let splits = match stage {
+                Stage::Radiance => options.radiance.densify.time_at(iteration, total),
+                Stage::Albedo => None,
+            };
+            if stores || shows || splits.is_some() {
+                for step in backend.finish()? {
+                    self.note(&mut log, position, total, &step)?;
+                }
+            }
+            if let Some(time) = splits {
                 self.densify(backend, views, iteration, time)?;
             }
-            let last = iteration == total;
-            let every = options.output.preview_every;
-            if every > 0 && (iteration.is_multiple_of(every) || last) && !shown.is_empty() {
+            if shows {
                 let psnr_srgb_db =
                     preview::write(&self.folder.previews(), backend, &shown, stage, iteration)?;
                 (self.progress)(TrainProgress::Preview {
@@ -294,8 +304,7 @@ impl Run<'_> {
                     psnr_srgb_db,
                 });
             }
-            let stop = self.request.stop.load(Ordering::Relaxed);
-            if last || stop || iteration.is_multiple_of(options.output.checkpoint_every) {
+            if stores {
                 self.save(backend, position)?;
             }
             if stop && !last {
@@ -307,72 +316,49 @@ impl Run<'_> {
         Ok(true)
     }
 
-    /// Follows the loss and stops a run whose loss is not a number or runs away.
-    fn watch(
-        &self,
+    /// Notes what a step of the stage of `position` has found out.
+    fn note(
+        &mut self,
+        log: &mut Log,
         position: &mut Checkpoint,
-        terms: &LossTerms,
-        view: &TrainingView,
+        total: u32,
+        step: &Taken,
     ) -> Result<()> {
         let diverged = |what: String| TrainError::Diverged {
             stage: position.stage.name(),
-            iteration: position.iteration,
-            view: view.view.name.clone(),
+            iteration: step.iteration,
+            view: step.view.view.name.clone(),
             what,
         };
-        if !terms.total.is_finite() {
-            return Err(diverged(format!("the loss is {}", terms.total)));
-        }
-        let mut monitor = position.monitor;
-        // Starting values count fully at first and fade: the mean of the first iterations, then an exponential one.
-        let weight = (1.0 / f64::from(position.iteration)).max(1.0 - MONITOR_DECAY);
-        monitor.smoothed += weight * (terms.total - monitor.smoothed);
-        monitor.smoothed_l1 += weight * (terms.l1 - monitor.smoothed_l1);
-        if f64::from(position.iteration) > 1.0 / (1.0 - MONITOR_DECAY) {
-            monitor.best_l1 = monitor.best_l1.min(monitor.smoothed_l1);
-            if monitor.smoothed_l1 > DIVERGED_L1.max(DIVERGED_FACTOR * monitor.best_l1) {
-                return Err(diverged(format!(
-                    "the mean PQ error rose to {:.4} from {:.4}",
-                    monitor.smoothed_l1, monitor.best_l1
-                )));
-            }
-        }
-        position.monitor = monitor;
-        Ok(())
+        let terms = step.outcome.map_err(|bad| diverged(bad.to_string()))?;
+        position.monitor = watched(position.monitor, step.iteration, &terms).map_err(diverged)?;
+        let line = LogLine {
+            stage: position.stage,
+            iteration: step.iteration,
+            view: step.view.view.name.clone(),
+            smoothed: position.monitor.smoothed,
+            terms,
+            seconds: self.started.elapsed().as_secs_f64(),
+        };
+        self.report(log, total, &line)
     }
 
-    fn report(
-        &mut self,
-        log: &mut Log,
-        position: &Checkpoint,
-        total: u32,
-        view: &TrainingView,
-        terms: LossTerms,
-    ) -> Result<()> {
-        let (stage, iteration) = (position.stage, position.iteration);
-        if iteration == 1
-            || iteration.is_multiple_of(self.request.options.output.log_every)
-            || iteration == total
-        {
-            log.push(&LogLine {
-                stage,
-                iteration,
-                view: view.view.name.clone(),
-                smoothed: position.monitor.smoothed,
-                terms,
-                seconds: self.started.elapsed().as_secs_f64(),
-            })?;
+    fn report(&mut self, log: &mut Log, total: u32, line: &LogLine) -> Result<()> {
+        let iteration = line.iteration;
+        let is_first_or_last = iteration == 1 || iteration == total;
+        if is_first_or_last || iteration.is_multiple_of(self.request.options.output.log_every) {
+            log.push(line)?;
         }
         (self.progress)(TrainProgress::Iteration {
-            stage,
+            stage: line.stage,
             iteration,
             total,
-            loss: position.monitor.smoothed,
+            loss: line.smoothed,
         });
         Ok(())
     }
 
-    fn save(&mut self, backend: &dyn Backend, position: &Checkpoint) -> Result<()> {
+    fn save(&mut self, backend: &mut dyn Backend, position: &Checkpoint) -> Result<()> {
         let checkpoint = Checkpoint {
             state: backend.state()?,
             ..position.clone()
@@ -387,6 +373,34 @@ impl Run<'_> {
         (self.progress)(TrainProgress::Checkpoint { path });
         Ok(())
     }
+}
+
+/// Follows the loss, that of `iteration` after those that `monitor` has seen.
+///
+/// # Errors
+/// What is wrong with a loss that is not a number or runs away.
+fn watched(
+    mut monitor: LossMonitor,
+    iteration: u32,
+    terms: &LossTerms,
+) -> std::result::Result<LossMonitor, String> {
+    if !terms.total.is_finite() {
+        return Err(format!("the loss is {}", terms.total));
+    }
+    // Starting values count fully at first and fade: the mean of the first iterations, then an exponential one.
+    let weight = (1.0 / f64::from(iteration)).max(1.0 - MONITOR_DECAY);
+    monitor.smoothed += weight * (terms.total - monitor.smoothed);
+    monitor.smoothed_l1 += weight * (terms.l1 - monitor.smoothed_l1);
+    if f64::from(iteration) > 1.0 / (1.0 - MONITOR_DECAY) {
+        monitor.best_l1 = monitor.best_l1.min(monitor.smoothed_l1);
+        if monitor.smoothed_l1 > DIVERGED_L1.max(DIVERGED_FACTOR * monitor.best_l1) {
+            return Err(format!(
+                "the mean PQ error rose to {:.4} from {:.4}",
+                monitor.smoothed_l1, monitor.best_l1
+            ));
+        }
+    }
+    Ok(monitor)
 }
 
 /// Creates the output folder and notes the effective options in it: a folder that cannot be written is found before any work.

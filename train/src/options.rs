@@ -146,7 +146,7 @@ impl HarmonicsOptions {
 }
 
 /// Weights of the loss, λ of the paper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LossWeights {
     /// Colour, λ_c.

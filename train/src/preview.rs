@@ -18,7 +18,7 @@ const GAP: usize = 4;
 /// If the device gives up or a file cannot be written.
 pub fn write(
     dir: &Path,
-    backend: &dyn Backend,
+    backend: &mut dyn Backend,
     views: &[TrainingView],
     stage: Stage,
     iteration: u32,

@@ -219,7 +219,7 @@ fn a_stopped_run_ends_in_the_same_bits() {
         let mut request = request(dir.path(), out, &device);
         request.options.stage = StageChoice::All;
         request.options.radiance.iterations = 12;
-        request.options.albedo.iterations = 6;
+        request.options.albedo.iterations = 10;
         request.options.albedo.num_samples = 8;
         request.options.radiance.densify.times = 2;
         request.options.radiance.densify.start_share = 0.5;

@@ -7,6 +7,7 @@ mod work;
 
 use super::adapter::Adapter;
 use super::error::{GpuError, one_line};
+pub use memory::Reading;
 pub use open::{Tier, Wanted};
 use profile::Recording;
 pub use profile::{Profile, StageTime};

@@ -48,6 +48,13 @@ pub struct FrameRoom {
     pub chunks: u32,
 }
 
+impl FrameRoom {
+    /// Whether there is no more of anything than in `room`.
+    pub fn is_within(&self, room: &Self) -> bool {
+        self.entries <= room.entries && self.chunks <= room.chunks
+    }
+}
+
 impl Frame {
     /// Place of the number of entries in the totals.
     pub const ENTRIES: u32 = TOTAL_ENTRIES;

@@ -41,7 +41,7 @@ mod tests;
 mod wgsl;
 
 pub use adapter::{Adapter, Kind, adapters};
-pub use device::{Device, Profile, StageTime, Tier, Wanted};
+pub use device::{Device, Profile, Reading, StageTime, Tier, Wanted};
 pub use error::GpuError;
 pub use fit::{Frame, FrameRoom, GpuFit};
 pub use scene::GpuScene;

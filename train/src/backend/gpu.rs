@@ -5,25 +5,23 @@
 //! - [`loss`]: the losses of both stages, their sums over pixels and their derivatives by the sums of rays.
 //! - [`report`]: what the host reads after a step: twelve numbers.
 //! - [`kernels`]: the modules of these.
-//!
-//! A step is handed to the device as a whole and looked at once, at its end. Where it turns out that there was no room for all hits, no
-//! parameter has moved, and the step is taken again with more room.
+//! - [`steps`]: steps of these, several of them under way at once.
 
 mod kernels;
 mod loss;
 mod params;
 mod report;
+mod steps;
 mod wanted;
 
 use super::engine::Engine;
 use super::trainer::Trainer;
-use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainDevice, TrainingView};
+use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainDevice, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
-use crate::loss::NormalTerms;
 use crate::loss::target::Target;
-use crate::options::{Gather, LossWeights};
-use crate::params::{ParameterState, StepSizes};
+use crate::options::Gather;
+use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{Contribution, LocalGradient};
@@ -33,11 +31,12 @@ use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Device, GpuFit};
 use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
-use loss::{LossBuffers, LossOptions};
+use loss::LossBuffers;
 use params::ResidentState;
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
+use steps::{Kind, Task, UnderWay};
 use wanted::WantedView;
 
 /// The rays of a device.
@@ -102,6 +101,10 @@ pub struct GpuBackend {
     /// The rays; while a [`ResidentState`] is there, its other parts are behind.
     host: Trainer<GpuEngine>,
     resident: Option<ResidentState>,
+    /// Steps that the device has been given, in order.
+    under_way: VecDeque<UnderWay>,
+    /// Steps that are over and that nobody has been told of.
+    over: Vec<Taken>,
     loss: Option<LossBuffers>,
     views: HashMap<usize, WantedView>,
     /// The light of views in stage 1.
@@ -124,6 +127,8 @@ impl GpuBackend {
             device: Arc::clone(device),
             host: Trainer::with_engine(state, target_budget, engine),
             resident: None,
+            under_way: VecDeque::new(),
+            over: Vec::new(),
             loss: None,
             views: HashMap::new(),
             lit: HashMap::new(),
@@ -133,6 +138,7 @@ impl GpuBackend {
 
     /// The host's trainer, with the state that the device has.
     fn host(&mut self) -> Result<&mut Trainer<GpuEngine>> {
+        self.catch_up(0)?;
         if let Some(resident) = self.resident.take() {
             self.host.take_back(resident.state()?);
         }
@@ -169,47 +175,6 @@ impl GpuBackend {
         }
         Ok(lit)
     }
-
-    /// A step on the device; `None` where one buffer does not hold all rays.
-    fn resident_step(
-        &mut self,
-        view: &TrainingView,
-        options: &LossOptions<'_>,
-        sizes: &StepSizes,
-    ) -> Result<Option<StepOutcome>> {
-        let camera = &view.view.camera;
-        let rays = camera.magnified(options.rays_per_axis);
-        if self.host.engine.fit.frame(&rays)?.is_none() {
-            return Ok(None);
-        }
-        let wanted = self.wanted(view)?;
-        let device = &*self.device;
-        let fit = &self.host.engine.fit;
-        let resident = resident(&mut self.resident, &self.host)?;
-        if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
-            // The old one's memory goes first.
-            self.loss = None;
-        }
-        let loss = match &mut self.loss {
-            Some(loss) => loss,
-            none => none.insert(LossBuffers::new(device, camera.num_pixels())?),
-        };
-        while let Some(frame) = fit.frame(&rays)? {
-            resident.begin();
-            fit.forward(&rays)?;
-            let at = (camera, &wanted);
-            device.run(&loss.steps(device, at, options, (&frame, resident.report())))?;
-            fit.backward(&rays)?;
-            device.run(&resident.steps(fit, (&frame, camera.origin()), sizes))?;
-            let report = resident.read_report()?;
-            if fit.make_room(&rays, report.needed())? {
-                continue;
-            }
-            let terms = loss::terms(&report, &wanted, options);
-            return Ok(Some(resident.finish(&report, sizes)?.map(|()| terms)));
-        }
-        Ok(None)
-    }
 }
 
 /// The state on the device, brought there from the `host` if it is not there yet.
@@ -237,41 +202,40 @@ impl Backend for GpuBackend {
         &mut self,
         view: &TrainingView,
         step: &RadianceStep<'_>,
-    ) -> Result<StepOutcome> {
-        let options = LossOptions {
-            weights: step.weights,
-            normals: step.normals,
-            rays_per_axis: step.rays_per_axis,
-            lit: None,
-        };
-        match self.resident_step(view, &options, &step.sizes)? {
-            Some(outcome) => Ok(outcome),
-            None => self.host()?.radiance_step(view, step),
-        }
+    ) -> Result<Vec<Taken>> {
+        self.begin(Task {
+            iteration: step.iteration,
+            view: view.clone(),
+            sizes: step.sizes,
+            kind: Kind::Radiance {
+                weights: *step.weights,
+                normals: step.normals,
+                rays_per_axis: step.rays_per_axis,
+            },
+        })
     }
 
-    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
+    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>> {
         if step.options.gather == Gather::Pixels {
             return self.host()?.albedo_step(view, step);
         }
         let lit = self.lit(view, step.options.emission_threshold)?;
-        let options = LossOptions {
-            weights: &LossWeights {
-                color: 1.0,
+        self.begin(Task {
+            iteration: step.iteration,
+            view: view.clone(),
+            sizes: step.sizes,
+            kind: Kind::Albedo {
+                options: step.options.clone(),
                 ssim_share: step.ssim_share,
-                normal: 0.0,
-                depth_normal: 0.0,
-                emission: 0.0,
-                alpha: 0.0,
+                seed: step.seed,
+                lit,
             },
-            normals: NormalTerms::Off,
-            rays_per_axis: 1,
-            lit: Some(&lit),
-        };
-        match self.resident_step(view, &options, &step.sizes)? {
-            Some(outcome) => Ok(outcome),
-            None => self.host()?.albedo_step(view, step),
-        }
+        })
+    }
+
+    fn finish(&mut self) -> Result<Vec<Taken>> {
+        self.catch_up(0)?;
+        Ok(std::mem::take(&mut self.over))
     }
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
@@ -296,11 +260,13 @@ impl Backend for GpuBackend {
         self.host()?.begin_albedo()
     }
 
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage> {
+    fn camera_sums(&mut self, camera: &Camera) -> Result<SumImage> {
+        self.catch_up(0)?;
         self.host.camera_sums(camera)
     }
 
-    fn state(&self) -> Result<ParameterState> {
+    fn state(&mut self) -> Result<ParameterState> {
+        self.catch_up(0)?;
         match &self.resident {
             Some(resident) => resident.state(),
             None => self.host.state(),

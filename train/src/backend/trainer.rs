@@ -3,7 +3,7 @@
 use super::engine::Engine;
 use super::irradiance::GaussianIrradiance;
 use super::lit::{self, LitView, LitViews};
-use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
+use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, Taken, TrainingView};
 use crate::densify::{self, Attribution, Densified};
 use crate::error::Result;
 use crate::loss::target::Target;
@@ -116,6 +116,55 @@ impl<E: Engine> Trainer<E> {
         lit.view(view, &mut self.engine, scene, threshold)
     }
 
+    /// A step of stage 0.
+    fn fit_radiance(
+        &mut self,
+        view: &TrainingView,
+        step: &RadianceStep<'_>,
+    ) -> Result<StepOutcome> {
+        let target = self.target(view).pq();
+        let factor = step.rays_per_axis;
+        let camera = view.view.camera.magnified(factor);
+        let mut sums = self.engine.trace(&self.set, &camera)?;
+        if factor > 1 {
+            sums = sums.averaged(factor);
+        }
+        let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
+        let d_rays = adjoint_of_mean(d_sums, sums.width, factor);
+        let wanted = if step.sizes.move_geometry() {
+            Wanted::Everything
+        } else {
+            Wanted::LightAndMaterial
+        };
+        let gradients = self.engine.adjoint(&self.set, &camera, &d_rays, wanted)?;
+        let eye = camera.origin();
+        if let Err(bad) = self
+            .state
+            .step(&self.gaussians, eye, &gradients, &step.sizes)
+        {
+            return Ok(Err(bad));
+        }
+        self.prepare();
+        self.engine.update(&self.set)?;
+        Ok(Ok(terms))
+    }
+
+    /// A step of stage 1.
+    fn fit_albedos(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
+        let (terms, gradients) = self.albedo_gradient(view, step)?;
+        let eye = view.view.camera.origin();
+        if let Err(bad) = self
+            .state
+            .step(&self.gaussians, eye, &gradients, &step.sizes)
+        {
+            return Ok(Err(bad));
+        }
+        self.state.write_albedos(&mut self.gaussians.albedos);
+        self.set.set_albedos(&self.gaussians.albedos);
+        self.engine.update(&self.set)?;
+        Ok(Ok(terms))
+    }
+
     /// Loss of stage 1, and its gradient with respect to the albedo of each Gaussian, `[n]`, in a gradient of everything.
     fn albedo_gradient(
         &mut self,
@@ -211,47 +260,26 @@ impl<E: Engine> Backend for Trainer<E> {
         &mut self,
         view: &TrainingView,
         step: &RadianceStep<'_>,
-    ) -> Result<StepOutcome> {
-        let target = self.target(view).pq();
-        let factor = step.rays_per_axis;
-        let camera = view.view.camera.magnified(factor);
-        let mut sums = self.engine.trace(&self.set, &camera)?;
-        if factor > 1 {
-            sums = sums.averaged(factor);
-        }
-        let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
-        let d_rays = adjoint_of_mean(d_sums, sums.width, factor);
-        let wanted = if step.sizes.move_geometry() {
-            Wanted::Everything
-        } else {
-            Wanted::LightAndMaterial
-        };
-        let gradients = self.engine.adjoint(&self.set, &camera, &d_rays, wanted)?;
-        let eye = camera.origin();
-        if let Err(bad) = self
-            .state
-            .step(&self.gaussians, eye, &gradients, &step.sizes)
-        {
-            return Ok(Err(bad));
-        }
-        self.prepare();
-        self.engine.update(&self.set)?;
-        Ok(Ok(terms))
+    ) -> Result<Vec<Taken>> {
+        let outcome = self.fit_radiance(view, step)?;
+        Ok(vec![Taken {
+            iteration: step.iteration,
+            view: view.clone(),
+            outcome,
+        }])
     }
 
-    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
-        let (terms, gradients) = self.albedo_gradient(view, step)?;
-        let eye = view.view.camera.origin();
-        if let Err(bad) = self
-            .state
-            .step(&self.gaussians, eye, &gradients, &step.sizes)
-        {
-            return Ok(Err(bad));
-        }
-        self.state.write_albedos(&mut self.gaussians.albedos);
-        self.set.set_albedos(&self.gaussians.albedos);
-        self.engine.update(&self.set)?;
-        Ok(Ok(terms))
+    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>> {
+        let outcome = self.fit_albedos(view, step)?;
+        Ok(vec![Taken {
+            iteration: step.iteration,
+            view: view.clone(),
+            outcome,
+        }])
+    }
+
+    fn finish(&mut self) -> Result<Vec<Taken>> {
+        Ok(Vec::new())
     }
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
@@ -331,11 +359,11 @@ impl<E: Engine> Backend for Trainer<E> {
         Ok(())
     }
 
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage> {
+    fn camera_sums(&mut self, camera: &Camera) -> Result<SumImage> {
         self.engine.camera_sums(&self.set, camera)
     }
 
-    fn state(&self) -> Result<ParameterState> {
+    fn state(&mut self) -> Result<ParameterState> {
         Ok(self.state.clone())
     }
 }

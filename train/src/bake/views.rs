@@ -137,25 +137,29 @@ impl Bake<'_> {
             let view = views.at(Stage::Radiance, iteration)?;
             let progress = (iteration - 1) as f32 / total as f32;
             let step = RadianceStep {
+                iteration,
                 weights: &weights,
                 normals: NormalTerms::Off,
                 rays_per_axis: 1,
                 sizes: StepSizes::radiance(&rates, 0.0, progress),
             };
-            let terms =
-                backend
-                    .radiance_step(&view, &step)?
-                    .map_err(|bad| TrainError::Diverged {
-                        stage: "bake",
-                        iteration,
-                        view: view.view.name.clone(),
-                        what: bad.to_string(),
-                    })?;
-            (self.progress)(BakeProgress::Fitting {
-                iteration,
-                total,
-                loss: terms.total,
-            });
+            let mut taken = backend.radiance_step(&view, &step)?;
+            if iteration == total {
+                taken.extend(backend.finish()?);
+            }
+            for step in taken {
+                let terms = step.outcome.map_err(|bad| TrainError::Diverged {
+                    stage: "bake",
+                    iteration: step.iteration,
+                    view: step.view.view.name.clone(),
+                    what: bad.to_string(),
+                })?;
+                (self.progress)(BakeProgress::Fitting {
+                    iteration: step.iteration,
+                    total,
+                    loss: terms.total,
+                });
+            }
         }
         Ok(Some(backend.state()?.gaussians().radiances))
     }

@@ -2,10 +2,10 @@
 
 use super::Run;
 use super::views::Views;
-use crate::backend::{AlbedoStep, Backend, RadianceStep, StepOutcome, TrainingView};
+use crate::backend::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::checkpoint::Checkpoint;
-use crate::error::{Result, TrainError};
-use crate::loss::{LossTerms, NormalTerms};
+use crate::error::Result;
+use crate::loss::NormalTerms;
 use crate::options::Stage;
 use crate::params::StepSizes;
 use crate::progress::TrainProgress;
@@ -15,16 +15,17 @@ use std::sync::atomic::Ordering;
 const GATHERED_AT_ONCE: usize = 2048;
 
 impl Run<'_> {
+    /// Begins a step, and returns those that are over.
     pub(super) fn step(
         &mut self,
         backend: &mut dyn Backend,
         view: &TrainingView,
         position: &Checkpoint,
         iteration: u32,
-    ) -> Result<LossTerms> {
+    ) -> Result<Vec<Taken>> {
         let options = &self.request.options;
         let progress = |total: u32| (iteration - 1) as f32 / total as f32;
-        let outcome: StepOutcome = match position.stage {
+        match position.stage {
             Stage::Radiance => {
                 let stage = &options.radiance;
                 let progress = progress(stage.iterations);
@@ -45,6 +46,7 @@ impl Run<'_> {
                 backend.radiance_step(
                     view,
                     &RadianceStep {
+                        iteration,
                         weights: &stage.weights,
                         normals,
                         rays_per_axis: if progress < stage.antialias_from {
@@ -54,7 +56,7 @@ impl Run<'_> {
                         },
                         sizes,
                     },
-                )?
+                )
             }
             Stage::Albedo => {
                 let stage = &options.albedo;
@@ -66,15 +68,9 @@ impl Run<'_> {
                     iteration,
                     sizes: StepSizes::albedo(rate),
                 };
-                backend.albedo_step(view, &step)?
+                backend.albedo_step(view, &step)
             }
-        };
-        outcome.map_err(|bad| TrainError::Diverged {
-            stage: position.stage.name(),
-            iteration,
-            view: view.view.name.clone(),
-            what: bad.to_string(),
-        })
+        }
     }
 
     /// Splits Gaussians for the `time`-th time.

@@ -2,7 +2,9 @@
 
 use super::Device;
 use crate::gpu::error::GpuError;
+use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 use wgpu::util::DeviceExt as _;
 
@@ -66,7 +68,7 @@ impl Device {
             })
     }
 
-    /// Elements of a buffer, after all work submitted so far.
+    /// Elements of a buffer, after all work submitted so far; waits for it.
     ///
     /// # Errors
     /// If the device gives up.
@@ -75,10 +77,22 @@ impl Device {
         buffer: &wgpu::Buffer,
         elements: Range<usize>,
     ) -> Result<Vec<T>, GpuError> {
-        let size = (elements.len() * size_of::<T>()) as u64;
-        if size == 0 {
+        if elements.is_empty() {
             return Ok(Vec::new());
         }
+        self.read_later(buffer, elements)?.wait(self)
+    }
+
+    /// Elements of a buffer as they are after all work submitted so far, to be looked at when that is done. There must be some.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    pub fn read_later<T: bytemuck::AnyBitPattern>(
+        &self,
+        buffer: &wgpu::Buffer,
+        elements: Range<usize>,
+    ) -> Result<Reading<T>, GpuError> {
+        let size = (elements.len() * size_of::<T>()) as u64;
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("readback"),
             size,
@@ -89,22 +103,48 @@ impl Device {
         let mut commands = self.commands();
         let start = (elements.start * size_of::<T>()) as u64;
         commands.copy_buffer_to_buffer(buffer, start, &staging, 0, size);
-        self.submit(commands)?;
+        let submission = self.queue.submit([commands.finish()]);
+        self.check()?;
         let (sender, mapped) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |outcome| {
             // Nobody listens after the time below.
             sender.send(outcome).ok();
         });
-        self.wait()?;
+        Ok(Reading {
+            staging,
+            submission,
+            mapped,
+            elements: PhantomData,
+        })
+    }
+}
+
+/// What is on its way from a device to the host.
+#[derive(Debug)]
+pub struct Reading<T> {
+    staging: wgpu::Buffer,
+    submission: wgpu::SubmissionIndex,
+    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
+    elements: PhantomData<T>,
+}
+
+impl<T: bytemuck::AnyBitPattern> Reading<T> {
+    /// The elements; waits for the work they come from, not for what was submitted since.
+    ///
+    /// # Errors
+    /// If the `device`, from which they are read, gives up.
+    pub fn wait(self, device: &Device) -> Result<Vec<T>, GpuError> {
+        device.wait_for(self.submission)?;
         // Of two threads that wait at once, one is told of both buffers, and the other may be through before it passes that on.
-        match mapped.recv_timeout(MAPPED_WITHIN) {
+        match self.mapped.recv_timeout(MAPPED_WITHIN) {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(self.lost(&error.to_string())),
-            Err(_) => return Err(self.lost("a buffer was not mapped")),
+            Ok(Err(error)) => return Err(device.lost(&error.to_string())),
+            Err(_) => return Err(device.lost("a buffer was not mapped")),
         }
-        let view = staging
+        let view = self
+            .staging
             .get_mapped_range(..)
-            .map_err(|error| self.lost(&error.to_string()))?;
+            .map_err(|error| device.lost(&error.to_string()))?;
         // Bytes of a mapping need not be aligned as T is.
         Ok(view
             .chunks_exact(size_of::<T>())

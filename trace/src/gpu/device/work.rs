@@ -129,7 +129,19 @@ impl Device {
     /// # Errors
     /// What went wrong so far.
     pub fn wait(&self) -> Result<(), GpuError> {
-        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits until a submission and those before it are done.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        self.poll(wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        })
+    }
+
+    fn poll(&self, until: wgpu::PollType) -> Result<(), GpuError> {
+        let waited = self.device.poll(until);
         self.check()?;
         waited.map_err(|error| self.lost(&error.to_string()))?;
         Ok(())

@@ -76,6 +76,7 @@ fn declarations() -> String {
         ("REPORT_ENTRIES", report::ENTRIES),
         ("REPORT_CHUNKS", report::CHUNKS),
         ("REPORT_TERMS", report::TERMS),
+        ("REPORT_STUCK", report::STUCK),
         ("NOTHING_BAD", report::NOTHING_BAD),
         ("ADD_THREADS", loss::ADD_THREADS),
         ("ADD_PER_THREAD", loss::ADD_PER_THREAD),

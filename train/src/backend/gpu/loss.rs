@@ -66,9 +66,9 @@ impl LossParameters {
         })
     }
 
-    fn new(camera: &Camera, view: &WantedView, options: &LossOptions<'_>) -> Self {
+    fn new(camera: &Camera, view: &WantedView, options: &LossOptions) -> Self {
         let frame = camera.ray_frame();
-        let weights = options.weights;
+        let weights = &options.weights;
         let over = |weight: f64, num: usize| (weight / num.max(1) as f64) as f32;
         Self {
             base: frame.base.to_array(),
@@ -98,14 +98,14 @@ impl LossParameters {
 }
 
 /// How a view is compared.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LossOptions<'a> {
-    pub(super) weights: &'a LossWeights,
+#[derive(Debug, Clone)]
+pub(super) struct LossOptions {
+    pub(super) weights: LossWeights,
     pub(super) normals: NormalTerms,
     /// Rays along each axis of a pixel.
     pub(super) rays_per_axis: u32,
     /// Of stage 1 the light of the view, by which albedos are compared in place of radiance; see [`lit_pixels`].
-    pub(super) lit: Option<&'a Buffer>,
+    pub(super) lit: Option<Buffer>,
 }
 
 /// The light of a view for [`LossOptions::lit`].
@@ -162,7 +162,7 @@ impl LossBuffers {
         &self,
         device: &Device,
         (camera, view): (&Camera, &WantedView),
-        options: &LossOptions<'_>,
+        options: &LossOptions,
         (frame, report): (&Frame, &Buffer),
     ) -> Vec<Step> {
         let parameters = LossParameters::new(camera, view, options);
@@ -194,7 +194,7 @@ impl LossBuffers {
         };
         let surfaces = (8, &self.surfaces);
         let d_sums = (10, &frame.d_sums);
-        let (encode, derivatives) = match options.lit {
+        let (encode, derivatives) = match &options.lit {
             None => (
                 step(&kernels::COLOR, "encode", &[0, 1, 2, 4], &[]),
                 step(
@@ -234,7 +234,7 @@ impl LossBuffers {
 }
 
 /// The terms of a loss, from the sums over pixels.
-pub(super) fn terms(report: &Report, view: &WantedView, options: &LossOptions<'_>) -> LossTerms {
+pub(super) fn terms(report: &Report, view: &WantedView, options: &LossOptions) -> LossTerms {
     let [
         l1,
         ssim,
@@ -245,7 +245,7 @@ pub(super) fn terms(report: &Report, view: &WantedView, options: &LossOptions<'_
         spanned,
         num_spanned,
     ] = report.terms();
-    let weights = options.weights;
+    let weights = &options.weights;
     let mean = |sum: f64, num: f64| if num > 0.0 { sum / num } else { 0.0 };
     let known = view.num_known.max(1) as f64;
     let l1 = l1 / (3.0 * known);

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Step, layout};
-use eagpt_trace::gpu::{Device, Frame, GpuFit};
+use eagpt_trace::gpu::{Device, Frame, GpuFit, Reading};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -144,10 +144,34 @@ impl ResidentState {
         &self.report
     }
 
-    /// Empties the report, before the first kernel of a step.
+    /// Empties the report, before the first kernel of a step; one that is stuck stays so.
     pub(super) fn begin(&self) {
+        let words = &report::EMPTY[..report::STUCK as usize];
+        self.device.write(&self.report, bytemuck::cast_slice(words));
+    }
+
+    /// After a step that was stuck: goes on from where it was, `num_steps` as they were before it.
+    pub(super) fn go_back(&mut self, [raw, of_harmonics]: [u32; 2]) {
         self.device
             .write(&self.report, bytemuck::cast_slice(&report::EMPTY));
+        self.raw.num_steps = raw;
+        if let Some(harmonics) = &mut self.harmonics {
+            harmonics.num_steps = of_harmonics;
+        }
+    }
+
+    /// Steps of the parameters and of the harmonics so far.
+    pub(super) fn num_steps(&self) -> [u32; 2] {
+        let of_harmonics = self.harmonics.as_ref().map_or(0, |rows| rows.num_steps);
+        [self.raw.num_steps, of_harmonics]
+    }
+
+    /// Counts a step of `sizes` that was given to the device.
+    pub(super) fn count(&mut self, sizes: &StepSizes) {
+        self.raw.num_steps += 1;
+        if let Some(harmonics) = self.harmonics.as_mut().filter(|_| sizes.move_harmonics()) {
+            harmonics.num_steps += 1;
+        }
     }
 
     /// The kernels of a step along the gradients of `frame`, which was traced from `eye`; it moves the Gaussians of `fit`.
@@ -205,35 +229,22 @@ impl ResidentState {
         steps
     }
 
-    /// The report of the step that was submitted last; waits for it.
-    pub(super) fn read_report(&self) -> Result<Report> {
-        let words = self
-            .device
-            .read::<u32>(&self.report, 0..report::NUM_WORDS)?;
-        let mut all = report::EMPTY;
-        all.copy_from_slice(&words);
-        Ok(Report(all))
+    /// The report of the step that was submitted last, when it is done.
+    pub(super) fn read_report(&self) -> Result<Reading<u32>> {
+        Ok(self.device.read_later(&self.report, 0..report::NUM_WORDS)?)
     }
 
-    /// Notes that the step of `sizes` was taken, or says why the device has not taken it.
-    pub(super) fn finish(
-        &mut self,
-        report: &Report,
-        sizes: &StepSizes,
-    ) -> Result<std::result::Result<(), BadGradient>> {
+    /// Why the device is stuck since the step of `report`, if it is.
+    pub(super) fn bad_gradient(&self, report: &Report) -> Result<Option<BadGradient>> {
         let Some(index) = report.first_bad() else {
-            self.raw.num_steps += 1;
-            if let Some(harmonics) = self.harmonics.as_mut().filter(|_| sizes.move_harmonics()) {
-                harmonics.num_steps += 1;
-            }
-            return Ok(Ok(()));
+            return Ok(None);
         };
         let rows = self
             .device
             .read::<Raw>(&self.raw_gradients, index..index + 1)?;
         let bad = rows.first().and_then(|row| BadGradient::find(index, row));
         // The kernel has found it by the sum of the row.
-        Ok(Err(bad.unwrap_or(BadGradient {
+        Ok(Some(bad.unwrap_or(BadGradient {
             class: "all parameters",
             index,
             value: f32::INFINITY,

@@ -85,7 +85,8 @@ fn chain_rule(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let index = group_number(workgroup, workgroups) * 64u + thread;
-    if index >= adam.num_gaussians {
+    // The gradients of a step that is stuck are still to be looked at.
+    if index >= adam.num_gaussians || atomicLoad(&report[REPORT_STUCK]) != 0u {
         return;
     }
     let at = index * NUM_PARAMETERS;
@@ -122,10 +123,11 @@ fn surfel_of(g: Activated, frame: mat3x3f) -> Surfel {
     );
 }
 
-// Nothing changes if a gradient is not a number, or if there was no room for all that it is made of.
+// Nothing changes if a gradient is not a number, or if there was no room for all that it is made of; nor behind a step for which this was so.
 fn gradients_are_good() -> bool {
     let has_room = totals[TOTAL_ENTRIES] <= adam.entries && totals[TOTAL_CHUNKS] <= adam.chunks;
-    return has_room && atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD;
+    let is_stuck = atomicLoad(&report[REPORT_STUCK]) != 0u;
+    return has_room && !is_stuck && atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD;
 }
 
 fn move_value(at: u32, gradient: f32, size: f32, decay: f32, corrections: vec2f) {
@@ -185,6 +187,10 @@ fn adam_step(
     if index == 0u {
         atomicStore(&report[REPORT_ENTRIES], totals[TOTAL_ENTRIES]);
         atomicStore(&report[REPORT_CHUNKS], totals[TOTAL_CHUNKS]);
+        if !gradients_are_good() {
+            // To the others of this step it makes no difference.
+            atomicStore(&report[REPORT_STUCK], 1u);
+        }
     }
     if index >= adam.num_gaussians || !gradients_are_good() {
         return;

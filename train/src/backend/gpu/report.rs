@@ -12,10 +12,12 @@ pub(super) const ENTRIES: u32 = 1;
 pub(super) const CHUNKS: u32 = 2;
 /// Place of the first of eight sums over pixels, see [`Report::terms`].
 pub(super) const TERMS: u32 = 4;
+/// Place of what is not 0 once a step has moved nothing; unlike all else, it stays for the steps behind that one.
+pub(super) const STUCK: u32 = NUM_WORDS as u32 - 1;
 /// In the place of [`BAD`]: all gradients are finite.
 pub(super) const NOTHING_BAD: u32 = u32::MAX;
 
-/// What a step begins with.
+/// What the first step begins with; others leave the last word as it is.
 pub(super) const EMPTY: [u32; NUM_WORDS] = {
     let mut words = [0; NUM_WORDS];
     words[BAD as usize] = NOTHING_BAD;
@@ -23,6 +25,7 @@ pub(super) const EMPTY: [u32; NUM_WORDS] = {
 };
 
 /// What a step has found out.
+#[derive(Debug)]
 pub(super) struct Report(pub(super) [u32; NUM_WORDS]);
 
 impl Report {

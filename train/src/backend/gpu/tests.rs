@@ -1,9 +1,11 @@
 //! Each stage against its twin on the CPU.
 
+use super::GpuBackend;
 use super::loss::{LossBuffers, LossOptions, lit_pixels};
 use super::params::ResidentState;
 use super::report;
 use super::wanted::WantedView;
+use crate::backend::{Backend as _, RadianceStep, TrainingView};
 use crate::loss::target::Target;
 use crate::loss::tests::{frame, mask, view};
 use crate::loss::{LossTerms, NormalTerms, PixelLight, albedo_loss, radiance_loss};
@@ -11,15 +13,16 @@ use crate::options::{HarmonicsOptions, LossWeights, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
-use eagpt_scene::{Image, View};
+use eagpt_scene::{Camera, Image, View};
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::gpu::{Device, Frame, GpuFit};
+use eagpt_trace::gpu::{Device, Frame, FrameRoom, GpuFit};
 use eagpt_trace::sums::{NUM_LANES, SumImage, Sums, lane};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 #[path = "../../../../trace/tests/gpu/mod.rs"]
 mod gpu;
@@ -66,7 +69,7 @@ fn compared(
     device: &Device,
     sums: &SumImage,
     (view, target): (&View, &Target),
-    options: &LossOptions<'_>,
+    options: &LossOptions,
 ) -> (LossTerms, Vec<Sums>) {
     let num_pixels = sums.pixels.len();
     let lanes: Vec<[f32; NUM_LANES]> = sums.pixels.iter().map(|s| s.0).collect();
@@ -77,7 +80,7 @@ fn compared(
         gradients: made("gradients"),
         payloads: made("payloads"),
         totals: made("totals"),
-        room: eagpt_trace::gpu::FrameRoom {
+        room: FrameRoom {
             entries: 0,
             chunks: 0,
         },
@@ -117,7 +120,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         let (wanted_terms, wanted_d) = radiance_loss(&sums, &view, &target.pq(), &weights, normals);
 
         let options = LossOptions {
-            weights: &weights,
+            weights,
             normals,
             rays_per_axis: 1,
             lit: None,
@@ -174,10 +177,10 @@ fn losses_of_albedos_are_those_of_the_cpu() {
         albedo_loss(&albedos, &light, &target.pq(), share, known.as_ref());
     let lit = lit_pixels(&device, &light).unwrap();
     let options = LossOptions {
-        weights: &weights,
+        weights,
         normals: NormalTerms::Off,
         rays_per_axis: 1,
-        lit: Some(&lit),
+        lit: Some(lit),
     };
     let (terms, d) = compared(&device, &sums, (&view, &target), &options);
     for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
@@ -194,6 +197,12 @@ fn losses_of_albedos_are_those_of_the_cpu() {
         assert!(d.iter().all(|s| s.0[k].is_finite()));
     }
     assert!(wanted_d.iter().any(|d| *d != Vec3::ZERO));
+}
+
+/// The report of the step that was submitted last.
+fn reported(device: &Device, state: &ResidentState) -> report::Report {
+    let words = state.read_report().unwrap().wait(device).unwrap();
+    report::Report(words.try_into().unwrap())
 }
 
 /// Four steps with other gradients each: moments, corrections and everything that follows from parameters.
@@ -239,8 +248,9 @@ fn steps_of_adam_are_those_of_the_cpu() {
         cpu.write_gaussians(&mut gaussians);
         gpu.begin();
         device.run(&gpu.steps(&fit, (&frame, eye), &sizes)).unwrap();
-        let report = gpu.read_report().unwrap();
-        gpu.finish(&report, &sizes).unwrap().unwrap();
+        gpu.count(&sizes);
+        let report = reported(&device, &gpu);
+        assert_eq!(gpu.bad_gradient(&report).unwrap(), None);
     }
     set.update(&gaussians);
     let state = gpu.state().unwrap();
@@ -304,7 +314,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     let before = ParameterState::new(&random_cloud(70, 4));
     let set = SurfelSet::new(&before.gaussians());
     let fit = GpuFit::new(&device, &set).unwrap();
-    let mut state = ResidentState::new(&device, &before, &fit).unwrap();
+    let state = ResidentState::new(&device, &before, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
     let frame = fit.frame(&camera).unwrap().unwrap();
     let mut lanes = vec![[1.0_f32; NUM_LANES]; before.len()];
@@ -319,9 +329,16 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     device
         .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
         .unwrap();
-    let report = state.read_report().unwrap();
-    let bad = state.finish(&report, &sizes).unwrap().unwrap_err();
+    let report = reported(&device, &state);
+    let bad = state.bad_gradient(&report).unwrap().unwrap();
     assert_eq!((bad.class, bad.index), ("emission", 66));
+    // Nor do the steps behind it move anything, until somebody has looked.
+    device.write(&frame.gradients, &vec![0; 64 * before.len()]);
+    state.begin();
+    device
+        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .unwrap();
+    assert_eq!(reported(&device, &state).first_bad(), None);
     assert_eq!(state.state().unwrap(), before);
 }
 
@@ -335,14 +352,14 @@ fn a_step_without_room_is_taken_again() {
     let fit = GpuFit::new(&device, &SurfelSet::new(&cloud)).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 37, 29);
     let small = fit.frame(&camera).unwrap().unwrap();
-    let more = eagpt_trace::gpu::FrameRoom {
+    let more = FrameRoom {
         entries: small.room.entries + 1,
         chunks: 0,
     };
     assert!(fit.make_room(&camera, more).unwrap());
     let entries = fit.frame(&camera).unwrap().unwrap();
     assert!(entries.room.entries > small.room.entries && entries != small);
-    let more = eagpt_trace::gpu::FrameRoom {
+    let more = FrameRoom {
         entries: 0,
         chunks: entries.room.chunks + 1,
     };
@@ -350,4 +367,73 @@ fn a_step_without_room_is_taken_again() {
     let chunks = fit.frame(&camera).unwrap().unwrap();
     assert!(chunks.room.chunks > entries.room.chunks);
     assert!(!fit.make_room(&camera, chunks.room).unwrap());
+}
+
+/// What several steps at once leave, some of which lack room, has the bits of what steps leave that are waited for one by one.
+#[test]
+fn steps_under_way_at_once_are_those_taken_one_by_one() {
+    let Some(device) = gpu::device("several steps at once") else {
+        return;
+    };
+    // Faint Gaussians: more hits in every pixel than room is made for at first.
+    let mut cloud = random_cloud(3000, 4);
+    cloud.opacities.fill(0.05);
+    let set = SurfelSet::new(&cloud);
+    let eyes = [DVec3::new(3.0, 0.2, 0.4), DVec3::new(-0.4, 2.5, 0.3)];
+    let views = eyes.map(|eye| {
+        let camera = look_at(eye, DVec3::ZERO, 37, 29);
+        let (seen, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
+        let mut view = view(false);
+        (view.normal, view.emission, view.alpha) = (None, None, None);
+        view.radiance = seen.extract(|sums| (sums.radiance() * 1.2).to_array());
+        view.camera = camera;
+        Arc::new(view)
+    });
+    let weights = weights();
+    let rates = TrainOptions::preset(Preset::Draft).radiance.rates;
+    let [at_once, one_by_one] = [false, true].map(|waits| {
+        let state = ParameterState::new(&cloud);
+        let mut backend = GpuBackend::new(&device, state, 1 << 20).unwrap();
+        let usual = frame_room(&backend, &views[0].camera);
+        let mut taken = Vec::new();
+        for iteration in 1..=9 {
+            let index = iteration as usize % 2;
+            let view = TrainingView {
+                index,
+                view: Arc::clone(&views[index]),
+            };
+            let step = RadianceStep {
+                iteration,
+                weights: &weights,
+                normals: NormalTerms::Off,
+                // Buffers of another size in the end.
+                rays_per_axis: 1 + iteration / 6,
+                sizes: StepSizes::radiance(&rates, 2.0, 0.1),
+            };
+            taken.extend(backend.radiance_step(&view, &step).unwrap());
+            if waits {
+                taken.extend(backend.finish().unwrap());
+            }
+            if iteration == 5 {
+                assert!(waits || taken.len() < 5, "nothing is under way");
+                taken.extend(backend.finish().unwrap());
+                let room = frame_room(&backend, &views[0].camera);
+                assert!(!room.is_within(&usual), "no step lacked room");
+            }
+        }
+        taken.extend(backend.finish().unwrap());
+        let told: Vec<(u32, LossTerms)> = taken
+            .into_iter()
+            .map(|step| (step.iteration, step.outcome.unwrap()))
+            .collect();
+        (told, backend.state().unwrap())
+    });
+    assert!(at_once.0.iter().map(|(iteration, _)| *iteration).eq(1..=9));
+    assert!(at_once == one_by_one);
+    assert_eq!(at_once.1.raw.num_steps, 9);
+}
+
+fn frame_room(backend: &GpuBackend, camera: &Camera) -> FrameRoom {
+    let frame = backend.host.engine.fit.frame(camera).unwrap();
+    frame.unwrap().room
 }

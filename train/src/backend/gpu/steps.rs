@@ -1,0 +1,253 @@
+//! Steps on the device, a few of which are under way at once: the host prepares the next ones while the device computes, and looks at the report of
+//! a step when others are queued behind it.
+//!
+//! A step for whose hits there is no room, or whose gradients are no numbers, moves nothing, and nor do those behind it until the host has looked.
+//! Then it makes room and takes them again: what comes out has the bits of steps taken one by one.
+
+use super::loss::{self, LossBuffers, LossOptions};
+use super::report::{NUM_WORDS, Report};
+use super::wanted::WantedView;
+use super::{GpuBackend, resident};
+use crate::backend::{AlbedoStep, Backend as _, RadianceStep, Taken, TrainingView};
+use crate::error::Result;
+use crate::loss::NormalTerms;
+use crate::options::{AlbedoOptions, LossWeights};
+use crate::params::StepSizes;
+use eagpt_scene::Camera;
+use eagpt_trace::gpu::kernel::Buffer;
+use eagpt_trace::gpu::{FrameRoom, Reading};
+
+/// Steps that may be under way when the next one has been begun.
+const MOST_AHEAD: usize = 3;
+
+/// A step of a stage, to be taken once or more.
+#[derive(Debug, Clone)]
+pub(super) struct Task {
+    pub(super) iteration: u32,
+    pub(super) view: TrainingView,
+    pub(super) sizes: StepSizes,
+    pub(super) kind: Kind,
+}
+
+/// What is compared.
+#[derive(Debug, Clone)]
+pub(super) enum Kind {
+    /// Stage 0.
+    Radiance {
+        weights: LossWeights,
+        normals: NormalTerms,
+        rays_per_axis: u32,
+    },
+    /// Stage 1, under light that is known.
+    Albedo {
+        options: AlbedoOptions,
+        ssim_share: f64,
+        seed: u64,
+        lit: Buffer,
+    },
+}
+
+impl Task {
+    /// The camera with all rays of the step.
+    fn rays(&self) -> Camera {
+        let camera = &self.view.view.camera;
+        match self.kind {
+            Kind::Radiance { rays_per_axis, .. } => camera.magnified(rays_per_axis),
+            Kind::Albedo { .. } => *camera,
+        }
+    }
+
+    fn loss_options(&self) -> LossOptions {
+        match &self.kind {
+            Kind::Radiance {
+                weights,
+                normals,
+                rays_per_axis,
+            } => LossOptions {
+                weights: *weights,
+                normals: *normals,
+                rays_per_axis: *rays_per_axis,
+                lit: None,
+            },
+            Kind::Albedo {
+                ssim_share, lit, ..
+            } => LossOptions {
+                weights: LossWeights {
+                    color: 1.0,
+                    ssim_share: *ssim_share,
+                    normal: 0.0,
+                    depth_normal: 0.0,
+                    emission: 0.0,
+                    alpha: 0.0,
+                },
+                normals: NormalTerms::Off,
+                rays_per_axis: 1,
+                lit: Some(lit.clone()),
+            },
+        }
+    }
+}
+
+/// A step that the device has been given.
+#[derive(Debug)]
+pub(super) struct UnderWay {
+    task: Task,
+    wanted: WantedView,
+    options: LossOptions,
+    /// What its rays have room for.
+    room: FrameRoom,
+    /// Steps of the parameters and of the harmonics before it.
+    num_steps: [u32; 2],
+    report: Reading<u32>,
+}
+
+fn size(camera: &Camera) -> (u32, u32) {
+    (camera.width, camera.height)
+}
+
+impl GpuBackend {
+    /// Begins a step; returns those that are over.
+    pub(super) fn begin(&mut self, task: Task) -> Result<Vec<Taken>> {
+        // Buffers are those of one size of cameras.
+        if let Some(first) = self.under_way.front()
+            && size(&first.task.rays()) != size(&task.rays())
+        {
+            self.catch_up(0)?;
+        }
+        self.submit_or_take(task)?;
+        self.catch_up(MOST_AHEAD)?;
+        Ok(std::mem::take(&mut self.over))
+    }
+
+    /// Waits until at most so many steps are under way.
+    pub(super) fn catch_up(&mut self, most_ahead: usize) -> Result<()> {
+        while self.under_way.len() > most_ahead {
+            let Some(first) = self.under_way.pop_front() else {
+                break;
+            };
+            let mut words = [0; NUM_WORDS];
+            words.copy_from_slice(&first.report.wait(&self.device)?);
+            let report = Report(words);
+            if !report.needed().is_within(&first.room) {
+                let again = std::iter::once(first.task)
+                    .chain(self.under_way.drain(..).map(|behind| behind.task))
+                    .collect();
+                self.take_again(again, report.needed(), first.num_steps)?;
+                continue;
+            }
+            let terms = loss::terms(&report, &first.wanted, &first.options);
+            let bad = match &self.resident {
+                Some(resident) => resident.bad_gradient(&report)?,
+                None => None,
+            };
+            if bad.is_some() {
+                self.under_way.clear();
+            }
+            self.over.push(Taken {
+                iteration: first.task.iteration,
+                view: first.task.view,
+                outcome: bad.map_or(Ok(terms), Err),
+            });
+        }
+        Ok(())
+    }
+
+    /// Takes steps again, of which the first lacked room.
+    fn take_again(
+        &mut self,
+        tasks: Vec<Task>,
+        needed: FrameRoom,
+        num_steps: [u32; 2],
+    ) -> Result<()> {
+        if let Some(resident) = &mut self.resident {
+            resident.go_back(num_steps);
+        }
+        if let Some(first) = tasks.first() {
+            self.host.engine.fit.make_room(&first.rays(), needed)?;
+        }
+        for task in tasks {
+            self.submit_or_take(task)?;
+        }
+        Ok(())
+    }
+
+    /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host.
+    fn submit_or_take(&mut self, task: Task) -> Result<()> {
+        let rays = task.rays();
+        if self.host.engine.fit.frame(&rays)?.is_some() {
+            return self.submit(task, &rays);
+        }
+        let host = self.host()?;
+        let taken = match &task.kind {
+            Kind::Radiance {
+                weights,
+                normals,
+                rays_per_axis,
+            } => {
+                let step = RadianceStep {
+                    iteration: task.iteration,
+                    weights,
+                    normals: *normals,
+                    rays_per_axis: *rays_per_axis,
+                    sizes: task.sizes,
+                };
+                host.radiance_step(&task.view, &step)?
+            }
+            Kind::Albedo {
+                options,
+                ssim_share,
+                seed,
+                ..
+            } => {
+                let step = AlbedoStep {
+                    options,
+                    ssim_share: *ssim_share,
+                    seed: *seed,
+                    iteration: task.iteration,
+                    sizes: task.sizes,
+                };
+                host.albedo_step(&task.view, &step)?
+            }
+        };
+        self.over.extend(taken);
+        Ok(())
+    }
+
+    fn submit(&mut self, task: Task, rays: &Camera) -> Result<()> {
+        let camera = task.view.view.camera;
+        let wanted = self.wanted(&task.view)?;
+        let options = task.loss_options();
+        let device = &*self.device;
+        let fit = &self.host.engine.fit;
+        let resident = resident(&mut self.resident, &self.host)?;
+        if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
+            // The old one's memory goes first.
+            self.loss = None;
+        }
+        let loss = match &mut self.loss {
+            Some(loss) => loss,
+            none => none.insert(LossBuffers::new(device, camera.num_pixels())?),
+        };
+        let Some(frame) = fit.frame(rays)? else {
+            return Ok(());
+        };
+        let num_steps = resident.num_steps();
+        resident.begin();
+        fit.forward(rays)?;
+        let at = (&camera, &wanted);
+        device.run(&loss.steps(device, at, &options, (&frame, resident.report())))?;
+        fit.backward(rays)?;
+        device.run(&resident.steps(fit, (&frame, camera.origin()), &task.sizes))?;
+        resident.count(&task.sizes);
+        let report = resident.read_report()?;
+        self.under_way.push_back(UnderWay {
+            task,
+            wanted,
+            options,
+            room: frame.room,
+            num_steps,
+            report,
+        });
+        Ok(())
+    }
+}
