@@ -5,8 +5,8 @@
 @group(0) @binding(3) var<storage, read> entry_starts: array<u32>;
 @group(0) @binding(4) var<storage, read> places: array<u32>;
 @group(0) @binding(5) var<storage, read> masks: array<vec2u>;
-@group(0) @binding(6) var<storage, read> rows: array<Lanes>;
-@group(0) @binding(7) var<storage, read_write> gradients: array<Lanes>;
+@group(0) @binding(6) var<storage, read> rows: array<Row>;
+@group(0) @binding(7) var<storage, read_write> gathered: array<Row>;
 
 @compute @workgroup_size(64)
 fn gather_rows(
@@ -20,7 +20,7 @@ fn gather_rows(
     }
     let end = min(entry_starts[at + 1u], arrayLength(&places));
     let index = order[at];
-    var sum = gradients[index];
+    var sum = gathered[index];
     var changed = false;
     for (var entry = entry_starts[at]; entry < end; entry++) {
         let place = places[entry];
@@ -28,12 +28,11 @@ fn gather_rows(
             continue;
         }
         if any(masks[place] != vec2u()) {
-            let row = rows[place - band.first_place];
-            sum = Lanes(sum.a + row.a, sum.b + row.b, sum.c + row.c, sum.d + row.d);
+            sum = add_row(sum, rows[place - band.first_place]);
             changed = true;
         }
     }
     if changed {
-        gradients[index] = sum;
+        gathered[index] = sum;
     }
 }

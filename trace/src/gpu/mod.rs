@@ -9,7 +9,7 @@
 //! - `bins`: which Gaussians each tile of a camera may see: two sorts, by distance and by tile.
 //! - `camera`: blended sums of all pixels. Tiles go through their lists once, and again only where more hits wait than there is room for.
 //! - `adjoint`: gradients. Sums have a fixed order, nothing is added atomically: the same device gives the same bits in every run. The same
-//!   way, `contributions`: how much each Gaussian is seen.
+//!   way, how much each Gaussian is seen.
 //! - `bvh`, `rays`: single rays, blended or with one hit chosen by its weight.
 //! - `light`: the `1-bounce` and `path` integrators; random numbers have the bits of the CPU's.
 //!   Software adapters (Mesa's llvmpipe) stop all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but for

@@ -28,6 +28,13 @@ const PIXELS: &[&str] = &[SURFEL, BLEND, VIEW, PENDING];
 /// What stages of the adjoint share.
 const ADJOINT: &[&str] = &[SURFEL, BLEND, VIEW, include_str!("adjoint.wgsl")];
 
+/// What the adjoint adds up: one of these.
+const GRADIENTS: &[&str] = &[include_str!("adjoint_gradients.wgsl")];
+const CONTRIBUTIONS: &[&str] = &[include_str!("adjoint_contributions.wgsl")];
+/// How it does that.
+const ROWS: &[&str] = &[include_str!("adjoint_rows.wgsl")];
+const GATHER: &[&str] = &[include_str!("adjoint_gather.wgsl")];
+
 /// What searches along single rays share.
 const SEARCH: &[&str] = &[SURFEL, BLEND, PENDING, include_str!("bvh.wgsl")];
 
@@ -132,22 +139,14 @@ pub(super) static ADJOINT_WEIGHTS: Module = Module::own(
     "adjoint: weights",
     &[ADJOINT, &[include_str!("adjoint_weights.wgsl")]],
 );
-pub(super) static ADJOINT_ROWS: Module = Module::own(
-    "adjoint: rows",
-    &[ADJOINT, &[include_str!("adjoint_rows.wgsl")]],
-);
-pub(super) static ADJOINT_GATHER: Module = Module::own(
-    "adjoint: gather",
-    &[ADJOINT, &[include_str!("adjoint_gather.wgsl")]],
-);
-pub(super) static CONTRIBUTION_ROWS: Module = Module::own(
-    "contributions: rows",
-    &[ADJOINT, &[include_str!("contributions_rows.wgsl")]],
-);
-pub(super) static CONTRIBUTION_GATHER: Module = Module::own(
-    "contributions: gather",
-    &[ADJOINT, &[include_str!("contributions_gather.wgsl")]],
-);
+pub(super) static GRADIENT_ROWS: Module =
+    Module::own("gradients: rows", &[ADJOINT, GRADIENTS, ROWS]);
+pub(super) static GRADIENT_GATHER: Module =
+    Module::own("gradients: gather", &[ADJOINT, GRADIENTS, GATHER]);
+pub(super) static CONTRIBUTION_ROWS: Module =
+    Module::own("contributions: rows", &[ADJOINT, CONTRIBUTIONS, ROWS]);
+pub(super) static CONTRIBUTION_GATHER: Module =
+    Module::own("contributions: gather", &[ADJOINT, CONTRIBUTIONS, GATHER]);
 pub(super) static RAYS: Module = Module::own("rays", &[SEARCH, &[include_str!("rays.wgsl")]]);
 pub(super) static BOUNCE: Module = Module::own(
     "bounce",
@@ -178,8 +177,8 @@ mod tests {
             &CAMERA_RECORD,
             &ADJOINT_COUNT,
             &ADJOINT_WEIGHTS,
-            &ADJOINT_ROWS,
-            &ADJOINT_GATHER,
+            &GRADIENT_ROWS,
+            &GRADIENT_GATHER,
             &CONTRIBUTION_ROWS,
             &CONTRIBUTION_GATHER,
             &RAYS,

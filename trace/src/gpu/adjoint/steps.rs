@@ -53,46 +53,59 @@ impl Parts<'_> {
 
     /// From the record and the derivatives by the sums to gradients.
     pub(super) fn backward(&self, band: Band) -> Vec<Step> {
-        let Self { device, bins, .. } = self;
-        let mut steps = self.weigh(band);
-        for (band, groups) in self.parts_of_rows(band) {
-            let add = [
-                (0, &bins.view),
-                (1, &band),
-                (2, &bins.listed),
-                (3, &bins.seen),
-                (4, self.d_sums),
-                (5, self.masks),
-                (6, self.hit_starts),
-                (7, self.hits),
-                (8, self.rows),
-            ];
-            steps.push(device.step(&wgsl::ADJOINT_ROWS, "add_rows", &add, groups));
-            let gather = (&wgsl::ADJOINT_GATHER, "gather_rows");
-            steps.push(self.gather(&band, gather, self.gradients));
-        }
-        steps
+        let buffers = [(10, &self.bins.seen), (11, self.d_sums)];
+        let modules = [&wgsl::GRADIENT_ROWS, &wgsl::GRADIENT_GATHER];
+        self.go_back(band, modules, &buffers, self.gradients)
     }
 
     /// From the record and the values of pixels to contributions.
     pub(super) fn attribute(&self, band: Band) -> Vec<Step> {
+        let buffers = [(10, self.values)];
+        let modules = [&wgsl::CONTRIBUTION_ROWS, &wgsl::CONTRIBUTION_GATHER];
+        self.go_back(band, modules, &buffers, self.contributions)
+    }
+
+    /// From the record to what each Gaussian has in all pixels, in `out`, `[n]`; the first of two modules adds up within tiles, and needs
+    /// `buffers` beside the record.
+    fn go_back(
+        &self,
+        band: Band,
+        [within_tiles, over_tiles]: [&'static Module; 2],
+        buffers: &[(u32, &wgpu::Buffer)],
+        out: &wgpu::Buffer,
+    ) -> Vec<Step> {
         let Self { device, bins, .. } = self;
         let mut steps = self.weigh(band);
-        for (band, groups) in self.parts_of_rows(band) {
-            let add = [
+        for first_place in (0..bins.capacity).step_by(self.num_rows.max(1) as usize) {
+            let part = Band {
+                first_place,
+                ..band
+            };
+            let band = device.uniform("band", &part);
+            let record = [
                 (0, &bins.view),
                 (1, &band),
                 (2, &bins.listed),
-                (3, self.values),
-                (4, self.masks),
-                (5, self.hit_starts),
-                (6, self.hits),
-                (7, self.rows),
+                (3, self.masks),
+                (4, self.hit_starts),
+                (5, self.hits),
+                (6, self.rows),
             ];
-            let module = &wgsl::CONTRIBUTION_ROWS;
-            steps.push(device.step(module, "add_contributions", &add, groups));
-            let gather = (&wgsl::CONTRIBUTION_GATHER, "gather_contributions");
-            steps.push(self.gather(&band, gather, self.contributions));
+            let add = [&record, buffers].concat();
+            let groups = self.num_rows.div_ceil(64);
+            steps.push(device.step(within_tiles, "add_rows", &add, groups));
+            let gather = [
+                (0, &bins.view),
+                (1, &band),
+                (2, &bins.order),
+                (3, &bins.entry_starts),
+                (4, &bins.places),
+                (5, self.masks),
+                (6, self.rows),
+                (7, out),
+            ];
+            let groups = self.scene.num_surfels().div_ceil(64);
+            steps.push(device.step(over_tiles, "gather_rows", &gather, groups));
         }
         steps
     }
@@ -115,40 +128,5 @@ impl Parts<'_> {
             ];
             device.step(&wgsl::ADJOINT_WEIGHTS, "weigh_hits", &buffers, groups)
         })
-    }
-
-    /// `band` with each part of the lists that there are rows for, and the workgroups that fill them.
-    fn parts_of_rows(&self, band: Band) -> impl Iterator<Item = (wgpu::Buffer, u32)> {
-        let places = (0..self.bins.capacity).step_by(self.num_rows.max(1) as usize);
-        places.map(move |first_place| {
-            let part = Band {
-                first_place,
-                ..band
-            };
-            let groups = self.num_rows.div_ceil(64);
-            (self.device.uniform("band", &part), groups)
-        })
-    }
-
-    /// Adds up the rows of each Gaussian in `out`, `[n]`.
-    fn gather(
-        &self,
-        band: &wgpu::Buffer,
-        (module, entry): (&'static Module, &'static str),
-        out: &wgpu::Buffer,
-    ) -> Step {
-        let bins = self.bins;
-        let buffers = [
-            (0, &bins.view),
-            (1, band),
-            (2, &bins.order),
-            (3, &bins.entry_starts),
-            (4, &bins.places),
-            (5, self.masks),
-            (6, self.rows),
-            (7, out),
-        ];
-        let groups = self.scene.num_surfels().div_ceil(64);
-        self.device.step(module, entry, &buffers, groups)
     }
 }
