@@ -15,7 +15,7 @@ use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::StepSizes;
 use eagpt_scene::Camera;
 use eagpt_trace::gpu::kernel::Buffer;
-use eagpt_trace::gpu::{FrameRoom, Reading};
+use eagpt_trace::gpu::{Frame, FrameRoom, Reading};
 
 /// Steps that may be under way when the next one has been begun.
 const MOST_AHEAD: usize = 3;
@@ -174,8 +174,8 @@ impl GpuBackend {
     /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host.
     fn submit_or_take(&mut self, task: Task) -> Result<()> {
         let rays = task.rays();
-        if self.host.engine.fit.frame(&rays)?.is_some() {
-            return self.submit(task, &rays);
+        if let Some(frame) = self.host.engine.fit.frame(&rays)? {
+            return self.submit(task, &rays, &frame);
         }
         let host = self.host()?;
         let taken = match &task.kind {
@@ -213,7 +213,8 @@ impl GpuBackend {
         Ok(())
     }
 
-    fn submit(&mut self, task: Task, rays: &Camera) -> Result<()> {
+    /// Gives a step to the device, whose `frame` holds its `rays`.
+    fn submit(&mut self, task: Task, rays: &Camera, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
         let wanted = self.wanted(&task.view)?;
         let options = task.loss_options();
@@ -228,16 +229,13 @@ impl GpuBackend {
             Some(loss) => loss,
             none => none.insert(LossBuffers::new(device, camera.num_pixels())?),
         };
-        let Some(frame) = fit.frame(rays)? else {
-            return Ok(());
-        };
         let num_steps = resident.num_steps();
         resident.begin();
         fit.forward(rays)?;
         let at = (&camera, &wanted);
-        device.run(&loss.steps(device, at, &options, (&frame, resident.report())))?;
+        device.run(&loss.steps(device, at, &options, (frame, resident.report())))?;
         fit.backward(rays)?;
-        device.run(&resident.steps(fit, (&frame, camera.origin()), &task.sizes))?;
+        device.run(&resident.steps(fit, (frame, camera.origin()), &task.sizes))?;
         resident.count(&task.sizes);
         let report = resident.read_report()?;
         self.under_way.push_back(UnderWay {
