@@ -61,10 +61,20 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
 pub(super) fn gathering(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
     let mut backend = backend(bench);
     let cameras: Vec<Camera> = bench.cameras().copied().collect();
+    let total = backend.begin_gathering(&cameras)?;
+    // The structure that rays are traced against is built by the first.
+    let mut done = total.min(1);
+    backend.gather(0..done, 1, 0)?;
     sheet.measure_counted("irradiance", Unit::Rays, || {
-        let num = backend.begin_gathering(&cameras)?.min(GATHERED);
-        backend.gather(0..num, DIRECTIONS, 0)?;
-        Ok(num as f64 * f64::from(DIRECTIONS))
+        if done == total {
+            backend.begin_gathering(&cameras)?;
+            done = 0;
+        }
+        let range = done..total.min(done + GATHERED);
+        done = range.end;
+        let num_rays = range.len() as f64 * f64::from(DIRECTIONS);
+        backend.gather(range, DIRECTIONS, 0)?;
+        Ok(num_rays)
     })
 }
 
