@@ -226,6 +226,9 @@ impl LocalGradient {
     }
 }
 
+/// A number for a pixel, such as its error, given its place (row by row) and its sums.
+pub type PixelValue<'a> = &'a (dyn Fn(usize, &Sums) -> f32 + Sync);
+
 /// What a Gaussian contributes to pixels of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]

@@ -1,6 +1,6 @@
 //! The seam between ray tracing engines and everything above them.
 
-use crate::blend::Contribution;
+use crate::blend::{Contribution, PixelValue};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::transport::links::{Directions, Links, Receiver};
@@ -66,11 +66,15 @@ pub trait Tracer: Send + Sync {
     /// [`TraceError::Device`] if the device gives up.
     fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError>;
 
-    /// The same, and how much of each Gaussian is in it. A Gaussian may come more than once, with different pixels; their values are zero.
+    /// The same, and what each Gaussian contributes to it. A Gaussian may come more than once, with different pixels.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
-    fn contributions(&self, camera: &Camera) -> Result<(SumImage, Vec<Contribution>), TraceError>;
+    fn contributions(
+        &self,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<(SumImage, Vec<Contribution>), TraceError>;
 
     /// Blended sums along each of `rays`.
     ///

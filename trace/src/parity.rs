@@ -119,7 +119,7 @@ fn camera(width: u32, height: u32) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blend::Contribution;
+    use crate::blend::{Contribution, PixelValue};
     use crate::cpu::CpuScene;
     use crate::engine::RenderedView;
     use crate::ray::Ray;
@@ -161,8 +161,9 @@ mod tests {
         fn contributions(
             &self,
             camera: &Camera,
+            value: PixelValue<'_>,
         ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
-            self.0.contributions(camera)
+            self.0.contributions(camera, value)
         }
 
         fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {

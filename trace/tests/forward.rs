@@ -218,8 +218,7 @@ fn contributions_add_up_to_the_picture() {
     for camera in cameras() {
         let (image, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
         let value = |pixel: usize| 1.0 + (pixel % 7) as f32;
-        let values: Vec<f32> = (0..camera.num_pixels()).map(value).collect();
-        let contributions = record.contributions(&values);
+        let contributions = record.contributions(&|pixel, _| value(pixel));
         let (mut weight, mut weighted) = (0.0, 0.0);
         for (pixel, sums) in image.pixels.iter().enumerate() {
             weight += f64::from(sums.alpha());

@@ -162,11 +162,10 @@ fn contributions_are_those_of_the_cpu() {
     let set = SurfelSet::new(&gaussians);
     let fit = GpuFit::new(&device, &set).unwrap();
     for camera in cameras() {
-        let value = |pixel: usize| weight(pixel, 0);
-        let values: Vec<f32> = (0..camera.num_pixels()).map(value).collect();
+        let value = |pixel: usize, sums: &Sums| weight(pixel, 0) * sums.alpha();
         let (_, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
         let mut wanted = vec![Contribution::default(); gaussians.len()];
-        for row in record.contributions(&values) {
+        for row in record.contributions(&value) {
             let sum = &mut wanted[row.gaussian as usize];
             sum.weight += row.weight;
             sum.weighted_value += row.weighted_value;
@@ -174,8 +173,9 @@ fn contributions_are_those_of_the_cpu() {
                 (sum.largest_weight, sum.pixel) = (row.largest_weight, row.pixel);
             }
         }
-        let got = fit.contributions(&camera, &values).unwrap();
-        assert!(got == fit.contributions(&camera, &values).unwrap());
+        let (sums, got) = fit.contributions(&camera, &value).unwrap();
+        assert!(sums == fit.camera_sums(&camera).unwrap());
+        assert!(got == fit.contributions(&camera, &value).unwrap().1);
         assert!(got.len() > 100);
         let num_wanted = wanted.iter().filter(|row| row.weight > 0.0).count();
         assert!(got.len().abs_diff(num_wanted) * 100 <= num_wanted);

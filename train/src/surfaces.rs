@@ -33,7 +33,7 @@ impl BestSeen {
     /// # Errors
     /// If the device of the `scene` gives up.
     pub(crate) fn look(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
-        let (sums, contributions) = scene.contributions(camera)?;
+        let (sums, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
         let frame = camera.ray_frame();
         for found in contributions {
             let best = &mut self.best[found.gaussian as usize];

@@ -11,7 +11,7 @@ use super::hits::BlockHits;
 use super::search::{TileList, TileSurfel};
 use super::tile::{BLOCKS, LANES, TileRays, pixels_of_tile};
 use super::weights::BlendWeights;
-use crate::blend::{Blender, Contribution, LocalGradient, Offered};
+use crate::blend::{Blender, Contribution, LocalGradient, Offered, PixelValue};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{Payload, SeenSet, SurfelSet};
@@ -199,12 +199,8 @@ impl CameraRecord {
         BlendWeights::joined(&per_tile)
     }
 
-    /// What each Gaussian contributes to the picture. `values` are a number for each pixel (row by row), such as its error. A
-    /// Gaussian that several tiles saw comes once for each of them, tiles in order.
-    ///
-    /// # Panics
-    /// If `values` are not as many as the camera has pixels.
-    pub fn contributions(&self, values: &[f32]) -> Vec<Contribution> {
+    /// What each Gaussian contributes to the picture. A Gaussian that several tiles saw comes once for each of them, tiles in order.
+    pub fn contributions(&self, value: PixelValue<'_>) -> Vec<Contribution> {
         let Some(camera) = &self.camera else {
             return Vec::new();
         };
@@ -219,9 +215,10 @@ impl CameraRecord {
                 };
                 let mut rows: Vec<Contribution> = record.gaussians.iter().map(of).collect();
                 for (p, pixel) in pixels_of_tile(camera, tile) {
+                    let value = value(pixel, &record.sums[p]);
                     for hit in record.hits_of(p) {
                         let row = &mut rows[record.row_of(hit)];
-                        row.add(hit.weight, pixel as u32, values[pixel]);
+                        row.add(hit.weight, pixel as u32, value);
                     }
                 }
                 // Tiles reach beyond the image's border; what was hit only there was not seen.

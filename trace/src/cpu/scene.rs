@@ -3,7 +3,7 @@
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
 use super::draws::{Draws, SCENE_SEED};
-use crate::blend::Contribution;
+use crate::blend::{Contribution, PixelValue};
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
@@ -105,10 +105,13 @@ impl Tracer for CpuScene {
         Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
     }
 
-    fn contributions(&self, camera: &Camera) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+    fn contributions(
+        &self,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
         let (sums, record) = camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record);
-        let contributions = record.contributions(&vec![0.0; camera.num_pixels()]);
-        Ok((sums, contributions))
+        Ok((sums, record.contributions(value)))
     }
 
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {

@@ -12,9 +12,10 @@ use super::camera::{Band, CameraTracer};
 use super::device::{Device, Step};
 use super::error::GpuError;
 use super::scene::SceneBuffers;
-use crate::blend::{Contribution, LocalGradient};
+use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::sums::{NUM_LANES, Sums};
 use eagpt_scene::Camera;
+use rayon::prelude::*;
 use steps::Parts;
 
 /// Place of the number of chunks in the totals.
@@ -95,28 +96,10 @@ impl Room {
     }
 }
 
-/// What goes back from the pixels of a camera to the Gaussians.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Backward<'a> {
-    /// Derivatives by the sums of each pixel, row by row: they become gradients.
-    Derivatives(&'a [Sums]),
-    /// A number for each pixel, row by row: of these, contributions are told.
-    Values(&'a [f32]),
-}
-
-impl Backward<'_> {
-    fn len(&self) -> usize {
-        match self {
-            Self::Derivatives(d_sums) => d_sums.len(),
-            Self::Values(values) => values.len(),
-        }
-    }
-}
-
-/// Whether there was room.
+/// What has come out, if there was room.
 #[derive(Debug)]
-pub(super) enum Outcome {
-    Done,
+pub(super) enum Outcome<T> {
+    Done(T),
     /// Lists of tiles need room for this many entries.
     MoreEntries(u32),
     MoreRoom(Room),
@@ -225,15 +208,64 @@ impl Adjoint {
         })
     }
 
-    /// Goes back from `what`, which is there for every pixel, to all Gaussians.
-    pub(super) fn run(
+    /// Gradients by all Gaussians, read back; `d_sums` are derivatives by the sums of each pixel, row by row.
+    pub(super) fn gradients(
         &self,
         device: &Device,
-        bins: &Bins,
+        tracer: &CameraTracer,
         camera: &Camera,
-        what: Backward<'_>,
-    ) -> Result<Outcome, GpuError> {
-        assert_eq!(what.len(), camera.num_pixels(), "one for each pixel");
+        d_sums: &[Sums],
+    ) -> Result<Outcome<Vec<LocalGradient>>, GpuError> {
+        assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
+        let back = |band: &AdjointBand| {
+            let d_sums = d_sums[band.pixels.clone()].iter();
+            let lanes: Vec<[f32; NUM_LANES]> = d_sums.map(|sums| sums.0).collect();
+            device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
+            device.run(&band.backward)
+        };
+        self.go_back(device, tracer, camera, back, || {
+            let all = 0..self.num_surfels as usize;
+            let rows = device.read::<[f32; NUM_LANES]>(&self.gradients, all)?;
+            Ok(rows.into_iter().map(LocalGradient).collect())
+        })
+    }
+
+    /// What Gaussians contribute, read back, without those that contribute nothing; the sums of each pixel, row by row, go to `pixels`.
+    pub(super) fn contributions(
+        &self,
+        device: &Device,
+        tracer: &CameraTracer,
+        camera: &Camera,
+        value: PixelValue<'_>,
+        pixels: &mut Vec<Sums>,
+    ) -> Result<Outcome<Vec<Contribution>>, GpuError> {
+        pixels.clear();
+        let back = |band: &AdjointBand| {
+            let lanes = device.read::<[f32; NUM_LANES]>(&tracer.sums, 0..band.pixels.len())?;
+            pixels.extend(lanes.into_iter().map(Sums));
+            let value = |pixel: usize| value(pixel, &pixels[pixel]);
+            let values: Vec<f32> = band.pixels.clone().into_par_iter().map(value).collect();
+            device.write(&self.values, bytemuck::cast_slice(&values));
+            device.run(&band.attribute)
+        };
+        self.go_back(device, tracer, camera, back, || {
+            let all = 0..self.num_surfels as usize;
+            let mut rows = device.read::<Contribution>(&self.contributions, all)?;
+            rows.retain(|row| row.weight > 0.0);
+            Ok(rows)
+        })
+    }
+
+    /// Traces all bands of `camera` with a record, goes `back` from each of them, and reads what Gaussians have got from all.
+    fn go_back<T>(
+        &self,
+        device: &Device,
+        tracer: &CameraTracer,
+        camera: &Camera,
+        mut back: impl FnMut(&AdjointBand) -> Result<(), GpuError>,
+        read: impl FnOnce() -> Result<T, GpuError>,
+    ) -> Result<Outcome<T>, GpuError> {
+        let bins = &tracer.bins;
         let mut commands = device.commands();
         bins.record(device, camera, &mut commands);
         commands.clear_buffer(&self.gradients, 0, None);
@@ -245,41 +277,14 @@ impl Adjoint {
         }
         for band in &self.bands {
             self.forward(device, bins, band)?;
-            match what {
-                Backward::Derivatives(d_sums) => {
-                    let d_sums = d_sums[band.pixels.clone()].iter();
-                    let lanes: Vec<[f32; NUM_LANES]> = d_sums.map(|sums| sums.0).collect();
-                    device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
-                    device.run(&band.backward)?;
-                }
-                Backward::Values(values) => {
-                    let values = &values[band.pixels.clone()];
-                    device.write(&self.values, bytemuck::cast_slice(values));
-                    device.run(&band.attribute)?;
-                }
-            }
+            back(band)?;
             let needed = bins.total(device, TOTAL_CHUNKS)?;
             if needed > self.room.chunks {
                 let room = self.room.grown(device, self.size, needed)?;
                 return Ok(Outcome::MoreRoom(room));
             }
         }
-        Ok(Outcome::Done)
-    }
-
-    /// Gradients by all Gaussians, read back.
-    pub(super) fn gradients(&self, device: &Device) -> Result<Vec<LocalGradient>, GpuError> {
-        let all = 0..self.num_surfels as usize;
-        let rows = device.read::<[f32; NUM_LANES]>(&self.gradients, all)?;
-        Ok(rows.into_iter().map(LocalGradient).collect())
-    }
-
-    /// What Gaussians contribute, read back; without those that contribute nothing.
-    pub(super) fn contributions(&self, device: &Device) -> Result<Vec<Contribution>, GpuError> {
-        let all = 0..self.num_surfels as usize;
-        let mut rows = device.read::<Contribution>(&self.contributions, all)?;
-        rows.retain(|row| row.weight > 0.0);
-        Ok(rows)
+        Ok(Outcome::Done(read()?))
     }
 
     fn forward(&self, device: &Device, bins: &Bins, band: &AdjointBand) -> Result<(), GpuError> {

@@ -3,12 +3,12 @@
 //! Unlike [`super::GpuScene`], whose Gaussians come from the host, the buffers are open to kernels of others: those read the sums of a
 //! [`Frame`], write the derivatives by them, and move the Gaussians along the gradients, without anything passing through the host.
 
-use super::adjoint::{Backward, TOTAL_CHUNKS};
+use super::adjoint::TOTAL_CHUNKS;
 use super::bins::TOTAL_ENTRIES;
 use super::device::Device;
 use super::error::GpuError;
 use super::scene::{SceneBuffers, Views};
-use crate::blend::{Contribution, LocalGradient};
+use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::sums::{SumImage, Sums};
 use crate::surfel::SurfelSet;
 use eagpt_scene::Camera;
@@ -136,24 +136,18 @@ impl GpuFit {
         views.adjoint(&self.device, &self.scene, camera, d_sums)
     }
 
-    /// What each Gaussian contributes to the pixels of `camera`, read back; `values` are a number for each of them. The twin of
+    /// Blended sums of one ray through every pixel centre, and what each Gaussian contributes to them, read back: the twin of
     /// [`crate::cpu::CameraRecord::contributions`], but for a Gaussian coming once.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
-    ///
-    /// # Panics
-    /// If `values` are not as many as the camera has pixels.
     pub fn contributions(
         &self,
         camera: &Camera,
-        values: &[f32],
-    ) -> Result<Vec<Contribution>, GpuError> {
-        let mut views = self.views();
-        let what = Backward::Values(values);
-        views
-            .backward(&self.device, &self.scene, camera, what)?
-            .contributions(&self.device)
+        value: PixelValue<'_>,
+    ) -> Result<(SumImage, Vec<Contribution>), GpuError> {
+        self.views()
+            .contributions(&self.device, &self.scene, camera, value)
     }
 
     /// The buffers for cameras of the size of `camera`; `None` where one buffer does not hold all of its pixels.

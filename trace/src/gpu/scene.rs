@@ -1,6 +1,6 @@
 //! Gaussians on a device, behind [`Tracer`].
 
-use super::adjoint::{Adjoint, Backward, Outcome, Room};
+use super::adjoint::{Adjoint, Outcome, Room};
 use super::bvh::NO_NODE;
 use super::camera::{Binned, CameraTracer};
 use super::device::Device;
@@ -8,7 +8,7 @@ use super::error::GpuError;
 use super::light::{Gathered, LightBuffers, LightGatherer};
 use super::links::{LinkBuffers, LinkRays};
 use super::rays::{RayQuery, Rays};
-use crate::blend::{Contribution, LocalGradient};
+use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::engine::{RenderedView, TraceError, Tracer};
 use crate::ray::Ray;
 use crate::sums::{NUM_LANES, SumImage, Sums};
@@ -170,28 +170,6 @@ impl Views {
         })
     }
 
-    /// Goes back from `what` at the pixels of `camera` to the Gaussians, and hands over what has come out.
-    pub(super) fn backward(
-        &mut self,
-        device: &Device,
-        scene: &SceneBuffers,
-        camera: &Camera,
-        what: Backward<'_>,
-    ) -> Result<&Adjoint, GpuError> {
-        let size = (camera.width, camera.height);
-        loop {
-            let (tracer, adjoint) = self.both(device, scene, camera)?;
-            match adjoint.run(device, &tracer.bins, camera, what)? {
-                Outcome::Done => break,
-                Outcome::MoreEntries(needed) => {
-                    self.make_tracer(device, scene, size, Some(needed))?;
-                }
-                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
-            }
-        }
-        Ok(self.both(device, scene, camera)?.1)
-    }
-
     /// See [`super::GpuFit::camera_adjoint`].
     pub(super) fn adjoint(
         &mut self,
@@ -200,9 +178,50 @@ impl Views {
         camera: &Camera,
         d_sums: &[Sums],
     ) -> Result<Vec<LocalGradient>, GpuError> {
-        let what = Backward::Derivatives(d_sums);
-        self.backward(device, scene, camera, what)?
-            .gradients(device)
+        self.with_room(device, scene, camera, |tracer, adjoint| {
+            adjoint.gradients(device, tracer, camera, d_sums)
+        })
+    }
+
+    /// See [`Tracer::contributions`].
+    pub(super) fn contributions(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<(SumImage, Vec<Contribution>), GpuError> {
+        let mut pixels = Vec::with_capacity(camera.num_pixels());
+        let contributions = self.with_room(device, scene, camera, |tracer, adjoint| {
+            adjoint.contributions(device, tracer, camera, value, &mut pixels)
+        })?;
+        let sums = SumImage {
+            width: camera.width,
+            height: camera.height,
+            pixels,
+        };
+        Ok((sums, contributions))
+    }
+
+    /// What `run` makes of `camera` once there is room for it.
+    fn with_room<T>(
+        &mut self,
+        device: &Device,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        mut run: impl FnMut(&CameraTracer, &Adjoint) -> Result<Outcome<T>, GpuError>,
+    ) -> Result<T, GpuError> {
+        let size = (camera.width, camera.height);
+        loop {
+            let (tracer, adjoint) = self.both(device, scene, camera)?;
+            match run(tracer, adjoint)? {
+                Outcome::Done(out) => return Ok(out),
+                Outcome::MoreEntries(needed) => {
+                    self.make_tracer(device, scene, size, Some(needed))?;
+                }
+                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
+            }
+        }
     }
 
     /// The tracer for `camera` and its adjoint, made if there are none.
@@ -446,15 +465,14 @@ impl Tracer for GpuScene {
         Ok(self.views().sums(&self.device, &self.buffers, camera)?)
     }
 
-    fn contributions(&self, camera: &Camera) -> Result<(SumImage, Vec<Contribution>), TraceError> {
-        let mut views = self.views();
-        let (device, buffers) = (&*self.device, &self.buffers);
-        let sums = views.sums(device, buffers, camera)?;
-        let values = vec![0.0; camera.num_pixels()];
-        let contributions = views
-            .backward(device, buffers, camera, Backward::Values(&values))?
-            .contributions(device)?;
-        Ok((sums, contributions))
+    fn contributions(
+        &self,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+        Ok(self
+            .views()
+            .contributions(&self.device, &self.buffers, camera, value)?)
     }
 
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {

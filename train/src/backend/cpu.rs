@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::blend::{Contribution, LocalGradient};
+use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::cpu::{CameraRecord, Wanted};
@@ -56,8 +56,14 @@ impl Engine for CpuEngine {
         Ok(self.record.adjoint(set, d_sums, wanted))
     }
 
-    fn contributions(&mut self, _: &Camera, values: &[f32]) -> Result<Vec<Contribution>> {
-        Ok(self.record.contributions(values))
+    fn contributions(
+        &mut self,
+        set: &SurfelSet,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<Vec<Contribution>> {
+        self.trace(set, camera)?;
+        Ok(self.record.contributions(value))
     }
 
     fn weights(&self, least: f32) -> Option<BlendWeights> {

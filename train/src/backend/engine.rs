@@ -3,7 +3,7 @@
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::blend::{Contribution, LocalGradient};
+use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
 use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::sums::{SumImage, Sums};
@@ -20,7 +20,7 @@ pub trait Engine {
     /// If the device gives up.
     fn update(&mut self, set: &SurfelSet) -> Result<()>;
 
-    /// Blended sums of one ray through every pixel centre, to be followed by [`Self::adjoint`], [`Self::contributions`] or [`Self::weights`].
+    /// Blended sums of one ray through every pixel centre, to be followed by [`Self::adjoint`] or [`Self::weights`].
     ///
     /// # Errors
     /// If the device gives up.
@@ -38,12 +38,16 @@ pub trait Engine {
         wanted: Wanted,
     ) -> Result<Vec<LocalGradient>>;
 
-    /// What each Gaussian contributes to the pixels of `camera`, which was traced last; `values` are a number for each of them. A Gaussian
-    /// may come more than once, with different pixels.
+    /// What each Gaussian contributes to the pixels of `camera`. A Gaussian may come more than once, with different pixels.
     ///
     /// # Errors
     /// If the device gives up.
-    fn contributions(&mut self, camera: &Camera, values: &[f32]) -> Result<Vec<Contribution>>;
+    fn contributions(
+        &mut self,
+        set: &SurfelSet,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<Vec<Contribution>>;
 
     /// The weights of the blend in every pixel of the camera that was traced last, without those below `least`; `None` where it is better to
     /// trace again than to keep them.

@@ -24,7 +24,7 @@ use crate::options::Gather;
 use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::blend::{Contribution, LocalGradient};
+use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
 use eagpt_trace::cpu::Wanted;
 use eagpt_trace::cpu::weights::BlendWeights;
 use eagpt_trace::gpu::kernel::Buffer;
@@ -73,8 +73,13 @@ impl Engine for GpuEngine {
         Ok(self.fit.camera_adjoint(camera, d_sums)?)
     }
 
-    fn contributions(&mut self, camera: &Camera, values: &[f32]) -> Result<Vec<Contribution>> {
-        Ok(self.fit.contributions(camera, values)?)
+    fn contributions(
+        &mut self,
+        _: &SurfelSet,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<Vec<Contribution>> {
+        Ok(self.fit.contributions(camera, value)?.1)
     }
 
     fn weights(&self, _: f32) -> Option<BlendWeights> {

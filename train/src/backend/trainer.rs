@@ -7,10 +7,11 @@ use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, Taken, TrainingView}
 use crate::densify::{self, Attribution, Densified};
 use crate::error::Result;
 use crate::loss::target::Target;
-use crate::loss::{LossTerms, PixelLight, albedo_loss, color::pq_image, radiance_loss};
+use crate::loss::{LossTerms, PixelLight, albedo_loss, radiance_loss};
 use crate::options::Gather;
 use crate::params::ParameterState;
 use eagpt_eval::KnownPixels;
+use eagpt_scene::color::pq_from_linear;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
@@ -178,7 +179,7 @@ impl<E: Engine> Trainer<E> {
         };
         let threshold = step.options.emission_threshold;
         let camera = &view.view.camera;
-        let (sums, light) = match step.options.gather {
+        let (sums, lit) = match step.options.gather {
             Gather::Gaussians => {
                 let lit = self.lit_view(view, threshold)?;
                 if let Some(weights) = &lit.weights {
@@ -192,18 +193,19 @@ impl<E: Engine> Trainer<E> {
                     };
                     return Ok((terms, d_albedos.into_iter().map(gradient).collect()));
                 }
-                (self.engine.trace(&self.set, camera)?, lit.light.clone())
+                (self.engine.trace(&self.set, camera)?, lit)
             }
             Gather::Pixels => {
                 let sums = self.engine.trace(&self.set, camera)?;
                 let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
                 let arriving = lit::gather_pixels(self.scene(), camera, &sums, step.options, key);
                 let light = PixelLight::new(&sums, arriving, threshold);
-                (sums, light)
+                let weights = None;
+                (sums, Arc::new(LitView { weights, light }))
             }
         };
         let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
-        let (terms, d_pixels) = loss(&albedos, &light);
+        let (terms, d_pixels) = loss(&albedos, &lit.light);
         let of_albedo = |d: &Vec3| {
             let mut lanes = Sums::default();
             lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
@@ -285,26 +287,21 @@ impl<E: Engine> Backend for Trainer<E> {
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
         let target = self.target(view).pq();
         let camera = &view.view.camera;
-        let sums = self.engine.trace(&self.set, camera)?;
-        let shown = pq_image(&sums.radiance());
         let known = view.view.valid.as_ref().map(KnownPixels::new);
-        let error = |pixel: usize| {
+        let mask = view.view.emission.as_ref();
+        let error = |pixel: usize, sums: &Sums| {
             if known.as_ref().is_some_and(|known| !known.has(pixel)) {
                 return 0.0;
             }
-            let (a, b) = (shown.pixels()[pixel], target.pixels()[pixel]);
-            let color: f32 = (0..3).map(|c| (a[c] - b[c]).abs()).sum();
-            let mask = view.view.emission.as_ref();
+            let shown = sums.radiance().to_array().map(pq_from_linear);
+            let wanted = target.pixels()[pixel];
+            let color: f32 = (0..3).map(|c| (shown[c] - wanted[c]).abs()).sum();
             let emission = mask.map_or(0.0, |mask| {
-                (sums.pixels[pixel].emission() - mask.pixels()[pixel][0]).abs()
+                (sums.emission() - mask.pixels()[pixel][0]).abs()
             });
             color + emission
         };
-        let errors: Vec<f32> = (0..camera.num_pixels())
-            .into_par_iter()
-            .map(error)
-            .collect();
-        let contributions = self.engine.contributions(camera, &errors)?;
+        let contributions = self.engine.contributions(&self.set, camera, &error)?;
         self.attribution
             .get_or_insert_with(|| Attribution::new(self.state.len()))
             .add(&contributions);
