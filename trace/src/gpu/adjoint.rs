@@ -7,7 +7,7 @@
 
 mod steps;
 
-use super::bins::{Bins, TILE};
+use super::bins::{Bins, TILE, and_half_more};
 use super::camera::{Band, CameraTracer};
 use super::device::{Device, Step};
 use super::error::GpuError;
@@ -58,7 +58,7 @@ impl Room {
     /// More, after a band has asked for `needed` chunks.
     fn grown(&self, device: &Device, size: (u32, u32), needed: u32) -> Result<Self, GpuError> {
         let more = Self {
-            chunks: needed.saturating_add(needed / 4),
+            chunks: and_half_more(needed),
             ..*self
         };
         more.within(device, size)

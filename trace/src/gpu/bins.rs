@@ -39,6 +39,11 @@ const MAX_SIDE: u32 = 65_535;
 /// Entries that are made room for at first, for each Gaussian.
 const ENTRIES_PER_SURFEL: u32 = 4;
 
+/// Room to make where `needed` was needed: the next view needs another number.
+pub(super) fn and_half_more(needed: u32) -> u32 {
+    needed.saturating_add(needed / 2)
+}
+
 /// A Gaussian relative to the camera: the twin of [`crate::surfel::SeenSurfel`] on the device.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
@@ -168,13 +173,13 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Room for the lists of `scene` as cameras of `width` × `height` pixels see it, with `capacity` entries in all; `None`: as many as
-    /// is usual.
+    /// Room for the lists of `scene` as cameras of `width` × `height` pixels see it, with as many entries in all as is usual, or `num_entries` if
+    /// these are more.
     pub(super) fn new(
         device: &Device,
         scene: &SceneBuffers,
         (width, height): (u32, u32),
-        capacity: Option<u32>,
+        num_entries: u32,
     ) -> Result<Self, GpuError> {
         if width.max(height) > MAX_SIDE {
             return Err(GpuError::Image {
@@ -185,7 +190,8 @@ impl Bins {
             });
         }
         let n = scene.num_surfels();
-        let capacity = capacity.unwrap_or_else(|| n.saturating_mul(ENTRIES_PER_SURFEL).max(1024));
+        let usual = n.saturating_mul(ENTRIES_PER_SURFEL).max(1024);
+        let capacity = num_entries.max(usual);
         let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let num_tiles = tiles_x * tiles_y;
         let bytes = |num: u32, size: u64| u64::from(num) * size;

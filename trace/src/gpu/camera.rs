@@ -96,14 +96,14 @@ struct SumBand {
 }
 
 impl CameraTracer {
-    /// Room for cameras of `size` pixels; `capacity` as for [`Bins::new`].
+    /// Room for cameras of `size` pixels; `num_entries` as for [`Bins::new`].
     pub(super) fn new(
         device: &Device,
         scene: &SceneBuffers,
         size: (u32, u32),
-        capacity: Option<u32>,
+        num_entries: u32,
     ) -> Result<Self, GpuError> {
-        let bins = Bins::new(device, scene, size, capacity)?;
+        let bins = Bins::new(device, scene, size, num_entries)?;
         let (width, height) = size;
         let rows = rows_per_buffer(device, width, height);
         let bytes = u64::from(rows.min(height)) * u64::from(width) * size_of::<Sums>() as u64;

@@ -90,7 +90,7 @@ impl GpuFit {
             return Ok(());
         }
         // The old buffers' memory goes first.
-        *self.views() = Views::default();
+        self.views().clear();
         self.scene = SceneBuffers::new(&self.device, set)?;
         Ok(())
     }
@@ -181,7 +181,7 @@ impl GpuFit {
         // Lists that are incomplete say nothing about the hits on them.
         if needed.entries > tracer.bins.capacity {
             let size = (camera.width, camera.height);
-            views.make_tracer(device, scene, size, Some(needed.entries))?;
+            views.make_tracer(device, scene, size, needed.entries)?;
             return Ok(true);
         }
         let Some(image) = adjoint.whole() else {

@@ -1,6 +1,7 @@
 //! Gaussians on a device, behind [`Tracer`].
 
 use super::adjoint::{Adjoint, Outcome, Room};
+use super::bins::and_half_more;
 use super::bvh::NO_NODE;
 use super::camera::{Binned, CameraTracer};
 use super::device::Device;
@@ -19,6 +20,7 @@ use crate::transport::{Integrator, LightOptions};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Harmonics};
 use glam::Vec3;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -97,6 +99,16 @@ pub struct GpuScene {
 pub(super) struct Views {
     tracer: Option<CameraTracer>,
     adjoint: Option<Adjoint>,
+    /// By size.
+    found: HashMap<(u32, u32), Found>,
+}
+
+/// Room that cameras of a size were found to need, which others will need as well.
+#[derive(Debug, Clone, Copy, Default)]
+struct Found {
+    /// Entries in the lists of tiles.
+    entries: u32,
+    record: Option<Room>,
 }
 
 impl Views {
@@ -110,7 +122,7 @@ impl Views {
         let fits = |tracer: &CameraTracer| tracer.bins.fits(camera, scene.num_surfels());
         if !self.tracer.as_ref().is_some_and(fits) {
             let size = (camera.width, camera.height);
-            return self.make_tracer(device, scene, size, None);
+            return self.make_tracer(device, scene, size, 0);
         }
         match &self.tracer {
             Some(tracer) => Ok(tracer),
@@ -118,19 +130,24 @@ impl Views {
         }
     }
 
-    /// Another tracer in place of the one there is.
+    /// Gives all buffers back.
+    pub(super) fn clear(&mut self) {
+        (self.tracer, self.adjoint) = (None, None);
+    }
+
+    /// Another tracer in place of the one there is, for lists with `num_entries` or more.
     pub(super) fn make_tracer(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
         size: (u32, u32),
-        num_entries: Option<u32>,
+        num_entries: u32,
     ) -> Result<&CameraTracer, GpuError> {
         // The old one's memory goes first.
-        *self = Self::default();
-        // Half more than is needed now: the next view needs another number.
-        let capacity = num_entries.map(|needed| needed.saturating_add(needed / 2));
-        let tracer = CameraTracer::new(device, scene, size, capacity)?;
+        self.clear();
+        let found = self.found.entry(size).or_default();
+        found.entries = found.entries.max(and_half_more(num_entries));
+        let tracer = CameraTracer::new(device, scene, size, found.entries)?;
         Ok(self.tracer.insert(tracer))
     }
 
@@ -145,7 +162,7 @@ impl Views {
         while let Binned::MoreEntries(needed) =
             self.tracer(device, scene, camera)?.bin(device, camera)?
         {
-            self.make_tracer(device, scene, size, Some(needed))?;
+            self.make_tracer(device, scene, size, needed)?;
         }
         self.tracer(device, scene, camera)
     }
@@ -217,7 +234,7 @@ impl Views {
             match run(tracer, adjoint)? {
                 Outcome::Done(out) => return Ok(out),
                 Outcome::MoreEntries(needed) => {
-                    self.make_tracer(device, scene, size, Some(needed))?;
+                    self.make_tracer(device, scene, size, needed)?;
                 }
                 Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
             }
@@ -233,7 +250,11 @@ impl Views {
     ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
         self.tracer(device, scene, camera)?;
         if self.adjoint.is_none() {
-            let room = Room::usual(device, (camera.width, camera.height))?;
+            let size = (camera.width, camera.height);
+            let room = match self.found.get(&size).and_then(|found| found.record) {
+                Some(room) => room,
+                None => Room::usual(device, size)?,
+            };
             self.make_adjoint(device, scene, room)?;
         }
         match (&self.tracer, &self.adjoint) {
@@ -251,6 +272,7 @@ impl Views {
     ) -> Result<(), GpuError> {
         self.adjoint = None;
         if let Some(tracer) = &self.tracer {
+            self.found.entry(tracer.bins.size()).or_default().record = Some(room);
             self.adjoint = Some(Adjoint::new(device, scene, tracer, room)?);
         }
         Ok(())
