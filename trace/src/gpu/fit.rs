@@ -7,12 +7,13 @@ use super::adjoint::TOTAL_CHUNKS;
 use super::bins::TOTAL_ENTRIES;
 use super::device::Device;
 use super::error::GpuError;
-use super::scene::{SceneBuffers, Views};
+use super::scene::SceneBuffers;
+use super::views::Views;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::sums::{SumImage, Sums};
 use crate::surfel::SurfelSet;
 use eagpt_scene::Camera;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// Gaussians in training on a device.
 #[derive(Debug)]
@@ -222,7 +223,6 @@ impl GpuFit {
     }
 
     fn views(&self) -> MutexGuard<'_, Views> {
-        // Whoever panicked left nothing half-done: results are written to buffers before they are read.
-        self.views.lock().unwrap_or_else(PoisonError::into_inner)
+        Views::lock(&self.views)
     }
 }

@@ -14,7 +14,7 @@ use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::sums::Sums;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
-pub(super) use buffers::LightBuffers;
+pub(super) use buffers::TreeBuffers;
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::{Purpose, RandomKey};
 pub(super) use parameters::{
@@ -63,7 +63,7 @@ impl LightGatherer {
     /// `None` if `integrator` samples nothing.
     pub(super) fn new(
         device: &Device,
-        (scene, light): (&SceneBuffers, &LightBuffers),
+        (scene, light): (&SceneBuffers, &TreeBuffers),
         tracer: &CameraTracer,
         integrator: &Integrator,
         options: &LightOptions,

@@ -3,11 +3,10 @@
 //! A dispatch follows one direction of one receiver in each invocation; another one adds up what they have found. Light is added in the order
 //! of samples, those towards emitters first, so that the bits depend neither on the size of dispatches nor on which receivers are traced together.
 
-use super::bvh::Trees;
 use super::device::{Device, Step};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
-use super::light::Emitter;
+use super::light::TreeBuffers;
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::cpu::draws::{SCENE_SEED, drawn_radius_squared};
@@ -141,14 +140,10 @@ impl ArrivedLight {
 /// What links need of a scene, beside its Gaussians.
 #[derive(Debug)]
 pub(super) struct LinkBuffers {
-    nodes: wgpu::Buffer,
-    leaf_indices: wgpu::Buffer,
-    emitters: wgpu::Buffer,
+    /// Of discs that are as large as the largest of all draws.
+    trees: TreeBuffers,
     /// Squared radii of discs in standard deviations, `[n, NUM_DRAWS]`: as many bytes as the Gaussians themselves.
     radii: wgpu::Buffer,
-    num_emitters: u32,
-    scene_root: u32,
-    light_root: u32,
 }
 
 impl LinkBuffers {
@@ -174,18 +169,9 @@ impl LinkBuffers {
                 ..*surfel
             })
             .collect();
-        let emitters = Emitter::all(lights);
-        let mut trees = Trees::default();
-        let scene_root = trees.add(&largest);
-        let light_root = trees.add_emitters(&emitters);
         Ok(Self {
-            nodes: device.upload("nodes", bytemuck::cast_slice(&trees.nodes))?,
-            leaf_indices: device.upload("leaves", bytemuck::cast_slice(&trees.leaf_indices))?,
-            emitters: device.upload("emitters", bytemuck::cast_slice(&emitters))?,
+            trees: TreeBuffers::new(device, &largest, lights)?,
             radii: device.upload("radii of discs", bytemuck::cast_slice(&drawn))?,
-            num_emitters: emitters.len() as u32,
-            scene_root,
-            light_root,
         })
     }
 }
@@ -246,12 +232,13 @@ impl LinkRays<'_> {
         let samples_at_once = samples.clamp(1, most_samples);
         let at_once = (directions_at_once / samples_at_once) as usize;
         let mut piece = self.piece(at_once.min(receivers.len()), samples_at_once)?;
+        let trees = &self.links.trees;
         let parameters = LinkParameters {
             key: key.words(),
             emission_threshold: EMISSION_THRESHOLD,
-            num_emitters: self.links.num_emitters,
-            scene_root: self.links.scene_root,
-            light_root: self.links.light_root,
+            num_emitters: trees.num_emitters,
+            scene_root: trees.scene_root,
+            light_root: trees.light_root,
             num_plain: directions.plain,
             num_to_lights: directions.to_lights,
             ..LinkParameters::zeroed()
@@ -337,16 +324,16 @@ impl LinkRays<'_> {
     }
 
     fn steps(&self, piece: &Piece, num_samples: u32) -> [Step; 2] {
-        let of = self.links;
+        let LinkBuffers { trees, radii } = self.links;
         let uniform = (1, &piece.uniform);
         let follow = [
             uniform,
             (2, &self.scene.surfels),
             (3, &self.scene.payloads),
-            (4, &of.nodes),
-            (5, &of.leaf_indices),
-            (6, &of.emitters),
-            (7, &of.radii),
+            (4, &trees.nodes),
+            (5, &trees.leaf_indices),
+            (6, &trees.emitters),
+            (7, radii),
             (8, &piece.receivers),
             (9, &piece.found),
         ];

@@ -38,6 +38,7 @@ mod scene;
 mod sort;
 #[cfg(test)]
 mod tests;
+mod views;
 mod wgsl;
 
 pub use adapter::{Adapter, Kind, adapters};

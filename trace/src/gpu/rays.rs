@@ -3,7 +3,7 @@
 use super::device::Device;
 use super::error::GpuError;
 use super::layout::{Layout, layout};
-use super::light::{LightBuffers, LightParameters};
+use super::light::{LightParameters, TreeBuffers};
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::ray::Ray;
@@ -54,7 +54,7 @@ impl RayQuery {
 pub(super) struct Rays<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
-    pub(super) light: &'a LightBuffers,
+    pub(super) light: &'a TreeBuffers,
 }
 
 impl Rays<'_> {

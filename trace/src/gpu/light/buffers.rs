@@ -4,38 +4,32 @@ use super::Emitter;
 use crate::gpu::bvh::Trees;
 use crate::gpu::device::Device;
 use crate::gpu::error::GpuError;
-use crate::surfel::{Surfel, SurfelSet};
+use crate::surfel::Surfel;
 use crate::transport::lights::Lights;
 
-impl Trees {
-    /// Adds the tree of `emitters`; see [`Self::add`].
-    pub(in crate::gpu) fn add_emitters(&mut self, emitters: &[Emitter]) -> u32 {
-        let surfels: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
-        self.add(&surfels)
-    }
-}
-
-/// What single rays need of a scene.
+/// What single rays need of a scene: its tree, and its emitters with theirs.
 #[derive(Debug)]
-pub(in crate::gpu) struct LightBuffers {
+pub(in crate::gpu) struct TreeBuffers {
     pub(in crate::gpu) nodes: wgpu::Buffer,
     pub(in crate::gpu) leaf_indices: wgpu::Buffer,
-    pub(super) emitters: wgpu::Buffer,
-    pub(super) num_emitters: u32,
-    pub(super) scene_root: u32,
-    pub(super) light_root: u32,
+    pub(in crate::gpu) emitters: wgpu::Buffer,
+    pub(in crate::gpu) num_emitters: u32,
+    pub(in crate::gpu) scene_root: u32,
+    pub(in crate::gpu) light_root: u32,
 }
 
-impl LightBuffers {
+impl TreeBuffers {
+    /// Builds the trees of `surfels` and of what emits among `lights`.
     pub(in crate::gpu) fn new(
         device: &Device,
-        set: &SurfelSet,
+        surfels: &[Surfel],
         lights: Option<&Lights>,
     ) -> Result<Self, GpuError> {
         let emitters = Emitter::all(lights);
+        let emitting: Vec<Surfel> = emitters.iter().map(|emitter| emitter.surfel).collect();
         let mut trees = Trees::default();
-        let scene_root = trees.add(&set.surfels);
-        let light_root = trees.add_emitters(&emitters);
+        let scene_root = trees.add(surfels);
+        let light_root = trees.add(&emitting);
         Ok(Self {
             nodes: device.upload("nodes", bytemuck::cast_slice(&trees.nodes))?,
             leaf_indices: device.upload("leaves", bytemuck::cast_slice(&trees.leaf_indices))?,

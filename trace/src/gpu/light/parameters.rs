@@ -1,6 +1,6 @@
 //! What kernels of light are told, and what they leave: flags and structures.
 
-use super::LightBuffers;
+use super::TreeBuffers;
 use crate::gpu::layout::{Layout, layout};
 use crate::surfel::Surfel;
 use crate::transport::lights::{Footprint, Lights};
@@ -61,7 +61,7 @@ impl LightParameters {
     }
 
     /// For rays of `range` through a scene.
-    pub(in crate::gpu) fn of_rays(light: &LightBuffers, range: Range<u32>) -> Self {
+    pub(in crate::gpu) fn of_rays(light: &TreeBuffers, range: Range<u32>) -> Self {
         Self {
             scene_root: light.scene_root,
             light_root: light.light_root,

@@ -1,0 +1,161 @@
+//! Steps along gradients.
+
+use super::{gpu, off};
+use crate::backend::gpu::params::ResidentState;
+use crate::backend::gpu::report;
+use crate::options::{HarmonicsOptions, Preset, TrainOptions};
+use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
+use eagpt_scene::harmonics::NUM_COEFFICIENTS;
+use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
+use eagpt_trace::blend::LocalGradient;
+use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::gpu::{Device, GpuFit};
+use eagpt_trace::sums::{NUM_LANES, lane};
+use eagpt_trace::surfel::SurfelSet;
+use glam::{DVec3, Vec3};
+
+/// Of a parameter or moment, relative to the largest of its kind: ten times the 3e-7 seen on lavapipe.
+const STEP_TOLERANCE: f32 = 3e-6;
+
+/// The report of the step that was submitted last.
+fn reported(device: &Device, state: &ResidentState) -> report::Report {
+    let words = state.read_report().unwrap().wait(device).unwrap();
+    report::Report(words.try_into().unwrap())
+}
+
+/// Four steps with other gradients each: moments, corrections and everything that follows from parameters.
+#[test]
+fn steps_of_adam_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("Adam on a device") else {
+        return;
+    };
+    let mut cpu = ParameterState::new(&directional(random_cloud(130, 4), 5));
+    // Quaternions do not stay of unit length.
+    for (i, raw) in cpu.raw.values.iter_mut().enumerate() {
+        raw[5..9]
+            .iter_mut()
+            .for_each(|q| *q *= 1.0 + 0.01 * i as f32);
+    }
+    let mut gaussians = cpu.gaussians();
+    let mut set = SurfelSet::new(&gaussians);
+    let fit = GpuFit::new(&device, &set).unwrap();
+    let mut gpu = ResidentState::new(&device, &cpu, &fit).unwrap();
+    let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
+    let eye = camera.origin();
+    let frame = fit.frame(&camera).unwrap().unwrap();
+    let harmonics = HarmonicsOptions {
+        degree: 1,
+        from: 0.0,
+        rate: 0.02,
+        decay: 0.5,
+    };
+    let options = TrainOptions::preset(Preset::Draft);
+    for time in 0..4 {
+        fit.forward(&camera).unwrap();
+        let gradients: Vec<LocalGradient> = (0..cpu.len())
+            .map(|i| {
+                let value = |k: usize| ((i * 37 + k * 11 + time * 5) % 101) as f32 / 50.0 - 1.0;
+                LocalGradient(std::array::from_fn(value))
+            })
+            .collect();
+        let lanes: Vec<[f32; NUM_LANES]> = gradients.iter().map(|g| g.0).collect();
+        device.write(&frame.gradients, bytemuck::cast_slice(&lanes));
+        let sizes =
+            StepSizes::radiance(&options.radiance.rates, 2.0, 0.1).with_harmonics(&harmonics, 0.9);
+        cpu.step(&gaussians, eye, &gradients, &sizes).unwrap();
+        cpu.write_gaussians(&mut gaussians);
+        gpu.begin();
+        device.run(&gpu.steps(&fit, (&frame, eye), &sizes)).unwrap();
+        gpu.count(&sizes);
+        let report = reported(&device, &gpu);
+        assert_eq!(gpu.bad_gradient(&report).unwrap(), None);
+    }
+    set.update(&gaussians);
+    let state = gpu.state().unwrap();
+    let steps = |state: &ParameterState| (state.raw.num_steps, state.harmonics.num_steps);
+    assert_eq!((steps(&state), steps(&cpu)), ((4, 4), (4, 4)));
+    let mut failures = Vec::new();
+    for (name, got, wanted) in [
+        ("values", &state.raw.values, &cpu.raw.values),
+        ("first", &state.raw.first, &cpu.raw.first),
+        ("second", &state.raw.second, &cpu.raw.second),
+    ] {
+        for (class, range) in CLASSES {
+            let worst = relative(got, wanted, range);
+            eprintln!("{name} of {class}: off by {worst:e}");
+            if worst > STEP_TOLERANCE {
+                failures.push(format!("{name} of {class}: off by {worst:e}"));
+            }
+        }
+    }
+    let arrays = state.harmonics.arrays();
+    for (k, (got, wanted)) in arrays.into_iter().zip(cpu.harmonics.arrays()).enumerate() {
+        let worst = relative(got, wanted, 0..NUM_COEFFICIENTS);
+        eprintln!("harmonics {k}: off by {worst:e}");
+        if worst > STEP_TOLERANCE {
+            failures.push(format!("harmonics {k}: off by {worst:e}"));
+        }
+    }
+    // What is traced is what follows from the parameters.
+    let seen = fit.camera_sums(&camera).unwrap();
+    let (wanted, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
+    let off = off(&seen.pixels, &wanted.pixels, lane::RADIANCE);
+    if off > 1e-3 {
+        failures.push(format!("traced: off by {off:e}"));
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+fn relative<const K: usize>(
+    got: &[[f32; K]],
+    wanted: &[[f32; K]],
+    range: std::ops::Range<usize>,
+) -> f32 {
+    let mut worst = 0.0_f32;
+    for k in range {
+        let scale = wanted.iter().fold(0.0_f32, |m, raw| m.max(raw[k].abs()));
+        for (a, b) in got.iter().zip(wanted) {
+            let off = (a[k] - b[k]).abs();
+            if off > 0.0 {
+                worst = worst.max(off / scale);
+            }
+        }
+    }
+    worst
+}
+
+#[test]
+fn nothing_moves_along_a_gradient_that_is_no_number() {
+    let Some(device) = gpu::device("gradients that are no numbers") else {
+        return;
+    };
+    let before = ParameterState::new(&random_cloud(70, 4));
+    let set = SurfelSet::new(&before.gaussians());
+    let fit = GpuFit::new(&device, &set).unwrap();
+    let state = ResidentState::new(&device, &before, &fit).unwrap();
+    let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
+    let frame = fit.frame(&camera).unwrap().unwrap();
+    let mut lanes = vec![[1.0_f32; NUM_LANES]; before.len()];
+    lanes[66][12] = f32::NAN;
+    lanes[67][0] = f32::INFINITY;
+    device.write(&frame.gradients, bytemuck::cast_slice(&lanes));
+    state.begin();
+    let sizes = StepSizes {
+        raw: [0.1; NUM_PARAMETERS],
+        ..StepSizes::albedo(0.1)
+    };
+    device
+        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .unwrap();
+    let report = reported(&device, &state);
+    let bad = state.bad_gradient(&report).unwrap().unwrap();
+    assert_eq!((bad.class, bad.index), ("emission", 66));
+    // Nor do the steps behind it move anything, until somebody has looked.
+    device.write(&frame.gradients, &vec![0; 64 * before.len()]);
+    state.begin();
+    device
+        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .unwrap();
+    assert_eq!(reported(&device, &state).first_bad(), None);
+    assert_eq!(state.state().unwrap(), before);
+}

@@ -1,0 +1,115 @@
+//! Steps under way, and room for their rays.
+
+use super::{gpu, weights};
+use crate::backend::gpu::GpuBackend;
+use crate::backend::{Backend as _, RadianceStep, TrainingView};
+use crate::loss::tests::view;
+use crate::loss::{LossTerms, NormalTerms};
+use crate::options::{Preset, TrainOptions};
+use crate::params::{ParameterState, StepSizes};
+use eagpt_scene::Camera;
+use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::gpu::{FrameRoom, GpuFit};
+use eagpt_trace::surfel::SurfelSet;
+use glam::DVec3;
+use std::sync::Arc;
+
+#[test]
+fn room_is_made_for_what_is_needed_and_kept() {
+    let Some(device) = gpu::device("room for hits") else {
+        return;
+    };
+    let cloud = random_cloud(400, 4);
+    let mut fit = GpuFit::new(&device, &SurfelSet::new(&cloud)).unwrap();
+    let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 37, 29);
+    let small = fit.frame(&camera).unwrap().unwrap();
+    let more = FrameRoom {
+        entries: small.room.entries + 1,
+        chunks: 0,
+    };
+    assert!(fit.make_room(&camera, more).unwrap());
+    let entries = fit.frame(&camera).unwrap().unwrap();
+    assert!(entries.room.entries > small.room.entries && entries != small);
+    let more = FrameRoom {
+        entries: 0,
+        chunks: entries.room.chunks + 1,
+    };
+    assert!(fit.make_room(&camera, more).unwrap());
+    let chunks = fit.frame(&camera).unwrap().unwrap();
+    assert!(chunks.room.chunks > entries.room.chunks);
+    assert!(!fit.make_room(&camera, chunks.room).unwrap());
+    // It is kept when the number of Gaussians changes.
+    fit.update(&SurfelSet::new(&random_cloud(401, 4))).unwrap();
+    let later = fit.frame(&camera).unwrap().unwrap();
+    assert!(later != chunks && chunks.room.is_within(&later.room));
+}
+
+/// What several steps at once leave, some of which lack room, has the bits of what steps leave that are waited for one by one.
+#[test]
+fn steps_under_way_at_once_are_those_taken_one_by_one() {
+    let Some(device) = gpu::device("several steps at once") else {
+        return;
+    };
+    // Faint Gaussians: more hits in every pixel than room is made for at first.
+    let mut cloud = random_cloud(3000, 4);
+    cloud.opacities.fill(0.05);
+    let set = SurfelSet::new(&cloud);
+    let eyes = [DVec3::new(3.0, 0.2, 0.4), DVec3::new(-0.4, 2.5, 0.3)];
+    let views = eyes.map(|eye| {
+        let camera = look_at(eye, DVec3::ZERO, 37, 29);
+        let (seen, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
+        let mut view = view(false);
+        (view.normal, view.emission, view.alpha) = (None, None, None);
+        view.radiance = seen.extract(|sums| (sums.radiance() * 1.2).to_array());
+        view.camera = camera;
+        Arc::new(view)
+    });
+    let weights = weights();
+    let rates = TrainOptions::preset(Preset::Draft).radiance.rates;
+    let [at_once, one_by_one] = [false, true].map(|waits| {
+        let state = ParameterState::new(&cloud);
+        let mut backend = GpuBackend::new(&device, state, 1 << 20).unwrap();
+        let usual = frame_room(&backend, &views[0].camera);
+        let mut taken = Vec::new();
+        for iteration in 1..=9 {
+            let index = iteration as usize % 2;
+            let view = TrainingView {
+                index,
+                view: Arc::clone(&views[index]),
+            };
+            let step = RadianceStep {
+                iteration,
+                weights: &weights,
+                normals: NormalTerms::Off,
+                // Buffers of another size in the end.
+                rays_per_axis: 1 + iteration / 6,
+                sizes: StepSizes::radiance(&rates, 2.0, 0.1),
+            };
+            taken.extend(backend.radiance_step(&view, &step).unwrap());
+            if waits {
+                taken.extend(backend.finish().unwrap());
+            }
+            if iteration == 5 {
+                assert!(waits || taken.len() < 5, "nothing is under way");
+                taken.extend(backend.finish().unwrap());
+                let room = frame_room(&backend, &views[0].camera);
+                assert!(!room.is_within(&usual), "no step lacked room");
+            }
+        }
+        taken.extend(backend.finish().unwrap());
+        let told: Vec<(u32, LossTerms)> = taken
+            .into_iter()
+            .map(|step| (step.iteration, step.outcome.unwrap()))
+            .collect();
+        (told, backend.state().unwrap())
+    });
+    assert!(at_once.0.iter().map(|(iteration, _)| *iteration).eq(1..=9));
+    assert!(at_once == one_by_one);
+    assert_eq!(at_once.1.raw.num_steps, 9);
+}
+
+fn frame_room(backend: &GpuBackend, camera: &Camera) -> FrameRoom {
+    let frame = backend.host.engine.fit.frame(camera).unwrap();
+    frame.unwrap().room
+}
