@@ -1,0 +1,177 @@
+//! Arguments of `eagpt render`.
+
+use super::aov::Aov;
+use super::denoise::Choice;
+use super::display::DisplayArgs;
+use super::shots::PathArgs;
+use crate::cli;
+use crate::device::DeviceArgs;
+use clap::{Args, ValueEnum};
+use eagpt_scene::Shard;
+use eagpt_scene::dataset::{SplitRule, Subset};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
+use eagpt_trace::{Integrator, LightOptions};
+use std::path::PathBuf;
+
+/// Render a scene from the cameras of a dataset, or along a path between them
+///
+/// Writes into DIR, for every view: VIEW.exr, linear Rec.709 radiance, and VIEW.png, the same as sRGB; with --aov also
+/// AOV/VIEW.exr, and AOV/VIEW.png where there is something to look at; at the end record.json. View names may contain "/".
+///
+/// With --camera-path the views are frame_0000, frame_0001, …: PNGs alone, EXRs too with --exr, and a transforms.json
+/// with their cameras, which --cameras takes as well. Frame i has the seed S + i: noise does not stick to the screen.
+///
+/// The same command goes on where it was stopped: what is done is known by its content.
+///
+/// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w and h.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct RenderArgs {
+    /// Scene of 2D Gaussians, as `eagpt train` writes it
+    #[arg(value_name = "SCENE.ply")]
+    pub(super) scene: PathBuf,
+    /// Dataset whose cameras to render: a folder with a transforms.json, or that file
+    #[arg(long, value_name = "DATASET")]
+    pub(crate) cameras: PathBuf,
+    /// Views to render
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
+    pub(crate) split: Subset,
+    /// Rule that divides the views into training and test views; that of the training, if the result is to be measured
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    pub(crate) split_rule: SplitRule,
+    /// Names of the views to render, separated by commas, instead of a subset
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["split", "split_rule"])]
+    pub(super) views: Vec<String>,
+    /// How light is computed
+    #[arg(long, value_enum)]
+    pub(crate) mode: Mode,
+    /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of a pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: u32,
+    /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are divided among them
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub(super) antialias: u32,
+    /// Most bounces of a path, at least 1
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) bounces: u32,
+    /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows [default: never]
+    #[arg(long, value_name = "FROM_BOUNCE", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) russian_roulette: Option<u32>,
+    /// Emission from which on a surface counts as an emitter, 0 to 1
+    #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = share)]
+    pub(super) emission_threshold: f32,
+    /// How light is looked for; the mean image is the same, the noise is not
+    #[arg(long, value_enum, default_value = "next-event")]
+    sampling: SamplingArg,
+    /// What a path's rays make of the Gaussians they meet
+    #[arg(long, value_enum, default_value = "blended")]
+    hits: HitsArg,
+    /// Seed of the random numbers, 0 to 2^63 − 1
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    seed: u64,
+    /// Also write these quantities of the camera rays, separated by commas
+    #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
+    pub(super) aov: Vec<Aov>,
+    /// Take the noise of sampled light out of the images, guided by albedo, normals and positions; emitters keep their values.
+    /// 0-bounce has no noise and stays as it is
+    #[arg(long, value_enum, default_value = "none")]
+    pub(super) denoise: Choice,
+    /// Library of Open Image Denoise, or its folder [default: EAGPT_OIDN, then where the system keeps libraries]
+    #[arg(long, value_name = "PATH")]
+    pub(super) oidn: Option<PathBuf>,
+    /// Folder for results; created
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+    /// Render only part I of N of the views, 1 to N. Parts share DIR and may run at once, on machines that share it; when all are
+    /// there, the same command without --shard puts them together, to the bits of an undivided run
+    #[arg(long, value_name = "I/N", conflicts_with = "force")]
+    pub(super) shard: Option<Shard>,
+    /// Replace an earlier result in DIR, or unfinished work on another
+    #[arg(long)]
+    pub(super) force: bool,
+    #[command(flatten)]
+    pub(super) device: DeviceArgs,
+    #[command(flatten)]
+    pub(super) path: PathArgs,
+    #[command(flatten)]
+    pub(super) display: DisplayArgs,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --aov normal,depth,albedo --out renders/0
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 16 --denoise auto --out renders/quick
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --out renders/path --shard 1/4   (and 2/4 … elsewhere,
+      then without --shard)
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --camera-path fly:0000,0016,0032 --out fly
+  eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --camera-path turntable --exposure auto \\
+      --tone-map agx --out turn";
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mode {
+    /// The radiance that the Gaussians carry
+    #[value(name = "0-bounce")]
+    ZeroBounce,
+    /// One bounce into the radiance that the Gaussians carry; emitters show their own. Of a baked scene it is a final gather, and
+    /// may be called that
+    #[value(name = "1-bounce", alias = "gather")]
+    OneBounce,
+    /// Path tracing from the emitters alone
+    Path,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SamplingArg {
+    /// In directions about the normal only, as in the paper
+    Cosine,
+    /// Towards emitters as well, with multiple importance sampling
+    NextEvent,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HitsArg {
+    /// The blend of all is one surface, as in the paper
+    Blended,
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes to about one percent less in a room.
+    /// 1-bounce does so always, to the same mean
+    Sampled,
+}
+
+impl RenderArgs {
+    /// How light is computed; samples are those of a ray.
+    pub(super) fn integrator(&self) -> Integrator {
+        let num_samples = self.spp.div_ceil(self.antialias.pow(2));
+        match self.mode {
+            Mode::ZeroBounce => Integrator::ZeroBounce,
+            Mode::OneBounce => Integrator::OneBounce { num_samples },
+            Mode::Path => Integrator::Path {
+                num_samples,
+                max_bounces: self.bounces,
+                roulette_from: self.russian_roulette,
+            },
+        }
+    }
+
+    pub(super) fn light(&self) -> LightOptions {
+        LightOptions {
+            seed: self.seed,
+            emission_threshold: self.emission_threshold,
+            sampling: match self.sampling {
+                SamplingArg::Cosine => Sampling::Cosine,
+                SamplingArg::NextEvent => Sampling::NextEvent,
+            },
+            hits: match self.hits {
+                HitsArg::Blended => Hits::Blended,
+                HitsArg::Sampled => Hits::Sampled,
+            },
+        }
+    }
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        Ok(value) => Err(format!("{value} is outside 0 to 1")),
+        Err(error) => Err(error.to_string()),
+    }
+}
