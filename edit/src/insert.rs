@@ -2,7 +2,7 @@
 //!
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred through anywhere.
 
-use eagpt_scene::{Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics, rotation};
 use glam::{Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -141,7 +141,7 @@ impl Surface {
             let angle = (f64::from(golden_angle) * i as f64).rem_euclid(std::f64::consts::TAU);
             let (sin, cos) = (angle as f32).sin_cos();
             let normal = Vec3::new(flat * cos, flat * sin, z).normalize();
-            let rotation = Quat::from_rotation_arc(Vec3::Z, normal).normalize();
+            let rotation = rotation::from_z_to(normal);
             let scale = Vec2::splat(SCALE_IN_SPACINGS * spacing);
             discs.push(self.disc(centre + normal * radius, scale, rotation));
         }
@@ -151,7 +151,7 @@ impl Surface {
         let normal = u.cross(v).normalize();
         let x_axis = u.normalize();
         let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
-        let rotation = Quat::from_mat3(&frame).normalize();
+        let rotation = rotation::unit(Quat::from_mat3(&frame));
         let [across, up] = rows([u, v], spacing);
         let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
         for j in 0..up.num {

@@ -1,6 +1,6 @@
 //! Where things go: rotations, uniform scales and moves of Gaussians.
 
-use eagpt_scene::Gaussian;
+use eagpt_scene::{Gaussian, rotation};
 use glam::{Quat, Vec3};
 
 /// A placement as a script gives it; what it means in numbers depends on the bounds of what is placed.
@@ -102,7 +102,7 @@ impl Similarity {
             return moved;
         }
         Gaussian {
-            rotation: (self.rotation * g.rotation).normalize(),
+            rotation: rotation::unit(self.rotation * g.rotation),
             harmonics: g.harmonics.rotated(self.rotation),
             ..moved
         }

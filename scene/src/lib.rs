@@ -23,6 +23,7 @@ pub mod plane;
 pub mod ply;
 pub mod png;
 pub mod rng;
+pub mod rotation;
 pub mod script;
 pub mod shard;
 pub mod tonemap;

@@ -11,8 +11,8 @@ use eagpt_scene::color::{linear_from_srgb, srgb8_from_linear};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::ply::PointCloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, View};
-use glam::{Quat, Vec2, Vec3};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics, View, rotation};
+use glam::{Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
@@ -151,7 +151,7 @@ impl Initialiser {
                 Gaussian {
                     position: self.points.positions[i],
                     scale: Vec2::splat(scale),
-                    rotation: Quat::from_rotation_arc(Vec3::Z, normal),
+                    rotation: rotation::from_z_to(normal),
                     opacity: options.opacity,
                     radiance: if seen.num > 0 {
                         seen.radiance / seen.num as f32

@@ -13,7 +13,7 @@ pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};
 pub use state::{BadGradient, ParameterState, StepSizes};
 
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};
-use eagpt_scene::{Gaussian, Harmonics};
+use eagpt_scene::{Gaussian, Harmonics, rotation};
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use glam::{Mat3, Quat, Vec2, Vec3};
 
@@ -81,7 +81,7 @@ pub fn gaussian_from_raw(raw: &Raw) -> Gaussian {
     Gaussian {
         position: triple(POSITION),
         scale: Vec2::new(raw[SCALE].exp(), raw[SCALE + 1].exp()),
-        rotation: rotation_of(raw).normalize(),
+        rotation: rotation::unit(rotation_of(raw)),
         opacity: sigmoid(raw[OPACITY]),
         radiance: triple(RADIANCE).map(f32::exp),
         harmonics: Harmonics::NONE,
@@ -113,7 +113,7 @@ pub fn raw_gradient(raw: &Raw, g: &Gaussian, local: &LocalGradient) -> Raw {
     // that normalisation only divides by the length.
     let turn = lanes(grad_lane::ROTATION);
     let d_q = g.rotation * Quat::from_xyzw(turn.x, turn.y, turn.z, 0.0);
-    let factor = 2.0 / rotation_of(raw).length();
+    let factor = 2.0 / rotation::length(rotation_of(raw));
     out[ROTATION..OPACITY].copy_from_slice(&[d_q.w, d_q.x, d_q.y, d_q.z].map(|c| c * factor));
     out[OPACITY] = local.0[grad_lane::OPACITY] * g.opacity * (1.0 - g.opacity);
     let d_radiance = lanes(grad_lane::RADIANCE) * g.radiance;
