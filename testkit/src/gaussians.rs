@@ -2,7 +2,7 @@
 
 pub use eagpt_scene::random_cloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics, rotation};
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
 
 /// The same Gaussians with light that differs with the direction, up to fivefold.
@@ -60,7 +60,7 @@ pub fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -> Gauss
             Gaussian {
                 position: direction * radius,
                 scale: Vec2::splat(1.2 * spacing * radius),
-                rotation: Quat::from_rotation_arc(Vec3::Z, direction),
+                rotation: rotation::from_z_to(direction),
                 ..make(direction)
             }
         })

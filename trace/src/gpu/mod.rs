@@ -15,6 +15,7 @@
 //!   Software adapters (Mesa's llvmpipe) stop all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but for
 //!   single Gaussians that cover as many tiles.
 //! - `links`: which Gaussians light each other. Discs of a draw have the radii of the CPU's to the bit; one tree serves all draws.
+//! - `views`: buffers for cameras of one size, and the room that these were found to need.
 //! - [`GpuScene`]: all of it behind [`crate::Tracer`].
 //!
 //! Against the CPU: divisions and square roots of devices round otherwise, and compilers fuse multiplications with additions. A hit on the rim

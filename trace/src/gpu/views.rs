@@ -124,7 +124,7 @@ impl Views {
         })
     }
 
-    /// See [`Tracer::contributions`].
+    /// See [`crate::Tracer::contributions`].
     pub(super) fn contributions(
         &mut self,
         device: &Device,
