@@ -76,6 +76,10 @@ pub(crate) struct BakeArgs {
     /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work beside BAKED.ply]
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
+    /// gaussians: keep what was traced in FILE, and take up what an earlier bake has left there, as far as the scene is the same: new light of lamps
+    /// and other albedos cost no ray, what was moved costs the rays in its way. Nothing is then kept in --work
+    #[arg(long, value_name = "FILE")]
+    links: Option<PathBuf>,
     /// Replace an earlier result of this command, and the work of another bake
     #[arg(long)]
     force: bool,
@@ -84,6 +88,7 @@ pub(crate) struct BakeArgs {
 const EXAMPLES: &str = "Examples:
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply --device gpu
+  eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply --links kitchen.links   (again after each edit, faster)
   eagpt render bakes/ball.ply --cameras kitchen --mode 0-bounce --out renders/baked
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views --shard 1/4   (and 2/4 … on other machines)
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views";
@@ -115,9 +120,13 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if args.shard.is_some() && args.method == MethodArg::Gaussians {
         bail!("--shard: only --method views has parts");
     }
+    if args.links.is_some() && args.method == MethodArg::Views {
+        bail!("--links: only --method gaussians has links");
+    }
     let dataset = Dataset::open(&args.cameras)?;
     let mut inputs = cli::dataset_files(&dataset);
     inputs.push(args.scene.clone());
+    inputs.extend(args.links.clone());
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let replace = Replace::from_flag(args.force);
     output::check_file(&args.out, "bake", &inputs, replace)?;
@@ -132,12 +141,15 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .work
             .clone()
             .unwrap_or_else(|| args.out.with_extension("work")),
+        links: args.links.clone(),
         options,
         device: engine.for_training(),
         start_over: args.force,
         stop: interrupt::stop_flag()?,
     };
     let mut builder = RecordBuilder::begin("bake", &options)?;
+    let links = args.links.as_ref().filter(|path| path.exists());
+    let earlier_links = links.map(|path| Input::of(path)).transpose()?;
     let mut warnings = Vec::new();
     let listen = |reporter: &mut Reporter, message: &BakeProgress| {
         if let BakeProgress::Warning { text } = message {
@@ -157,6 +169,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     })?;
     let record = &mut builder.record;
     record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
+    record.inputs.extend(earlier_links);
     record.seed = Some(args.seed);
     record.device = Some(summary.device.clone());
     record.split = Some(SplitRecord::new(&summary.split, args.split));

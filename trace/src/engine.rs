@@ -104,4 +104,11 @@ pub trait Tracer: Send + Sync {
         directions: Directions,
         key: RandomKey,
     ) -> Result<Links, TraceError>;
+
+    /// The Gaussian that each of `rays` meets first in its draw, of `draws` modulo [`NUM_DRAWS`](crate::transport::links::NUM_DRAWS);
+    /// [`NOTHING`](crate::transport::links::NOTHING) where there is none. Fast where rays that follow each other share a draw and are near each other.
+    ///
+    /// # Errors
+    /// [`TraceError::Device`] if the device gives up.
+    fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError>;
 }

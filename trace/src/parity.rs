@@ -187,6 +187,10 @@ mod tests {
         ) -> Result<Links, TraceError> {
             self.0.trace_links(receivers, directions, key)
         }
+
+        fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
+            self.0.drawn_hits(rays, draws)
+        }
     }
 
     #[test]

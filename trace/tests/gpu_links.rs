@@ -7,12 +7,12 @@ mod room;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussian, Gaussians, random_cloud};
 use eagpt_testkit::gaussians::{material, sphere};
-use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
 use eagpt_trace::transport::start::Surface;
+use eagpt_trace::{Ray, Tracer};
 use glam::{EulerRot, Mat3, Quat, Vec3};
 use room::lit_room;
 
@@ -155,6 +155,40 @@ fn links_are_repeatable() {
     }
     assert!(together == pieces);
     assert_eq!(trace(&other, &[], directions), Links::default());
+}
+
+/// Single rays through draws: the first disc that the CPU finds, too.
+#[test]
+fn first_hits_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("first hits") else {
+        return;
+    };
+    let scene = random_cloud(700, 3);
+    let receivers = receivers(&scene);
+    let rays = (0_u32..).zip(&receivers).map(|(i, (_, surface))| {
+        let (sin, cos) = (i as f32).sin_cos();
+        let tangent = surface.normal.any_orthonormal_vector();
+        let bitangent = surface.normal.cross(tangent);
+        let direction = surface.normal + 0.8 * (cos * tangent + sin * bitangent);
+        surface.ray(direction.normalize())
+    });
+    let rays: Vec<Ray> = rays.collect();
+    // More than there are draws: they are taken modulo their number.
+    let draws: Vec<u32> = (0..rays.len() as u32).map(|i| i % 37).collect();
+    let on_device = GpuScene::new(&device, &scene).unwrap();
+    let got = on_device.drawn_hits(&rays, &draws).unwrap();
+    let wanted = CpuScene::new(&scene).drawn_hits(&rays, &draws).unwrap();
+    let num_met = wanted.iter().filter(|&&hit| hit != NOTHING).count();
+    assert!(
+        num_met > rays.len() / 2 && num_met < rays.len(),
+        "{num_met}"
+    );
+    let num_flipped = got.iter().zip(&wanted).filter(|(a, b)| a != b).count();
+    assert!(
+        num_flipped as f64 <= 1.0 + MOST_FLIPPED * rays.len() as f64,
+        "{num_flipped}"
+    );
+    assert!(on_device.drawn_hits(&[], &[]).unwrap().is_empty());
 }
 
 /// Without emitters there is no light, and no direction towards any is followed.

@@ -6,6 +6,7 @@
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
+mod relink;
 pub mod views;
 
 use crate::backend::TrainDevice;
@@ -58,6 +59,9 @@ pub struct BakeRequest {
     pub out: PathBuf,
     /// Folder for the state of the work: a bake that was stopped goes on from there.
     pub work: PathBuf,
+    /// File of links for [`BakeMethod::Gaussians`]: what an earlier bake has left there is taken up as far as the scene is the same, and what is
+    /// known at the end is left there. Nothing is kept in the work folder then.
+    pub links: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,
     /// What traces rays and, with [`BakeMethod::Views`], fits.
@@ -155,7 +159,9 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays: 0,
     };
-    claim(request)?;
+    if request.links.is_none() {
+        claim(request)?;
+    }
     let radiances = match &request.options.method {
         BakeMethod::Gaussians(method) => bake.solve(method)?,
         BakeMethod::Views(method) => bake.fit_views(method)?,
@@ -168,7 +174,8 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
                 ..bake.scene
             };
             ply::write_gaussians(&request.out, &baked)?;
-            if let BakeMethod::Gaussians(_) = request.options.method {
+            if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.links.is_none()
+            {
                 // Path-traced views are worth keeping, links are not.
                 clear(&request.work)?;
             }

@@ -9,7 +9,7 @@ use crate::ray::Ray;
 use crate::sums::{SumImage, Sums};
 use crate::surfel::{Payload, SurfelSet};
 use crate::transport::lights::Lights;
-use crate::transport::links::{Directions, Links, Receiver};
+use crate::transport::links::{Directions, Links, NOTHING, Receiver};
 use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
@@ -141,5 +141,13 @@ impl Tracer for CpuScene {
         key: RandomKey,
     ) -> Result<Links, TraceError> {
         Ok(Links::trace(self, receivers, directions, key))
+    }
+
+    fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
+        let first = |(ray, draw): (&Ray, &u32)| self.drawn_hit(ray, *draw);
+        let pairs = rays.par_iter().zip(draws).with_min_len(256);
+        Ok(pairs
+            .map(|pair| first(pair).map_or(NOTHING, |hit| hit.index))
+            .collect())
     }
 }

@@ -7,6 +7,7 @@ use super::device::{Device, Step};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
 use super::light::TreeBuffers;
+use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::cpu::draws::{SCENE_SEED, drawn_radius_squared};
@@ -251,6 +252,37 @@ impl LinkRays<'_> {
             self.trace_piece(&piece, parameters, &mut links)?;
         }
         Ok(links)
+    }
+
+    /// What each ray meets first in the draw that is its seed; see [`crate::Tracer::drawn_hits`].
+    pub(super) fn first_hits(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
+        let mut hits = Vec::with_capacity(queries.len());
+        let room = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;
+        let at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as usize;
+        let device = self.device;
+        for some in queries.chunks(at_once) {
+            let rays = device.upload("rays", bytemuck::cast_slice(some))?;
+            let found = device.buffer("first hits", (some.len() * size_of::<u32>()) as u64)?;
+            let parameters = LinkParameters {
+                scene_root: self.links.trees.scene_root,
+                num_receivers: some.len() as u32,
+                ..LinkParameters::zeroed()
+            };
+            let uniform = device.uniform("links", &parameters);
+            let buffers = [
+                (1, &uniform),
+                (2, &self.scene.surfels),
+                (4, &self.links.trees.nodes),
+                (5, &self.links.trees.leaf_indices),
+                (7, &self.links.radii),
+                (10, &found),
+                (12, &rays),
+            ];
+            let groups = (some.len() as u32).div_ceil(64);
+            device.run(&[device.step(&wgsl::LINKS, "first_hits", &buffers, groups)])?;
+            hits.extend(device.read::<u32>(&found, 0..some.len())?);
+        }
+        Ok(hits)
     }
 
     fn piece(&self, num_receivers: usize, samples_at_once: u32) -> Result<Piece, GpuError> {

@@ -19,6 +19,8 @@
 @group(0) @binding(10) var<storage, read_write> links: array<u32>;
 // [receivers].
 @group(0) @binding(11) var<storage, read_write> arrived: array<ArrivedLight>;
+// As many as there are receivers; the seed of each is its draw.
+@group(0) @binding(12) var<storage, read> rays: array<RayQuery>;
 
 // The nearest disc of a draw, NO_NODE if there is none.
 fn drawn_hit(ray: Ray, draw: u32) -> u32 {
@@ -115,4 +117,20 @@ fn add_up(
         links[number] = one.link;
     }
     arrived[receiver] = total;
+}
+
+@compute @workgroup_size(64)
+fn first_hits(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(workgroup, workgroups) * 64u + thread;
+    if number >= light.num_receivers {
+        return;
+    }
+    let query = rays[number];
+    let ray = Ray(query.origin, query.direction, query.t_own, query.own_normal);
+    let hit = drawn_hit(ray, query.seed % NUM_DRAWS);
+    links[number] = select(hit, NOTHING, hit == NO_NODE);
 }

@@ -335,4 +335,15 @@ impl Tracer for GpuScene {
         };
         Ok(rays.trace(receivers, directions, key)?)
     }
+
+    fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
+        let queries = (rays.iter().zip(draws)).map(|(ray, draw)| RayQuery::new(ray, *draw));
+        let queries: Vec<RayQuery> = queries.collect();
+        let links = LinkRays {
+            device: &self.device,
+            scene: &self.buffers,
+            links: &*self.links()?,
+        };
+        Ok(links.first_hits(&queries)?)
+    }
 }

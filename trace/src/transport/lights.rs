@@ -55,13 +55,15 @@ pub(crate) struct Footprint<'a> {
     pub(crate) density: f32,
 }
 
+/// What decides how often directions go towards an emitter: its light, by the area it comes from.
+pub fn power(g: &Gaussian) -> f64 {
+    let area = TAU * g.scale.x * g.scale.y;
+    f64::from(luminance(g.radiance.to_array()) * area * g.opacity * g.emission)
+}
+
 impl Lights {
     /// The lights among `gaussians`, or `None` if nothing emits.
     pub fn new(gaussians: &Gaussians) -> Option<Self> {
-        let power = |g: &Gaussian| {
-            let area = TAU * g.scale.x * g.scale.y;
-            f64::from(luminance(g.radiance.to_array()) * area * g.opacity * g.emission)
-        };
         let emissive: Gaussians = gaussians
             .iter()
             .filter(|g| {

@@ -6,13 +6,16 @@
 //! only the Gaussian is kept, which is a link. Whatever light the Gaussians carry, `E/π` is then the emitters' part plus
 //! the mean of the light of the links: further bounces, or other albedos, cost a look-up for each link and no ray.
 //!
-//! [`Links::trace`] is the plain way, for whatever traces single rays; [`crate::Tracer::trace_links`] is that of an engine.
+//! [`Links::trace`] is the plain way, for whatever traces single rays; [`crate::Tracer::trace_links`] is that of an engine. [`known`] has the
+//! directions one by one, for scenes of which only a part has changed.
+
+pub mod known;
 
 use super::lights::Lights;
 use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
-use super::{EMISSION_THRESHOLD, RayTracer, SampledHit};
+use super::{EMISSION_THRESHOLD, RayTracer};
 use crate::sums::lane;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -82,11 +85,14 @@ impl Links {
             .map(|(targets, receivers)| {
                 let mut tracing = Tracing {
                     scene,
-                    lights: scene.lights(),
-                    directions,
+                    sampler: Sampler {
+                        lights: scene.lights(),
+                        directions,
+                        key,
+                    },
                     num_rays: 0,
                 };
-                let direct = tracing.together(receivers, key, targets);
+                let direct = tracing.together(receivers, targets);
                 (direct, tracing.num_rays)
             })
             .collect();
@@ -117,92 +123,94 @@ impl Links {
     }
 }
 
-struct Tracing<'a, T> {
-    scene: &'a T,
+/// What decides the directions of receivers, and what the light of an emitter that they find counts.
+#[derive(Debug, Clone, Copy)]
+struct Sampler<'a> {
     lights: Option<&'a Lights>,
     directions: Directions,
-    num_rays: u64,
+    key: RandomKey,
 }
 
-impl<T: RayTracer> Tracing<'_, T> {
-    /// Light of emitters at each of `receivers`; fills in their `targets`.
-    fn together(
-        &mut self,
-        receivers: &[Receiver],
-        key: RandomKey,
-        targets: &mut [u32],
-    ) -> Vec<Vec3> {
-        let mut direct = vec![Vec3::ZERO; receivers.len()];
-        let plain = self.directions.plain as usize;
-        for draw in 0..NUM_DRAWS {
-            for (at, (element, surface)) in receivers.iter().enumerate() {
-                let points = Points::new(key, *element);
-                // Samples of a receiver take turns in the draws, and receivers begin with different ones.
-                let first = draw.wrapping_sub(points.word(0)) % NUM_DRAWS;
-                let turn = |num: u32| (first..num).step_by(NUM_DRAWS as usize);
-                for sample in turn(self.directions.plain) {
-                    let (target, light) = self.plain(surface, &points, sample, draw);
-                    targets[at * plain + sample as usize] = target;
-                    direct[at] += light;
-                }
-                for sample in turn(self.directions.to_lights) {
-                    direct[at] += self.towards_light(surface, &points, sample, draw);
-                }
-            }
-        }
-        direct
+impl Sampler<'_> {
+    /// Random numbers of a receiver.
+    fn points(&self, element: u32) -> Points {
+        Points::new(self.key, element)
     }
 
-    /// Follows a direction about the normal: the target of the link, or the light of an emitter.
-    fn plain(&mut self, surface: &Surface, points: &Points, sample: u32, draw: u32) -> (u32, Vec3) {
+    /// The samples of `num` that meet `draw`: those of a receiver take turns in the draws, and receivers begin with different ones.
+    fn turn(points: &Points, draw: u32, num: u32) -> impl Iterator<Item = u32> + use<> {
+        let first = draw.wrapping_sub(points.word(0)) % NUM_DRAWS;
+        (first..num).step_by(NUM_DRAWS as usize)
+    }
+
+    /// A direction about the normal.
+    fn plain(&self, surface: &Surface, points: &Points, sample: u32) -> Vec3 {
         let [a, b, ..] = points.block(sample, 0);
-        let direction = cosine_direction(surface.normal, a, b);
-        match self.meet(surface, direction, draw) {
-            None => (NOTHING, Vec3::ZERO),
-            Some(hit) if self.emits(hit) => (NOTHING, self.light(surface, direction, hit)),
-            Some(hit) => (hit.index, Vec3::ZERO),
-        }
+        cosine_direction(surface.normal, a, b)
     }
 
-    /// Follows a direction towards an emitter: the light of what it meets, if that is one.
-    fn towards_light(
-        &mut self,
-        surface: &Surface,
-        points: &Points,
-        sample: u32,
-        draw: u32,
-    ) -> Vec3 {
+    /// A direction towards an emitter, if there is one and it is above the surface.
+    fn towards_light(&self, surface: &Surface, points: &Points, sample: u32) -> Option<Vec3> {
         let [pick, a, b, _] = points.block(sample, 1);
-        let direction = (self.lights)
+        (self.lights)
             .and_then(|lights| lights.sample(surface.position, pick, a, b))
-            .filter(|direction| direction.dot(surface.normal) > 0.0);
-        let Some(direction) = direction else {
-            return Vec3::ZERO;
-        };
-        match self.meet(surface, direction, draw) {
-            Some(hit) if self.emits(hit) => self.light(surface, direction, hit),
-            _ => Vec3::ZERO,
-        }
+            .filter(|direction| direction.dot(surface.normal) > 0.0)
     }
 
-    fn meet(&mut self, surface: &Surface, direction: Vec3, draw: u32) -> Option<SampledHit> {
-        self.num_rays += 1;
-        self.scene.drawn_hit(&surface.ray(direction), draw)
-    }
-
-    fn emits(&self, hit: SampledHit) -> bool {
-        self.scene.payload(hit.index).0[lane::EMISSION] > EMISSION_THRESHOLD
-    }
-
-    /// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and m of density p.
-    fn light(&self, surface: &Surface, direction: Vec3, hit: SampledHit) -> Vec3 {
-        let radiance = self.scene.payload(hit.index).radiance();
+    /// What radiance counts that a direction found at an emitter: q / (n q + m p), for n directions of density q and m of density p.
+    fn weight(&self, surface: &Surface, direction: Vec3) -> f32 {
         let density = |lights: &Lights| lights.density(surface.position, direction);
         let (q, p) = (
             direction.dot(surface.normal) * FRAC_1_PI,
             self.lights.map_or(0.0, density),
         );
         let all = self.directions.plain as f32 * q + self.directions.to_lights as f32 * p;
-        radiance * (q / all)
+        q / all
+    }
+}
+
+struct Tracing<'a, T> {
+    scene: &'a T,
+    sampler: Sampler<'a>,
+    num_rays: u64,
+}
+
+impl<T: RayTracer> Tracing<'_, T> {
+    /// Light of emitters at each of `receivers`; fills in their `targets`.
+    fn together(&mut self, receivers: &[Receiver], targets: &mut [u32]) -> Vec<Vec3> {
+        let mut direct = vec![Vec3::ZERO; receivers.len()];
+        let Directions { plain, to_lights } = self.sampler.directions;
+        for draw in 0..NUM_DRAWS {
+            for (at, (element, surface)) in receivers.iter().enumerate() {
+                let points = self.sampler.points(*element);
+                for sample in Sampler::turn(&points, draw, plain) {
+                    let direction = self.sampler.plain(surface, &points, sample);
+                    let (target, light) = self.follow(surface, direction, draw);
+                    targets[at * plain as usize + sample as usize] = target;
+                    direct[at] += light;
+                }
+                for sample in Sampler::turn(&points, draw, to_lights) {
+                    let direction = self.sampler.towards_light(surface, &points, sample);
+                    if let Some(direction) = direction {
+                        direct[at] += self.follow(surface, direction, draw).1;
+                    }
+                }
+            }
+        }
+        direct
+    }
+
+    /// Follows a direction: the target of a link, or the light of an emitter.
+    fn follow(&mut self, surface: &Surface, direction: Vec3, draw: u32) -> (u32, Vec3) {
+        self.num_rays += 1;
+        let Some(hit) = self.scene.drawn_hit(&surface.ray(direction), draw) else {
+            return (NOTHING, Vec3::ZERO);
+        };
+        let payload = self.scene.payload(hit.index);
+        if payload.0[lane::EMISSION] <= EMISSION_THRESHOLD {
+            return (hit.index, Vec3::ZERO);
+        }
+        let weight = self.sampler.weight(surface, direction);
+        (NOTHING, payload.radiance() * weight)
     }
 }

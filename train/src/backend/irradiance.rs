@@ -41,7 +41,7 @@ impl GaussianIrradiance {
         }
         let seen = (0..)
             .zip(best.finish())
-            .filter_map(|(i, found)| Some((i, found?)))
+            .filter_map(|(i, found)| Some((i, found?.surface)))
             .collect();
         Ok(Self {
             seen,

@@ -9,19 +9,20 @@
 use super::{Bake, BakeProgress, emits, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::sealed::Kind;
-use crate::surfaces::{self, BestSeen};
-use eagpt_scene::SceneError;
+use crate::surfaces::{self, BestSeen, Seen};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, SceneError};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::links::{Directions, Links, Receiver};
-use eagpt_trace::transport::start::Surface;
+use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Gaussians gathered for between two looks at whether the work shall stop.
-const AT_ONCE: usize = 4096;
+pub(super) const AT_ONCE: usize = 4096;
+/// In place of a camera's number: none sees it.
+pub(super) const LONE: u32 = NOTHING;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
 
@@ -104,10 +105,11 @@ impl Bake<'_> {
         let rays = method.directions();
         self.check_memory(rays)?;
         let tracer = self.request.device.tracer(&self.scene)?;
-        let Some(receivers) = self.receivers(&*tracer)? else {
-            return Ok(None);
+        let found = match &self.request.links {
+            Some(path) => self.relink(&*tracer, rays, path)?,
+            None => self.link(&*tracer, rays)?,
         };
-        let Some(links) = self.trace_links(&*tracer, &receivers, rays)? else {
+        let Some((receivers, links)) = found else {
             return Ok(None);
         };
         let mut series = Series::new(self.scene.len());
@@ -121,8 +123,32 @@ impl Bake<'_> {
         Ok(Some(with_emitters(&self.scene, &series.total)))
     }
 
+    /// All receivers and their links; `None` if it was stopped.
+    fn link(
+        &mut self,
+        tracer: &dyn Tracer,
+        rays: Directions,
+    ) -> Result<Option<(Vec<Receiver>, Links)>> {
+        let reflecting = (0..).zip(&self.scene.emissions);
+        let reflecting = reflecting.filter(|(_, e)| !emits(**e)).map(|(i, _)| i);
+        let reflecting: Vec<u32> = reflecting.collect();
+        let Some(seen) = self.look(tracer, &self.cameras())? else {
+            return Ok(None);
+        };
+        let places = self.places(tracer, &reflecting, &seen)?;
+        let receivers = places.into_iter().map(|(i, seen)| (i, seen.surface));
+        let receivers: Vec<Receiver> = receivers.collect();
+        let links = self.trace_links(tracer, &receivers, rays)?;
+        Ok(links.map(|links| (receivers, links)))
+    }
+
     fn check_memory(&self, rays: Directions) -> Result<()> {
-        let needed = self.scene.len() as u64 * u64::from(rays.plain) * 4;
+        // Links that are kept have targets and weights of all directions, which are copied on the way to their file.
+        let num_values = match self.request.links {
+            Some(_) => 5 * (rays.plain + rays.to_lights),
+            None => rays.plain,
+        };
+        let needed = self.scene.len() as u64 * u64::from(num_values) * 4;
         match available_memory() {
             Some(available) if needed > available / 2 => Err(TrainError::Memory {
                 needed_mib: needed >> 20,
@@ -170,27 +196,50 @@ impl Bake<'_> {
         }
     }
 
-    /// All Gaussians that reflect, each with its surface; `None` if it was stopped. Those that no camera sees still light others.
-    fn receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Vec<Receiver>>> {
-        let total = self.frames.len();
+    /// Cameras of the views to bake for.
+    pub(super) fn cameras(&self) -> Vec<Camera> {
+        let frames = self.dataset.frames();
+        self.frames.iter().map(|&i| frames[i].camera).collect()
+    }
+
+    /// Each Gaussian as one of `cameras` sees it best; `None` if it was stopped.
+    pub(super) fn look(
+        &mut self,
+        tracer: &dyn Tracer,
+        cameras: &[Camera],
+    ) -> Result<Option<Vec<Option<Seen>>>> {
+        let total = cameras.len();
         let mut best = BestSeen::new(self.scene.len());
-        for (done, &frame) in (1..).zip(&self.frames) {
+        for (done, camera) in (1..).zip(cameras) {
             if self.stopped() {
                 return Ok(None);
             }
-            best.look(tracer, &self.dataset.frames()[frame].camera)?;
+            best.look(tracer, camera)?;
             (self.progress)(BakeProgress::Looking { done, total });
         }
-        let reflecting = (0..).zip(best.finish());
-        let reflecting: Vec<(u32, Option<Surface>)> = reflecting
-            .filter(|&(i, _)| !emits(self.scene.emissions[i as usize]))
-            .collect();
-        let unseen = reflecting.iter().filter(|(_, surface)| surface.is_none());
-        let unseen = unseen.map(|&(i, _)| self.scene.get(i as usize));
+        Ok(Some(best.finish()))
+    }
+
+    /// Where light arrives for the Gaussians `wanted`: where they are `seen`, or, of those that no camera sees, which still light others, on
+    /// their own plane. Camera [`LONE`] sees these, with no weight.
+    pub(super) fn places(
+        &self,
+        tracer: &dyn Tracer,
+        wanted: &[u32],
+        seen: &[Option<Seen>],
+    ) -> Result<Vec<(u32, Seen)>> {
+        let wanted = wanted.iter().map(|&i| (i, seen[i as usize]));
+        let unseen = wanted.clone().filter(|(_, seen)| seen.is_none());
+        let unseen = unseen.map(|(i, _)| self.scene.get(i as usize));
         let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
-        let receivers = reflecting.into_iter();
-        let receivers = receivers.filter_map(|(i, seen)| Some((i, seen.or_else(|| lone.next())?)));
-        Ok(Some(receivers.collect()))
+        let mut alone = || Seen {
+            surface: lone.next().expect("one for each that is not seen"),
+            weight: 0.0,
+            camera: LONE,
+        };
+        Ok(wanted
+            .map(|(i, seen)| (i, seen.unwrap_or_else(&mut alone)))
+            .collect())
     }
 
     fn store(&self, links: &Links, rays: Directions) -> Result<()> {
@@ -234,6 +283,7 @@ mod tests {
     use super::*;
     use eagpt_testkit::gaussians::{material, sphere};
     use eagpt_trace::cpu::CpuScene;
+    use eagpt_trace::transport::start::Surface;
 
     /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of area share f arrives evenly, and
     /// with albedo a the radiance of the rest after K bounces is `a L f Σ_{k<K} (a (1 − f))^k`.
