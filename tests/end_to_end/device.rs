@@ -79,12 +79,14 @@ fn a_gpu_bakes_what_the_cpu_does() {
     // steps of training, which rounding lets drift apart: 5e-4 were seen.
     for (method, options, tolerance) in [
         ("gaussians", "--samples 32", 1e-4),
+        ("gaussians", "--samples 32 --links OUT.links", 1e-4),
         ("views", "--spp 1 --bounces 2 --iterations 4", 5e-3),
     ] {
         let bake = format!("bake run/scene.ply --cameras room --method {method} {options}");
         for device in ["cpu", "gpu:0"] {
             let out = format!("{method}-{}", device.trim_end_matches(":0"));
-            place.succeeds(&format!("{bake} --out {out}.ply --device {device}"));
+            let bake = bake.replace("OUT", &out);
+            place.succeeds(&format!("{bake} --out {out}.ply --device {device} --force"));
             let record = place.json(&format!("{out}.record.json"));
             let recorded = record["device"].as_str().unwrap();
             assert!(recorded.starts_with(out.rsplit('-').next().unwrap()));
