@@ -1,6 +1,8 @@
 //! Links traced on a device against those of the CPU engine.
 
 mod gpu;
+#[path = "gpu/receivers.rs"]
+mod receivers;
 #[path = "gpu/room.rs"]
 mod room;
 
@@ -9,32 +11,14 @@ use eagpt_scene::{Gaussian, Gaussians, random_cloud};
 use eagpt_testkit::gaussians::{material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
-use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
-use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Ray, Tracer};
-use glam::{EulerRot, Mat3, Quat, Vec3};
+use glam::{EulerRot, Quat, Vec3};
+use receivers::receivers;
 use room::lit_room;
 
 fn key() -> RandomKey {
     RandomKey::new(7, Purpose::Bake, 1)
-}
-
-/// What does not emit, as its own plane, from the side that looks at the origin.
-fn receivers(scene: &Gaussians) -> Vec<Receiver> {
-    (0..)
-        .zip(scene.iter())
-        .filter(|(_, g)| g.emission <= EMISSION_THRESHOLD)
-        .map(|(i, g)| {
-            let normal = Mat3::from_quat(g.rotation).z_axis;
-            let surface = Surface {
-                position: g.position,
-                normal: -normal * normal.dot(g.position).signum(),
-                slab: 0.5 * (g.scale.x * g.scale.y).sqrt(),
-            };
-            (i, surface)
-        })
-        .collect()
 }
 
 fn trace(scene: &impl Tracer, receivers: &[Receiver], directions: Directions) -> Links {

@@ -1,5 +1,7 @@
 //! Links brought up to date against links traced from nothing.
 
+#[path = "gpu/receivers.rs"]
+mod receivers;
 #[path = "gpu/room.rs"]
 mod room;
 
@@ -11,8 +13,8 @@ use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::lights::Lights;
 use eagpt_trace::transport::links::known::{KnownDirections, UNKNOWN};
 use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
-use eagpt_trace::transport::start::Surface;
-use glam::{Mat3, Vec3};
+use glam::Vec3;
+use receivers::receivers;
 use room::lit_room;
 
 const DIRECTIONS: Directions = Directions {
@@ -26,23 +28,6 @@ fn key() -> RandomKey {
 
 fn emits(scene: &Gaussians, i: u32) -> bool {
     scene.emissions[i as usize] > EMISSION_THRESHOLD
-}
-
-/// What reflects, as its own plane, from the side that looks at the origin.
-fn receivers(scene: &Gaussians) -> Vec<Receiver> {
-    (0..scene.len() as u32)
-        .filter(|&i| !emits(scene, i))
-        .map(|i| {
-            let g = scene.get(i as usize);
-            let normal = Mat3::from_quat(g.rotation).z_axis;
-            let surface = Surface {
-                position: g.position,
-                normal: -normal * normal.dot(g.position).signum(),
-                slab: 0.5 * (g.scale.x * g.scale.y).sqrt(),
-            };
-            (i, surface)
-        })
-        .collect()
 }
 
 struct Fixture {

@@ -1,0 +1,24 @@
+//! Where light arrives, for tests that have no cameras.
+
+use eagpt_scene::Gaussians;
+use eagpt_trace::transport::EMISSION_THRESHOLD;
+use eagpt_trace::transport::links::Receiver;
+use eagpt_trace::transport::start::Surface;
+use glam::Mat3;
+
+/// What does not emit, as its own plane, from the side that looks at the origin.
+pub(crate) fn receivers(scene: &Gaussians) -> Vec<Receiver> {
+    (0..)
+        .zip(scene.iter())
+        .filter(|(_, g)| g.emission <= EMISSION_THRESHOLD)
+        .map(|(i, g)| {
+            let normal = Mat3::from_quat(g.rotation).z_axis;
+            let surface = Surface {
+                position: g.position,
+                normal: -normal * normal.dot(g.position).signum(),
+                slab: 0.5 * (g.scale.x * g.scale.y).sqrt(),
+            };
+            (i, surface)
+        })
+        .collect()
+}
