@@ -77,7 +77,8 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
     /// gaussians: keep what was traced in FILE, and take up what an earlier bake has left there, as far as the scene is the same: new light of lamps
-    /// and other albedos cost no ray, what was moved costs the rays in its way. Nothing is then kept in --work
+    /// and other albedos cost no ray, what was moved costs the rays in its way. Nothing is then kept in --work, and a bake that was stopped
+    /// begins again
     #[arg(long, value_name = "FILE")]
     links: Option<PathBuf>,
     /// Replace an earlier result of this command, and the work of another bake
@@ -222,7 +223,7 @@ fn unfinished(
     reporter.message(&serde_json::json!({
         "message": "done",
         "complete": false,
-        "path": request.work,
+        "path": args.links.is_none().then_some(&request.work),
         "num_rays": summary.num_rays,
     }))?;
     let work = request.work.display();
@@ -235,7 +236,11 @@ fn unfinished(
             Ok(ExitCode::SUCCESS)
         }
         _ => {
-            reporter.note(&format!("stopped: the same command continues from {work}"));
+            let next = match args.links {
+                None => format!("continues from {work}"),
+                Some(_) => "begins again".to_owned(),
+            };
+            reporter.note(&format!("stopped: the same command {next}"));
             Ok(interrupt::exit_code())
         }
     }
