@@ -5,19 +5,19 @@ use eagpt_trace::Ray;
 use eagpt_trace::model::MAX_RADIUS;
 use glam::{DVec2, Mat3, Vec3};
 
-/// Boxes of a scene's changes, at most. More would follow them more closely, and every ray is held against each.
-const MOST: usize = 64;
+/// Boxes of a scene's changes; there may be twice as many. More would follow them more closely, and every ray is held against each.
+const ABOUT: usize = 64;
 
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Box3 {
+struct Box3 {
     min: Vec3,
     max: Vec3,
 }
 
 impl Box3 {
     /// Around all of a Gaussian that counts.
-    pub(super) fn of(g: &Gaussian) -> Self {
+    fn of(g: &Gaussian) -> Self {
         let frame = Mat3::from_quat(g.rotation);
         let (u, v) = (frame.x_axis * g.scale.x, frame.y_axis * g.scale.y);
         let half = MAX_RADIUS * (u * u + v * v).map(f32::sqrt);
@@ -56,7 +56,7 @@ impl Boxes {
     pub(super) fn around(gaussians: impl Iterator<Item = Gaussian>) -> Self {
         let mut single: Vec<Box3> = gaussians.map(|g| Box3::of(&g)).collect();
         let mut boxes = Vec::new();
-        let at_most = single.len().div_ceil(MOST);
+        let at_most = single.len().div_ceil(ABOUT);
         divide(&mut single, at_most, &mut boxes);
         Self(boxes)
     }
@@ -145,7 +145,7 @@ mod tests {
         let cloud: Gaussians = cloud.iter().filter(|g| g.position.x > 0.5).collect();
         let boxes = Boxes::around(cloud.iter());
         assert!(
-            (MOST..=2 * MOST).contains(&boxes.0.len()),
+            (ABOUT..=2 * ABOUT).contains(&boxes.0.len()),
             "{}",
             boxes.0.len()
         );
