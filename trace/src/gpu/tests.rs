@@ -206,9 +206,11 @@ fn the_device_engine_is_right() {
 
 #[test]
 fn steps_are_timed_where_the_device_can() {
-    let Some(device) = device("times of steps") else {
+    if device("times of steps").is_none() {
         return;
-    };
+    }
+    // One that no other test works with: all that a device does is timed.
+    let device = Device::open(&Wanted::Any).unwrap();
     let values = device.buffer("values", 4 * 5000).unwrap();
     let steps = scan(&device, &values, 5000).unwrap();
     let (_, profile) = device.profile(|| device.run(&steps)).unwrap();
