@@ -72,6 +72,13 @@ pub struct BakeRequest {
     pub stop: Arc<AtomicBool>,
 }
 
+impl BakeRequest {
+    /// Whether the work folder is used.
+    fn has_work(&self) -> bool {
+        self.links.is_none() || matches!(self.options.method, BakeMethod::Views(_))
+    }
+}
+
 /// What a bake tells while it goes on.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "message")]
@@ -159,7 +166,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays: 0,
     };
-    if request.links.is_none() {
+    if request.has_work() {
         claim(request)?;
     }
     let radiances = match &request.options.method {
@@ -174,8 +181,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
                 ..bake.scene
             };
             ply::write_gaussians(&request.out, &baked)?;
-            if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.links.is_none()
-            {
+            if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.has_work() {
                 // Path-traced views are worth keeping, links are not.
                 clear(&request.work)?;
             }
@@ -205,6 +211,14 @@ struct Bake<'a> {
 impl Bake<'_> {
     fn stopped(&self) -> bool {
         self.request.stop.load(Ordering::Relaxed)
+    }
+
+    /// Indices of the Gaussians that reflect.
+    fn reflecting(&self) -> impl Iterator<Item = u32> {
+        (0..)
+            .zip(&self.scene.emissions)
+            .filter(|(_, e)| !emits(**e))
+            .map(|(i, _)| i)
     }
 }
 
@@ -261,9 +275,12 @@ impl Claim {
     }
 }
 
+fn digest(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
 /// Makes the work folder this bake's own.
 fn claim(request: &BakeRequest) -> Result<()> {
-    let digest = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
     let mut options = request.options;
     if let BakeMethod::Views(views) = &mut options.method {
         views.shard = Shard::WHOLE;

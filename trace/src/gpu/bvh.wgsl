@@ -11,6 +11,10 @@ struct Ray {
     own_normal: vec3f,
 }
 
+fn ray_of(query: RayQuery) -> Ray {
+    return Ray(query.origin, query.direction, query.t_own, query.own_normal);
+}
+
 struct Traversal {
     inverse: vec3f,
     // Beyond this nothing matters any more.

@@ -129,8 +129,6 @@ fn first_hits(
     if number >= light.num_receivers {
         return;
     }
-    let query = rays[number];
-    let ray = Ray(query.origin, query.direction, query.t_own, query.own_normal);
-    let hit = drawn_hit(ray, query.seed % NUM_DRAWS);
+    let hit = drawn_hit(ray_of(rays[number]), rays[number].seed % NUM_DRAWS);
     links[number] = select(hit, NOTHING, hit == NO_NODE);
 }

@@ -9,10 +9,6 @@
 @group(0) @binding(7) var<storage, read_write> ray_sums: array<Lanes>;
 @group(0) @binding(8) var<storage, read_write> chosen: array<u32>;
 
-fn ray_of(query: RayQuery) -> Ray {
-    return Ray(query.origin, query.direction, query.t_own, query.own_normal);
-}
-
 @compute @workgroup_size(64)
 fn blend_rays(
     @builtin(workgroup_id) workgroup: vec3u,

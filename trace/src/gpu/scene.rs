@@ -149,6 +149,14 @@ impl GpuScene {
         }
     }
 
+    fn link_rays<'a>(&'a self, links: &'a LinkBuffers) -> LinkRays<'a> {
+        LinkRays {
+            device: &self.device,
+            scene: &self.buffers,
+            links,
+        }
+    }
+
     /// Traces `camera`, band by band; see [`CameraTracer::trace`]. `finish` is made when all buffers are.
     fn trace_camera<F>(
         &self,
@@ -328,22 +336,14 @@ impl Tracer for GpuScene {
         directions: Directions,
         key: RandomKey,
     ) -> Result<Links, TraceError> {
-        let rays = LinkRays {
-            device: &self.device,
-            scene: &self.buffers,
-            links: &*self.links()?,
-        };
-        Ok(rays.trace(receivers, directions, key)?)
+        let links = self.links()?;
+        Ok(self.link_rays(&links).trace(receivers, directions, key)?)
     }
 
     fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
         let queries = (rays.iter().zip(draws)).map(|(ray, draw)| RayQuery::new(ray, *draw));
         let queries: Vec<RayQuery> = queries.collect();
-        let links = LinkRays {
-            device: &self.device,
-            scene: &self.buffers,
-            links: &*self.links()?,
-        };
-        Ok(links.first_hits(&queries)?)
+        let links = self.links()?;
+        Ok(self.link_rays(&links).first_hits(&queries)?)
     }
 }

@@ -6,7 +6,7 @@
 //! ([`eagpt_trace::transport::links`]). That is the first term, and the matrix T of all further ones: a bounce more is a product of it
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 
-use super::{Bake, BakeProgress, emits, with_emitters};
+use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::sealed::Kind;
 use crate::surfaces::{self, BestSeen, Seen};
@@ -129,9 +129,7 @@ impl Bake<'_> {
         tracer: &dyn Tracer,
         rays: Directions,
     ) -> Result<Option<(Vec<Receiver>, Links)>> {
-        let reflecting = (0..).zip(&self.scene.emissions);
-        let reflecting = reflecting.filter(|(_, e)| !emits(**e)).map(|(i, _)| i);
-        let reflecting: Vec<u32> = reflecting.collect();
+        let reflecting: Vec<u32> = self.reflecting().collect();
         let Some(seen) = self.look(tracer, &self.cameras())? else {
             return Ok(None);
         };
@@ -167,7 +165,7 @@ impl Bake<'_> {
         rays: Directions,
     ) -> Result<Option<Links>> {
         let mut links = self.taken_up(receivers.len(), rays)?;
-        let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 1);
+        let key = self.key();
         let total = receivers.len();
         let mut stored = Instant::now();
         loop {
@@ -194,6 +192,11 @@ impl Bake<'_> {
                 }
             }
         }
+    }
+
+    /// Of the random numbers of all directions.
+    pub(super) fn key(&self) -> RandomKey {
+        RandomKey::new(self.request.options.seed, Purpose::Bake, 1)
     }
 
     /// Cameras of the views to bake for.
@@ -280,6 +283,7 @@ impl Bake<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::emits;
     use super::*;
     use eagpt_testkit::gaussians::{material, sphere};
     use eagpt_trace::cpu::CpuScene;

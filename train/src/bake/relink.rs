@@ -11,101 +11,28 @@
 mod boxes;
 mod change;
 mod kept;
+mod rows;
 
 use super::gaussians::{AT_ONCE, LONE};
-use super::{Bake, BakeProgress, emits};
+use super::{Bake, BakeProgress, digest, emits};
 use crate::error::Result;
 use crate::surfaces::Seen;
 use change::{Change, are_fair};
-use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics, files};
+use eagpt_scene::{Camera, Gaussian, Gaussians, files};
 use eagpt_trace::model::MAX_RADIUS;
 use eagpt_trace::transport::lights::Lights;
-use eagpt_trace::transport::links::known::{KnownDirections, UNKNOWN};
+use eagpt_trace::transport::links::known::KnownDirections;
 use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
 use eagpt_trace::{Ray, Tracer};
 use glam::Vec3;
-use kept::{Kept, KeptReceiver, Setup, shape};
+use kept::{Kept, Setup, shape};
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use rows::{KeptReceiver, Places, Rows};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Weights in a pixel that differ by less of themselves are those of the same ray, in a part of a picture and in all of it.
 const SAME_WEIGHT: f32 = 1e-3;
-
-/// From here on are numbers that are no index, for receivers whose index names the random numbers of another.
-const OTHER_ELEMENTS: u32 = 1 << 30;
-
-/// Where light arrives.
-struct Places {
-    /// Rows of the earlier bake that still hold, by the index of the Gaussian now.
-    known: HashMap<u32, usize>,
-    /// All else that reflects, by index.
-    fresh: Vec<(u32, Seen)>,
-}
-
-/// Receivers with what their directions meet.
-#[derive(Default)]
-struct Rows {
-    receivers: Vec<KeptReceiver>,
-    targets: Vec<u32>,
-    weights: Vec<f32>,
-}
-
-impl Rows {
-    /// Puts receivers from all `places` in the order of their indices. The targets of known ones are called what `renamed` makes of them; those
-    /// towards emitters are unknown unless it `keeps_lights`.
-    fn merge(
-        earlier: &Kept,
-        places: &Places,
-        renamed: impl Fn(u32) -> u32,
-        keeps_lights: bool,
-    ) -> Self {
-        let [plain, to_lights] = earlier.setup.directions.map(|num| num as usize);
-        let num = plain + to_lights;
-        let Places { known, fresh } = places;
-        let taken = known.values().map(|&row| earlier.receivers[row].element);
-        let mut taken: HashSet<u32> = taken.collect();
-        let mut others = OTHER_ELEMENTS..;
-        let mut element = |index: u32| {
-            let mut candidates = std::iter::once(index).chain(&mut others);
-            candidates
-                .find(|&element| taken.insert(element))
-                .expect("more than Gaussians")
-        };
-        let mut order: Vec<(u32, Option<Seen>)> = known.keys().map(|&i| (i, None)).collect();
-        order.extend(fresh.iter().map(|&(i, seen)| (i, Some(seen))));
-        order.sort_unstable_by_key(|(i, _)| *i);
-        let mut rows = Self::default();
-        for (index, fresh) in order {
-            if let Some(seen) = fresh {
-                let element = element(index);
-                rows.receivers.push(KeptReceiver {
-                    index,
-                    element,
-                    seen,
-                });
-                rows.targets.resize(rows.targets.len() + num, UNKNOWN);
-                rows.weights.resize(rows.targets.len(), 0.0);
-                continue;
-            }
-            let row = known[&index];
-            let one = earlier.receivers[row];
-            rows.receivers.push(KeptReceiver { index, ..one });
-            let range = row * num..(row + 1) * num;
-            let targets = earlier.targets[range.clone()].iter().map(|&t| renamed(t));
-            if keeps_lights {
-                rows.targets.extend(targets);
-                rows.weights.extend_from_slice(&earlier.weights[range]);
-            } else {
-                rows.targets.extend(targets.take(plain));
-                rows.targets.resize(rows.receivers.len() * num, UNKNOWN);
-                rows.weights.resize(rows.targets.len(), 0.0);
-            }
-        }
-        rows
-    }
-}
 
 impl Bake<'_> {
     /// All receivers and their links, with what the file at `path` knows of them; it then knows these. `None` if it was stopped.
@@ -121,12 +48,7 @@ impl Bake<'_> {
             return Ok(None);
         };
         let emitters = self.scene.iter().filter(|g| emits(g.emission));
-        let emitters: Gaussians = emitters
-            .map(|g| Gaussian {
-                harmonics: Harmonics::NONE,
-                ..g
-            })
-            .collect();
+        let emitters: Gaussians = emitters.collect();
         let fair = are_fair(&earlier.lights, &emitters);
         let looked_for = if fair {
             earlier.lights.clone()
@@ -134,10 +56,8 @@ impl Bake<'_> {
             emitters
         };
         let lights = Lights::new(&looked_for);
-        let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 1);
-        let known = KnownDirections::new(lights.as_ref(), directions, key);
-        let renamed = |target| change.target(target);
-        let mut rows = Rows::merge(&earlier, &places, renamed, fair);
+        let known = KnownDirections::new(lights.as_ref(), directions, self.key());
+        let mut rows = Rows::merge(&earlier, &places, &change, fair);
         let receivers: Vec<Receiver> = (rows.receivers.iter())
             .map(|one| (one.element, one.seen.surface))
             .collect();
@@ -161,9 +81,7 @@ impl Bake<'_> {
             setup: earlier.setup,
             shapes: scene.iter().map(|g| shape(&g)).collect(),
             lights: looked_for,
-            receivers: rows.receivers,
-            targets: rows.targets,
-            weights: rows.weights,
+            rows,
         };
         kept.write(path)?;
         Ok(Some((receivers, links)))
@@ -173,7 +91,7 @@ impl Bake<'_> {
     fn earlier(&mut self, directions: Directions, path: &Path) -> Result<Kept> {
         let cameras = files::read(self.dataset.transforms())?;
         let setup = Setup {
-            cameras: blake3::hash(&cameras).to_hex().to_string(),
+            cameras: digest(&cameras),
             frames: self.frames.clone(),
             directions: [directions.plain, directions.to_lights],
             seed: self.request.options.seed,
@@ -218,7 +136,7 @@ impl Bake<'_> {
         // Where something is gone, others may be seen better than before.
         known.retain(|&i, row| {
             let now = seen[i as usize].map_or(0.0, |seen| seen.weight);
-            now <= (1.0 + SAME_WEIGHT) * earlier.receivers[*row].seen.weight
+            now <= (1.0 + SAME_WEIGHT) * earlier.rows.receivers[*row].seen.weight
         });
         let fresh = self.places(tracer, &self.without(&known), &seen)?;
         Ok(Some(Places { known, fresh }))
@@ -246,7 +164,7 @@ impl Bake<'_> {
             let end = origin.distance(surface.position) + 2.0 * surface.slab;
             !change.all.are_crossed(&ray, end)
         };
-        let rows = earlier.receivers.par_iter().enumerate();
+        let rows = earlier.rows.receivers.par_iter().enumerate();
         rows.filter_map(|(row, one)| {
             let now = change.now[one.index as usize]?;
             let reflects = !emits(emissions[now as usize]);
@@ -257,9 +175,8 @@ impl Bake<'_> {
 
     /// What reflects and is not in `places`.
     fn without(&self, places: &HashMap<u32, usize>) -> Vec<u32> {
-        let all = (0..).zip(&self.scene.emissions);
-        all.filter(|&(i, e)| !emits(*e) && !places.contains_key(&i))
-            .map(|(i, _)| i)
+        self.reflecting()
+            .filter(|i| !places.contains_key(i))
             .collect()
     }
 

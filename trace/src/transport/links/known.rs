@@ -17,9 +17,6 @@ use rayon::prelude::*;
 /// Target of a direction that is to be traced.
 pub const UNKNOWN: u32 = 0x7f7f_fffe;
 
-/// Receivers whose unknown directions are traced at once, at most.
-const AT_ONCE: usize = 16 * TOGETHER;
-
 /// All directions of receivers. The first [`Directions::plain`] of each are those about the normal; [`Directions::to_lights`] follow.
 #[derive(Debug, Clone, Copy)]
 pub struct KnownDirections<'a> {
@@ -68,7 +65,8 @@ impl<'a> KnownDirections<'a> {
             });
     }
 
-    /// Traces the unknown ones of the `targets` of `receivers`, `[receivers, directions]`, through `scene`. Returns the number of rays.
+    /// Traces the unknown ones of the `targets` of `receivers`, `[receivers, directions]`, through `scene`. Returns the number of rays, which are all
+    /// in memory at once: many receivers are better traced in pieces.
     ///
     /// # Errors
     /// If the device of the `scene` gives up.
@@ -79,38 +77,32 @@ impl<'a> KnownDirections<'a> {
         targets: &mut [u32],
     ) -> Result<u64, TraceError> {
         let num = self.num();
-        let mut num_rays = 0;
-        for (receivers, targets) in
-            (receivers.chunks(AT_ONCE)).zip(targets.chunks_mut(AT_ONCE * num))
-        {
-            let groups = receivers.par_chunks(TOGETHER).enumerate();
-            let unknown: Vec<Vec<(usize, u32, Ray)>> = groups
-                .map(|(group, receivers)| {
-                    let unknown = self.in_order(receivers).filter_map(|(at, number, draw)| {
-                        let place = (group * TOGETHER + at) * num + number as usize;
-                        if targets[place] != UNKNOWN {
-                            return None;
-                        }
-                        let direction = self.direction(&receivers[at], number)?;
-                        Some((place, draw, receivers[at].1.ray(direction)))
-                    });
-                    unknown.collect()
-                })
-                .collect();
-            let unknown = unknown.concat();
-            let rays: Vec<Ray> = unknown.iter().map(|(.., ray)| *ray).collect();
-            let draws: Vec<u32> = unknown.iter().map(|(_, draw, _)| *draw).collect();
-            let hits = scene.drawn_hits(&rays, &draws)?;
-            for ((place, ..), hit) in unknown.iter().zip(hits) {
-                targets[*place] = hit;
-            }
-            // What is left has nowhere to go.
-            for target in targets.iter_mut().filter(|target| **target == UNKNOWN) {
-                *target = NOTHING;
-            }
-            num_rays += rays.len() as u64;
+        let groups = receivers.par_chunks(TOGETHER).enumerate();
+        let unknown: Vec<Vec<(usize, u32, Ray)>> = groups
+            .map(|(group, receivers)| {
+                let unknown = self.in_order(receivers).filter_map(|(at, number, draw)| {
+                    let place = (group * TOGETHER + at) * num + number as usize;
+                    if targets[place] != UNKNOWN {
+                        return None;
+                    }
+                    let direction = self.direction(&receivers[at], number)?;
+                    Some((place, draw, receivers[at].1.ray(direction)))
+                });
+                unknown.collect()
+            })
+            .collect();
+        let unknown = unknown.concat();
+        let rays: Vec<Ray> = unknown.iter().map(|(.., ray)| *ray).collect();
+        let draws: Vec<u32> = unknown.iter().map(|(_, draw, _)| *draw).collect();
+        let hits = scene.drawn_hits(&rays, &draws)?;
+        for ((place, ..), hit) in unknown.iter().zip(hits) {
+            targets[*place] = hit;
         }
-        Ok(num_rays)
+        // What is left has nowhere to go.
+        for target in targets.iter_mut().filter(|target| **target == UNKNOWN) {
+            *target = NOTHING;
+        }
+        Ok(rays.len() as u64)
     }
 
     /// The links of `receivers`, given all their `targets`, and what Gaussians emit, `None` for what reflects. No ray is counted. The `weights` of

@@ -1,5 +1,6 @@
 //! The file in which a bake keeps its links for the next one.
 
+use super::rows::{KeptReceiver, Rows};
 use crate::bake::gaussians::LONE;
 use crate::error::Result;
 use crate::sealed::Kind;
@@ -73,17 +74,6 @@ pub(super) fn shaped(shape: &Shape) -> Gaussian {
     }
 }
 
-/// A Gaussian that light is gathered for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct KeptReceiver {
-    /// Index of the Gaussian.
-    pub(super) index: u32,
-    /// What keeps its random numbers apart from those of others.
-    pub(super) element: u32,
-    /// Where light arrives, and among [`Setup::frames`] who saw that.
-    pub(super) seen: Seen,
-}
-
 /// Links of a bake, direction by direction.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kept {
@@ -92,12 +82,7 @@ pub(super) struct Kept {
     pub(super) shapes: Vec<Shape>,
     /// The emitters that directions look for.
     pub(super) lights: Gaussians,
-    /// What light is gathered for, `[r]`.
-    pub(super) receivers: Vec<KeptReceiver>,
-    /// What directions meet, `[r, directions]`.
-    pub(super) targets: Vec<u32>,
-    /// What the light of emitters counts that they find, 0 where that was not asked for. `[r, directions]`
-    pub(super) weights: Vec<f32>,
+    pub(super) rows: Rows,
 }
 
 impl Kept {
@@ -107,9 +92,7 @@ impl Kept {
             setup,
             shapes: Vec::new(),
             lights: Gaussians::default(),
-            receivers: Vec::new(),
-            targets: Vec::new(),
-            weights: Vec::new(),
+            rows: Rows::default(),
         }
     }
 
@@ -119,14 +102,19 @@ impl Kept {
             setup: self.setup.clone(),
             num_gaussians: self.shapes.len(),
             num_lights: self.lights.len(),
-            num_receivers: self.receivers.len(),
+            num_receivers: self.rows.receivers.len(),
         };
+        let Rows {
+            receivers,
+            targets,
+            weights,
+        } = &self.rows;
         let float = |bits: &u32| f32::from_bits(*bits);
         let shapes: Vec<f32> = self.shapes.iter().flatten().map(float).collect();
         let lights: Vec<f32> = self.lights.iter().flat_map(|g| light_values(&g)).collect();
-        let rows: Vec<f32> = self.receivers.iter().flat_map(row_values).collect();
-        let targets: Vec<f32> = self.targets.iter().map(float).collect();
-        let arrays: [&[f32]; 5] = [&shapes, &lights, &rows, &targets, &self.weights];
+        let rows: Vec<f32> = receivers.iter().flat_map(row_values).collect();
+        let targets: Vec<f32> = targets.iter().map(float).collect();
+        let arrays: [&[f32]; 5] = [&shapes, &lights, &rows, &targets, weights];
         KIND.write(path, &header, &arrays)
     }
 
@@ -160,16 +148,18 @@ impl Kept {
                 .map(|values| values.map(f32::to_bits))
                 .collect(),
             lights: lights.as_chunks().0.iter().map(light).collect(),
-            receivers: rows.as_chunks().0.iter().map(row).collect(),
-            targets: targets.iter().map(|value| value.to_bits()).collect(),
-            weights: weights.to_vec(),
+            rows: Rows {
+                receivers: rows.as_chunks().0.iter().map(row).collect(),
+                targets: targets.iter().map(|value| value.to_bits()).collect(),
+                weights: weights.to_vec(),
+            },
         };
         let is_index = |&i: &u32| (i as usize) < kept.shapes.len();
         let is_camera = |i: u32| i == LONE || (i as usize) < kept.setup.frames.len();
         let is_whole = rest.is_empty()
-            && (kept.receivers.iter())
+            && (kept.rows.receivers.iter())
                 .all(|one| is_index(&one.index) && is_camera(one.seen.camera))
-            && (kept.targets.iter()).all(|target| *target == NOTHING || is_index(target));
+            && (kept.rows.targets.iter()).all(|target| *target == NOTHING || is_index(target));
         if is_whole {
             Ok(kept)
         } else {
