@@ -142,7 +142,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .work
             .clone()
             .unwrap_or_else(|| args.out.with_extension("work")),
-        links: args.links.clone(),
+        matrix: args.links.clone(),
         options,
         device: engine.for_training(),
         start_over: args.force,

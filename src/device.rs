@@ -6,7 +6,7 @@ use clap::Args;
 use eagpt_scene::Gaussians;
 use eagpt_trace::Tracer;
 #[cfg(feature = "gpu")]
-use eagpt_trace::gpu::{self, Kind, Wanted};
+use eagpt_trace::gpu::{self, DeviceSelector, Kind};
 use eagpt_train::backend::TrainDevice;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -98,7 +98,7 @@ impl DeviceChoice {
         let device = match self {
             Self::Cpu => return Ok(Engine::Cpu),
             Self::Auto if !may_have_hardware() => return Ok(Engine::Cpu),
-            Self::Auto => match gpu::Device::open(&Wanted::Hardware) {
+            Self::Auto => match gpu::Device::open(&DeviceSelector::Hardware) {
                 Ok(device) => device,
                 Err(gpu::GpuError::NotFound { .. }) => return Ok(Engine::Cpu),
                 Err(error) => {
@@ -106,12 +106,12 @@ impl DeviceChoice {
                     return Ok(Engine::Cpu);
                 }
             },
-            Self::Gpu => match gpu::Device::open(&Wanted::Hardware) {
-                Err(gpu::GpuError::NotFound { .. }) => gpu::Device::open(&Wanted::Any)?,
+            Self::Gpu => match gpu::Device::open(&DeviceSelector::Hardware) {
+                Err(gpu::GpuError::NotFound { .. }) => gpu::Device::open(&DeviceSelector::Any)?,
                 opened => opened?,
             },
-            Self::Index(index) => gpu::Device::open(&Wanted::Index(*index))?,
-            Self::Name(name) => gpu::Device::open(&Wanted::Name(name.clone()))?,
+            Self::Index(index) => gpu::Device::open(&DeviceSelector::Index(*index))?,
+            Self::Name(name) => gpu::Device::open(&DeviceSelector::Name(name.clone()))?,
         };
         let adapter = device.adapter();
         reporter.note(&match adapter.kind {

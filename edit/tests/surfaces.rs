@@ -5,7 +5,7 @@
 use eagpt_edit::insert::{Material, Solid, Surface};
 use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::sums::Sums;
+use eagpt_trace::features::Features;
 use eagpt_trace::transport::RayTracer;
 use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::PI;
@@ -25,7 +25,13 @@ fn surface(solid: Solid, spacing: Option<f32>) -> Surface {
 
 /// Parallel rays along `direction` through a square grid of `num` × `num` points of a window of half-width `half`
 /// about `centre`; with each its place in the window.
-fn look(scene: &CpuScene, centre: Vec3, direction: Vec3, half: f32, num: u16) -> Vec<(Vec2, Sums)> {
+fn look(
+    scene: &CpuScene,
+    centre: Vec3,
+    direction: Vec3,
+    half: f32,
+    num: u16,
+) -> Vec<(Vec2, Features)> {
     let (right, up) = direction.any_orthonormal_pair();
     let place = |i: u16| (2.0 * (f32::from(i) + 0.5) / f32::from(num) - 1.0) * half;
     let mut seen = Vec::new();
@@ -41,8 +47,12 @@ fn look(scene: &CpuScene, centre: Vec3, direction: Vec3, half: f32, num: u16) ->
 }
 
 /// The area of the shadow that parallel light would make.
-fn shadow_area(seen: &[(Vec2, Sums)], half: f32) -> f32 {
-    let share: f32 = seen.iter().map(|(_, sums)| sums.alpha()).sum::<f32>() / seen.len() as f32;
+fn shadow_area(seen: &[(Vec2, Features)], half: f32) -> f32 {
+    let share: f32 = seen
+        .iter()
+        .map(|(_, features)| features.alpha())
+        .sum::<f32>()
+        / seen.len() as f32;
     share * (2.0 * half).powi(2)
 }
 
@@ -63,11 +73,14 @@ fn a_ball_is_opaque_round_and_of_its_size() {
             let seen = look(&scene, centre, direction, 0.35, 160);
             let ratio = shadow_area(&seen, 0.35) / (PI * radius * radius);
             assert!((ratio - 1.0).abs() < 0.01, "{spacing:?}: {ratio}");
-            for (at, sums) in seen.iter().filter(|(at, _)| at.length() < 0.9 * radius) {
-                assert!(sums.alpha() > 0.98, "{at}: {}", sums.alpha());
-                let albedo = sums.albedo() / sums.alpha();
+            for (at, features) in seen.iter().filter(|(at, _)| at.length() < 0.9 * radius) {
+                assert!(features.alpha() > 0.98, "{at}: {}", features.alpha());
+                let albedo = features.albedo() / features.alpha();
                 assert!((albedo - MATERIAL.albedo).length() < 1e-4);
-                assert_eq!((sums.emission(), sums.radiance()), (0.0, Vec3::ZERO));
+                assert_eq!(
+                    (features.emission(), features.radiance()),
+                    (0.0, Vec3::ZERO)
+                );
             }
         }
     }
@@ -101,8 +114,8 @@ fn a_quad_is_opaque_and_as_large_as_its_edges() {
         let ratio = shadow_area(&seen, 1.1) / 1.5;
         // Coarse discs leave the corners open.
         assert!((ratio - 1.0).abs() < 0.02, "{spacing:?}: {ratio}");
-        for (at, sums) in seen.iter().filter(|(at, _)| at.abs().max_element() < 0.33) {
-            assert!(sums.alpha() > 0.98, "{at}: {}", sums.alpha());
+        for (at, features) in seen.iter().filter(|(at, _)| at.abs().max_element() < 0.33) {
+            assert!(features.alpha() > 0.98, "{at}: {}", features.alpha());
         }
     }
 }
@@ -156,7 +169,7 @@ fn an_emitter_shows_its_radiance_and_the_spacing_sets_the_number() {
     assert_eq!(discs.len(), 1257);
     let scene = CpuScene::new(&discs);
     let ray = Ray::free([0.0, 0.0, 5.0], [0.0, 0.0, -1.0]);
-    let sums = scene.trace(&ray);
-    assert!((sums.radiance() / 12.0 - sums.alpha()).length() < 1e-4);
-    assert!(sums.emission() > 0.98);
+    let features = scene.trace(&ray);
+    assert!((features.radiance() / 12.0 - features.alpha()).length() < 1e-4);
+    assert!(features.emission() > 0.98);
 }

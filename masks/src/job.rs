@@ -253,7 +253,7 @@ impl<'a> Job<'a> {
         let options = &self.request.options;
         let mut mask = match (options.source, &self.scene, threshold) {
             (Source::Emission(least), Some(scene), _) => {
-                let emission = scene.camera_sums(&view.camera)?.extract(|s| [s.emission()]);
+                let emission = scene.gbuffer(&view.camera)?.extract(|s| [s.emission()]);
                 let (width, height) = emission.size();
                 Some(Mask::from_fn(width, height, |x, y| {
                     emission.get(x, y)[0] >= least
@@ -304,7 +304,7 @@ impl<'a> Job<'a> {
         let camera = consistency::reduced(&view.camera);
         let depth = match (&self.scene, &view.depth) {
             (_, Some(depth)) => nearest(depth, &camera),
-            (Some(scene), None) => scene.camera_sums(&camera)?.depth(&camera),
+            (Some(scene), None) => scene.gbuffer(&camera)?.depth(&camera),
             (None, None) => return Ok(None),
         };
         let regions = mask.as_ref().map(Mask::regions).unwrap_or_default();
@@ -337,7 +337,7 @@ impl<'a> Job<'a> {
         Some(consistency::compare(&sights, check.min_support))
     }
 
-    /// Draws pictures, drops what has to be dropped, and sums up.
+    /// Draws pictures, drops what has to be dropped, and features up.
     fn finish_views(
         &mut self,
         masked: &Masked,

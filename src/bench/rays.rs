@@ -7,10 +7,10 @@ use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::{CameraRecord, CpuScene, Wanted};
+use eagpt_trace::cpu::{CameraRecord, CpuScene, GradientMask};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::RayTracer;
-use eagpt_trace::transport::links::NUM_DRAWS;
+use eagpt_trace::transport::matrix::NUM_REALIZATIONS;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Ray, Tracer};
@@ -58,8 +58,8 @@ fn through_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, search: HitSearch<'
     let mut record = CameraRecord::default();
     sheet.measure("forward and adjoint", Unit::Rays, num_rays, || {
         for camera in bench.cameras() {
-            let sums = record.trace(&set, camera, search, Keep::Record);
-            black_box(record.adjoint(&set, &sums.pixels, Wanted::Everything));
+            let features = record.trace(&set, camera, search, Keep::Record);
+            black_box(record.adjoint(&set, &features.pixels, GradientMask::Everything));
         }
         Ok(())
     })
@@ -102,14 +102,19 @@ fn one_hit(sheet: &mut Sheet<'_>, scene: &CpuScene, rays: &[Ray]) -> Result<()> 
             Ok(())
         },
     )?;
-    // As links are traced: rays of a draw together.
-    let together = rays.len().div_ceil(NUM_DRAWS as usize);
-    sheet.measure("one hit of a draw", Unit::Rays, rays.len() as f64, || {
-        rays.par_iter().enumerate().for_each(|(at, ray)| {
-            black_box(scene.drawn_hit(ray, (at / together) as u32));
-        });
-        Ok(())
-    })
+    // As matrix are traced: rays of a realization together.
+    let together = rays.len().div_ceil(NUM_REALIZATIONS as usize);
+    sheet.measure(
+        "one hit of a realization",
+        Unit::Rays,
+        rays.len() as f64,
+        || {
+            rays.par_iter().enumerate().for_each(|(at, ray)| {
+                black_box(scene.realization_hit(ray, (at / together) as u32));
+            });
+            Ok(())
+        },
+    )
 }
 
 /// A ray from every n-th pixel's surface that `ray` makes one of.
@@ -123,8 +128,8 @@ fn rays_from_surfaces(
     let mut rays = Vec::new();
     for (view, camera) in bench.cameras().enumerate() {
         let frame = camera.ray_frame();
-        let sums = scene.camera_sums(camera)?;
-        for (pixel, seen) in sums.pixels.iter().enumerate().step_by(step) {
+        let features = scene.gbuffer(camera)?;
+        for (pixel, seen) in features.pixels.iter().enumerate().step_by(step) {
             let (x, y) = column_and_row(camera, pixel);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             let numbers = key.stream(pixel as u32, view as u32).next_uniforms();

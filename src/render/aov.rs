@@ -4,7 +4,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Camera, Image, png};
-use eagpt_trace::SumImage;
+use eagpt_trace::GBuffer;
 use serde::Serialize;
 use std::path::Path;
 
@@ -44,31 +44,31 @@ impl Aov {
     pub(super) fn write(
         self,
         camera: &Camera,
-        sums: &SumImage,
+        features: &GBuffer,
         exr_path: &Path,
         png_path: &Path,
     ) -> Result<()> {
         match self {
             Self::Normal => {
-                let image = sums.extract(|s| s.unit_normal().to_array());
+                let image = features.extract(|s| s.unit_normal().to_array());
                 exr::write_rgb(exr_path, &image, Precision::Half)?;
                 write_signed(png_path, &image)?;
             }
             // Half precision has steps of millimetres at a few metres: too coarse for a depth.
-            Self::Depth => exr::write_single(exr_path, &sums.depth(camera), Precision::Float)?,
+            Self::Depth => exr::write_single(exr_path, &features.depth(camera), Precision::Float)?,
             Self::Albedo => {
-                let image = sums.extract(|s| s.albedo().to_array());
+                let image = features.extract(|s| s.albedo().to_array());
                 exr::write_rgb(exr_path, &image, Precision::Half)?;
                 png::write_srgb8(png_path, &image)?;
             }
             Self::Emission => {
-                let image = sums.extract(|s| [s.emission()]);
+                let image = features.extract(|s| [s.emission()]);
                 exr::write_single(exr_path, &image, Precision::Half)?;
                 // A score, not light: shown as it is, black 0 and white 1.
                 write_bytes(png_path, &image.map(|[e]| [*e; 3]))?;
             }
             Self::Alpha => {
-                let image = sums.extract(|s| [s.alpha()]);
+                let image = features.extract(|s| [s.alpha()]);
                 exr::write_single(exr_path, &image, Precision::Half)?;
             }
         }

@@ -67,9 +67,9 @@ pub(super) fn denoised(
     let frame = frame(args, camera, rays, pixels, args.spp.div_ceil(num_rays));
     let mut image = denoiser.denoise(&frame)?;
     // A pixel that counts as an emitter stays as it is, even if some of its rays pass the emitter by.
-    let emitters = pixels.sums.pixels.iter().zip(pixels.radiance.pixels());
-    for (pixel, (sums, light)) in image.pixels_mut().iter_mut().zip(emitters) {
-        if sums.emission() > args.emission_threshold {
+    let emitters = pixels.features.pixels.iter().zip(pixels.radiance.pixels());
+    for (pixel, (features, light)) in image.pixels_mut().iter_mut().zip(emitters) {
+        if features.emission() > args.emission_threshold {
             *pixel = *light;
         }
     }
@@ -100,26 +100,26 @@ fn frame(
     };
     let view = camera.ray_frame();
     let share = 1.0 / (factor * factor) as f32;
-    for i in 0..pixels.sums.pixels.len() {
+    for i in 0..pixels.features.pixels.len() {
         let (x0, y0) = (i as u32 % width * factor, i as u32 / width * factor);
         let mut met = 0.0;
         for (x, y) in (y0..y0 + factor).flat_map(|y| (x0..x0 + factor).map(move |x| (x, y))) {
             let ray = (y * camera.width + x) as usize;
-            let sums = &rays.sums.pixels[ray];
+            let features = &rays.features.pixels[ray];
             let light = rays.radiance.pixels()[ray];
-            if sums.emission() > threshold {
+            if features.emission() > threshold {
                 add(&mut frame.emitted.pixels_mut()[i], light, share);
                 continue;
             }
             let direction = view.direction(x as f32 + 0.5, y as f32 + 0.5);
-            let Some(surface) = Surface::at(view.origin, direction, sums) else {
+            let Some(surface) = Surface::at(view.origin, direction, features) else {
                 continue;
             };
             met += 1.0;
             add(&mut frame.reflected.pixels_mut()[i], light, share);
             add(
                 &mut frame.albedo.pixels_mut()[i],
-                sums.albedo().into(),
+                features.albedo().into(),
                 share,
             );
             add(

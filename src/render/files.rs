@@ -74,7 +74,7 @@ pub(super) fn write(
         let dir = args.out.join(aov.name());
         let exr_path = output::place(&dir, &exr_name(name))?;
         let png_path = output::place(&dir, &png_name(name))?;
-        aov.write(&shot.camera, &rendered.sums, &exr_path, &png_path)?;
+        aov.write(&shot.camera, &rendered.features, &exr_path, &png_path)?;
     }
     Ok(())
 }

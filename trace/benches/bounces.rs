@@ -1,4 +1,4 @@
-//! Rays per second of bounces: from points on surfaces, in cosine-weighted directions, blended, with one chosen hit, and through draws of
+//! Rays per second of bounces: from points on surfaces, in cosine-weighted directions, blended, with one chosen hit, and through realizations of
 //! the scene. Rooms of the same shape at finer and finer discs, and the scene that `EAGPT_SCENE` names, if it does.
 //! `cargo bench -p eagpt-trace --bench bounces`; one thread.
 #![allow(
@@ -13,7 +13,7 @@ use eagpt_testkit::gaussians::{cube, material, rectangle, sphere};
 use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::bvh::RayScratch;
-use eagpt_trace::cpu::draws::Draws;
+use eagpt_trace::cpu::realizations::Realizations;
 use eagpt_trace::transport::RayTracer;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
@@ -87,12 +87,15 @@ fn measure(c: &mut Criterion, name: &str, gaussians: &Gaussians) {
             }
         });
     });
-    let draws = Draws::new(scene.surfels(), 0);
-    for (name, together) in [("a draw, at random", 1), ("a draw, in turns", 512)] {
+    let realizations = Realizations::new(scene.surfels(), 0);
+    for (name, together) in [
+        ("a realization, at random", 1),
+        ("a realization, in turns", 512),
+    ] {
         group.bench_function(name, |b| {
             b.iter(|| {
                 for (ray, i) in rays.iter().zip(0..) {
-                    black_box(draws.nearest(ray, i / together, &mut scratch));
+                    black_box(realizations.nearest(ray, i / together, &mut scratch));
                 }
             });
         });

@@ -8,7 +8,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use eagpt_scene::{Camera, Dataset, Gaussians, ply};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
-use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
 use eagpt_trace::cpu::{CameraRecord, CpuScene};
 use eagpt_trace::transport::Sampling;
@@ -74,14 +74,17 @@ fn camera_rays(c: &mut Criterion) {
             });
         });
         for (wanted, what) in [
-            (Wanted::Everything, "adjoint"),
-            (Wanted::LightAndMaterial, "adjoint of light and material"),
+            (GradientMask::Everything, "adjoint"),
+            (
+                GradientMask::LightAndMaterial,
+                "adjoint of light and material",
+            ),
         ] {
             group.bench_function(format!("forward and {what}, {name}"), |b| {
                 b.iter(|| {
                     for camera in &cameras {
-                        let sums = record.trace(set, camera, search, Keep::Record);
-                        black_box(record.adjoint(set, &sums.pixels, wanted));
+                        let features = record.trace(set, camera, search, Keep::Record);
+                        black_box(record.adjoint(set, &features.pixels, wanted));
                     }
                 });
             });

@@ -1,9 +1,9 @@
 //! Blending of ordered hits (EAG-PT, equations of section 3.1): `V = Σ wᵢ vᵢ`, `wᵢ = Tᵢ₋₁ αᵢ`, `Tᵢ = Π (1 − αⱼ)`. The adjoint of all
 //! rays of a camera is [`crate::cpu::CameraRecord::adjoint`].
 
+use crate::features::{Features, NUM_LANES, lane};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::sums::{NUM_LANES, Sums, lane};
-use crate::surfel::Payload;
+use crate::surfel::Attributes;
 
 /// A hit as a search finds it, sortable by true distance, ties by index.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,9 +62,9 @@ pub fn sort_hits(hits: &mut [Hit]) {
     }
 }
 
-/// What became of a hit offered to a [`Blender`].
+/// What became of a hit status to a [`Blender`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Offered {
+pub enum BlendStatus {
     /// Too light to matter.
     Skipped,
     /// Added.
@@ -90,7 +90,7 @@ impl Face {
         if plane > 0.0 { Self::Back } else { Self::Front }
     }
 
-    /// Factors of the lanes of a payload: the normal is turned towards the ray's origin.
+    /// Factors of the lanes of a attributes: the normal is turned towards the ray's origin.
     #[inline(always)]
     pub fn signs(self) -> &'static [f32; NUM_LANES] {
         const SIGNS: [[f32; NUM_LANES]; 2] = {
@@ -106,10 +106,10 @@ impl Face {
     }
 }
 
-/// Blends hits front to back into [`Sums`].
+/// Blends hits front to back into [`Features`].
 #[derive(Debug, Clone, Copy)]
 pub struct Blender {
-    sums: Sums,
+    features: Features,
     distance: f32,
     spread: f32,
     first: f32,
@@ -119,7 +119,7 @@ pub struct Blender {
 impl Default for Blender {
     fn default() -> Self {
         Self {
-            sums: Sums::default(),
+            features: Features::default(),
             distance: 0.0,
             spread: 0.0,
             first: 0.0,
@@ -131,47 +131,58 @@ impl Default for Blender {
 impl Blender {
     /// Adds the next hit of a ray of unit `direction`.
     #[inline(always)]
-    pub fn offer(&mut self, t: f32, alpha: f32, payload: &Payload, direction: [f32; 3]) -> Offered {
-        let n = &payload.0[lane::NORMAL..lane::NORMAL + 3];
+    pub fn accumulate(
+        &mut self,
+        t: f32,
+        alpha: f32,
+        attributes: &Attributes,
+        direction: [f32; 3],
+    ) -> BlendStatus {
+        let n = &attributes.0[lane::NORMAL..lane::NORMAL + 3];
         let along = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
         let face = if along > 0.0 { Face::Back } else { Face::Front };
-        self.offer_turned(t, alpha, &payload.turned(face))
+        self.accumulate_turned(t, alpha, &attributes.turned(face))
     }
 
-    /// Adds the next hit, of a payload whose normal is turned towards the ray's origin.
+    /// Adds the next hit, of a attributes whose normal is turned towards the ray's origin.
     #[inline(always)]
-    pub fn offer_turned(&mut self, t: f32, alpha: f32, payload: &Payload) -> Offered {
+    pub fn accumulate_turned(
+        &mut self,
+        t: f32,
+        alpha: f32,
+        attributes: &Attributes,
+    ) -> BlendStatus {
         let weight = self.transmittance * alpha;
         if weight < MIN_WEIGHT {
-            return Offered::Skipped;
+            return BlendStatus::Skipped;
         }
         if self.transmittance == 1.0 {
             self.first = t;
         }
-        for (sum, value) in self.sums.0.iter_mut().zip(payload.0) {
+        for (sum, value) in self.features.0.iter_mut().zip(attributes.0) {
             *sum += weight * value;
         }
-        // The lanes that depend on the ray stay out of the vector: a payload has zeros there.
+        // The lanes that depend on the ray stay out of the vector: a attributes has zeros there.
         let behind_first = t - self.first;
         self.distance += weight * t;
         self.spread += weight * (behind_first * behind_first);
         self.transmittance *= 1.0 - alpha;
         if self.transmittance < MIN_TRANSMITTANCE {
-            Offered::Last
+            BlendStatus::Last
         } else {
-            Offered::Blended
+            BlendStatus::Blended
         }
     }
 
-    /// The sums of all hits so far.
+    /// The features of all hits so far.
     #[inline(always)]
-    pub fn finish(self) -> Sums {
+    pub fn finish(self) -> Features {
         // Added to the zeros that blending left there: lanes that were overwritten would make compilers take the vector apart.
-        let mut sums = self.sums;
-        sums.0[lane::DISTANCE] += self.distance;
-        sums.0[lane::SPREAD] += self.spread;
-        sums.0[lane::FIRST] += self.first;
-        sums
+        let mut features = self.features;
+        features.0[lane::DISTANCE] += self.distance;
+        features.0[lane::SPREAD] += self.spread;
+        features.0[lane::FIRST] += self.first;
+        features
     }
 
     /// Share of light from behind that still passes.
@@ -181,15 +192,15 @@ impl Blender {
     }
 }
 
-/// Sums of a ray of unit `direction` whose one hit stands for all. Of the distances of the others it says nothing: those of discs that
+/// Features of a ray of unit `direction` whose one hit stands for all. Of the distances of the others it says nothing: those of discs that
 /// overlap on a surface differ by about the size of a disc where they are tilted, which becomes the spread.
-pub fn sums_of_one(t: f32, payload: &Payload, direction: [f32; 3]) -> Sums {
+pub fn features_of_one(t: f32, attributes: &Attributes, direction: [f32; 3]) -> Features {
     let mut blender = Blender::default();
-    blender.offer(t, 1.0, payload, direction);
-    let mut sums = blender.finish();
-    let size = payload.0[lane::SIZE];
-    sums.0[lane::SPREAD] = size * size;
-    sums
+    blender.accumulate(t, 1.0, attributes, direction);
+    let mut features = blender.finish();
+    let size = attributes.0[lane::SIZE];
+    features.0[lane::SPREAD] = size * size;
+    features
 }
 
 /// Lanes of a [`LocalGradient`].
@@ -226,8 +237,8 @@ impl LocalGradient {
     }
 }
 
-/// A number for a pixel, such as its error, given its place (row by row) and its sums.
-pub type PixelValue<'a> = &'a (dyn Fn(usize, &Sums) -> f32 + Sync);
+/// A number for a pixel, such as its error, given its place (row by row) and its features.
+pub type PixelValue<'a> = &'a (dyn Fn(usize, &Features) -> f32 + Sync);
 
 /// What a Gaussian contributes to pixels of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]

@@ -1,9 +1,9 @@
 //! The seam between ray tracing engines and everything above them.
 
 use crate::blend::{Contribution, PixelValue};
+use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
-use crate::sums::{SumImage, Sums};
-use crate::transport::links::{Directions, Links, Receiver};
+use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Image};
@@ -21,15 +21,15 @@ pub enum TraceError {
     },
 }
 
-/// A rendered frame: the light, and the blended sums of the camera rays it started from.
+/// A rendered frame: the light, and the composited features of the camera rays it started from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderedView {
     /// Linear radiance, premultiplied by the opacity.
     pub radiance: Image<3>,
     /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no light is sampled.
     pub second_moment: Image<1>,
-    /// Blended sums of the camera rays.
-    pub sums: SumImage,
+    /// composited features of the camera rays.
+    pub features: GBuffer,
     /// Rays traced beside those of the camera.
     pub num_rays: u64,
 }
@@ -40,7 +40,7 @@ impl RenderedView {
         Self {
             radiance: self.radiance.averaged(factor),
             second_moment: self.second_moment.averaged(factor),
-            sums: self.sums.averaged(factor),
+            features: self.features.averaged(factor),
             num_rays: self.num_rays,
         }
     }
@@ -60,11 +60,11 @@ pub trait Tracer: Send + Sync {
     /// [`TraceError::Device`] if the device gives up.
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError>;
 
-    /// Blended sums of one ray through every pixel centre.
+    /// composited features of one ray through every pixel centre.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError>;
+    fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError>;
 
     /// The same, and what each Gaussian contributes to it. A Gaussian may come more than once, with different pixels.
     ///
@@ -74,13 +74,13 @@ pub trait Tracer: Send + Sync {
         &self,
         camera: &Camera,
         value: PixelValue<'_>,
-    ) -> Result<(SumImage, Vec<Contribution>), TraceError>;
+    ) -> Result<(GBuffer, Vec<Contribution>), TraceError>;
 
-    /// Blended sums along each of `rays`.
+    /// composited features along each of `rays`.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
-    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError>;
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError>;
 
     /// Renders `camera` with `integrator`.
     ///
@@ -93,22 +93,22 @@ pub trait Tracer: Send + Sync {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError>;
 
-    /// Light of emitters at `receivers`, and links to what else they see in `directions`; each has random numbers of its own among
+    /// Light of emitters at `receivers`, and matrix to what else they see in `directions`; each has random numbers of its own among
     /// those of `key`. Which receivers are traced together makes no difference.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
-    fn trace_links(
+    fn trace_transport(
         &self,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
-    ) -> Result<Links, TraceError>;
+    ) -> Result<TransportMatrix, TraceError>;
 
-    /// The Gaussian that each of `rays` meets first in its draw, of `draws` modulo [`NUM_DRAWS`](crate::transport::links::NUM_DRAWS);
-    /// [`NOTHING`](crate::transport::links::NOTHING) where there is none. Fast where rays that follow each other share a draw and are near each other.
+    /// The Gaussian that each of `rays` meets first in its realization, of `realizations` modulo [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS);
+    /// [`NOTHING`](crate::transport::matrix::NOTHING) where there is none. Fast where rays that follow each other share a realization and are near each other.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
-    fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError>;
+    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError>;
 }

@@ -1,4 +1,4 @@
-//! Ray tracing of 2D Gaussians: blended sums along rays, their adjoint, and light transport on top of them.
+//! Ray tracing of 2D Gaussians: composited features along rays, their adjoint, and light transport on top of them.
 //!
 //! The model is that of EAG-PT (SIGGRAPH 2026, section 3): a ray meets the plane of each Gaussian once, the hit's
 //! opacity is `α = σ·exp(−(u² + v²)/2)`, and hits are blended front to back in the true order of their distances.
@@ -6,7 +6,7 @@
 //! Layout, from plain to fast:
 //! - [`model`]: the constants of the model, each with its reason.
 //! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
-//! - [`sums`]: the quantities a ray collects, as one vector of 16 lanes.
+//! - [`features`]: the quantities a ray collects, as one vector of 16 lanes.
 //! - [`blend`]: blending of ordered hits, shared by every way of finding them.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
@@ -19,18 +19,18 @@
 pub mod blend;
 pub mod cpu;
 pub mod engine;
+pub mod features;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod model;
 pub mod oracle;
 pub mod parity;
 pub mod ray;
-pub mod sums;
 pub mod surfel;
 pub mod transport;
 mod tree;
 
 pub use engine::{RenderedView, TraceError, Tracer};
+pub use features::{Features, GBuffer};
 pub use ray::Ray;
-pub use sums::{SumImage, Sums};
 pub use transport::{Integrator, LightOptions};

@@ -1,8 +1,8 @@
 //! The model once more, in double precision and by brute force: every Gaussian is tried on every ray. Slow on purpose and
 //! sharing no code with the engines, it is what their results and derivatives are tested against.
 
+use crate::features::{NUM_LANES, lane};
 use crate::model::{MAX_RADIUS, MIN_ALPHA, MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::sums::{NUM_LANES, lane};
 use eagpt_scene::Gaussian;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -93,9 +93,9 @@ pub fn hits(gaussians: &[OracleGaussian], origin: DVec3, direction: DVec3) -> Ve
     found
 }
 
-/// Blended sums of one ray, in the lanes of [`crate::sums::lane`].
+/// composited features of one ray, in the lanes of [`crate::features::lane`].
 pub fn trace(gaussians: &[OracleGaussian], origin: DVec3, direction: DVec3) -> [f64; NUM_LANES] {
-    let mut sums = [0.0; NUM_LANES];
+    let mut features = [0.0; NUM_LANES];
     let mut transmittance = 1.0_f64;
     let mut first = None;
     for hit in hits(gaussians, origin, direction) {
@@ -106,20 +106,20 @@ pub fn trace(gaussians: &[OracleGaussian], origin: DVec3, direction: DVec3) -> [
         let first = *first.get_or_insert(hit.t);
         let g = &gaussians[hit.index];
         for c in 0..3 {
-            sums[lane::RADIANCE + c] += weight * g.radiance[c];
-            sums[lane::ALBEDO + c] += weight * g.albedo[c];
-            sums[lane::NORMAL + c] += weight * hit.normal[c];
+            features[lane::RADIANCE + c] += weight * g.radiance[c];
+            features[lane::ALBEDO + c] += weight * g.albedo[c];
+            features[lane::NORMAL + c] += weight * hit.normal[c];
         }
-        sums[lane::EMISSION] += weight * g.emission;
-        sums[lane::ALPHA] += weight;
-        sums[lane::DISTANCE] += weight * hit.t;
-        sums[lane::SPREAD] += weight * (hit.t - first).powi(2);
-        sums[lane::SIZE] += weight * (g.scale.x * g.scale.y).sqrt();
-        sums[lane::FIRST] = first;
+        features[lane::EMISSION] += weight * g.emission;
+        features[lane::ALPHA] += weight;
+        features[lane::DISTANCE] += weight * hit.t;
+        features[lane::SPREAD] += weight * (hit.t - first).powi(2);
+        features[lane::SIZE] += weight * (g.scale.x * g.scale.y).sqrt();
+        features[lane::FIRST] = first;
         transmittance *= 1.0 - hit.alpha;
         if transmittance < f64::from(MIN_TRANSMITTANCE) {
             break;
         }
     }
-    sums
+    features
 }

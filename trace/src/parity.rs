@@ -46,7 +46,7 @@ pub fn compare<T: Tracer>(
     let cloud = random_cloud(700, 3);
     let camera = camera(48, 32);
     let engine = new(&cloud)?;
-    let seen = engine.camera_sums(&camera)?;
+    let seen = engine.gbuffer(&camera)?;
     let one = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
@@ -54,20 +54,20 @@ pub fn compare<T: Tracer>(
             device: engine.device(),
             problem: error.to_string(),
         })?;
-    let alone = one.install(|| new(&cloud)?.camera_sums(&camera))?;
+    let alone = one.install(|| new(&cloud)?.gbuffer(&camera))?;
 
     let gaussians: Vec<OracleGaussian> = cloud.iter().map(|g| OracleGaussian::from(&g)).collect();
     let frame = camera.ray_frame();
     let origin = frame.origin.as_dvec3();
     let (mut num_compared, mut worst) = (0, 0.0_f64);
-    for (pixel, sums) in seen.pixels.iter().enumerate() {
+    for (pixel, features) in seen.pixels.iter().enumerate() {
         let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
         let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5).as_dvec3();
         if oracle::is_ambiguous(&oracle::hits(&gaussians, origin, direction)) {
             continue;
         }
         num_compared += 1;
-        for (got, wanted) in sums
+        for (got, wanted) in features
             .0
             .iter()
             .zip(oracle::trace(&gaussians, origin, direction))
@@ -98,7 +98,7 @@ fn rays_per_s<T: Tracer>(engine: &T) -> Result<f64, TraceError> {
         let camera = camera(60 * scale, 40 * scale);
         let timed = || {
             let started = Instant::now();
-            engine.camera_sums(&camera)?;
+            engine.gbuffer(&camera)?;
             Ok::<_, TraceError>(started.elapsed())
         };
         // The first time makes room, and on devices kernels: it counts only where there is no time for a second.
@@ -122,9 +122,9 @@ mod tests {
     use crate::blend::{Contribution, PixelValue};
     use crate::cpu::CpuScene;
     use crate::engine::RenderedView;
+    use crate::features::{Features, GBuffer};
     use crate::ray::Ray;
-    use crate::sums::{SumImage, Sums};
-    use crate::transport::links::{Directions, Links, Receiver};
+    use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
     use crate::transport::{Integrator, LightOptions};
     use eagpt_scene::rng::RandomKey;
 
@@ -150,23 +150,23 @@ mod tests {
             self.0.update(gaussians)
         }
 
-        fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
-            let mut sums = self.0.camera_sums(camera)?;
-            for pixel in &mut sums.pixels {
+        fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
+            let mut features = self.0.gbuffer(camera)?;
+            for pixel in &mut features.pixels {
                 pixel.0 = pixel.0.map(|lane| 1.001 * lane);
             }
-            Ok(sums)
+            Ok(features)
         }
 
         fn contributions(
             &self,
             camera: &Camera,
             value: PixelValue<'_>,
-        ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+        ) -> Result<(GBuffer, Vec<Contribution>), TraceError> {
             self.0.contributions(camera, value)
         }
 
-        fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {
+        fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
             self.0.trace_rays(rays)
         }
 
@@ -179,17 +179,21 @@ mod tests {
             self.0.render(camera, integrator, options)
         }
 
-        fn trace_links(
+        fn trace_transport(
             &self,
             receivers: &[Receiver],
             directions: Directions,
             key: RandomKey,
-        ) -> Result<Links, TraceError> {
-            self.0.trace_links(receivers, directions, key)
+        ) -> Result<TransportMatrix, TraceError> {
+            self.0.trace_transport(receivers, directions, key)
         }
 
-        fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
-            self.0.drawn_hits(rays, draws)
+        fn realization_hits(
+            &self,
+            rays: &[Ray],
+            realizations: &[u32],
+        ) -> Result<Vec<u32>, TraceError> {
+            self.0.realization_hits(rays, realizations)
         }
     }
 

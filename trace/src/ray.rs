@@ -8,7 +8,7 @@ pub struct Ray {
     /// Unit direction.
     pub direction: [f32; 3],
     /// Distance up to which Gaussians that lie along the surface the ray leaves from do not count; 0 for a ray from free space.
-    pub t_own: f32,
+    pub t_min: f32,
     /// Unit normal of that surface.
     pub own_normal: [f32; 3],
 }
@@ -19,7 +19,7 @@ impl Ray {
         Self {
             origin,
             direction,
-            t_own: 0.0,
+            t_min: 0.0,
             own_normal: [0.0; 3],
         }
     }

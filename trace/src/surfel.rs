@@ -1,9 +1,9 @@
 //! Gaussians prepared for intersection.
 
 use crate::blend::Face;
+use crate::features::{NUM_LANES, lane};
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
-use crate::sums::{NUM_LANES, lane};
 use eagpt_scene::{Gaussian, Gaussians, Harmonics};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -32,12 +32,12 @@ pub struct Surfel {
 
 const _: () = assert!(size_of::<Surfel>() == 64);
 
-/// What a hit on a Gaussian adds to each lane of [`crate::Sums`], but for the lanes that depend on the ray.
+/// What a hit on a Gaussian adds to each lane of [`crate::Features`], but for the lanes that depend on the ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
-pub struct Payload(pub [f32; NUM_LANES]);
+pub struct Attributes(pub [f32; NUM_LANES]);
 
-impl Payload {
+impl Attributes {
     /// Radiance, linear.
     #[inline(always)]
     pub fn radiance(&self) -> Vec3 {
@@ -51,7 +51,7 @@ pub struct SurfelSet {
     /// Geometry, `[n]`.
     pub surfels: Vec<Surfel>,
     /// Light and material, `[n]`; the radiance is that of all directions.
-    pub payloads: Vec<Payload>,
+    pub attributes: Vec<Attributes>,
     /// How the radiance differs with the direction it is seen from, `[n]`; empty where none does.
     pub harmonics: Vec<Harmonics>,
 }
@@ -60,7 +60,7 @@ pub struct SurfelSet {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SeenSet<'a> {
     pub(crate) surfels: &'a [Surfel],
-    pub(crate) payloads: &'a [Payload],
+    pub(crate) attributes: &'a [Attributes],
 }
 
 impl Surfel {
@@ -175,11 +175,11 @@ impl SeenSurfel {
     /// A wall that meets the surface at an angle is not its own, however near.
     #[inline(always)]
     pub fn is_own(&self, hit: &PlaneHit, ray: &Ray) -> bool {
-        (hit.t <= ray.t_own) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
+        (hit.t <= ray.t_min) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
     }
 }
 
-impl Payload {
+impl Attributes {
     /// With the normal turned towards the origin of rays that see the Gaussian from `face`.
     #[inline(always)]
     pub fn turned(&self, face: Face) -> Self {
@@ -217,22 +217,27 @@ impl SurfelSet {
                     .copy_from_slice(&Mat3::from_quat(g.rotation).z_axis.to_array());
                 lanes[lane::ALPHA] = 1.0;
                 lanes[lane::SIZE] = (g.scale.x * g.scale.y).sqrt();
-                Payload(lanes)
+                Attributes(lanes)
             })
-            .collect_into_vec(&mut self.payloads);
+            .collect_into_vec(&mut self.attributes);
         let harmonics = gaussians.harmonics.par_iter().with_min_len(1024);
         harmonics.copied().collect_into_vec(&mut self.harmonics);
     }
 
     /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to another.
-    pub(crate) fn look_from<'a>(&'a self, eye: Vec3, memory: &'a mut Vec<Payload>) -> SeenSet<'a> {
+    pub(crate) fn evaluate_harmonics<'a>(
+        &'a self,
+        eye: Vec3,
+        memory: &'a mut Vec<Attributes>,
+    ) -> SeenSet<'a> {
         if !self.harmonics.is_empty() {
-            (&self.payloads, &self.surfels, &self.harmonics)
+            (&self.attributes, &self.surfels, &self.harmonics)
                 .into_par_iter()
                 .with_min_len(1024)
-                .map(|(payload, surfel, harmonics)| {
-                    let radiance = harmonics.seen(payload.radiance(), surfel.position.into(), eye);
-                    let mut seen = *payload;
+                .map(|(attributes, surfel, harmonics)| {
+                    let radiance =
+                        harmonics.seen(attributes.radiance(), surfel.position.into(), eye);
+                    let mut seen = *attributes;
                     seen.0[lane::RADIANCE..][..3].copy_from_slice(&radiance.to_array());
                     seen
                 })
@@ -241,12 +246,12 @@ impl SurfelSet {
         self.as_seen(memory)
     }
 
-    /// What [`Self::look_from`] has left in `memory`.
-    pub(crate) fn as_seen<'a>(&'a self, memory: &'a [Payload]) -> SeenSet<'a> {
+    /// What [`Self::evaluate_harmonics`] has left in `memory`.
+    pub(crate) fn as_seen<'a>(&'a self, memory: &'a [Attributes]) -> SeenSet<'a> {
         SeenSet {
             surfels: &self.surfels,
-            payloads: if self.harmonics.is_empty() {
-                &self.payloads
+            attributes: if self.harmonics.is_empty() {
+                &self.attributes
             } else {
                 memory
             },
@@ -255,8 +260,8 @@ impl SurfelSet {
 
     /// Replaces the albedos alone, `[n]`.
     pub fn set_albedos(&mut self, albedos: &[Vec3]) {
-        for (payload, albedo) in self.payloads.iter_mut().zip(albedos) {
-            payload.0[lane::ALBEDO..][..3].copy_from_slice(&albedo.to_array());
+        for (attributes, albedo) in self.attributes.iter_mut().zip(albedos) {
+            attributes.0[lane::ALBEDO..][..3].copy_from_slice(&albedo.to_array());
         }
     }
 

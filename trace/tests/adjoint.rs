@@ -2,12 +2,12 @@
 
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{look_at, random_cloud};
-use eagpt_trace::Sums;
+use eagpt_trace::Features;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
-use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::features::lane;
 use eagpt_trace::oracle::{self, OracleGaussian};
-use eagpt_trace::sums::lane;
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
@@ -109,13 +109,13 @@ impl Case {
     fn analytic(&self, first: usize, count: usize) -> Vec<LocalGradient> {
         let set = SurfelSet::new(&self.gaussians);
         let (_, mut record) = camera::trace(&set, &self.camera, HitSearch::Tiles, Keep::Record);
-        let mut d_sums = vec![Sums::default(); self.camera.num_pixels()];
+        let mut d_features = vec![Features::default(); self.camera.num_pixels()];
         for &pixel in &self.steady {
             for k in first..first + count {
-                d_sums[pixel].0[k] = weight(pixel, k);
+                d_features[pixel].0[k] = weight(pixel, k);
             }
         }
-        record.adjoint(&set, &d_sums, Wanted::Everything)
+        record.adjoint(&set, &d_features, GradientMask::Everything)
     }
 
     fn scalar(&self, gaussians: &[OracleGaussian], first: usize, count: usize) -> f64 {
@@ -123,9 +123,9 @@ impl Case {
             .iter()
             .map(|&pixel| {
                 let (origin, direction) = self.ray(pixel);
-                let sums = oracle::trace(gaussians, origin, direction);
+                let features = oracle::trace(gaussians, origin, direction);
                 (first..first + count)
-                    .map(|k| f64::from(weight(pixel, k)) * sums[k])
+                    .map(|k| f64::from(weight(pixel, k)) * features[k])
                     .sum::<f64>()
             })
             .sum()
@@ -173,7 +173,7 @@ impl Case {
     }
 }
 
-/// Single-precision sums over a few hundred hits; worst seen 4e-5 of the largest derivative.
+/// Single-precision features over a few hundred hits; worst seen 4e-5 of the largest derivative.
 const TOLERANCE: f64 = 2e-4;
 
 #[test]
@@ -222,9 +222,9 @@ fn a_camera_inside_the_cloud() {
 fn light_and_material_alone_are_the_same_as_with_everything() {
     let set = SurfelSet::new(&random_cloud(400, 24));
     let camera = look_at(DVec3::new(2.0, 0.3, 0.5), DVec3::ZERO, 40, 30);
-    let (sums, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
-    let all = record.adjoint(&set, &sums.pixels, Wanted::Everything);
-    let some = record.adjoint(&set, &sums.pixels, Wanted::LightAndMaterial);
+    let (features, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+    let all = record.adjoint(&set, &features.pixels, GradientMask::Everything);
+    let some = record.adjoint(&set, &features.pixels, GradientMask::LightAndMaterial);
     let mut num_seen = 0;
     for (all, some) in all.iter().zip(&some) {
         assert_eq!(some.0[..grad_lane::RADIANCE], [0.0; grad_lane::RADIANCE]);
@@ -240,13 +240,13 @@ fn the_matrix_of_a_view_blends_as_its_trace_does() {
     let gaussians = random_cloud(900, 4);
     let set = SurfelSet::new(&gaussians);
     let camera = look_at(DVec3::new(2.4, -0.8, 0.9), DVec3::ZERO, 45, 37);
-    let (sums, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
+    let (features, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
     let albedos = &gaussians.albedos;
-    // Sums of some tens of terms in another order; what is left out and given to others changes a pixel by its share at most.
+    // Features of some tens of terms in another order; what is left out and given to others changes a pixel by its share at most.
     for (least, tolerance) in [(0.0, 1e-5), (1e-3, 1e-2)] {
         let weights = record.weights(least);
         let blended = weights.blend(|i| albedos[i as usize]);
-        for (pixel, (seen, blended)) in sums.pixels.iter().zip(&blended).enumerate() {
+        for (pixel, (seen, blended)) in features.pixels.iter().zip(&blended).enumerate() {
             assert!(
                 (seen.albedo() - *blended).abs().max_element() < tolerance,
                 "pixel {pixel}: {blended} instead of {}",
@@ -261,7 +261,7 @@ fn the_matrix_of_a_view_blends_as_its_trace_does() {
         };
         let d_albedos = weights.adjoint(&d, albedos.len());
         let (of_pixels, of_gaussians) = (dot(&d, &blended), dot(&d_albedos, albedos));
-        // Single-precision sums of some thousand terms of size one.
+        // Single-precision features of some thousand terms of size one.
         assert!(
             (of_pixels - of_gaussians).abs() < 1e-2,
             "{of_pixels} and {of_gaussians}"

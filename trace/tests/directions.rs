@@ -4,12 +4,12 @@ use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
-use eagpt_trace::cpu::{CameraRecord, CpuScene, Wanted};
+use eagpt_trace::cpu::{CameraRecord, CpuScene, GradientMask};
+use eagpt_trace::features::NUM_LANES;
 use eagpt_trace::ray::Ray;
-use eagpt_trace::sums::NUM_LANES;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::RayTracer;
-use eagpt_trace::{Sums, Tracer};
+use eagpt_trace::{Features, Tracer};
 use glam::{DVec3, Vec3};
 
 /// The same light in all directions: what leaves towards `eye`.
@@ -31,16 +31,16 @@ fn a_camera_sees_what_leaves_towards_it() {
     for origin in [DVec3::new(3.0, 0.2, 0.4), DVec3::new(-0.2, 0.1, 0.0)] {
         let camera = look_at(origin, DVec3::new(0.4, 0.0, -0.1), 37, 29);
         let plain = SurfelSet::new(&as_seen_from(camera.origin(), &gaussians));
-        let d_sums: Vec<Sums> = (0..camera.num_pixels())
-            .map(|i| Sums([0.1 + (i % 7) as f32; NUM_LANES]))
+        let d_features: Vec<Features> = (0..camera.num_pixels())
+            .map(|i| Features([0.1 + (i % 7) as f32; NUM_LANES]))
             .collect();
         for search in [HitSearch::Tiles, HitSearch::SingleRays(&bvh)] {
             // A record that is used again has forgotten the camera before.
             let seen = record.trace(&set, &camera, search, Keep::Record);
             let mut other = CameraRecord::default();
             assert!(seen == other.trace(&plain, &camera, search, Keep::Record));
-            let gradients = record.adjoint(&set, &d_sums, Wanted::Everything);
-            assert!(gradients == other.adjoint(&plain, &d_sums, Wanted::Everything));
+            let gradients = record.adjoint(&set, &d_features, GradientMask::Everything);
+            assert!(gradients == other.adjoint(&plain, &d_features, GradientMask::Everything));
         }
     }
 }
@@ -57,17 +57,17 @@ fn bounces_meet_the_radiance_of_all_directions() {
         let angle = 0.37 * k as f32;
         let direction = Vec3::new(angle.cos(), angle.sin(), 0.01 * (k % 50) as f32 - 0.25);
         let ray = Ray::free([0.05, -0.02, 0.1], direction.normalize().to_array());
-        let sums = scene.trace(&ray);
-        assert_eq!(sums, other.trace(&ray));
-        num_hits += u32::from(sums.alpha() > 0.0);
+        let features = scene.trace(&ray);
+        assert_eq!(features, other.trace(&ray));
+        num_hits += u32::from(features.alpha() > 0.0);
     }
     assert!(num_hits > 100, "{num_hits}");
     // Harmonics come and go with an update.
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 20, 20);
-    let [directional, without] = [&scene, &other].map(|scene| scene.camera_sums(&camera).unwrap());
+    let [directional, without] = [&scene, &other].map(|scene| scene.gbuffer(&camera).unwrap());
     assert!(directional != without);
     scene.update(&plain).unwrap();
     other.update(&gaussians).unwrap();
-    assert!(scene.camera_sums(&camera).unwrap() == without);
-    assert!(other.camera_sums(&camera).unwrap() == directional);
+    assert!(scene.gbuffer(&camera).unwrap() == without);
+    assert!(other.gbuffer(&camera).unwrap() == directional);
 }

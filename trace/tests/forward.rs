@@ -5,14 +5,14 @@ use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::blend::Contribution;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::draws::Draws;
-use eagpt_trace::cpu::{CameraRecord, Wanted};
+use eagpt_trace::cpu::realizations::Realizations;
+use eagpt_trace::cpu::{CameraRecord, GradientMask};
+use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::parity::PARITY_TOLERANCE;
 use eagpt_trace::ray::Ray;
-use eagpt_trace::sums::{NUM_LANES, lane};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::links::NUM_DRAWS;
+use eagpt_trace::transport::matrix::NUM_REALIZATIONS;
 use glam::{DVec3, Vec3};
 
 fn cameras() -> Vec<eagpt_scene::Camera> {
@@ -36,7 +36,7 @@ fn sums_match_the_oracle() {
     for camera in cameras() {
         let (image, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
         let frame = camera.ray_frame();
-        for (pixel, sums) in image.pixels.iter().enumerate() {
+        for (pixel, features) in image.pixels.iter().enumerate() {
             let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5).as_dvec3();
             // Hits beyond the first end of the ray do not matter, but near-ties there are harmless to skip, too.
@@ -54,9 +54,9 @@ fn sums_match_the_oracle() {
             for k in 0..NUM_LANES {
                 let tolerance = PARITY_TOLERANCE * (1.0 + expected[k].abs());
                 assert!(
-                    (f64::from(sums.0[k]) - expected[k]).abs() < tolerance,
+                    (f64::from(features.0[k]) - expected[k]).abs() < tolerance,
                     "lane {k} of pixel ({x}, {y}): {} instead of {}",
-                    sums.0[k],
+                    features.0[k],
                     expected[k]
                 );
             }
@@ -102,8 +102,8 @@ fn needles_ties_and_grazing_discs_are_found_by_all_searches() {
         let (rays, mut ray_record) =
             camera::trace(&set, &camera, HitSearch::SingleRays(&bvh), Keep::Record);
         assert!(tiles == rays);
-        let by_tiles = tile_record.adjoint(&set, &tiles.pixels, Wanted::Everything);
-        assert!(by_tiles == ray_record.adjoint(&set, &tiles.pixels, Wanted::Everything));
+        let by_tiles = tile_record.adjoint(&set, &tiles.pixels, GradientMask::Everything);
+        assert!(by_tiles == ray_record.adjoint(&set, &tiles.pixels, GradientMask::Everything));
     }
 }
 
@@ -117,7 +117,7 @@ fn a_record_can_be_used_again() {
         let (image, mut fresh) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
         assert!(image == record.trace(&set, &camera, HitSearch::Tiles, Keep::Record));
         assert_eq!(fresh.num_hits(), record.num_hits());
-        let wanted = Wanted::Everything;
+        let wanted = GradientMask::Everything;
         let gradients = record.adjoint(&set, &image.pixels, wanted);
         assert!(gradients == fresh.adjoint(&set, &image.pixels, wanted));
         assert_eq!(gradients.len(), set.len());
@@ -136,7 +136,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
         pool.install(|| {
             let set = SurfelSet::new(&gaussians);
             let (image, mut record) = camera::trace(&set, camera, HitSearch::Tiles, Keep::Record);
-            let gradients = record.adjoint(&set, &image.pixels, Wanted::Everything);
+            let gradients = record.adjoint(&set, &image.pixels, GradientMask::Everything);
             (image, gradients)
         })
     };
@@ -145,7 +145,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
     assert!(one.1 == five.1);
 }
 
-fn trace_sphere_of_rays(set: &SurfelSet, bvh: &Bvh) -> Vec<eagpt_trace::Sums> {
+fn trace_sphere_of_rays(set: &SurfelSet, bvh: &Bvh) -> Vec<eagpt_trace::Features> {
     let mut scratch = RayScratch::default();
     (0..400)
         .map(|i| {
@@ -204,7 +204,7 @@ fn an_empty_scene_shows_nothing() {
             image
                 .pixels
                 .iter()
-                .all(|sums| *sums == eagpt_trace::Sums::default())
+                .all(|features| *features == eagpt_trace::Features::default())
         );
         assert_eq!(record.num_hits(), 0);
     }
@@ -220,14 +220,14 @@ fn contributions_add_up_to_the_picture() {
         let value = |pixel: usize| 1.0 + (pixel % 7) as f32;
         let contributions = record.contributions(&|pixel, _| value(pixel));
         let (mut weight, mut weighted) = (0.0, 0.0);
-        for (pixel, sums) in image.pixels.iter().enumerate() {
-            weight += f64::from(sums.alpha());
-            weighted += f64::from(sums.alpha() * value(pixel));
+        for (pixel, features) in image.pixels.iter().enumerate() {
+            weight += f64::from(features.alpha());
+            weighted += f64::from(features.alpha() * value(pixel));
         }
         let total = |part: fn(&Contribution) -> f32| -> f64 {
             contributions.iter().map(|c| f64::from(part(c))).sum()
         };
-        // Sums of some ten thousand single-precision terms in another order.
+        // Features of some ten thousand single-precision terms in another order.
         assert!((total(|c| c.weight) / weight - 1.0).abs() < 1e-5);
         assert!((total(|c| c.weighted_value) / weighted - 1.0).abs() < 1e-5);
         for c in &contributions {
@@ -278,7 +278,7 @@ fn sampled_hits_follow_the_weights_of_the_blend() {
     );
 }
 
-/// Through draws, each hit is the nearest as often as it weighs in the blend: over many seeds, 16 draws each.
+/// Through realizations, each hit is the nearest as often as it weighs in the blend: over many seeds, 16 realizations each.
 #[test]
 fn draws_follow_the_weights_of_the_blend() {
     const SEEDS: u32 = 600;
@@ -288,10 +288,10 @@ fn draws_follow_the_weights_of_the_blend() {
     let rays: Vec<Ray> = (0..24).map(through_the_cloud).collect();
     let mut counts = vec![std::collections::HashMap::new(); rays.len()];
     for seed in 0..SEEDS {
-        let draws = Draws::new(&set, seed);
+        let realizations = Realizations::new(&set, seed);
         for (ray, counts) in rays.iter().zip(&mut counts) {
-            for draw in 0..NUM_DRAWS {
-                let hit = draws.nearest(ray, draw, &mut scratch);
+            for realization in 0..NUM_REALIZATIONS {
+                let hit = realizations.nearest(ray, realization, &mut scratch);
                 *counts.entry(hit.map(|hit| hit.index)).or_insert(0) += 1;
             }
         }
@@ -301,9 +301,9 @@ fn draws_follow_the_weights_of_the_blend() {
         let (weights, missed) = weights_of(&bvh, ray, &mut scratch);
         let weights = weights.into_iter().map(|(i, w)| (Some(i), w));
         for (hit, weight) in weights.chain([(None, missed)]) {
-            let num = f64::from(SEEDS * NUM_DRAWS);
+            let num = f64::from(SEEDS * NUM_REALIZATIONS);
             let share = f64::from(counts.get(&hit).copied().unwrap_or(0)) / num;
-            // Independent draws would have this variance; strata lower it, within a seed.
+            // Independent realizations would have this variance; strata lower it, within a seed.
             let variance = weight * (1.0 - weight) / num;
             if weight * num > 20.0 {
                 excess += (share - weight).powi(2) / variance;
@@ -320,18 +320,18 @@ fn draws_follow_the_weights_of_the_blend() {
     );
 }
 
-/// In any one draw the search finds what a test of all discs finds, and a bounce does not meet its own surface.
+/// In any one realization the search finds what a test of all discs finds, and a bounce does not meet its own surface.
 #[test]
 fn every_draw_is_searched_to_the_nearest_disc() {
     let gaussians = random_cloud(3000, 5);
     let set = SurfelSet::new(&gaussians);
-    let draws = Draws::new(&set, 7);
+    let realizations = Realizations::new(&set, 7);
     let mut scratch = RayScratch::default();
     let (mut num_hits, mut num_own) = (0, 0);
     for k in 0..400 {
         let mut ray = through_the_cloud(k);
         if k % 2 == 1 {
-            ray.t_own = 2.6;
+            ray.t_min = 2.6;
             ray.own_normal = Vec3::new((k as f32).sin(), (k as f32).cos(), 0.5)
                 .normalize()
                 .to_array();
@@ -341,7 +341,7 @@ fn every_draw_is_searched_to_the_nearest_disc() {
             for (surfel, i) in set.surfels.iter().zip(0..) {
                 let seen = surfel.seen_from(ray.origin);
                 let met = seen.meet(ray.direction);
-                let radius = draws.radius_squared(&set, i, k);
+                let radius = realizations.radius_squared(&set, i, k);
                 let inside = met.u * met.u + met.v * met.v <= radius;
                 if seen.counts(&met)
                     && inside
@@ -353,7 +353,9 @@ fn every_draw_is_searched_to_the_nearest_disc() {
             }
             nearest.map(|(_, i)| i)
         };
-        let found = draws.nearest(&ray, k, &mut scratch).map(|hit| hit.index);
+        let found = realizations
+            .nearest(&ray, k, &mut scratch)
+            .map(|hit| hit.index);
         assert_eq!(found, all(false), "ray {k}");
         num_hits += u32::from(found.is_some());
         num_own += u32::from(found != all(true));
@@ -361,15 +363,18 @@ fn every_draw_is_searched_to_the_nearest_disc() {
     assert!(num_hits > 200 && num_own > 10, "{num_hits}, {num_own}");
 }
 
-/// What is empty or invisible has no draws and no harm in them.
+/// What is empty or invisible has no realizations and no harm in them.
 #[test]
 fn draws_of_nothing_are_nothing() {
     let mut faint = random_cloud(20, 1);
     faint.opacities.fill(1e-3);
     for gaussians in [Gaussians::default(), faint] {
-        let draws = Draws::new(&SurfelSet::new(&gaussians), 0);
+        let realizations = Realizations::new(&SurfelSet::new(&gaussians), 0);
         let ray = through_the_cloud(1);
-        assert_eq!(draws.nearest(&ray, 3, &mut RayScratch::default()), None);
+        assert_eq!(
+            realizations.nearest(&ray, 3, &mut RayScratch::default()),
+            None
+        );
     }
 }
 

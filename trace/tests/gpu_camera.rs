@@ -1,4 +1,4 @@
-//! Camera rays on a device against the CPU engine and the brute-force oracle: sums and gradients.
+//! Camera rays on a device against the CPU engine and the brute-force oracle: features and gradients.
 
 mod gpu;
 
@@ -6,13 +6,13 @@ use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::Contribution;
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::gpu::{GpuFit, GpuScene};
 use eagpt_trace::oracle::{self, OracleGaussian};
-use eagpt_trace::sums::{NUM_LANES, lane};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::{SumImage, Sums, Tracer};
+use eagpt_trace::{Features, GBuffer, Tracer};
 use glam::{DVec3, Quat, Vec2, Vec3};
 
 /// Largest difference of a sum, relative to 1 plus its value: nine times the 5.6e-6 seen on lavapipe.
@@ -56,7 +56,7 @@ fn steady_pixels(gaussians: &Gaussians, camera: &Camera) -> Vec<usize> {
 }
 
 /// Largest difference over the steady pixels, relative to 1 plus the wanted value.
-fn worst_difference(got: &SumImage, wanted: &SumImage, pixels: &[usize]) -> f64 {
+fn worst_difference(got: &GBuffer, wanted: &GBuffer, pixels: &[usize]) -> f64 {
     pixels
         .iter()
         .flat_map(|&pixel| {
@@ -70,21 +70,21 @@ fn worst_difference(got: &SumImage, wanted: &SumImage, pixels: &[usize]) -> f64 
 
 #[test]
 fn sums_are_those_of_the_cpu() {
-    let Some(device) = gpu::device("sums of camera rays") else {
+    let Some(device) = gpu::device("features of camera rays") else {
         return;
     };
     let plain = random_cloud(700, 3);
     let mut gpu = GpuScene::new(&device, &random_cloud(700, 4)).unwrap();
     // Neither the scene before nor the camera before leaves anything behind.
-    gpu.camera_sums(&cameras()[0]).unwrap();
+    gpu.gbuffer(&cameras()[0]).unwrap();
     for gaussians in [&plain, &directional(plain.clone(), 5), &plain] {
         gpu.update(gaussians).unwrap();
         let cpu = CpuScene::new(gaussians);
         for camera in cameras() {
             let steady = steady_pixels(gaussians, &camera);
             assert!(2 * steady.len() > camera.num_pixels());
-            let got = gpu.camera_sums(&camera).unwrap();
-            let worst = worst_difference(&got, &cpu.camera_sums(&camera).unwrap(), &steady);
+            let got = gpu.gbuffer(&camera).unwrap();
+            let worst = worst_difference(&got, &cpu.gbuffer(&camera).unwrap(), &steady);
             assert!(worst < SUM_TOLERANCE, "{worst:e}");
         }
     }
@@ -111,8 +111,8 @@ fn long_lists_of_hits_keep_their_order() {
     let camera = look_at(DVec3::new(-1.0, 0.2, 0.1), DVec3::ZERO, 19, 13);
     let steady = steady_pixels(&gaussians, &camera);
     let gpu = GpuScene::new(&device, &gaussians).unwrap();
-    let got = gpu.camera_sums(&camera).unwrap();
-    let wanted = CpuScene::new(&gaussians).camera_sums(&camera).unwrap();
+    let got = gpu.gbuffer(&camera).unwrap();
+    let wanted = CpuScene::new(&gaussians).gbuffer(&camera).unwrap();
     let worst = worst_difference(&got, &wanted, &steady);
     assert!(
         2 * steady.len() > camera.num_pixels() && worst < SUM_TOLERANCE,
@@ -128,8 +128,13 @@ fn nothing_shows_nothing() {
     };
     let camera = &cameras()[0];
     let empty = GpuScene::new(&device, &Gaussians::default()).unwrap();
-    let sums = empty.camera_sums(camera).unwrap();
-    assert!(sums.pixels.iter().all(|sums| *sums == Sums::default()));
+    let features = empty.gbuffer(camera).unwrap();
+    assert!(
+        features
+            .pixels
+            .iter()
+            .all(|features| *features == Features::default())
+    );
     // Behind the camera there is something, in front nothing.
     let behind = GpuScene::new(&device, &random_cloud(50, 2)).unwrap();
     let camera = look_at(
@@ -138,8 +143,13 @@ fn nothing_shows_nothing() {
         20,
         20,
     );
-    let sums = behind.camera_sums(&camera).unwrap();
-    assert!(sums.pixels.iter().all(|sums| *sums == Sums::default()));
+    let features = behind.gbuffer(&camera).unwrap();
+    assert!(
+        features
+            .pixels
+            .iter()
+            .all(|features| *features == Features::default())
+    );
 }
 
 /// Weights of the outputs in the scalar that is differentiated: different for each lane and pixel, so that no two errors cancel.
@@ -162,7 +172,7 @@ fn contributions_are_those_of_the_cpu() {
     let set = SurfelSet::new(&gaussians);
     let fit = GpuFit::new(&device, &set).unwrap();
     for camera in cameras() {
-        let value = |pixel: usize, sums: &Sums| weight(pixel, 0) * sums.alpha();
+        let value = |pixel: usize, features: &Features| weight(pixel, 0) * features.alpha();
         let (_, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
         let mut wanted = vec![Contribution::default(); gaussians.len()];
         for row in record.contributions(&value) {
@@ -173,8 +183,8 @@ fn contributions_are_those_of_the_cpu() {
                 (sum.largest_weight, sum.pixel) = (row.largest_weight, row.pixel);
             }
         }
-        let (sums, got) = fit.contributions(&camera, &value).unwrap();
-        assert!(sums == fit.camera_sums(&camera).unwrap());
+        let (features, got) = fit.contributions(&camera, &value).unwrap();
+        assert!(features == fit.gbuffer(&camera).unwrap());
         assert!(got == fit.contributions(&camera, &value).unwrap().1);
         assert!(got.len() > 100);
         let num_wanted = wanted.iter().filter(|row| row.weight > 0.0).count();
@@ -211,16 +221,16 @@ fn gradients_are_those_of_the_cpu() {
     let set = SurfelSet::new(&gaussians);
     let gpu = GpuScene::new(&device, &gaussians).unwrap();
     for camera in cameras() {
-        let mut d_sums = vec![Sums::default(); camera.num_pixels()];
+        let mut d_features = vec![Features::default(); camera.num_pixels()];
         for pixel in steady_pixels(&gaussians, &camera) {
             for k in 0..lane::SPREAD {
-                d_sums[pixel].0[k] = weight(pixel, k);
+                d_features[pixel].0[k] = weight(pixel, k);
             }
         }
         let (_, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
-        let wanted = record.adjoint(&set, &d_sums, Wanted::Everything);
-        let got = gpu.camera_adjoint(&camera, &d_sums).unwrap();
-        let again = gpu.camera_adjoint(&camera, &d_sums).unwrap();
+        let wanted = record.adjoint(&set, &d_features, GradientMask::Everything);
+        let got = gpu.camera_adjoint(&camera, &d_features).unwrap();
+        let again = gpu.camera_adjoint(&camera, &d_features).unwrap();
         assert!(got == again, "the same device gives the same bits");
         let mut failures = Vec::new();
         for k in 0..NUM_LANES {

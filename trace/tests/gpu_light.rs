@@ -136,7 +136,7 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
             bias.abs() < 4.0 * error + 1e-4,
             "{integrator:?} {how:?}: bias {bias} ± {error}"
         );
-        // Sums over 144 pixels of variances from three runs: their own error is some 10 % where no few pixels dominate.
+        // Features over 144 pixels of variances from three runs: their own error is some 10 % where no few pixels dominate.
         for (what, ratio) in [
             ("noise", got.noise / wanted.noise),
             ("second moment", got.second_moment / wanted.second_moment),
@@ -161,7 +161,7 @@ fn renderings_are_repeatable() {
     assert!(first == run(1));
     assert!(first.radiance != run(2).radiance);
     let plain = render(&scene, Integrator::ZeroBounce, PLAIN, 1);
-    assert_eq!(plain.radiance, plain.sums.radiance());
-    assert_eq!(plain.sums, first.sums);
+    assert_eq!(plain.radiance, plain.features.radiance());
+    assert_eq!(plain.features, first.features);
     assert_eq!(plain.num_rays, 0);
 }

@@ -1,4 +1,4 @@
-//! Single rays on a device: blended sums against the CPU engine, and hits chosen by their weight against blended ones.
+//! Single rays on a device: composited features against the CPU engine, and hits chosen by their weight against blended ones.
 
 mod gpu;
 
@@ -9,7 +9,7 @@ use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::RayTracer;
-use eagpt_trace::{Sums, Tracer};
+use eagpt_trace::{Features, Tracer};
 use glam::{DVec3, Quat, Vec2, Vec3};
 
 /// Largest difference of a sum, relative to 1 plus its value: as for camera rays.
@@ -30,7 +30,7 @@ fn rays(num: usize) -> Vec<Ray> {
             match i % 2 {
                 0 => free,
                 _ => Ray {
-                    t_own: 0.5,
+                    t_min: 0.5,
                     own_normal: direction(7 * i % num).to_array(),
                     ..free
                 },
@@ -45,11 +45,11 @@ fn is_steady(gaussians: &[OracleGaussian], ray: &Ray) -> bool {
     // Hits just at the end of the own surface may be either.
     let own = hits
         .iter()
-        .any(|hit| (hit.t - f64::from(ray.t_own)).abs() < 1e-5);
+        .any(|hit| (hit.t - f64::from(ray.t_min)).abs() < 1e-5);
     !own && !oracle::is_ambiguous(&hits)
 }
 
-fn worst_difference(got: &Sums, wanted: &Sums) -> f32 {
+fn worst_difference(got: &Features, wanted: &Features) -> f32 {
     let pairs = got.0.iter().zip(wanted.0);
     pairs.fold(0.0, |worst, (got, wanted)| {
         worst.max((got - wanted).abs() / (1.0 + wanted.abs()))
@@ -104,14 +104,14 @@ fn blended_rays_are_those_of_the_cpu() {
     for gaussians in [random_cloud(700, 3), faint] {
         let wanted = CpuScene::new(&gaussians);
         let rays = rays(400);
-        let sums = GpuScene::new(&device, &gaussians)
+        let features = GpuScene::new(&device, &gaussians)
             .unwrap()
             .trace_rays(&rays)
             .unwrap();
         let oracle: Vec<OracleGaussian> =
             gaussians.iter().map(|g| OracleGaussian::from(&g)).collect();
         let mut num_compared = 0;
-        for (ray, got) in rays.iter().zip(&sums) {
+        for (ray, got) in rays.iter().zip(&features) {
             if is_steady(&oracle, ray) {
                 num_compared += 1;
                 let worst = worst_difference(got, &wanted.trace(ray));
@@ -130,7 +130,7 @@ fn nothing_is_met_in_an_empty_scene() {
     let empty = GpuScene::new(&device, &Gaussians::default()).unwrap();
     assert_eq!(
         empty.trace_rays(&rays(3)).unwrap(),
-        vec![Sums::default(); 3]
+        vec![Features::default(); 3]
     );
     assert_eq!(empty.choose_hits(&[(rays(1)[0], 5)]).unwrap(), vec![None]);
     assert_eq!(empty.trace_rays(&[]).unwrap(), vec![]);
@@ -145,19 +145,21 @@ fn chosen_hits_have_the_mean_of_blended_ones() {
     let gaussians = random_cloud(700, 3);
     let scene = GpuScene::new(&device, &gaussians).unwrap();
     let rays = rays(24);
-    let num_draws = 4000_u32;
+    let num_realizations = 4000_u32;
     let queries: Vec<(Ray, u32)> = rays
         .iter()
-        .flat_map(|ray| (0..num_draws).map(|draw| (*ray, draw.wrapping_mul(0x9e37_79b1))))
+        .flat_map(|ray| {
+            (0..num_realizations).map(|realization| (*ray, realization.wrapping_mul(0x9e37_79b1)))
+        })
         .collect();
     let blended = scene.trace_rays(&rays).unwrap();
     let chosen = scene.choose_hits(&queries).unwrap();
-    for (hits, sums) in chosen.chunks_exact(num_draws as usize).zip(blended) {
+    for (hits, features) in chosen.chunks_exact(num_realizations as usize).zip(blended) {
         // Whether anything is hit, and the radiance of what is.
         for (value, wanted) in [
-            (None, sums.alpha()),
-            (Some(0), sums.radiance().x),
-            (Some(2), sums.radiance().z),
+            (None, features.alpha()),
+            (Some(0), features.radiance().x),
+            (Some(2), features.radiance().z),
         ] {
             let of = |hit: &Option<u32>| {
                 hit.map_or(0.0, |index| match value {
@@ -165,7 +167,7 @@ fn chosen_hits_have_the_mean_of_blended_ones() {
                     Some(channel) => f64::from(gaussians.radiances[index as usize][channel]),
                 })
             };
-            let n = f64::from(num_draws);
+            let n = f64::from(num_realizations);
             let mean = hits.iter().map(of).sum::<f64>() / n;
             let variance = hits.iter().map(|hit| (of(hit) - mean).powi(2)).sum::<f64>() / (n - 1.0);
             // Five standard errors for 72 comparisons; the blend leaves out what is behind a transmittance of 1e-4.

@@ -6,12 +6,12 @@ use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::transport::lights::BounceSampler;
-use eagpt_trace::transport::links::{Directions, Links};
+use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, RayTracer, Sampling};
-use eagpt_trace::{Integrator, LightOptions, Sums, Tracer};
+use eagpt_trace::{Features, Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 
 fn render(gaussians: &Gaussians, camera: &Camera, integrator: Integrator, seed: u64) -> Image<3> {
@@ -136,15 +136,17 @@ fn cap_seen_by(scene: &CpuScene, hits: Hits) -> (f64, f64) {
             .normalize()
             .to_array();
         let ray = Ray::free([0.0; 3], direction);
-        let sums = match hits {
+        let features = match hits {
             Hits::Blended => scene.trace(&ray),
             Hits::Sampled => scene
                 .sample_hit(&ray, i)
-                .map_or(Sums::default(), |hit| Sums(scene.payload(hit.index).0)),
+                .map_or(Features::default(), |hit| {
+                    Features(scene.attributes(hit.index).0)
+                }),
         };
-        if sums.emission() > EMISSION_THRESHOLD {
+        if features.emission() > EMISSION_THRESHOLD {
             emitting += 1.0;
-            light += f64::from(sums.radiance().x);
+            light += f64::from(features.radiance().x);
         }
     }
     (emitting / f64::from(num), light / emitting)
@@ -319,8 +321,8 @@ fn light_reaches_into_corners() {
     for distance in [0.1_f32, 0.2, 0.5] {
         let direction = Vec3::new(0.0, 0.0, -1.0);
         let origin = Vec3::new(0.0, 1.0 - distance, 0.5);
-        let sums = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
-        let surface = Surface::at(origin, direction, &sums).unwrap();
+        let features = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
+        let surface = Surface::at(origin, direction, &features).unwrap();
         let light = eagpt_trace::transport::irradiance_over_pi(
             &scene,
             &BounceSampler::new(None, 0.0),
@@ -331,10 +333,10 @@ fn light_reaches_into_corners() {
         .x;
         // A strip of height 2 at the distance d, wide compared with it: (1 − cos θ)/2 with tan θ = 2/d.
         let expected = 0.5 * (1.0 - distance / (distance * distance + 4.0).sqrt());
-        // Noise 0.008, ends of the strip 0.01, and up to one disc's slab (0.05) of shadow from the grazing start near the wall.
-        let slab_loss = 0.05 * (0.1 / distance).min(1.0);
+        // Noise 0.008, ends of the strip 0.01, and up to one disc's offset (0.05) of shadow from the grazing start near the wall.
+        let offset_loss = 0.05 * (0.1 / distance).min(1.0);
         assert!(
-            (light - expected).abs() < 0.025 + slab_loss,
+            (light - expected).abs() < 0.025 + offset_loss,
             "at {distance}: {light} instead of {expected}"
         );
     }
@@ -436,7 +438,7 @@ fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
     }
 }
 
-/// Links and the light of emitters beside them are the integral of what arrives, as blended rays have it: by the standard errors of both,
+/// TransportMatrix and the light of emitters beside them are the integral of what arrives, as blended rays have it: by the standard errors of both,
 /// at places that see the lamp, the ball and corners.
 #[test]
 fn links_bring_the_light_of_blended_rays() {
@@ -463,8 +465,8 @@ fn links_bring_the_light_of_blended_rays() {
         let directions = Directions::divided(256, 2);
         let batch = |seed: u32| -> [f64; 2] {
             let key = RandomKey::new(u64::from(seed), Purpose::Bake, 0);
-            let links = Links::trace(&scene, &[(k, surface)], directions, key);
-            let linked = links.direct[0] + links.from_others(directions, &carried)[0];
+            let matrix = TransportMatrix::trace(&scene, &[(k, surface)], directions, key);
+            let linked = matrix.direct[0] + matrix.from_others(directions, &carried)[0];
             let points = Points::new(RandomKey::new(u64::from(seed), Purpose::Albedo, 0), k);
             let blended: Vec3 = (0..256)
                 .map(|s| {
@@ -483,7 +485,7 @@ fn links_bring_the_light_of_blended_rays() {
             (mean, squares / (n - 1.0) / n)
         };
         let ((linked, linked_var), (blended, blended_var)) = (moments(0), moments(1));
-        // The draws are the same in all batches: one in a hundred where few discs send the light.
+        // The realizations are the same in all batches: one in a hundred where few discs send the light.
         let error = (linked_var + blended_var + (0.01 * blended).powi(2)).sqrt();
         assert!(
             (linked - blended).abs() < 4.5 * error,

@@ -10,12 +10,12 @@
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image, View};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
-use eagpt_trace::gpu::{Device, Frame, FrameRoom, GpuFit, GpuScene, Kind, Wanted};
+use eagpt_trace::features::GBuffer;
+use eagpt_trace::gpu::{Device, DeviceSelector, Frame, FrameRoom, GpuFit, GpuScene, Kind};
 use eagpt_trace::ray::Ray;
-use eagpt_trace::sums::SumImage;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
-use eagpt_trace::transport::links::{Directions, Receiver};
+use eagpt_trace::transport::matrix::{Directions, Receiver};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use eagpt_train::backend::{AlbedoStep, Backend, RadianceStep, Taken, TrainDevice, TrainingView};
@@ -117,7 +117,7 @@ fn receivers(gaussians: &Gaussians) -> impl Iterator<Item = Receiver> {
         let surface = Surface {
             position: g.position,
             normal: -normal * normal.dot(g.position).signum(),
-            slab: 0.5 * g.scale.x,
+            offset: 0.5 * g.scale.x,
         };
         (i, surface)
     })
@@ -176,11 +176,11 @@ impl Table {
 }
 
 /// A view to be trained on: what the scene looks like, a little brighter.
-fn training_view(camera: Camera, seen: &SumImage) -> Outcome<TrainingView> {
+fn training_view(camera: Camera, seen: &GBuffer) -> Outcome<TrainingView> {
     let pixels: Vec<[f32; 3]> = seen
         .pixels
         .iter()
-        .map(|sums| (sums.radiance() * 1.1).to_array())
+        .map(|features| (features.radiance() * 1.1).to_array())
         .collect();
     let view = View {
         name: "room".to_owned(),
@@ -201,17 +201,17 @@ fn training_view(camera: Camera, seen: &SumImage) -> Outcome<TrainingView> {
 }
 
 /// Rows of camera rays, and where those of a training step spend their time.
-fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<SumImage> {
+fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<GBuffer> {
     let device = Arc::clone(&table.device);
     let num_pixels = camera.num_pixels() as f64;
     let scene = GpuScene::new(&device, gaussians)?;
-    let sums = scene.camera_sums(&camera)?;
+    let features = scene.gbuffer(&camera)?;
     table.row(
         "camera rays, forward, read back",
         (num_pixels, "rays"),
         "",
         || {
-            black_box(scene.camera_sums(&camera)?);
+            black_box(scene.gbuffer(&camera)?);
             Ok(())
         },
     )?;
@@ -220,7 +220,7 @@ fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<
         (num_pixels, "rays"),
         "",
         || {
-            black_box(scene.camera_adjoint(&camera, &sums.pixels)?);
+            black_box(scene.camera_adjoint(&camera, &features.pixels)?);
             Ok(())
         },
     )?;
@@ -275,7 +275,7 @@ fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<
             Ok(())
         },
     )?;
-    Ok(sums)
+    Ok(features)
 }
 
 /// Rows of training, and where a step spends its time.
@@ -283,7 +283,7 @@ fn training(
     table: &mut Table,
     gaussians: &Gaussians,
     camera: Camera,
-    seen: &SumImage,
+    seen: &GBuffer,
     num_gathered: usize,
 ) -> Outcome<()> {
     let device = Arc::clone(&table.device);
@@ -360,12 +360,12 @@ fn light(table: &mut Table, gaussians: &Gaussians, camera: Camera, size: &Size) 
     drop((rays, queries));
     let receivers: Vec<Receiver> = receivers(gaussians).take(size.num_rays / 64).collect();
     table.row(
-        "links, half of 64 directions to emitters",
+        "matrix, half of 64 directions to emitters",
         (64.0 * receivers.len() as f64, "rays"),
         "",
         || {
             let key = RandomKey::new(0, Purpose::Bake, 1);
-            black_box(scene.trace_links(&receivers, Directions::divided(64, 2), key)?);
+            black_box(scene.trace_transport(&receivers, Directions::divided(64, 2), key)?);
             Ok(())
         },
     )?;
@@ -412,7 +412,8 @@ fn main() -> Outcome<()> {
     if !std::env::args().any(|argument| argument == "--bench") {
         return Ok(());
     }
-    let opened = Device::open(&Wanted::Hardware).or_else(|_| Device::open(&Wanted::Any));
+    let opened =
+        Device::open(&DeviceSelector::Hardware).or_else(|_| Device::open(&DeviceSelector::Any));
     let device = match opened {
         Ok(device) => device,
         Err(error) => {

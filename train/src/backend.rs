@@ -23,9 +23,9 @@ use crate::params::{BadGradient, ParameterState, StepSizes};
 use eagpt_scene::{Camera, Gaussians, View};
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::features::GBuffer;
 #[cfg(feature = "gpu")]
 use eagpt_trace::gpu::GpuScene;
-use eagpt_trace::sums::SumImage;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -192,11 +192,11 @@ pub trait Backend {
     /// If the device gives up.
     fn begin_albedo(&mut self) -> Result<()>;
 
-    /// Blended sums of a camera after all steps, for previews.
+    /// composited features of a camera after all steps, for previews.
     ///
     /// # Errors
     /// If the device gives up.
-    fn camera_sums(&mut self, camera: &Camera) -> Result<SumImage>;
+    fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer>;
 
     /// The full state after all steps, read back.
     ///

@@ -59,9 +59,9 @@ pub struct BakeRequest {
     pub out: PathBuf,
     /// Folder for the state of the work: a bake that was stopped goes on from there.
     pub work: PathBuf,
-    /// File of links for [`BakeMethod::Gaussians`]: what an earlier bake has left there is taken up as far as the scene is the same, and what is
+    /// File of matrix for [`BakeMethod::Gaussians`]: what an earlier bake has left there is taken up as far as the scene is the same, and what is
     /// known at the end is left there. Nothing is kept in the work folder then.
-    pub links: Option<PathBuf>,
+    pub matrix: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,
     /// What traces rays and, with [`BakeMethod::Views`], fits.
@@ -75,7 +75,7 @@ pub struct BakeRequest {
 impl BakeRequest {
     /// Whether the work folder is used.
     fn has_work(&self) -> bool {
-        self.links.is_none() || matches!(self.options.method, BakeMethod::Views(_))
+        self.matrix.is_none() || matches!(self.options.method, BakeMethod::Views(_))
     }
 }
 
@@ -182,7 +182,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
             };
             ply::write_gaussians(&request.out, &baked)?;
             if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.has_work() {
-                // Path-traced views are worth keeping, links are not.
+                // Path-traced views are worth keeping, matrix are not.
                 clear(&request.work)?;
             }
             Some(request.out.clone())

@@ -27,12 +27,12 @@ pub fn write(
     let mut total = 0.0;
     for training in views {
         let view = &training.view;
-        let sums = backend.camera_sums(&view.camera)?;
-        let rendered = sums.radiance();
+        let features = backend.gbuffer(&view.camera)?;
+        let rendered = features.radiance();
         total += psnr(view, &rendered);
         let shown = match stage {
             Stage::Radiance => rendered,
-            Stage::Albedo => sums.extract(|s| s.albedo().to_array()),
+            Stage::Albedo => features.extract(|s| s.albedo().to_array()),
         };
         let name = format!(
             "{}-{iteration:06}-{}.png",

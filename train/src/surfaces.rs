@@ -6,11 +6,11 @@
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussian};
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::{Ray, Sums, Tracer};
+use eagpt_trace::{Features, Ray, Tracer};
 use glam::Mat3;
 
-/// Half the slab of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same wall.
-const LONE_SLAB: f32 = 0.5;
+/// Half the offset of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same wall.
+const LONE_OFFSET: f32 = 0.5;
 
 /// Rays of Gaussians alone that are traced together: as many as a device has room for.
 const RAYS_AT_ONCE: usize = 1 << 18;
@@ -45,7 +45,7 @@ impl BestSeen {
     /// # Errors
     /// If the device of the `scene` gives up.
     pub(crate) fn look(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
-        let (sums, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
+        let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
         let number = self.num_cameras;
         self.num_cameras += 1;
         let frame = camera.ray_frame();
@@ -58,7 +58,7 @@ impl BestSeen {
             let (x, y) = (pixel % camera.width, pixel / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             if let Some(surface) =
-                Surface::at(frame.origin, direction, &sums.pixels[pixel as usize])
+                Surface::at(frame.origin, direction, &features.pixels[pixel as usize])
             {
                 *best = Some(Seen {
                     surface,
@@ -92,7 +92,7 @@ pub(crate) fn lone(
     }
     let (sides, _) = sides.as_chunks::<2>();
     let (met, _) = met.as_chunks::<2>();
-    let roomier = |([front, back], [before, behind]): (&[Surface; 2], &[Sums; 2])| {
+    let roomier = |([front, back], [before, behind]): (&[Surface; 2], &[Features; 2])| {
         if room(before) >= room(behind) {
             *front
         } else {
@@ -109,12 +109,12 @@ fn sides(gaussian: &Gaussian) -> [Surface; 2] {
     [normal, -normal].map(|normal| Surface {
         position: gaussian.position,
         normal,
-        slab: LONE_SLAB * size,
+        offset: LONE_OFFSET * size,
     })
 }
 
 /// How far a ray got before it met something rather than nothing.
-fn room(met: &Sums) -> f32 {
+fn room(met: &Features) -> f32 {
     if met.alpha() > 0.5 {
         met.mean_distance()
     } else {

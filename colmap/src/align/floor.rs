@@ -45,8 +45,8 @@ pub struct FloorReport {
 const TOLERANCE: f64 = 0.005;
 /// Largest angle between a plane and what cameras call level, radians.
 const MAX_TILT: f64 = 12.0 / 180.0 * std::f64::consts::PI;
-/// Points of one hypothesis lie in a slab of this thickness, in sizes of the scene: 6° over half of it.
-const SLAB: f64 = 0.05;
+/// Points of one hypothesis lie in a layer of this thickness, in sizes of the scene: 6° over half of it.
+const LAYER: f64 = 0.05;
 /// Points that hypotheses are judged by.
 const MAX_POINTS: usize = 20_000;
 const NUM_HYPOTHESES: u32 = 1500;
@@ -57,7 +57,7 @@ const MIN_INLIERS: usize = 12;
 const MIN_SHARE: f64 = 0.01;
 /// Smaller standard deviation of a plane's points along it, in sizes of the scene.
 const MIN_EXTENT: f64 = 0.03;
-/// A plane has so many times the points of a slab right above it.
+/// A plane has so many times the points of a layer right above it.
 const MIN_CONTRAST: f64 = 2.5;
 /// Share of a plane's points that are seen higher up as well if it is a mirror image.
 const MIRRORED_SHARE: f64 = 0.6;
@@ -152,14 +152,14 @@ fn planes(
 
 /// The plane of the best hypothesis; `points` are in the order of their heights.
 fn best_plane(points: &[DVec3], up: DVec3, tolerance: f64, key: RandomKey) -> Option<Plane> {
-    let slab = SLAB / TOLERANCE * tolerance;
+    let layer = LAYER / TOLERANCE * tolerance;
     let mut best: Option<(f64, Plane)> = None;
     for index in 0..NUM_HYPOTHESES {
         let words = key.stream(index, 0).next_words();
         let first = words[0] as usize % points.len();
         let height = points[first].dot(up);
-        let low = points.partition_point(|p| p.dot(up) < height - slab);
-        let high = points.partition_point(|p| p.dot(up) <= height + slab);
+        let low = points.partition_point(|p| p.dot(up) < height - layer);
+        let high = points.partition_point(|p| p.dot(up) <= height + layer);
         let other = |word: u32| points[low + word as usize % (high - low)];
         let Some(plane) = through(points[first], other(words[1]), other(words[2]), up) else {
             continue;
@@ -226,7 +226,7 @@ fn extent(candidate: &Candidate) -> f64 {
 fn stands_out(candidate: &Candidate, below: &[DVec3], tolerance: f64) -> bool {
     let heights = below.iter().map(|p| candidate.plane.height(*p) / tolerance);
     let num_above = heights.filter(|h| (2.0..6.0).contains(h)).count();
-    // That slab is twice as thick.
+    // That layer is twice as thick.
     candidate.inliers.len() as f64 >= MIN_CONTRAST * 0.5 * num_above as f64
 }
 

@@ -1,4 +1,4 @@
-//! Adjoint of the blended sums of a camera.
+//! Adjoint of the composited features of a camera.
 //!
 //! For a ray with hits i front to back and `G = dL/dV`, let `cᵢ = ⟨G, vᵢ⟩` and `Cᵢ = αᵢ cᵢ + (1 − αᵢ) Cᵢ₊₁`, the value of everything from hit i on.
 //! Then `dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁)`. With `α = σ exp(−(u² + v²)/2)` a hit enters the gradient of its Gaussian by three numbers only:
@@ -6,7 +6,7 @@
 //!
 //! What moves a hit are the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n / (ω·n)` and the cosine are tied by `t (ω·n) =
 //! (p − o)·n`, and `u = (ω·t_u/s_u) t − u₀`; so all derivatives of a hit are polynomials in u and v with coefficients that
-//! belong to the Gaussian as seen from the origin. A tile sums the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G` of each Gaussian, and
+//! belong to the Gaussian as seen from the origin. A tile features the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G` of each Gaussian, and
 //! makes a gradient of them once: no ray and no plane is met again.
 //!
 //! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the same for any number of threads.
@@ -14,8 +14,8 @@
 use super::camera::{BlendedHit, CameraRecord, TileRecord};
 use super::tile::pixels_of_tile;
 use crate::blend::{Face, LocalGradient, grad_lane};
-use crate::sums::{NUM_LANES, Sums, lane};
-use crate::surfel::{Payload, SeenSet, SeenSurfel, Surfel, SurfelSet};
+use crate::features::{Features, NUM_LANES, lane};
+use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, SurfelSet};
 use eagpt_scene::Camera;
 use glam::Vec3;
 use multiversion::multiversion;
@@ -24,7 +24,7 @@ use std::cell::RefCell;
 
 /// The derivatives that are wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wanted {
+pub enum GradientMask {
     /// With respect to all parameters.
     Everything,
     /// With respect to radiance, emission and albedo only, others are zero: several times as fast.
@@ -42,9 +42,9 @@ mod moment {
 #[derive(Clone, Copy, Default)]
 struct Moments {
     /// `Σ w G`.
-    light: Sums,
+    light: Features,
     /// See [`moment`].
-    shape: Sums,
+    shape: Features,
 }
 
 /// A Gaussian of a tile.
@@ -52,7 +52,7 @@ struct Moments {
 #[repr(align(64))]
 struct Row {
     /// With the normal turned towards the rays' origin.
-    payload: Payload,
+    attributes: Attributes,
     moments: Moments,
 }
 
@@ -68,21 +68,21 @@ thread_local! {
 }
 
 impl CameraRecord {
-    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_sums` =
+    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_features` =
     /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. The spread, size and first-hit lanes are not
     /// differentiated.
     pub fn adjoint(
         &mut self,
         set: &SurfelSet,
-        d_sums: &[Sums],
-        wanted: Wanted,
+        d_features: &[Features],
+        wanted: GradientMask,
     ) -> Vec<LocalGradient> {
         let Some(camera) = &self.camera else {
             return vec![LocalGradient::default(); set.len()];
         };
         let loss = Loss {
             set: set.as_seen(&self.seen),
-            d_sums,
+            d_features,
             wanted,
         };
         self.tiles
@@ -151,8 +151,8 @@ impl RowPlaces {
 /// What is differentiated.
 struct Loss<'a> {
     set: SeenSet<'a>,
-    d_sums: &'a [Sums],
-    wanted: Wanted,
+    d_features: &'a [Features],
+    wanted: GradientMask,
 }
 
 #[multiversion(targets(
@@ -172,7 +172,7 @@ fn adjoint_of_tile(
     rows.clear();
     // Copied before anything is computed: loads that wait for nothing wait together.
     rows.extend(record.gaussians.iter().map(|&g| Row {
-        payload: loss.set.payloads[g as usize],
+        attributes: loss.set.attributes[g as usize],
         moments: Moments::default(),
     }));
     surfels.clear();
@@ -184,18 +184,18 @@ fn adjoint_of_tile(
     );
     for (row, surfel) in rows.iter_mut().zip(surfels.iter()) {
         let face = Face::of_plane(surfel.seen_from(origin).plane);
-        row.payload = row.payload.turned(face);
+        row.attributes = row.attributes.turned(face);
     }
     // The record is longer than the caches: it is read as one stream, from its end.
     for (p, pixel) in pixels_of_tile(camera, tile).rev() {
-        let (hits, d_sums) = (record.hits_of(p), &loss.d_sums[pixel]);
+        let (hits, d_features) = (record.hits_of(p), &loss.d_features[pixel]);
         match loss.wanted {
-            Wanted::LightAndMaterial => {
+            GradientMask::LightAndMaterial => {
                 for hit in hits {
-                    rows[record.row_of(hit)].moments.add_light(hit, d_sums);
+                    rows[record.row_of(hit)].moments.add_light(hit, d_features);
                 }
             }
-            Wanted::Everything => add_ray(rows, record, hits, d_sums),
+            GradientMask::Everything => add_ray(rows, record, hits, d_features),
         }
     }
     record.gradients.clear();
@@ -203,25 +203,25 @@ fn adjoint_of_tile(
     record
         .gradients
         .extend(gradients.map(|(row, surfel)| match loss.wanted {
-            Wanted::LightAndMaterial => row.moments.light_gradient(),
-            Wanted::Everything => row.moments.gradient(&surfel.seen_from(origin)),
+            GradientMask::LightAndMaterial => row.moments.light_gradient(),
+            GradientMask::Everything => row.moments.gradient(&surfel.seen_from(origin)),
         }));
 }
 
 /// Adds the hits of a ray, back to front.
 #[inline(always)]
-fn add_ray(rows: &mut [Row], record: &TileRecord, hits: &[BlendedHit], d_sums: &Sums) {
-    let d_distance = d_sums.0[lane::DISTANCE];
-    // The distance is no part of a payload, and the lanes behind it are not differentiated.
-    let mut d_payload = d_sums.0;
-    d_payload[lane::DISTANCE..].fill(0.0);
+fn add_ray(rows: &mut [Row], record: &TileRecord, hits: &[BlendedHit], d_features: &Features) {
+    let d_distance = d_features.0[lane::DISTANCE];
+    // The distance is no part of a attributes, and the lanes behind it are not differentiated.
+    let mut d_attributes = d_features.0;
+    d_attributes[lane::DISTANCE..].fill(0.0);
     let mut behind = 0.0_f32;
     for hit in hits.iter().rev() {
         let row = &mut rows[record.row_of(hit)];
-        let value = dot(&d_payload, &row.payload.0) + d_distance * hit.t;
+        let value = dot(&d_attributes, &row.attributes.0) + d_distance * hit.t;
         let difference = value - behind;
         behind += hit.alpha * difference;
-        row.moments.add_light(hit, d_sums);
+        row.moments.add_light(hit, d_features);
         let a = hit.weight * difference;
         let h = hit.weight * d_distance * hit.t;
         row.moments.add_shape(hit, a, h);
@@ -244,8 +244,8 @@ fn dot(a: &[f32; NUM_LANES], b: &[f32; NUM_LANES]) -> f32 {
 
 impl Moments {
     #[inline(always)]
-    fn add_light(&mut self, hit: &BlendedHit, d_sums: &Sums) {
-        for (sum, d) in self.light.0.iter_mut().zip(d_sums.0) {
+    fn add_light(&mut self, hit: &BlendedHit, d_features: &Features) {
+        for (sum, d) in self.light.0.iter_mut().zip(d_features.0) {
             *sum += hit.weight * d;
         }
     }

@@ -1,4 +1,4 @@
-//! Blended sums of all pixels of a camera, and the record of their hits.
+//! composited features of all pixels of a camera, and the record of their hits.
 //!
 //! Pixels are taken in tiles of 16×16 and, within a tile, in blocks of 4×4. A search fills one list of hits per ray of a block, the
 //! lists are put in true order of distance, and [`crate::blend`] does the rest. For the adjoint ([`CameraRecord::adjoint`]) a
@@ -11,16 +11,16 @@ use super::hits::BlockHits;
 use super::search::{TileList, TileSurfel};
 use super::tile::{BLOCKS, LANES, TileRays, pixels_of_tile};
 use super::weights::BlendWeights;
-use crate::blend::{Blender, Contribution, LocalGradient, Offered, PixelValue};
+use crate::blend::{BlendStatus, Blender, Contribution, LocalGradient, PixelValue};
+use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
-use crate::sums::{SumImage, Sums};
-use crate::surfel::{Payload, SeenSet, SurfelSet};
+use crate::surfel::{Attributes, SeenSet, SurfelSet};
 use eagpt_scene::Camera;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
 
-/// How the hits of camera rays are found. All ways give the same sums, bit for bit.
+/// How the hits of camera rays are found. All ways give the same features, bit for bit.
 #[derive(Clone, Copy)]
 pub enum HitSearch<'a> {
     /// Gaussians binned into tiles, tested against all pixels of a block at once. The fast one.
@@ -32,7 +32,7 @@ pub enum HitSearch<'a> {
 /// Whether the blended hits are kept for [`CameraRecord::adjoint`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
-    /// Only the sums.
+    /// Only the features.
     Nothing,
     /// A record for the adjoint.
     Record,
@@ -46,14 +46,14 @@ pub struct CameraRecord {
     pub(super) tiles: Vec<TileRecord>,
     bins: TileBins,
     pub(super) rows: RowPlaces,
-    /// Payloads as the camera sees them, where that makes a difference.
-    pub(super) seen: Vec<Payload>,
+    /// Attributes as the camera sees them, where that makes a difference.
+    pub(super) seen: Vec<Attributes>,
 }
 
 /// What a tile keeps.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TileRecord {
-    sums: Vec<Sums>,
+    features: Vec<Features>,
     /// Row of each slot; [`UNUSED`] where nothing was blended.
     rows: Vec<u32>,
     /// Index in the scene of each row.
@@ -105,10 +105,10 @@ pub fn trace(
     camera: &Camera,
     search: HitSearch<'_>,
     keep: Keep,
-) -> (SumImage, CameraRecord) {
+) -> (GBuffer, CameraRecord) {
     let mut record = CameraRecord::default();
-    let sums = record.trace(set, camera, search, keep);
-    (sums, record)
+    let features = record.trace(set, camera, search, keep);
+    (features, record)
 }
 
 impl CameraRecord {
@@ -119,7 +119,7 @@ impl CameraRecord {
         camera: &Camera,
         search: HitSearch<'_>,
         keep: Keep,
-    ) -> SumImage {
+    ) -> GBuffer {
         self.camera = Some(*camera);
         let frame = camera.ray_frame();
         let (tiles_x, tiles_y) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
@@ -129,7 +129,7 @@ impl CameraRecord {
         self.tiles
             .resize_with((tiles_x * tiles_y) as usize, TileRecord::default);
         let bins = &self.bins;
-        let seen = set.look_from(frame.origin, &mut self.seen);
+        let seen = set.evaluate_harmonics(frame.origin, &mut self.seen);
         self.tiles
             .par_iter_mut()
             .enumerate()
@@ -148,15 +148,15 @@ impl CameraRecord {
                     record.name_rows(&scratch.list.slots);
                 });
             });
-        SumImage {
+        GBuffer {
             width: camera.width,
             height: camera.height,
-            pixels: self.sums(camera),
+            pixels: self.features(camera),
         }
     }
 
-    fn sums(&self, camera: &Camera) -> Vec<Sums> {
-        let mut pixels = vec![Sums::default(); camera.num_pixels()];
+    fn features(&self, camera: &Camera) -> Vec<Features> {
+        let mut pixels = vec![Features::default(); camera.num_pixels()];
         let tiles_x = camera.width.div_ceil(TILE) as usize;
         pixels
             .par_chunks_mut((camera.width * TILE) as usize)
@@ -165,7 +165,7 @@ impl CameraRecord {
                 let start = band * (camera.width * TILE) as usize;
                 for tile in band * tiles_x..(band + 1) * tiles_x {
                     for (p, pixel) in pixels_of_tile(camera, tile) {
-                        rows[pixel - start] = self.tiles[tile].sums[p];
+                        rows[pixel - start] = self.tiles[tile].features[p];
                     }
                 }
             });
@@ -215,7 +215,7 @@ impl CameraRecord {
                 };
                 let mut rows: Vec<Contribution> = record.gaussians.iter().map(of).collect();
                 for (p, pixel) in pixels_of_tile(camera, tile) {
-                    let value = value(pixel, &record.sums[p]);
+                    let value = value(pixel, &record.features[p]);
                     for hit in record.hits_of(p) {
                         let row = &mut rows[record.row_of(hit)];
                         row.add(hit.weight, pixel as u32, value);
@@ -232,7 +232,7 @@ impl CameraRecord {
 
 impl TileRecord {
     fn clear(&mut self) {
-        self.sums.clear();
+        self.features.clear();
         self.rows.clear();
         self.gaussians.clear();
         self.hits.clear();
@@ -265,17 +265,17 @@ impl TileRecord {
         &self.hits[start..self.ends[pixel] as usize]
     }
 
-    /// Blends the hits of a block. There are as many payloads as slots.
+    /// Blends the hits of a block. There are as many attributes as slots.
     #[inline(always)]
-    fn blend(&mut self, payloads: &[Payload], hits: &mut BlockHits, keep: Keep) {
-        self.rows.resize(payloads.len(), UNUSED);
+    fn blend(&mut self, attributes: &[Attributes], hits: &mut BlockHits, keep: Keep) {
+        self.rows.resize(attributes.len(), UNUSED);
         for lane in 0..LANES {
             let mut blender = Blender::default();
             for (t, hit) in hits.ordered(lane) {
                 let weight = blender.transmittance() * hit.alpha;
-                let payload = &payloads[hit.slot as usize];
-                let offered = blender.offer_turned(t, hit.alpha, payload);
-                if keep == Keep::Record && offered != Offered::Skipped {
+                let attributes = &attributes[hit.slot as usize];
+                let status = blender.accumulate_turned(t, hit.alpha, attributes);
+                if keep == Keep::Record && status != BlendStatus::Skipped {
                     self.rows[hit.slot as usize] = 0;
                     self.hits.push(BlendedHit {
                         slot: hit.slot,
@@ -286,12 +286,12 @@ impl TileRecord {
                         v: hit.v,
                     });
                 }
-                if offered == Offered::Last {
+                if status == BlendStatus::Last {
                     break;
                 }
             }
             self.ends.push(self.hits.len() as u32);
-            self.sums.push(blender.finish());
+            self.features.push(blender.finish());
         }
     }
 }
@@ -317,7 +317,7 @@ fn trace_tile(
         if rays.is_in_image(block) {
             list.find_hits(block, directions, hits);
         }
-        record.blend(&list.payloads, hits, keep);
+        record.blend(&list.attributes, hits, keep);
     }
 }
 
@@ -366,6 +366,6 @@ fn trace_tile_by_rays(
             }
             start = end;
         }
-        record.blend(&list.payloads, hits, keep);
+        record.blend(&list.attributes, hits, keep);
     }
 }

@@ -2,14 +2,14 @@
 
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, HitSearch, Keep};
-use super::draws::{Draws, SCENE_SEED};
+use super::realizations::{Realizations, SCENE_SEED};
 use crate::blend::{Contribution, PixelValue};
 use crate::engine::{RenderedView, TraceError, Tracer};
+use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
-use crate::sums::{SumImage, Sums};
-use crate::surfel::{Payload, SurfelSet};
+use crate::surfel::{Attributes, SurfelSet};
 use crate::transport::lights::Lights;
-use crate::transport::links::{Directions, Links, NOTHING, Receiver};
+use crate::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
 use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
@@ -28,7 +28,7 @@ pub struct CpuScene {
     bvh: Bvh,
     lights: Option<Lights>,
     /// Made when they are first needed.
-    draws: OnceLock<Draws>,
+    realizations: OnceLock<Realizations>,
 }
 
 impl CpuScene {
@@ -40,7 +40,7 @@ impl CpuScene {
             set,
             bvh,
             lights: Lights::new(gaussians),
-            draws: OnceLock::new(),
+            realizations: OnceLock::new(),
         }
     }
 
@@ -49,8 +49,9 @@ impl CpuScene {
         &self.set
     }
 
-    fn draws(&self) -> &Draws {
-        self.draws.get_or_init(|| Draws::new(&self.set, SCENE_SEED))
+    fn realizations(&self) -> &Realizations {
+        self.realizations
+            .get_or_init(|| Realizations::new(&self.set, SCENE_SEED))
     }
 
     /// The acceleration structure.
@@ -60,7 +61,7 @@ impl CpuScene {
 }
 
 impl RayTracer for CpuScene {
-    fn trace(&self, ray: &Ray) -> Sums {
+    fn trace(&self, ray: &Ray) -> Features {
         SCRATCH.with_borrow_mut(|scratch| self.bvh.trace(&self.set, ray, scratch))
     }
 
@@ -72,12 +73,12 @@ impl RayTracer for CpuScene {
         })
     }
 
-    fn drawn_hit(&self, ray: &Ray, draw: u32) -> Option<SampledHit> {
-        SCRATCH.with_borrow_mut(|scratch| self.draws().nearest(ray, draw, scratch))
+    fn realization_hit(&self, ray: &Ray, realization: u32) -> Option<SampledHit> {
+        SCRATCH.with_borrow_mut(|scratch| self.realizations().nearest(ray, realization, scratch))
     }
 
-    fn payload(&self, index: u32) -> &Payload {
-        &self.set.payloads[index as usize]
+    fn attributes(&self, index: u32) -> &Attributes {
+        &self.set.attributes[index as usize]
     }
 
     fn lights(&self) -> Option<&Lights> {
@@ -94,14 +95,14 @@ impl Tracer for CpuScene {
         let before = std::mem::take(&mut self.set.surfels);
         self.set.update(gaussians);
         if before != self.set.surfels {
-            self.draws.take();
+            self.realizations.take();
         }
         self.bvh.update(&self.set);
         self.lights = Lights::new(gaussians);
         Ok(())
     }
 
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
+    fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
         Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
     }
 
@@ -109,12 +110,12 @@ impl Tracer for CpuScene {
         &self,
         camera: &Camera,
         value: PixelValue<'_>,
-    ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
-        let (sums, record) = camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record);
-        Ok((sums, record.contributions(value)))
+    ) -> Result<(GBuffer, Vec<Contribution>), TraceError> {
+        let (features, record) = camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record);
+        Ok((features, record.contributions(value)))
     }
 
-    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
         Ok(rays.par_iter().map(|ray| self.trace(ray)).collect())
     }
 
@@ -124,28 +125,28 @@ impl Tracer for CpuScene {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        let sums = self.camera_sums(camera)?;
-        let light = transport::render(self, camera, &sums, integrator, options);
+        let features = self.gbuffer(camera)?;
+        let light = transport::render(self, camera, &features, integrator, options);
         Ok(RenderedView {
             radiance: light.radiance,
             second_moment: light.second_moment,
-            sums,
+            features,
             num_rays: light.num_rays,
         })
     }
 
-    fn trace_links(
+    fn trace_transport(
         &self,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
-    ) -> Result<Links, TraceError> {
-        Ok(Links::trace(self, receivers, directions, key))
+    ) -> Result<TransportMatrix, TraceError> {
+        Ok(TransportMatrix::trace(self, receivers, directions, key))
     }
 
-    fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
-        let first = |(ray, draw): (&Ray, &u32)| self.drawn_hit(ray, *draw);
-        let pairs = rays.par_iter().zip(draws).with_min_len(256);
+    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError> {
+        let first = |(ray, realization): (&Ray, &u32)| self.realization_hit(ray, *realization);
+        let pairs = rays.par_iter().zip(realizations).with_min_len(256);
         Ok(pairs
             .map(|pair| first(pair).map_or(NOTHING, |hit| hit.index))
             .collect())

@@ -8,7 +8,7 @@ use super::hits::BlockHits;
 use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays};
 use crate::blend::Face;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::surfel::{Payload, SeenSet, SeenSurfel, Surfel, exp_of_negative};
+use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, exp_of_negative};
 
 /// A Gaussian that rays of a tile may meet: a slot of the tile.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +30,7 @@ pub(super) struct TileList {
     /// In order of index.
     pub(super) slots: Vec<TileSurfel>,
     /// Of each slot, with the normal turned towards the rays' origin.
-    pub(super) payloads: Vec<Payload>,
+    pub(super) attributes: Vec<Attributes>,
     /// Blocks that may see each slot, one byte for each block.
     seen_by: Vec<u128>,
     /// Slots by distance.
@@ -65,7 +65,7 @@ impl TileList {
                 });
             }
         }
-        self.copy_payloads(set);
+        self.copy_attributes(set);
         self.nearest_first.sort_unstable();
         self.blocks.iter_mut().for_each(Vec::clear);
         for entry in &self.nearest_first {
@@ -78,15 +78,15 @@ impl TileList {
     }
 
     #[inline(always)]
-    fn copy_payloads(&mut self, set: SeenSet<'_>) {
-        let payloads = self
+    fn copy_attributes(&mut self, set: SeenSet<'_>) {
+        let attributes = self
             .slots
             .iter()
-            .map(|slot| set.payloads[slot.index as usize]);
-        self.payloads.clear();
-        self.payloads.extend(payloads);
-        for (payload, slot) in self.payloads.iter_mut().zip(&self.slots) {
-            *payload = payload.turned(Face::of_plane(slot.seen.plane));
+            .map(|slot| set.attributes[slot.index as usize]);
+        self.attributes.clear();
+        self.attributes.extend(attributes);
+        for (attributes, slot) in self.attributes.iter_mut().zip(&self.slots) {
+            *attributes = attributes.turned(Face::of_plane(slot.seen.plane));
         }
     }
 
@@ -107,7 +107,7 @@ impl TileList {
         });
         self.slots.clear();
         self.slots.extend(slots);
-        self.copy_payloads(set);
+        self.copy_attributes(set);
     }
 
     /// The slot of a Gaussian that [`Self::name_slots`] has named.

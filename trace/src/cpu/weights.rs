@@ -6,7 +6,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Parts into which the transpose divides the pixels: fixed, so that sums are the same for any number of threads.
+/// Parts into which the transpose divides the pixels: fixed, so that features are the same for any number of threads.
 const NUM_PARTS: usize = 4;
 
 /// Weights of Gaussians in pixels, in the order in which a camera's tiles have them.

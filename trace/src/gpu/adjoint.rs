@@ -13,7 +13,7 @@ use super::device::{Device, Step};
 use super::error::GpuError;
 use super::scene::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
-use crate::sums::{NUM_LANES, Sums};
+use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use rayon::prelude::*;
 use steps::Parts;
@@ -111,7 +111,7 @@ pub(super) struct Adjoint {
     room: Room,
     size: (u32, u32),
     masks: wgpu::Buffer,
-    d_sums: wgpu::Buffer,
+    d_features: wgpu::Buffer,
     /// A number for each pixel of a band.
     values: wgpu::Buffer,
     /// [`LocalGradient`], `[n]`.
@@ -125,9 +125,9 @@ pub(super) struct Adjoint {
 #[derive(Debug)]
 struct AdjointBand {
     pixels: std::ops::Range<usize>,
-    /// Sums, with a record of what is blended, and how many hits each place in the lists has.
+    /// Features, with a record of what is blended, and how many hits each place in the lists has.
     forward: Vec<Step>,
-    /// From the record and the derivatives by the sums to gradients.
+    /// From the record and the derivatives by the features to gradients.
     backward: Vec<Step>,
     /// From the record and the values to contributions.
     attribute: Vec<Step>,
@@ -152,7 +152,7 @@ impl Adjoint {
         let hit_starts = device.buffer("starts of hits", 4 * u64::from(bins.capacity))?;
         let hits = 8 * u64::from(room.chunks) * u64::from(CHUNK_HITS);
         let hits = device.buffer("hits", hits)?;
-        let d_sums = device.buffer("derivatives by sums", ROW_BYTES * band_pixels)?;
+        let d_features = device.buffer("derivatives by features", ROW_BYTES * band_pixels)?;
         let values = device.buffer("values of pixels", 4 * band_pixels)?;
         let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
         let rows = device.buffer("rows of gradients", ROW_BYTES * num_rows)?;
@@ -169,7 +169,7 @@ impl Adjoint {
             masks: &masks,
             hit_starts: &hit_starts,
             hits: &hits,
-            d_sums: &d_sums,
+            d_features: &d_features,
             values: &values,
             rows: &rows,
             num_rows: u32::try_from(num_rows).unwrap_or(u32::MAX),
@@ -189,7 +189,7 @@ impl Adjoint {
             };
             bands.push(AdjointBand {
                 pixels: (first_row * width) as usize..(end_row * width) as usize,
-                forward: parts.forward(&tracer.sums, band)?,
+                forward: parts.forward(&tracer.features, band)?,
                 backward: parts.backward(band),
                 attribute: parts.attribute(band),
             });
@@ -199,7 +199,7 @@ impl Adjoint {
             room,
             size: (width, height),
             masks,
-            d_sums,
+            d_features,
             values,
             gradients,
             contributions,
@@ -208,19 +208,19 @@ impl Adjoint {
         })
     }
 
-    /// Gradients by all Gaussians, read back; `d_sums` are derivatives by the sums of each pixel, row by row.
+    /// Gradients by all Gaussians, read back; `d_features` are derivatives by the features of each pixel, row by row.
     pub(super) fn gradients(
         &self,
         device: &Device,
         tracer: &CameraTracer,
         camera: &Camera,
-        d_sums: &[Sums],
+        d_features: &[Features],
     ) -> Result<Outcome<Vec<LocalGradient>>, GpuError> {
-        assert_eq!(d_sums.len(), camera.num_pixels(), "one for each pixel");
+        assert_eq!(d_features.len(), camera.num_pixels(), "one for each pixel");
         let back = |band: &AdjointBand| {
-            let d_sums = d_sums[band.pixels.clone()].iter();
-            let lanes: Vec<[f32; NUM_LANES]> = d_sums.map(|sums| sums.0).collect();
-            device.write(&self.d_sums, bytemuck::cast_slice(&lanes));
+            let d_features = d_features[band.pixels.clone()].iter();
+            let lanes: Vec<[f32; NUM_LANES]> = d_features.map(|features| features.0).collect();
+            device.write(&self.d_features, bytemuck::cast_slice(&lanes));
             device.run(&band.backward)
         };
         self.go_back(device, tracer, camera, back, || {
@@ -230,19 +230,19 @@ impl Adjoint {
         })
     }
 
-    /// What Gaussians contribute, read back, without those that contribute nothing; the sums of each pixel, row by row, go to `pixels`.
+    /// What Gaussians contribute, read back, without those that contribute nothing; the features of each pixel, row by row, go to `pixels`.
     pub(super) fn contributions(
         &self,
         device: &Device,
         tracer: &CameraTracer,
         camera: &Camera,
         value: PixelValue<'_>,
-        pixels: &mut Vec<Sums>,
+        pixels: &mut Vec<Features>,
     ) -> Result<Outcome<Vec<Contribution>>, GpuError> {
         pixels.clear();
         let back = |band: &AdjointBand| {
-            let lanes = device.read::<[f32; NUM_LANES]>(&tracer.sums, 0..band.pixels.len())?;
-            pixels.extend(lanes.into_iter().map(Sums));
+            let lanes = device.read::<[f32; NUM_LANES]>(&tracer.features, 0..band.pixels.len())?;
+            pixels.extend(lanes.into_iter().map(Features));
             let value = |pixel: usize| value(pixel, &pixels[pixel]);
             let values: Vec<f32> = band.pixels.clone().into_par_iter().map(value).collect();
             device.write(&self.values, bytemuck::cast_slice(&values));
@@ -312,7 +312,7 @@ impl Adjoint {
     }
 }
 
-/// An image that is traced at once: its sums, their derivatives and the gradients are on the device together.
+/// An image that is traced at once: its features, their derivatives and the gradients are on the device together.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WholeImage<'a> {
     adjoint: &'a Adjoint,
@@ -320,9 +320,9 @@ pub(super) struct WholeImage<'a> {
 }
 
 impl WholeImage<'_> {
-    /// Where derivatives by the sums are looked for, `[pixels]`.
-    pub(super) fn d_sums(&self) -> &wgpu::Buffer {
-        &self.adjoint.d_sums
+    /// Where derivatives by the features are looked for, `[pixels]`.
+    pub(super) fn d_features(&self) -> &wgpu::Buffer {
+        &self.adjoint.d_features
     }
 
     /// Where gradients are put, `[n]`.

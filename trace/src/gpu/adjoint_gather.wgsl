@@ -1,4 +1,4 @@
-// Last stage of the adjoint: the rows of each Gaussian are added in the order of its tiles, so that sums come out the same in every run
+// Last stage of the adjoint: the rows of each Gaussian are added in the order of its tiles, so that features come out the same in every run
 // without an atomic addition of floats.
 
 @group(0) @binding(2) var<storage, read> order: array<u32>;

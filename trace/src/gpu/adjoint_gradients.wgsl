@@ -2,7 +2,7 @@
 // emission and albedo.
 
 @group(0) @binding(10) var<storage, read> seen_surfels: array<Seen>;
-@group(0) @binding(11) var<storage, read> d_sums: array<Lanes>;
+@group(0) @binding(11) var<storage, read> d_features: array<Lanes>;
 
 alias Row = Lanes;
 
@@ -48,7 +48,7 @@ fn hit_gradient(seen: Seen, scale: vec2f, direction: vec3f, d: Lanes, weight: f3
 
 fn add_hit(adder: ptr<function, Adder>, pixel: vec2u, hit: vec2f) {
     let direction = pixel_direction(f32(pixel.x) + 0.5, f32(pixel.y) + 0.5);
-    let d = d_sums[pixel.y * view.width + pixel.x - band.first_pixel];
+    let d = d_features[pixel.y * view.width + pixel.x - band.first_pixel];
     let gradient = hit_gradient((*adder).seen, (*adder).scale, direction, d, hit.x, hit.y);
     (*adder).sum = add_row((*adder).sum, gradient);
 }

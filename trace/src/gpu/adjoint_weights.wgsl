@@ -4,8 +4,8 @@
 @group(0) @binding(2) var<storage, read> record: array<u32>;
 @group(0) @binding(3) var<storage, read> listed: array<vec2u>;
 @group(0) @binding(4) var<storage, read> seen_surfels: array<Seen>;
-@group(0) @binding(5) var<storage, read> payloads: array<Lanes>;
-@group(0) @binding(6) var<storage, read> d_sums: array<Lanes>;
+@group(0) @binding(5) var<storage, read> attributes: array<Lanes>;
+@group(0) @binding(6) var<storage, read> d_features: array<Lanes>;
 @group(0) @binding(7) var<storage, read> masks: array<vec2u>;
 // First of the hits of each place in the lists.
 @group(0) @binding(8) var<storage, read> hit_starts: array<u32>;
@@ -26,7 +26,7 @@ fn weigh_hits(
     }
     let direction = pixel_direction(f32(column) + 0.5, f32(row) + 0.5);
     let pixel = row * view.width + column - band.first_pixel;
-    let d = d_sums[pixel];
+    let d = d_features[pixel];
     var chunk = record[2u * pixel];
     var behind = 0.0;
     for (var left = record[2u * pixel + 1u]; left > 0u; left--) {
@@ -37,7 +37,7 @@ fn weigh_hits(
         let before = bitcast<f32>(record[at + 2u]);
         let index = listed[place].x;
         let t = meet(seen_surfels[index], direction).t;
-        let values = hit_values(payloads[index], direction, t);
+        let values = hit_values(attributes[index], direction, t);
         // Spread, size and first distance are not differentiated.
         let value = dot(d.a, values.a) + dot(d.b, values.b) + dot(d.c, values.c);
         let d_alpha = before * (value - behind);

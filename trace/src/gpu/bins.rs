@@ -153,8 +153,8 @@ pub(super) struct Bins {
     pub(super) view: wgpu::Buffer,
     /// [`Seen`], `[n]`.
     pub(super) seen: wgpu::Buffer,
-    /// [`crate::surfel::Payload`] as the camera sees them, `[n]`.
-    pub(super) payloads: wgpu::Buffer,
+    /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`.
+    pub(super) attributes: wgpu::Buffer,
     pub(super) totals: wgpu::Buffer,
     /// Gaussians, those that may be hit nearer first, `[n]`.
     pub(super) order: wgpu::Buffer,
@@ -222,15 +222,15 @@ impl Bins {
             (5, values),
         ];
         let mut steps = vec![device.step(&wgsl::PROJECT, "project", &project, n.div_ceil(64))];
-        let mut payloads = scene.payloads.clone();
+        let mut attributes = scene.attributes.clone();
         if let Some(harmonics) = &scene.harmonics {
-            payloads = device.buffer("payloads as seen", scene.payloads.size())?;
+            attributes = device.buffer("attributes as seen", scene.attributes.size())?;
             let look = [
                 (0, &view),
                 (1, &scene.surfels),
-                (2, &scene.payloads),
+                (2, &scene.attributes),
                 (3, harmonics),
-                (4, &payloads),
+                (4, &attributes),
             ];
             steps.push(device.step(&wgsl::LOOK, "look", &look, n.div_ceil(64)));
         }
@@ -269,7 +269,7 @@ impl Bins {
             order: order.clone(),
             view,
             seen,
-            payloads,
+            attributes,
             totals,
             entry_starts,
             places,

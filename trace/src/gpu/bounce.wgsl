@@ -18,7 +18,7 @@ fn gather_sample(total: ptr<function, Gathered>, surface: Surface, pixel: u32, s
         }
         let hit = sample_hit(ray_from(surface, direction), word_of(light.key, pixel, sample));
         if hit != NO_NODE {
-            brought = payloads[hit].a.xyz * weight;
+            brought = attributes[hit].a.xyz * weight;
         }
     }
     add_sample(total, brought, 1u);

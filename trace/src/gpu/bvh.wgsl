@@ -7,12 +7,12 @@ struct Ray {
     origin: vec3f,
     direction: vec3f,
     // Distance up to which Gaussians that lie along the surface the ray leaves from do not count.
-    t_own: f32,
+    t_min: f32,
     own_normal: vec3f,
 }
 
 fn ray_of(query: RayQuery) -> Ray {
-    return Ray(query.origin, query.direction, query.t_own, query.own_normal);
+    return Ray(query.origin, query.direction, query.t_min, query.own_normal);
 }
 
 struct Traversal {
@@ -26,7 +26,7 @@ struct Traversal {
 }
 
 fn inverse_of(direction: vec3f) -> vec3f {
-    // Axis-parallel rays: a huge finite reciprocal keeps 0·∞ out of the slab test.
+    // Axis-parallel rays: a huge finite reciprocal keeps 0·∞ out of the box test.
     let huge = select(vec3f(-1e20), vec3f(1e20), direction >= vec3f());
     let is_tiny = abs(direction) <= vec3f(1e-20);
     return select(1.0 / select(direction, vec3f(1.0), is_tiny), huge, is_tiny);
@@ -43,7 +43,7 @@ fn start_at(traversal: ptr<function, Traversal>, root: u32, direction: vec3f, t_
     }
 }
 
-// Distance at which the ray enters a box; infinite where it misses. Robust slab test (Ize 2013): a few roundings on the far side, as many as
+// Distance at which the ray enters a box; infinite where it misses. Robust box test (Ize 2013): a few roundings on the far side, as many as
 // the imprecise division of GPUs needs.
 fn box_distance(node: u32, origin: vec3f, inverse: vec3f, t_max: f32) -> f32 {
     let a = (nodes[2u * node].xyz - origin) * inverse;
@@ -89,7 +89,7 @@ fn push(traversal: ptr<function, Traversal>, node: u32, near: f32) {
 
 // Whether a hit is on the very surface that the ray leaves from.
 fn is_own(seen: Seen, hit: PlaneHit, ray: Ray) -> bool {
-    return hit.t <= ray.t_own && abs(dot(seen.normal, ray.own_normal)) > OWN_COSINE;
+    return hit.t <= ray.t_min && abs(dot(seen.normal, ray.own_normal)) > OWN_COSINE;
 }
 
 // Hits are known by the index of their Gaussian.
@@ -97,7 +97,7 @@ fn index_of(index: u32) -> u32 {
     return index;
 }
 
-// Blended sums along a ray.
+// composited features along a ray.
 fn trace_ray(ray: Ray) -> Lanes {
     var state = Blender(NO_LANES, 1.0);
     var pending: Pending;
@@ -127,7 +127,7 @@ fn trace_ray(ray: Ray) -> Lanes {
             let index = pending.number[i];
             let seen = seen_from(surfels[index], ray.origin);
             let alpha = alpha_of(seen, meet(seen, ray.direction));
-            ended = offer(&state, pending.t[i], alpha, payloads[index], ray.direction) == LAST;
+            ended = accumulate(&state, pending.t[i], alpha, attributes[index], ray.direction) == LAST;
         }
         if ended || pending.forgotten_t == INFINITE {
             break;
@@ -135,7 +135,7 @@ fn trace_ray(ray: Ray) -> Lanes {
         from_t = pending.forgotten_t;
         from_index = pending.forgotten;
     }
-    return state.sums;
+    return state.features;
 }
 
 // A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them does not matter.
@@ -174,15 +174,15 @@ fn sample_hit(ray: Ray, seed: u32) -> u32 {
     return nearest;
 }
 
-// Sums of a ray whose one hit stands for all: the twin of `sums_of_one`.
+// Features of a ray whose one hit stands for all: the twin of `features_of_one`.
 fn sample_ray(ray: Ray, seed: u32) -> Lanes {
     let index = sample_hit(ray, seed);
     if index == NO_NODE {
         return NO_LANES;
     }
     let t = meet(seen_from(surfels[index], ray.origin), ray.direction).t;
-    var sums = hit_values(payloads[index], ray.direction, t);
-    let size = sums.d.y;
-    sums.d = vec4f(size * size, size, t, 0.0);
-    return sums;
+    var features = hit_values(attributes[index], ray.direction, t);
+    let size = features.d.y;
+    features.d = vec4f(size * size, size, t, 0.0);
+    return features;
 }

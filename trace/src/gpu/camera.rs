@@ -1,4 +1,4 @@
-//! Blended sums of all pixels of a camera on the device: the twin of [`crate::cpu::camera`].
+//! composited features of all pixels of a camera on the device: the twin of [`crate::cpu::camera`].
 
 use super::bins::{Bins, TILE};
 use super::device::{Device, Step};
@@ -6,7 +6,7 @@ use super::error::GpuError;
 use super::layout::{Layout, layout};
 use super::scene::SceneBuffers;
 use super::wgsl;
-use crate::sums::{NUM_LANES, Sums};
+use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use std::ops::Range;
 
@@ -63,9 +63,9 @@ pub(super) fn tile_steps(
         .collect()
 }
 
-/// Rows of pixels whose sums fit into one buffer, whole rows of tiles.
+/// Rows of pixels whose features fit into one buffer, whole rows of tiles.
 fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {
-    let row_bytes = u64::from(width) * size_of::<Sums>() as u64;
+    let row_bytes = u64::from(width) * size_of::<Features>() as u64;
     let rows = device.tier().max_bytes() / row_bytes.max(1);
     let rows = u32::try_from(rows).unwrap_or(u32::MAX) / TILE * TILE;
     rows.clamp(TILE, height.next_multiple_of(TILE))
@@ -83,8 +83,8 @@ pub(super) enum Binned {
 #[derive(Debug)]
 pub(super) struct CameraTracer {
     pub(super) bins: Bins,
-    /// [`Sums`] of a band of rows.
-    pub(super) sums: wgpu::Buffer,
+    /// [`Features`] of a band of rows.
+    pub(super) features: wgpu::Buffer,
     rows: u32,
     bands: Vec<SumBand>,
 }
@@ -106,8 +106,8 @@ impl CameraTracer {
         let bins = Bins::new(device, scene, size, num_entries)?;
         let (width, height) = size;
         let rows = rows_per_buffer(device, width, height);
-        let bytes = u64::from(rows.min(height)) * u64::from(width) * size_of::<Sums>() as u64;
-        let sums = device.buffer("sums", bytes)?;
+        let bytes = u64::from(rows.min(height)) * u64::from(width) * size_of::<Features>() as u64;
+        let features = device.buffer("features", bytes)?;
         let tiles_x = width.div_ceil(TILE);
         let bands = (0..height)
             .step_by(rows as usize)
@@ -126,8 +126,8 @@ impl CameraTracer {
                         (2, &bins.list_starts),
                         (3, &bins.listed),
                         (4, &bins.seen),
-                        (5, &bins.payloads),
-                        (6, &sums),
+                        (5, &bins.attributes),
+                        (6, &features),
                     ];
                     device.step(&wgsl::CAMERA, "trace_tiles", &buffers, groups)
                 });
@@ -140,7 +140,7 @@ impl CameraTracer {
         device.check()?;
         Ok(Self {
             bins,
-            sums,
+            features,
             rows,
             bands,
         })
@@ -173,16 +173,16 @@ impl CameraTracer {
         })
     }
 
-    /// Traces the camera that was binned last, and hands each band of pixels with their sums to `finish` while they are on the device.
+    /// Traces the camera that was binned last, and hands each band of pixels with their features to `finish` while they are on the device.
     pub(super) fn trace(
         &self,
         device: &Device,
-        mut finish: impl FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
+        mut finish: impl FnMut(&Range<usize>, Vec<Features>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
         for band in &self.bands {
             device.run(&band.steps)?;
-            let lanes = device.read::<[f32; NUM_LANES]>(&self.sums, 0..band.pixels.len())?;
-            finish(&band.pixels, lanes.into_iter().map(Sums).collect())?;
+            let lanes = device.read::<[f32; NUM_LANES]>(&self.features, 0..band.pixels.len())?;
+            finish(&band.pixels, lanes.into_iter().map(Features).collect())?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-// Blended sums of all pixels of a camera: the twin of cpu/camera.rs and cpu/tile.rs. A workgroup is a tile, an invocation a pixel.
+// composited features of all pixels of a camera: the twin of cpu/camera.rs and cpu/tile.rs. A workgroup is a tile, an invocation a pixel.
 //
 // A tile's list is sorted by a bound of the distance, pixels need the order of true distances, ties by index. Hits wait until the bound has
 // passed them; where more wait than there is room for, another search finds those that were forgotten.
@@ -8,8 +8,8 @@
 @group(0) @binding(2) var<storage, read> list_starts: array<u32>;
 @group(0) @binding(3) var<storage, read> listed: array<vec2u>;
 @group(0) @binding(4) var<storage, read> seen_surfels: array<Seen>;
-@group(0) @binding(5) var<storage, read> payloads: array<Lanes>;
-@group(0) @binding(6) var<storage, read_write> sums: array<Lanes>;
+@group(0) @binding(5) var<storage, read> attributes: array<Lanes>;
+@group(0) @binding(6) var<storage, read_write> features: array<Lanes>;
 
 // Hits are known by their place in the lists.
 fn index_of(place: u32) -> u32 {
@@ -34,11 +34,11 @@ fn blend_before(
         let index = index_of(place);
         let alpha = alpha_of(seen_surfels[index], meet(seen_surfels[index], direction));
         let before = (*state).transmittance;
-        let offered = offer(state, t, alpha, payloads[index], direction);
-        if offered != SKIPPED {
+        let status = accumulate(state, t, alpha, attributes[index], direction);
+        if status != SKIPPED {
             record_hit(recorder, place, alpha, before);
         }
-        if offered == LAST {
+        if status == LAST {
             return true;
         }
     }
@@ -94,5 +94,5 @@ fn trace_tiles(
         from_place = pending.forgotten;
     }
     finish_record(&recorder);
-    sums[row * view.width + column - band.first_pixel] = state.sums;
+    features[row * view.width + column - band.first_pixel] = state.features;
 }

@@ -113,7 +113,7 @@ mod tests {
     fn errors_of_engines_say_the_same() {
         let error = GpuError::Limit {
             device: "Card".to_owned(),
-            what: "payloads".to_owned(),
+            what: "attributes".to_owned(),
             needed: 200,
             limit: 128,
         };

@@ -1,6 +1,6 @@
 //! Gaussians that change while they are looked at: what training on a device needs of the rays.
 //!
-//! Unlike [`super::GpuScene`], whose Gaussians come from the host, the buffers are open to kernels of others: those read the sums of a
+//! Unlike [`super::GpuScene`], whose Gaussians come from the host, the buffers are open to kernels of others: those read the features of a
 //! [`Frame`], write the derivatives by them, and move the Gaussians along the gradients, without anything passing through the host.
 
 use super::adjoint::TOTAL_CHUNKS;
@@ -10,7 +10,7 @@ use super::error::GpuError;
 use super::scene::SceneBuffers;
 use super::views::Views;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
-use crate::sums::{SumImage, Sums};
+use crate::features::{Features, GBuffer};
 use crate::surfel::SurfelSet;
 use eagpt_scene::Camera;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -26,14 +26,14 @@ pub struct GpuFit {
 /// Buffers of a camera's rays, until a camera of another size or one that needs more room comes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// [`Sums`] of every pixel, row by row: written by [`GpuFit::forward`].
-    pub sums: wgpu::Buffer,
+    /// [`Features`] of every pixel, row by row: written by [`GpuFit::forward`].
+    pub features: wgpu::Buffer,
     /// Derivatives of the loss by them: read by [`GpuFit::backward`].
-    pub d_sums: wgpu::Buffer,
+    pub d_features: wgpu::Buffer,
     /// [`LocalGradient`], `[n]`: written by [`GpuFit::backward`].
     pub gradients: wgpu::Buffer,
-    /// [`crate::surfel::Payload`] as the camera sees them, `[n]`: written by [`GpuFit::forward`].
-    pub payloads: wgpu::Buffer,
+    /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by [`GpuFit::forward`].
+    pub attributes: wgpu::Buffer,
     /// Numbers of what the rays needed room for, at [`Frame::ENTRIES`] and [`Frame::CHUNKS`].
     pub totals: wgpu::Buffer,
     /// Where there was less room than needed, what was traced is worth nothing.
@@ -101,9 +101,9 @@ impl GpuFit {
         &self.scene.surfels
     }
 
-    /// [`crate::surfel::Payload`], `[n]`.
-    pub fn payloads(&self) -> &wgpu::Buffer {
-        &self.scene.payloads
+    /// [`crate::surfel::Attributes`], `[n]`.
+    pub fn attributes(&self) -> &wgpu::Buffer {
+        &self.scene.attributes
     }
 
     /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the direction.
@@ -116,12 +116,12 @@ impl GpuFit {
         self.scene.num_surfels()
     }
 
-    /// Blended sums of one ray through every pixel centre, read back.
+    /// composited features of one ray through every pixel centre, read back.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
-    pub fn camera_sums(&self, camera: &Camera) -> Result<SumImage, GpuError> {
-        self.views().sums(&self.device, &self.scene, camera)
+    pub fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, GpuError> {
+        self.views().features(&self.device, &self.scene, camera)
     }
 
     /// Gradients by all Gaussians, read back; see [`super::GpuScene::camera_adjoint`].
@@ -131,13 +131,13 @@ impl GpuFit {
     pub fn camera_adjoint(
         &self,
         camera: &Camera,
-        d_sums: &[Sums],
+        d_features: &[Features],
     ) -> Result<Vec<LocalGradient>, GpuError> {
         let mut views = self.views();
-        views.adjoint(&self.device, &self.scene, camera, d_sums)
+        views.adjoint(&self.device, &self.scene, camera, d_features)
     }
 
-    /// Blended sums of one ray through every pixel centre, and what each Gaussian contributes to them, read back: the twin of
+    /// composited features of one ray through every pixel centre, and what each Gaussian contributes to them, read back: the twin of
     /// [`crate::cpu::CameraRecord::contributions`], but for a Gaussian coming once.
     ///
     /// # Errors
@@ -146,7 +146,7 @@ impl GpuFit {
         &self,
         camera: &Camera,
         value: PixelValue<'_>,
-    ) -> Result<(SumImage, Vec<Contribution>), GpuError> {
+    ) -> Result<(GBuffer, Vec<Contribution>), GpuError> {
         self.views()
             .contributions(&self.device, &self.scene, camera, value)
     }
@@ -159,10 +159,10 @@ impl GpuFit {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.scene, camera)?;
         Ok(adjoint.whole().map(|image| Frame {
-            sums: tracer.sums.clone(),
-            d_sums: image.d_sums().clone(),
+            features: tracer.features.clone(),
+            d_features: image.d_features().clone(),
             gradients: image.gradients().clone(),
-            payloads: tracer.bins.payloads.clone(),
+            attributes: tracer.bins.attributes.clone(),
             totals: tracer.bins.totals.clone(),
             room: FrameRoom {
                 entries: tracer.bins.capacity,

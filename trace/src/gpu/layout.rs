@@ -1,13 +1,13 @@
 //! What kernels and Rust share: structures and constants, written down once, in Rust, and declared in WGSL from there.
 
 use super::bins::{self, Seen, View};
-use super::{adjoint, bvh, camera, light, links, rays, scan, sort};
+use super::{adjoint, bvh, camera, light, matrix, rays, scan, sort};
 use crate::blend::Contribution;
 use crate::cpu::bins::MARGIN_PIXELS;
+use crate::features::lane;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
-use crate::sums::lane;
 use crate::surfel::Surfel;
-use crate::transport::links::{NOTHING, NUM_DRAWS};
+use crate::transport::matrix::{NOTHING, NUM_REALIZATIONS};
 use crate::transport::start;
 use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use std::fmt::Write as _;
@@ -154,10 +154,10 @@ pub(super) fn layouts() -> Vec<Layout> {
         light::Emitter::layout(),
         light::Gathered::layout(),
         light::PathState::layout(),
-        links::LinkParameters::layout(),
-        links::ReceiverOnDevice::layout(),
-        links::FoundLink::layout(),
-        links::ArrivedLight::layout(),
+        matrix::TransportParameters::layout(),
+        matrix::ReceiverOnDevice::layout(),
+        matrix::FoundEntry::layout(),
+        matrix::ArrivedLight::layout(),
     ]
 }
 
@@ -174,9 +174,9 @@ pub(super) fn declarations() -> String {
         ("OWN_COSINE", OWN_COSINE),
         ("BIN_MARGIN_PIXELS", MARGIN_PIXELS),
         ("START_MIN_ALPHA", start::MIN_ALPHA),
-        ("SLAB_DEVIATIONS", start::SLAB_DEVIATIONS),
-        ("MIN_SLAB_SIZES", start::MIN_SLAB_SIZES),
-        ("MAX_SLAB_SIZES", start::MAX_SLAB_SIZES),
+        ("OFFSET_DEVIATIONS", start::OFFSET_DEVIATIONS),
+        ("MIN_OFFSET_SIZES", start::MIN_OFFSET_SIZES),
+        ("MAX_OFFSET_SIZES", start::MAX_OFFSET_SIZES),
         ("MAX_SLANT", start::MAX_SLANT),
         ("MAX_EXPONENT", MAX_EXPONENT),
     ]
@@ -199,7 +199,7 @@ pub(super) fn declarations() -> String {
         ("TOWARDS_LIGHT", light::TOWARDS_LIGHT),
         ("ROULETTE", light::ROULETTE),
         ("LAST_BOUNCE", light::LAST_BOUNCE),
-        ("NUM_DRAWS", NUM_DRAWS),
+        ("NUM_REALIZATIONS", NUM_REALIZATIONS),
         ("NUM_FUNCTIONS", NUM_FUNCTIONS as u32),
         ("NOTHING", NOTHING),
         ("STACK", bvh::STACK),

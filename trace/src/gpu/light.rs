@@ -12,7 +12,7 @@ use super::error::GpuError;
 use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
-use crate::sums::Sums;
+use crate::features::Features;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
 pub(super) use buffers::TreeBuffers;
 use bytemuck::Zeroable as _;
@@ -105,30 +105,30 @@ impl LightGatherer {
                 .collect(),
         };
         let view = (0, &tracer.bins.view);
-        let (uniform_at, surfels, payloads) =
-            ((1, &uniform), (2, &scene.surfels), (3, &scene.payloads));
+        let (uniform_at, surfels, attributes) =
+            ((1, &uniform), (2, &scene.surfels), (3, &scene.attributes));
         let (nodes, leaves, emitters) = (
             (4, &light.nodes),
             (5, &light.leaf_indices),
             (6, &light.emitters),
         );
-        let (sums, total) = ((7, &tracer.sums), (8, &gathered));
+        let (features, total) = ((7, &tracer.features), (8, &gathered));
         let kernels = match kind {
             GatherKind::OneBounce => {
                 let buffers = [
-                    view, uniform_at, surfels, payloads, nodes, leaves, emitters, sums, total,
+                    view, uniform_at, surfels, attributes, nodes, leaves, emitters, features, total,
                 ];
                 vec![kernel(&wgsl::BOUNCE, "gather_bounces", &buffers)]
             }
             GatherKind::Path { .. } => {
                 let paths = room("paths", size_of::<PathState>())?;
                 let rays = room("rays of paths", size_of::<RayQuery>())?;
-                let met = room("sums of paths", size_of::<Sums>())?;
+                let met = room("features of paths", size_of::<Features>())?;
                 let aim = [
                     view,
                     uniform_at,
                     emitters,
-                    sums,
+                    features,
                     total,
                     (9, &paths),
                     (10, &rays),
@@ -136,7 +136,7 @@ impl LightGatherer {
                 let meet = [
                     uniform_at,
                     surfels,
-                    payloads,
+                    attributes,
                     nodes,
                     leaves,
                     (6, &rays),

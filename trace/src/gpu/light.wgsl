@@ -3,18 +3,18 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> light: LightParameters;
 @group(0) @binding(2) var<storage, read> surfels: array<Surfel>;
-@group(0) @binding(3) var<storage, read> payloads: array<Lanes>;
+@group(0) @binding(3) var<storage, read> attributes: array<Lanes>;
 // Of the scene, then of the emitters.
 @group(0) @binding(4) var<storage, read> nodes: array<vec4f>;
 @group(0) @binding(5) var<storage, read> leaf_indices: array<u32>;
 @group(0) @binding(6) var<storage, read> emitters: array<Emitter>;
 // Of the camera rays.
-@group(0) @binding(7) var<storage, read> sums: array<Lanes>;
+@group(0) @binding(7) var<storage, read> features: array<Lanes>;
 @group(0) @binding(8) var<storage, read_write> gathered: array<Gathered>;
 
 // The surface that a pixel sees; none where it sees an emitter, or nothing.
 fn surface_of(pixel: u32) -> Surface {
-    let met = sums[pixel];
+    let met = features[pixel];
     if met.a.w > light.emission_threshold {
         return Surface(false, vec3f(), vec3f(), 0.0);
     }

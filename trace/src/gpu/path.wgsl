@@ -7,7 +7,7 @@
 // Continues light.wgsl.
 @group(0) @binding(9) var<storage, read_write> paths: array<PathState>;
 @group(0) @binding(10) var<storage, read_write> rays: array<RayQuery>;
-@group(0) @binding(11) var<storage, read> ray_sums: array<Lanes>;
+@group(0) @binding(11) var<storage, read> ray_features: array<Lanes>;
 
 // Blocks of numbers that a bounce draws: one for the bounce, one for the light.
 const BLOCKS = 2u;
@@ -35,7 +35,7 @@ fn aim_rays(
         let start = surface_of(pixel);
         paths[pixel] = PathState(
             start.position,
-            start.slab,
+            start.offset,
             start.normal,
             0u,
             vec3f(1.0),
@@ -58,9 +58,9 @@ fn aim_rays(
         direction = sample_light(path.position, numbers.x, numbers.y, numbers.z);
     }
     let is_below = is_towards_light() && dot(direction, path.normal) <= 0.0;
-    let ray = ray_from(Surface(true, path.position, path.normal, path.slab), direction);
+    let ray = ray_from(Surface(true, path.position, path.normal, path.offset), direction);
     let choice = bitcast<u32>(numbers.w);
-    rays[pixel] = RayQuery(ray.origin, ray.t_own, direction, choice, ray.own_normal, u32(is_below));
+    rays[pixel] = RayQuery(ray.origin, ray.t_min, direction, choice, ray.own_normal, u32(is_below));
 }
 
 // Adds what a ray has met to its path; returns whether the path goes on.
@@ -91,7 +91,7 @@ fn shade(path: ptr<function, PathState>, direction: vec3f, met: Lanes, survive: 
     let next = surface_at((*path).position, direction, met);
     (*path).position = next.position;
     (*path).normal = next.normal;
-    (*path).slab = next.slab;
+    (*path).offset = next.offset;
     return next.is_there && !is_emitter && (light.flags & LAST_BOUNCE) == 0u;
 }
 
@@ -106,7 +106,7 @@ fn shade_rays(
         return;
     }
     var path = paths[pixel];
-    if !shade(&path, rays[pixel].direction, ray_sums[pixel], numbers_of(pixel).z) {
+    if !shade(&path, rays[pixel].direction, ray_features[pixel], numbers_of(pixel).z) {
         path.is_alive = 0u;
         var total = gathered[pixel];
         add_sample(&total, path.brought, path.num_rays);

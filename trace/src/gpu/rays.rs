@@ -6,8 +6,8 @@ use super::layout::{Layout, layout};
 use super::light::{LightParameters, TreeBuffers};
 use super::scene::SceneBuffers;
 use super::wgsl;
+use crate::features::{Features, NUM_LANES};
 use crate::ray::Ray;
-use crate::sums::{NUM_LANES, Sums};
 
 /// Rays of one dispatch: a kernel that runs for seconds is stopped by the driver.
 const RAYS_PER_DISPATCH: u32 = 1 << 20;
@@ -17,7 +17,7 @@ const RAYS_PER_DISPATCH: u32 = 1 << 20;
 #[repr(C)]
 pub(super) struct RayQuery {
     origin: [f32; 3],
-    t_own: f32,
+    t_min: f32,
     direction: [f32; 3],
     /// Of the choice of a hit.
     seed: u32,
@@ -30,7 +30,7 @@ impl RayQuery {
     pub(super) fn layout() -> Layout {
         layout!(RayQuery {
             origin: "vec3f",
-            t_own: "f32",
+            t_min: "f32",
             direction: "vec3f",
             seed: "u32",
             own_normal: "vec3f",
@@ -41,7 +41,7 @@ impl RayQuery {
     pub(super) fn new(ray: &Ray, seed: u32) -> Self {
         Self {
             origin: ray.origin,
-            t_own: ray.t_own,
+            t_min: ray.t_min,
             direction: ray.direction,
             seed,
             own_normal: ray.own_normal,
@@ -58,19 +58,19 @@ pub(super) struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// Blended sums along each ray.
-    pub(super) fn blend(&self, queries: &[RayQuery]) -> Result<Vec<Sums>, GpuError> {
-        let size = (queries.len() * size_of::<Sums>()) as u64;
-        let sums = self.device.buffer("sums of rays", size)?;
+    /// composited features along each ray.
+    pub(super) fn blend(&self, queries: &[RayQuery]) -> Result<Vec<Features>, GpuError> {
+        let size = (queries.len() * size_of::<Features>()) as u64;
+        let features = self.device.buffer("features of rays", size)?;
         self.run(
             "blend_rays",
             queries,
-            &[(3, &self.scene.payloads), (7, &sums)],
+            &[(3, &self.scene.attributes), (7, &features)],
         )?;
         let lanes = self
             .device
-            .read::<[f32; NUM_LANES]>(&sums, 0..queries.len())?;
-        Ok(lanes.into_iter().map(Sums).collect())
+            .read::<[f32; NUM_LANES]>(&features, 0..queries.len())?;
+        Ok(lanes.into_iter().map(Features).collect())
     }
 
     /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where nothing is met.

@@ -2,11 +2,11 @@
 
 @group(0) @binding(1) var<uniform> light: LightParameters;
 @group(0) @binding(2) var<storage, read> surfels: array<Surfel>;
-@group(0) @binding(3) var<storage, read> payloads: array<Lanes>;
+@group(0) @binding(3) var<storage, read> attributes: array<Lanes>;
 @group(0) @binding(4) var<storage, read> nodes: array<vec4f>;
 @group(0) @binding(5) var<storage, read> leaf_indices: array<u32>;
 @group(0) @binding(6) var<storage, read> rays: array<RayQuery>;
-@group(0) @binding(7) var<storage, read_write> ray_sums: array<Lanes>;
+@group(0) @binding(7) var<storage, read_write> ray_features: array<Lanes>;
 @group(0) @binding(8) var<storage, read_write> chosen: array<u32>;
 
 @compute @workgroup_size(64)
@@ -17,7 +17,7 @@ fn blend_rays(
 ) {
     let number = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
     if number < light.end_pixel && rays[number].is_idle == 0u {
-        ray_sums[number] = trace_ray(ray_of(rays[number]));
+        ray_features[number] = trace_ray(ray_of(rays[number]));
     }
 }
 
@@ -29,7 +29,7 @@ fn sample_rays(
 ) {
     let number = light.start_pixel + group_number(workgroup, workgroups) * 64u + thread;
     if number < light.end_pixel && rays[number].is_idle == 0u {
-        ray_sums[number] = sample_ray(ray_of(rays[number]), rays[number].seed);
+        ray_features[number] = sample_ray(ray_of(rays[number]), rays[number].seed);
     }
 }
 

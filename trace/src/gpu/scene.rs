@@ -5,16 +5,16 @@ use super::camera::CameraTracer;
 use super::device::Device;
 use super::error::GpuError;
 use super::light::{Gathered, LightGatherer, TreeBuffers};
-use super::links::{LinkBuffers, LinkRays};
+use super::matrix::{TransportBuffers, TransportRays};
 use super::rays::{RayQuery, Rays};
 use super::views::Views;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::engine::{RenderedView, TraceError, Tracer};
+use crate::features::{Features, GBuffer, NUM_LANES};
 use crate::ray::Ray;
-use crate::sums::{NUM_LANES, SumImage, Sums};
-use crate::surfel::{Payload, Surfel, SurfelSet};
+use crate::surfel::{Attributes, Surfel, SurfelSet};
 use crate::transport::lights::Lights;
-use crate::transport::links::{Directions, Links, Receiver};
+use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Harmonics};
@@ -27,8 +27,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(super) struct SceneBuffers {
     /// [`Surfel`], `[n]`.
     pub(super) surfels: wgpu::Buffer,
-    /// [`Payload`], `[n]`.
-    pub(super) payloads: wgpu::Buffer,
+    /// [`Attributes`], `[n]`.
+    pub(super) attributes: wgpu::Buffer,
     /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the direction.
     pub(super) harmonics: Option<wgpu::Buffer>,
     num_surfels: u32,
@@ -46,7 +46,7 @@ impl SceneBuffers {
         let size = |one: usize| (set.len() * one) as u64;
         let buffers = Self {
             surfels: device.buffer("Gaussians", size(size_of::<Surfel>()))?,
-            payloads: device.buffer("payloads", size(size_of::<Payload>()))?,
+            attributes: device.buffer("attributes", size(size_of::<Attributes>()))?,
             harmonics: match set.harmonics.is_empty() {
                 true => None,
                 false => Some(device.buffer("harmonics", size(size_of::<Harmonics>()))?),
@@ -65,9 +65,13 @@ impl SceneBuffers {
 
     /// Replaces the Gaussians by others, for which there is room.
     pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
-        let lanes: Vec<[f32; NUM_LANES]> = set.payloads.iter().map(|payload| payload.0).collect();
+        let lanes: Vec<[f32; NUM_LANES]> = set
+            .attributes
+            .iter()
+            .map(|attributes| attributes.0)
+            .collect();
         device.write(&self.surfels, bytemuck::cast_slice(&set.surfels));
-        device.write(&self.payloads, bytemuck::cast_slice(&lanes));
+        device.write(&self.attributes, bytemuck::cast_slice(&lanes));
         if let Some(harmonics) = &self.harmonics {
             device.write(harmonics, bytemuck::cast_slice(&set.harmonics));
         }
@@ -87,7 +91,7 @@ pub struct GpuScene {
     lights: Option<Lights>,
     buffers: SceneBuffers,
     light: Mutex<Option<Arc<TreeBuffers>>>,
-    links: Mutex<Option<Arc<LinkBuffers>>>,
+    matrix: Mutex<Option<Arc<TransportBuffers>>>,
     views: Mutex<Views>,
 }
 
@@ -104,26 +108,26 @@ impl GpuScene {
             set,
             lights: Lights::new(gaussians),
             light: Mutex::default(),
-            links: Mutex::default(),
+            matrix: Mutex::default(),
             views: Mutex::default(),
         })
     }
 
-    /// Gradient of the loss with respect to every Gaussian, given `d_sums` = dL/dV for every pixel of `camera`, row by row: that of
+    /// Gradient of the loss with respect to every Gaussian, given `d_features` = dL/dV for every pixel of `camera`, row by row: that of
     /// [`crate::cpu::camera::CameraRecord::adjoint`].
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
     ///
     /// # Panics
-    /// If `d_sums` are not as many as the camera has pixels.
+    /// If `d_features` are not as many as the camera has pixels.
     pub fn camera_adjoint(
         &self,
         camera: &Camera,
-        d_sums: &[Sums],
+        d_features: &[Features],
     ) -> Result<Vec<LocalGradient>, GpuError> {
         self.views()
-            .adjoint(&self.device, &self.buffers, camera, d_sums)
+            .adjoint(&self.device, &self.buffers, camera, d_features)
     }
 
     /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of meeting nothing. The number beside a ray makes
@@ -149,11 +153,11 @@ impl GpuScene {
         }
     }
 
-    fn link_rays<'a>(&'a self, links: &'a LinkBuffers) -> LinkRays<'a> {
-        LinkRays {
+    fn transport_rays<'a>(&'a self, matrix: &'a TransportBuffers) -> TransportRays<'a> {
+        TransportRays {
             device: &self.device,
             scene: &self.buffers,
-            links,
+            matrix,
         }
     }
 
@@ -164,7 +168,7 @@ impl GpuScene {
         make_finish: impl FnOnce(&CameraTracer) -> Result<F, GpuError>,
     ) -> Result<(), GpuError>
     where
-        F: FnMut(&Range<usize>, Vec<Sums>) -> Result<(), GpuError>,
+        F: FnMut(&Range<usize>, Vec<Features>) -> Result<(), GpuError>,
     {
         let device = &*self.device;
         let mut views = self.views();
@@ -179,10 +183,10 @@ impl GpuScene {
         })
     }
 
-    /// What links need, made when first asked for.
-    fn links(&self) -> Result<Arc<LinkBuffers>, GpuError> {
-        made_once(&self.links, || {
-            LinkBuffers::new(&self.device, &self.set, self.lights.as_ref())
+    /// What matrix need, made when first asked for.
+    fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
+        made_once(&self.matrix, || {
+            TransportBuffers::new(&self.device, &self.set, self.lights.as_ref())
         })
     }
 
@@ -210,8 +214,8 @@ impl GpuScene {
             };
             num_samples = gatherer.as_ref().map_or(0, LightGatherer::num_samples);
             let (pixels, gathered) = (&mut pixels, &mut gathered);
-            Ok(move |band: &Range<usize>, sums: Vec<Sums>| {
-                pixels.extend(sums);
+            Ok(move |band: &Range<usize>, features: Vec<Features>| {
+                pixels.extend(features);
                 if let Some(gatherer) = &gatherer {
                     let (first, num) = (band.start as u32, band.len() as u32);
                     gathered.extend(gatherer.gather(device, first, num)?);
@@ -219,12 +223,12 @@ impl GpuScene {
                 Ok(())
             })
         })?;
-        let sums = SumImage {
+        let features = GBuffer {
             width: camera.width,
             height: camera.height,
             pixels,
         };
-        Ok(finished(sums, &gathered, num_samples, options))
+        Ok(finished(features, &gathered, num_samples, options))
     }
 
     fn views(&self) -> MutexGuard<'_, Views> {
@@ -244,19 +248,19 @@ fn made_once<T>(
     Ok(Arc::clone(place.insert(Arc::new(make()?))))
 }
 
-/// The frame of sums and of the light that `num_samples` samples of each pixel have brought.
+/// The frame of features and of the light that `num_samples` samples of each pixel have brought.
 fn finished(
-    sums: SumImage,
+    features: GBuffer,
     gathered: &[Gathered],
     num_samples: u32,
     options: &LightOptions,
 ) -> RenderedView {
     let scale = 1.0 / num_samples.max(1) as f32;
     let is_sampled = |pixel: usize| {
-        num_samples > 0 && sums.pixels[pixel].emission() <= options.emission_threshold
+        num_samples > 0 && features.pixels[pixel].emission() <= options.emission_threshold
     };
     let mut pixel = 0;
-    let radiance = sums.extract(|seen| {
+    let radiance = features.extract(|seen| {
         let at = pixel;
         pixel += 1;
         if is_sampled(at) {
@@ -266,7 +270,7 @@ fn finished(
         }
     });
     pixel = 0;
-    let second_moment = sums.extract(|_| {
+    let second_moment = features.extract(|_| {
         let at = pixel;
         pixel += 1;
         [if is_sampled(at) {
@@ -279,7 +283,7 @@ fn finished(
         radiance,
         second_moment,
         num_rays: gathered.iter().map(|light| u64::from(light.num_rays)).sum(),
-        sums,
+        features,
     }
 }
 
@@ -298,25 +302,25 @@ impl Tracer for GpuScene {
         self.lights = Lights::new(gaussians);
         self.buffers.write(&self.device, &self.set);
         self.light = Mutex::default();
-        self.links = Mutex::default();
+        self.matrix = Mutex::default();
         Ok(self.device.check()?)
     }
 
-    fn camera_sums(&self, camera: &Camera) -> Result<SumImage, TraceError> {
-        Ok(self.views().sums(&self.device, &self.buffers, camera)?)
+    fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
+        Ok(self.views().features(&self.device, &self.buffers, camera)?)
     }
 
     fn contributions(
         &self,
         camera: &Camera,
         value: PixelValue<'_>,
-    ) -> Result<(SumImage, Vec<Contribution>), TraceError> {
+    ) -> Result<(GBuffer, Vec<Contribution>), TraceError> {
         Ok(self
             .views()
             .contributions(&self.device, &self.buffers, camera, value)?)
     }
 
-    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Sums>, TraceError> {
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
         let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
         Ok(self.rays(&*self.light()?).blend(&queries)?)
     }
@@ -330,20 +334,23 @@ impl Tracer for GpuScene {
         Ok(self.render_view(camera, integrator, options)?)
     }
 
-    fn trace_links(
+    fn trace_transport(
         &self,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
-    ) -> Result<Links, TraceError> {
-        let links = self.links()?;
-        Ok(self.link_rays(&links).trace(receivers, directions, key)?)
+    ) -> Result<TransportMatrix, TraceError> {
+        let matrix = self.matrix()?;
+        Ok(self
+            .transport_rays(&matrix)
+            .trace(receivers, directions, key)?)
     }
 
-    fn drawn_hits(&self, rays: &[Ray], draws: &[u32]) -> Result<Vec<u32>, TraceError> {
-        let queries = (rays.iter().zip(draws)).map(|(ray, draw)| RayQuery::new(ray, *draw));
+    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError> {
+        let queries = (rays.iter().zip(realizations))
+            .map(|(ray, realization)| RayQuery::new(ray, *realization));
         let queries: Vec<RayQuery> = queries.collect();
-        let links = self.links()?;
-        Ok(self.link_rays(&links).first_hits(&queries)?)
+        let matrix = self.matrix()?;
+        Ok(self.transport_rays(&matrix).first_hits(&queries)?)
     }
 }

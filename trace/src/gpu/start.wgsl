@@ -6,7 +6,7 @@ struct Surface {
     // Unit length, turned to where the ray came from.
     normal: vec3f,
     // Height above the tangent plane up to which hits belong to the surface itself.
-    slab: f32,
+    offset: f32,
 }
 
 fn normal_of(met: Lanes) -> vec3f {
@@ -26,12 +26,12 @@ fn surface_at(origin: vec3f, direction: vec3f, met: Lanes) -> Surface {
     let deviation = sqrt(max(met.d.x / alpha - offset * offset, 0.0));
     let size = met.d.y / alpha;
     let spread = deviation * abs(dot(direction, normal));
-    let slab = clamp(SLAB_DEVIATIONS * spread, MIN_SLAB_SIZES * size, MAX_SLAB_SIZES * size);
-    return Surface(true, origin + direction * mean_distance, normal, slab);
+    let offset = clamp(OFFSET_DEVIATIONS * spread, MIN_OFFSET_SIZES * size, MAX_OFFSET_SIZES * size);
+    return Surface(true, origin + direction * mean_distance, normal, offset);
 }
 
 // The ray that leaves in unit `direction`.
 fn ray_from(surface: Surface, direction: vec3f) -> Ray {
     let slant = min(1.0 / max(dot(direction, surface.normal), 1e-30), MAX_SLANT);
-    return Ray(surface.position, direction, surface.slab * slant, surface.normal);
+    return Ray(surface.position, direction, surface.offset * slant, surface.normal);
 }

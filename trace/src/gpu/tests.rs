@@ -1,13 +1,13 @@
 //! Kernels against their twins, stage by stage, on whatever device there is.
 
 use super::GpuScene;
-use super::device::{Device, Wanted};
+use super::device::{Device, DeviceSelector};
 use super::error::GpuError;
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
 use crate::parity;
-use crate::transport::links::{Directions, Receiver};
+use crate::transport::matrix::{Directions, Receiver};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::{Integrator, LightOptions, Tracer};
@@ -19,7 +19,7 @@ use std::sync::{Arc, OnceLock};
 /// Any device; `None`, with a line that names `what`, where there is none.
 fn device(what: &str) -> Option<Arc<Device>> {
     static DEVICE: OnceLock<Result<Arc<Device>, GpuError>> = OnceLock::new();
-    let opened = DEVICE.get_or_init(|| Device::open(&Wanted::Any));
+    let opened = DEVICE.get_or_init(|| Device::open(&DeviceSelector::Any));
     eagpt_testkit::opened_device(what, opened.as_ref()).map(Arc::clone)
 }
 
@@ -30,7 +30,7 @@ fn words(num: u32, seed: u64) -> Vec<u32> {
 
 #[test]
 fn prefix_sums_are_exact_over_several_levels() {
-    let Some(device) = device("prefix sums") else {
+    let Some(device) = device("prefix features") else {
         return;
     };
     // One value, one block, blocks of blocks, and one value more than those.
@@ -51,7 +51,7 @@ fn prefix_sums_are_exact_over_several_levels() {
 
 #[test]
 fn a_sum_beyond_32_bits_is_not_taken_for_a_small_one() {
-    let Some(device) = device("large prefix sums") else {
+    let Some(device) = device("large prefix features") else {
         return;
     };
     // Beyond it within a thread, within a workgroup, and over workgroups.
@@ -175,7 +175,7 @@ fn receiver((i, gaussian): (u32, Gaussian)) -> Receiver {
     let surface = Surface {
         position: gaussian.position,
         normal: Mat3::from_quat(gaussian.rotation).z_axis,
-        slab: gaussian.scale.x,
+        offset: gaussian.scale.x,
     };
     (i, surface)
 }
@@ -187,7 +187,7 @@ fn an_image_with_more_tiles_than_can_be_counted_is_told() {
     };
     let scene = GpuScene::new(&device, &random_cloud(3, 1)).unwrap();
     let camera = Camera::centred([70_000, 1], 1.0, DAffine3::IDENTITY);
-    let said = scene.camera_sums(&camera).unwrap_err().to_string();
+    let said = scene.gbuffer(&camera).unwrap_err().to_string();
     assert!(
         said.ends_with(": image of 70000×1 pixels: no side may have more than 65535"),
         "{said}"
@@ -210,7 +210,7 @@ fn steps_are_timed_where_the_device_can() {
         return;
     }
     // One that no other test works with: all that a device does is timed.
-    let device = Device::open(&Wanted::Any).unwrap();
+    let device = Device::open(&DeviceSelector::Any).unwrap();
     let values = device.buffer("values", 4 * 5000).unwrap();
     let steps = scan(&device, &values, 5000).unwrap();
     let (_, profile) = device.profile(|| device.run(&steps)).unwrap();
@@ -236,8 +236,8 @@ fn work_in_parts_gives_the_same_bits() {
     let Some(whole) = device("work in parts") else {
         return;
     };
-    let parts = Device::open_limited(&Wanted::Any, 400 << 10).unwrap();
-    // Sums of 465 KB, and records of hits of some 3 MB.
+    let parts = Device::open_limited(&DeviceSelector::Any, 400 << 10).unwrap();
+    // Features of 465 KB, and records of hits of some 3 MB.
     let camera = Camera {
         width: 97,
         height: 75,
@@ -257,12 +257,14 @@ fn work_in_parts_gives_the_same_bits() {
                 &LightOptions::default(),
             )
             .unwrap();
-        let gradients = scene.camera_adjoint(&camera, &view.sums.pixels).unwrap();
+        let gradients = scene
+            .camera_adjoint(&camera, &view.features.pixels)
+            .unwrap();
         // 38,400 directions about the normal, of which 25,600 fit.
         let receivers: Vec<Receiver> = (0..).zip(cloud.iter()).map(receiver).collect();
         let key = RandomKey::new(1, Purpose::Bake, 0);
-        let links = scene.trace_links(&receivers, Directions::divided(160, 5), key);
-        (view, gradients, links.unwrap())
+        let matrix = scene.trace_transport(&receivers, Directions::divided(160, 5), key);
+        (view, gradients, matrix.unwrap())
     });
     assert!(whole.0 == parts.0);
     assert!(whole.1 == parts.1);

@@ -1,6 +1,6 @@
-// Sums over the threads of a workgroup, of which a module has GROUP_THREADS.
+// Features over the threads of a workgroup, of which a module has GROUP_THREADS.
 
-// Sums that do not fit into 32 bits stay at the largest number, so that too much is never taken for little.
+// Features that do not fit into 32 bits stay at the largest number, so that too much is never taken for little.
 fn saturating_add(a: u32, b: u32) -> u32 {
     let sum = a + b;
     return select(sum, 0xffffffffu, sum < a);

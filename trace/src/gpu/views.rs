@@ -7,7 +7,7 @@ use super::device::Device;
 use super::error::GpuError;
 use super::scene::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
-use crate::sums::{SumImage, Sums};
+use crate::features::{Features, GBuffer};
 use eagpt_scene::Camera;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -91,20 +91,20 @@ impl Views {
         self.tracer(device, scene, camera)
     }
 
-    /// Blended sums of one ray through every pixel centre, read back.
-    pub(super) fn sums(
+    /// composited features of one ray through every pixel centre, read back.
+    pub(super) fn features(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
         camera: &Camera,
-    ) -> Result<SumImage, GpuError> {
+    ) -> Result<GBuffer, GpuError> {
         let mut pixels = Vec::with_capacity(camera.num_pixels());
         let tracer = self.binned(device, scene, camera)?;
-        tracer.trace(device, |_, sums| {
-            pixels.extend(sums);
+        tracer.trace(device, |_, features| {
+            pixels.extend(features);
             Ok(())
         })?;
-        Ok(SumImage {
+        Ok(GBuffer {
             width: camera.width,
             height: camera.height,
             pixels,
@@ -117,10 +117,10 @@ impl Views {
         device: &Device,
         scene: &SceneBuffers,
         camera: &Camera,
-        d_sums: &[Sums],
+        d_features: &[Features],
     ) -> Result<Vec<LocalGradient>, GpuError> {
         self.with_room(device, scene, camera, |tracer, adjoint| {
-            adjoint.gradients(device, tracer, camera, d_sums)
+            adjoint.gradients(device, tracer, camera, d_features)
         })
     }
 
@@ -131,17 +131,17 @@ impl Views {
         scene: &SceneBuffers,
         camera: &Camera,
         value: PixelValue<'_>,
-    ) -> Result<(SumImage, Vec<Contribution>), GpuError> {
+    ) -> Result<(GBuffer, Vec<Contribution>), GpuError> {
         let mut pixels = Vec::with_capacity(camera.num_pixels());
         let contributions = self.with_room(device, scene, camera, |tracer, adjoint| {
             adjoint.contributions(device, tracer, camera, value, &mut pixels)
         })?;
-        let sums = SumImage {
+        let features = GBuffer {
             width: camera.width,
             height: camera.height,
             pixels,
         };
-        Ok((sums, contributions))
+        Ok((features, contributions))
     }
 
     /// What `run` makes of `camera` once there is room for it.

@@ -108,7 +108,12 @@ pub(super) static PROJECT: Module = Module::own(
 );
 pub(super) static LOOK: Module = Module::own(
     "look",
-    &[&[SURFEL, BLEND, HARMONICS, include_str!("look.wgsl")]],
+    &[&[
+        SURFEL,
+        BLEND,
+        HARMONICS,
+        include_str!("harmonics_view.wgsl"),
+    ]],
 );
 pub(super) static EXPAND: Module =
     Module::own("expand", &[&[BINS, include_str!("bins_expand.wgsl")]]);
@@ -157,7 +162,7 @@ pub(super) static PATH: Module = Module::own(
     &[SEARCH, LIGHTS, GATHERED, &[include_str!("path.wgsl")]],
 );
 pub(super) static LINKS: Module =
-    Module::own("links", &[SEARCH, LIGHTS, &[include_str!("links.wgsl")]]);
+    Module::own("matrix", &[SEARCH, LIGHTS, &[include_str!("matrix.wgsl")]]);
 
 #[cfg(test)]
 mod tests {

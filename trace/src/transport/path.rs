@@ -5,9 +5,9 @@ use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
 use super::{Hits, RayTracer};
-use crate::blend::sums_of_one;
+use crate::blend::features_of_one;
+use crate::features::Features;
 use crate::ray::Ray;
-use crate::sums::Sums;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
@@ -81,13 +81,13 @@ impl<T: RayTracer> Paths<'_, T> {
     }
 
     /// What a ray meets; `choice` is the random number of the hit that stands for all.
-    fn meet(&self, ray: &Ray, choice: f32) -> Sums {
+    fn meet(&self, ray: &Ray, choice: f32) -> Features {
         match self.hits {
             Hits::Blended => self.scene.trace(ray),
             Hits::Sampled => {
                 let hit = self.scene.sample_hit(ray, choice.to_bits());
-                hit.map_or(Sums::default(), |hit| {
-                    sums_of_one(hit.t, self.scene.payload(hit.index), ray.direction)
+                hit.map_or(Features::default(), |hit| {
+                    features_of_one(hit.t, self.scene.attributes(hit.index), ray.direction)
                 })
             }
         }

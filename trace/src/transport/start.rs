@@ -1,23 +1,23 @@
 //! Where a bounce starts.
 //!
-//! A surface made of Gaussians is a slab: discs overlap at slightly different heights and tilts, and a ray that leaves
+//! A surface made of Gaussians is a offset: discs overlap at slightly different heights and tilts, and a ray that leaves
 //! from the mean distance would hit them again. The reference ignores all hits closer than 0.2 scene units, which loses
 //! contact shadows, leaks light through corners and ties the result to the unit of length. Here a ray ignores hits until it has left
-//! the slab, and only on Gaussians that lie along it; the slab's thickness comes from the hits that were blended: the
+//! the offset, and only on Gaussians that lie along it; the offset's thickness comes from the hits that were blended: the
 //! spread of their distances, and their size.
 
+use crate::features::Features;
 use crate::ray::Ray;
-use crate::sums::Sums;
 use glam::Vec3;
 
-/// Half the slab, in standard deviations of the hits' heights.
-pub(crate) const SLAB_DEVIATIONS: f32 = 3.0;
-/// The slab is taken no thicker than this many mean sizes of the hit Gaussians: where a ray grazes an edge the spread is
+/// Half the offset, in standard deviations of the hits' heights.
+pub(crate) const OFFSET_DEVIATIONS: f32 = 3.0;
+/// The offset is taken no thicker than this many mean sizes of the hit Gaussians: where a ray grazes an edge the spread is
 /// that of two surfaces and says nothing about either.
-pub(crate) const MAX_SLAB_SIZES: f32 = 1.0;
-/// The slab is taken no thinner than this many mean sizes: discs of a flat wall still differ in tilt.
-pub(crate) const MIN_SLAB_SIZES: f32 = 0.1;
-/// A ray that leaves at a grazing angle ignores hits on its own surface for at most this many slab thicknesses: farther
+pub(crate) const MAX_OFFSET_SIZES: f32 = 1.0;
+/// The offset is taken no thinner than this many mean sizes: discs of a flat wall still differ in tilt.
+pub(crate) const MIN_OFFSET_SIZES: f32 = 0.1;
+/// A ray that leaves at a grazing angle ignores hits on its own surface for at most this many offset thicknesses: farther
 /// away, even of a wall like this one, it may be another wall.
 pub(crate) const MAX_SLANT: f32 = 8.0;
 /// Opacity below which a ray has met nothing that light could bounce off.
@@ -31,12 +31,12 @@ pub struct Surface {
     /// Ñ, unit length, turned to where the ray came from.
     pub normal: Vec3,
     /// Height above the tangent plane up to which hits belong to the surface itself; scene units.
-    pub slab: f32,
+    pub offset: f32,
 }
 
 impl Surface {
     /// The surface that a ray met, or `None` if it met nothing.
-    pub fn at(origin: Vec3, direction: Vec3, met: &Sums) -> Option<Self> {
+    pub fn at(origin: Vec3, direction: Vec3, met: &Features) -> Option<Self> {
         let normal = met.unit_normal();
         if met.alpha() < MIN_ALPHA || normal == Vec3::ZERO {
             return None;
@@ -46,7 +46,8 @@ impl Surface {
         Some(Self {
             position: origin + direction * met.mean_distance(),
             normal,
-            slab: (SLAB_DEVIATIONS * spread).clamp(MIN_SLAB_SIZES * size, MAX_SLAB_SIZES * size),
+            offset: (OFFSET_DEVIATIONS * spread)
+                .clamp(MIN_OFFSET_SIZES * size, MAX_OFFSET_SIZES * size),
         })
     }
 
@@ -56,7 +57,7 @@ impl Surface {
         Ray {
             origin: self.position.to_array(),
             direction: direction.to_array(),
-            t_own: self.slab * slant,
+            t_min: self.offset * slant,
             own_normal: self.normal.to_array(),
         }
     }

@@ -1,11 +1,11 @@
 //! The device that tests share.
 
-use eagpt_trace::gpu::{Device, GpuError, Wanted};
+use eagpt_trace::gpu::{Device, DeviceSelector, GpuError};
 use std::sync::{Arc, OnceLock};
 
 /// Any device, a program on the processor included; `None`, with a line that names `what`, where there is none.
 pub(crate) fn device(what: &str) -> Option<Arc<Device>> {
     static DEVICE: OnceLock<Result<Arc<Device>, GpuError>> = OnceLock::new();
-    let opened = DEVICE.get_or_init(|| Device::open(&Wanted::Any));
+    let opened = DEVICE.get_or_init(|| Device::open(&DeviceSelector::Any));
     eagpt_testkit::opened_device(what, opened.as_ref()).map(Arc::clone)
 }

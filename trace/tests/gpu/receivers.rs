@@ -2,7 +2,7 @@
 
 use eagpt_scene::Gaussians;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
-use eagpt_trace::transport::links::Receiver;
+use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::start::Surface;
 use glam::Mat3;
 
@@ -16,7 +16,7 @@ pub(crate) fn receivers(scene: &Gaussians) -> Vec<Receiver> {
             let surface = Surface {
                 position: g.position,
                 normal: -normal * normal.dot(g.position).signum(),
-                slab: 0.5 * (g.scale.x * g.scale.y).sqrt(),
+                offset: 0.5 * (g.scale.x * g.scale.y).sqrt(),
             };
             (i, surface)
         })

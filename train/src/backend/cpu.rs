@@ -10,8 +10,8 @@ use eagpt_trace::Tracer;
 use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::cpu::{CameraRecord, Wanted};
-use eagpt_trace::sums::{SumImage, Sums};
+use eagpt_trace::cpu::{CameraRecord, GradientMask};
+use eagpt_trace::features::{Features, GBuffer};
 use eagpt_trace::surfel::SurfelSet;
 
 /// The rays of the CPU engine.
@@ -40,7 +40,7 @@ impl Engine for CpuEngine {
         Ok(())
     }
 
-    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<SumImage> {
+    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
         Ok(self
             .record
             .trace(set, camera, HitSearch::Tiles, Keep::Record))
@@ -50,10 +50,10 @@ impl Engine for CpuEngine {
         &mut self,
         set: &SurfelSet,
         _: &Camera,
-        d_sums: &[Sums],
-        wanted: Wanted,
+        d_features: &[Features],
+        wanted: GradientMask,
     ) -> Result<Vec<LocalGradient>> {
-        Ok(self.record.adjoint(set, d_sums, wanted))
+        Ok(self.record.adjoint(set, d_features, wanted))
     }
 
     fn contributions(
@@ -70,7 +70,7 @@ impl Engine for CpuEngine {
         Some(self.record.weights(least))
     }
 
-    fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage> {
+    fn gbuffer(&self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
         Ok(camera::trace(set, camera, HitSearch::Tiles, Keep::Nothing).0)
     }
 

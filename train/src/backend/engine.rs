@@ -4,12 +4,12 @@ use crate::error::Result;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
-use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::sums::{SumImage, Sums};
+use eagpt_trace::features::{Features, GBuffer};
 use eagpt_trace::surfel::SurfelSet;
 
-/// What blends the rays of cameras, and goes back from derivatives by their sums to gradients.
+/// What blends the rays of cameras, and goes back from derivatives by their features to gradients.
 pub trait Engine {
     /// What computes: recorded beside the result.
     fn device(&self) -> String;
@@ -20,13 +20,13 @@ pub trait Engine {
     /// If the device gives up.
     fn update(&mut self, set: &SurfelSet) -> Result<()>;
 
-    /// Blended sums of one ray through every pixel centre, to be followed by [`Self::adjoint`] or [`Self::weights`].
+    /// composited features of one ray through every pixel centre, to be followed by [`Self::adjoint`] or [`Self::weights`].
     ///
     /// # Errors
     /// If the device gives up.
-    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
+    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer>;
 
-    /// Gradients by all Gaussians; `d_sums` = dL/dV for every pixel of `camera`, which was traced last.
+    /// Gradients by all Gaussians; `d_features` = dL/dV for every pixel of `camera`, which was traced last.
     ///
     /// # Errors
     /// If the device gives up.
@@ -34,8 +34,8 @@ pub trait Engine {
         &mut self,
         set: &SurfelSet,
         camera: &Camera,
-        d_sums: &[Sums],
-        wanted: Wanted,
+        d_features: &[Features],
+        wanted: GradientMask,
     ) -> Result<Vec<LocalGradient>>;
 
     /// What each Gaussian contributes to the pixels of `camera`. A Gaussian may come more than once, with different pixels.
@@ -53,11 +53,11 @@ pub trait Engine {
     /// trace again than to keep them.
     fn weights(&self, least: f32) -> Option<BlendWeights>;
 
-    /// Blended sums alone.
+    /// composited features alone.
     ///
     /// # Errors
     /// If the device gives up.
-    fn camera_sums(&self, set: &SurfelSet, camera: &Camera) -> Result<SumImage>;
+    fn gbuffer(&self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer>;
 
     /// A scene where this computes, for rays that are not those of cameras.
     ///

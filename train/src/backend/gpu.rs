@@ -2,7 +2,7 @@
 //!
 //! - [`params`]: parameters, moments and Gaussians; the chain rule and Adam.
 //! - [`wanted`]: what views should look like.
-//! - [`loss`]: the losses of both stages, their sums over pixels and their derivatives by the sums of rays.
+//! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the features of rays.
 //! - [`report`]: what the host reads after a step: twelve numbers.
 //! - [`kernels`]: the modules of these.
 //! - [`steps`]: steps of these, several of them under way at once.
@@ -12,7 +12,7 @@ mod loss;
 mod params;
 mod report;
 mod steps;
-mod wanted;
+mod target;
 
 use super::engine::Engine;
 use super::trainer::Trainer;
@@ -25,11 +25,11 @@ use crate::params::ParameterState;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
-use eagpt_trace::cpu::Wanted;
+use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::weights::BlendWeights;
+use eagpt_trace::features::{Features, GBuffer};
 use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Device, GpuFit};
-use eagpt_trace::sums::{SumImage, Sums};
 use eagpt_trace::surfel::SurfelSet;
 use loss::LossBuffers;
 use params::ResidentState;
@@ -37,7 +37,7 @@ use std::collections::{HashMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 use steps::{Kind, Task, UnderWay};
-use wanted::WantedView;
+use target::TargetView;
 
 /// The rays of a device.
 struct GpuEngine {
@@ -59,18 +59,18 @@ impl Engine for GpuEngine {
         Ok(self.fit.update(set)?)
     }
 
-    fn trace(&mut self, _: &SurfelSet, camera: &Camera) -> Result<SumImage> {
-        Ok(self.fit.camera_sums(camera)?)
+    fn trace(&mut self, _: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
+        Ok(self.fit.gbuffer(camera)?)
     }
 
     fn adjoint(
         &mut self,
         _: &SurfelSet,
         camera: &Camera,
-        d_sums: &[Sums],
-        _: Wanted,
+        d_features: &[Features],
+        _: GradientMask,
     ) -> Result<Vec<LocalGradient>> {
-        Ok(self.fit.camera_adjoint(camera, d_sums)?)
+        Ok(self.fit.camera_adjoint(camera, d_features)?)
     }
 
     fn contributions(
@@ -86,8 +86,8 @@ impl Engine for GpuEngine {
         None
     }
 
-    fn camera_sums(&self, _: &SurfelSet, camera: &Camera) -> Result<SumImage> {
-        Ok(self.fit.camera_sums(camera)?)
+    fn gbuffer(&self, _: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
+        Ok(self.fit.gbuffer(camera)?)
     }
 
     fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
@@ -111,7 +111,7 @@ pub struct GpuBackend {
     /// Steps that are over and that nobody has been told of.
     over: Vec<Taken>,
     loss: Option<LossBuffers>,
-    views: HashMap<usize, WantedView>,
+    views: HashMap<usize, TargetView>,
     /// The light of views in stage 1.
     lit: HashMap<usize, Buffer>,
     /// Bytes that views and their light may still take.
@@ -150,16 +150,16 @@ impl GpuBackend {
         Ok(&mut self.host)
     }
 
-    fn wanted(&mut self, view: &TrainingView) -> Result<WantedView> {
+    fn wanted(&mut self, view: &TrainingView) -> Result<TargetView> {
         if let Some(wanted) = self.views.get(&view.index) {
             return Ok(wanted.clone());
         }
-        let size = WantedView::num_bytes(view.view.camera.num_pixels());
+        let size = TargetView::num_bytes(view.view.camera.num_pixels());
         let Some(left) = self.view_budget.checked_sub(size) else {
             let target = self.host.target(view);
-            return WantedView::new(&self.device, &view.view, &target);
+            return TargetView::new(&self.device, &view.view, &target);
         };
-        let wanted = WantedView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
+        let wanted = TargetView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
         self.view_budget = left;
         self.views.insert(view.index, wanted.clone());
         Ok(wanted)
@@ -265,9 +265,9 @@ impl Backend for GpuBackend {
         self.host()?.begin_albedo()
     }
 
-    fn camera_sums(&mut self, camera: &Camera) -> Result<SumImage> {
+    fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {
         self.catch_up(0)?;
-        self.host.camera_sums(camera)
+        self.host.gbuffer(camera)
     }
 
     fn state(&mut self) -> Result<ParameterState> {

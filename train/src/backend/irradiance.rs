@@ -10,7 +10,7 @@ use crate::surfaces::BestSeen;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::links::{Directions, Receiver};
+use eagpt_trace::transport::matrix::{Directions, Receiver};
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
@@ -68,9 +68,9 @@ impl GaussianIrradiance {
         key: RandomKey,
     ) -> Result<()> {
         debug_assert_eq!(range.start, self.arriving.len());
-        let links = scene.trace_links(&self.seen[range], directions, key)?;
-        let others = links.from_others(directions, radiances);
-        let both = links.direct.iter().zip(&others).map(|(e, o)| *e + *o);
+        let matrix = scene.trace_transport(&self.seen[range], directions, key)?;
+        let others = matrix.from_others(directions, radiances);
+        let both = matrix.direct.iter().zip(&others).map(|(e, o)| *e + *o);
         self.arriving.extend(both);
         Ok(())
     }
@@ -98,7 +98,7 @@ impl GaussianIrradiance {
     }
 }
 
-/// Irradiance over π of every pixel: what Gaussians in it know, given the sums of their blend, those of
+/// Irradiance over π of every pixel: what Gaussians in it know, given the features of their blend, those of
 /// [`GaussianIrradiance::by_gaussian`].
 pub(super) fn of_pixels(blended: &[Vec4]) -> Vec<Vec3> {
     let light = |sum: &Vec4| {

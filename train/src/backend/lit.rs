@@ -12,7 +12,7 @@ use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::sums::{SumImage, Sums};
+use eagpt_trace::features::{Features, GBuffer};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::lights::BounceSampler;
 use eagpt_trace::transport::points::Points;
@@ -81,7 +81,7 @@ impl LitViews {
             return Ok(Arc::clone(known));
         }
         let camera = &view.view.camera;
-        let sums = engine.trace(set, camera)?;
+        let features = engine.trace(set, camera)?;
         let weights = engine.weights(LEAST_WEIGHT);
         let blended = match &weights {
             Some(weights) => weights.blend(|i| self.lights[i as usize]),
@@ -93,13 +93,13 @@ impl LitViews {
                         self.shining.insert(made)
                     }
                 };
-                let seen = shining.camera_sums(camera)?;
-                let light = |sums: &Sums| sums.radiance().extend(sums.emission());
+                let seen = shining.gbuffer(camera)?;
+                let light = |features: &Features| features.radiance().extend(features.emission());
                 seen.pixels.iter().map(light).collect()
             }
         };
         let arriving = irradiance::of_pixels(&blended);
-        let light = PixelLight::new(&sums, arriving, threshold);
+        let light = PixelLight::new(&features, arriving, threshold);
         let lit = Arc::new(LitView { weights, light });
         if let Some(left) = self.budget.checked_sub(lit.num_bytes()) {
             self.budget = left;
@@ -118,11 +118,11 @@ fn shining(gaussians: &Gaussians, lights: &[Vec4]) -> Gaussians {
     shining
 }
 
-/// Irradiance over π of every pixel of `camera`, whose `sums` are given, gathered anew as in the paper; nothing arrives where emitters are seen.
+/// Irradiance over π of every pixel of `camera`, whose `features` are given, gathered anew as in the paper; nothing arrives where emitters are seen.
 pub(super) fn gather_pixels(
     scene: &CpuScene,
     camera: &Camera,
-    sums: &SumImage,
+    features: &GBuffer,
     options: &AlbedoOptions,
     key: RandomKey,
 ) -> Vec<Vec3> {
@@ -131,7 +131,7 @@ pub(super) fn gather_pixels(
     (0..camera.num_pixels())
         .into_par_iter()
         .map(|pixel| {
-            let seen = &sums.pixels[pixel];
+            let seen = &features.pixels[pixel];
             if seen.emission() > options.emission_threshold {
                 return Vec3::ZERO;
             }

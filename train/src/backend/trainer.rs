@@ -16,10 +16,10 @@ use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
-use eagpt_trace::cpu::{CpuScene, Wanted};
-use eagpt_trace::sums::{SumImage, Sums, lane};
+use eagpt_trace::cpu::{CpuScene, GradientMask};
+use eagpt_trace::features::{Features, GBuffer, lane};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::links::Directions;
+use eagpt_trace::transport::matrix::Directions;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -126,16 +126,17 @@ impl<E: Engine> Trainer<E> {
         let target = self.target(view).pq();
         let factor = step.rays_per_axis;
         let camera = view.view.camera.magnified(factor);
-        let mut sums = self.engine.trace(&self.set, &camera)?;
+        let mut features = self.engine.trace(&self.set, &camera)?;
         if factor > 1 {
-            sums = sums.averaged(factor);
+            features = features.averaged(factor);
         }
-        let (terms, d_sums) = radiance_loss(&sums, &view.view, &target, step.weights, step.normals);
-        let d_rays = adjoint_of_mean(d_sums, sums.width, factor);
+        let (terms, d_features) =
+            radiance_loss(&features, &view.view, &target, step.weights, step.normals);
+        let d_rays = adjoint_of_mean(d_features, features.width, factor);
         let wanted = if step.sizes.move_geometry() {
-            Wanted::Everything
+            GradientMask::Everything
         } else {
-            Wanted::LightAndMaterial
+            GradientMask::LightAndMaterial
         };
         let gradients = self.engine.adjoint(&self.set, &camera, &d_rays, wanted)?;
         let eye = camera.origin();
@@ -179,7 +180,7 @@ impl<E: Engine> Trainer<E> {
         };
         let threshold = step.options.emission_threshold;
         let camera = &view.view.camera;
-        let (sums, lit) = match step.options.gather {
+        let (features, lit) = match step.options.gather {
             Gather::Gaussians => {
                 let lit = self.lit_view(view, threshold)?;
                 if let Some(weights) = &lit.weights {
@@ -196,24 +197,25 @@ impl<E: Engine> Trainer<E> {
                 (self.engine.trace(&self.set, camera)?, lit)
             }
             Gather::Pixels => {
-                let sums = self.engine.trace(&self.set, camera)?;
+                let features = self.engine.trace(&self.set, camera)?;
                 let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
-                let arriving = lit::gather_pixels(self.scene(), camera, &sums, step.options, key);
-                let light = PixelLight::new(&sums, arriving, threshold);
+                let arriving =
+                    lit::gather_pixels(self.scene(), camera, &features, step.options, key);
+                let light = PixelLight::new(&features, arriving, threshold);
                 let weights = None;
-                (sums, Arc::new(LitView { weights, light }))
+                (features, Arc::new(LitView { weights, light }))
             }
         };
-        let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
+        let albedos: Vec<Vec3> = features.pixels.iter().map(Features::albedo).collect();
         let (terms, d_pixels) = loss(&albedos, &lit.light);
         let of_albedo = |d: &Vec3| {
-            let mut lanes = Sums::default();
+            let mut lanes = Features::default();
             lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
             lanes
         };
-        let d_sums: Vec<Sums> = d_pixels.iter().map(of_albedo).collect();
-        let wanted = Wanted::LightAndMaterial;
-        let gradients = (self.engine).adjoint(&self.set, camera, &d_sums, wanted)?;
+        let d_features: Vec<Features> = d_pixels.iter().map(of_albedo).collect();
+        let wanted = GradientMask::LightAndMaterial;
+        let gradients = (self.engine).adjoint(&self.set, camera, &d_features, wanted)?;
         Ok((terms, gradients))
     }
 }
@@ -222,8 +224,8 @@ impl<E: Engine> Trainer<E> {
 /// arrives is noisier by an eighth, for most of it comes from walls.
 const LIGHTS_EVERY: u32 = 4;
 
-/// Gradient of every ray's sums, given those of the means over `factor` × `factor` rays; `width` is that of the means.
-fn adjoint_of_mean(d_means: Vec<Sums>, width: u32, factor: u32) -> Vec<Sums> {
+/// Gradient of every ray's features, given those of the means over `factor` × `factor` rays; `width` is that of the means.
+fn adjoint_of_mean(d_means: Vec<Features>, width: u32, factor: u32) -> Vec<Features> {
     if factor == 1 {
         return d_means;
     }
@@ -235,7 +237,7 @@ fn adjoint_of_mean(d_means: Vec<Sums>, width: u32, factor: u32) -> Vec<Sums> {
         .with_min_len(1024)
         .map(|i| {
             let (x, y) = (i % fine_width / factor, i / fine_width / factor);
-            Sums(d_means[y * width + x].0.map(|d| d * share))
+            Features(d_means[y * width + x].0.map(|d| d * share))
         })
         .collect()
 }
@@ -289,15 +291,15 @@ impl<E: Engine> Backend for Trainer<E> {
         let camera = &view.view.camera;
         let known = view.view.valid.as_ref().map(KnownPixels::new);
         let mask = view.view.emission.as_ref();
-        let error = |pixel: usize, sums: &Sums| {
+        let error = |pixel: usize, features: &Features| {
             if known.as_ref().is_some_and(|known| !known.has(pixel)) {
                 return 0.0;
             }
-            let shown = sums.radiance().to_array().map(pq_from_linear);
+            let shown = features.radiance().to_array().map(pq_from_linear);
             let wanted = target.pixels()[pixel];
             let color: f32 = (0..3).map(|c| (shown[c] - wanted[c]).abs()).sum();
             let emission = mask.map_or(0.0, |mask| {
-                (sums.emission() - mask.pixels()[pixel][0]).abs()
+                (features.emission() - mask.pixels()[pixel][0]).abs()
             });
             color + emission
         };
@@ -356,8 +358,8 @@ impl<E: Engine> Backend for Trainer<E> {
         Ok(())
     }
 
-    fn camera_sums(&mut self, camera: &Camera) -> Result<SumImage> {
-        self.engine.camera_sums(&self.set, camera)
+    fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {
+        self.engine.gbuffer(&self.set, camera)
     }
 
     fn state(&mut self) -> Result<ParameterState> {
@@ -372,17 +374,18 @@ mod tests {
     /// ⟨d, mean(x)⟩ = ⟨adjoint(d), x⟩, which defines the adjoint of a linear map.
     #[test]
     fn adjoint_of_the_mean_is_its_transpose() {
-        let value = |i: usize| Sums([((i * 37 + 11) % 101) as f32 / 101.0; 16]);
+        let value = |i: usize| Features([((i * 37 + 11) % 101) as f32 / 101.0; 16]);
         let (width, height, factor) = (3, 2, 2);
-        let rays = SumImage {
+        let rays = GBuffer {
             width: width * factor,
             height: height * factor,
             pixels: (0..24).map(value).collect(),
         };
-        let d_means: Vec<Sums> = (0..6).map(|i| value(i + 50)).collect();
+        let d_means: Vec<Features> = (0..6).map(|i| value(i + 50)).collect();
         // The lanes of first hit and spread are not means, and have no gradient.
-        let dot =
-            |a: &[Sums], b: &[Sums]| -> f32 { a.iter().zip(b).map(|(a, b)| a.0[3] * b.0[3]).sum() };
+        let dot = |a: &[Features], b: &[Features]| -> f32 {
+            a.iter().zip(b).map(|(a, b)| a.0[3] * b.0[3]).sum()
+        };
         let forward = dot(&d_means, &rays.averaged(factor).pixels);
         let backward = dot(&adjoint_of_mean(d_means, width, factor), &rays.pixels);
         assert!((forward - backward).abs() < 1e-5, "{forward} {backward}");

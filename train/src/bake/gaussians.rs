@@ -3,7 +3,7 @@
 //! The light of a scene of diffuse surfaces solves `L = L_e + ρ/π ∫ L cos θ dω`. Its Neumann series is light sorted by bounces,
 //! `L = L_e + T L_e + T² L_e + …` (Kajiya 1986, section 3), and here every term is kept where light lives anyway, on the Gaussians. Rays are
 //! traced once: they say how much light of emitters reaches each Gaussian, and which other Gaussians it sees
-//! ([`eagpt_trace::transport::links`]). That is the first term, and the matrix T of all further ones: a bounce more is a product of it
+//! ([`eagpt_trace::transport::matrix`]). That is the first term, and the matrix T of all further ones: a bounce more is a product of it
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 
 use super::{Bake, BakeProgress, with_emitters};
@@ -14,7 +14,7 @@ use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, SceneError};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
+use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -60,12 +60,18 @@ impl Series {
     }
 
     /// Adds a bounce: what `receivers` reflect of the light of emitters, then of that of the last bounce.
-    fn add(&mut self, albedos: &[Vec3], receivers: &[Receiver], links: &Links, rays: Directions) {
+    fn add(
+        &mut self,
+        albedos: &[Vec3],
+        receivers: &[Receiver],
+        matrix: &TransportMatrix,
+        rays: Directions,
+    ) {
         let gathered;
         let arriving = if self.bounce == 0 {
-            &links.direct
+            &matrix.direct
         } else {
-            gathered = links.from_others(rays, &self.last);
+            gathered = matrix.from_others(rays, &self.last);
             &gathered
         };
         self.last.fill(Vec3::ZERO);
@@ -85,7 +91,7 @@ impl Series {
 }
 
 /// File of the state in the work folder.
-pub(super) const STATE: &str = "links.state";
+pub(super) const STATE: &str = "matrix.state";
 
 const KIND: Kind = Kind {
     magic: b"EAGPTBAK",
@@ -105,16 +111,16 @@ impl Bake<'_> {
         let rays = method.directions();
         self.check_memory(rays)?;
         let tracer = self.request.device.tracer(&self.scene)?;
-        let found = match &self.request.links {
+        let found = match &self.request.matrix {
             Some(path) => self.relink(&*tracer, rays, path)?,
             None => self.link(&*tracer, rays)?,
         };
-        let Some((receivers, links)) = found else {
+        let Some((receivers, matrix)) = found else {
             return Ok(None);
         };
         let mut series = Series::new(self.scene.len());
         while series.bounce < self.request.options.max_bounces {
-            series.add(&self.scene.albedos, &receivers, &links, rays);
+            series.add(&self.scene.albedos, &receivers, &matrix, rays);
             (self.progress)(BakeProgress::Bounced {
                 bounce: series.bounce,
                 share: series.share(),
@@ -123,12 +129,12 @@ impl Bake<'_> {
         Ok(Some(with_emitters(&self.scene, &series.total)))
     }
 
-    /// All receivers and their links; `None` if it was stopped.
+    /// All receivers and their matrix; `None` if it was stopped.
     fn link(
         &mut self,
         tracer: &dyn Tracer,
         rays: Directions,
-    ) -> Result<Option<(Vec<Receiver>, Links)>> {
+    ) -> Result<Option<(Vec<Receiver>, TransportMatrix)>> {
         let reflecting: Vec<u32> = self.reflecting().collect();
         let Some(seen) = self.look(tracer, &self.cameras())? else {
             return Ok(None);
@@ -136,13 +142,13 @@ impl Bake<'_> {
         let places = self.places(tracer, &reflecting, &seen)?;
         let receivers = places.into_iter().map(|(i, seen)| (i, seen.surface));
         let receivers: Vec<Receiver> = receivers.collect();
-        let links = self.trace_links(tracer, &receivers, rays)?;
-        Ok(links.map(|links| (receivers, links)))
+        let matrix = self.trace_transport(tracer, &receivers, rays)?;
+        Ok(matrix.map(|matrix| (receivers, matrix)))
     }
 
     fn check_memory(&self, rays: Directions) -> Result<()> {
-        // Links that are kept have targets and weights of all directions, which are copied on the way to their file.
-        let num_values = match self.request.links {
+        // TransportMatrix that are kept have targets and weights of all directions, which are copied on the way to their file.
+        let num_values = match self.request.matrix {
             Some(_) => 5 * (rays.plain + rays.to_lights),
             None => rays.plain,
         };
@@ -157,37 +163,37 @@ impl Bake<'_> {
         }
     }
 
-    /// The links of all `receivers`, piece by piece; `None` if it was stopped.
-    fn trace_links(
+    /// The matrix of all `receivers`, piece by piece; `None` if it was stopped.
+    fn trace_transport(
         &mut self,
         tracer: &dyn Tracer,
         receivers: &[Receiver],
         rays: Directions,
-    ) -> Result<Option<Links>> {
-        let mut links = self.taken_up(receivers.len(), rays)?;
+    ) -> Result<Option<TransportMatrix>> {
+        let mut matrix = self.taken_up(receivers.len(), rays)?;
         let key = self.key();
         let total = receivers.len();
         let mut stored = Instant::now();
         loop {
-            let done = links.direct.len();
+            let done = matrix.direct.len();
             (self.progress)(BakeProgress::Gathering { done, total });
             if done == total {
-                self.num_rays += links.num_rays;
-                return Ok(Some(links));
+                self.num_rays += matrix.num_rays;
+                return Ok(Some(matrix));
             }
             if self.stopped() {
-                self.store(&links, rays)?;
+                self.store(&matrix, rays)?;
                 return Ok(None);
             }
             if stored.elapsed() > STORE_EVERY {
-                self.store(&links, rays)?;
+                self.store(&matrix, rays)?;
                 stored = Instant::now();
             }
             let piece = &receivers[done..total.min(done + AT_ONCE)];
-            match tracer.trace_links(piece, rays, key) {
-                Ok(more) => links.append(more),
+            match tracer.trace_transport(piece, rays, key) {
+                Ok(more) => matrix.append(more),
                 Err(error) => {
-                    self.store(&links, rays)?;
+                    self.store(&matrix, rays)?;
                     return Err(error.into());
                 }
             }
@@ -245,22 +251,22 @@ impl Bake<'_> {
             .collect())
     }
 
-    fn store(&self, links: &Links, rays: Directions) -> Result<()> {
+    fn store(&self, matrix: &TransportMatrix, rays: Directions) -> Result<()> {
         let header = Header {
-            num_receivers: links.direct.len(),
+            num_receivers: matrix.direct.len(),
             directions: rays.plain,
         };
-        let direct: Vec<f32> = links.direct.iter().flat_map(Vec3::to_array).collect();
-        let targets: Vec<f32> = links.targets.iter().map(|&i| f32::from_bits(i)).collect();
+        let direct: Vec<f32> = matrix.direct.iter().flat_map(Vec3::to_array).collect();
+        let targets: Vec<f32> = matrix.targets.iter().map(|&i| f32::from_bits(i)).collect();
         let path = self.request.work.join(STATE);
         KIND.write(&path, &header, &[&direct, &targets])
     }
 
-    /// The links that an earlier process left, or none.
-    fn taken_up(&self, num_receivers: usize, rays: Directions) -> Result<Links> {
+    /// The matrix that an earlier process left, or none.
+    fn taken_up(&self, num_receivers: usize, rays: Directions) -> Result<TransportMatrix> {
         let path = self.request.work.join(STATE);
         if !path.exists() {
-            return Ok(Links::default());
+            return Ok(TransportMatrix::default());
         }
         let (header, values): (Header, _) = KIND.read(&path)?;
         let num = header.num_receivers;
@@ -273,7 +279,7 @@ impl Bake<'_> {
         }
         let (direct, targets) = values.split_at(num_direct);
         let (triples, _) = direct.as_chunks::<3>();
-        Ok(Links {
+        Ok(TransportMatrix {
             direct: triples.iter().map(|t| Vec3::from_array(*t)).collect(),
             targets: targets.iter().map(|i| i.to_bits()).collect(),
             num_rays: 0,
@@ -310,7 +316,7 @@ mod tests {
                 let surface = Surface {
                     position: g.position,
                     normal: -g.position.normalize(),
-                    slab: 0.3 * g.scale.x,
+                    offset: 0.3 * g.scale.x,
                 };
                 (i, surface)
             })
@@ -320,11 +326,11 @@ mod tests {
             to_lights: 16,
         };
         let key = RandomKey::new(1, Purpose::Bake, 1);
-        let links = Links::trace(&CpuScene::new(&scene), &receivers, rays, key);
+        let matrix = TransportMatrix::trace(&CpuScene::new(&scene), &receivers, rays, key);
         let mut series = Series::new(scene.len());
         let mut expected = 0.0;
         for bounce in 1..=4 {
-            series.add(&scene.albedos, &receivers, &links, rays);
+            series.add(&scene.albedos, &receivers, &matrix, rays);
             expected += albedo * light * share * (albedo * (1.0 - share)).powi(bounce - 1);
             let mean: f32 = receivers
                 .iter()

@@ -1,4 +1,4 @@
-//! Links of an earlier bake, brought up to date after an edit.
+//! TransportMatrix of an earlier bake, brought up to date after an edit.
 //!
 //! A Gaussian is known again by the bits of its geometry. What reflects keeps the point where light arrives, unless an edit has changed
 //! something between it and the camera that sees it best, or another sees it better now. A direction keeps what it met, unless that is gone or
@@ -21,8 +21,8 @@ use change::{Change, are_fair};
 use eagpt_scene::{Camera, Gaussian, Gaussians, files};
 use eagpt_trace::model::MAX_RADIUS;
 use eagpt_trace::transport::lights::Lights;
-use eagpt_trace::transport::links::known::KnownDirections;
-use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
+use eagpt_trace::transport::matrix::known::KnownDirections;
+use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
 use eagpt_trace::{Ray, Tracer};
 use glam::Vec3;
 use kept::{Kept, Setup, shape};
@@ -35,13 +35,13 @@ use std::path::Path;
 const SAME_WEIGHT: f32 = 1e-3;
 
 impl Bake<'_> {
-    /// All receivers and their links, with what the file at `path` knows of them; it then knows these. `None` if it was stopped.
+    /// All receivers and their matrix, with what the file at `path` knows of them; it then knows these. `None` if it was stopped.
     pub(super) fn relink(
         &mut self,
         tracer: &dyn Tracer,
         directions: Directions,
         path: &Path,
-    ) -> Result<Option<(Vec<Receiver>, Links)>> {
+    ) -> Result<Option<(Vec<Receiver>, TransportMatrix)>> {
         let earlier = self.earlier(directions, path)?;
         let change = Change::new(&earlier.shapes, &self.scene);
         let Some(places) = self.look_again(tracer, &earlier, &change)? else {
@@ -73,7 +73,7 @@ impl Bake<'_> {
         let scene = &self.scene;
         let emitted =
             |i: u32| emits(scene.emissions[i as usize]).then(|| scene.radiances[i as usize]);
-        let links = known.links(&receivers, &rows.targets, &mut rows.weights, emitted);
+        let matrix = known.matrix(&receivers, &rows.targets, &mut rows.weights, emitted);
         let indices = rows.receivers.iter().map(|one| one.index);
         let receivers = indices.zip(receivers.iter().map(|(_, surface)| *surface));
         let receivers = receivers.collect();
@@ -84,7 +84,7 @@ impl Bake<'_> {
             rows,
         };
         kept.write(path)?;
-        Ok(Some((receivers, links)))
+        Ok(Some((receivers, matrix)))
     }
 
     /// What the file at `path` knows of an earlier bake with the same cameras and directions.
@@ -104,7 +104,7 @@ impl Bake<'_> {
             return Ok(earlier);
         }
         let text = format!(
-            "{}: links of other cameras, samples or seed; all are traced anew",
+            "{}: matrix of other cameras, samples or seed; all are traced anew",
             path.display()
         );
         (self.progress)(BakeProgress::Warning { text });
@@ -161,7 +161,7 @@ impl Bake<'_> {
             let origin = origins[camera as usize];
             let direction = (surface.position - origin).normalize_or_zero();
             let ray = Ray::free(origin.to_array(), direction.to_array());
-            let end = origin.distance(surface.position) + 2.0 * surface.slab;
+            let end = origin.distance(surface.position) + 2.0 * surface.offset;
             !change.all.are_crossed(&ray, end)
         };
         let rows = earlier.rows.receivers.par_iter().enumerate();

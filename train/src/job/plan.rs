@@ -14,7 +14,7 @@ const BYTES_PER_GAUSSIAN: u64 = 4 * 17 * 4 + 17 * 4 + 2 * 64 + 64;
 /// Bytes that the coefficients of a Gaussian's harmonics take: values, moments, gradients, those of the Gaussian, prepared ones; and its payload as a
 /// camera sees it.
 const BYTES_PER_HARMONICS: u64 = 6 * 24 * 4 + 64;
-/// Bytes a pixel of the current view takes: sums and their gradient (16 floats each), some forty recorded hits, images of the
+/// Bytes a pixel of the current view takes: features and their gradient (16 floats each), some forty recorded hits, images of the
 /// loss.
 const BYTES_PER_PIXEL: u64 = 2 * 64 + 40 * 12 + 200;
 /// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, irradiance and where emitters are, all as floats, and the target.

@@ -3,7 +3,7 @@
 use super::{MIN_NORMAL_ALPHA, directions, one_minus_cosine, solid_normal};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Camera, Image};
-use eagpt_trace::sums::{SumImage, Sums, lane};
+use eagpt_trace::features::{Features, GBuffer, lane};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -21,17 +21,17 @@ struct PixelGradient {
 /// blended Ñ, which then moves too. The image's border
 /// is left out, and so is what is not `known`.
 pub fn add(
-    sums: &SumImage,
+    features: &GBuffer,
     camera: &Camera,
     map: Option<&Image<3>>,
     weight: f64,
     known: Option<&KnownPixels>,
-    d_sums: &mut [Sums],
+    d_features: &mut [Features],
 ) -> f64 {
-    let (width, height) = (sums.width as usize, sums.height as usize);
+    let (width, height) = (features.width as usize, features.height as usize);
     let directions = directions(camera);
     // The origin drops out of differences.
-    let points: Vec<Vec3> = sums
+    let points: Vec<Vec3> = features
         .pixels
         .iter()
         .zip(&directions)
@@ -48,10 +48,10 @@ pub fn add(
             }
             let solid = [i, i - 1, i + 1, i - width, i + width]
                 .iter()
-                .all(|&j| sums.pixels[j].alpha() > MIN_NORMAL_ALPHA);
+                .all(|&j| features.pixels[j].alpha() > MIN_NORMAL_ALPHA);
             let wanted = match map {
                 Some(map) => Some(Vec3::from(map.pixels()[i])).filter(|n| *n != Vec3::ZERO),
-                None => solid_normal(&sums.pixels[i]),
+                None => solid_normal(&features.pixels[i]),
             };
             let (true, Some(wanted)) = (solid, wanted) else {
                 return PixelGradient::default();
@@ -66,7 +66,7 @@ pub fn add(
             let (value, d_depth_normal) = one_minus_cosine(normal, wanted);
             let d_normal = match map {
                 Some(_) => Vec3::ZERO,
-                None => one_minus_cosine(sums.pixels[i].normal(), normal.normalize()).1,
+                None => one_minus_cosine(features.pixels[i].normal(), normal.normalize()).1,
             };
             PixelGradient {
                 d_across: d_depth_normal.cross(down),
@@ -82,7 +82,7 @@ pub fn add(
         return 0.0;
     }
     let share = (weight / num as f64) as f32;
-    d_sums
+    d_features
         .par_iter_mut()
         .with_min_len(2048)
         .enumerate()
@@ -99,12 +99,12 @@ pub fn add(
             for k in 0..3 {
                 d.0[lane::NORMAL + k] += share * gradients[i].d_normal[k];
             }
-            let alpha = sums.pixels[i].alpha();
+            let alpha = features.pixels[i].alpha();
             if alpha > 0.0 {
                 // D̃ = D / A
                 let d_mean = share * d_point.dot(directions[i]);
                 d.0[lane::DISTANCE] += d_mean / alpha;
-                d.0[lane::ALPHA] -= d_mean * sums.pixels[i].mean_distance() / alpha;
+                d.0[lane::ALPHA] -= d_mean * features.pixels[i].mean_distance() / alpha;
             }
         });
     gradients.iter().map(|g| f64::from(g.value)).sum::<f64>() / num as f64

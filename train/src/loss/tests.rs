@@ -29,12 +29,12 @@ fn noise(i: u32) -> [f32; 4] {
         .next_uniforms()
 }
 
-pub(crate) fn frame() -> SumImage {
+pub(crate) fn frame() -> GBuffer {
     let pixels = (0..WIDTH * HEIGHT)
         .map(|i| {
             let (x, y) = ((i % WIDTH) as f32, (i / WIDTH) as f32);
             let [a, b, c, d] = noise(i);
-            let mut s = Sums::default();
+            let mut s = Features::default();
             let alpha = 0.7 + 0.25 * a;
             s.0[lane::RADIANCE..][..3].copy_from_slice(&[0.2 + b, 0.1 + 0.5 * c, 2.0 * d + 0.05]);
             s.0[lane::EMISSION] = 0.3 * a + 0.1;
@@ -45,7 +45,7 @@ pub(crate) fn frame() -> SumImage {
             s
         })
         .collect();
-    SumImage {
+    GBuffer {
         width: WIDTH,
         height: HEIGHT,
         pixels,
@@ -127,7 +127,8 @@ fn check_gradients(valid: Option<&Image<1>>) {
         let (mut view, weights) = (view(with_map), only(field));
         view.valid = valid.cloned();
         let target = pq_image(&view.radiance);
-        let loss = |sums: &SumImage| radiance_loss(sums, &view, &target, &weights, NormalTerms::On);
+        let loss =
+            |features: &GBuffer| radiance_loss(features, &view, &target, &weights, NormalTerms::On);
         let base = frame();
         let (terms, analytic) = loss(&base);
         assert!(terms.total > 0.0, "{field} is active");
@@ -138,7 +139,7 @@ fn check_gradients(valid: Option<&Image<1>>) {
         // Pixels whose error is far from 0, where L1 has its kink.
         for pixel in [0, 5, 18, 40, 93, 100, (WIDTH * HEIGHT - 1) as usize] {
             for k in lanes.clone() {
-                // Large enough that single-precision sums of the loss keep four digits of the difference.
+                // Large enough that single-precision features of the loss keep four digits of the difference.
                 let h = 4e-3 * base.pixels[pixel].0[k].abs().max(0.1);
                 let (mut up, mut down) = (base.clone(), base.clone());
                 up.pixels[pixel].0[k] += h;
@@ -154,14 +155,14 @@ fn check_gradients(valid: Option<&Image<1>>) {
                 }
             }
         }
-        for (pixel, sums) in analytic.iter().enumerate() {
+        for (pixel, features) in analytic.iter().enumerate() {
             // The differences of depth at a known pixel reach its neighbours.
             let is_unknown = valid.is_some_and(|v| v.pixels()[pixel] == [0.0]);
-            if is_unknown && field != "depth_normal" && sums.0 != [0.0; 16] {
+            if is_unknown && field != "depth_normal" && features.0 != [0.0; 16] {
                 failures.push(format!("{field} moves pixel {pixel}, which is unknown"));
             }
             for k in (0..16).filter(|k| !lanes.contains(k)) {
-                if sums.0[k] != 0.0 {
+                if features.0[k] != 0.0 {
                     failures.push(format!("{field} moves lane {k} of pixel {pixel}"));
                 }
             }
@@ -196,9 +197,9 @@ fn what_is_unknown_changes_no_bit() {
         let target = pq_image(&view.radiance);
         radiance_loss(&frame(), view, &target, &weights, NormalTerms::On)
     };
-    let ((terms, d_sums), (wanted, wanted_d)) = (loss(&garbled), loss(&plain));
+    let ((terms, d_features), (wanted, wanted_d)) = (loss(&garbled), loss(&plain));
     assert_eq!(terms, wanted);
-    assert!(d_sums.iter().zip(&wanted_d).all(|(a, b)| a.0 == b.0));
+    assert!(d_features.iter().zip(&wanted_d).all(|(a, b)| a.0 == b.0));
 
     let arriving = vec![Vec3::ONE; frame().pixels.len()];
     let albedo = |view: &View| {
@@ -214,8 +215,8 @@ fn what_is_unknown_changes_no_bit() {
     }
 }
 
-fn albedos_of(sums: &SumImage) -> Vec<Vec3> {
-    sums.pixels.iter().map(Sums::albedo).collect()
+fn albedos_of(features: &GBuffer) -> Vec<Vec3> {
+    features.pixels.iter().map(Features::albedo).collect()
 }
 
 #[test]
@@ -224,9 +225,9 @@ fn a_view_of_which_nothing_is_known_moves_nothing() {
     view.valid = Some(Image::filled(WIDTH, HEIGHT, [0.0]));
     let target = pq_image(&view.radiance);
     let weights = only("color");
-    let (terms, d_sums) = radiance_loss(&frame(), &view, &target, &weights, NormalTerms::On);
+    let (terms, d_features) = radiance_loss(&frame(), &view, &target, &weights, NormalTerms::On);
     assert_eq!((terms.total, terms.l1, terms.ssim), (0.0, 0.0, 1.0));
-    assert!(d_sums.iter().all(|d| d.0 == [0.0; 16]));
+    assert!(d_features.iter().all(|d| d.0 == [0.0; 16]));
 }
 
 #[test]
@@ -242,14 +243,14 @@ fn an_absent_mask_is_no_mask_of_zeros() {
 #[test]
 fn a_flat_wall_has_the_normal_of_its_depth() {
     // The plane z = 3, seen straight on: distances grow towards the corners, normals point back at the camera.
-    let mut sums = frame();
-    for (s, d) in sums.pixels.iter_mut().zip(directions(&camera())) {
+    let mut features = frame();
+    for (s, d) in features.pixels.iter_mut().zip(directions(&camera())) {
         s.0[lane::ALPHA] = 1.0;
         s.0[lane::DISTANCE] = 3.0 / d.z;
     }
     let map = Image::filled(WIDTH, HEIGHT, [0.0, 0.0, -1.0]);
-    let mut d_sums = vec![Sums::default(); sums.pixels.len()];
-    let value = depth_normal::add(&sums, &camera(), Some(&map), 1.0, None, &mut d_sums);
+    let mut d_features = vec![Features::default(); features.pixels.len()];
+    let value = depth_normal::add(&features, &camera(), Some(&map), 1.0, None, &mut d_features);
     assert!(value.abs() < 1e-6, "{value}");
 }
 

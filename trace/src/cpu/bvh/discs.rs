@@ -37,7 +37,7 @@ impl DiscTree {
             .iter()
             .map(|&i| {
                 let surfel = &set.surfels[i as usize];
-                // The mean over all draws: ∫ 2 ln(σ/u) du = 2σ.
+                // The mean over all realizations: ∫ 2 ln(σ/u) du = 2σ.
                 bounds_of(surfel, (2.0 * surfel.opacity).min(surfel.cut2))
             })
             .collect();
@@ -156,7 +156,7 @@ fn find_nearest(
             }
             // The rules of a single hit for which the plane's normal is needed: edge-on, or of the surface the ray leaves from.
             let normal = leaf.normal(lane).normalize_or_zero();
-            let is_own = t <= ray.t_own && normal.dot(own_normal).abs() > OWN_COSINE;
+            let is_own = t <= ray.t_min && normal.dot(own_normal).abs() > OWN_COSINE;
             if is_own || normal.dot(direction).abs() <= MIN_COSINE {
                 continue;
             }

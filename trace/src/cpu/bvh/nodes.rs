@@ -176,7 +176,7 @@ pub(super) fn visit_leaves(
 impl SlabRay {
     #[inline(always)]
     fn new(ray: &Ray) -> Self {
-        // Axis-parallel rays: a huge finite reciprocal keeps 0·∞ out of the slab test.
+        // Axis-parallel rays: a huge finite reciprocal keeps 0·∞ out of the box test.
         let inverse = ray.direction.map(|d| {
             if d.abs() > 1e-20 {
                 1.0 / d
@@ -207,7 +207,7 @@ fn node_distances(node: &Node, ray: &SlabRay, t_max: f32) -> ([f32; WIDTH], Lane
             far[lane] = if high < far[lane] { high } else { far[lane] };
         }
     }
-    // Robust slab test (Ize 2013): two roundings of 2⁻²⁴ on either side.
+    // Robust box test (Ize 2013): two roundings of 2⁻²⁴ on either side.
     let mut entered = [0_u8; WIDTH];
     for lane in 0..WIDTH {
         entered[lane] = u8::from(near[lane] <= far[lane] * 1.000_000_4);

@@ -2,10 +2,10 @@
 
 use super::nodes::{Lanes, Node, visit_leaves};
 use super::{Bvh, Leaf, WIDTH};
-use crate::blend::{Blender, Hit, Offered, sort_hits};
+use crate::blend::{BlendStatus, Blender, Hit, sort_hits};
+use crate::features::Features;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
-use crate::sums::Sums;
 use crate::surfel::{Surfel, SurfelSet, exp_of_negative};
 use multiversion::multiversion;
 
@@ -53,14 +53,16 @@ impl Bvh {
         find_accepted(&self.nodes, &self.leaves, ray, seed, &mut scratch.stack)
     }
 
-    /// Blended sums along `ray`.
-    pub fn trace(&self, set: &SurfelSet, ray: &Ray, scratch: &mut RayScratch) -> Sums {
+    /// composited features along `ray`.
+    pub fn trace(&self, set: &SurfelSet, ray: &Ray, scratch: &mut RayScratch) -> Features {
         self.find_hits(ray, Reach::UntilOpaque, scratch);
         scratch.sort();
         let mut blender = Blender::default();
         for hit in &scratch.hits {
-            let payload = &set.payloads[hit.index() as usize];
-            if blender.offer(hit.t(), hit.alpha, payload, ray.direction) == Offered::Last {
+            let attributes = &set.attributes[hit.index() as usize];
+            if blender.accumulate(hit.t(), hit.alpha, attributes, ray.direction)
+                == BlendStatus::Last
+            {
                 break;
             }
         }

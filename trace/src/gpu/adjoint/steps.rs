@@ -17,7 +17,7 @@ pub(super) struct Parts<'a> {
     pub(super) masks: &'a wgpu::Buffer,
     pub(super) hit_starts: &'a wgpu::Buffer,
     pub(super) hits: &'a wgpu::Buffer,
-    pub(super) d_sums: &'a wgpu::Buffer,
+    pub(super) d_features: &'a wgpu::Buffer,
     pub(super) values: &'a wgpu::Buffer,
     pub(super) rows: &'a wgpu::Buffer,
     pub(super) num_rows: u32,
@@ -26,8 +26,12 @@ pub(super) struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    /// Sums, with a record of what is blended, and how many hits each place in the lists has.
-    pub(super) fn forward(&self, sums: &wgpu::Buffer, band: Band) -> Result<Vec<Step>, GpuError> {
+    /// Features, with a record of what is blended, and how many hits each place in the lists has.
+    pub(super) fn forward(
+        &self,
+        features: &wgpu::Buffer,
+        band: Band,
+    ) -> Result<Vec<Step>, GpuError> {
         let Self { device, bins, .. } = self;
         let mut steps = tile_steps(device, &band, |band, groups| {
             let buffers = [
@@ -36,8 +40,8 @@ impl Parts<'_> {
                 (2, &bins.list_starts),
                 (3, &bins.listed),
                 (4, &bins.seen),
-                (5, &bins.payloads),
-                (6, sums),
+                (5, &bins.attributes),
+                (6, features),
                 (7, self.record),
                 (8, self.masks),
                 (9, &bins.totals),
@@ -51,9 +55,9 @@ impl Parts<'_> {
         Ok(steps)
     }
 
-    /// From the record and the derivatives by the sums to gradients.
+    /// From the record and the derivatives by the features to gradients.
     pub(super) fn backward(&self, band: Band) -> Vec<Step> {
-        let buffers = [(10, &self.bins.seen), (11, self.d_sums)];
+        let buffers = [(10, &self.bins.seen), (11, self.d_features)];
         let modules = [&wgsl::GRADIENT_ROWS, &wgsl::GRADIENT_GATHER];
         self.go_back(band, modules, &buffers, self.gradients)
     }
@@ -110,7 +114,7 @@ impl Parts<'_> {
         steps
     }
 
-    /// The weight of every hit, and what it has to do with the derivatives by the sums.
+    /// The weight of every hit, and what it has to do with the derivatives by the features.
     fn weigh(&self, band: Band) -> Vec<Step> {
         let Self { device, bins, .. } = self;
         tile_steps(device, &band, |band, groups| {
@@ -120,8 +124,8 @@ impl Parts<'_> {
                 (2, self.record),
                 (3, &bins.listed),
                 (4, &bins.seen),
-                (5, &bins.payloads),
-                (6, self.d_sums),
+                (5, &bins.attributes),
+                (6, self.d_features),
                 (7, self.masks),
                 (8, self.hit_starts),
                 (9, self.hits),

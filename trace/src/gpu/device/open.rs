@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 /// Which device is meant.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Wanted {
+pub enum DeviceSelector {
     /// The first that is no program on the processor.
     Hardware,
     /// The first there is, programs on the processor included.
@@ -18,7 +18,7 @@ pub enum Wanted {
     Name(String),
 }
 
-/// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what WebGPU guarantees; what a device offers beyond
+/// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what WebGPU guarantees; what a device accumulates beyond
 /// makes buffers larger, and tells where faster ways are open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tier {
@@ -69,14 +69,14 @@ impl Device {
     ///
     /// # Errors
     /// [`GpuError::NotFound`] if it does not exist, [`GpuError::Open`] if its driver refuses.
-    pub fn open(wanted: &Wanted) -> Result<Arc<Self>, GpuError> {
+    pub fn open(wanted: &DeviceSelector) -> Result<Arc<Self>, GpuError> {
         Self::open_one(wanted).map(Arc::new)
     }
 
     /// The same with smaller buffers than the device could have.
     #[cfg(test)]
     pub(in crate::gpu) fn open_limited(
-        wanted: &Wanted,
+        wanted: &DeviceSelector,
         max_bytes: u64,
     ) -> Result<Arc<Self>, GpuError> {
         let mut device = Self::open_one(wanted)?;
@@ -84,7 +84,7 @@ impl Device {
         Ok(Arc::new(device))
     }
 
-    fn open_one(wanted: &Wanted) -> Result<Self, GpuError> {
+    fn open_one(wanted: &DeviceSelector) -> Result<Self, GpuError> {
         let mut found = adapter::found();
         let described: Vec<Adapter> = found.iter().map(adapter::describe).collect();
         let at = choose(wanted, &described)?;
@@ -141,21 +141,21 @@ fn failure_of(device: &str, error: &wgpu::Error) -> GpuError {
     }
 }
 
-fn choose(wanted: &Wanted, found: &[Adapter]) -> Result<usize, GpuError> {
+fn choose(wanted: &DeviceSelector, found: &[Adapter]) -> Result<usize, GpuError> {
     let at = match wanted {
-        Wanted::Hardware => found.iter().position(|a| a.kind != Kind::Software),
-        Wanted::Any => (!found.is_empty()).then_some(0),
-        Wanted::Index(index) => (*index < found.len()).then_some(*index),
-        Wanted::Name(name) => found
+        DeviceSelector::Hardware => found.iter().position(|a| a.kind != Kind::Software),
+        DeviceSelector::Any => (!found.is_empty()).then_some(0),
+        DeviceSelector::Index(index) => (*index < found.len()).then_some(*index),
+        DeviceSelector::Name(name) => found
             .iter()
             .position(|a| a.name.to_lowercase().contains(&name.to_lowercase())),
     };
     at.ok_or_else(|| GpuError::NotFound {
         wanted: match wanted {
-            Wanted::Hardware => "gpu".to_owned(),
-            Wanted::Any => "any".to_owned(),
-            Wanted::Index(index) => format!("number {index}"),
-            Wanted::Name(name) => name.clone(),
+            DeviceSelector::Hardware => "gpu".to_owned(),
+            DeviceSelector::Any => "any".to_owned(),
+            DeviceSelector::Index(index) => format!("number {index}"),
+            DeviceSelector::Name(name) => name.clone(),
         },
         found: match found {
             [] => "none".to_owned(),
@@ -192,16 +192,19 @@ mod tests {
             adapter("llvmpipe (LLVM)", Kind::Software),
             adapter("Radeon 780M", Kind::Integrated),
         ];
-        assert_eq!(choose(&Wanted::Hardware, &found), Ok(1));
-        assert_eq!(choose(&Wanted::Any, &found), Ok(0));
-        assert_eq!(choose(&Wanted::Index(1), &found), Ok(1));
-        assert_eq!(choose(&Wanted::Name("LLVMPipe".to_owned()), &found), Ok(0));
-        let missing = choose(&Wanted::Index(2), &found).unwrap_err();
+        assert_eq!(choose(&DeviceSelector::Hardware, &found), Ok(1));
+        assert_eq!(choose(&DeviceSelector::Any, &found), Ok(0));
+        assert_eq!(choose(&DeviceSelector::Index(1), &found), Ok(1));
+        assert_eq!(
+            choose(&DeviceSelector::Name("LLVMPipe".to_owned()), &found),
+            Ok(0)
+        );
+        let missing = choose(&DeviceSelector::Index(2), &found).unwrap_err();
         assert_eq!(
             missing.to_string(),
             "device number 2: not found; there is llvmpipe (LLVM), Radeon 780M"
         );
-        let none = choose(&Wanted::Hardware, &found[..1]).unwrap_err();
+        let none = choose(&DeviceSelector::Hardware, &found[..1]).unwrap_err();
         assert_eq!(
             none.to_string(),
             "device gpu: not found; there is llvmpipe (LLVM)"

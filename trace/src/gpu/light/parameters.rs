@@ -147,7 +147,7 @@ impl Gathered {
 pub(in crate::gpu) struct PathState {
     /// The surface it has come to.
     position: [f32; 3],
-    slab: f32,
+    offset: f32,
     normal: [f32; 3],
     num_rays: u32,
     throughput: [f32; 3],
@@ -161,7 +161,7 @@ impl PathState {
     pub(in crate::gpu) fn layout() -> Layout {
         layout!(PathState {
             position: "vec3f",
-            slab: "f32",
+            offset: "f32",
             normal: "vec3f",
             num_rays: "u32",
             throughput: "vec3f",

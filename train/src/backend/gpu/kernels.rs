@@ -2,7 +2,7 @@
 
 use super::loss::LossParameters;
 use super::params::AdamParameters;
-use super::wanted::{self, Wanted};
+use super::target::{self, TargetPixel};
 use super::{loss, report};
 use crate::loss::MIN_NORMAL_ALPHA;
 use crate::loss::target::PQ_RANGE;
@@ -34,7 +34,7 @@ pub(super) static SURFACE: Module = Module::with_declarations(
     &[COMMON, &[PIXELS, include_str!("loss_surface.wgsl")]],
 );
 pub(super) static ADD_UP: Module = Module::with_declarations(
-    "loss: sums",
+    "loss: features",
     declarations,
     &[COMMON, &[PIXELS, include_str!("loss_add_up.wgsl")]],
 );
@@ -50,7 +50,7 @@ fn declarations() -> String {
     for layout in [
         AdamParameters::layout(),
         LossParameters::layout(),
-        Wanted::layout(),
+        TargetPixel::layout(),
     ] {
         text.push_str(&layout.declaration());
     }
@@ -80,10 +80,10 @@ fn declarations() -> String {
         ("NOTHING_BAD", report::NOTHING_BAD),
         ("ADD_THREADS", loss::ADD_THREADS),
         ("ADD_PER_THREAD", loss::ADD_PER_THREAD),
-        ("KNOWN", wanted::KNOWN),
-        ("WINDOW", wanted::WINDOW),
-        ("FLAG_BITS", wanted::FLAG_BITS),
-        ("FULL_OPACITY", wanted::FULL_OPACITY),
+        ("KNOWN", target::KNOWN),
+        ("WINDOW", target::WINDOW),
+        ("FLAG_BITS", target::FLAG_BITS),
+        ("FULL_OPACITY", target::FULL_OPACITY),
     ] {
         text.push_str(&format!("const {name}: u32 = {value}u;\n"));
     }

@@ -2,14 +2,14 @@
 
 use super::kernels;
 use super::report::Report;
-use super::wanted::{Wanted, WantedView};
+use super::target::{TargetPixel, TargetView};
 use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms, PixelLight};
 use crate::options::LossWeights;
 use eagpt_scene::Camera;
+use eagpt_trace::features::Features;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Module, Step, layout};
 use eagpt_trace::gpu::{Device, Frame};
-use eagpt_trace::sums::Sums;
 
 /// Invocations of a workgroup that adds up.
 pub(super) const ADD_THREADS: u32 = 128;
@@ -66,7 +66,7 @@ impl LossParameters {
         })
     }
 
-    fn new(camera: &Camera, view: &WantedView, options: &LossOptions) -> Self {
+    fn new(camera: &Camera, view: &TargetView, options: &LossOptions) -> Self {
         let frame = camera.ray_frame();
         let weights = &options.weights;
         let over = |weight: f64, num: usize| (weight / num.max(1) as f64) as f32;
@@ -139,7 +139,7 @@ impl LossBuffers {
         // Vectors of three take as much as vectors of four.
         let vectors = |num: u64| 16 * num * num_pixels as u64;
         let groups = (num_pixels as u64).div_ceil(u64::from(ADD_THREADS * ADD_PER_THREAD));
-        const { assert!(size_of::<Sums>() == 64 && size_of::<Wanted>() == 16) };
+        const { assert!(size_of::<Features>() == 64 && size_of::<TargetPixel>() == 16) };
         Ok(Self {
             num_pixels,
             means: device.buffer("means of rays", vectors(4))?,
@@ -148,7 +148,7 @@ impl LossBuffers {
             partials: device.buffer("derivatives by moments", vectors(4))?,
             terms: device.buffer("terms of the loss", vectors(2))?,
             surfaces: device.buffer("derivatives by surfaces", vectors(3))?,
-            group_sums: device.buffer("sums of groups", 32 * groups)?,
+            group_sums: device.buffer("features of groups", 32 * groups)?,
         })
     }
 
@@ -157,11 +157,11 @@ impl LossBuffers {
         self.num_pixels == num_pixels
     }
 
-    /// The kernels from the sums of `frame` to the derivatives by them, for a view of `camera`. Sums over pixels go to `report`.
+    /// The kernels from the features of `frame` to the derivatives by them, for a view of `camera`. Features over pixels go to `report`.
     pub(super) fn steps(
         &self,
         device: &Device,
-        (camera, view): (&Camera, &WantedView),
+        (camera, view): (&Camera, &TargetView),
         options: &LossOptions,
         (frame, report): (&Frame, &Buffer),
     ) -> Vec<Step> {
@@ -169,7 +169,7 @@ impl LossBuffers {
         let parameters = device.uniform("loss", &parameters);
         let all = [
             &parameters,
-            &frame.sums,
+            &frame.features,
             &self.means,
             &view.pixels,
             &self.encoded,
@@ -193,7 +193,7 @@ impl LossBuffers {
             device.step(module, entry, &buffers, groups)
         };
         let surfaces = (8, &self.surfaces);
-        let d_sums = (10, &frame.d_sums);
+        let d_features = (10, &frame.d_features);
         let (encode, derivatives) = match &options.lit {
             None => (
                 step(&kernels::COLOR, "encode", &[0, 1, 2, 4], &[]),
@@ -201,7 +201,7 @@ impl LossBuffers {
                     &kernels::DERIVATIVES,
                     "derivatives",
                     &[0, 2, 3, 4, 5, 7],
-                    &[surfaces, (9, report), d_sums],
+                    &[surfaces, (9, report), d_features],
                 ),
             ),
             Some(lit) => (
@@ -210,11 +210,11 @@ impl LossBuffers {
                     &kernels::DERIVATIVES,
                     "derivatives_lit",
                     &[0, 3, 4, 5],
-                    &[d_sums, (11, lit)],
+                    &[d_features, (11, lit)],
                 ),
             ),
         };
-        let sums = (8, &self.group_sums);
+        let features = (8, &self.group_sums);
         vec![
             encode,
             step(&kernels::COLOR, "blur_moments", &[0, 3, 4, 5], &[]),
@@ -226,15 +226,20 @@ impl LossBuffers {
                 &[0, 2, 3, 7],
                 &[surfaces],
             ),
-            step(&kernels::ADD_UP, "add_pixels", &[0, 7], &[sums]),
-            step(&kernels::ADD_UP, "add_groups", &[0], &[sums, (9, report)]),
+            step(&kernels::ADD_UP, "add_pixels", &[0, 7], &[features]),
+            step(
+                &kernels::ADD_UP,
+                "add_groups",
+                &[0],
+                &[features, (9, report)],
+            ),
             derivatives,
         ]
     }
 }
 
-/// The terms of a loss, from the sums over pixels.
-pub(super) fn terms(report: &Report, view: &WantedView, options: &LossOptions) -> LossTerms {
+/// The terms of a loss, from the features over pixels.
+pub(super) fn terms(report: &Report, view: &TargetView, options: &LossOptions) -> LossTerms {
     let [
         l1,
         ssim,

@@ -50,9 +50,9 @@ fn encode(
     if pixel >= loss.num_pixels {
         return;
     }
-    let sums = mean_of_rays(pixel);
-    means[pixel] = sums;
-    encoded[pixel] = encoded_as_pq(sums.a.xyz);
+    let features = mean_of_rays(pixel);
+    means[pixel] = features;
+    encoded[pixel] = encoded_as_pq(features.a.xyz);
 }
 
 // Of stage 1: what albedos make of the light.
@@ -66,10 +66,10 @@ fn encode_lit(
     if pixel >= loss.num_pixels {
         return;
     }
-    let sums = mean_of_rays(pixel);
-    means[pixel] = sums;
+    let features = mean_of_rays(pixel);
+    means[pixel] = features;
     let light = lit[pixel];
-    encoded[pixel] = encoded_as_pq(select(sums.b.xyz * light.xyz, light.xyz, light.w > 0.0));
+    encoded[pixel] = encoded_as_pq(select(features.b.xyz * light.xyz, light.xyz, light.w > 0.0));
 }
 
 fn add_moments(sum: Moments, weight: f32, x: i32, row: u32) -> Moments {
@@ -144,7 +144,7 @@ fn compare(
         let difference = abs(encoded[pixel].pq - pq_wanted(pixel));
         image.x = difference.x + difference.y + difference.z;
         image.z = select(0.0, abs(means[pixel].a.w - emission_wanted(pixel)), loss.has_emission != 0u);
-        image.w = abs(alpha_of_sums(means[pixel]) - opacity_wanted(pixel));
+        image.w = abs(alpha_of_features(means[pixel]) - opacity_wanted(pixel));
     }
     terms[pixel].image = image;
 }

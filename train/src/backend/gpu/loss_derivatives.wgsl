@@ -1,4 +1,4 @@
-// Derivatives of the whole loss by the sums of every ray.
+// Derivatives of the whole loss by the features of every ray.
 
 @group(0) @binding(8) var<storage, read> surfaces: array<SurfaceGradient>;
 @group(0) @binding(9) var<storage, read> report: array<u32>;
@@ -31,7 +31,7 @@ fn by_mean_distance(pixel: u32) -> f32 {
 }
 
 fn derivative(pixel: u32) -> Lanes {
-    let sums = means[pixel];
+    let features = means[pixel];
     var d_radiance = vec3f();
     var d_emission = 0.0;
     var d_normal = vec3f();
@@ -39,23 +39,23 @@ fn derivative(pixel: u32) -> Lanes {
     var d_distance = 0.0;
     if is_known(pixel) {
         d_radiance = loss.color * by_shown(pixel);
-        d_emission = loss.emission * sign(sums.a.w - emission_wanted(pixel));
-        d_alpha = loss.alpha * sign(alpha_of_sums(sums) - opacity_wanted(pixel));
+        d_emission = loss.emission * sign(features.a.w - emission_wanted(pixel));
+        d_alpha = loss.alpha * sign(alpha_of_features(features) - opacity_wanted(pixel));
     }
     if loss.has_normals != 0u {
         let num_map = bitcast<f32>(report[REPORT_TERMS + 5u]);
         let num_spanned = bitcast<f32>(report[REPORT_TERMS + 7u]);
         if num_map > 0.0 && terms[pixel].surface.y > 0.0 {
-            d_normal += loss.normal / num_map * one_minus_cosine(normal_of(sums), normal_wanted(pixel)).xyz;
+            d_normal += loss.normal / num_map * one_minus_cosine(normal_of(features), normal_wanted(pixel)).xyz;
         }
         if num_spanned > 0.0 {
             let share = loss.depth_normal / num_spanned;
             d_normal += share * surfaces[pixel].d_normal;
-            if alpha_of_sums(sums) > 0.0 {
+            if alpha_of_features(features) > 0.0 {
                 // D̃ = D / A
-                let d_mean = share * by_mean_distance(pixel) / alpha_of_sums(sums);
+                let d_mean = share * by_mean_distance(pixel) / alpha_of_features(features);
                 d_distance += d_mean;
-                d_alpha -= d_mean * mean_distance(sums);
+                d_alpha -= d_mean * mean_distance(features);
             }
         }
     }

@@ -2,9 +2,9 @@
 
 @group(0) @binding(0) var<uniform> loss: LossParameters;
 @group(0) @binding(1) var<storage, read> rays: array<Lanes>;
-// Mean sums of each pixel; spread and first distance have no part in a loss.
+// Mean features of each pixel; spread and first distance have no part in a loss.
 @group(0) @binding(2) var<storage, read_write> means: array<Lanes>;
-@group(0) @binding(3) var<storage, read> wanted: array<Wanted>;
+@group(0) @binding(3) var<storage, read> wanted: array<TargetPixel>;
 @group(0) @binding(4) var<storage, read_write> encoded: array<Encoded>;
 // Moments, and later derivatives by them, blurred along x.
 @group(0) @binding(5) var<storage, read_write> blurred: array<Moments>;
@@ -27,7 +27,7 @@ struct Moments {
     of_product: vec3f,
 }
 
-// Contributions of a pixel to sums.
+// Contributions of a pixel to features.
 struct Terms {
     // |difference| of PQ values, SSIM, |E − M|, |A − A_gt|
     image: vec4f,
@@ -69,16 +69,16 @@ fn normal_wanted(pixel: u32) -> vec3f {
     return vec3f(unpack2x16snorm(wanted[pixel].normal_xy), z);
 }
 
-fn normal_of(sums: Lanes) -> vec3f {
-    return vec3f(sums.b.w, sums.c.xy);
+fn normal_of(features: Lanes) -> vec3f {
+    return vec3f(features.b.w, features.c.xy);
 }
 
-fn alpha_of_sums(sums: Lanes) -> f32 {
-    return sums.c.z;
+fn alpha_of_features(features: Lanes) -> f32 {
+    return features.c.z;
 }
 
-fn mean_distance(sums: Lanes) -> f32 {
-    return select(0.0, sums.c.w / sums.c.z, sums.c.z > 0.0);
+fn mean_distance(features: Lanes) -> f32 {
+    return select(0.0, features.c.w / features.c.z, features.c.z > 0.0);
 }
 
 // Of the middle of a pixel.

@@ -7,7 +7,7 @@ fn point_of(pixel: u32) -> vec3f {
 }
 
 fn is_solid(pixel: u32) -> bool {
-    return alpha_of_sums(means[pixel]) > MIN_NORMAL_ALPHA;
+    return alpha_of_features(means[pixel]) > MIN_NORMAL_ALPHA;
 }
 
 @compute @workgroup_size(64)

@@ -127,7 +127,7 @@ impl ResidentState {
             (0, &device.uniform("Adam", &parameters)),
             (1, &resident.raw.values),
             (7, fit.surfels()),
-            (8, fit.payloads()),
+            (8, fit.attributes()),
         ];
         let groups = resident.num_groups();
         device.run(&[device.step(&kernels::PARAMS, "activate", &buffers, groups)])?;
@@ -215,7 +215,7 @@ impl ResidentState {
             self.device.step(&kernels::PARAMS, entry, &buffers, groups)
         };
         let raw = self.raw.bindings();
-        let seen = [(4, &frame.gradients), (8, &frame.payloads)];
+        let seen = [(4, &frame.gradients), (8, &frame.attributes)];
         let surfels = (7, fit.surfels());
         let totals = (9, &frame.totals);
         let mut steps = vec![step("chain_rule", &raw[..1], &seen)];
@@ -224,7 +224,7 @@ impl ResidentState {
             let rows = harmonics.bindings();
             steps.push(step("harmonics_step", &rows, &[surfels, totals]));
         }
-        let moved = [surfels, (8, fit.payloads()), totals];
+        let moved = [surfels, (8, fit.attributes()), totals];
         steps.push(step("adam_step", &raw, &moved));
         steps
     }

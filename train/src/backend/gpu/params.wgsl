@@ -12,7 +12,7 @@
 @group(0) @binding(6) var<storage, read_write> report: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> surfels: array<Surfel>;
 // In `chain_rule` as the camera sees them.
-@group(0) @binding(8) var<storage, read_write> payloads: array<Lanes>;
+@group(0) @binding(8) var<storage, read_write> attributes: array<Lanes>;
 @group(0) @binding(9) var<storage, read> totals: array<u32>;
 
 struct Activated {
@@ -101,7 +101,7 @@ fn chain_rule(
     sum += put(at + 5u, -dot(q.xyz, turn) * factor);
     sum += put3(at + 6u, (q.w * turn + cross(q.xyz, turn)) * factor);
     sum += put(at + 9u, d.c.x * g.opacity * (1.0 - g.opacity));
-    sum += put3(at + 10u, d.c.yzw * payloads[index].a.xyz);
+    sum += put3(at + 10u, d.c.yzw * attributes[index].a.xyz);
     sum += put(at + 13u, d.d.x * g.emission * (1.0 - g.emission));
     sum += put3(at + 14u, d.d.yzw * g.albedo * (1.0 - g.albedo));
     // A sum is not finite if one of its terms is not.
@@ -169,7 +169,7 @@ fn put_gaussian(index: u32) {
     let frame = frame_of(g.rotation);
     let surfel = surfel_of(g, frame);
     surfels[index] = surfel;
-    payloads[index] = Lanes(
+    attributes[index] = Lanes(
         vec4f(g.radiance, g.emission),
         vec4f(g.albedo, frame[2].x),
         vec4f(frame[2].yz, 1.0, 0.0),

@@ -10,7 +10,7 @@ pub(super) const BAD: u32 = 0;
 pub(super) const ENTRIES: u32 = 1;
 /// Place of the number of chunks in the record of hits.
 pub(super) const CHUNKS: u32 = 2;
-/// Place of the first of eight sums over pixels, see [`Report::terms`].
+/// Place of the first of eight features over pixels, see [`Report::terms`].
 pub(super) const TERMS: u32 = 4;
 /// Place of what is not 0 once a step has moved nothing; unlike all else, it stays for the steps behind that one.
 pub(super) const STUCK: u32 = NUM_WORDS as u32 - 1;
@@ -43,7 +43,7 @@ impl Report {
         }
     }
 
-    /// Sums over pixels: |difference| of PQ values, SSIM, |E − M|, |A − A_gt|; 1 − Ñ·N and its pixels; 1 − Ñ_d·N and its pixels.
+    /// Features over pixels: |difference| of PQ values, SSIM, |E − M|, |A − A_gt|; 1 − Ñ·N and its pixels; 1 − Ñ_d·N and its pixels.
     pub(super) fn terms(&self) -> [f64; 8] {
         std::array::from_fn(|k| f64::from(f32::from_bits(self.0[TERMS as usize + k])))
     }

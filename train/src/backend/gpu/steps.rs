@@ -6,7 +6,7 @@
 
 use super::loss::{self, LossBuffers, LossOptions};
 use super::report::{NUM_WORDS, Report};
-use super::wanted::WantedView;
+use super::target::TargetView;
 use super::{GpuBackend, resident};
 use crate::backend::{AlbedoStep, Backend as _, RadianceStep, Taken, TrainingView};
 use crate::error::Result;
@@ -92,7 +92,7 @@ impl Task {
 #[derive(Debug)]
 pub(super) struct UnderWay {
     task: Task,
-    wanted: WantedView,
+    wanted: TargetView,
     options: LossOptions,
     /// What its rays have room for.
     room: FrameRoom,

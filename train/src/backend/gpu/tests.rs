@@ -5,7 +5,7 @@ mod losses;
 mod steps;
 
 use crate::options::{LossWeights, Preset, TrainOptions};
-use eagpt_trace::sums::Sums;
+use eagpt_trace::features::Features;
 
 #[path = "../../../../trace/tests/gpu/mod.rs"]
 mod gpu;
@@ -15,7 +15,7 @@ fn weights() -> LossWeights {
 }
 
 /// Largest difference in lane `k`, relative to the largest value.
-fn off(got: &[Sums], wanted: &[Sums], k: usize) -> f32 {
+fn off(got: &[Features], wanted: &[Features], k: usize) -> f32 {
     let scale = wanted.iter().fold(0.0_f32, |m, s| m.max(s.0[k].abs()));
     let pairs = got.iter().zip(wanted);
     let worst = pairs.fold(0.0_f32, |m, (a, b)| m.max((a.0[k] - b.0[k]).abs()));

@@ -157,7 +157,7 @@ mod tests {
             let target = cloud.positions[i as usize % cloud.len()] * (1.0 + 0.7 * sin);
             let direction = (target - origin).normalize();
             let ray = Ray::free(origin.to_array(), direction.to_array());
-            match scene.drawn_hit(&ray, i) {
+            match scene.realization_hit(&ray, i) {
                 Some(hit) => {
                     assert!(boxes.are_crossed(&ray, hit.t + 1e-4));
                     num_met += 1;
@@ -174,7 +174,7 @@ mod tests {
         let cloud = random_cloud(400, 5);
         let camera = look_at(DVec3::new(3.0, 0.5, 0.2), DVec3::new(0.0, 0.9, 0.4), 60, 40);
         let scene = CpuScene::new(&cloud);
-        let whole = scene.camera_sums(&camera).unwrap();
+        let whole = scene.gbuffer(&camera).unwrap();
         let mut num_smaller = 0;
         for start in 0..390 {
             let few = [0, 1, 2].map(|k| cloud.get(start + k));
@@ -187,8 +187,8 @@ mod tests {
             if start % 20 > 0 {
                 continue;
             }
-            let sums = scene.camera_sums(&part).unwrap();
-            for (i, pixel) in (0..).zip(&sums.pixels) {
+            let features = scene.gbuffer(&part).unwrap();
+            for (i, pixel) in (0..).zip(&features.pixels) {
                 let at = (y + i / part.width) * 60 + x + i % part.width;
                 let off = pixel.radiance() - whole.pixels[at as usize].radiance();
                 // A ray at the rim of a disc meets it or not: a hundredth of its light.

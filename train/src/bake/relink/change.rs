@@ -4,8 +4,8 @@ use super::boxes::Boxes;
 use super::kept::{Shape, shape, shaped};
 use eagpt_scene::{Gaussian, Gaussians};
 use eagpt_trace::transport::lights;
-use eagpt_trace::transport::links::NOTHING;
-use eagpt_trace::transport::links::known::UNKNOWN;
+use eagpt_trace::transport::matrix::NOTHING;
+use eagpt_trace::transport::matrix::known::UNKNOWN;
 use std::collections::HashMap;
 
 /// Directions look for the emitters of the earlier bake as long as none has more than this times the share of the light that it had then. The

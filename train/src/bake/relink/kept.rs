@@ -1,4 +1,4 @@
-//! The file in which a bake keeps its links for the next one.
+//! The file in which a bake keeps its matrix for the next one.
 
 use super::rows::{KeptReceiver, Rows};
 use crate::bake::gaussians::LONE;
@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::sealed::Kind;
 use crate::surfaces::Seen;
 use eagpt_scene::{Gaussian, Gaussians, Harmonics, SceneError};
-use eagpt_trace::transport::links::NOTHING;
+use eagpt_trace::transport::matrix::NOTHING;
 use eagpt_trace::transport::start::Surface;
 use glam::{Quat, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -15,10 +15,10 @@ use std::path::Path;
 const KIND: Kind = Kind {
     magic: b"EAGPTLNK",
     version: 1,
-    noun: "file of links",
+    noun: "file of matrix",
 };
 
-/// What links depend on beside the scene.
+/// What matrix depend on beside the scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Setup {
     /// Digest of the cameras' file.
@@ -43,7 +43,7 @@ struct Header {
 const SHAPE: usize = 10;
 /// Numbers of an emitter: its shape, radiance and emission.
 const LIGHT: usize = SHAPE + 4;
-/// Numbers of a receiver beside its targets: index, element, camera, position, normal, slab and weight.
+/// Numbers of a receiver beside its targets: index, element, camera, position, normal, offset and weight.
 const RECEIVER: usize = 11;
 
 /// Bits of the geometry of a Gaussian: position, scale, rotation, opacity.
@@ -74,7 +74,7 @@ pub(super) fn shaped(shape: &Shape) -> Gaussian {
     }
 }
 
-/// Links of a bake, direction by direction.
+/// TransportMatrix of a bake, direction by direction.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kept {
     pub(super) setup: Setup,
@@ -121,7 +121,7 @@ impl Kept {
     /// Reads a file.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let (header, values): (Header, _) = KIND.read(path)?;
-        let damaged = || SceneError::invalid(path, "arrays", "the file of links is damaged");
+        let damaged = || SceneError::invalid(path, "arrays", "the file of matrix is damaged");
         let setup = header.setup;
         let num_directions: usize = setup.directions.iter().map(|&num| num as usize).sum();
         let lengths = [
@@ -195,7 +195,7 @@ fn row_values(one: &KeptReceiver) -> [f32; RECEIVER] {
     values[..3].copy_from_slice(&[one.index, one.element, camera].map(f32::from_bits));
     values[3..6].copy_from_slice(&surface.position.to_array());
     values[6..9].copy_from_slice(&surface.normal.to_array());
-    values[9..].copy_from_slice(&[surface.slab, weight]);
+    values[9..].copy_from_slice(&[surface.offset, weight]);
     values
 }
 
@@ -203,7 +203,7 @@ fn row(values: &[f32; RECEIVER]) -> KeptReceiver {
     let surface = Surface {
         position: Vec3::from_slice(&values[3..6]),
         normal: Vec3::from_slice(&values[6..9]),
-        slab: values[9],
+        offset: values[9],
     };
     KeptReceiver {
         index: values[0].to_bits(),

@@ -3,7 +3,7 @@
 use super::change::Change;
 use super::kept::Kept;
 use crate::surfaces::Seen;
-use eagpt_trace::transport::links::known::UNKNOWN;
+use eagpt_trace::transport::matrix::known::UNKNOWN;
 use std::collections::{HashMap, HashSet};
 
 /// From here on are numbers that are no index, for receivers whose index names the random numbers of another.

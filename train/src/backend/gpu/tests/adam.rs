@@ -9,8 +9,8 @@ use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::gpu::{Device, GpuFit};
-use eagpt_trace::sums::{NUM_LANES, lane};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
 
@@ -97,7 +97,7 @@ fn steps_of_adam_are_those_of_the_cpu() {
         }
     }
     // What is traced is what follows from the parameters.
-    let seen = fit.camera_sums(&camera).unwrap();
+    let seen = fit.gbuffer(&camera).unwrap();
     let (wanted, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
     let off = off(&seen.pixels, &wanted.pixels, lane::RADIANCE);
     if off > 1e-3 {

@@ -3,15 +3,15 @@
 use super::{gpu, off, weights};
 use crate::backend::gpu::loss::{self, LossBuffers, LossOptions, lit_pixels};
 use crate::backend::gpu::report;
-use crate::backend::gpu::wanted::WantedView;
+use crate::backend::gpu::target::TargetView;
 use crate::loss::target::Target;
 use crate::loss::tests::{frame, mask, view};
 use crate::loss::{LossTerms, NormalTerms, PixelLight, albedo_loss, radiance_loss};
 use crate::options::LossWeights;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Image, View};
+use eagpt_trace::features::{Features, GBuffer, NUM_LANES, lane};
 use eagpt_trace::gpu::{Device, Frame, FrameRoom};
-use eagpt_trace::sums::{NUM_LANES, SumImage, Sums, lane};
 use glam::Vec3;
 use std::ops::RangeInclusive;
 
@@ -37,21 +37,23 @@ fn list(terms: &LossTerms) -> [f64; 7] {
     ]
 }
 
-/// Terms and derivatives by the sums, from the device.
+/// Terms and derivatives by the features, from the device.
 fn compared(
     device: &Device,
-    sums: &SumImage,
+    features: &GBuffer,
     (view, target): (&View, &Target),
     options: &LossOptions,
-) -> (LossTerms, Vec<Sums>) {
-    let num_pixels = sums.pixels.len();
-    let lanes: Vec<[f32; NUM_LANES]> = sums.pixels.iter().map(|s| s.0).collect();
+) -> (LossTerms, Vec<Features>) {
+    let num_pixels = features.pixels.len();
+    let lanes: Vec<[f32; NUM_LANES]> = features.pixels.iter().map(|s| s.0).collect();
     let made = |what| device.buffer(what, 64 * num_pixels as u64).unwrap();
     let frame = Frame {
-        sums: device.upload("sums", bytemuck::cast_slice(&lanes)).unwrap(),
-        d_sums: made("d_sums"),
+        features: device
+            .upload("features", bytemuck::cast_slice(&lanes))
+            .unwrap(),
+        d_features: made("d_features"),
         gradients: made("gradients"),
-        payloads: made("payloads"),
+        attributes: made("attributes"),
         totals: made("totals"),
         room: FrameRoom {
             entries: 0,
@@ -60,16 +62,16 @@ fn compared(
     };
     let words = bytemuck::cast_slice(&report::EMPTY).to_vec();
     let report_buffer = device.upload("report", &words).unwrap();
-    let on_device = WantedView::new(device, view, target).unwrap();
+    let on_device = TargetView::new(device, view, target).unwrap();
     let buffers = LossBuffers::new(device, num_pixels).unwrap();
     let at = (&view.camera, &on_device);
     let steps = buffers.steps(device, at, options, (&frame, &report_buffer));
     device.run(&steps).unwrap();
-    let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_sums, 0..num_pixels).unwrap();
+    let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_features, 0..num_pixels).unwrap();
     let words: Vec<u32> = device.read(&report_buffer, 0..report::NUM_WORDS).unwrap();
     let report = report::Report(words.try_into().unwrap());
     let terms = loss::terms(&report, &on_device, options);
-    (terms, d.into_iter().map(Sums).collect())
+    (terms, d.into_iter().map(Features).collect())
 }
 
 #[test]
@@ -77,7 +79,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
     let Some(device) = gpu::device("losses on a device") else {
         return;
     };
-    let (sums, weights) = (frame(), weights());
+    let (features, weights) = (frame(), weights());
     let (mut failures, mut worst) = (Vec::new(), 0.0_f32);
     for (with_map, with_mask, normals) in [
         (true, false, NormalTerms::On),
@@ -90,7 +92,8 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         view.normal = view.normal.map(|map| kept(&map, -1.0..=1.0, 32_767.0));
         view.emission = view.emission.map(|mask| kept(&mask, 0.0..=1.0, 65_535.0));
         let target = Target::new(&view.radiance);
-        let (wanted_terms, wanted_d) = radiance_loss(&sums, &view, &target.pq(), &weights, normals);
+        let (wanted_terms, wanted_d) =
+            radiance_loss(&features, &view, &target.pq(), &weights, normals);
 
         let options = LossOptions {
             weights,
@@ -98,7 +101,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
             rays_per_axis: 1,
             lit: None,
         };
-        let (terms, d) = compared(&device, &sums, (&view, &target), &options);
+        let (terms, d) = compared(&device, &features, (&view, &target), &options);
 
         let name = format!("map {with_map}, mask {with_mask}, {normals:?}");
         for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
@@ -126,8 +129,8 @@ fn losses_of_albedos_are_those_of_the_cpu() {
     let Some(device) = gpu::device("losses of albedos on a device") else {
         return;
     };
-    let mut sums = frame();
-    for pixel in sums.pixels.iter_mut().step_by(5) {
+    let mut features = frame();
+    for pixel in features.pixels.iter_mut().step_by(5) {
         pixel.0[lane::EMISSION] = 0.9;
     }
     let mut view = view(false);
@@ -135,15 +138,15 @@ fn losses_of_albedos_are_those_of_the_cpu() {
     let target = Target::new(&view.radiance);
     // Every pixel under a light of its own; emitters among them.
     let arriving =
-        (0..sums.pixels.len()).map(|i| Vec3::new(0.7, 1.0, 1.3) * (0.5 + (i % 7) as f32));
-    let light = PixelLight::new(&sums, arriving.collect(), 0.5);
+        (0..features.pixels.len()).map(|i| Vec3::new(0.7, 1.0, 1.3) * (0.5 + (i % 7) as f32));
+    let light = PixelLight::new(&features, arriving.collect(), 0.5);
     let num_emitters = light.emitted.iter().flatten().count();
-    assert!(num_emitters > 0 && num_emitters < sums.pixels.len());
+    assert!(num_emitters > 0 && num_emitters < features.pixels.len());
     let weights = LossWeights {
         color: 1.0,
         ..weights()
     };
-    let albedos: Vec<Vec3> = sums.pixels.iter().map(Sums::albedo).collect();
+    let albedos: Vec<Vec3> = features.pixels.iter().map(Features::albedo).collect();
     let known = view.valid.as_ref().map(KnownPixels::new);
     let share = weights.ssim_share;
     let (wanted_terms, wanted_d) =
@@ -155,12 +158,12 @@ fn losses_of_albedos_are_those_of_the_cpu() {
         rays_per_axis: 1,
         lit: Some(lit),
     };
-    let (terms, d) = compared(&device, &sums, (&view, &target), &options);
+    let (terms, d) = compared(&device, &features, (&view, &target), &options);
     for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
         let off = (got - wanted).abs();
         assert!(off <= f64::from(TOLERANCE) * wanted.abs(), "{terms:?}");
     }
-    let mut all_wanted = vec![Sums::default(); wanted_d.len()];
+    let mut all_wanted = vec![Features::default(); wanted_d.len()];
     for (lanes, d) in all_wanted.iter_mut().zip(&wanted_d) {
         lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
     }

@@ -61,7 +61,7 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
         let (seen, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
         let mut view = view(false);
         (view.normal, view.emission, view.alpha) = (None, None, None);
-        view.radiance = seen.extract(|sums| (sums.radiance() * 1.2).to_array());
+        view.radiance = seen.extract(|features| (features.radiance() * 1.2).to_array());
         view.camera = camera;
         Arc::new(view)
     });

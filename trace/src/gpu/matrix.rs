@@ -1,4 +1,4 @@
-//! Links on the device: the twin of [`crate::transport::links`].
+//! TransportMatrix on the device: the twin of [`crate::transport::matrix`].
 //!
 //! A dispatch follows one direction of one receiver in each invocation; another one adds up what they have found. Light is added in the order
 //! of samples, those towards emitters first, so that the bits depend neither on the size of dispatches nor on which receivers are traced together.
@@ -10,11 +10,11 @@ use super::light::TreeBuffers;
 use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
-use crate::cpu::draws::{SCENE_SEED, drawn_radius_squared};
+use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
 use crate::transport::lights::Lights;
-use crate::transport::links::{Directions, Links, NUM_DRAWS, Receiver};
+use crate::transport::matrix::{Directions, NUM_REALIZATIONS, Receiver, TransportMatrix};
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -33,7 +33,7 @@ const DISPATCHES_AHEAD: u32 = 16;
 /// Parameters of the kernels.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub(super) struct LinkParameters {
+pub(super) struct TransportParameters {
     /// Key of the random numbers.
     key: [u32; 4],
     emission_threshold: f32,
@@ -52,9 +52,9 @@ pub(super) struct LinkParameters {
     padding: [u32; 2],
 }
 
-impl LinkParameters {
+impl TransportParameters {
     pub(super) fn layout() -> Layout {
-        layout!(LinkParameters {
+        layout!(TransportParameters {
             key: "vec4u",
             emission_threshold: "f32",
             num_emitters: "u32",
@@ -76,7 +76,7 @@ impl LinkParameters {
 #[repr(C)]
 pub(super) struct ReceiverOnDevice {
     position: [f32; 3],
-    slab: f32,
+    offset: f32,
     normal: [f32; 3],
     element: u32,
 }
@@ -85,7 +85,7 @@ impl ReceiverOnDevice {
     pub(super) fn layout() -> Layout {
         layout!(ReceiverOnDevice {
             position: "vec3f",
-            slab: "f32",
+            offset: "f32",
             normal: "vec3f",
             element: "u32",
         })
@@ -94,7 +94,7 @@ impl ReceiverOnDevice {
     fn new((element, surface): &Receiver) -> Self {
         Self {
             position: surface.position.to_array(),
-            slab: surface.slab,
+            offset: surface.offset,
             normal: surface.normal.to_array(),
             element: *element,
         }
@@ -105,16 +105,16 @@ impl ReceiverOnDevice {
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct FoundLink {
+pub(super) struct FoundEntry {
     /// Of an emitter, weighted.
     light: [f32; 3],
-    /// A Gaussian, [`crate::transport::links::NOTHING`], or [`super::bvh::NO_NODE`] where no ray was traced.
+    /// A Gaussian, [`crate::transport::matrix::NOTHING`], or [`super::bvh::NO_NODE`] where no ray was traced.
     link: u32,
 }
 
-impl FoundLink {
+impl FoundEntry {
     pub(super) fn layout() -> Layout {
-        layout!(FoundLink {
+        layout!(FoundEntry {
             light: "vec3f",
             link: "u32",
         })
@@ -138,33 +138,38 @@ impl ArrivedLight {
     }
 }
 
-/// What links need of a scene, beside its Gaussians.
+/// What matrix need of a scene, beside its Gaussians.
 #[derive(Debug)]
-pub(super) struct LinkBuffers {
-    /// Of discs that are as large as the largest of all draws.
+pub(super) struct TransportBuffers {
+    /// Of discs that are as large as the largest of all realizations.
     trees: TreeBuffers,
-    /// Squared radii of discs in standard deviations, `[n, NUM_DRAWS]`: as many bytes as the Gaussians themselves.
+    /// Squared radii of discs in standard deviations, `[n, NUM_REALIZATIONS]`: as many bytes as the Gaussians themselves.
     radii: wgpu::Buffer,
 }
 
-impl LinkBuffers {
+impl TransportBuffers {
     pub(super) fn new(
         device: &Device,
         set: &SurfelSet,
         lights: Option<&Lights>,
     ) -> Result<Self, GpuError> {
-        let drawn: Vec<[f32; NUM_DRAWS as usize]> = (0..set.len())
+        let realized: Vec<[f32; NUM_REALIZATIONS as usize]> = (0..set.len())
             .into_par_iter()
             .with_min_len(1024)
             .map(|i| {
-                let radius = |draw: usize| {
-                    drawn_radius_squared(&set.surfels[i], i as u32, SCENE_SEED, draw as u32)
+                let radius = |realization: usize| {
+                    realized_radius_squared(
+                        &set.surfels[i],
+                        i as u32,
+                        SCENE_SEED,
+                        realization as u32,
+                    )
                 };
                 std::array::from_fn(radius)
             })
             .collect();
         let largest: Vec<Surfel> = (set.surfels.iter())
-            .zip(&drawn)
+            .zip(&realized)
             .map(|(surfel, radii)| Surfel {
                 cut2: radii.iter().fold(-1.0, |most, &radius| most.max(radius)),
                 ..*surfel
@@ -172,16 +177,16 @@ impl LinkBuffers {
             .collect();
         Ok(Self {
             trees: TreeBuffers::new(device, &largest, lights)?,
-            radii: device.upload("radii of discs", bytemuck::cast_slice(&drawn))?,
+            radii: device.upload("radii of discs", bytemuck::cast_slice(&realized))?,
         })
     }
 }
 
-/// Traces links through a scene on a device.
-pub(super) struct LinkRays<'a> {
+/// Traces matrix through a scene on a device.
+pub(super) struct TransportRays<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
-    pub(super) links: &'a LinkBuffers,
+    pub(super) matrix: &'a TransportBuffers,
 }
 
 /// Where the directions of a dispatch go.
@@ -200,7 +205,7 @@ struct Piece {
     uniform: wgpu::Buffer,
     receivers: wgpu::Buffer,
     found: wgpu::Buffer,
-    links: wgpu::Buffer,
+    matrix: wgpu::Buffer,
     arrived: wgpu::Buffer,
 }
 
@@ -214,27 +219,27 @@ impl Piece {
     }
 }
 
-impl LinkRays<'_> {
-    /// The links of `receivers`; see [`Links::trace`].
+impl TransportRays<'_> {
+    /// The matrix of `receivers`; see [`TransportMatrix::trace`].
     pub(super) fn trace(
         &self,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
-    ) -> Result<Links, GpuError> {
-        let mut links = Links::default();
+    ) -> Result<TransportMatrix, GpuError> {
+        let mut matrix = TransportMatrix::default();
         if receivers.is_empty() {
-            return Ok(links);
+            return Ok(matrix);
         }
         let samples = directions.plain.max(directions.to_lights);
-        let room = self.device.tier().max_bytes() / size_of::<FoundLink>() as u64;
+        let room = self.device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
         let directions_at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
         let most_samples = SAMPLES_PER_DISPATCH.min(directions_at_once);
         let samples_at_once = samples.clamp(1, most_samples);
         let at_once = (directions_at_once / samples_at_once) as usize;
         let mut piece = self.piece(at_once.min(receivers.len()), samples_at_once)?;
-        let trees = &self.links.trees;
-        let parameters = LinkParameters {
+        let trees = &self.matrix.trees;
+        let parameters = TransportParameters {
             key: key.words(),
             emission_threshold: EMISSION_THRESHOLD,
             num_emitters: trees.num_emitters,
@@ -242,19 +247,19 @@ impl LinkRays<'_> {
             light_root: trees.light_root,
             num_plain: directions.plain,
             num_to_lights: directions.to_lights,
-            ..LinkParameters::zeroed()
+            ..TransportParameters::zeroed()
         };
         for some in receivers.chunks(at_once) {
             let on_device: Vec<ReceiverOnDevice> = some.iter().map(ReceiverOnDevice::new).collect();
             self.device
                 .write(&piece.receivers, bytemuck::cast_slice(&on_device));
             piece.num_receivers = some.len() as u32;
-            self.trace_piece(&piece, parameters, &mut links)?;
+            self.trace_piece(&piece, parameters, &mut matrix)?;
         }
-        Ok(links)
+        Ok(matrix)
     }
 
-    /// What each ray meets first in the draw that is its seed; see [`crate::Tracer::drawn_hits`].
+    /// What each ray meets first in the realization that is its seed; see [`crate::Tracer::realization_hits`].
     pub(super) fn first_hits(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
         let mut hits = Vec::with_capacity(queries.len());
         let room = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;
@@ -263,18 +268,18 @@ impl LinkRays<'_> {
         for some in queries.chunks(at_once) {
             let rays = device.upload("rays", bytemuck::cast_slice(some))?;
             let found = device.buffer("first hits", (some.len() * size_of::<u32>()) as u64)?;
-            let parameters = LinkParameters {
-                scene_root: self.links.trees.scene_root,
+            let parameters = TransportParameters {
+                scene_root: self.matrix.trees.scene_root,
                 num_receivers: some.len() as u32,
-                ..LinkParameters::zeroed()
+                ..TransportParameters::zeroed()
             };
-            let uniform = device.uniform("links", &parameters);
+            let uniform = device.uniform("matrix", &parameters);
             let buffers = [
                 (1, &uniform),
                 (2, &self.scene.surfels),
-                (4, &self.links.trees.nodes),
-                (5, &self.links.trees.leaf_indices),
-                (7, &self.links.radii),
+                (4, &self.matrix.trees.nodes),
+                (5, &self.matrix.trees.leaf_indices),
+                (7, &self.matrix.radii),
                 (10, &found),
                 (12, &rays),
             ];
@@ -292,24 +297,24 @@ impl LinkRays<'_> {
         Ok(Piece {
             num_receivers: 0,
             samples_at_once,
-            uniform: device.uniform("links", &LinkParameters::zeroed()),
+            uniform: device.uniform("matrix", &TransportParameters::zeroed()),
             receivers: device.buffer("receivers", of_receivers(size_of::<ReceiverOnDevice>()))?,
-            found: device.buffer("found links", of_directions(size_of::<FoundLink>()))?,
-            links: device.buffer("links", of_directions(size_of::<u32>()))?,
+            found: device.buffer("found matrix", of_directions(size_of::<FoundEntry>()))?,
+            matrix: device.buffer("matrix", of_directions(size_of::<u32>()))?,
             arrived: device.buffer("arrived light", of_receivers(size_of::<ArrivedLight>()))?,
         })
     }
 
-    /// Adds the links of the receivers that are in `piece`.
+    /// Adds the matrix of the receivers that are in `piece`.
     fn trace_piece(
         &self,
         piece: &Piece,
-        parameters: LinkParameters,
-        links: &mut Links,
+        parameters: TransportParameters,
+        matrix: &mut TransportMatrix,
     ) -> Result<(), GpuError> {
         let num_receivers = piece.num_receivers as usize;
         let dispatch = |aim: Aim, samples: &Range<u32>| {
-            let parameters = LinkParameters {
+            let parameters = TransportParameters {
                 num_receivers: piece.num_receivers,
                 is_towards_lights: aim as u32,
                 first_sample: samples.start,
@@ -334,34 +339,34 @@ impl LinkRays<'_> {
             }
         }
         let num_plain = parameters.num_plain as usize;
-        let start = links.targets.len();
-        links.targets.resize(start + num_receivers * num_plain, 0);
+        let start = matrix.targets.len();
+        matrix.targets.resize(start + num_receivers * num_plain, 0);
         for samples in piece.samples(parameters.num_plain) {
             dispatch(Aim::Normal, &samples)?;
             let found: Vec<u32> = self
                 .device
-                .read(&piece.links, 0..num_receivers * samples.len())?;
+                .read(&piece.matrix, 0..num_receivers * samples.len())?;
             let (first, end) = (samples.start as usize, samples.end as usize);
-            let rows = links.targets[start..].chunks_exact_mut(num_plain);
+            let rows = matrix.targets[start..].chunks_exact_mut(num_plain);
             for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
                 row[first..end].copy_from_slice(found);
             }
         }
         let arrived: Vec<ArrivedLight> = self.device.read(&piece.arrived, 0..num_receivers)?;
         for one in arrived {
-            links.direct.push(Vec3::from_array(one.light));
-            links.num_rays += u64::from(one.num_rays);
+            matrix.direct.push(Vec3::from_array(one.light));
+            matrix.num_rays += u64::from(one.num_rays);
         }
         Ok(())
     }
 
     fn steps(&self, piece: &Piece, num_samples: u32) -> [Step; 2] {
-        let LinkBuffers { trees, radii } = self.links;
+        let TransportBuffers { trees, radii } = self.matrix;
         let uniform = (1, &piece.uniform);
         let follow = [
             uniform,
             (2, &self.scene.surfels),
-            (3, &self.scene.payloads),
+            (3, &self.scene.attributes),
             (4, &trees.nodes),
             (5, &trees.leaf_indices),
             (6, &trees.emitters),
@@ -372,7 +377,7 @@ impl LinkRays<'_> {
         let add = [
             uniform,
             (9, &piece.found),
-            (10, &piece.links),
+            (10, &piece.matrix),
             (11, &piece.arrived),
         ];
         let num_directions = piece.num_receivers * num_samples;

@@ -8,15 +8,15 @@
 //! Directions are cosine-weighted, as in the paper, or emitters are looked for besides ([`Sampling`]); the mean is the same.
 
 pub mod lights;
-pub mod links;
+pub mod matrix;
 mod path;
 pub mod points;
 pub mod sampling;
 pub mod start;
 
+use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
-use crate::sums::{SumImage, Sums};
-use crate::surfel::Payload;
+use crate::surfel::Attributes;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Image};
@@ -117,30 +117,30 @@ pub struct SampledHit {
 
 /// Something that blends the hits of a single ray.
 pub trait RayTracer: Sync {
-    /// Blended sums along `ray`.
-    fn trace(&self, ray: &Ray) -> Sums;
+    /// composited features along `ray`.
+    fn trace(&self, ray: &Ray) -> Features;
 
     /// One hit of `ray`, chosen by its weight: over all values of `seed`, the mean of what hits carry is the blended sum of [`Self::trace`],
-    /// at a fraction of the cost. For sums over many rays whose mean alone matters.
+    /// at a fraction of the cost. For features over many rays whose mean alone matters.
     fn sample_hit(&self, ray: &Ray, seed: u32) -> Option<SampledHit>;
 
-    /// As [`Self::sample_hit`], with luck that all rays of the same `draw` (modulo [`links::NUM_DRAWS`]) share: a mean over few draws does not
-    /// get better with more rays through the same Gaussians, but rays that take turns in the draws together are cheaper still.
-    fn drawn_hit(&self, ray: &Ray, draw: u32) -> Option<SampledHit>;
+    /// As [`Self::sample_hit`], with luck that all rays of the same `realization` (modulo [`matrix::NUM_REALIZATIONS`]) share: a mean over few realizations does not
+    /// get better with more rays through the same Gaussians, but rays that take turns in the realizations together are cheaper still.
+    fn realization_hit(&self, ray: &Ray, realization: u32) -> Option<SampledHit>;
 
     /// Light and material of a Gaussian.
-    fn payload(&self, index: u32) -> &Payload;
+    fn attributes(&self, index: u32) -> &Attributes;
 
     /// The scene's emitters, if it has any.
     fn lights(&self) -> Option<&Lights>;
 }
 
-/// Light of every pixel of `camera`, given the blended sums of its camera rays. Deterministic for a seed: each pixel has
+/// Light of every pixel of `camera`, given the composited features of its camera rays. Deterministic for a seed: each pixel has
 /// its own random numbers and adds its samples in order.
 pub fn render(
     scene: &impl RayTracer,
     camera: &Camera,
-    sums: &SumImage,
+    features: &GBuffer,
     integrator: &Integrator,
     options: &LightOptions,
 ) -> Light {
@@ -152,7 +152,7 @@ pub fn render(
     };
     let sampler = BounceSampler::new(lights, LIGHT_SHARE);
     let light = |pixel: usize| -> (Vec3, f32, u32) {
-        let seen = &sums.pixels[pixel];
+        let seen = &features.pixels[pixel];
         if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
             return (seen.radiance(), 0.0, 0);
         }
@@ -258,7 +258,7 @@ fn bounced(
         let ray = surface.ray(bounce.direction);
         let hit = scene.sample_hit(&ray, points.word(sample));
         hit.map_or(Vec3::ZERO, |hit| {
-            scene.payload(hit.index).radiance() * bounce.weight
+            scene.attributes(hit.index).radiance() * bounce.weight
         })
     })
 }

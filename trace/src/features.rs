@@ -4,7 +4,7 @@ use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Number of lanes of [`Sums`].
+/// Number of lanes of [`Features`].
 pub const NUM_LANES: usize = 16;
 
 /// First lane of each quantity.
@@ -32,9 +32,9 @@ pub mod lane {
 /// Blended quantities along one ray, `V = Σ wᵢ vᵢ`; not normalised by the opacity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C, align(64))]
-pub struct Sums(pub [f32; NUM_LANES]);
+pub struct Features(pub [f32; NUM_LANES]);
 
-impl Sums {
+impl Features {
     #[inline]
     fn vec3(&self, first: usize) -> Vec3 {
         Vec3::new(self.0[first], self.0[first + 1], self.0[first + 2])
@@ -113,8 +113,8 @@ impl Sums {
     }
 }
 
-impl Sums {
-    /// The mean of several rays' sums, as of one ray that met all their hits.
+impl Features {
+    /// The mean of several rays' features, as of one ray that met all their hits.
     fn mean<'a>(rays: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let first = rays
             .clone()
@@ -141,22 +141,22 @@ impl Sums {
     }
 }
 
-/// [`Sums`] for every pixel of a camera, row by row.
+/// [`Features`] for every pixel of a camera, row by row.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SumImage {
+pub struct GBuffer {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
     /// `[height · width]`.
-    pub pixels: Vec<Sums>,
+    pub pixels: Vec<Features>,
 }
 
-impl SumImage {
-    /// An image of one quantity derived from each pixel's sums.
-    pub fn extract<const C: usize>(&self, f: impl FnMut(&Sums) -> [f32; C]) -> Image<C> {
+impl GBuffer {
+    /// An image of one quantity derived from each pixel's features.
+    pub fn extract<const C: usize>(&self, f: impl FnMut(&Features) -> [f32; C]) -> Image<C> {
         Image::from_pixels(self.width, self.height, self.pixels.iter().map(f).collect())
-            .expect("the number of sums is the number of pixels")
+            .expect("the number of features is the number of pixels")
     }
 
     /// Means over squares of `factor` × `factor` pixels, of which the image has a whole number.
@@ -171,7 +171,7 @@ impl SumImage {
                 let start = (y * self.width + x) as usize;
                 &self.pixels[start..start + factor as usize]
             });
-            Sums::mean(square)
+            Features::mean(square)
         };
         Self {
             width,
@@ -186,18 +186,18 @@ impl SumImage {
 
     /// Radiance R of every pixel.
     pub fn radiance(&self) -> Image<3> {
-        self.extract(|sums| sums.radiance().to_array())
+        self.extract(|features| features.radiance().to_array())
     }
 
-    /// Depth of every pixel along the optical axis of the `camera` the sums are of; the sums themselves hold distances along rays.
+    /// Depth of every pixel along the optical axis of the `camera` the features are of; the features themselves hold distances along rays.
     pub fn depth(&self, camera: &Camera) -> Image<1> {
         let (frame, forward) = (camera.ray_frame(), camera.forward());
         let mut pixel = 0_u32;
-        self.extract(|sums| {
+        self.extract(|features| {
             let (x, y) = (pixel % self.width, pixel / self.width);
             pixel += 1;
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            [sums.mean_distance() * direction.dot(forward)]
+            [features.mean_distance() * direction.dot(forward)]
         })
     }
 }
@@ -206,7 +206,7 @@ impl SumImage {
 mod tests {
     use super::*;
     use crate::blend::Blender;
-    use crate::surfel::Payload;
+    use crate::surfel::Attributes;
 
     /// The mean of rays has the moments of all their hits together.
     #[test]
@@ -214,9 +214,9 @@ mod tests {
         let ray = |hits: &[(f32, f32)]| {
             let mut blender = Blender::default();
             for &(t, alpha) in hits {
-                let mut payload = Payload([0.0; NUM_LANES]);
-                payload.0[lane::ALPHA] = 1.0;
-                blender.offer(t, alpha, &payload, [0.0, 0.0, 1.0]);
+                let mut attributes = Attributes([0.0; NUM_LANES]);
+                attributes.0[lane::ALPHA] = 1.0;
+                blender.accumulate(t, alpha, &attributes, [0.0, 0.0, 1.0]);
             }
             blender.finish()
         };
@@ -224,7 +224,7 @@ mod tests {
         // Weights: 0.5 at 2, 0.4 at 3, 0.4 at 5.
         let mean = (0.5 * 2.0 + 0.4 * 3.0 + 0.4 * 5.0) / 1.3_f32;
         let square = (0.5 * 4.0 + 0.4 * 9.0 + 0.4 * 25.0) / 1.3_f32;
-        let image = SumImage {
+        let image = GBuffer {
             width: 2,
             height: 2,
             pixels: vec![rays[0], rays[1], rays[2], rays[2]],
@@ -235,7 +235,7 @@ mod tests {
         assert!((averaged.distance_deviation() - (square - mean * mean).sqrt()).abs() < 1e-5);
         assert_eq!(image.averaged(1), image);
         assert_eq!(
-            SumImage {
+            GBuffer {
                 width: 2,
                 height: 2,
                 pixels: vec![rays[2]; 4]
@@ -261,17 +261,17 @@ mod tests {
         let frame = camera.ray_frame();
         let pixels = (0..8_u32).map(|i| {
             let direction = frame.direction((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5);
-            let mut sums = Sums::default();
-            sums.0[lane::ALPHA] = 0.5;
-            sums.0[lane::DISTANCE] = 0.5 * 2.0 / direction.z;
-            sums
+            let mut features = Features::default();
+            features.0[lane::ALPHA] = 0.5;
+            features.0[lane::DISTANCE] = 0.5 * 2.0 / direction.z;
+            features
         });
-        let sums = SumImage {
+        let features = GBuffer {
             width: 4,
             height: 2,
             pixels: pixels.collect(),
         };
-        for [value] in sums.depth(&camera).pixels() {
+        for [value] in features.depth(&camera).pixels() {
             assert!((value - 2.0).abs() < 1e-6, "{value}");
         }
     }

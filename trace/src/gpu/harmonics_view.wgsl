@@ -1,11 +1,11 @@
-// The light of Gaussians as a camera sees it: the twin of `SurfelSet::look_from`.
+// The light of Gaussians as a camera sees it: the twin of `SurfelSet::evaluate_harmonics`.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> surfels: array<Surfel>;
-@group(0) @binding(2) var<storage, read> payloads: array<Lanes>;
+@group(0) @binding(2) var<storage, read> attributes: array<Lanes>;
 // [n, NUM_FUNCTIONS, 3]
 @group(0) @binding(3) var<storage, read> harmonics: array<f32>;
-@group(0) @binding(4) var<storage, read_write> seen_payloads: array<Lanes>;
+@group(0) @binding(4) var<storage, read_write> seen_attributes: array<Lanes>;
 
 @compute @workgroup_size(64)
 fn look(
@@ -25,7 +25,7 @@ fn look(
     }
     sum = clamp(sum, vec3f(-MAX_EXPONENT), vec3f(MAX_EXPONENT));
     let factor = vec3f(exp_of_negative(sum.x), exp_of_negative(sum.y), exp_of_negative(sum.z));
-    var seen = payloads[index];
+    var seen = attributes[index];
     seen.a = vec4f(seen.a.xyz * factor, seen.a.w);
-    seen_payloads[index] = seen;
+    seen_attributes[index] = seen;
 }

@@ -1,29 +1,29 @@
-// Which Gaussians light each other: the twin of links.rs in transport, and of draws.rs.
+// Which Gaussians light each other: the twin of matrix.rs in transport, and of realizations.rs.
 //
-// A ray meets the opaque discs of one draw. All draws share a tree whose boxes hold the largest disc of each Gaussian; how large a disc is in
-// the draw of a ray is looked up at leaves.
+// A ray meets the opaque discs of one realization. All realizations share a tree whose boxes hold the largest disc of each Gaussian; how large a disc is in
+// the realization of a ray is looked up at leaves.
 
-@group(0) @binding(1) var<uniform> light: LinkParameters;
+@group(0) @binding(1) var<uniform> light: TransportParameters;
 @group(0) @binding(2) var<storage, read> surfels: array<Surfel>;
-@group(0) @binding(3) var<storage, read> payloads: array<Lanes>;
+@group(0) @binding(3) var<storage, read> attributes: array<Lanes>;
 // Of the largest discs, then of the emitters.
 @group(0) @binding(4) var<storage, read> nodes: array<vec4f>;
 @group(0) @binding(5) var<storage, read> leaf_indices: array<u32>;
 @group(0) @binding(6) var<storage, read> emitters: array<Emitter>;
-// Squared radii in standard deviations, negative for a disc that is not there: [n, NUM_DRAWS].
+// Squared radii in standard deviations, negative for a disc that is not there: [n, NUM_REALIZATIONS].
 @group(0) @binding(7) var<storage, read> radii: array<f32>;
 @group(0) @binding(8) var<storage, read> receivers: array<ReceiverOnDevice>;
 // [receivers, samples of a dispatch].
-@group(0) @binding(9) var<storage, read_write> found: array<FoundLink>;
+@group(0) @binding(9) var<storage, read_write> found: array<FoundEntry>;
 // [receivers, samples of a dispatch].
-@group(0) @binding(10) var<storage, read_write> links: array<u32>;
+@group(0) @binding(10) var<storage, read_write> matrix: array<u32>;
 // [receivers].
 @group(0) @binding(11) var<storage, read_write> arrived: array<ArrivedLight>;
-// As many as there are receivers; the seed of each is its draw.
+// As many as there are receivers; the seed of each is its realization.
 @group(0) @binding(12) var<storage, read> rays: array<RayQuery>;
 
-// The nearest disc of a draw, NO_NODE if there is none.
-fn drawn_hit(ray: Ray, draw: u32) -> u32 {
+// The nearest disc of a realization, NO_NODE if there is none.
+fn realization_hit(ray: Ray, realization: u32) -> u32 {
     var traversal: Traversal;
     start_at(&traversal, light.scene_root, ray.direction, INFINITE);
     var nearest = NO_NODE;
@@ -34,7 +34,7 @@ fn drawn_hit(ray: Ray, draw: u32) -> u32 {
         }
         for (var i = leaf.x; i < leaf.y; i++) {
             let index = leaf_indices[i];
-            let radius2 = radii[index * NUM_DRAWS + draw];
+            let radius2 = radii[index * NUM_REALIZATIONS + realization];
             if radius2 <= 0.0 {
                 continue;
             }
@@ -55,31 +55,31 @@ fn light_of(emitter: u32, surface: Surface, direction: vec3f) -> vec3f {
     let q = dot(direction, surface.normal) / PI;
     let p = light_density(surface.position, direction);
     let all = f32(light.num_plain) * q + f32(light.num_to_lights) * p;
-    return payloads[emitter].a.xyz * (q / all);
+    return attributes[emitter].a.xyz * (q / all);
 }
 
-fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundLink {
-    let surface = Surface(true, receiver.position, receiver.normal, receiver.slab);
+fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundEntry {
+    let surface = Surface(true, receiver.position, receiver.normal, receiver.offset);
     let numbers = block_of(light.key, receiver.element, sample, light.is_towards_lights);
     var direction = vec3f();
     if light.is_towards_lights == 1u {
         direction = sample_light(surface.position, numbers.x, numbers.y, numbers.z);
         if dot(direction, surface.normal) <= 0.0 {
-            return FoundLink(vec3f(), NO_NODE);
+            return FoundEntry(vec3f(), NO_NODE);
         }
     } else {
         direction = cosine_direction(surface.normal, numbers.x, numbers.y);
     }
-    // Samples of a receiver take turns in the draws, and receivers begin with different ones.
-    let draw = (word_of(light.key, receiver.element, 0u) + sample) % NUM_DRAWS;
-    let hit = drawn_hit(ray_from(surface, direction), draw);
+    // Samples of a receiver take turns in the realizations, and receivers begin with different ones.
+    let realization = (word_of(light.key, receiver.element, 0u) + sample) % NUM_REALIZATIONS;
+    let hit = realization_hit(ray_from(surface, direction), realization);
     if hit == NO_NODE {
-        return FoundLink(vec3f(), NOTHING);
+        return FoundEntry(vec3f(), NOTHING);
     }
-    if payloads[hit].a.w > light.emission_threshold {
-        return FoundLink(light_of(hit, surface, direction), NOTHING);
+    if attributes[hit].a.w > light.emission_threshold {
+        return FoundEntry(light_of(hit, surface, direction), NOTHING);
     }
-    return FoundLink(vec3f(), hit);
+    return FoundEntry(vec3f(), hit);
 }
 
 @compute @workgroup_size(64)
@@ -114,7 +114,7 @@ fn add_up(
         let one = found[number];
         total.light += one.light;
         total.num_rays += u32(one.link != NO_NODE);
-        links[number] = one.link;
+        matrix[number] = one.link;
     }
     arrived[receiver] = total;
 }
@@ -129,6 +129,6 @@ fn first_hits(
     if number >= light.num_receivers {
         return;
     }
-    let hit = drawn_hit(ray_of(rays[number]), rays[number].seed % NUM_DRAWS);
-    links[number] = select(hit, NOTHING, hit == NO_NODE);
+    let hit = realization_hit(ray_of(rays[number]), rays[number].seed % NUM_REALIZATIONS);
+    matrix[number] = select(hit, NOTHING, hit == NO_NODE);
 }

@@ -1,4 +1,4 @@
-//! Links traced on a device against those of the CPU engine.
+//! TransportMatrix traced on a device against those of the CPU engine.
 
 mod gpu;
 #[path = "gpu/receivers.rs"]
@@ -11,7 +11,7 @@ use eagpt_scene::{Gaussian, Gaussians, random_cloud};
 use eagpt_testkit::gaussians::{material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
-use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
+use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
 use eagpt_trace::{Ray, Tracer};
 use glam::{EulerRot, Quat, Vec3};
 use receivers::receivers;
@@ -21,9 +21,9 @@ fn key() -> RandomKey {
     RandomKey::new(7, Purpose::Bake, 1)
 }
 
-fn trace(scene: &impl Tracer, receivers: &[Receiver], directions: Directions) -> Links {
+fn trace(scene: &impl Tracer, receivers: &[Receiver], directions: Directions) -> TransportMatrix {
     scene
-        .trace_links(receivers, directions, key())
+        .trace_transport(receivers, directions, key())
         .expect("the device works")
 }
 
@@ -54,7 +54,7 @@ const LIGHT_TOLERANCE: f32 = 3e-5;
 
 /// Holds `got` against `wanted`, but for as many flips as there may be.
 #[allow(clippy::print_stderr, reason = "says how far off it is")]
-fn compare(what: &str, got: &Links, wanted: &Links, tolerance: f32) {
+fn compare(what: &str, got: &TransportMatrix, wanted: &TransportMatrix, tolerance: f32) {
     assert_eq!(got.targets.len(), wanted.targets.len(), "{what}");
     assert_eq!(got.direct.len(), wanted.direct.len(), "{what}");
     let most = |num: usize| 1.0 + MOST_FLIPPED * num as f64;
@@ -82,7 +82,7 @@ fn compare(what: &str, got: &Links, wanted: &Links, tolerance: f32) {
 /// The same random numbers, directions and discs: what differs is rounding.
 #[test]
 fn links_and_light_are_those_of_the_cpu() {
-    let Some(device) = gpu::device("links") else {
+    let Some(device) = gpu::device("matrix") else {
         return;
     };
     for (name, scene, directions) in [
@@ -99,7 +99,7 @@ fn links_and_light_are_those_of_the_cpu() {
     }
 }
 
-/// More directions than a dispatch takes. Sums of 33,500 values in another order: their rounding is seen at 1e-5.
+/// More directions than a dispatch takes. Features of 33,500 values in another order: their rounding is seen at 1e-5.
 #[test]
 fn any_number_of_directions_is_followed() {
     let Some(device) = gpu::device("many directions") else {
@@ -120,7 +120,7 @@ fn any_number_of_directions_is_followed() {
 /// The same bits in every run, with whatever receivers are traced together, and after the scene was another one.
 #[test]
 fn links_are_repeatable() {
-    let Some(device) = gpu::device("repeatable links") else {
+    let Some(device) = gpu::device("repeatable matrix") else {
         return;
     };
     let scene = uneven(&lit_room());
@@ -133,15 +133,15 @@ fn links_are_repeatable() {
     let mut other = GpuScene::new(&device, &lit_room()).unwrap();
     assert!(together != trace(&other, &receivers, directions));
     other.update(&scene).unwrap();
-    let mut pieces = Links::default();
+    let mut pieces = TransportMatrix::default();
     for some in receivers.chunks(100) {
         pieces.append(trace(&other, some, directions));
     }
     assert!(together == pieces);
-    assert_eq!(trace(&other, &[], directions), Links::default());
+    assert_eq!(trace(&other, &[], directions), TransportMatrix::default());
 }
 
-/// Single rays through draws: the first disc that the CPU finds, too.
+/// Single rays through realizations: the first disc that the CPU finds, too.
 #[test]
 fn first_hits_are_those_of_the_cpu() {
     let Some(device) = gpu::device("first hits") else {
@@ -157,11 +157,13 @@ fn first_hits_are_those_of_the_cpu() {
         surface.ray(direction.normalize())
     });
     let rays: Vec<Ray> = rays.collect();
-    // More than there are draws: they are taken modulo their number.
-    let draws: Vec<u32> = (0..rays.len() as u32).map(|i| i % 37).collect();
+    // More than there are realizations: they are taken modulo their number.
+    let realizations: Vec<u32> = (0..rays.len() as u32).map(|i| i % 37).collect();
     let on_device = GpuScene::new(&device, &scene).unwrap();
-    let got = on_device.drawn_hits(&rays, &draws).unwrap();
-    let wanted = CpuScene::new(&scene).drawn_hits(&rays, &draws).unwrap();
+    let got = on_device.realization_hits(&rays, &realizations).unwrap();
+    let wanted = CpuScene::new(&scene)
+        .realization_hits(&rays, &realizations)
+        .unwrap();
     let num_met = wanted.iter().filter(|&&hit| hit != NOTHING).count();
     assert!(
         num_met > rays.len() / 2 && num_met < rays.len(),
@@ -172,13 +174,13 @@ fn first_hits_are_those_of_the_cpu() {
         num_flipped as f64 <= 1.0 + MOST_FLIPPED * rays.len() as f64,
         "{num_flipped}"
     );
-    assert!(on_device.drawn_hits(&[], &[]).unwrap().is_empty());
+    assert!(on_device.realization_hits(&[], &[]).unwrap().is_empty());
 }
 
 /// Without emitters there is no light, and no direction towards any is followed.
 #[test]
 fn what_nothing_lights_has_links_all_the_same() {
-    let Some(device) = gpu::device("links in the dark") else {
+    let Some(device) = gpu::device("matrix in the dark") else {
         return;
     };
     let scene = sphere(600, 1.0, |_| material(Vec3::ONE, 0.0, Vec3::ONE));

@@ -1,12 +1,12 @@
-//! Links direction by direction, of which some are known.
+//! TransportMatrix direction by direction, of which some are known.
 //!
 //! What a direction of a receiver is, follows from the receiver's surface, its random numbers and the emitters that directions look for. What it
 //! meets changes only where something in its way has changed; after a small edit most of it is known. Here the targets of all directions
-//! are kept, those towards emitters too: the unknown ones are traced, and links follow from all of them as [`Links::trace`] would have it. Where
+//! are kept, those towards emitters too: the unknown ones are traced, and matrix follow from all of them as [`TransportMatrix::trace`] would have it. Where
 //! emitters have changed their light alone, not a ray is traced: directions that look for the emitters as they were are as good, with the
 //! weights that go with them, as long as what is looked for is not far from what there is.
 
-use super::{Directions, Links, NOTHING, NUM_DRAWS, Receiver, Sampler, TOGETHER};
+use super::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, Sampler, TOGETHER, TransportMatrix};
 use crate::engine::{TraceError, Tracer};
 use crate::ray::Ray;
 use crate::transport::lights::Lights;
@@ -80,21 +80,26 @@ impl<'a> KnownDirections<'a> {
         let groups = receivers.par_chunks(TOGETHER).enumerate();
         let unknown: Vec<Vec<(usize, u32, Ray)>> = groups
             .map(|(group, receivers)| {
-                let unknown = self.in_order(receivers).filter_map(|(at, number, draw)| {
-                    let place = (group * TOGETHER + at) * num + number as usize;
-                    if targets[place] != UNKNOWN {
-                        return None;
-                    }
-                    let direction = self.direction(&receivers[at], number)?;
-                    Some((place, draw, receivers[at].1.ray(direction)))
-                });
+                let unknown = self
+                    .in_order(receivers)
+                    .filter_map(|(at, number, realization)| {
+                        let place = (group * TOGETHER + at) * num + number as usize;
+                        if targets[place] != UNKNOWN {
+                            return None;
+                        }
+                        let direction = self.direction(&receivers[at], number)?;
+                        Some((place, realization, receivers[at].1.ray(direction)))
+                    });
                 unknown.collect()
             })
             .collect();
         let unknown = unknown.concat();
         let rays: Vec<Ray> = unknown.iter().map(|(.., ray)| *ray).collect();
-        let draws: Vec<u32> = unknown.iter().map(|(_, draw, _)| *draw).collect();
-        let hits = scene.drawn_hits(&rays, &draws)?;
+        let realizations: Vec<u32> = unknown
+            .iter()
+            .map(|(_, realization, _)| *realization)
+            .collect();
+        let hits = scene.realization_hits(&rays, &realizations)?;
         for ((place, ..), hit) in unknown.iter().zip(hits) {
             targets[*place] = hit;
         }
@@ -105,16 +110,16 @@ impl<'a> KnownDirections<'a> {
         Ok(rays.len() as u64)
     }
 
-    /// The links of `receivers`, given all their `targets`, and what Gaussians emit, `None` for what reflects. No ray is counted. The `weights` of
+    /// The matrix of `receivers`, given all their `targets`, and what Gaussians emit, `None` for what reflects. No ray is counted. The `weights` of
     /// directions that meet emitters are found where they are 0, and kept for the next time: they are the same as long as receivers and
     /// directions are. Both `[receivers, directions]`.
-    pub fn links(
+    pub fn matrix(
         &self,
         receivers: &[Receiver],
         targets: &[u32],
         weights: &mut [f32],
         emitted: impl Fn(u32) -> Option<Vec3> + Sync,
-    ) -> Links {
+    ) -> TransportMatrix {
         let plain = self.sampler.directions.plain as usize;
         let emitted = |target: u32| (target != NOTHING).then(|| emitted(target)).flatten();
         let rows = targets.par_chunks_exact(self.num());
@@ -144,7 +149,7 @@ impl<'a> KnownDirections<'a> {
             Some(_) => NOTHING,
             None => target,
         };
-        Links {
+        TransportMatrix {
             direct,
             targets: rows
                 .flat_map_iter(|row| row[..plain].iter().map(reflects))
@@ -153,21 +158,21 @@ impl<'a> KnownDirections<'a> {
         }
     }
 
-    /// All directions of `receivers`, in the order in which [`Links::trace`] adds up their light: the place of the receiver, the number of the
-    /// direction among its own, and the draw.
+    /// All directions of `receivers`, in the order in which [`TransportMatrix::trace`] adds up their light: the place of the receiver, the number of the
+    /// direction among its own, and the realization.
     fn in_order(&self, receivers: &[Receiver]) -> impl Iterator<Item = (usize, u32, u32)> {
         let Directions { plain, to_lights } = self.sampler.directions;
-        (0..NUM_DRAWS).flat_map(move |draw| {
+        (0..NUM_REALIZATIONS).flat_map(move |realization| {
             receivers
                 .iter()
                 .enumerate()
                 .flat_map(move |(at, (element, _))| {
                     let points = self.sampler.points(*element);
-                    let about_normal = Sampler::turn(&points, draw, plain);
-                    let to_lights = Sampler::turn(&points, draw, to_lights);
+                    let about_normal = Sampler::turn(&points, realization, plain);
+                    let to_lights = Sampler::turn(&points, realization, to_lights);
                     about_normal
                         .chain(to_lights.map(move |sample| plain + sample))
-                        .map(move |number| (at, number, draw))
+                        .map(move |number| (at, number, realization))
                 })
         })
     }

@@ -1,11 +1,11 @@
-//! Losses of EAG-PT (section 3.2) and their gradients with respect to the blended sums of each pixel.
+//! Losses of EAG-PT (section 3.2) and their gradients with respect to the composited features of each pixel.
 //!
 //! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) + λe mean|E − M| +
 //! λa mean|A − A_gt|`. A view without a mask has no emission term; a view without a normal map compares Ñ and Ñ_d with
 //! each other, with weight λd. Pixels that are not known take part in no term, nor do windows of SSIM that touch one; means are those
 //! over the pixels that do.
 //!
-//! Sums over pixels are taken row by row in f64, rows in order: the same bits for any number of threads.
+//! Features over pixels are taken row by row in f64, rows in order: the same bits for any number of threads.
 
 pub mod color;
 pub mod depth_normal;
@@ -15,7 +15,7 @@ use crate::options::LossWeights;
 use color::ColorLoss;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Camera, Image, View};
-use eagpt_trace::sums::{SumImage, Sums, lane};
+use eagpt_trace::features::{Features, GBuffer, lane};
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -53,23 +53,23 @@ pub enum NormalTerms {
 
 /// Loss of stage 0 for one view and its gradient dL/dV for every pixel.
 pub fn radiance_loss(
-    sums: &SumImage,
+    features: &GBuffer,
     view: &View,
     target_pq: &Image<3>,
     weights: &LossWeights,
     normals: NormalTerms,
-) -> (LossTerms, Vec<Sums>) {
-    let mut d_sums = vec![Sums::default(); sums.pixels.len()];
+) -> (LossTerms, Vec<Features>) {
+    let mut d_features = vec![Features::default(); features.pixels.len()];
     let mut terms = LossTerms::default();
 
     let known = view.valid.as_ref().map(KnownPixels::new);
     let known = known.as_ref();
 
-    let color = ColorLoss::new(&sums.radiance(), target_pq, weights.ssim_share, known);
+    let color = ColorLoss::new(&features.radiance(), target_pq, weights.ssim_share, known);
     terms.l1 = color.l1;
     terms.ssim = color.ssim;
     terms.total += weights.color * color.value;
-    for (d, c) in d_sums.iter_mut().zip(color.d_radiance.pixels()) {
+    for (d, c) in d_features.iter_mut().zip(color.d_radiance.pixels()) {
         for k in 0..3 {
             d.0[lane::RADIANCE + k] = weights.color as f32 * c[k];
         }
@@ -77,40 +77,40 @@ pub fn radiance_loss(
 
     if normals == NormalTerms::On {
         if let Some(map) = &view.normal {
-            terms.normal = normal_map_loss(sums, map, weights.normal, known, &mut d_sums);
+            terms.normal = normal_map_loss(features, map, weights.normal, known, &mut d_features);
             terms.total += weights.normal * terms.normal;
         }
         terms.depth_normal = depth_normal::add(
-            sums,
+            features,
             &view.camera,
             view.normal.as_ref(),
             weights.depth_normal,
             known,
-            &mut d_sums,
+            &mut d_features,
         );
         terms.total += weights.depth_normal * terms.depth_normal;
     }
     if let Some(mask) = &view.emission {
         terms.emission = absolute_loss(
-            sums,
+            features,
             lane::EMISSION,
             Some(mask),
             weights.emission,
             known,
-            &mut d_sums,
+            &mut d_features,
         );
         terms.total += weights.emission * terms.emission;
     }
     terms.alpha = absolute_loss(
-        sums,
+        features,
         lane::ALPHA,
         view.alpha.as_ref(),
         weights.alpha,
         known,
-        &mut d_sums,
+        &mut d_features,
     );
     terms.total += weights.alpha * terms.alpha;
-    (terms, d_sums)
+    (terms, d_features)
 }
 
 /// What stage 1 knows of a view's pixels beside their albedo.
@@ -127,14 +127,14 @@ pub struct PixelLight {
 }
 
 impl PixelLight {
-    /// The light of `sums`, whose pixels are emitters' where emission exceeds `threshold`, and `arriving` elsewhere.
-    pub fn new(sums: &SumImage, arriving: Vec<Vec3>, threshold: f32) -> Self {
-        let emitted = |seen: &Sums| (seen.emission() > threshold).then(|| seen.radiance());
+    /// The light of `features`, whose pixels are emitters' where emission exceeds `threshold`, and `arriving` elsewhere.
+    pub fn new(features: &GBuffer, arriving: Vec<Vec3>, threshold: f32) -> Self {
+        let emitted = |seen: &Features| (seen.emission() > threshold).then(|| seen.radiance());
         Self {
-            width: sums.width,
-            height: sums.height,
+            width: features.width,
+            height: features.height,
             arriving,
-            emitted: sums.pixels.iter().map(emitted).collect(),
+            emitted: features.pixels.iter().map(emitted).collect(),
         }
     }
 
@@ -178,18 +178,18 @@ pub fn albedo_loss(
 
 /// `mean |V − target|` of one lane over known pixels; a missing target is 1 everywhere.
 fn absolute_loss(
-    sums: &SumImage,
+    features: &GBuffer,
     which: usize,
     target: Option<&Image<1>>,
     weight: f64,
     known: Option<&KnownPixels>,
-    d_sums: &mut [Sums],
+    d_features: &mut [Features],
 ) -> f64 {
-    let num = known.map_or(sums.pixels.len(), KnownPixels::num).max(1);
+    let num = known.map_or(features.pixels.len(), KnownPixels::num).max(1);
     let share = 1.0 / num as f64;
     let d_share = (weight * share) as f32;
-    let width = sums.width as usize;
-    let rows: Vec<f64> = d_sums
+    let width = features.width as usize;
+    let rows: Vec<f64> = d_features
         .par_chunks_mut(width)
         .enumerate()
         .map(|(y, d_row)| {
@@ -199,7 +199,7 @@ fn absolute_loss(
                     continue;
                 }
                 let wanted = target.map_or(1.0, |t| t.pixels()[y * width + x][0]);
-                let difference = sums.pixels[y * width + x].0[which] - wanted;
+                let difference = features.pixels[y * width + x].0[which] - wanted;
                 total += f64::from(difference.abs());
                 d.0[which] += if difference == 0.0 {
                     0.0
@@ -215,19 +215,20 @@ fn absolute_loss(
 
 /// `mean(1 − Ñ·N_mono)` over the pixels where the map knows a normal.
 fn normal_map_loss(
-    sums: &SumImage,
+    features: &GBuffer,
     map: &Image<3>,
     weight: f64,
     known: Option<&KnownPixels>,
-    d_sums: &mut [Sums],
+    d_features: &mut [Features],
 ) -> f64 {
-    let counts = |seen: &Sums, wanted: Vec3| {
+    let counts = |seen: &Features, wanted: Vec3| {
         wanted != Vec3::ZERO
             && seen.alpha() > MIN_NORMAL_ALPHA
             && seen.normal().length_squared() > 0.0
     };
     let pairs = || {
-        sums.pixels
+        features
+            .pixels
             .iter()
             .zip(map.pixels())
             .enumerate()
@@ -242,7 +243,7 @@ fn normal_map_loss(
     }
     let d_share = (weight / num as f64) as f32;
     let mut total = 0.0;
-    for (d, (seen, wanted)) in d_sums
+    for (d, (seen, wanted)) in d_features
         .iter_mut()
         .zip(pairs())
         .filter(|(_, (s, n))| counts(s, *n))
@@ -265,9 +266,9 @@ fn one_minus_cosine(n: Vec3, m: Vec3) -> (f32, Vec3) {
 }
 
 /// Blended normal Ñ turned by nothing, or `None` where the pixel is too transparent.
-fn solid_normal(sums: &Sums) -> Option<Vec3> {
-    (sums.alpha() > MIN_NORMAL_ALPHA)
-        .then(|| sums.unit_normal())
+fn solid_normal(features: &Features) -> Option<Vec3> {
+    (features.alpha() > MIN_NORMAL_ALPHA)
+        .then(|| features.unit_normal())
         .filter(|n| *n != Vec3::ZERO)
 }
 

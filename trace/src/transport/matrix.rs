@@ -4,9 +4,9 @@
 //! by two kinds of directions, towards them with density p and about the normal with density q = cos θ/π, and what either finds counts with
 //! the balance heuristic over both (Veach 1997, section 9.2). All other surfaces are met by the directions about the normal alone; of each
 //! only the Gaussian is kept, which is a link. Whatever light the Gaussians carry, `E/π` is then the emitters' part plus
-//! the mean of the light of the links: further bounces, or other albedos, cost a look-up for each link and no ray.
+//! the mean of the light of the matrix: further bounces, or other albedos, cost a look-up for each link and no ray.
 //!
-//! [`Links::trace`] is the plain way, for whatever traces single rays; [`crate::Tracer::trace_links`] is that of an engine. [`known`] has the
+//! [`TransportMatrix::trace`] is the plain way, for whatever traces single rays; [`crate::Tracer::trace_transport`] is that of an engine. [`known`] has the
 //! directions one by one, for scenes of which only a part has changed.
 
 pub mod known;
@@ -16,20 +16,20 @@ use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
 use super::{EMISSION_THRESHOLD, RayTracer};
-use crate::sums::lane;
+use crate::features::lane;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
-/// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those who store links as such.
+/// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those who store matrix as such.
 pub const NOTHING: u32 = 0x7f7f_ffff;
 
-/// Number of draws: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all draws
+/// Number of realizations: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all realizations
 /// together take some 1 KiB for each Gaussian.
-pub const NUM_DRAWS: u32 = 16;
+pub const NUM_REALIZATIONS: u32 = 16;
 
-/// Points that are gathered for together: their rays take turns in the draws of the scene, so that a draw's tree stays in a near cache.
+/// Points that are gathered for together: their rays take turns in the realizations of the scene, so that a realization's tree stays in a near cache.
 const TOGETHER: usize = 256;
 
 /// A Gaussian for which light is gathered, and where it arrives.
@@ -55,9 +55,9 @@ impl Directions {
     }
 }
 
-/// Light of emitters at receivers, and links to what else they see.
+/// Light of emitters at receivers, and matrix to what else they see.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Links {
+pub struct TransportMatrix {
     /// Irradiance over π that comes from emitters, `[receivers]`.
     pub direct: Vec<Vec3>,
     /// Indices of Gaussians, or [`NOTHING`], `[receivers, directions.plain]`.
@@ -66,7 +66,7 @@ pub struct Links {
     pub num_rays: u64,
 }
 
-impl Links {
+impl TransportMatrix {
     /// Traces `directions` for some `receivers`, each with random numbers of its own among those of `key`.
     pub fn trace(
         scene: &impl RayTracer,
@@ -75,11 +75,11 @@ impl Links {
         key: RandomKey,
     ) -> Self {
         let plain = directions.plain as usize;
-        let mut links = Self {
+        let mut matrix = Self {
             targets: vec![NOTHING; plain * receivers.len()],
             ..Self::default()
         };
-        let found: Vec<(Vec<Vec3>, u64)> = (links.targets)
+        let found: Vec<(Vec<Vec3>, u64)> = (matrix.targets)
             .par_chunks_mut(plain * TOGETHER)
             .zip(receivers.par_chunks(TOGETHER))
             .map(|(targets, receivers)| {
@@ -97,10 +97,10 @@ impl Links {
             })
             .collect();
         for (direct, num_rays) in found {
-            links.direct.extend(direct);
-            links.num_rays += num_rays;
+            matrix.direct.extend(direct);
+            matrix.num_rays += num_rays;
         }
-        links
+        matrix
     }
 
     /// Adds those of more receivers, traced in as many directions.
@@ -118,7 +118,7 @@ impl Links {
         self.targets
             .par_chunks_exact(plain)
             .with_min_len(1024)
-            .map(|links| links.iter().filter_map(light).sum::<Vec3>() / plain as f32)
+            .map(|matrix| matrix.iter().filter_map(light).sum::<Vec3>() / plain as f32)
             .collect()
     }
 }
@@ -137,10 +137,10 @@ impl Sampler<'_> {
         Points::new(self.key, element)
     }
 
-    /// The samples of `num` that meet `draw`: those of a receiver take turns in the draws, and receivers begin with different ones.
-    fn turn(points: &Points, draw: u32, num: u32) -> impl Iterator<Item = u32> + use<> {
-        let first = draw.wrapping_sub(points.word(0)) % NUM_DRAWS;
-        (first..num).step_by(NUM_DRAWS as usize)
+    /// The samples of `num` that meet `realization`: those of a receiver take turns in the realizations, and receivers begin with different ones.
+    fn turn(points: &Points, realization: u32, num: u32) -> impl Iterator<Item = u32> + use<> {
+        let first = realization.wrapping_sub(points.word(0)) % NUM_REALIZATIONS;
+        (first..num).step_by(NUM_REALIZATIONS as usize)
     }
 
     /// A direction about the normal.
@@ -180,19 +180,19 @@ impl<T: RayTracer> Tracing<'_, T> {
     fn together(&mut self, receivers: &[Receiver], targets: &mut [u32]) -> Vec<Vec3> {
         let mut direct = vec![Vec3::ZERO; receivers.len()];
         let Directions { plain, to_lights } = self.sampler.directions;
-        for draw in 0..NUM_DRAWS {
+        for realization in 0..NUM_REALIZATIONS {
             for (at, (element, surface)) in receivers.iter().enumerate() {
                 let points = self.sampler.points(*element);
-                for sample in Sampler::turn(&points, draw, plain) {
+                for sample in Sampler::turn(&points, realization, plain) {
                     let direction = self.sampler.plain(surface, &points, sample);
-                    let (target, light) = self.follow(surface, direction, draw);
+                    let (target, light) = self.follow(surface, direction, realization);
                     targets[at * plain as usize + sample as usize] = target;
                     direct[at] += light;
                 }
-                for sample in Sampler::turn(&points, draw, to_lights) {
+                for sample in Sampler::turn(&points, realization, to_lights) {
                     let direction = self.sampler.towards_light(surface, &points, sample);
                     if let Some(direction) = direction {
-                        direct[at] += self.follow(surface, direction, draw).1;
+                        direct[at] += self.follow(surface, direction, realization).1;
                     }
                 }
             }
@@ -201,16 +201,19 @@ impl<T: RayTracer> Tracing<'_, T> {
     }
 
     /// Follows a direction: the target of a link, or the light of an emitter.
-    fn follow(&mut self, surface: &Surface, direction: Vec3, draw: u32) -> (u32, Vec3) {
+    fn follow(&mut self, surface: &Surface, direction: Vec3, realization: u32) -> (u32, Vec3) {
         self.num_rays += 1;
-        let Some(hit) = self.scene.drawn_hit(&surface.ray(direction), draw) else {
+        let Some(hit) = self
+            .scene
+            .realization_hit(&surface.ray(direction), realization)
+        else {
             return (NOTHING, Vec3::ZERO);
         };
-        let payload = self.scene.payload(hit.index);
-        if payload.0[lane::EMISSION] <= EMISSION_THRESHOLD {
+        let attributes = self.scene.attributes(hit.index);
+        if attributes.0[lane::EMISSION] <= EMISSION_THRESHOLD {
             return (hit.index, Vec3::ZERO);
         }
         let weight = self.sampler.weight(surface, direction);
-        (NOTHING, payload.radiance() * weight)
+        (NOTHING, attributes.radiance() * weight)
     }
 }

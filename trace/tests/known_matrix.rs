@@ -1,4 +1,4 @@
-//! Links brought up to date against links traced from nothing.
+//! TransportMatrix brought up to date against matrix traced from nothing.
 
 #[path = "gpu/receivers.rs"]
 mod receivers;
@@ -11,8 +11,8 @@ use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::lights::Lights;
-use eagpt_trace::transport::links::known::{KnownDirections, UNKNOWN};
-use eagpt_trace::transport::links::{Directions, Links, NOTHING, Receiver};
+use eagpt_trace::transport::matrix::known::{KnownDirections, UNKNOWN};
+use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
 use glam::Vec3;
 use receivers::receivers;
 use room::lit_room;
@@ -53,21 +53,21 @@ impl Fixture {
         }
     }
 
-    /// Links of all that is known, and the rays that the rest took.
-    fn links(&mut self) -> (Links, u64) {
+    /// TransportMatrix of all that is known, and the rays that the rest took.
+    fn matrix(&mut self) -> (TransportMatrix, u64) {
         let known = KnownDirections::new(self.lights.as_ref(), DIRECTIONS, key());
         let num_rays = known
             .trace(&self.engine, &self.receivers, &mut self.targets)
             .expect("the CPU never fails");
         let scene = &self.scene;
         let emitted = |i: u32| emits(scene, i).then(|| scene.radiances[i as usize]);
-        let links = known.links(&self.receivers, &self.targets, &mut self.weights, emitted);
-        (links, num_rays)
+        let matrix = known.matrix(&self.receivers, &self.targets, &mut self.weights, emitted);
+        (matrix, num_rays)
     }
 
-    fn traced_anew(&self) -> Links {
+    fn traced_anew(&self) -> TransportMatrix {
         self.engine
-            .trace_links(&self.receivers, DIRECTIONS, key())
+            .trace_transport(&self.receivers, DIRECTIONS, key())
             .expect("the CPU never fails")
     }
 }
@@ -75,16 +75,16 @@ impl Fixture {
 #[test]
 fn unknown_links_are_those_of_a_trace_to_the_bit() {
     let mut all = Fixture::new(lit_room());
-    let (links, num_rays) = all.links();
+    let (matrix, num_rays) = all.matrix();
     let wanted = all.traced_anew();
-    assert!(links.direct.iter().any(|light| light.x > 0.0));
-    assert_eq!(links.direct, wanted.direct);
-    assert_eq!(links.targets, wanted.targets);
+    assert!(matrix.direct.iter().any(|light| light.x > 0.0));
+    assert_eq!(matrix.direct, wanted.direct);
+    assert_eq!(matrix.targets, wanted.targets);
     assert_eq!(num_rays, wanted.num_rays);
     // Then all is known, with weights or without.
-    assert_eq!(all.links(), (links.clone(), 0));
+    assert_eq!(all.matrix(), (matrix.clone(), 0));
     all.weights.fill(0.0);
-    assert_eq!(all.links(), (links.clone(), 0));
+    assert_eq!(all.matrix(), (matrix.clone(), 0));
     // A few that are forgotten are found again.
     let known = KnownDirections::new(all.lights.as_ref(), DIRECTIONS, key());
     let mut targets = all.targets.clone();
@@ -97,45 +97,45 @@ fn unknown_links_are_those_of_a_trace_to_the_bit() {
         "{num_lost}"
     );
     all.targets = targets;
-    assert_eq!(all.links(), (links, num_lost as u64));
+    assert_eq!(all.matrix(), (matrix, num_lost as u64));
 }
 
 /// Directions that look for lamps as they were bring the light of lamps as they are: in the mean of all receivers, with the noise of each.
 #[test]
 fn other_light_of_the_same_lamps_needs_no_ray() {
     let mut all = Fixture::new(lit_room());
-    all.links();
+    all.matrix();
     let factor = Vec3::new(0.5, 2.0, 1.0);
     for i in 0..all.scene.len() {
         if emits(&all.scene, i as u32) {
             all.scene.radiances[i] *= factor;
         }
     }
-    let (links, num_rays) = all.links();
+    let (matrix, num_rays) = all.matrix();
     assert_eq!(num_rays, 0);
     all.engine = CpuScene::new(&all.scene);
     let wanted = all.traced_anew();
-    let mean = |links: &Links| {
-        let sum: Vec3 = links.direct.iter().sum();
-        sum / links.direct.len() as f32
+    let mean = |matrix: &TransportMatrix| {
+        let sum: Vec3 = matrix.direct.iter().sum();
+        sum / matrix.direct.len() as f32
     };
     // All lamps by the same factor: directions are the same but for rounding, and so is the light.
-    let off = (mean(&links) / mean(&wanted) - Vec3::ONE).abs();
+    let off = (mean(&matrix) / mean(&wanted) - Vec3::ONE).abs();
     assert!(off.max_element() < 1e-4, "{off}");
 
     // One lamp of the two alone, which directions then look for as if it were still on.
     let mut all = Fixture::new(lit_room());
-    all.links();
+    all.matrix();
     for i in 0..all.scene.len() {
         if emits(&all.scene, i as u32) && all.scene.positions[i].x > 0.0 {
             all.scene.radiances[i] = Vec3::ZERO;
         }
     }
-    let (links, _) = all.links();
+    let (matrix, _) = all.matrix();
     all.engine = CpuScene::new(&all.scene);
     let wanted = all.traced_anew();
     assert!(mean(&wanted).x > 0.0);
-    let off = (mean(&links) / mean(&wanted) - Vec3::ONE).abs();
+    let off = (mean(&matrix) / mean(&wanted) - Vec3::ONE).abs();
     // 16 to 40 directions at each of some thousand receivers.
     assert!(off.max_element() < 0.03, "{off}");
 }

@@ -20,7 +20,7 @@ pub(super) const FULL_OPACITY: u32 = (1 << (16 - FLAG_BITS)) - 1;
 /// What one pixel should look like, 16 bits a number: half of what floats take.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub(super) struct Wanted {
+pub(super) struct TargetPixel {
     /// Steps of a [`Target`], red in the lower half.
     red_green: u32,
     /// In the upper half the emission.
@@ -31,9 +31,9 @@ pub(super) struct Wanted {
     normal_z_flags: u32,
 }
 
-impl Wanted {
+impl TargetPixel {
     pub(super) fn layout() -> Layout {
-        layout!(Wanted {
+        layout!(TargetPixel {
             red_green: "u32",
             blue_emission: "u32",
             normal_xy: "u32",
@@ -59,8 +59,8 @@ fn pair(low: u32, high: u32) -> u32 {
 
 /// A view on the device, and the numbers that its means are taken over.
 #[derive(Debug, Clone)]
-pub(super) struct WantedView {
-    /// [`Wanted`] of every pixel, row by row.
+pub(super) struct TargetView {
+    /// [`TargetPixel`] of every pixel, row by row.
     pub(super) pixels: Buffer,
     /// Pixels that are known.
     pub(super) num_known: usize,
@@ -70,10 +70,10 @@ pub(super) struct WantedView {
     pub(super) has_emission: bool,
 }
 
-impl WantedView {
+impl TargetView {
     /// Bytes that a view of so many pixels takes.
     pub(super) fn num_bytes(num_pixels: usize) -> usize {
-        num_pixels * size_of::<Wanted>()
+        num_pixels * size_of::<TargetPixel>()
     }
 
     /// Brings `view` to the device; `target` is its radiance.
@@ -91,14 +91,14 @@ impl WantedView {
             let pq = target.pixels()[i].map(u32::from);
             let normal = view.normal.as_ref();
             let normal = normal.map_or([0; 3], |map| map.pixels()[i].map(signed));
-            Wanted {
+            TargetPixel {
                 red_green: pair(pq[0], pq[1]),
                 blue_emission: pair(pq[2], unsigned(emission, 0xffff)),
                 normal_xy: pair(normal[0], normal[1]),
                 normal_z_flags: pair(normal[2], flags | (opacity << FLAG_BITS)),
             }
         };
-        let pixels: Vec<Wanted> = (0..num_pixels).map(pixel).collect();
+        let pixels: Vec<TargetPixel> = (0..num_pixels).map(pixel).collect();
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
             num_known: known.as_ref().map_or(num_pixels, KnownPixels::num),

@@ -5,16 +5,16 @@
 //! constants are declared in Rust (`layout`) and written into every module (`wgsl`) from there. Work is recorded as steps, a kernel with its
 //! buffers, that are replayed as often as needed; buffers stay on the device from call to call.
 //!
-//! - `scan`, `sort`: prefix sums and a stable radix sort.
+//! - `scan`, `sort`: prefix features and a stable radix sort.
 //! - `bins`: which Gaussians each tile of a camera may see: two sorts, by distance and by tile.
-//! - `camera`: blended sums of all pixels. Tiles go through their lists once, and again only where more hits wait than there is room for.
-//! - `adjoint`: gradients. Sums have a fixed order, nothing is added atomically: the same device gives the same bits in every run. The same
+//! - `camera`: composited features of all pixels. Tiles go through their lists once, and again only where more hits wait than there is room for.
+//! - `adjoint`: gradients. Features have a fixed order, nothing is added atomically: the same device gives the same bits in every run. The same
 //!   way, how much each Gaussian is seen.
 //! - `bvh`, `rays`: single rays, blended or with one hit chosen by its weight.
 //! - `light`: the `1-bounce` and `path` integrators; random numbers have the bits of the CPU's.
 //!   Software adapters (Mesa's llvmpipe) stop all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but for
 //!   single Gaussians that cover as many tiles.
-//! - `links`: which Gaussians light each other. Discs of a draw have the radii of the CPU's to the bit; one tree serves all draws.
+//! - `matrix`: which Gaussians light each other. Discs of a realization have the radii of the CPU's to the bit; one tree serves all realizations.
 //! - `views`: buffers for cameras of one size, and the room that these were found to need.
 //! - [`GpuScene`]: all of it behind [`crate::Tracer`].
 //!
@@ -32,7 +32,7 @@ mod error;
 mod fit;
 mod layout;
 mod light;
-mod links;
+mod matrix;
 mod rays;
 mod scan;
 mod scene;
@@ -43,7 +43,7 @@ mod views;
 mod wgsl;
 
 pub use adapter::{Adapter, Kind, adapters};
-pub use device::{Device, Profile, Reading, StageTime, Tier, Wanted};
+pub use device::{Device, DeviceSelector, Profile, Reading, StageTime, Tier};
 pub use error::GpuError;
 pub use fit::{Frame, FrameRoom, GpuFit};
 pub use scene::GpuScene;
