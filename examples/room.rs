@@ -1,7 +1,9 @@
-//! Writes a small synthetic room as a dataset to train on: `cargo run --release --example room -- out/room`.
+//! Writes a small synthetic room as a dataset to train on: `cargo run --release --example room --
+//! out/room`.
 //!
-//! The room is path-traced from closed-form shapes: linear radiance, emission masks, normals, depths, albedos, and a noisy
-//! point cloud. It needs no download and takes half a minute on two cores.
+//! The room is path-traced from closed-form shapes: linear radiance, emission masks, normals,
+//! depths, albedos, and a noisy point cloud. It needs no download and takes half a minute on two
+//! cores.
 
 use clap::Parser;
 use eagpt_testkit::room::{self, RoomOptions};

@@ -20,14 +20,17 @@ use std::process::ExitCode;
 
 /// Bake the light of an edited scene into its Gaussians
 ///
-/// What emits keeps its radiance; everything else gets the radiance that it reflects now. The result shows at once with
-/// `eagpt render --mode 0-bounce`, or finer with a last bounce for each pixel, --mode 1-bounce.
+/// What emits keeps its radiance; everything else gets the radiance that it reflects now. The
+/// result shows at once with `eagpt render --mode 0-bounce`, or finer with a last bounce for each
+/// pixel, --mode 1-bounce.
 ///
-/// Method `gaussians` solves the light in Gaussian space, from rays that are traced once for all bounces: no image is made. Method
-/// `views` is the paper's: it path-traces the views of the dataset and fits radiance to them.
+/// Method `gaussians` solves the light in Gaussian space, from rays that are traced once for all
+/// bounces: no image is made. Method `views` is the paper's: it path-traces the views of the
+/// dataset and fits radiance to them.
 ///
-/// Work is kept in a folder beside the result; the same command continues a bake that was stopped, to the same bits. That is, on the same
-/// device; another goes on as well, and ends elsewhere by rounding.
+/// Work is kept in a folder beside the result; the same command continues a bake that was stopped,
+/// to the same bits. That is, on the same device; another goes on as well, and ends elsewhere by
+/// rounding.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct BakeArgs {
@@ -52,7 +55,8 @@ pub(crate) struct BakeArgs {
     /// Most bounces of light, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     bounces: u32,
-    /// gaussians: directions traced at each Gaussian, at least 1; half of them look for emitters, the others serve all bounces
+    /// gaussians: directions traced at each Gaussian, at least 1; half of them look for emitters,
+    /// the others serve all bounces
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: u32,
     /// views: samples per pixel, at least 1
@@ -64,8 +68,8 @@ pub(crate) struct BakeArgs {
     /// views: iterations of the fit, one view each, at least 1
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
-    /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it then puts the parts together.
-    /// gaussians has no parts: what lights what is one matrix
+    /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it
+    /// then puts the parts together. gaussians has no parts: what lights what is one matrix
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
@@ -73,11 +77,13 @@ pub(crate) struct BakeArgs {
     seed: u64,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work beside BAKED.ply]
+    /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work
+    /// beside BAKED.ply]
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
-    /// gaussians: keep what was traced in FILE, and take up what an earlier bake has left there, as far as the scene is the same: new light of lamps
-    /// and other albedos cost no ray, what was moved costs the rays in its way. Nothing is then kept in --work, and a bake that was stopped
+    /// gaussians: keep what was traced in FILE, and take up what an earlier bake has left there, as
+    /// far as the scene is the same: new light of lamps and other albedos cost no ray, what was
+    /// moved costs the rays in its way. Nothing is then kept in --work, and a bake that was stopped
     /// begins again
     #[arg(long, value_name = "FILE")]
     links: Option<PathBuf>,
@@ -94,7 +100,8 @@ const EXAMPLES: &str = "Examples:
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views --shard 1/4   (and 2/4 … on other machines)
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views";
 
-/// Adam's step size in the fit of `views`: twice that of stage 0, whose radiance also follows moving Gaussians.
+/// Adam's step size in the fit of `views`: twice that of stage 0, whose radiance also follows
+/// moving Gaussians.
 const FIT_RATE: f32 = 0.02;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -33,16 +33,19 @@ pub(crate) use table::figure;
 
 /// Measure how fast each stage is, here
 ///
-/// Every figure is the median of several runs, with the smallest and the largest, and the peak memory of the process during them. Four views
-/// of the dataset are looked at; without one, of a room that comes with the program. Without a scene, Gaussians are those that training would
-/// start from: figures of a trained scene differ, --scene gives them.
+/// Every figure is the median of several runs, with the smallest and the largest, and the peak
+/// memory of the process during them. Four views of the dataset are looked at; without one, of a
+/// room that comes with the program. Without a scene, Gaussians are those that training would start
+/// from: figures of a trained scene differ, --scene gives them.
 ///
-/// --baseline compares with an earlier result: old figure, ratio (2 is twice as fast), and `faster` or `SLOWER` where all runs of one
-/// lie beyond all runs of the other. Measure on a machine that does nothing else. Files are written in the system's temporary folder.
+/// --baseline compares with an earlier result: old figure, ratio (2 is twice as fast), and `faster`
+/// or `SLOWER` where all runs of one lie beyond all runs of the other. Measure on a machine that
+/// does nothing else. Files are written in the system's temporary folder.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct BenchArgs {
-    /// Dataset to measure on: a folder with a transforms.json, or that file [default: an embedded room]
+    /// Dataset to measure on: a folder with a transforms.json, or that file [default: an embedded
+    /// room]
     #[arg(value_name = "DATASET")]
     dataset: Option<PathBuf>,
     /// Scene to measure on [default: what training would start from]
@@ -51,13 +54,15 @@ pub(crate) struct BenchArgs {
     /// Stages to measure, divided by commas [default: all]
     #[arg(long, value_name = "STAGE", value_enum, value_delimiter = ',')]
     stage: Vec<Stage>,
-    /// Numbers of Gaussians, 1 to 100M, divided by commas, as 25k,250k,1M: the scene is thinned out or split [default: as it is]
+    /// Numbers of Gaussians, 1 to 100M, divided by commas, as 25k,250k,1M: the scene is thinned out
+    /// or split [default: as it is]
     #[arg(long, value_name = "N", value_delimiter = ',', value_parser = count)]
     gaussians: Vec<usize>,
     /// Numbers of threads, divided by commas [default: one, and all]
     #[arg(long, value_name = "N", value_delimiter = ',')]
     thread_counts: Vec<NonZeroUsize>,
-    /// Seconds for each figure, 0 to 3600; there are three runs and one to warm up however long they take
+    /// Seconds for each figure, 0 to 3600; there are three runs and one to warm up however long
+    /// they take
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = seconds)]
     seconds: f64,
     /// Size of the images of metrics and EXR files, pixels, 16x16 to 16384x16384

@@ -15,12 +15,12 @@ use std::process::ExitCode;
 
 /// From HDR photographs of a room to a relightable scene of 2D Gaussians
 ///
-/// Every command reads files and writes files: a scene, images, tables, and beside them a record.json with the version,
-/// the effective options, the seed, hashes of the inputs, times and peak memory. A seed gives the same bits for any
-/// number of threads.
+/// Every command reads files and writes files: a scene, images, tables, and beside them a
+/// record.json with the version, the effective options, the seed, hashes of the inputs, times and
+/// peak memory. A seed gives the same bits for any number of threads.
 ///
-/// Bad input ends in one line `error: …` that names the file, the field and the value, and in exit code 1; wrong arguments
-/// in exit code 2; a run stopped by Ctrl-C in exit code 130.
+/// Bad input ends in one line `error: …` that names the file, the field and the value, and in exit
+/// code 1; wrong arguments in exit code 2; a run stopped by Ctrl-C in exit code 130.
 #[derive(Debug, Parser)]
 #[command(
     name = "eagpt",

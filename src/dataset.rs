@@ -34,7 +34,8 @@ pub(crate) fn run(args: &DatasetArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
 }
 
-/// Refuses to write into a dataset that is there without a record: it is somebody's only copy, which no `--force` may cost.
+/// Refuses to write into a dataset that is there without a record: it is somebody's only copy,
+/// which no `--force` may cost.
 fn refuse_foreign(out: &Path, planned: &[PathBuf]) -> Result<()> {
     if out.join(FILE_NAME).exists() {
         return Ok(());

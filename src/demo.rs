@@ -12,11 +12,14 @@ use std::process::ExitCode;
 
 /// Show the whole chain on a simulated capture
 ///
-/// A virtual camera photographs a furnished room by day and in the evening, in RAW brackets. They are merged, posed, masked and trained on
-/// by day; then the window goes dark and three lamps go on, by an edit script, and what comes out is compared with what the virtual
-/// evening really looked like. DIR/run/report.html shows it all. Takes a few minutes and needs nothing but this program.
+/// A virtual camera photographs a furnished room by day and in the evening, in RAW brackets. They
+/// are merged, posed, masked and trained on by day; then the window goes dark and three lamps go
+/// on, by an edit script, and what comes out is compared with what the virtual evening really
+/// looked like. DIR/run/report.html shows it all. Takes a few minutes and needs nothing but this
+/// program.
 ///
-/// DIR/demo.toml is the project that was run: `eagpt run DIR/demo.toml` goes on where it was stopped, and runs what you change.
+/// DIR/demo.toml is the project that was run: `eagpt run DIR/demo.toml` goes on where it was
+/// stopped, and runs what you change.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  eagpt demo\n  eagpt demo --quick --out out/demo")]
 pub(crate) struct DemoArgs {
@@ -39,7 +42,8 @@ pub(crate) struct DemoArgs {
 const PROJECT: &str = include_str!("demo/project.toml");
 const EVENING: &str = include_str!("demo/evening.toml");
 
-/// Options that make the difference between the demo and its quick form: placeholder, text, text if quick.
+/// Options that make the difference between the demo and its quick form: placeholder, text, text if
+/// quick.
 const CHOICES: [(&str, &str, &str); 4] = [
     (
         "{synth}",

@@ -19,9 +19,10 @@ use std::str::FromStr;
 pub(crate) struct DeviceArgs {
     /// What computes: auto, cpu, gpu, gpu:INDEX or gpu:NAME
     ///
-    /// auto: the first GPU that is there, else the CPU. gpu: a GPU, or an error; where there is none, a program that stands in for one
-    /// (llvmpipe) if it is installed. gpu:INDEX: by its place in the list of `eagpt doctor`, from 0. gpu:NAME: the first whose name contains
-    /// NAME, in any case.
+    /// auto: the first GPU that is there, else the CPU. gpu: a GPU, or an error; where there is
+    /// none, a program that stands in for one (llvmpipe) if it is installed. gpu:INDEX: by its
+    /// place in the list of `eagpt doctor`, from 0. gpu:NAME: the first whose name contains NAME,
+    /// in any case.
     #[arg(long, value_name = "DEVICE", default_value_t = DeviceChoice::Auto)]
     pub(crate) device: DeviceChoice,
 }
@@ -139,8 +140,9 @@ impl DeviceChoice {
     }
 }
 
-/// Whether the system could have a GPU: where it cannot, drivers need not be woken, some of which complain of a missing display. On Linux
-/// each has a node of the kernel: of DRM, NVIDIA, Adreno, Mali or, under Windows, DirectX.
+/// Whether the system could have a GPU: where it cannot, drivers need not be woken, some of which
+/// complain of a missing display. On Linux each has a node of the kernel: of DRM, NVIDIA, Adreno,
+/// Mali or, under Windows, DirectX.
 #[cfg(feature = "gpu")]
 fn may_have_hardware() -> bool {
     let nodes = ["dri", "nvidiactl", "kgsl-3d0", "mali0", "dxg"];

@@ -18,11 +18,13 @@ use std::process::ExitCode;
 
 /// Tell what this machine can do, and check that it computes right
 ///
-/// Cores, memory, the programs and libraries that are found and what each missing one would give. The self-test traces a scene that is
-/// known everywhere with the engine and with a plain double-precision oracle, with one thread and with all of them; if they differ, the
-/// exit code is 1. Takes a second or two, with a slow device some more, and writes nothing.
+/// Cores, memory, the programs and libraries that are found and what each missing one would give.
+/// The self-test traces a scene that is known everywhere with the engine and with a plain
+/// double-precision oracle, with one thread and with all of them; if they differ, the exit code is
+/// 1. Takes a second or two, with a slow device some more, and writes nothing.
 ///
-/// The same test runs on the GPU where there is one that is hardware, or on the device that --device names.
+/// The same test runs on the GPU where there is one that is hardware, or on the device that
+/// --device names.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  eagpt doctor\n  eagpt doctor --json\n  eagpt doctor --device gpu:llvmpipe"

@@ -16,12 +16,14 @@ use std::process::ExitCode;
 
 /// Change a scene by a script
 ///
-/// A script is a TOML file of steps, each of which says what (a region, a range of values, a connected cluster, a new
-/// surface, a part of another scene) and then (remove, light, albedo, move, rotate, scale, duplicate). All of it is
-/// checked before anything is touched, and it is replayed to the same bits every time. Beside E.ply comes
-/// E.record.json, with digests of scene, script and imported scenes and what every step found.
+/// A script is a TOML file of steps, each of which says what (a region, a range of values, a
+/// connected cluster, a new surface, a part of another scene) and then (remove, light, albedo,
+/// move, rotate, scale, duplicate). All of it is checked before anything is touched, and it is
+/// replayed to the same bits every time. Beside E.ply comes E.record.json, with digests of scene,
+/// script and imported scenes and what every step found.
 ///
-/// After an edit the radiance that Gaussians carry is no longer what they would reflect: render with --mode path.
+/// After an edit the radiance that Gaussians carry is no longer what they would reflect: render
+/// with --mode path.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct EditArgs {

@@ -15,11 +15,12 @@ use std::process::ExitCode;
 
 /// Measure renderings against the views of a dataset, or one image against another
 ///
-/// Compares DIR/VIEW.exr with the radiance of each view and, where both are there, the albedo, normal, depth and emission in
-/// DIR/albedo/VIEW.exr and so on with those of the dataset.
+/// Compares DIR/VIEW.exr with the radiance of each view and, where both are there, the albedo,
+/// normal, depth and emission in DIR/albedo/VIEW.exr and so on with those of the dataset.
 ///
-/// Several DIRs and as many --reference are several conditions, as a room under its own and under a new light. An option
-/// that can be given for each condition is given once for all of them, or as often as --reference and in its order.
+/// Several DIRs and as many --reference are several conditions, as a room under its own and under a
+/// new light. An option that can be given for each condition is given once for all of them, or as
+/// often as --reference and in its order.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -32,11 +33,12 @@ pub(crate) struct EvalArgs {
     /// Folder of renderings, as `eagpt render` writes it; one for each condition
     #[arg(value_name = "DIR", required = true)]
     renders: Vec<PathBuf>,
-    /// Dataset with the references: a folder with a transforms.json, or that file; one for each condition
+    /// Dataset with the references: a folder with a transforms.json, or that file; one for each
+    /// condition
     #[arg(long, value_name = "DATASET", required = true)]
     pub(crate) reference: Vec<PathBuf>,
-    /// Dataset with the same views under an earlier light: splits the error into what the new light reaches and its
-    /// shadows; for each condition
+    /// Dataset with the same views under an earlier light: splits the error into what the new light
+    /// reaches and its shadows; for each condition
     #[arg(long, value_name = "DATASET")]
     before: Vec<PathBuf>,
     /// Name of the condition, one for each [default: that of the dataset's folder]

@@ -10,9 +10,10 @@ use std::process::ExitCode;
 
 /// Write a scene as PLY for other programs
 ///
-/// The formats `2dgs` and `3dgs` are for looking: splat viewers open them, with the radiance as display colour, clipped at
-/// white. Emission and albedo are lost, and they cannot be read back. The format `eagpt` is the scene itself, written anew as
-/// binary little endian whatever the file's own encoding was.
+/// The formats `2dgs` and `3dgs` are for looking: splat viewers open them, with the radiance as
+/// display colour, clipped at white. Emission and albedo are lost, and they cannot be read back.
+/// The format `eagpt` is the scene itself, written anew as binary little endian whatever the file's
+/// own encoding was.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Example:\n  eagpt export out/run/scene.ply --format 3dgs --out preview.ply"

@@ -19,20 +19,25 @@ use std::process::ExitCode;
 
 /// Merge RAW brackets into linear HDR images
 ///
-/// CAPTURE is a folder of photographs, or of one folder for each lighting condition: brackets of exposures at positions of the
-/// camera. Names `<position>_<index>`, the cycle of exposures, folders (--stacks-in-folders) or a file capture.toml tell which shots
-/// belong together. Whatever is missing, double or does not fit is named, everything at once, before any work is done.
+/// CAPTURE is a folder of photographs, or of one folder for each lighting condition: brackets of
+/// exposures at positions of the camera. Names `<position>_<index>`, the cycle of exposures,
+/// folders (--stacks-in-folders) or a file capture.toml tell which shots belong together. Whatever
+/// is missing, double or does not fit is named, everything at once, before any work is done.
 ///
-/// Shots are merged where the sensor measured them, with the weights of its noise; then white balance, colours and one scale for the
-/// whole capture are applied. Writes, below a folder for each condition if there are several: Radiance-exr/<position>.exr (linear Rec.709),
-/// Preview/<position>.png (sRGB, for COLMAP), Unreliable/<position>.png (1: clipped in all shots, 2: dark in all shots); and
-/// capture.json (what was decided), report.html and report.json (what to take again).
+/// Shots are merged where the sensor measured them, with the weights of its noise; then white
+/// balance, colours and one scale for the whole capture are applied. Writes, below a folder for
+/// each condition if there are several: Radiance-exr/<position>.exr (linear Rec.709),
+/// Preview/<position>.png (sRGB, for COLMAP), Unreliable/<position>.png (1: clipped in all shots,
+/// 2: dark in all shots); and capture.json (what was decided), report.html and report.json (what to
+/// take again).
 ///
-/// The same command goes on where it was stopped, and adds stacks that are new; what is done is known by its content.
+/// The same command goes on where it was stopped, and adds stacks that are new; what is done is
+/// known by its content.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct IngestArgs {
-    /// Folder with the photographs: RAW of the camera, or linear EXR, TIFF (16 bits, float) or PNG (16 bits)
+    /// Folder with the photographs: RAW of the camera, or linear EXR, TIFF (16 bits, float) or PNG
+    /// (16 bits)
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
     /// Folder for the results
@@ -41,7 +46,8 @@ pub(crate) struct IngestArgs {
     /// Each folder with photographs is one stack
     #[arg(long)]
     stacks_in_folders: bool,
-    /// Exposure times of the shots of a stack in the order of their names, for files that do not state them, seconds above 0
+    /// Exposure times of the shots of a stack in the order of their names, for files that do not
+    /// state them, seconds above 0
     #[arg(long, value_name = "S,S,…", value_delimiter = ',')]
     exposures: Option<Vec<f64>>,
     /// Longest pause within a capture, minutes above 0; a longer one means two rooms in one folder
@@ -53,15 +59,16 @@ pub(crate) struct IngestArgs {
     /// Share of the range below white that counts as clipped, 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = 0.03)]
     clip_margin: f32,
-    /// Factors for the whole capture: `as-shot` (of the first shot), R,G,B, or a grey card in a stack, `STACK@LEFT,TOP,WIDTH,HEIGHT` in
-    /// pixels of the sensor
+    /// Factors for the whole capture: `as-shot` (of the first shot), R,G,B, or a grey card in a
+    /// stack, `STACK@LEFT,TOP,WIDTH,HEIGHT` in pixels of the sensor
     #[arg(long, value_name = "WHITE", default_value = "as-shot", value_parser = white_balance)]
     white_balance: WhiteBalance,
-    /// Radiance of a sample at saturation in 1 s at ISO 100 and f/1, above 0 [default: the geometric mean of the capture's luminance
-    /// becomes 0.18]
+    /// Radiance of a sample at saturation in 1 s at ISO 100 and f/1, above 0 [default: the
+    /// geometric mean of the capture's luminance becomes 0.18]
     #[arg(long, value_name = "RADIANCE")]
     scale: Option<f64>,
-    /// How colours between the samples of the sensor are interpolated; X-Trans has bilinear and Markesteijn's method
+    /// How colours between the samples of the sensor are interpolated; X-Trans has bilinear and
+    /// Markesteijn's method
     #[arg(long, value_enum, default_value = "ppg")]
     demosaic: DemosaicArg,
     /// Falloff of the lens to divide by: a,b,c of 1 + a r² + b r⁴ + c r⁶, r = 1 in the corner
@@ -73,10 +80,12 @@ pub(crate) struct IngestArgs {
     /// Folder with a stack of an evenly lit surface; a, b and c are fitted to it
     #[arg(long, value_name = "DIR", conflicts_with_all = ["vignetting", "flat_field"])]
     fit_vignetting: Option<PathBuf>,
-    /// Distortion to take out: a model of COLMAP and its parameters in pixels of the sensor, `OPENCV fx,fy,cx,cy,k1,k2,p1,p2`
+    /// Distortion to take out: a model of COLMAP and its parameters in pixels of the sensor,
+    /// `OPENCV fx,fy,cx,cy,k1,k2,p1,p2`
     #[arg(long, value_name = "MODEL PARAMS", value_parser = lens)]
     lens: Option<LensOption>,
-    /// Longest side of the images, pixels, at least 16; larger ones are averaged [default: as the sensor has it]
+    /// Longest side of the images, pixels, at least 16; larger ones are averaged [default: as the
+    /// sensor has it]
     #[arg(long, value_name = "N")]
     long_side: Option<u32>,
     /// Write EXR files in 32 bits instead of half precision
@@ -85,8 +94,9 @@ pub(crate) struct IngestArgs {
     /// Go on without what is bad; the report says what
     #[arg(long)]
     skip_bad: bool,
-    /// Merge only part I of N of the stacks, 1 to N. Parts share DIR and may run at once, on machines that share it; the same command
-    /// without --shard then finishes: what is missing, reports, record
+    /// Merge only part I of N of the stacks, 1 to N. Parts share DIR and may run at once, on
+    /// machines that share it; the same command without --shard then finishes: what is missing,
+    /// reports, record
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
     shard: Option<Shard>,
     /// Start over, replacing an earlier result of this command
@@ -227,7 +237,8 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
         inputs: &[],
         replace,
     };
-    // Another command's result is never touched; one of this command is added to, unless it is to be replaced.
+    // Another command's result is never touched; one of this command is added to, unless it is to
+    // be replaced.
     target(Replace::Allow).check(&[])?;
     let request = IngestRequest {
         capture: args.capture.clone(),

@@ -14,7 +14,8 @@ pub(crate) fn exit_code() -> ExitCode {
     ExitCode::from(EXIT_INTERRUPTED)
 }
 
-/// The flag that the first Ctrl-C sets, one for the whole program: from the first call on, Ctrl-C no longer ends it at once.
+/// The flag that the first Ctrl-C sets, one for the whole program: from the first call on, Ctrl-C
+/// no longer ends it at once.
 ///
 /// # Errors
 /// If the system takes no handler.

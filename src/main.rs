@@ -1,7 +1,10 @@
-//! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done by the libraries.
+//! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done
+//! by the libraries.
 //!
-//! - [`cli`]: the commands and the options they share; each command's own options are in its module.
-//! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
+//! - [`cli`]: the commands and the options they share; each command's own options are in its
+//!   module.
+//! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`],
+//!   [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
 //! - [`mod@demo`]: a simulated capture, and all that follows.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`mod@bench`]: how fast each stage is.

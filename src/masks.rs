@@ -18,12 +18,14 @@ use std::process::ExitCode;
 
 /// Find out which pixels of photographs show a light
 ///
-/// A mask is every pixel at or above a threshold of linear radiance, found in all views together or given, and what label images
-/// mark, less what other label images mark as reflections. Where the dataset has depths, or a trained scene gives them,
-/// masks are compared between views: a reflection moves over its surface, a lamp does not.
+/// A mask is every pixel at or above a threshold of linear radiance, found in all views together or
+/// given, and what label images mark, less what other label images mark as reflections. Where the
+/// dataset has depths, or a trained scene gives them, masks are compared between views: a
+/// reflection moves over its surface, a lamp does not.
 ///
-/// Writes Emissive-exr/<view>.exr (1 where there is a light, 0 elsewhere) and into masks/ overlays to look at, table.md, views.csv
-/// and report.json. A view of which nothing is known, without threshold or label, gets no mask: that is not an empty one.
+/// Writes Emissive-exr/<view>.exr (1 where there is a light, 0 elsewhere) and into masks/ overlays
+/// to look at, table.md, views.csv and report.json. A view of which nothing is known, without
+/// threshold or label, gets no mask: that is not an empty one.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct MasksArgs {
@@ -33,8 +35,8 @@ pub(crate) struct MasksArgs {
     /// Folder to write to [default: that of the dataset, where training looks for masks]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Threshold of linear radiance above 0; `auto` finds the gap between lit surfaces and lights in all views together, `none` takes
-    /// labels alone
+    /// Threshold of linear radiance above 0; `auto` finds the gap between lit surfaces and lights
+    /// in all views together, `none` takes labels alone
     #[arg(long, value_name = "RADIANCE|auto|none", default_value = "auto", value_parser = threshold)]
     threshold: Source,
     /// Value of a pixel that is compared with the threshold
@@ -43,7 +45,8 @@ pub(crate) struct MasksArgs {
     /// Whether pixels at the border of a light, which show it in part, belong to it
     #[arg(long, value_enum, default_value = "half")]
     border: BorderArg,
-    /// Folder of label images of lights, <view>.png of any size; what is neither black nor transparent is marked. Views may be missing
+    /// Folder of label images of lights, <view>.png of any size; what is neither black nor
+    /// transparent is marked. Views may be missing
     #[arg(long, value_name = "DIR")]
     labels: Option<PathBuf>,
     /// Folder of label images of what is no light, as bright reflections; subtracted last
@@ -61,13 +64,15 @@ pub(crate) struct MasksArgs {
     /// What becomes of regions that other views do not confirm
     #[arg(long, value_enum, default_value = "keep")]
     inconsistent: InconsistentArg,
-    /// Least share, 0 to 1, of the places where other views see a region's surface that they have to mask as well
+    /// Least share, 0 to 1, of the places where other views see a region's surface that they have
+    /// to mask as well
     #[arg(long, value_name = "SHARE", default_value_t = 0.5)]
     min_support: f32,
     /// Trained scene that gives depths for the comparison, where the dataset has none
     #[arg(long, value_name = "SCENE.ply", conflicts_with = "from_scene")]
     scene: Option<PathBuf>,
-    /// Trained scene to take masks from, in place of a threshold: pixels whose blended emission is at least --emission
+    /// Trained scene to take masks from, in place of a threshold: pixels whose blended emission is
+    /// at least --emission
     #[arg(long, value_name = "SCENE.ply", conflicts_with = "threshold")]
     from_scene: Option<PathBuf>,
     /// Least emission of a pixel with --from-scene, above 0 and at most 1

@@ -17,19 +17,23 @@ use std::process::ExitCode;
 
 /// Put normal maps of any estimator into a dataset
 ///
-/// Maps are EXR or PNG of any size, called like the views. How they are to be read, in the camera's space or the world's and with which
-/// axes, is found out by holding them against the surfaces that the dataset's depths span, or the planes of its points; or it is given, and
-/// checked the same way. Where no reading stands out, nothing is written.
+/// Maps are EXR or PNG of any size, called like the views. How they are to be read, in the camera's
+/// space or the world's and with which axes, is found out by holding them against the surfaces that
+/// the dataset's depths span, or the planes of its points; or it is given, and checked the same
+/// way. Where no reading stands out, nothing is written.
 ///
-/// Writes Normal-exr/<view>.exr (world space, unit length, turned to the camera, 0 where unknown) and into normals/ previews and
-/// report.json. The maps may also be made here, by a network in ONNX that you have (--onnx). Views without a map have no normals, which training makes up for by itself.
+/// Writes Normal-exr/<view>.exr (world space, unit length, turned to the camera, 0 where unknown)
+/// and into normals/ previews and report.json. The maps may also be made here, by a network in ONNX
+/// that you have (--onnx). Views without a map have no normals, which training makes up for by
+/// itself.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct NormalsArgs {
     /// Dataset: a folder with a transforms.json, or that file
     #[arg(value_name = "DATASET")]
     dataset: PathBuf,
-    /// Folder of maps, <view>.exr or <view>.png, made of the dataset's own images; views may be missing
+    /// Folder of maps, <view>.exr or <view>.png, made of the dataset's own images; views may be
+    /// missing
     #[arg(
         long,
         value_name = "DIR",
@@ -53,8 +57,9 @@ pub(crate) struct NormalsArgs {
     /// Space of the maps' vectors
     #[arg(long, value_enum, default_value = "auto")]
     space: SpaceArg,
-    /// What the maps' components are: `opencv` (x right, y down, z forward), `opengl` (y up, z to the viewer), `directx` (y down, z to the
-    /// viewer), or which component with which sign is x, y and z, as x,-y,-z; `auto` finds out
+    /// What the maps' components are: `opencv` (x right, y down, z forward), `opengl` (y up, z to
+    /// the viewer), `directx` (y down, z to the viewer), or which component with which sign is x, y
+    /// and z, as x,-y,-z; `auto` finds out
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = axes, allow_hyphen_values = true)]
     axes: AxesArg,
     /// How the maps store components
@@ -69,17 +74,21 @@ pub(crate) struct NormalsArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Network")]
 struct NetworkArgs {
-    /// Network to make maps with: an ONNX model of one picture (1x3xHxW or 1xHxWx3) whose output has three channels, or four with a
-    /// confidence. Its maps go to normals/network/ as they come out
+    /// Network to make maps with: an ONNX model of one picture (1x3xHxW or 1xHxWx3) whose output
+    /// has three channels, or four with a confidence. Its maps go to normals/network/ as they come
+    /// out
     #[arg(long, value_name = "MODEL.onnx")]
     onnx: Option<PathBuf>,
-    /// Library of ONNX Runtime [default: as EAGPT_ONNXRUNTIME says, else where the dynamic loader looks]
+    /// Library of ONNX Runtime [default: as EAGPT_ONNXRUNTIME says, else where the dynamic loader
+    /// looks]
     #[arg(long, value_name = "FILE", requires = "onnx")]
     onnxruntime: Option<PathBuf>,
-    /// Width and height of the network's picture, pixels, 1 to 8192 each [default: what the model says, else the view's, rounded]
+    /// Width and height of the network's picture, pixels, 1 to 8192 each [default: what the model
+    /// says, else the view's, rounded]
     #[arg(long, value_name = "WxH", requires = "onnx", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// What the sides of the picture are rounded to a multiple of, where the model leaves them open, 1 to 1024
+    /// What the sides of the picture are rounded to a multiple of, where the model leaves them
+    /// open, 1 to 1024
     #[arg(long, value_name = "PIXELS", requires = "onnx", default_value_t = 32)]
     multiple: u32,
     /// What is taken from the picture's sRGB values, by channel

@@ -1,4 +1,5 @@
-//! Folders that results go to: nothing that this program did not make is overwritten without being told to.
+//! Folders that results go to: nothing that this program did not make is overwritten without being
+//! told to.
 
 use crate::record::Record;
 use anyhow::{Result, anyhow, bail};
@@ -41,11 +42,12 @@ pub(crate) struct Target<'a> {
 }
 
 impl Target<'_> {
-    /// Finds out whether `files` (relative to the folder) may be written, before any work and without touching anything.
+    /// Finds out whether `files` (relative to the folder) may be written, before any work and
+    /// without touching anything.
     ///
     /// # Errors
-    /// If the folder holds another result or one of the files is there and may not be replaced; if two files have one name; if a
-    /// file is an input.
+    /// If the folder holds another result or one of the files is there and may not be replaced; if
+    /// two files have one name; if a file is an input.
     pub(crate) fn check(&self, files: &[PathBuf]) -> Result<()> {
         let mut seen = HashSet::new();
         if let Some(twice) = files.iter().find(|file| !seen.insert(file.as_path())) {
@@ -78,7 +80,8 @@ impl Target<'_> {
         Ok(())
     }
 
-    /// Makes the folder ready: removes the earlier result, if it may be replaced, and makes sure that files can be written.
+    /// Makes the folder ready: removes the earlier result, if it may be replaced, and makes sure
+    /// that files can be written.
     ///
     /// # Errors
     /// If the folder cannot be created or written to.
@@ -104,7 +107,8 @@ impl Target<'_> {
         read_record(&path, self.command).map(Some)
     }
 
-    /// Removes the files that a record lists, the record first: without one, what is left is known to be incomplete.
+    /// Removes the files that a record lists, the record first: without one, what is left is known
+    /// to be incomplete.
     fn remove_earlier(&self, earlier: &Record) -> Result<()> {
         let inputs = self.resolved_inputs();
         files::remove_if_there(&self.dir.join(self.record))?;
@@ -135,7 +139,8 @@ fn is_input(path: &Path, inputs: &HashSet<PathBuf>) -> bool {
     path.canonicalize().is_ok_and(|real| inputs.contains(&real))
 }
 
-/// The record of a result that is a file: `E.record.json` beside `E.ply`, so that many may share a folder.
+/// The record of a result that is a file: `E.record.json` beside `E.ply`, so that many may share a
+/// folder.
 pub(crate) fn record_path(out: &Path) -> PathBuf {
     out.with_extension("record.json")
 }
@@ -143,7 +148,8 @@ pub(crate) fn record_path(out: &Path) -> PathBuf {
 /// Finds out whether `command` may write the file `out` and its record, without touching anything.
 ///
 /// # Errors
-/// If one of them is an input, or there already and not to be replaced: what is there has to be a result of the same command.
+/// If one of them is an input, or there already and not to be replaced: what is there has to be a
+/// result of the same command.
 pub(crate) fn check_file(
     out: &Path,
     command: &str,

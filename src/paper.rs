@@ -1,7 +1,7 @@
 //! `eagpt paper`: the tables of the paper, for any dataset.
 //!
-//! Everything is a project of `eagpt run`: one for each scene that is trained, one for each row that renders it. What has to run again,
-//! and where a run goes on, is decided there.
+//! Everything is a project of `eagpt run`: one for each scene that is trained, one for each row
+//! that renders it. What has to run again, and where a run goes on, is decided there.
 //!
 //! - [`rows`]: what each row changes.
 //! - [`published`]: the numbers of the paper.
@@ -31,21 +31,25 @@ use std::time::Instant;
 
 /// Make the tables of the paper for datasets of your own
 ///
-/// A row is a way of rendering (0-bounce, 1-bounce, path, baked), measured in the light of the photographs and in every other light that the
-/// dataset brings; or an ablation: path tracing of a scene trained without normal maps, without agreement of normals and depths, with
-/// inaccurate masks, with fewer Gaussians; with 3, 7, 11 bounces; with 256, 1,024, 4,096 samples a pixel. Rows of one scene share its
-/// training. With several seeds a number is their mean ± standard deviation. Published numbers stand beside those of a dataset that is
-/// called like one of the paper's scenes.
+/// A row is a way of rendering (0-bounce, 1-bounce, path, baked), measured in the light of the
+/// photographs and in every other light that the dataset brings; or an ablation: path tracing of a
+/// scene trained without normal maps, without agreement of normals and depths, with inaccurate
+/// masks, with fewer Gaussians; with 3, 7, 11 bounces; with 256, 1,024, 4,096 samples a pixel. Rows
+/// of one scene share its training. With several seeds a number is their mean ± standard deviation.
+/// Published numbers stand beside those of a dataset that is called like one of the paper's scenes.
 ///
-/// Everything is a project of `eagpt run`, in a folder of its own: the same command goes on where it was stopped and makes only what is new.
+/// Everything is a project of `eagpt run`, in a folder of its own: the same command goes on where
+/// it was stopped and makes only what is new.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct PaperArgs {
-    /// Datasets: folders, or project files of `eagpt run`, whose `[[relight]]` are the other lights. NAME= before one gives it a name
-    /// [default: that of the folder or file]; b-kitchen, b-livingroom, f-classroom and f-conference are the paper's
+    /// Datasets: folders, or project files of `eagpt run`, whose `[[relight]]` are the other
+    /// lights. NAME= before one gives it a name [default: that of the folder or file]; b-kitchen,
+    /// b-livingroom, f-classroom and f-conference are the paper's
     #[arg(value_name = "[NAME=]DATASET", required = true, value_parser = named)]
     datasets: Vec<Named>,
-    /// Project file whose sections the DATASETs that are folders take; its own dataset does not count
+    /// Project file whose sections the DATASETs that are folders take; its own dataset does not
+    /// count
     #[arg(long, value_name = "PROJECT.toml")]
     config: Option<PathBuf>,
     /// Options of DATASETs that are folders, where --config says nothing
@@ -63,8 +67,9 @@ pub(crate) struct PaperArgs {
     /// Folder for everything; created
     #[arg(long, value_name = "DIR", default_value = "paper")]
     out: PathBuf,
-    /// Make only part I of N of the scenes, each with its rows, 1 to N. Parts share DIR and may run at once, on machines that share it; when all
-    /// are there, the same command without --shard writes the tables
+    /// Make only part I of N of the scenes, each with its rows, 1 to N. Parts share DIR and may run
+    /// at once, on machines that share it; when all are there, the same command without --shard
+    /// writes the tables
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
     shard: Option<Shard>,
     /// Print what would be made, which commands that takes, and do nothing
@@ -268,7 +273,8 @@ fn recorded(args: &PaperArgs, rows: &[&Row]) -> serde_json::Value {
     })
 }
 
-/// Runs the projects of a shard; `false` if it was stopped. One that fails does not keep the others from running.
+/// Runs the projects of a shard; `false` if it was stopped. One that fails does not keep the others
+/// from running.
 fn make(
     groups: &[Group],
     shard: Shard,

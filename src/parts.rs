@@ -1,8 +1,9 @@
 //! Results that several processes make together, or one after another.
 //!
-//! Work on a list of items, as views, leaves a file for each [`Shard`] in the folder of the result, `shard-2-of-3.record.json`: what is
-//! done, with digests of the files. A process that was stopped goes on from its own; one that has all items to do takes what it
-//! finds in those of the others, if all of them are there. They go when the result is complete, which then looks as if one
+//! Work on a list of items, as views, leaves a file for each [`Shard`] in the folder of the result,
+//! `shard-2-of-3.record.json`: what is done, with digests of the files. A process that was stopped
+//! goes on from its own; one that has all items to do takes what it finds in those of the others,
+//! if all of them are there. They go when the result is complete, which then looks as if one
 //! process had made it. The end of their name says what they are: a record, no result.
 
 use anyhow::{Context, Result, bail};
@@ -109,11 +110,12 @@ fn read(path: &Path) -> Result<PartFile> {
 }
 
 impl Parts {
-    /// Opens the work of `shard` on the result that `key` decides, or begins it; the whole, [`Shard::WHOLE`], takes the parts that it
-    /// finds.
+    /// Opens the work of `shard` on the result that `key` decides, or begins it; the whole,
+    /// [`Shard::WHOLE`], takes the parts that it finds.
     ///
     /// # Errors
-    /// If the folder holds parts of another result or of another division; for the whole, if a part is missing or not complete.
+    /// If the folder holds parts of another result or of another division; for the whole, if a part
+    /// is missing or not complete.
     pub(crate) fn open(dir: &Path, command: &str, key: &str, shard: Shard) -> Result<Self> {
         let mut own = None;
         let mut others = Vec::new();
@@ -160,8 +162,8 @@ impl Parts {
         Ok(parts)
     }
 
-    /// Removes what a process that was killed has left of `files`, those of the shard: other shards, which may be writing in the same
-    /// folder, have others.
+    /// Removes what a process that was killed has left of `files`, those of the shard: other
+    /// shards, which may be writing in the same folder, have others.
     ///
     /// # Errors
     /// If something cannot be removed.

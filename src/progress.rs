@@ -32,7 +32,8 @@ struct Task {
     name: String,
     unit: &'static str,
     bar: Option<ProgressBar>,
-    /// Steps that were done before this process began, as after a resume; they do not count for the rate.
+    /// Steps that were done before this process began, as after a resume; they do not count for the
+    /// rate.
     first: u64,
     total: u64,
     started: Instant,
@@ -50,7 +51,8 @@ impl Reporter {
         Self { style, task: None }
     }
 
-    /// Runs a job, telling its messages one by one by `tell`. What cannot be told is an error only after the job: its work counts.
+    /// Runs a job, telling its messages one by one by `tell`. What cannot be told is an error only
+    /// after the job: its work counts.
     ///
     /// # Errors
     /// The job's, or the first of `tell`.
@@ -117,7 +119,8 @@ impl Reporter {
         }
     }
 
-    /// Shows that `done` of `total` steps of the task `name` are done, which begins with the first of them, and tells machines.
+    /// Shows that `done` of `total` steps of the task `name` are done, which begins with the first
+    /// of them, and tells machines.
     ///
     /// # Errors
     /// As [`Self::step_message`].

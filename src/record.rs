@@ -13,7 +13,8 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 /// File name of the record in a folder of results.
 pub(crate) const FILE_NAME: &str = "record.json";
 
-/// A record. All commands write the same keys; those that mean nothing for a command are null or empty.
+/// A record. All commands write the same keys; those that mean nothing for a command are null or
+/// empty.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Record {
     /// Name of the program.
@@ -117,7 +118,8 @@ thread_local! {
     static INNER_ARGUMENTS: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
 }
 
-/// Runs a command as if it had been called with `arguments`: its record tells those, and not what the program was started with.
+/// Runs a command as if it had been called with `arguments`: its record tells those, and not what
+/// the program was started with.
 pub(crate) fn with_arguments<T>(arguments: Vec<String>, command: impl FnOnce() -> T) -> T {
     INNER_ARGUMENTS.set(Some(arguments));
     let outcome = command();

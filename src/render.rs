@@ -157,8 +157,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Finds out whether the files of the shard may be written. Those that unfinished work on this result has left may, but it has to be of
-/// this result: that is found out when it is opened.
+/// Finds out whether the files of the shard may be written. Those that unfinished work on this
+/// result has left may, but it has to be of this result: that is found out when it is opened.
 fn check<'a>(
     args: &RenderArgs,
     shard: Shard,

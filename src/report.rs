@@ -10,8 +10,8 @@ use std::process::ExitCode;
 
 /// Put the results of a run on one page
 ///
-/// The page is one HTML file with all pictures, tables and curves in it. It needs no network; sliders aside, it needs no JavaScript.
-/// `eagpt run` writes it as its last step.
+/// The page is one HTML file with all pictures, tables and curves in it. It needs no network;
+/// sliders aside, it needs no JavaScript. `eagpt run` writes it as its last step.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Example:\n  eagpt report runs/kitchen --out kitchen.html")]
 pub(crate) struct ReportArgs {

@@ -58,10 +58,11 @@ use std::process::ExitCode;
 
 /// Run the whole chain that a project file describes
 ///
-/// A project is a TOML file with a section for each step, whose keys are the options of the command of that step (`eagpt init` writes
-/// one with comments). Steps run only if their options, their inputs or what they take from earlier steps have changed since
-/// they last ran; a step that was stopped goes on where it can. All results go into one folder, as the commands write them, with run.json,
-/// which says what was made from what.
+/// A project is a TOML file with a section for each step, whose keys are the options of the command
+/// of that step (`eagpt init` writes one with comments). Steps run only if their options, their
+/// inputs or what they take from earlier steps have changed since they last ran; a step that was
+/// stopped goes on where it can. All results go into one folder, as the commands write them, with
+/// run.json, which says what was made from what.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct RunArgs {
@@ -77,12 +78,13 @@ pub(crate) struct RunArgs {
     /// Print the steps and do nothing; with --json, what each reads, makes and waits for
     #[arg(long, conflicts_with = "dry_run")]
     list: bool,
-    /// Run this step and no other, if it has to be run; what it takes from others has to be there. Several processes may run steps of one
-    /// project at once: a workflow engine does, see workflow/ in the repository
+    /// Run this step and no other, if it has to be run; what it takes from others has to be there.
+    /// Several processes may run steps of one project at once: a workflow engine does, see
+    /// workflow/ in the repository
     #[arg(long, value_name = "STEP", conflicts_with_all = ["dry_run", "list", "until", "from"])]
     only: Option<String>,
-    /// With --only: part I of N of the step, 1 to N, if it is one of many views (ingest, render, bake --method views); the step itself, without
-    /// --shard, then puts the parts together
+    /// With --only: part I of N of the step, 1 to N, if it is one of many views (ingest, render,
+    /// bake --method views); the step itself, without --shard, then puts the parts together
     #[arg(long, value_name = "I/N", requires = "only")]
     shard: Option<Shard>,
     /// Stop after this step
@@ -91,8 +93,8 @@ pub(crate) struct RunArgs {
     /// Run this step and everything after it, changed or not
     #[arg(long, value_name = "STEP")]
     from: Option<String>,
-    /// Make everything again that a finished run in RUN has made, in a folder of its own, and say what differs; exit code 1 if
-    /// anything does
+    /// Make everything again that a finished run in RUN has made, in a folder of its own, and say
+    /// what differs; exit code 1 if anything does
     #[arg(long, value_name = "RUN", conflicts_with_all = ["project", "out", "dry_run", "list", "only", "from"])]
     verify: Option<PathBuf>,
 }

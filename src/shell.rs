@@ -1,4 +1,5 @@
-//! What shells and manuals want to know of the program: completions and man pages, made of the same description as `--help`.
+//! What shells and manuals want to know of the program: completions and man pages, made of the same
+//! description as `--help`.
 
 use crate::cli::{Cli, GlobalArgs};
 use crate::output;

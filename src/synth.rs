@@ -18,12 +18,14 @@ use std::process::ExitCode;
 
 /// Photograph a virtual room: RAW brackets, and the truth behind them
 ///
-/// A scene is a TOML file: a room, its furniture, its lights in each condition, cameras and the camera's sensor. Light is path-traced and then
-/// photographed as a camera would: through a colour filter array, with vignetting, noise, clipping, in brackets of DNG files.
+/// A scene is a TOML file: a room, its furniture, its lights in each condition, cameras and the
+/// camera's sensor. Light is path-traced and then photographed as a camera would: through a colour
+/// filter array, with vignetting, noise, clipping, in brackets of DNG files.
 ///
-/// In CAPTURE come <condition>/<position>_<exposure>.dng, capture.toml (which files belong together), truth/<condition>/ (a dataset
-/// without noise: radiance, emission masks, normals, depth, albedo, cameras, points), colmap/sparse/0 (the model COLMAP would give, in a
-/// frame of its own) and synth.json (everything that is true of it).
+/// In CAPTURE come <condition>/<position>_<exposure>.dng, capture.toml (which files belong
+/// together), truth/<condition>/ (a dataset without noise: radiance, emission masks, normals,
+/// depth, albedo, cameras, points), colmap/sparse/0 (the model COLMAP would give, in a frame of its
+/// own) and synth.json (everything that is true of it).
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct SynthArgs {
@@ -42,7 +44,8 @@ pub(crate) struct SynthArgs {
     /// What to write
     #[arg(long, value_enum, default_value = "all")]
     parts: PartsArg,
-    /// Size of the truth images, pixels, 8x8 to 16384x16384; the sensor has more by the rig's oversampling [default: the scene's]
+    /// Size of the truth images, pixels, 8x8 to 16384x16384; the sensor has more by the rig's
+    /// oversampling [default: the scene's]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// Number of positions, 1 to 10000 [default: the scene's]

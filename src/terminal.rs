@@ -7,7 +7,8 @@ use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 use tracing_subscriber::EnvFilter;
 
-/// All bars of the program. Whatever else goes to standard error goes through [`MultiProgress::suspend`].
+/// All bars of the program. Whatever else goes to standard error goes through
+/// [`MultiProgress::suspend`].
 pub(crate) static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
 /// Sets up what the libraries log.
@@ -42,7 +43,8 @@ pub(crate) fn line(text: &str) {
     }
 }
 
-/// Writes text to standard output, where results asked for go. A reader that has seen enough is no error.
+/// Writes text to standard output, where results asked for go. A reader that has seen enough is no
+/// error.
 ///
 /// # Errors
 /// If standard output cannot be written, as when the disk is full.

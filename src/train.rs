@@ -21,16 +21,17 @@ use std::process::ExitCode;
 
 /// Train a scene of 2D Gaussians on a dataset
 ///
-/// Stage 0 (radiance) fits geometry, radiance and emission to the training views; stage 1 (albedo) then fits the diffuse
-/// albedo through one bounce of light.
+/// Stage 0 (radiance) fits geometry, radiance and emission to the training views; stage 1 (albedo)
+/// then fits the diffuse albedo through one bounce of light.
 ///
-/// The dataset is a folder with transforms.json (EAG-PT or nerfstudio keys), linear EXR images, optional masks, normals and
-/// opacities, and points3d.ply to start from.
+/// The dataset is a folder with transforms.json (EAG-PT or nerfstudio keys), linear EXR images,
+/// optional masks, normals and opacities, and points3d.ply to start from.
 ///
-/// Options come in layers, later ones winning: the preset, the file of --config, the flags, each --set. --dump-config
-/// prints the outcome.
+/// Options come in layers, later ones winning: the preset, the file of --config, the flags, each
+/// --set. --dump-config prints the outcome.
 ///
-/// Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one ends it at once.
+/// Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one
+/// ends it at once.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct TrainArgs {
@@ -52,7 +53,8 @@ pub(crate) struct TrainArgs {
     /// Iterations of stage 1, one view each [default: 150 draft, 336 fast, 400 paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     albedo_iterations: Option<u32>,
-    /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1 (draft, paper), 2 (fast)]
+    /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1
+    /// (draft, paper), 2 (fast)]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     gaussians: Option<u64>,
     /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]
@@ -60,9 +62,9 @@ pub(crate) struct TrainArgs {
     seed: Option<u64>,
     /// Which views train and which test [default: every-8th]
     ///
-    /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's train_filenames and
-    /// test_filenames (or val_filenames) say. all: every view trains. paper: as the released code of EAG-PT divides them,
-    /// which tests on some views it has trained on.
+    /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's
+    /// train_filenames and test_filenames (or val_filenames) say. all: every view trains. paper: as
+    /// the released code of EAG-PT divides them, which tests on some views it has trained on.
     #[arg(long, value_name = "RULE", value_parser = cli::split_rule())]
     split: Option<SplitRule>,
     /// TOML file of options, all or some, as --dump-config prints them
@@ -87,10 +89,12 @@ pub(crate) struct TrainArgs {
     /// Memory that images may take, MiB [default: half of what is free]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..))]
     memory: Option<u64>,
-    /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it [default: those of the dataset]
+    /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it
+    /// [default: those of the dataset]
     #[arg(long, value_name = "DIR")]
     masks: Option<PathBuf>,
-    /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it [default: those of the dataset]
+    /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it [default:
+    /// those of the dataset]
     #[arg(long, value_name = "DIR")]
     normals: Option<PathBuf>,
     #[command(flatten)]
@@ -216,7 +220,8 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses a folder with results of other commands, or with a scene that no run left there. Earlier runs are the job's to judge.
+/// Refuses a folder with results of other commands, or with a scene that no run left there. Earlier
+/// runs are the job's to judge.
 fn check_target(request: &TrainRequest) -> Result<()> {
     let goes_on =
         request.existing != Existing::Refuse || request.options.stage == StageChoice::Albedo;

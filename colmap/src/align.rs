@@ -1,13 +1,17 @@
 //! Which way is up, where the floor is, which way the walls go: from a sparse model alone.
 //!
-//! 1. **Gravity** ([`gravity`]): cameras are held level, so the horizontal axes of their images lie in one plane of the world; its normal
-//!    is vertical. The tops of the images say which end is up.
-//! 2. **Floor** ([`floor`]): horizontal planes among the points below the cameras, by RANSAC. The lowest that has support, spread and no
-//!    mirror above it is the floor; its normal, together with the cameras', is the final vertical.
-//! 3. **Walls** ([`walls`]): the yaw at which the points, seen from above, gather on the fewest lines along two axes.
+//! 1. **Gravity** ([`gravity`]): cameras are held level, so the horizontal axes of their images lie
+//!    in one plane of the world; its normal is vertical. The tops of the images say which end is
+//!    up.
+//! 2. **Floor** ([`floor`]): horizontal planes among the points below the cameras, by RANSAC. The
+//!    lowest that has support, spread and no mirror above it is the floor; its normal, together
+//!    with the cameras', is the final vertical.
+//! 3. **Walls** ([`walls`]): the yaw at which the points, seen from above, gather on the fewest
+//!    lines along two axes.
 //!
-//! The aligned world has z up, the floor on z = 0, x along the longer side of the room, and its origin below the median of the cameras.
-//! Nothing depends on the unit of the model: lengths derive from its size. The result is a function of model and options, to the bit.
+//! The aligned world has z up, the floor on z = 0, x along the longer side of the room, and its
+//! origin below the median of the cameras. Nothing depends on the unit of the model: lengths derive
+//! from its size. The result is a function of model and options, to the bit.
 
 pub mod floor;
 pub mod gravity;
@@ -176,7 +180,8 @@ impl Evidence {
 /// Finds the transform to a world with z up and the floor on z = 0.
 ///
 /// # Errors
-/// [`ColmapError::Align`] with the reason where there is no floor to be sure of, and what to say instead; [`ColmapError::Option`].
+/// [`ColmapError::Align`] with the reason where there is no floor to be sure of, and what to say
+/// instead; [`ColmapError::Option`].
 pub fn align(model: &Model, options: &AlignOptions) -> Result<Alignment> {
     options.validate()?;
     let evidence = Evidence::new(model, options);

@@ -1,10 +1,12 @@
 //! From a model and linear images to a dataset.
 //!
-//! [`ImportPlan::new`] reads the model, finds the images, aligns the world and chooses the pinhole cameras; whatever is wrong is found
-//! there, before anything is written. [`ImportPlan::run`] writes: images undistorted in linear light, cameras, points, a report.
+//! [`ImportPlan::new`] reads the model, finds the images, aligns the world and chooses the pinhole
+//! cameras; whatever is wrong is found there, before anything is written. [`ImportPlan::run`]
+//! writes: images undistorted in linear light, cameras, points, a report.
 //!
-//! Pixels that a lens does not show are not known, which is neither black nor transparent: by default pinhole images are cut so that there
-//! are none. Where the user wants them, their radiance is 0 and `Valid-exr/` says which they are.
+//! Pixels that a lens does not show are not known, which is neither black nor transparent: by
+//! default pinhole images are cut so that there are none. Where the user wants them, their radiance
+//! is 0 and `Valid-exr/` says which they are.
 
 mod images;
 mod report;
@@ -262,7 +264,8 @@ impl ImportPlan {
         photographs.flat_map(Photograph::sources).cloned().collect()
     }
 
-    /// Files that will be written, relative to the folder of results; images whose masks turn out to be whole have fewer.
+    /// Files that will be written, relative to the folder of results; images whose masks turn out
+    /// to be whole have fewer.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut all = vec![PathBuf::from(REPORT_FILE)];
         if self.options.aligned_model == AlignedModel::Write {
@@ -283,10 +286,12 @@ impl ImportPlan {
         all
     }
 
-    /// Writes the datasets into `out`, and the aligned model if it is wanted. `progress` hears of every image.
+    /// Writes the datasets into `out`, and the aligned model if it is wanted. `progress` hears of
+    /// every image.
     ///
     /// # Errors
-    /// [`ColmapError`] naming the file that cannot be read or written, or a pixel that is not finite.
+    /// [`ColmapError`] naming the file that cannot be read or written, or a pixel that is not
+    /// finite.
     pub fn run(
         &self,
         out: &Path,

@@ -5,8 +5,9 @@
 //! - [`mod@import`]: a model and linear images become a dataset.
 //! - [`mod@run`]: drives an installed `colmap`.
 //!
-//! Poses are COLMAP's, camera from world with OpenCV axes, until [`mod@import`] writes them. What a file says is never trusted: counts are
-//! held against the bytes that are there before anything is allocated.
+//! Poses are COLMAP's, camera from world with OpenCV axes, until [`mod@import`] writes them. What a
+//! file says is never trusted: counts are held against the bytes that are there before anything is
+//! allocated.
 
 pub mod align;
 pub mod error;

@@ -1,9 +1,11 @@
 //! COLMAP's sparse models: nouns, and their text and binary files.
 //!
-//! [`Model::read`] takes a folder with `cameras`, `images` and `points3D`, and `rigs` and `frames` where they are (COLMAP 3.12 and
-//! later), as `.bin` or `.txt`; a folder with both is read as binary, as COLMAP does. [`Model::write`] writes either form.
+//! [`Model::read`] takes a folder with `cameras`, `images` and `points3D`, and `rigs` and `frames`
+//! where they are (COLMAP 3.12 and later), as `.bin` or `.txt`; a folder with both is read as
+//! binary, as COLMAP does. [`Model::write`] writes either form.
 //!
-//! Memory is about that of the binary files; with [`Observations::Skip`], 64 bytes a point and 150 an image, whatever was observed.
+//! Memory is about that of the binary files; with [`Observations::Skip`], 64 bytes a point and 150
+//! an image, whatever was observed.
 
 mod binary;
 mod fields;
@@ -263,8 +265,8 @@ impl Model {
         read::read(dir, observations)
     }
 
-    /// Writes the model into a folder, which is created; each file atomically. A `rigs` or `frames` file in the other state than the
-    /// model's is removed.
+    /// Writes the model into a folder, which is created; each file atomically. A `rigs` or `frames`
+    /// file in the other state than the model's is removed.
     ///
     /// # Errors
     /// [`crate::ColmapError`] naming the file, or that the observations were skipped.
@@ -277,7 +279,8 @@ impl Model {
         self.cameras.iter().find(|camera| camera.id == id)
     }
 
-    /// Moves the world: positions, images, frames, and the sizes of rigs. Cameras see the same as before.
+    /// Moves the world: positions, images, frames, and the sizes of rigs. Cameras see the same as
+    /// before.
     pub fn transform(&mut self, new_from_old: &Similarity) {
         for image in &mut self.images {
             image.camera_from_world = new_from_old.camera_from_new(&image.camera_from_world);

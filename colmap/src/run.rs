@@ -1,7 +1,8 @@
 //! Drives an installed `colmap`: features, matches, a sparse model; on the CPU, without a display.
 //!
-//! The steps are separate calls of the program. Its options have changed their names over the years (3.8 to 4.x); those that a step
-//! takes are read from its `--help`, so that one table of settings serves all versions.
+//! The steps are separate calls of the program. Its options have changed their names over the years
+//! (3.8 to 4.x); those that a step takes are read from its `--help`, so that one table of settings
+//! serves all versions.
 
 mod log;
 mod program;
@@ -223,7 +224,8 @@ fn collect(dir: &Path, prefix: &str, names: &mut Vec<String>, num_exr: &mut usiz
 /// Runs COLMAP on the images in `images` and writes the largest model into `out`.
 ///
 /// # Errors
-/// [`ColmapError::Program`] without the program, where a step fails, or where no model comes out; [`ColmapError`] for images and options.
+/// [`ColmapError::Program`] without the program, where a step fails, or where no model comes out;
+/// [`ColmapError`] for images and options.
 pub fn run(
     images: &Path,
     out: &Path,
@@ -351,7 +353,8 @@ fn arguments(
         }
         Step::Matches => {
             call.needed(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], "0")?;
-            // Cupboards and chairs repeat: a second look along epipolar lines finds what the ratio test threw away.
+            // Cupboards and chairs repeat: a second look along epipolar lines finds what the ratio
+            // test threw away.
             call.wanted(
                 &[
                     "FeatureMatching.guided_matching",

@@ -1,7 +1,8 @@
 //! What a dataset has, what it lacks, and what is wrong with it.
 //!
-//! Broken is what training or evaluation would stop at: a frame without its image, a file that cannot be read or has another size, a value
-//! that cannot be. All else that looks wrong is a warning. Views are looked at one by one; every finding comes with the view's name.
+//! Broken is what training or evaluation would stop at: a frame without its image, a file that
+//! cannot be read or has another size, a value that cannot be. All else that looks wrong is a
+//! warning. Views are looked at one by one; every finding comes with the view's name.
 
 mod cameras;
 mod images;
@@ -22,15 +23,19 @@ use std::collections::HashMap;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Angle between up axis and the cameras' mean upward direction from which on the axis is doubted, degrees: halfway to the next one.
+/// Angle between up axis and the cameras' mean upward direction from which on the axis is doubted,
+/// degrees: halfway to the next one.
 const MAX_UP_ANGLE_DEG: f64 = 45.0;
-/// Share of normals that have to be turned to the camera; maps of a network are wrong here and there, at grazing angles above all.
+/// Share of normals that have to be turned to the camera; maps of a network are wrong here and
+/// there, at grazing angles above all.
 const MIN_FACING: f64 = 0.9;
-/// Median angle to the surface of the depths, degrees, from which on normals are doubted: networks stay within some 20.
+/// Median angle to the surface of the depths, degrees, from which on normals are doubted: networks
+/// stay within some 20.
 const MAX_NORMAL_ANGLE_DEG: f64 = 35.0;
 /// Depths and points in the same unit differ by no more than this factor, occlusion included.
 const MAX_DEPTH_FACTOR: f64 = 3.0;
-/// Share of pixels at one largest value of at most 1 that a photograph has only where it was clipped.
+/// Share of pixels at one largest value of at most 1 that a photograph has only where it was
+/// clipped.
 const MAX_CLIPPED: f64 = 1e-4;
 /// Fewer pixels than this may share a largest value by chance, in half precision above all.
 const MIN_CLIPPED: usize = 10;
@@ -53,7 +58,8 @@ pub enum CheckProgress {
 /// Looks a dataset through; as many views are in memory as there are threads.
 ///
 /// # Errors
-/// [`crate::ConvertError::Scene`] if the file of cameras is wrong as a whole, or no frame of it can be used; all else is in the report.
+/// [`crate::ConvertError::Scene`] if the file of cameras is wrong as a whole, or no frame of it can
+/// be used; all else is in the report.
 pub fn check(path: &Path, progress: &mut dyn FnMut(CheckProgress)) -> Result<CheckReport> {
     let (dataset, bad) = Dataset::survey(path)?;
     let mut problems: Vec<Problem> = bad

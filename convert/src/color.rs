@@ -1,7 +1,8 @@
 //! Colour of sources: gains, primaries and a scale, to linear Rec.709.
 //!
-//! Matrices are derived from chromaticities: a colour space's XYZ of R, G and B are those of its primaries, scaled so that their sum is
-//! that of its white (SMPTE RP 177). Both spaces here have the white D65, so no adaptation comes in between, and grey stays grey.
+//! Matrices are derived from chromaticities: a colour space's XYZ of R, G and B are those of its
+//! primaries, scaled so that their sum is that of its white (SMPTE RP 177). Both spaces here have
+//! the white D65, so no adaptation comes in between, and grey stays grey.
 
 use glam::{DMat3, DVec2, DVec3};
 use serde::Serialize;
@@ -16,10 +17,12 @@ pub enum Primaries {
     /// ITU-R BT.709, those of sRGB: ours.
     #[default]
     Rec709,
-    /// Those of digital cinema (SMPTE RP 431-2) with the white D65 (SMPTE EG 432-1), which displays have.
+    /// Those of digital cinema (SMPTE RP 431-2) with the white D65 (SMPTE EG 432-1), which displays
+    /// have.
     ///
-    /// Eyeful Tower says "DCI-P3" and names no white. Its white balance makes grey equal in R, G and B, which is the white of whatever
-    /// space they are in; with the white of cinema projectors, adapted to D65, entries of the matrix would differ by up to 0.07.
+    /// Eyeful Tower says "DCI-P3" and names no white. Its white balance makes grey equal in R, G
+    /// and B, which is the white of whatever space they are in; with the white of cinema
+    /// projectors, adapted to D65, entries of the matrix would differ by up to 0.07.
     P3D65,
 }
 
@@ -55,7 +58,8 @@ impl Primaries {
     }
 }
 
-/// What turns a source's linear values into ours: white balance in the source's space, then its primaries, then a scale.
+/// What turns a source's linear values into ours: white balance in the source's space, then its
+/// primaries, then a scale.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ColorTransform {
     /// Factors of R, G, B.

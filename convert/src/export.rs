@@ -6,9 +6,10 @@
 //! | nerfstudio | `transforms.json`, `images/`, `sparse_pc.ply` | nerfstudio, brush, and we |
 //! | eagpt | `transforms.json`, `Radiance-exr/` | EAG-PT, and we |
 //!
-//! The world stays as it is: poses and points have the digits of the dataset, and a dataset that was imported goes back to the same
-//! cameras. Images are copied byte by byte. COLMAP and nerfstudio have no place for masks of lights, normals, depths and albedos; they
-//! are put into our own folders beside, where we find them again.
+//! The world stays as it is: poses and points have the digits of the dataset, and a dataset that
+//! was imported goes back to the same cameras. Images are copied byte by byte. COLMAP and
+//! nerfstudio have no place for masks of lights, normals, depths and albedos; they are put into our
+//! own folders beside, where we find them again.
 
 mod colmap;
 mod nerfstudio;
@@ -131,7 +132,8 @@ fn copies_of(frame: &Frame, format: ExportFormat) -> Vec<Copy> {
     there.collect()
 }
 
-/// Writes a dataset for another program into the folder `out`; images pass through a buffer, never whole.
+/// Writes a dataset for another program into the folder `out`; images pass through a buffer, never
+/// whole.
 ///
 /// # Errors
 /// [`ConvertError`]: a file that cannot be read or written, or a camera that the format cannot hold.

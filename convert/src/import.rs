@@ -1,11 +1,12 @@
 //! A source becomes our dataset.
 //!
-//! Light becomes linear Rec.709, cameras pinholes; images of a lens that distorts are resampled, others keep their pixels. Negative
-//! radiances, which a source's noise or its wider primaries leave behind, become 0 and are counted; what is not finite is a bad frame.
+//! Light becomes linear Rec.709, cameras pinholes; images of a lens that distorts are resampled,
+//! others keep their pixels. Negative radiances, which a source's noise or its wider primaries
+//! leave behind, become 0 and are counted; what is not finite is a bad frame.
 //!
-//! By default the pinhole image is a rectangle of known pixels. Where it is chosen to show more, or where the source has masks of
-//! pixels to use, [`VALID_DIR`] says which pixels are known: 1 known, 0 not. Opacity (`Alpha-exr`) says something else: how much of a known
-//! pixel there is.
+//! By default the pinhole image is a rectangle of known pixels. Where it is chosen to show more, or
+//! where the source has masks of pixels to use, [`VALID_DIR`] says which pixels are known: 1 known,
+//! 0 not. Opacity (`Alpha-exr`) says something else: how much of a known pixel there is.
 
 mod options;
 mod report;
@@ -98,8 +99,8 @@ fn image_file(folder: &str, name: &str) -> PathBuf {
 /// Imports a source into the folder `out`; as many views are in memory as there are threads.
 ///
 /// # Errors
-/// [`ConvertError::BadFrames`] with all frames that cannot be used, before anything is written if that shows without reading pixels;
-/// an option out of range; a file that cannot be written.
+/// [`ConvertError::BadFrames`] with all frames that cannot be used, before anything is written if
+/// that shows without reading pixels; an option out of range; a file that cannot be written.
 pub fn import(
     source: &Source,
     out: &Path,

@@ -1,12 +1,15 @@
-//! Normal maps of any estimator become the dataset's normals: world space, unit length, turned to the camera.
+//! Normal maps of any estimator become the dataset's normals: world space, unit length, turned to
+//! the camera.
 //!
-//! Maps come in the camera's space or the world's, with axes that estimators choose each for themselves, as EXR or PNG of any size. How they
-//! are to be read is found out, or given and checked, by holding them against what the dataset knows otherwise: the surfaces that its
-//! depths span, or planes through neighbouring points of its cloud. Of the readings that exchange and flip axes, the right one has by far the
-//! largest mean cosine; where none stands out nothing is written.
+//! Maps come in the camera's space or the world's, with axes that estimators choose each for
+//! themselves, as EXR or PNG of any size. How they are to be read is found out, or given and
+//! checked, by holding them against what the dataset knows otherwise: the surfaces that its depths
+//! span, or planes through neighbouring points of its cloud. Of the readings that exchange and flip
+//! axes, the right one has by far the largest mean cosine; where none stands out nothing is
+//! written.
 //!
-//! A normal that is turned away from the camera by a little, as networks have it at grazing angles, is made perpendicular to the view; by
-//! more than [`MAX_AWAY_DEG`] it is unknown.
+//! A normal that is turned away from the camera by a little, as networks have it at grazing angles,
+//! is made perpendicular to the view; by more than [`MAX_AWAY_DEG`] it is unknown.
 
 mod axes;
 mod maps;
@@ -72,8 +75,8 @@ fn report_file() -> PathBuf {
 /// Reads, checks, turns and writes normal maps; one view is in memory at a time.
 ///
 /// # Errors
-/// [`ConvertError::UnclearAxes`] before anything is written; [`ConvertError::BadFrames`] with all maps that cannot be read; a folder
-/// without a map of any view; a file that cannot be written.
+/// [`ConvertError::UnclearAxes`] before anything is written; [`ConvertError::BadFrames`] with all
+/// maps that cannot be read; a folder without a map of any view; a file that cannot be written.
 pub fn make_normals(
     request: &NormalRequest<'_>,
     progress: &mut dyn FnMut(NormalProgress),

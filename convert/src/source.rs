@@ -8,8 +8,8 @@
 //! | [`nerfstudio`] | `transforms.json` and what it names; of instant-NGP and Blender as well | z up |
 //! | [`eagpt`] | our own layout, that of EAG-PT | as stored |
 //!
-//! A reader looks at cameras and headers of images, not at pixels. It goes on after a frame that cannot be used and says what is wrong
-//! with it.
+//! A reader looks at cameras and headers of images, not at pixels. It goes on after a frame that
+//! cannot be used and says what is wrong with it.
 
 pub mod eagpt;
 pub mod eyeful;
@@ -65,8 +65,8 @@ impl SourceFormat {
         Self::ALL[self as usize].1
     }
 
-    /// Finds out which layout a folder, or a `transforms.json`, has: by the files that are there and the keys in them, never by a name
-    /// of the folder.
+    /// Finds out which layout a folder, or a `transforms.json`, has: by the files that are there
+    /// and the keys in them, never by a name of the folder.
     ///
     /// # Errors
     /// [`ConvertError::UnknownFormat`], or a file that cannot be read.

@@ -1,4 +1,5 @@
-//! Normals that other data of a dataset imply: those of the surface that a depth map spans, and of the plane around a point.
+//! Normals that other data of a dataset imply: those of the surface that a depth map spans, and of
+//! the plane around a point.
 
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::{Camera, Image};
@@ -7,16 +8,17 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
 
-/// How far a depth may be from the mean of its two neighbours, relative to itself, on one surface: an edge between two surfaces, and
-/// a crease, is further off.
+/// How far a depth may be from the mean of its two neighbours, relative to itself, on one surface:
+/// an edge between two surfaces, and a crease, is further off.
 const MAX_BEND: f32 = 0.01;
 /// Neighbours whose plane gives a point's normal.
 const PLANE_NEIGHBOURS: usize = 12;
 /// Largest ratio of the smallest to the middle variance of neighbours that lie in a plane.
 const MAX_THICKNESS: f64 = 0.05;
 
-/// Unit normals, world space, turned to the camera, of the surface that depths along the optical axis span; zero at the image's border, where
-/// depths are unknown (0), and where the surface is broken.
+/// Unit normals, world space, turned to the camera, of the surface that depths along the optical
+/// axis span; zero at the image's border, where depths are unknown (0), and where the surface is
+/// broken.
 pub fn normals_from_depth(depth: &Image<1>, camera: &Camera) -> Image<3> {
     let (width, height) = (depth.width() as usize, depth.height() as usize);
     let frame = camera.ray_frame();
@@ -53,7 +55,8 @@ pub fn normals_from_depth(depth: &Image<1>, camera: &Camera) -> Image<3> {
         .expect("a value for each pixel of the depth map")
 }
 
-/// Unit normals of the planes through the neighbours of each point, of either sign; zero where they lie in none.
+/// Unit normals of the planes through the neighbours of each point, of either sign; zero where they
+/// lie in none.
 pub fn normals_of_points(positions: &[Vec3]) -> Vec<Vec3> {
     if positions.len() <= PLANE_NEIGHBOURS {
         return vec![Vec3::ZERO; positions.len()];
@@ -97,7 +100,8 @@ mod tests {
                 translation: DVec3::new(1.0, 2.0, 3.0),
             },
         };
-        // The plane n · p = −4 in camera space; depth at a direction d of length 1 along the axis is −4 / (n · d).
+        // The plane n · p = −4 in camera space; depth at a direction d of length 1 along the axis
+        // is −4 / (n · d).
         let normal = DVec3::new(0.3, -0.2, -0.9).normalize();
         let mut depth = Image::filled(40, 30, [0.0_f32]);
         for (index, pixel) in depth.pixels_mut().iter_mut().enumerate() {

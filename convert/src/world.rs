@@ -1,10 +1,12 @@
-//! Worlds and poses of sources: which way is up, and the conventions that `transforms.json` does not share.
+//! Worlds and poses of sources: which way is up, and the conventions that `transforms.json` does
+//! not share.
 
 use eagpt_scene::dataset::{UpAxis, pose};
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// How far an up vector may be from perpendicular to the viewing direction, as a cosine: FIPT's own loader allows this much.
+/// How far an up vector may be from perpendicular to the viewing direction, as a cosine: FIPT's own
+/// loader allows this much.
 const MAX_UP_COSINE: f64 = 2e-3;
 /// How far an up vector may be from unit length.
 const MAX_UP_LENGTH_ERROR: f64 = 1e-2;
@@ -30,7 +32,8 @@ impl World {
     }
 }
 
-/// The rotation that exchanges axes so that `up` becomes z; for y up, x y z become z x y, as nerfstudio turns Eyeful Tower.
+/// The rotation that exchanges axes so that `up` becomes z; for y up, x y z become z x y, as
+/// nerfstudio turns Eyeful Tower.
 fn z_up_from(up: UpAxis) -> DMat3 {
     let rows = match up {
         UpAxis::Z => [DVec3::X, DVec3::Y, DVec3::Z],
@@ -51,9 +54,11 @@ pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
     }
 }
 
-/// The pose of a camera at `origin` that looks at `target` with `up` upwards in the image: columns up × forward, −up, forward.
+/// The pose of a camera at `origin` that looks at `target` with `up` upwards in the image: columns
+/// up × forward, −up, forward.
 ///
-/// `up` is made perpendicular to the viewing direction, which files with few decimals miss by some 1e-3.
+/// `up` is made perpendicular to the viewing direction, which files with few decimals miss by some
+/// 1e-3.
 ///
 /// # Errors
 /// What is wrong: origin and target coincide, `up` is not of unit length or not perpendicular.
@@ -91,7 +96,8 @@ pub fn from_camera_from_world(columns: &[[f64; 4]; 4]) -> Result<DAffine3, Strin
     let column = |c: usize| DVec3::new(columns[c][0], columns[c][1], columns[c][2]);
     let rotation = DMat3::from_cols(column(0), column(1), column(2));
     pose::check_rotation(rotation)?;
-    // The inverse, not the transpose: a rotation that is off by rounding must lead back to the same camera.
+    // The inverse, not the transpose: a rotation that is off by rounding must lead back to the same
+    // camera.
     Ok(DAffine3 {
         matrix3: rotation,
         translation: column(3),

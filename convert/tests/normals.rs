@@ -129,7 +129,8 @@ fn any_axes_are_found_out_by_depth_or_by_points() {
             assert!(reading.mean_cosine.unwrap() > 0.95, "{reading:?}");
             for (frame, normals) in dataset.frames().iter().zip(&truth) {
                 let angle = mean_angle(&out, &frame.name, normals);
-                // Half precision: 2⁻¹¹ of a component is 0.03°; the cosine near 1 in single precision rounds to as much.
+                // Half precision: 2⁻¹¹ of a component is 0.03°; the cosine near 1 in single
+                // precision rounds to as much.
                 assert!(angle < 0.1, "{axes} {}: {angle}", frame.name);
             }
         }

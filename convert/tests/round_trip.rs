@@ -65,7 +65,8 @@ fn imported(root: &Path) -> Dataset {
     Dataset::open(&back).unwrap()
 }
 
-/// All views in one folder, another axis up, a unit, a split, and pixels that are not known: what names and keys have to carry.
+/// All views in one folder, another axis up, a unit, a split, and pixels that are not known: what
+/// names and keys have to carry.
 #[test]
 fn a_folder_that_all_views_share_stays_in_their_names() {
     let dir = tempfile::tempdir().unwrap();
@@ -131,7 +132,8 @@ fn colmap_keeps_cameras_to_rounding() {
             .as_pinhole(image.camera_from_world.inverse().affine())
             .unwrap();
         let (a, b) = (back.world_from_camera, frame.camera.world_from_camera);
-        // The rotations of the room are orthonormal to single precision; a quaternion makes them so to double.
+        // The rotations of the room are orthonormal to single precision; a quaternion makes them so
+        // to double.
         let error = (a.matrix3 - b.matrix3).to_cols_array().map(f64::abs);
         assert!(error.iter().all(|e| *e < 1e-7), "{error:?}");
         assert!((a.translation - b.translation).length() < 1e-6);

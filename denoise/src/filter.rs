@@ -1,19 +1,25 @@
-//! A denoiser of our own: local linear regression of the arriving light on what is known of every pixel.
+//! A denoiser of our own: local linear regression of the arriving light on what is known of every
+//! pixel.
 //!
-//! Light is divided by the albedo first, so that textures need not survive the filter. What is left, the light that arrives, varies slowly but
-//! for shadows, and bends with the normal: about a point it is close to a linear function of the place on the image and of the normal.
-//! This function is fitted around every pixel to the noisy values, as in Moon et al. 2014 ("Adaptive rendering based on weighted local
-//! regression") and Bitterli et al. 2016 ("Nonlinearly weighted first-order regression for denoising Monte Carlo renderings"), where it
-//! beats weighted means: those flatten every gradient. Steps:
+//! Light is divided by the albedo first, so that textures need not survive the filter. What is
+//! left, the light that arrives, varies slowly but for shadows, and bends with the normal: about a
+//! point it is close to a linear function of the place on the image and of the normal. This
+//! function is fitted around every pixel to the noisy values, as in Moon et al. 2014 ("Adaptive
+//! rendering based on weighted local regression") and Bitterli et al. 2016 ("Nonlinearly weighted
+//! first-order regression for denoising Monte Carlo renderings"), where it beats weighted means:
+//! those flatten every gradient. Steps:
 //!
 //! 1. `guides`: how far two pixels are apart as surfaces: plane distance and normal.
 //! 2. `outliers`: values far above their surroundings are lowered.
 //! 3. `regression` with weights by the guides alone: a first estimate, blind to shadows.
-//! 4. Values are lowered to the first estimate plus some standard deviations of their mean, known from the samples' second moment.
+//! 4. Values are lowered to the first estimate plus some standard deviations of their mean, known
+//!    from the samples' second moment.
 //! 5. `regression` again, weights by the first estimate, too: edges of shadows stay.
-//! 6. `outliers`: the light cut off in 2 and 4 is spread widely and added, since it is as real as the rest.
+//! 6. `outliers`: the light cut off in 2 and 4 is spread widely and added, since it is as real as
+//!    the rest.
 //!
-//! Sums run over a pixel's window in a fixed order: the result does not depend on the number of threads.
+//! Sums run over a pixel's window in a fixed order: the result does not depend on the number of
+//! threads.
 
 mod guides;
 mod outliers;
@@ -27,7 +33,8 @@ use guides::Guides;
 use rayon::prelude::*;
 use regression::Samples;
 
-/// Albedo below which light is not divided by it but by this: what arrives at black surfaces is not seen in them.
+/// Albedo below which light is not divided by it but by this: what arrives at black surfaces is not
+/// seen in them.
 const MIN_ALBEDO: f32 = 1e-3;
 
 /// What decides how the filter works; the default was tuned on path-traced rooms with 16 samples.
@@ -39,7 +46,8 @@ pub struct Settings {
     pub first_radius: i32,
     /// Standard deviation of the weights over the image, in radii.
     pub spatial: f32,
-    /// Every so many pixels along each axis a function is fitted; a pixel takes the mean of those around it.
+    /// Every so many pixels along each axis a function is fitted; a pixel takes the mean of those
+    /// around it.
     pub stride: i32,
     /// The same for the first estimate.
     pub first_stride: i32,
@@ -96,8 +104,8 @@ pub fn reflected(frame: &Frame, settings: &Settings) -> Image<3> {
     shaded(frame, &sum)
 }
 
-/// Reflected light without its fireflies, and what they brought, spread over the surfaces around: for another denoiser in the place of the
-/// second regression.
+/// Reflected light without its fireflies, and what they brought, spread over the surfaces around:
+/// for another denoiser in the place of the second regression.
 pub(crate) fn calmed(frame: &Frame, settings: &Settings) -> [Image<3>; 2] {
     let guides = Guides::new(frame, settings);
     let calm = Calm::new(frame, &guides, settings);

@@ -3,17 +3,21 @@
 use crate::error::{DenoiseError, Result};
 use eagpt_scene::Image;
 
-/// A rendering, its exact and its noisy part apart, with guides free of noise. All images have one size.
+/// A rendering, its exact and its noisy part apart, with guides free of noise. All images have one
+/// size.
 ///
-/// A pixel is the mean of its rays' light. Rays that meet an emitter bring light known exactly; the others bring albedo times
-/// sampled light. Apart, a lamp neither needs denoising nor bleeds into the wall behind it, even in pixels that show both.
+/// A pixel is the mean of its rays' light. Rays that meet an emitter bring light known exactly; the
+/// others bring albedo times sampled light. Apart, a lamp neither needs denoising nor bleeds into
+/// the wall behind it, even in pixels that show both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Light of the rays that meet emitters, linear radiance, its share of the pixel; never denoised.
+    /// Light of the rays that meet emitters, linear radiance, its share of the pixel; never
+    /// denoised.
     pub emitted: Image<3>,
     /// Light of all other rays, linear radiance, its share of the pixel.
     pub reflected: Image<3>,
-    /// Albedo of those other rays, its share of the pixel: `reflected / albedo` is the light that arrives.
+    /// Albedo of those other rays, its share of the pixel: `reflected / albedo` is the light that
+    /// arrives.
     pub albedo: Image<3>,
     /// Mean unit normal of those other rays, world space; zero where unknown.
     pub normal: Image<3>,
@@ -55,8 +59,8 @@ impl Frame {
         }
     }
 
-    /// The same frame without values that are no numbers: one of them would spread over its whole neighbourhood. What such a
-    /// pixel reflects counts as unknown, and black.
+    /// The same frame without values that are no numbers: one of them would spread over its whole
+    /// neighbourhood. What such a pixel reflects counts as unknown, and black.
     pub(crate) fn repaired(&self) -> Self {
         let mut frame = self.clone();
         for i in 0..frame.coverage.pixels().len() {
@@ -82,7 +86,8 @@ impl Frame {
         frame
     }
 
-    /// The light with another reflected part. Pixels that show nothing but emitters keep their bits.
+    /// The light with another reflected part. Pixels that show nothing but emitters keep their
+    /// bits.
     pub(crate) fn with_reflected(&self, reflected: &Image<3>) -> Image<3> {
         let pixels = self.emitted.pixels().iter().zip(reflected.pixels());
         let (width, height) = self.emitted.size();

@@ -1,11 +1,13 @@
 //! Takes the noise of sampled light out of renderings.
 //!
-//! - [`frame`]: what a denoiser gets to see: the exact and the noisy part of the light, and guides free of noise.
+//! - [`frame`]: what a denoiser gets to see: the exact and the noisy part of the light, and guides
+//!   free of noise.
 //! - [`filter`]: a filter of our own, local regression on the guides.
 //! - [`oidn`]: Open Image Denoise, loaded at run time where the machine has it.
 //!
-//! [`Denoiser`] is the one interface of both. Light is linear and may be of any scale; nothing is clipped. Light of emitters is known exactly
-//! and comes out with the bits it went in with, and it does not bleed into its surroundings.
+//! [`Denoiser`] is the one interface of both. Light is linear and may be of any scale; nothing is
+//! clipped. Light of emitters is known exactly and comes out with the bits it went in with, and it
+//! does not bleed into its surroundings.
 
 pub mod error;
 pub mod filter;
@@ -88,10 +90,12 @@ impl Denoiser {
         }
     }
 
-    /// The light of `frame`, emitted and reflected together, without the noise of the latter. The same bits for any number of threads.
+    /// The light of `frame`, emitted and reflected together, without the noise of the latter. The
+    /// same bits for any number of threads.
     ///
     /// # Errors
-    /// [`DenoiseError::Size`] if the images differ in size, [`DenoiseError::Failed`] if the library gives up.
+    /// [`DenoiseError::Size`] if the images differ in size, [`DenoiseError::Failed`] if the library
+    /// gives up.
     pub fn denoise(&self, frame: &Frame) -> Result<Image<3>> {
         frame.check()?;
         let frame = &frame.repaired();

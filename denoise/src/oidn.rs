@@ -1,7 +1,9 @@
-//! Open Image Denoise (Áfra 2019–, <https://www.openimagedenoise.org>), version 2, where the machine has it.
+//! Open Image Denoise (Áfra 2019–, <https://www.openimagedenoise.org>), version 2, where the
+//! machine has it.
 //!
-//! The library is looked for and loaded at run time, never linked and never downloaded. Its network sees the reflected light with albedo and
-//! normals as guides, after [`crate::filter`] took out the fireflies, and runs on the CPU, where its results do not depend on the number of threads.
+//! The library is looked for and loaded at run time, never linked and never downloaded. Its network
+//! sees the reflected light with albedo and normals as guides, after [`crate::filter`] took out the
+//! fireflies, and runs on the CPU, where its results do not depend on the number of threads.
 
 mod library;
 mod search;
@@ -28,8 +30,9 @@ pub struct Oidn {
 }
 
 impl Oidn {
-    /// Finds the library: at `path` (a file, or a folder it lies in) if there is one, and nowhere else; otherwise where the environment
-    /// variable [`ENVIRONMENT`] says, where the dynamic loader looks, and in the usual places.
+    /// Finds the library: at `path` (a file, or a folder it lies in) if there is one, and nowhere
+    /// else; otherwise where the environment variable [`ENVIRONMENT`] says, where the dynamic
+    /// loader looks, and in the usual places.
     ///
     /// # Errors
     /// [`DenoiseError::NotFound`] with all places and what was wrong there.
@@ -115,8 +118,9 @@ impl Oidn {
     /// [`DenoiseError::Failed`] with what the library says.
     pub(crate) fn reflected(&self, frame: &Frame) -> Result<Image<3>> {
         let device = self.library.open(rayon::current_num_threads())?;
-        // Around a hole with an emitter in it the network darkens the wall, and at its edge whatever is there only in part.
-        // What is left of fireflies are blotches; the filter's first steps know the samples' scatter, the network does not.
+        // Around a hole with an emitter in it the network darkens the wall, and at its edge
+        // whatever is there only in part. What is left of fireflies are blotches; the filter's
+        // first steps know the samples' scatter, the network does not.
         let [calm, excess] = filter::calmed(frame, &Settings::default());
         let color = whole(&calm, &frame.coverage);
         let guides = GuideImages {
@@ -146,9 +150,11 @@ fn whole(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
     filled(&image, coverage)
 }
 
-/// The image with holes, where nothing is covered, filled from their edges inwards by means of what is there.
+/// The image with holes, where nothing is covered, filled from their edges inwards by means of what
+/// is there.
 fn filled(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
-    /// Width of the rim that is filled: beyond it a hole is black, which the network does not mind so far from the wall.
+    /// Width of the rim that is filled: beyond it a hole is black, which the network does not mind
+    /// so far from the wall.
     const RIM: usize = 8;
     let (width, height) = image.size();
     let mut known: Vec<bool> = coverage.pixels().iter().map(|[c]| *c > 0.0).collect();

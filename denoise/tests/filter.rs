@@ -15,7 +15,8 @@ use eagpt_scene::Image;
 const MAX_BIAS: f64 = 0.08;
 /// Factor by which the error falls at least; 5.4 as measured.
 const LEAST_GAIN: f64 = 4.0;
-/// Brightest pixel of a wall of 0.5 with a firefly of 5000 in it; 0.78 as measured, half of it noise.
+/// Brightest pixel of a wall of 0.5 with a firefly of 5000 in it; 0.78 as measured, half of it
+/// noise.
 const MAX_AFTER_FIREFLY: f32 = 1.0;
 
 fn filtered(frame: &Frame) -> Image<3> {
@@ -99,7 +100,8 @@ fn emitters_keep_their_bits_and_do_not_bleed() {
             assert_eq!(pixel, [LAMP; 3]);
             num += 1;
         } else if *coverage < 1.0 {
-            // What such a pixel reflects is less than 1: nothing of the lamp's light is gone or doubled.
+            // What such a pixel reflects is less than 1: nothing of the lamp's light is gone or
+            // doubled.
             assert!((pixel[0] - truth[0]).abs() < 1.0, "{pixel:?} {truth:?}");
         } else {
             assert!(pixel[0] < 3.0, "{pixel:?}");

@@ -23,7 +23,8 @@ pub struct Cluster {
 pub enum Step {
     /// Scene units, positive.
     Fixed(f32),
-    /// Multiples of the size of the Gaussian that the step starts from, positive: long on coarse surfaces, short on fine ones.
+    /// Multiples of the size of the Gaussian that the step starts from, positive: long on coarse
+    /// surfaces, short on fine ones.
     Sizes(f32),
 }
 
@@ -37,8 +38,9 @@ impl Step {
 }
 
 impl Cluster {
-    /// Whether each Gaussian belongs: the one of the `candidates` next to the seed, if the seed is within a step of it, and all that
-    /// can be reached from there. The set does not depend on the order of the search.
+    /// Whether each Gaussian belongs: the one of the `candidates` next to the seed, if the seed is
+    /// within a step of it, and all that can be reached from there. The set does not depend on the
+    /// order of the search.
     pub(crate) fn members(&self, gaussians: &Gaussians, candidates: &[bool]) -> Vec<bool> {
         let mut members = vec![false; gaussians.len()];
         let indices: Vec<usize> = (0..gaussians.len()).filter(|i| candidates[*i]).collect();
@@ -79,7 +81,8 @@ mod tests {
     use eagpt_scene::Gaussian;
     use glam::Vec2;
 
-    /// Discs of size 0.1 at x = 0, 0.3, 0.6, then one of size 0.4 at 1.1, and one of size 0.1 at 2.5.
+    /// Discs of size 0.1 at x = 0, 0.3, 0.6, then one of size 0.4 at 1.1, and one of size 0.1 at
+    /// 2.5.
     fn row() -> Gaussians {
         let sizes = [(0.0, 0.1), (0.3, 0.1), (0.6, 0.1), (1.1, 0.4), (2.5, 0.1)];
         let disc = |(x, size): (f32, f32)| Gaussian {

@@ -1,6 +1,7 @@
 //! Surfaces made of overlapping discs: balls, quads and boxes that need no training.
 //!
-//! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred through anywhere.
+//! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred
+//! through anywhere.
 
 use eagpt_scene::{Gaussian, Gaussians, Harmonics, rotation};
 use glam::{Mat3, Quat, Vec2, Vec3};
@@ -10,15 +11,17 @@ use std::f32::consts::PI;
 const SCALE_IN_SPACINGS: f32 = 0.75;
 /// Opacity of a disc.
 const OPACITY: f32 = 0.99;
-/// Distance of the outermost discs of a flat surface from its edge, in spacings: with the two values above, what the soft border of
-/// the discs covers beyond the edge is what it leaves open before it (integrated numerically).
+/// Distance of the outermost discs of a flat surface from its edge, in spacings: with the two
+/// values above, what the soft border of the discs covers beyond the edge is what it leaves open
+/// before it (integrated numerically).
 const INSET_IN_SPACINGS: f32 = 1.14;
 /// Discs of a surface whose spacing is not given.
 const DEFAULT_NUM_DISCS: f32 = 2500.0;
 /// Most discs of one surface: a spacing in the wrong unit must not fill the memory.
 pub const MAX_DISCS: usize = 4_000_000;
-/// Discs that touch a ball stick out of it and widen its shadow by this times (spacing / radius)², relative to the radius (measured by
-/// tracing parallel rays past balls of spacing 0.07 and 0.2 radii: 1.67 and 1.58). The discs are put that much further in.
+/// Discs that touch a ball stick out of it and widen its shadow by this times (spacing / radius)²,
+/// relative to the radius (measured by tracing parallel rays past balls of spacing 0.07 and 0.2
+/// radii: 1.67 and 1.58). The discs are put that much further in.
 const BALL_EXCESS: f32 = 1.6;
 /// Least number of discs on a ball, and along each edge of a flat surface.
 const MIN_BALL_DISCS: usize = 200;

@@ -1,5 +1,5 @@
-//! Edit scripts for scenes of 2D Gaussians: a TOML file that says *what* and *then*, checked whole before anything is touched and
-//! replayed to the same bits every time.
+//! Edit scripts for scenes of 2D Gaussians: a TOML file that says *what* and *then*, checked whole
+//! before anything is touched and replayed to the same bits every time.
 //!
 //! - [`shape`], [`cluster`], [`select`]: which Gaussians.
 //! - [`place`], [`insert`], [`act`], [`trim`]: what is done to them.
@@ -24,8 +24,8 @@
 //! as = "ball"                                  # a name that later steps may select
 //! ```
 //!
-//! **A selector** is the name of a selection, the name that an earlier step gave with `as`, `"everything"`, or a table of conditions
-//! that all have to hold:
+//! **A selector** is the name of a selection, the name that an earlier step gave with `as`,
+//! `"everything"`, or a table of conditions that all have to hold:
 //!
 //! | condition | value |
 //! |---|---|
@@ -38,10 +38,12 @@
 //! | `all`, `any` | a list of selectors |
 //! | `not` | a selector |
 //!
-//! Of radiance and albedo the luminance counts, and the size is the geometric mean of the two scales. A cluster is all that is reached
-//! from the seed point in steps of at most `radius` scene units, or `reach` sizes of the Gaussian that the step starts from (3, if
-//! nothing is said), over Gaussians of the selector `within`. Regions ask for centres. Selections are looked up in the scene as it is when their step begins; a name given with `as`
-//! follows the Gaussians wherever they go.
+//! Of radiance and albedo the luminance counts, and the size is the geometric mean of the two
+//! scales. A cluster is all that is reached from the seed point in steps of at most `radius` scene
+//! units, or `reach` sizes of the Gaussian that the step starts from (3, if nothing is said), over
+//! Gaussians of the selector `within`. Regions ask for centres. Selections are looked up in the
+//! scene as it is when their step begins; a name given with `as` follows the Gaussians wherever
+//! they go.
 //!
 //! **A step** has one of `select`, `insert`, `import`, and a list `then` of actions, done in order:
 //!
@@ -57,17 +59,20 @@
 //! | `{ duplicate = placement }` | of a copy, which the rest of the list acts on |
 //! | `{ snap_to_floor = height }` | the lowest centre comes to this height |
 //!
-//! Colours `c` and factors `f` are a number or `[r, g, b]`. A placement is `{ scale, rotate = { axis, degrees }, about, move or to }`:
-//! scaled and rotated about a pivot, which then moves by an offset or to a point. The pivot is `"centre"` (of the bounds, if
-//! nothing is said), `"base"` (the middle of their lower face) or a point. An axis is a name like `"z"` or `"-x"`, or a vector.
+//! Colours `c` and factors `f` are a number or `[r, g, b]`. A placement is `{ scale, rotate = {
+//! axis, degrees }, about, move or to }`: scaled and rotated about a pivot, which then moves by an
+//! offset or to a point. The pivot is `"centre"` (of the bounds, if nothing is said), `"base"` (the
+//! middle of their lower face) or a point. An axis is a name like `"z"` or `"-x"`, or a vector.
 //!
-//! `insert` is `{ ball = { centre, radius } }`, `{ quad = { centre, u, v } }` with whole edges u and v, or
-//! `{ box = { centre, size, rotate } }`; each with `albedo`, or `radiance` if it emits, or both, and the `spacing` of its
-//! discs. `import` is `{ file, select }` and the keys of a placement; the file is relative to the script.
+//! `insert` is `{ ball = { centre, radius } }`, `{ quad = { centre, u, v } }` with whole edges u
+//! and v, or `{ box = { centre, size, rotate } }`; each with `albedo`, or `radiance` if it emits,
+//! or both, and the `spacing` of its discs. `import` is `{ file, select }` and the keys of a
+//! placement; the file is relative to the script.
 //!
-//! A step that finds nothing is an error unless it says `allow_empty = true`. With `trim = "shrink"` or `"drop"`, discs that
-//! cross the boundary of the selection's regions are made smaller or removed before the actions: of those that stay, if the selection is
-//! removed, else of the selected. Where a step imports, or begins with `duplicate`, only the copy is trimmed.
+//! A step that finds nothing is an error unless it says `allow_empty = true`. With `trim =
+//! "shrink"` or `"drop"`, discs that cross the boundary of the selection's regions are made smaller
+//! or removed before the actions: of those that stay, if the selection is removed, else of the
+//! selected. Where a step imports, or begins with `duplicate`, only the copy is trimmed.
 
 pub mod act;
 pub mod cluster;

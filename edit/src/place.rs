@@ -3,7 +3,8 @@
 use eagpt_scene::{Gaussian, rotation};
 use glam::{Quat, Vec3};
 
-/// A placement as a script gives it; what it means in numbers depends on the bounds of what is placed.
+/// A placement as a script gives it; what it means in numbers depends on the bounds of what is
+/// placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Factor on all lengths, positive.
@@ -47,8 +48,8 @@ impl Placement {
         }
     }
 
-    /// The similarity for Gaussians whose centres have the bounds `low` to `high`, in a world where `up` (a unit axis, either
-    /// sign) is up.
+    /// The similarity for Gaussians whose centres have the bounds `low` to `high`, in a world where
+    /// `up` (a unit axis, either sign) is up.
     pub fn resolve(&self, (low, high): (Vec3, Vec3), up: Vec3) -> Similarity {
         let middle = 0.5 * (low + high);
         let from = match self.pivot {
@@ -91,7 +92,8 @@ impl Similarity {
         self.to + self.rotation * ((point - self.from) * self.scale)
     }
 
-    /// The Gaussian with its centre, in-plane axes and scales moved along, and the directions of its light; light and material stay.
+    /// The Gaussian with its centre, in-plane axes and scales moved along, and the directions of
+    /// its light; light and material stay.
     pub fn gaussian(&self, g: &Gaussian) -> Gaussian {
         let moved = Gaussian {
             position: self.point(g.position),

@@ -15,8 +15,8 @@ use glam::Vec3;
 pub struct Edited {
     /// The scene after the last step.
     pub gaussians: Gaussians,
-    /// What each named selection finds in the scene before the first step, by name; those that refer to what steps make are left
-    /// out.
+    /// What each named selection finds in the scene before the first step, by name; those that
+    /// refer to what steps make are left out.
     pub selections: Vec<SelectionReport>,
     /// What each step did.
     pub steps: Vec<StepReport>,
@@ -25,8 +25,8 @@ pub struct Edited {
 /// Replays a script on a scene.
 ///
 /// # Errors
-/// [`eagpt_scene::SceneError::Script`] with file, line and key if a step selects nothing and does not allow it, or leaves nothing of the
-/// scene.
+/// [`eagpt_scene::SceneError::Script`] with file, line and key if a step selects nothing and does
+/// not allow it, or leaves nothing of the scene.
 pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
     let mut state = State {
         script,
@@ -141,8 +141,8 @@ impl State<'_> {
         Ok(report)
     }
 
-    /// Selects, and trims what crosses the boundary: of a selection that goes away, what stays and reaches into it; of any other, what
-    /// is selected and reaches out of it.
+    /// Selects, and trims what crosses the boundary: of a selection that goes away, what stays and
+    /// reaches into it; of any other, what is selected and reaches out of it.
     fn select(&mut self, step: &Step, selector: &Selector) -> Found {
         let prepared = self.scope(&self.gaussians).prepare(selector);
         let selected = prepared.mask();

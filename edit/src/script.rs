@@ -1,4 +1,5 @@
-//! Edit scripts: what they hold, and their reader, which checks all of a script before anything is touched.
+//! Edit scripts: what they hold, and their reader, which checks all of a script before anything is
+//! touched.
 
 mod actions;
 mod selectors;
@@ -93,12 +94,13 @@ pub enum Source {
 }
 
 impl Script {
-    /// Reads and checks a script, and reads the scenes it names; their paths are relative to the script's folder.
+    /// Reads and checks a script, and reads the scenes it names; their paths are relative to the
+    /// script's folder.
     ///
     /// # Errors
-    /// [`eagpt_scene::SceneError`] naming file, line, key and value: no TOML, an unknown or missing key, a value of the wrong type or out
-    /// of its range, a name that nothing has or two things have, selections that refer to each other in a circle, an asset
-    /// that cannot be read.
+    /// [`eagpt_scene::SceneError`] naming file, line, key and value: no TOML, an unknown or missing
+    /// key, a value of the wrong type or out of its range, a name that nothing has or two things
+    /// have, selections that refer to each other in a circle, an asset that cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = files::read(path)?;
         let text = Text::new(path, &bytes)?;
@@ -204,7 +206,8 @@ impl Reader {
     }
 }
 
-/// All names that steps give: a selection may be defined by what a step will have made when it is used.
+/// All names that steps give: a selection may be defined by what a step will have made when it is
+/// used.
 fn group_names(steps: &[Node<'_>]) -> Result<BTreeSet<String>> {
     let mut names = BTreeSet::new();
     for step in steps {

@@ -113,7 +113,8 @@ impl<'a> Prepared<'a> {
             .collect()
     }
 
-    /// Whether Gaussian `index` would be selected if its centre were at `point`, with clusters and groups as they are.
+    /// Whether Gaussian `index` would be selected if its centre were at `point`, with clusters and
+    /// groups as they are.
     pub(crate) fn holds(&self, index: usize, point: Vec3) -> bool {
         self.meets(self.selector, index, point)
     }

@@ -1,8 +1,8 @@
 //! Gaussians that cross the boundary of a selection.
 //!
-//! A Gaussian belongs to a region by its centre, and its disc may stick out of it: what is cut out of a scene along
-//! a plane has fringes. Trimming mends them. A disc here is what a ray tracer draws of a Gaussian: the ellipse of three standard
-//! deviations.
+//! A Gaussian belongs to a region by its centre, and its disc may stick out of it: what is cut out
+//! of a scene along a plane has fringes. Trimming mends them. A disc here is what a ray tracer
+//! draws of a Gaussian: the ellipse of three standard deviations.
 
 use crate::select::Prepared;
 use eagpt_scene::{Gaussian, Gaussians};
@@ -141,7 +141,8 @@ fn rim(centre: Vec3, axes: [Vec3; 2]) -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// How far one can go from `centre` along `axis` before it is no longer good, as a share of the axis.
+/// How far one can go from `centre` along `axis` before it is no longer good, as a share of the
+/// axis.
 fn free_share(good: impl Fn(Vec3) -> bool, centre: Vec3, axis: Vec3) -> f32 {
     let first_bad = (1..=NUM_STEPS)
         .map(|step| f32::from(step) / f32::from(NUM_STEPS))

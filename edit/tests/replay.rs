@@ -1,4 +1,5 @@
-//! Scripts on a row of four discs at x = 0, 1, 2, 3 and height 1, the last of them an emitter: what comes out is known.
+//! Scripts on a row of four discs at x = 0, 1, 2, 3 and height 1, the last of them an emitter: what
+//! comes out is known.
 
 #![allow(
     clippy::unwrap_used,

@@ -23,8 +23,8 @@ fn surface(solid: Solid, spacing: Option<f32>) -> Surface {
     }
 }
 
-/// Parallel rays along `direction` through a square grid of `num` × `num` points of a window of half-width `half`
-/// about `centre`; with each its place in the window.
+/// Parallel rays along `direction` through a square grid of `num` × `num` points of a window of
+/// half-width `half` about `centre`; with each its place in the window.
 fn look(
     scene: &CpuScene,
     centre: Vec3,

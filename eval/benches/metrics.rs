@@ -1,4 +1,5 @@
-//! The metrics of a pair of images, 540×360 and 24 megapixels: HDR- and LDR-FLIP, SSIM, PSNR. `cargo bench -p eagpt-eval`.
+//! The metrics of a pair of images, 540×360 and 24 megapixels: HDR- and LDR-FLIP, SSIM, PSNR.
+//! `cargo bench -p eagpt-eval`.
 #![allow(
     missing_docs,
     reason = "the macros of the benchmark harness write undocumented items"
@@ -9,7 +10,8 @@ use eagpt_eval::{FlipOptions, flip_hdr, flip_ldr, psnr_pq, psnr_srgb, srgb_clipp
 use eagpt_scene::Image;
 use std::hint::black_box;
 
-/// A wall in uneven light with a lamp of 16 in every 64 × 64 pixels, and the same with noise: seven exposures.
+/// A wall in uneven light with a lamp of 16 in every 64 × 64 pixels, and the same with noise: seven
+/// exposures.
 fn pair(width: u32, height: u32) -> (Image<3>, Image<3>) {
     let mut reference = Image::filled(width, height, [0.0; 3]);
     let mut test = reference.clone();

@@ -1,7 +1,8 @@
 //! Exposure alignment: how good renders are once their overall brightness does not count.
 //!
-//! After an edit of the lighting the overall brightness hangs on one number, the radiance that was given to the new
-//! light. One factor for all views of a condition takes it out; what is left are errors of where the light goes.
+//! After an edit of the lighting the overall brightness hangs on one number, the radiance that was
+//! given to the new light. One factor for all views of a condition takes it out; what is left are
+//! errors of where the light goes.
 
 use crate::encode::{assert_comparable, pq_encoded, srgb_clipped};
 use crate::error::Result;
@@ -13,12 +14,13 @@ use crate::scene_metrics::emits;
 use eagpt_scene::Image;
 use serde::{Deserialize, Serialize};
 
-/// Finds the factor: the ratio of the sums of reference and test over the pixels that do not emit and whose reference
-/// is at most 1 in every channel, the white of a display.
+/// Finds the factor: the ratio of the sums of reference and test over the pixels that do not emit
+/// and whose reference is at most 1 in every channel, the white of a display.
 ///
-/// Emitters are left out because an edit sets them and everything else follows. Least squares would be the other
-/// choice; but noise adds to the squares in its denominator, so that the more a render is noisy the darker it would be
-/// made. A sum has no such bias, and which pixels count is decided by the reference alone.
+/// Emitters are left out because an edit sets them and everything else follows. Least squares would
+/// be the other choice; but noise adds to the squares in its denominator, so that the more a render
+/// is noisy the darker it would be made. A sum has no such bias, and which pixels count is decided
+/// by the reference alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ExposureFit {
     reference: f64,
@@ -42,13 +44,15 @@ impl ExposureFit {
         }
     }
 
-    /// What the test has to be multiplied by, above 0; `None` if no pixel counts or one of the sums is black.
+    /// What the test has to be multiplied by, above 0; `None` if no pixel counts or one of the sums
+    /// is black.
     pub fn scale(&self) -> Option<f64> {
         (self.reference > 0.0 && self.test > 0.0).then(|| self.reference / self.test)
     }
 }
 
-/// How close a test image is to its reference after it was multiplied by the factor of its condition.
+/// How close a test image is to its reference after it was multiplied by the factor of its
+/// condition.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AlignedMetrics {
     /// See [`crate::psnr_srgb`]; infinite for equal images, which is `null` in JSON.
@@ -61,7 +65,8 @@ pub struct AlignedMetrics {
     pub flip_hdr_aligned: f64,
 }
 
-/// Measures a linear Rec.709 image, multiplied by `scale`, against its reference where that is `known`.
+/// Measures a linear Rec.709 image, multiplied by `scale`, against its reference where that is
+/// `known`.
 ///
 /// # Errors
 /// As [`crate::flip_hdr`].
@@ -137,7 +142,8 @@ mod tests {
 
     #[test]
     fn noise_does_not_darken() {
-        // Every other sample is black, the others have twice the light. Least squares would say 0.5.
+        // Every other sample is black, the others have twice the light. Least squares would say
+        // 0.5.
         let reference = Image::filled(8, 2, [0.25; 3]);
         let mut test = reference.clone();
         for (i, pixel) in test.pixels_mut().iter_mut().enumerate() {

@@ -1,13 +1,14 @@
 //! FLIP: how different two images look to a person who alternates between them.
 //!
-//! LDR-FLIP (Andersson et al. 2020, "FLIP: A difference evaluator for alternating images") blurs both images as the eye
-//! does at a viewing distance, takes a colour distance, and sharpens it where edges or points differ. HDR-FLIP
-//! (Andersson et al. 2021) shows both images at several exposures through a tone curve and keeps the largest error of
-//! each pixel. Errors are in [0, 1], 0 for equal images.
+//! LDR-FLIP (Andersson et al. 2020, "FLIP: A difference evaluator for alternating images") blurs
+//! both images as the eye does at a viewing distance, takes a colour distance, and sharpens it
+//! where edges or points differ. HDR-FLIP (Andersson et al. 2021) shows both images at several
+//! exposures through a tone curve and keeps the largest error of each pixel. Errors are in [0, 1],
+//! 0 for equal images.
 //!
-//! Agrees with NVIDIA's flip-evaluator 1.7, whose own values differ in the last digits between systems. The border
-//! repeats the outermost pixels. All work is done in bands of rows, so memory is that of the error map and a few rows,
-//! and no bit depends on the number of threads.
+//! Agrees with NVIDIA's flip-evaluator 1.7, whose own values differ in the last digits between
+//! systems. The border repeats the outermost pixels. All work is done in bands of rows, so memory
+//! is that of the error map and a few rows, and no bit depends on the number of threads.
 
 mod band;
 mod color;
@@ -74,7 +75,8 @@ pub fn flip_hdr(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) ->
     })
 }
 
-/// LDR-FLIP of two sRGB images, clipped to [0, 1] and black where NaN, at `ppd` pixels per degree of vision.
+/// LDR-FLIP of two sRGB images, clipped to [0, 1] and black where NaN, at `ppd` pixels per degree
+/// of vision.
 ///
 /// # Errors
 /// As [`FlipOptions::validate`] for `ppd`.
@@ -103,8 +105,8 @@ fn error_map(reference: &Image<3>, test: &Image<3>, ppd: f32, shown: &[Shown]) -
         height: reference.height() as usize,
         images: [reference.pixels(), test.pixels()],
     };
-    // Bands share no sums, so their height is free: low enough to feed all threads, high enough that the rows around a
-    // band, which are computed again, do not dominate.
+    // Bands share no sums, so their height is free: low enough to feed all threads, high enough
+    // that the rows around a band, which are computed again, do not dominate.
     let num_rows = (pair.height / (2 * rayon::current_num_threads())).clamp(32, 256);
     let mut error = Image::filled(reference.width(), reference.height(), [0.0]);
     error

@@ -1,8 +1,8 @@
 //! The evaluation of a folder of renders against the views of a dataset.
 //!
-//! Reads `<renders>/<view>.exr` (linear Rec.709) and, where there are any, `<renders>/<channel>/<view>.exr` for the
-//! channels `albedo` (linear RGB), `normal` (world-space x, y, z), `depth` (along the optical axis) and `emission`.
-//! Writes into the output folder
+//! Reads `<renders>/<view>.exr` (linear Rec.709) and, where there are any,
+//! `<renders>/<channel>/<view>.exr` for the channels `albedo` (linear RGB), `normal` (world-space
+//! x, y, z), `depth` (along the optical axis) and `emission`. Writes into the output folder
 //!
 //! | file | content |
 //! |---|---|
@@ -11,11 +11,12 @@
 //! | `table.md`, `table.tex` | the same for people, with means |
 //! | `flip/<view>.png` | HDR-FLIP error, magma from 0 to 1 |
 //!
-//! One view is in memory at a time. `metrics.json` is written last: where it is, the other files are complete.
+//! One view is in memory at a time. `metrics.json` is written last: where it is, the other files
+//! are complete.
 
-//! [`evaluate_conditions`] does so for several pairs of renders and references: several lightings of one room. Each
-//! condition gets a folder with the files above, and beside these folders `metrics.json`, `metrics.csv`, `table.md` and
-//! `table.tex` hold all conditions and their mean.
+//! [`evaluate_conditions`] does so for several pairs of renders and references: several lightings
+//! of one room. Each condition gets a folder with the files above, and beside these folders
+//! `metrics.json`, `metrics.csv`, `table.md` and `table.tex` hold all conditions and their mean.
 
 mod conditions;
 mod options;
@@ -85,7 +86,8 @@ pub struct Evaluation {
     pub provenance: Provenance,
     /// Means of the metrics that at least one view has, in the order of [`METRICS`].
     pub means: Vec<Mean>,
-    /// What the renders were multiplied by for the aligned metrics: see [`ExposureFit`](crate::align::ExposureFit).
+    /// What the renders were multiplied by for the aligned metrics: see
+    /// [`ExposureFit`](crate::align::ExposureFit).
     pub exposure_scale: Option<f64>,
     /// Light after over light before: see [`LightChange`](crate::regions::LightChange).
     pub light_change: Option<f64>,
@@ -115,12 +117,14 @@ fn mean_of(means: &[Mean], key: &str) -> Option<f64> {
 
 /// Compares renders with the views of a dataset and writes the results.
 ///
-/// Before any comparison it checks that every view has a render, that sizes fit and that no result is in the way.
+/// Before any comparison it checks that every view has a render, that sizes fit and that no result
+/// is in the way.
 ///
 /// # Errors
-/// [`EvalError`](crate::EvalError) naming the file or option: a missing render (all are listed), a render of another
-/// size or with values that are not finite, a view that the earlier dataset lacks, results in the output folder without
-/// `force`, or whatever reading and writing files returns.
+/// [`EvalError`](crate::EvalError) naming the file or option: a missing render (all are listed), a
+/// render of another size or with values that are not finite, a view that the earlier dataset
+/// lacks, results in the output folder without `force`, or whatever reading and writing files
+/// returns.
 pub fn evaluate(
     options: &EvalOptions,
     progress: &mut dyn FnMut(EvalProgress),

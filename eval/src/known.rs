@@ -1,8 +1,9 @@
 //! Comparisons of images that are not known everywhere.
 //!
-//! What is a sum over pixels is taken of the known ones, packed into an image of one row. What looks at neighbours, SSIM and FLIP, needs
-//! the image as it is: SSIM counts the windows in which all is known, and FLIP gets the reference in place of what a render has where
-//! the reference is not known, and is averaged over known pixels.
+//! What is a sum over pixels is taken of the known ones, packed into an image of one row. What
+//! looks at neighbours, SSIM and FLIP, needs the image as it is: SSIM counts the windows in which
+//! all is known, and FLIP gets the reference in place of what a render has where the reference is
+//! not known, and is averaged over known pixels.
 
 use crate::window::RADIUS;
 use eagpt_scene::Image;
@@ -114,7 +115,8 @@ impl KnownPixels {
     }
 }
 
-/// For each of `num` places whether all within [`RADIUS`] are set; beyond the ends is nothing that could fail to be.
+/// For each of `num` places whether all within [`RADIUS`] are set; beyond the ends is nothing that
+/// could fail to be.
 fn all_around(num: usize, is_set: impl Fn(usize) -> bool) -> impl Iterator<Item = bool> {
     // The last place before each that is not set, and one more: 0 if there is none.
     let mut last = 0;

@@ -10,12 +10,12 @@
 //! - [`regions`]: the error of emitters, of what a new light reaches and of its shadows;
 //! - [`known`]: what becomes of these where a reference is not known everywhere.
 //!
-//! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes tables and error maps,
-//! [`evaluate_conditions`] does so for several lightings of a room, and [`tabulate()`] puts evaluations of several
-//! modes of rendering into one table.
+//! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes
+//! tables and error maps, [`evaluate_conditions`] does so for several lightings of a room, and
+//! [`tabulate()`] puts evaluations of several modes of rendering into one table.
 //!
-//! Images are linear Rec.709 unless a name says otherwise. All sums run in a fixed order in f64, so a result has the
-//! same bits for any number of threads.
+//! Images are linear Rec.709 unless a name says otherwise. All sums run in a fixed order in f64, so
+//! a result has the same bits for any number of threads.
 
 pub mod align;
 mod encode;

@@ -40,7 +40,8 @@ pub struct Comparison {
     pub flip_hdr_error: Image<1>,
 }
 
-/// Measures a linear Rec.709 image against its reference. LDR-FLIP shares the pixels per degree of HDR-FLIP.
+/// Measures a linear Rec.709 image against its reference. LDR-FLIP shares the pixels per degree of
+/// HDR-FLIP.
 ///
 /// # Errors
 /// As [`flip_hdr`].
@@ -51,8 +52,8 @@ pub fn compare(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) -> 
     compare_known(reference, test, None, options)
 }
 
-/// As [`compare`] where `known` says which pixels of the reference mean something: see [`crate::known`]. The error of others is 0 in the
-/// map.
+/// As [`compare`] where `known` says which pixels of the reference mean something: see
+/// [`crate::known`]. The error of others is 0 in the map.
 ///
 /// # Errors
 /// As [`flip_hdr`].

@@ -1,8 +1,9 @@
-//! Peak signal-to-noise ratio as EAG-PT reports it: the mean over R, G, B of each channel's own decibels.
+//! Peak signal-to-noise ratio as EAG-PT reports it: the mean over R, G, B of each channel's own
+//! decibels.
 //!
-//! This is not the ratio of the error pooled over channels; by Jensen's inequality it is never smaller. The peak is 1
-//! in every space. Equal images give [`f64::INFINITY`]; one equal channel is enough. JSON has no infinity, so outputs
-//! hold `null` there and tables print `inf`.
+//! This is not the ratio of the error pooled over channels; by Jensen's inequality it is never
+//! smaller. The peak is 1 in every space. Equal images give [`f64::INFINITY`]; one equal channel is
+//! enough. JSON has no infinity, so outputs hold `null` there and tables print `inf`.
 
 use crate::encode::{assert_comparable, pq_encoded, srgb_clipped};
 use eagpt_scene::Image;
@@ -84,7 +85,8 @@ mod tests {
 
     #[test]
     fn each_channel_counts_in_decibels() {
-        // Mean squared errors 0.01, 0.0001 and 1: 20, 40 and 0 dB, mean 20. Pooled over channels it would be 4.7 dB.
+        // Mean squared errors 0.01, 0.0001 and 1: 20, 40 and 0 dB, mean 20. Pooled over channels it
+        // would be 4.7 dB.
         let reference = image(vec![[0.5, 0.5, 1.0], [0.5, 0.5, 1.0]]);
         let test = image(vec![[0.6, 0.51, 0.0], [0.4, 0.49, 2.0]]);
         assert!((psnr(&reference, &test) - 20.0).abs() < 1e-4);
@@ -110,7 +112,8 @@ mod tests {
 
     #[test]
     fn pq_of_black_against_100_nit() {
-        // PQ(1.0) = 0.508078, PQ(floor of 1e-6, that is 0.01 nit) = 0.044 from the curve's own definition in f64.
+        // PQ(1.0) = 0.508078, PQ(floor of 1e-6, that is 0.01 nit) = 0.044 from the curve's own
+        // definition in f64.
         let y: f64 = 1e-6_f64.powf(1305.0 / 8192.0);
         let floor =
             ((107.0 / 128.0 + 2413.0 / 128.0 * y) / (1.0 + 2392.0 / 128.0 * y)).powf(2523.0 / 32.0);

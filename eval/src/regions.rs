@@ -9,9 +9,10 @@
 //! | `shadow` | else |
 //! | `surface` | it does not emit, and the earlier light is not known |
 //!
-//! The quotient of two lights does not depend on albedo, as a threshold on brightness would: a white wall in the shadow
-//! stays shadow. And it is compared with the change of the whole, since a new light may be weaker than the earlier one
-//! everywhere; exposures of the two references need not agree either.
+//! The quotient of two lights does not depend on albedo, as a threshold on brightness would: a
+//! white wall in the shadow stays shadow. And it is compared with the change of the whole, since a
+//! new light may be weaker than the earlier one everywhere; exposures of the two references need
+//! not agree either.
 
 use crate::encode::assert_comparable;
 use crate::pair::decibels;
@@ -68,8 +69,8 @@ pub struct Before<'a> {
     pub emission: Option<&'a Image<1>>,
 }
 
-/// How the light of a condition has changed: sums of luminance over the pixels of all views that emit neither before
-/// nor after.
+/// How the light of a condition has changed: sums of luminance over the pixels of all views that
+/// emit neither before nor after.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LightChange {
     before: f64,
@@ -110,10 +111,12 @@ pub struct RegionMetrics {
     pub mse_srgb: [f64; 3],
     /// Mean squared errors of R, G, B in linear light.
     pub mse_linear: [f64; 3],
-    /// Mean over channels of the decibels of `mse_srgb`; infinite for equal pixels, which is `null` in JSON.
+    /// Mean over channels of the decibels of `mse_srgb`; infinite for equal pixels, which is `null`
+    /// in JSON.
     #[serde(with = "decibels")]
     pub psnr_srgb_db: f64,
-    /// Mean over channels of the decibels of `mse_linear`; infinite for equal pixels, which is `null` in JSON.
+    /// Mean over channels of the decibels of `mse_linear`; infinite for equal pixels, which is
+    /// `null` in JSON.
     #[serde(with = "decibels")]
     pub psnr_linear_db: f64,
     /// Mean luminance of the reference.
@@ -176,8 +179,8 @@ impl Sums {
 /// Regions that have pixels, with their errors.
 pub type Regions = BTreeMap<Region, RegionMetrics>;
 
-/// Splits the error of a linear Rec.709 render; `change` is [`LightChange::ratio`] of the condition. Empty where
-/// neither emission nor the earlier light is known.
+/// Splits the error of a linear Rec.709 render; `change` is [`LightChange::ratio`] of the
+/// condition. Empty where neither emission nor the earlier light is known.
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
@@ -248,7 +251,8 @@ mod tests {
         .unwrap()
     }
 
-    /// A lamp, a white and a black wall that it reaches, the same walls in its shadow, and a window that has gone.
+    /// A lamp, a white and a black wall that it reaches, the same walls in its shadow, and a window
+    /// that has gone.
     fn lights(check: impl FnOnce(Lights<'_>)) {
         let before = grey(&[0.0, 0.8, 0.1, 0.8, 0.1, 16.0]);
         let after = grey(&[12.0, 0.4, 0.05, 0.08, 0.01, 0.0]);

@@ -81,7 +81,8 @@ pub(crate) fn write_conditions(out: &Path, found: &Conditions) -> Result<()> {
     write_all(out, texts, (METRICS_FILE, json))
 }
 
-/// Writes texts, each atomically, and at last the JSON file, from which the others can be told to be complete.
+/// Writes texts, each atomically, and at last the JSON file, from which the others can be told to
+/// be complete.
 ///
 /// # Errors
 /// [`SceneError`] with the file's name.
@@ -139,7 +140,8 @@ fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
     }))
 }
 
-/// One line for each condition: its means, an empty field where it lacks a metric, `inf` for equal images.
+/// One line for each condition: its means, an empty field where it lacks a metric, `inf` for equal
+/// images.
 fn conditions_csv(found: &Conditions) -> String {
     let mut text = csv_heading("name", &found.means);
     text.push('\n');

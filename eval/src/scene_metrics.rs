@@ -1,4 +1,5 @@
-//! What the other channels of a render are worth: albedo, normals, depth and emission against ground truth.
+//! What the other channels of a render are worth: albedo, normals, depth and emission against
+//! ground truth.
 //!
 //! Each of these is `None` where no pixel can be compared, never NaN.
 
@@ -15,11 +16,13 @@ pub const IOU_THRESHOLD: f32 = 0.5;
 /// Closeness of diffuse albedos.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AlbedoPsnr {
-    /// Mean over R, G, B of each channel's decibels, sRGB clipped to [0, 1]; infinite for equal albedos.
+    /// Mean over R, G, B of each channel's decibels, sRGB clipped to [0, 1]; infinite for equal
+    /// albedos.
     pub srgb_db: f64,
     /// The same after the test was multiplied by `scale`.
     pub scaled_srgb_db: f64,
-    /// The one factor that brings the test nearest to the reference: least squares over all channels, in linear.
+    /// The one factor that brings the test nearest to the reference: least squares over all
+    /// channels, in linear.
     pub scale: f64,
 }
 
@@ -28,9 +31,9 @@ pub(crate) fn emits(emission: Option<&Image<1>>, pixel: usize) -> bool {
     emission.is_some_and(|emission| emission.pixels()[pixel][0] > EMITTER_THRESHOLD)
 }
 
-/// Compares linear albedos over the pixels whose reference emission is at most [`EMITTER_THRESHOLD`]; over all pixels
-/// without one. The released code of EAG-PT sets emitters to black in both images and averages over all pixels, which
-/// flatters images with large emitters.
+/// Compares linear albedos over the pixels whose reference emission is at most
+/// [`EMITTER_THRESHOLD`]; over all pixels without one. The released code of EAG-PT sets emitters to
+/// black in both images and averages over all pixels, which flatters images with large emitters.
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
@@ -80,7 +83,8 @@ fn scaled_srgb_db(pairs: &[([f32; 3], [f32; 3])], scale: f64) -> f64 {
     mean_db(squared.map(|sum| sum / pairs.len() as f64))
 }
 
-/// Mean angle between world-space normals, in degrees, over the pixels where both are not zero. Lengths do not matter.
+/// Mean angle between world-space normals, in degrees, over the pixels where both are not zero.
+/// Lengths do not matter.
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
@@ -100,8 +104,9 @@ pub fn normal_mean_deg(reference: &Image<3>, test: &Image<3>) -> Option<f64> {
     mean(angles)
 }
 
-/// Mean absolute error of depths along the optical axis, in scene units, over the pixels where that of the reference is
-/// known: finite and above 0. A test depth that is not finite counts as 0, like one where nothing was hit.
+/// Mean absolute error of depths along the optical axis, in scene units, over the pixels where that
+/// of the reference is known: finite and above 0. A test depth that is not finite counts as 0, like
+/// one where nothing was hit.
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
@@ -186,7 +191,8 @@ mod tests {
         let found = albedo_psnr(&reference, &test, Some(&emission)).unwrap();
         assert!((found.scale - 2.0).abs() < 1e-6);
         assert!(found.scaled_srgb_db > 120.0, "{found:?}");
-        // By hand for red: sRGB 0.66519 and 0.48453, 0.48453 and 0.34919, mean squared error 0.025478.
+        // By hand for red: sRGB 0.66519 and 0.48453, 0.48453 and 0.34919, mean squared error
+        // 0.025478.
         let db = |a: [f32; 2], b: [f32; 2]| {
             let squared =
                 |i: usize| f64::from(srgb_from_linear(a[i]) - srgb_from_linear(b[i])).powi(2);

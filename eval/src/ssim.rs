@@ -1,14 +1,15 @@
 //! Structural similarity (Wang et al. 2004) and its gradient.
 //!
-//! An 11x11 Gaussian window with sigma 1.5, zeros outside the image, each channel on its own, then the mean over all
-//! pixels and channels; C1 = 0.01², C2 = 0.03² for a peak of 1. This is the form of the 3DGS family, whose training
-//! loss it is; scikit-image crops the border and so differs there. Where images are not known everywhere, the mean is that over the
-//! windows that touch no unknown pixel.
+//! An 11x11 Gaussian window with sigma 1.5, zeros outside the image, each channel on its own, then
+//! the mean over all pixels and channels; C1 = 0.01², C2 = 0.03² for a peak of 1. This is the form
+//! of the 3DGS family, whose training loss it is; scikit-image crops the border and so differs
+//! there. Where images are not known everywhere, the mean is that over the windows that touch no
+//! unknown pixel.
 //!
-//! With x the reference, y the test image and B the window (its own adjoint, because it is symmetric and zero
-//! padded): m_x = B x, m_y = B y, q = B(x² + y²), p = B(x y), and at every pixel
-//! S = (2 m_x m_y + C1)(2 (p − m_x m_y) + C2) / ((m_x² + m_y² + C1)(q − m_x² − m_y² + C2)).
-//! The gradient is B ∂S/∂m_y + 2 y B ∂S/∂q + x B ∂S/∂p: seven blurs in all.
+//! With x the reference, y the test image and B the window (its own adjoint, because it is
+//! symmetric and zero padded): m_x = B x, m_y = B y, q = B(x² + y²), p = B(x y), and at every pixel
+//! S = (2 m_x m_y + C1)(2 (p − m_x m_y) + C2) / ((m_x² + m_y² + C1)(q − m_x² − m_y² + C2)). The
+//! gradient is B ∂S/∂m_y + 2 y B ∂S/∂q + x B ∂S/∂p: seven blurs in all.
 
 use crate::encode::{assert_comparable, srgb_clipped};
 use crate::known::Windows;
@@ -24,8 +25,8 @@ pub const C2: f32 = 0.03 * 0.03;
 const NUM_MOMENTS: usize = 4;
 /// Derivatives that are blurred for the gradient: by m_y, q, p.
 const NUM_PARTIALS: usize = 3;
-/// Output rows of one task. Each task blurs `2 RADIUS` rows more than that along x; fewer rows would waste more,
-/// more rows would leave threads idle on the small images that training uses.
+/// Output rows of one task. Each task blurs `2 RADIUS` rows more than that along x; fewer rows
+/// would waste more, more rows would leave threads idle on the small images that training uses.
 const BAND_ROWS: usize = 48;
 
 /// Value and gradient of the structural similarity.
@@ -93,7 +94,8 @@ pub fn ssim_with_gradient(
 ) -> SsimGradient {
     let pair = Pair::new(reference, test, windows);
     let (width, height) = (pair.width(), pair.height());
-    // Per channel: `height` rows of the three partials, blurred along x, between RADIUS rows of zeros.
+    // Per channel: `height` rows of the three partials, blurred along x, between RADIUS rows of
+    // zeros.
     let stride = NUM_PARTIALS * width;
     let mut partials = vec![0.0_f32; 3 * (height + 2 * RADIUS) * stride];
     let tasks: Vec<(usize, usize, &mut [f32])> = partials
@@ -339,7 +341,8 @@ fn row_similarity_and_partials(
             [d_mean[x], d_q[x], d_p[x], values[x]] = [0.0; NUM_MOMENTS];
         }
     }
-    // Apart from the loop above, so that the compiler vectorises that one in spite of the ordered sum.
+    // Apart from the loop above, so that the compiler vectorises that one in spite of the ordered
+    // sum.
     values.iter().map(|value| f64::from(*value)).sum()
 }
 

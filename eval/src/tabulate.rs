@@ -1,8 +1,8 @@
 //! The table of the paper: modes of rendering down, lightings of the room across.
 //!
-//! Reads the `metrics.json` of evaluations, of one condition each or of several, and puts the means of each condition
-//! into the row of its mode of rendering. Its files are `table.md`, `table.tex`, `table.csv` (one line for each mode and
-//! condition) and, last, `table.json`.
+//! Reads the `metrics.json` of evaluations, of one condition each or of several, and puts the means
+//! of each condition into the row of its mode of rendering. Its files are `table.md`, `table.tex`,
+//! `table.csv` (one line for each mode and condition) and, last, `table.json`.
 
 mod output;
 mod read;
@@ -71,7 +71,8 @@ pub struct TableRow {
 pub struct TableCell {
     /// Where it was read.
     pub folder: PathBuf,
-    /// Mean of each metric of the table; `None` where the evaluation lacks it, infinite for equal images.
+    /// Mean of each metric of the table; `None` where the evaluation lacks it, infinite for equal
+    /// images.
     pub values: Vec<Option<f64>>,
     /// How the renders came about.
     pub provenance: Provenance,
@@ -88,8 +89,9 @@ impl TableRow {
 /// Puts evaluations into one table, which [`ModeTable::write`] writes.
 ///
 /// # Errors
-/// [`EvalError`] naming the file and field: no `metrics.json` or one of another program, renders whose mode is not
-/// known and that were given no row, two evaluations for one cell; [`EvalError::Option`] for an unknown metric.
+/// [`EvalError`] naming the file and field: no `metrics.json` or one of another program, renders
+/// whose mode is not known and that were given no row, two evaluations for one cell;
+/// [`EvalError::Option`] for an unknown metric.
 pub fn tabulate(options: &TableOptions) -> Result<ModeTable> {
     let metrics = options
         .metrics

@@ -4,7 +4,8 @@
 pub const RADIUS: usize = 5;
 const NUM_TAPS: usize = 2 * RADIUS + 1;
 
-/// exp(−i² / (2·1.5²)) for i = 0..=5 over the sum of all eleven: distance from the centre, then weight.
+/// exp(−i² / (2·1.5²)) for i = 0..=5 over the sum of all eleven: distance from the centre, then
+/// weight.
 pub const WEIGHTS: [f32; RADIUS + 1] = [
     0.266_011_72,
     0.213_005_53,
@@ -14,12 +15,14 @@ pub const WEIGHTS: [f32; RADIUS + 1] = [
     0.001_028_38,
 ];
 
-/// Blurs along x. `padded` holds the row between `RADIUS` values on each side, `out` has the length of the row.
+/// Blurs along x. `padded` holds the row between `RADIUS` values on each side, `out` has the length
+/// of the row.
 pub(crate) fn blur_row(padded: &[f32], out: &mut [f32]) {
     weighted_sum(std::array::from_fn(|tap| &padded[tap..]), out);
 }
 
-/// Blurs along y: `out` is the sum of the eleven rows that start at `rows` and lie `stride` values apart.
+/// Blurs along y: `out` is the sum of the eleven rows that start at `rows` and lie `stride` values
+/// apart.
 pub(crate) fn blur_columns(rows: &[f32], stride: usize, out: &mut [f32]) {
     weighted_sum(std::array::from_fn(|tap| &rows[tap * stride..]), out);
 }

@@ -1,5 +1,5 @@
-//! Metrics of a small synthetic pair against numbers of other programs, which `data/golden.py` wrote to
-//! `data/golden.json`: NVIDIA's flip-evaluator 1.7, numpy and scipy.
+//! Metrics of a small synthetic pair against numbers of other programs, which `data/golden.py`
+//! wrote to `data/golden.json`: NVIDIA's flip-evaluator 1.7, numpy and scipy.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -12,8 +12,8 @@ use serde_json::Value;
 
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
-/// Largest difference of an error map; measured 6e-6. Rounding of f32 in flat areas (some 1e-8) passes through a square
-/// root, so another system's mathematical functions may cost more.
+/// Largest difference of an error map; measured 6e-6. Rounding of f32 in flat areas (some 1e-8)
+/// passes through a square root, so another system's mathematical functions may cost more.
 const MAP_TOLERANCE: f64 = 5e-5;
 /// Measured 4e-6.
 const MEAN_TOLERANCE: f64 = 1e-5;

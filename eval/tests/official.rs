@@ -1,4 +1,5 @@
-//! Metrics against numbers of other programs: NVIDIA's flip-evaluator 1.7, and numpy in f64 for the rest.
+//! Metrics against numbers of other programs: NVIDIA's flip-evaluator 1.7, and numpy in f64 for the
+//! rest.
 
 use eagpt_eval::flip::magma_rgb8;
 use eagpt_eval::{FlipOptions, compare, flip_hdr};
@@ -21,8 +22,8 @@ fn all_pairs_agree_with_the_official_tools() {
     let expected: Value = serde_json::from_str(&text).unwrap();
     let pairs = expected["pairs"].as_array().unwrap();
     assert_eq!(pairs.len(), 16);
-    // Name, tolerance and the largest deviation found. Measured 8e-7, 2e-13 and 2e-6 dB, then 5e-6 (f32 against f64), 1.2e-6
-    // and 6e-7.
+    // Name, tolerance and the largest deviation found. Measured 8e-7, 2e-13 and 2e-6 dB, then 5e-6
+    // (f32 against f64), 1.2e-6 and 6e-7.
     let mut columns = [
         ("psnr_srgb_db", 1e-5, 0.0_f64),
         ("psnr_linear_db", 1e-5, 0.0),

@@ -1,8 +1,9 @@
 //! What the fuzz targets feed: readers of files, as programs call them.
 //!
-//! A reader may refuse whatever it is given, in one line; it may not panic, hang, or take memory that the file does not account for.
-//! Readers that take a path get it in a folder that lives as long as the process, with the images beside it that they look for. Where a
-//! reader wants several files, one input holds them all, with [`SEPARATOR`] between.
+//! A reader may refuse whatever it is given, in one line; it may not panic, hang, or take memory
+//! that the file does not account for. Readers that take a path get it in a folder that lives as
+//! long as the process, with the images beside it that they look for. Where a reader wants several
+//! files, one input holds them all, with [`SEPARATOR`] between.
 
 use eagpt_colmap::Model;
 use eagpt_colmap::model::{Form, Observations, Part, read_part};
@@ -171,7 +172,8 @@ pub fn exr(data: &[u8]) {
     check(eagpt_scene::exr::read_single(&path));
 }
 
-/// The reader of EXR turns panics of the decoder into errors: those it catches are no findings, those that get past it still are.
+/// The reader of EXR turns panics of the decoder into errors: those it catches are no findings,
+/// those that get past it still are.
 pub fn allow_caught_panics() {
     std::panic::set_hook(Box::new(|_| ()));
 }

@@ -1,8 +1,9 @@
 //! From the camera's colours to linear Rec.709.
 //!
-//! As the DNG specification (1.7, chapter 6) maps colours without a forward matrix: the camera's neutral is taken back to XYZ by the
-//! colour matrix, which gives the white of the scene; from there, the linear Bradford transform adapts to D65, the white of Rec.709.
-//! Of two matrices for two illuminants, a mixture by the inverse of the white's colour temperature is taken.
+//! As the DNG specification (1.7, chapter 6) maps colours without a forward matrix: the camera's
+//! neutral is taken back to XYZ by the colour matrix, which gives the white of the scene; from
+//! there, the linear Bradford transform adapts to D65, the white of Rec.709. Of two matrices for
+//! two illuminants, a mixture by the inverse of the white's colour temperature is taken.
 
 use crate::raw::CameraColor;
 use glam::{DMat3, DVec3};
@@ -44,7 +45,8 @@ impl ColorTransform {
         white_xy: None,
     };
 
-    /// The transform for factors of white balance. Without a colour matrix, colours stay those of the camera.
+    /// The transform for factors of white balance. Without a colour matrix, colours stay those of
+    /// the camera.
     pub fn new(color: &CameraColor, white_balance: [f32; 3]) -> Self {
         let [r, g, b] = white_balance.map(f64::from);
         let neutral = DVec3::new(g / r, 1.0, g / b);
@@ -79,7 +81,8 @@ impl ColorTransform {
     }
 }
 
-/// XYZ from camera, and the XYZ of the neutral with luminance 1; `None` if the file has no usable matrix.
+/// XYZ from camera, and the XYZ of the neutral with luminance 1; `None` if the file has no usable
+/// matrix.
 fn xyz_from_camera(color: &CameraColor, neutral: DVec3) -> Option<(DMat3, DVec3)> {
     let known = |(illuminant, rows): &(u16, [[f64; 3]; 3])| {
         let matrix = DMat3::from_cols_array_2d(rows).transpose();

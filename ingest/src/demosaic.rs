@@ -1,9 +1,11 @@
 //! Colours between the samples of a colour filter array.
 //!
-//! The methods are those of the crate `demosaic`. A lamp is a thousand times as bright as the wall beside it, and filters with
-//! negative lobes draw dark or coloured rims around it; so they work on the fourth root of the signal, where the lamp is six times as
-//! bright. That also turns differences of colours into something like quotients, which change less from pixel to pixel. Noise is not
-//! biased by more than rounding: where it matters, near black, the scale is linear. What is left at steep edges is the task of `steep`.
+//! The methods are those of the crate `demosaic`. A lamp is a thousand times as bright as the wall
+//! beside it, and filters with negative lobes draw dark or coloured rims around it; so they work on
+//! the fourth root of the signal, where the lamp is six times as bright. That also turns
+//! differences of colours into something like quotients, which change less from pixel to pixel.
+//! Noise is not biased by more than rounding: where it matters, near black, the scale is linear.
+//! What is left at steep edges is the task of `steep`.
 
 mod steep;
 
@@ -121,9 +123,11 @@ pub(crate) fn is_known(layout: &Layout) -> bool {
     }
 }
 
-/// Colours at every pixel of a mosaic `[height, width]`, or of interleaved RGB as it is. Samples keep their values.
+/// Colours at every pixel of a mosaic `[height, width]`, or of interleaved RGB as it is. Samples
+/// keep their values.
 ///
-/// `floor` is the signal below which the compressed scale becomes linear: a few times the noise of the dark.
+/// `floor` is the signal below which the compressed scale becomes linear: a few times the noise of
+/// the dark.
 ///
 /// # Panics
 /// If there are not as many samples as the header says, or the pattern is none of [`is_known`].
@@ -238,7 +242,8 @@ mod tests {
         }
     }
 
-    /// A window of an overcast sky in a wall, a little askew, with dark wires about a pixel thick before it, and a small lamp on the wall.
+    /// A window of an overcast sky in a wall, a little askew, with dark wires about a pixel thick
+    /// before it, and a small lamp on the wall.
     fn light_at(x: f32, y: f32) -> [f32; 3] {
         let (u, v) = (x + 0.04 * y, y - 0.07 * x);
         let wire = |along: f32| (along.rem_euclid(16.0) - 8.0).abs() < 0.6;
@@ -294,8 +299,9 @@ mod tests {
             });
             let mut casts: Vec<f32> = casts.collect();
             casts.sort_by(f32::total_cmp);
-            // Of 4096 pixels, at most 185 are off by a quarter and 30 by a factor of two, at crossings of wires and tips of the lamp. Without
-            // the median of colours it is 393 and 90 for VNG, 502 and 122 for PPG, more for all others.
+            // Of 4096 pixels, at most 185 are off by a quarter and 30 by a factor of two, at
+            // crossings of wires and tips of the lamp. Without the median of colours it is 393 and
+            // 90 for VNG, 502 and 122 for PPG, more for all others.
             let from_top = |num: usize| casts[casts.len() - num].exp();
             let casts = [from_top(280), from_top(45)];
             assert!(casts[0] < 1.25 && casts[1] < 2.0, "{method:?}: {casts:?}");

@@ -92,7 +92,8 @@ pub(crate) fn develop(
     let mut pixels = interpolate(&header, &merged.radiance, recipe.demosaic, floor);
     let flags = pixel_flags(&merged.flags, width, height, &header.layout);
     drop(merged);
-    // Above this, a clipped sample of one channel would meet unclipped ones of others: lamps would turn magenta.
+    // Above this, a clipped sample of one channel would meet unclipped ones of others: lamps would
+    // turn magenta.
     let shortest = exposures.first().copied().unwrap_or(1.0) as f32;
     let neutral = gains.into_iter().fold(f32::INFINITY, f32::min) * recipe.clip / shortest;
     let scale = recipe.scale as f32;
@@ -146,7 +147,8 @@ pub(crate) fn develop(
     }
 }
 
-/// The image of the pinhole camera; a pixel has the flags of what it was taken from, in whatever share.
+/// The image of the pinhole camera; a pixel has the flags of what it was taken from, in whatever
+/// share.
 fn undistorted(
     undistortion: &Undistortion,
     image: Image<3>,
@@ -174,7 +176,8 @@ fn undistorted(
     )
 }
 
-/// Flags of pixels: those of their samples, and clipped where a neighbour is, since colours are interpolated from it.
+/// Flags of pixels: those of their samples, and clipped where a neighbour is, since colours are
+/// interpolated from it.
 fn pixel_flags(flags: &[u8], width: usize, height: usize, layout: &Layout) -> Vec<u8> {
     if *layout == Layout::Rgb {
         return flags
@@ -201,8 +204,9 @@ fn pixel_flags(flags: &[u8], width: usize, height: usize, layout: &Layout) -> Ve
     out
 }
 
-/// Contrast of the finest detail: in squares of 32 pixels, the largest second difference of luminance along rows over the light
-/// around it; of these, the value that a tenth of the squares exceeds. Squares at the noise floor are left out.
+/// Contrast of the finest detail: in squares of 32 pixels, the largest second difference of
+/// luminance along rows over the light around it; of these, the value that a tenth of the squares
+/// exceeds. Squares at the noise floor are left out.
 fn sharpness(image: &Image<3>, floor: f32) -> f64 {
     const SIDE: usize = 32;
     let (width, height) = (image.width() as usize, image.height() as usize);

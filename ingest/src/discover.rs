@@ -33,7 +33,8 @@ struct Listing {
     folders: Vec<PathBuf>,
 }
 
-/// Looks into a capture. With `stacks_in_folders`, a folder with photographs is a stack, else a condition.
+/// Looks into a capture. With `stacks_in_folders`, a folder with photographs is a stack, else a
+/// condition.
 ///
 /// # Errors
 /// If a folder cannot be read.

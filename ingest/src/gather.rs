@@ -24,7 +24,8 @@ pub(crate) struct Gathered {
 /// Files whose headers are read between two messages.
 const CHUNK: usize = 16;
 
-/// Looks into a capture and makes stacks of what is there; `tell` gets the files done and their number.
+/// Looks into a capture and makes stacks of what is there; `tell` gets the files done and their
+/// number.
 ///
 /// # Errors
 /// If a folder cannot be read, or the manifest is wrong.
@@ -78,7 +79,8 @@ fn listed_stacks(
             shots,
         };
         found.sort();
-        // What cannot be read has its line already; the rest of the stack is not what was asked for.
+        // What cannot be read has its line already; the rest of the stack is not what was asked
+        // for.
         if whole {
             gathered.stacks.push(found);
         }
@@ -299,7 +301,8 @@ fn report(
     }
 }
 
-/// Whether files that could not be read explain what a stack misses. They have a line already, which is made to concern the stack.
+/// Whether files that could not be read explain what a stack misses. They have a line already,
+/// which is made to concern the stack.
 fn unread_of(
     stack: &Stack,
     files: &[PathBuf],

@@ -1,8 +1,9 @@
 //! Which shots of a folder make a stack.
 //!
-//! Names decide where they are of the form `<stack>_<index>`. Elsewhere the cycle of exposures does: shots in the order of
-//! time, cut where an exposure comes again or a long pause was made. The sequence that is found most often is the bracket;
-//! cut again by it, and compared with it, missing, extra and double shots come to light. Nothing that deviates is mended here.
+//! Names decide where they are of the form `<stack>_<index>`. Elsewhere the cycle of exposures
+//! does: shots in the order of time, cut where an exposure comes again or a long pause was made.
+//! The sequence that is found most often is the bracket; cut again by it, and compared with it,
+//! missing, extra and double shots come to light. Nothing that deviates is mended here.
 
 use crate::stack::natural;
 use std::collections::BTreeMap;
@@ -43,7 +44,8 @@ pub(crate) struct Deviation {
     pub(crate) extra: Vec<usize>,
     /// Whether the shots are in another order than those of other stacks.
     pub(crate) out_of_order: bool,
-    /// Shots whose exposure is near one of the bracket, but not it: position and the exposure that was expected.
+    /// Shots whose exposure is near one of the bracket, but not it: position and the exposure that
+    /// was expected.
     pub(crate) odd: Vec<(usize, f64)>,
 }
 
@@ -101,7 +103,8 @@ pub(crate) fn group(keys: &[Key], max_pause_s: f64) -> Vec<Group> {
     joined(keys, &bracket, groups, &paused)
 }
 
-/// Puts neighbours together that are only together a whole bracket: a shot was repeated, or the order changed.
+/// Puts neighbours together that are only together a whole bracket: a shot was repeated, or the
+/// order changed.
 fn joined(
     keys: &[Key],
     bracket: &Bracket,
@@ -114,7 +117,8 @@ fn joined(
         let together = kept.last().and_then(|before| {
             let near = !paused(*before.last()?, *group.first()?);
             let both = [before.as_slice(), group.as_slice()].concat();
-            // A single shot after a whole bracket is one too many, not a bracket that misses all others.
+            // A single shot after a whole bracket is one too many, not a bracket that misses all
+            // others.
             let stray = group.len() == 1 && complete(before) && bracket.0.len() > 2;
             let parts = !complete(before) && !complete(&group);
             (near && (stray || parts && complete(&both))).then_some(both)
@@ -128,7 +132,8 @@ fn joined(
 }
 
 impl Bracket {
-    /// The sequence of exposures that most groups have; of equally many, the longest, then the first.
+    /// The sequence of exposures that most groups have; of equally many, the longest, then the
+    /// first.
     pub(crate) fn most_common(keys: &[Key], groups: &[Group]) -> Option<Self> {
         let sequence = |group: &Group| group.iter().map(|&s| keys[s].exposure).collect::<Vec<_>>();
         let sequences: Vec<Vec<f64>> = groups.iter().map(sequence).collect();
@@ -216,7 +221,8 @@ fn by_name(keys: &[Key]) -> Option<Vec<Group>> {
     let mut sizes: Vec<usize> = groups.values().map(Vec::len).collect();
     sizes.sort_unstable();
     let usual = *sizes.get(sizes.len() / 2)?;
-    // A counter of the camera also has an underscore before it: its numbers do not begin anew for each stack.
+    // A counter of the camera also has an underscore before it: its numbers do not begin anew for
+    // each stack.
     let anew = groups
         .values()
         .all(|group| group.iter().all(|(index, _)| *index as usize <= usual + 1));
@@ -242,7 +248,8 @@ pub(crate) fn split_name(stem: &str) -> Option<(&str, u32)> {
     (is_index && !stack.is_empty()).then(|| Some((stack, index.parse().ok()?)))?
 }
 
-/// A name for a group: what its files' names have in common before the last separator, or the name of its first file.
+/// A name for a group: what its files' names have in common before the last separator, or the name
+/// of its first file.
 pub(crate) fn name_of_group(stems: &[&str]) -> String {
     let mut parts = stems
         .iter()

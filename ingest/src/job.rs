@@ -26,9 +26,11 @@ pub struct IngestRequest {
     pub out: PathBuf,
     /// What decides the result.
     pub options: IngestOptions,
-    /// Whether what an earlier run has made is made anew; otherwise what fits is kept, and what does not is an error.
+    /// Whether what an earlier run has made is made anew; otherwise what fits is kept, and what
+    /// does not is an error.
     pub start_over: bool,
-    /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others have surveyed by then.
+    /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others
+    /// have surveyed by then.
     pub shard: Shard,
     /// Set to end after the stack under way.
     pub stop: Arc<AtomicBool>,
@@ -90,10 +92,12 @@ pub struct IngestSummary {
 
 pub(crate) type Tell<'a> = &'a mut dyn FnMut(IngestProgress);
 
-/// Ingests a capture; `None` if it was one part of several, whose images [`ingest`] of the whole puts together.
+/// Ingests a capture; `None` if it was one part of several, whose images [`ingest`] of the whole
+/// puts together.
 ///
 /// # Errors
-/// [`IngestError`]; everything that is wrong with the photographs is told as [`IngestProgress::Problem`] before the error.
+/// [`IngestError`]; everything that is wrong with the photographs is told as
+/// [`IngestProgress::Problem`] before the error.
 pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSummary>> {
     let IngestRequest {
         capture,
@@ -145,8 +149,8 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
     merge_all(request, gathered, surveys, &decisions, left_out, tell)
 }
 
-/// Takes out what the problems concern, so that what follows sees only good stacks, and returns the problems. Without `--skip-bad` the
-/// job ends after all of them are known.
+/// Takes out what the problems concern, so that what follows sees only good stacks, and returns the
+/// problems. Without `--skip-bad` the job ends after all of them are known.
 fn settle(
     capture: &Path,
     options: &IngestOptions,

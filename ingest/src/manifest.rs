@@ -49,8 +49,8 @@ impl Manifest {
     /// Reads a manifest.
     ///
     /// # Errors
-    /// [`eagpt_scene::SceneError`] with file, line and key: no TOML, an unknown key, a name that is no name of a file, a stack or a file that
-    /// is listed twice, not as many exposures as files.
+    /// [`eagpt_scene::SceneError`] with file, line and key: no TOML, an unknown key, a name that is
+    /// no name of a file, a stack or a file that is listed twice, not as many exposures as files.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = files::read(path)?;
         let text = Text::new(path, &bytes)?;

@@ -1,9 +1,10 @@
 //! Merging a bracket where the sensor measured it, before any colour is interpolated.
 //!
-//! A shot of exposure t sees the radiance E as x = t·E with the variance of [`Noise`]. The most likely E, given the unclipped
-//! samples, is Σ w x / Σ w t with w = t / variance(t·E); since the weights need E, they are found with Σ x / Σ t, the answer for
-//! pure photon noise (Hasinoff, Durand and Freeman, "Noise-optimal capture for high dynamic range photography", CVPR 2010). Samples below
-//! black count as they are: to cut them off would make the dark too bright.
+//! A shot of exposure t sees the radiance E as x = t·E with the variance of [`Noise`]. The most
+//! likely E, given the unclipped samples, is Σ w x / Σ w t with w = t / variance(t·E); since the
+//! weights need E, they are found with Σ x / Σ t, the answer for pure photon noise (Hasinoff,
+//! Durand and Freeman, "Noise-optimal capture for high dynamic range photography", CVPR 2010).
+//! Samples below black count as they are: to cut them off would make the dark too bright.
 
 use crate::noise::Noise;
 use crate::raw::RawFrame;
@@ -18,7 +19,8 @@ pub struct Shot<'a> {
     pub exposure: f64,
 }
 
-/// Set in [`Merged::flags`] where a sample is clipped in all shots: the value is the least that it can be.
+/// Set in [`Merged::flags`] where a sample is clipped in all shots: the value is the least that it
+/// can be.
 pub const CLIPPED: u8 = 1;
 /// Set in [`Merged::flags`] where a sample does not stand out from the read noise in any shot.
 pub const DARK: u8 = 2;
@@ -55,7 +57,8 @@ impl Merged {
     }
 }
 
-/// Merges shots of one size and layout, sorted by exposure. A sample counts where it is below `clip`, a fraction of the range.
+/// Merges shots of one size and layout, sorted by exposure. A sample counts where it is below
+/// `clip`, a fraction of the range.
 pub fn merge(shots: &[Shot<'_>], noise: &Noise, clip: f32) -> Merged {
     let Some(first) = shots.first() else {
         return Merged {

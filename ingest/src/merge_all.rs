@@ -125,7 +125,8 @@ pub(crate) fn merge_all(
     }))
 }
 
-/// Works out exposures, names and digests of the stacks of the shard, and finds out what is done already and what is in the way.
+/// Works out exposures, names and digests of the stacks of the shard, and finds out what is done
+/// already and what is in the way.
 fn plan(
     request: &IngestRequest,
     stacks: Vec<Stack>,
@@ -186,7 +187,8 @@ fn plan(
     Ok(all)
 }
 
-/// File that says that the images of a stack are about to be written: what is there without being [`Done`] is of a run that was killed.
+/// File that says that the images of a stack are about to be written: what is there without being
+/// [`Done`] is of a run that was killed.
 fn begun_file(stack: &Stack) -> PathBuf {
     output::work_file("begun", stack)
 }

@@ -1,9 +1,11 @@
 //! The noise of a sensor: a Poisson–Gaussian model, from metadata or from the shots of a stack.
 //!
-//! Values are fractions of the range from black to white. A value with expectation x has the variance gain · x + read: photon
-//! noise and what reading adds (Foi et al., "Practical Poissonian-Gaussian noise modeling and fitting for single-image raw-data",
-//! IEEE TIP 2008). Two shots of one scene tell both numbers without knowing the scene: where the longer has r times the exposure of the
-//! shorter, x_long − r·x_short has mean 0 and variance gain · (r + r²) x_short + read · (1 + r²).
+//! Values are fractions of the range from black to white. A value with expectation x has the
+//! variance gain · x + read: photon noise and what reading adds (Foi et al., "Practical
+//! Poissonian-Gaussian noise modeling and fitting for single-image raw-data", IEEE TIP 2008). Two
+//! shots of one scene tell both numbers without knowing the scene: where the longer has r times the
+//! exposure of the shorter, x_long − r·x_short has mean 0 and variance gain · (r + r²) x_short +
+//! read · (1 + r²).
 
 use crate::merge::Shot;
 use serde::{Deserialize, Serialize};
@@ -32,7 +34,8 @@ pub enum NoiseSource {
 }
 
 impl Noise {
-    /// An ordinary sensor at its base sensitivity: a full well of 20,000 electrons, read noise of 1/4000 of the range.
+    /// An ordinary sensor at its base sensitivity: a full well of 20,000 electrons, read noise of
+    /// 1/4000 of the range.
     pub const ASSUMED: Self = Self {
         gain: 1.0 / 20_000.0,
         read: 1.0 / (4000.0 * 4000.0),
@@ -54,7 +57,8 @@ impl Noise {
     }
 }
 
-/// What no sensor goes below or above: the quantisation of 16 bits, a full well of ten million electrons or of twenty.
+/// What no sensor goes below or above: the quantisation of 16 bits, a full well of ten million
+/// electrons or of twenty.
 const MIN_READ: f32 = 1.0 / (65_535.0 * 65_535.0 * 12.0);
 const MAX_READ: f32 = 1e-2;
 const MIN_GAIN: f32 = 1e-7;
@@ -76,9 +80,11 @@ struct Point {
     weight: f64,
 }
 
-/// Estimates the noise from shots of one scene, sorted by exposure; `None` if they overlap too little.
+/// Estimates the noise from shots of one scene, sorted by exposure; `None` if they overlap too
+/// little.
 ///
-/// Variances are taken from medians, so that what moved between two shots and what is not quite as long as it says counts little.
+/// Variances are taken from medians, so that what moved between two shots and what is not quite as
+/// long as it says counts little.
 pub fn estimate(shots: &[Shot<'_>], clip: f32) -> Option<Noise> {
     let mut points = Vec::new();
     for pair in shots.windows(2) {
@@ -144,7 +150,8 @@ pub(crate) fn median(values: &mut [f32]) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// Line through points whose spread is proportional to their height; found by weighting with the last line's heights.
+/// Line through points whose spread is proportional to their height; found by weighting with the
+/// last line's heights.
 fn fit(points: &[Point]) -> Option<(f64, f64)> {
     let usable: Vec<Point> = points
         .iter()

@@ -34,7 +34,8 @@ impl LensOption {
     /// The lens for images of `size` pixels, and the pinhole camera that takes its place.
     ///
     /// # Errors
-    /// [`IngestError::Option`] if there is no such model, it has other parameters, or no pinhole camera shows what it sees.
+    /// [`IngestError::Option`] if there is no such model, it has other parameters, or no pinhole
+    /// camera shows what it sees.
     pub fn undistortion(&self, size: (u32, u32)) -> Result<Undistortion> {
         let error = |problem: String| IngestError::Option {
             field: "lens",
@@ -56,9 +57,11 @@ impl LensOption {
 pub struct IngestOptions {
     /// Whether each folder is one stack, and no grouping by names or exposures is needed.
     pub stacks_in_folders: bool,
-    /// Exposure times of the shots of every stack in the order of their names, for files that do not state them; seconds.
+    /// Exposure times of the shots of every stack in the order of their names, for files that do
+    /// not state them; seconds.
     pub exposures_s: Option<Vec<f64>>,
-    /// Longest pause between two shots of a capture, in seconds, above 0; a longer one means two captures in one folder.
+    /// Longest pause between two shots of a capture, in seconds, above 0; a longer one means two
+    /// captures in one folder.
     pub max_pause_s: f64,
     /// Where exposure ratios come from.
     pub exposure_ratios: ExposureRatios,
@@ -66,8 +69,8 @@ pub struct IngestOptions {
     pub clip_margin: f32,
     /// How the factors of white balance are found.
     pub white_balance: WhiteBalance,
-    /// Radiance of a sample at saturation in a shot of 1 s at ISO 100 and f/1; `None`: the geometric mean of the capture's luminance
-    /// becomes 0.18.
+    /// Radiance of a sample at saturation in a shot of 1 s at ISO 100 and f/1; `None`: the
+    /// geometric mean of the capture's luminance becomes 0.18.
     pub scale: Option<f64>,
     /// How colours are interpolated.
     pub demosaic: Demosaic,

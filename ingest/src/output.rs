@@ -66,7 +66,8 @@ pub(crate) fn work_file(kind: &str, stack: &Stack) -> PathBuf {
         .join(format!("{}.json", stack.position))
 }
 
-/// Reads what was kept; `None` if nothing was, or what is there cannot be read, as after a change of versions.
+/// Reads what was kept; `None` if nothing was, or what is there cannot be read, as after a change
+/// of versions.
 pub(crate) fn read_kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
     if !path.exists() {
         return None;
@@ -135,7 +136,8 @@ pub(crate) fn write_stack(
     second
 }
 
-/// What is brighter than half precision holds becomes the brightest that it holds: a lamp is a lamp at 65,504.
+/// What is brighter than half precision holds becomes the brightest that it holds: a lamp is a lamp
+/// at 65,504.
 fn fit_in_half(
     image: &Image<3>,
     precision: Precision,
@@ -151,7 +153,8 @@ fn fit_in_half(
 
 /// Bytes of sRGB after a factor.
 fn encoded(image: &Image<3>, exposure: f64) -> Vec<u8> {
-    // A table over the exponent and eight bits of the mantissa: half a code off at most, and many times as fast as powers.
+    // A table over the exponent and eight bits of the mantissa: half a code off at most, and many
+    // times as fast as powers.
     const STEPS_PER_OCTAVE: u32 = 256;
     const SHIFT: u32 = 23 - STEPS_PER_OCTAVE.trailing_zeros();
     const LOWEST: f32 = 1.0 / 16_384.0;

@@ -285,8 +285,8 @@ pub(crate) fn shots_key(stack: &Stack) -> Vec<(String, f64)> {
         .collect()
 }
 
-/// Bytes that merging a stack takes at most: first all shots and the merged samples, then colours, and the image with what is
-/// written of it.
+/// Bytes that merging a stack takes at most: first all shots and the merged samples, then colours,
+/// and the image with what is written of it.
 pub(crate) fn needed_memory(stack: &Stack) -> u64 {
     let Some(first) = stack.shots.first() else {
         return 0;
@@ -303,7 +303,8 @@ pub(crate) fn needed_memory(stack: &Stack) -> u64 {
         4
     };
     let shots = stack.shots.len() as u64 * sample * per_pixel;
-    // f32 and a flag for each sample beside the shots; or f32 RGB, samples, f16 RGB and one plane of f32, a flag and 8-bit RGB.
+    // f32 and a flag for each sample beside the shots; or f32 RGB, samples, f16 RGB and one plane
+    // of f32, a flag and 8-bit RGB.
     let merging = shots + 5 * per_pixel;
     let writing = 12 + 5 * per_pixel + 6 + 4 + 1 + 3;
     // The file of a shot is in memory while it is decoded.

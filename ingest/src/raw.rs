@@ -1,8 +1,9 @@
 //! Photographs as the sensor saw them: one seam between decoders and everything else.
 //!
-//! [`inspect`] tells what a file says about itself, [`read`] decodes its samples. Nothing is scaled, clipped or balanced here:
-//! samples below the black level stay, since the mean of a dark shot would be too bright without them. Which decoder reads
-//! RAW files is decided by the features `rawler` and `rawloader`; with both, `rawloader` is asked for what `rawler` cannot read.
+//! [`inspect`] tells what a file says about itself, [`read`] decodes its samples. Nothing is
+//! scaled, clipped or balanced here: samples below the black level stay, since the mean of a dark
+//! shot would be too bright without them. Which decoder reads RAW files is decided by the features
+//! `rawler` and `rawloader`; with both, `rawloader` is asked for what `rawler` cannot read.
 
 mod exif;
 mod kinds;
@@ -24,10 +25,12 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Largest image that is decoded, in pixels: above any camera of today, far below what exhausts memory.
+/// Largest image that is decoded, in pixels: above any camera of today, far below what exhausts
+/// memory.
 pub(crate) const MAX_PIXELS: u64 = 1 << 28;
 
-/// Longest period of channels times that of black levels along a row: X-Trans (6) with levels of its own for each column.
+/// Longest period of channels times that of black levels along a row: X-Trans (6) with levels of
+/// its own for each column.
 const MAX_PERIOD: usize = 36;
 
 /// A decoded photograph.
@@ -72,7 +75,8 @@ pub struct Header {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
-    /// A colour filter array: the channels (0 red, 1 green, 2 blue) of the block at the top left, row by row.
+    /// A colour filter array: the channels (0 red, 1 green, 2 blue) of the block at the top left,
+    /// row by row.
     Mosaic {
         /// Columns of the block: 2 for Bayer, 6 for X-Trans.
         columns: u8,
@@ -99,9 +103,11 @@ pub struct Black {
 /// What the camera knows of colour.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct CameraColor {
-    /// Factors that make a neutral surface equal in all channels, as the camera chose them; green is 1.
+    /// Factors that make a neutral surface equal in all channels, as the camera chose them; green
+    /// is 1.
     pub as_shot: Option<[f32; 3]>,
-    /// Camera from XYZ, row by row, for illuminants by their number in EXIF's LightSource (21: D65).
+    /// Camera from XYZ, row by row, for illuminants by their number in EXIF's LightSource (21:
+    /// D65).
     pub matrices: Vec<(u16, [[f64; 3]; 3])>,
 }
 
@@ -122,7 +128,8 @@ pub struct Metadata {
     pub focal_mm: Option<f64>,
     /// Local time of the shot in seconds since 1970-01-01, as if it were UTC.
     pub time_s: Option<f64>,
-    /// Noise variance s·x + o of a value x where saturation is 1 (DNG's NoiseProfile), of green where there are several.
+    /// Noise variance s·x + o of a value x where saturation is 1 (DNG's NoiseProfile), of green
+    /// where there are several.
     pub noise: Option<[f64; 2]>,
     /// EXIF orientation, 1 to 8. Images stay as the sensor has them.
     pub orientation: Option<u16>,
@@ -131,8 +138,9 @@ pub struct Metadata {
 }
 
 impl Metadata {
-    /// Exposure that ratios come from: seconds at ISO 100 and f/1; `None` if the time is unknown. What a whole capture has in common
-    /// and does not say, as the aperture of an adapted lens, counts as 1.
+    /// Exposure that ratios come from: seconds at ISO 100 and f/1; `None` if the time is unknown.
+    /// What a whole capture has in common and does not say, as the aperture of an adapted lens,
+    /// counts as 1.
     pub fn exposure(&self) -> Option<f64> {
         let gain = self.iso.unwrap_or(100.0) / 100.0;
         let stop = self.f_number.unwrap_or(1.0);
@@ -194,7 +202,8 @@ impl Header {
         }
     }
 
-    /// Refuses what no image can be: sizes of 0 or beyond [`MAX_PIXELS`], levels that leave no range.
+    /// Refuses what no image can be: sizes of 0 or beyond [`MAX_PIXELS`], levels that leave no
+    /// range.
     pub(crate) fn check(self, path: &Path) -> Result<Self> {
         let error = |field, problem: String| Err(IngestError::photograph(path, field, problem));
         let pixels = u64::from(self.width) * u64::from(self.height);
@@ -248,7 +257,8 @@ impl Header {
 }
 
 impl RawFrame {
-    /// A row with the black level taken off, as a fraction of the range up to white; as `out` is long.
+    /// A row with the black level taken off, as a fraction of the range up to white; as `out` is
+    /// long.
     pub fn scaled_row(&self, row: usize, out: &mut [f32]) {
         let header = &self.header;
         let start = row * header.row_len();
@@ -286,11 +296,13 @@ impl RawFrame {
     }
 }
 
-/// What a file says about itself, without its samples, and the BLAKE3 digest of all of it, hexadecimal.
+/// What a file says about itself, without its samples, and the BLAKE3 digest of all of it,
+/// hexadecimal.
 ///
 /// # Errors
-/// [`IngestError::Photograph`] if the file is no photograph that can be used: 8 bits, a reduced RAW with three components, an
-/// unknown camera or format, a damaged header; [`IngestError::Scene`] if it cannot be read.
+/// [`IngestError::Photograph`] if the file is no photograph that can be used: 8 bits, a reduced RAW
+/// with three components, an unknown camera or format, a damaged header; [`IngestError::Scene`] if
+/// it cannot be read.
 pub fn inspect(path: &Path) -> Result<(Header, String)> {
     let bytes = Arc::new(files::read(path)?);
     let digest = blake3::hash(&bytes).to_hex().to_string();

@@ -1,6 +1,7 @@
 //! The report: what to take again, for people (`report.html`) and machines (`report.json`).
 //!
-//! The page is one file that needs no script and no network: pictures are embedded, charts are inline SVG.
+//! The page is one file that needs no script and no network: pictures are embedded, charts are
+//! inline SVG.
 
 use crate::capture::{Capture, StackReport};
 use crate::error::{IngestError, Result};
@@ -153,7 +154,8 @@ struct JsonStack<'a> {
     quality: &'a crate::capture::Quality,
 }
 
-/// Writes `report.json` and `report.html`; `thumbnails` are base64 JPEGs in the order of the stacks.
+/// Writes `report.json` and `report.html`; `thumbnails` are base64 JPEGs in the order of the
+/// stacks.
 pub(crate) fn write(
     out: &Path,
     capture_path: &Path,

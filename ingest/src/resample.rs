@@ -3,7 +3,8 @@
 use eagpt_scene::Image;
 use rayon::prelude::*;
 
-/// The pixels of the larger image that a smaller one's pixel covers along one axis, with the shares of it that they fill.
+/// The pixels of the larger image that a smaller one's pixel covers along one axis, with the shares
+/// of it that they fill.
 fn coverage(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
     let step = f64::from(from) / f64::from(to);
     (0..to)
@@ -20,7 +21,8 @@ fn coverage(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
         .collect()
 }
 
-/// The size with the longer side at most `long_side`, and the shape of the image as near as pixels allow.
+/// The size with the longer side at most `long_side`, and the shape of the image as near as pixels
+/// allow.
 pub(crate) fn fitted((width, height): (u32, u32), long_side: u32) -> (u32, u32) {
     let long = width.max(height);
     if long <= long_side {

@@ -1,7 +1,8 @@
-//! A first look at the light of a stack: whether it can be decoded, how noisy it is, whether exposures are what they say.
+//! A first look at the light of a stack: whether it can be decoded, how noisy it is, whether
+//! exposures are what they say.
 //!
-//! All stacks are surveyed before any is merged, so that what is wrong comes to light at once, and because the scale of the
-//! images is one for the whole capture.
+//! All stacks are surveyed before any is merged, so that what is wrong comes to light at once, and
+//! because the scale of the images is one for the whole capture.
 
 use crate::color::ColorTransform;
 use crate::error::IngestError;
@@ -19,13 +20,15 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Survey {
     /// Noise of the sensor.
     pub(crate) noise: Noise,
-    /// Measured exposure of each shot over that of the one before; the first is `None`, others may be.
+    /// Measured exposure of each shot over that of the one before; the first is `None`, others may
+    /// be.
     pub(crate) ratios: Vec<Option<f64>>,
     /// Share of the comparable blocks in which each shot shows something else than the one before.
     pub(crate) moved: Vec<Option<f64>>,
     /// Share of blocks with a clipped sample, for each shot.
     pub(crate) clipped: Vec<f64>,
-    /// Mean of ln(luminance) in units of the range per exposure, over blocks that are bright enough.
+    /// Mean of ln(luminance) in units of the range per exposure, over blocks that are bright
+    /// enough.
     pub(crate) log_luminance: f64,
 }
 
@@ -78,7 +81,8 @@ pub(crate) fn survey(
             .map(|pair| compare(&pair[0], &pair[1], noise, clip))
             .collect()
     };
-    // Noise is measured between shots whose ratio is known, and ratios are taken where noise is low: one after the other.
+    // Noise is measured between shots whose ratio is known, and ratios are taken where noise is
+    // low: one after the other.
     let first = compared(&known);
     let noise = if profile.is_some() {
         known
@@ -138,8 +142,9 @@ fn log_luminance(thumbs: &[Thumb], exposures: &[f64], color: &ColorTransform, cl
     if count == 0 { 0.0 } else { sum / count as f64 }
 }
 
-/// Exposures of the shots of a stack by what was measured; ratios that are unknown are taken as stated. The factor that ratios do
-/// not tell leaves the median of the shots where it was, so that one wrong shot moves no other.
+/// Exposures of the shots of a stack by what was measured; ratios that are unknown are taken as
+/// stated. The factor that ratios do not tell leaves the median of the shots where it was, so that
+/// one wrong shot moves no other.
 pub(crate) fn estimated(stated: &[f64], ratios: &[Option<f64>]) -> Vec<f64> {
     let mut exposures = stated.to_vec();
     for index in 1..stated.len() {

@@ -21,7 +21,8 @@ const BLOCKS: usize = 96;
 const MAX_RELATIVE_NOISE: f32 = 0.05;
 /// Least blocks that a ratio is taken from.
 const MIN_BLOCKS: usize = 12;
-/// Change of a block between two shots, as a share, from which on something moved there; noise has to be passed as well.
+/// Change of a block between two shots, as a share, from which on something moved there; noise has
+/// to be passed as well.
 const MOVED_SHARE: f32 = 0.05;
 const MOVED_SIGMAS: f32 = 6.0;
 
@@ -89,7 +90,8 @@ impl Thumb {
 /// How two shots compare.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Comparison {
-    /// Exposure of the longer over that of the shorter, measured; `None` if too little of the scene is well exposed in both.
+    /// Exposure of the longer over that of the shorter, measured; `None` if too little of the scene
+    /// is well exposed in both.
     pub(crate) ratio: Option<f64>,
     /// Share of the comparable blocks that changed otherwise than by the ratio.
     pub(crate) moved: Option<f64>,

@@ -1,7 +1,8 @@
 //! Light that the lens loses towards the corners.
 //!
-//! As a polynomial 1 + a r² + b r⁴ + c r⁶ of the distance r from the middle of the image, which is 1 in the corner, or as a measured
-//! flat field: a photograph of an evenly lit surface, smoothed, for each channel.
+//! As a polynomial 1 + a r² + b r⁴ + c r⁶ of the distance r from the middle of the image, which is
+//! 1 in the corner, or as a measured flat field: a photograph of an evenly lit surface, smoothed,
+//! for each channel.
 
 use crate::merge::{CLIPPED, DARK, Merged};
 use crate::raw::Header;
@@ -18,9 +19,11 @@ pub enum Vignetting {
     None,
     /// Coefficients a, b, c.
     Polynomial([f32; 3]),
-    /// A folder with one stack of an evenly lit surface, taken with the lens and aperture of the capture.
+    /// A folder with one stack of an evenly lit surface, taken with the lens and aperture of the
+    /// capture.
     FlatField(PathBuf),
-    /// As `FlatField`, but only a, b and c are taken from it: what is uneven about the surface itself counts less.
+    /// As `FlatField`, but only a, b and c are taken from it: what is uneven about the surface
+    /// itself counts less.
     Fit(PathBuf),
 }
 
@@ -45,7 +48,8 @@ pub struct Grid {
     pub cells: Vec<[f32; 3]>,
 }
 
-/// Cells of a measured falloff along the longer side: a lens changes slowly, dust is not its business.
+/// Cells of a measured falloff along the longer side: a lens changes slowly, dust is not its
+/// business.
 const GRID_CELLS: usize = 48;
 /// Least share of light that a falloff may leave: below, noise would be all there is to see.
 const LEAST: f32 = 0.02;
@@ -109,8 +113,8 @@ impl Grid {
         })
     }
 
-    /// Means of a merged photograph of an even surface over cells, each channel over its value in the middle; `None` if too much
-    /// of it is clipped or dark.
+    /// Means of a merged photograph of an even surface over cells, each channel over its value in
+    /// the middle; `None` if too much of it is clipped or dark.
     pub(crate) fn measure(header: &Header, merged: &Merged) -> Option<Self> {
         let (width, height) = (header.width as usize, header.height as usize);
         let long = width.max(height);
@@ -146,10 +150,12 @@ impl Grid {
         })
     }
 
-    /// The polynomial that is nearest to the green of the cells, up to one factor; `None` if they determine none.
+    /// The polynomial that is nearest to the green of the cells, up to one factor; `None` if they
+    /// determine none.
     pub(crate) fn fit(&self, width: usize, height: usize) -> Option<[f32; 3]> {
-        // share = s (1 + a r² + b r⁴ + c r⁶) is linear in (s, s a, s b, s c). s is taken out first: the share where r is least is 1 by
-        // construction, but noisy, so the constant is fitted by a second round.
+        // share = s (1 + a r² + b r⁴ + c r⁶) is linear in (s, s a, s b, s c). s is taken out first:
+        // the share where r is least is 1 by construction, but noisy, so the constant is fitted by
+        // a second round.
         let (w, h) = (width as f64, height as f64);
         let corner = (w * w + h * h) / 4.0;
         let squares: Vec<(f64, f64)> = (0..self.rows * self.columns)

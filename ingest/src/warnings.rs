@@ -6,7 +6,8 @@ use crate::noise::median;
 /// Where a measure becomes a warning, as shares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limits {
-    /// Error of a stated exposure: more shows as bands of brightness. Cameras round 1/32 to 1/30, which is 6.7 %.
+    /// Error of a stated exposure: more shows as bands of brightness. Cameras round 1/32 to 1/30,
+    /// which is 6.7 %.
     pub(crate) exposure_error: f64,
     /// Blocks that differ between two shots: people breathe, screens flicker.
     pub(crate) moved: f64,

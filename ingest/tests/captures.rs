@@ -14,7 +14,8 @@ use eagpt_scene::exr;
 use std::fs;
 use std::sync::atomic::Ordering;
 
-/// Ingests and expects exactly the problems whose parts are given, one line each, and nothing written but surveys.
+/// Ingests and expects exactly the problems whose parts are given, one line each, and nothing
+/// written but surveys.
 #[track_caller]
 fn assert_problems(place: &Place, expected: &[&[&str]]) {
     let (outcome, problems) = place.ingest("c", "out", options());
@@ -37,7 +38,8 @@ fn assert_problems(place: &Place, expected: &[&[&str]]) {
 fn everything_that_is_wrong_is_told_at_once() {
     let place = Place::new();
     place.capture("c", 8);
-    // A missing shot, one too many, another camera, a zoomed lens, a truncated file, something else, another aperture.
+    // A missing shot, one too many, another camera, a zoomed lens, a truncated file, something
+    // else, another aperture.
     fs::remove_file(place.file("c", 1, 2)).unwrap();
     fs::copy(place.file("c", 2, 4), place.file("c", 2, 5)).unwrap();
     for index in 0..5 {

@@ -13,8 +13,8 @@ use eagpt_ingest::{ExposureRatios, IngestOptions};
 use eagpt_scene::{Image, exr};
 use eagpt_testkit::test_data;
 
-/// Of the pixels within three of a contrast of twelve, as beside lamps, the share whose ratio of red or blue to green is off by more than a
-/// quarter.
+/// Of the pixels within three of a contrast of twelve, as beside lamps, the share whose ratio of
+/// red or blue to green is off by more than a quarter.
 fn cast_share(image: &Image<3>, truth: &Image<3>, scale: f32) -> f64 {
     // Ratios of what is darker than a thousandth of white are noise.
     const DARK: f32 = 1e-3;

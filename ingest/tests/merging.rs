@@ -12,7 +12,8 @@ use common::*;
 use eagpt_ingest::{Demosaic, ExposureRatios, IngestOptions, LensOption, Vignetting, WhiteBalance};
 use eagpt_scene::{Image, exr};
 
-/// The bounds of a good merge: what the noise of this camera and the interpolation of its colours leave, by a factor of two.
+/// The bounds of a good merge: what the noise of this camera and the interpolation of its colours
+/// leave, by a factor of two.
 #[track_caller]
 fn assert_good(image: &Image<3>, num: usize) -> Agreement {
     let truth = room(num).truth();
@@ -51,7 +52,8 @@ fn a_bracket_gives_the_light_back_with_one_scale_for_all() {
     let noise = capture.stacks[0].noise;
     assert!((noise.gain * 40_000.0 - 1.0).abs() < 0.1, "{noise:?}");
     assert!((noise.read / 1e-8 - 1.0).abs() < 0.3, "{noise:?}");
-    // The mean is middle grey, up to what the falloff of the lens takes from it: 7 % over the image.
+    // The mean is middle grey, up to what the falloff of the lens takes from it: 7 % over the
+    // image.
     let logs: f64 = [0, 1]
         .iter()
         .map(|&position| {
@@ -81,8 +83,9 @@ fn lamps_have_no_rims() {
         let image = radiance(&place, &out, 0);
         let truth = room(0).truth();
         let scale = agreement(&image, &truth, |_| true).scale;
-        // Beside the lamp and its blurred edge, as far as filters reach: nothing much darker or brighter than what is there, and no
-        // strong cast. Measured: shares of 0.7 to 1.65 (VNG; 1.5 for PPG), of a red that is a hundredth of the lamp's.
+        // Beside the lamp and its blurred edge, as far as filters reach: nothing much darker or
+        // brighter than what is there, and no strong cast. Measured: shares of 0.7 to 1.65 (VNG;
+        // 1.5 for PPG), of a red that is a hundredth of the lamp's.
         for y in 25..75 {
             for x in 35..85 {
                 let distance = (x as f32 - 60.0).hypot(y as f32 - 50.0);
@@ -183,7 +186,8 @@ fn what_clips_in_all_shots_is_marked_and_stays_neutral() {
             (r / g - 1.0).abs() < 0.02 && (b / g - 1.0).abs() < 0.02,
             "{r} {g} {b}"
         );
-        // At least what the sensor could still tell: its range over the shortest exposure, 0.4 s / 0.04 s.
+        // At least what the sensor could still tell: its range over the shortest exposure, 0.4 s /
+        // 0.04 s.
         assert!(g / scale > 8.0, "{g}");
     }
     assert_eq!(mask.get_pixel(150, 100).0[0], 0);

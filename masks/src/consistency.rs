@@ -1,14 +1,18 @@
 //! Masks compared between views.
 //!
-//! A lamp shines from wherever it is looked at; a reflection of it, however bright, moves over its surface with the viewer. The surface
-//! points of each masked region are looked at from all other views that see them: if most of those views do not mask them, the
-//! region is no lamp. The other way round, where a view sees points of confirmed regions and masks none of them, its own mask lacks a lamp.
+//! A lamp shines from wherever it is looked at; a reflection of it, however bright, moves over its
+//! surface with the viewer. The surface points of each masked region are looked at from all other
+//! views that see them: if most of those views do not mask them, the region is no lamp. The other
+//! way round, where a view sees points of confirmed regions and masks none of them, its own mask
+//! lacks a lamp.
 //!
-//! A view is asked only about what it can show: places well inside of a region, that it does not see from behind or at so grazing an angle
-//! that nothing is left of them. Lamps a pixel or two thin are not judged.
+//! A view is asked only about what it can show: places well inside of a region, that it does not
+//! see from behind or at so grazing an angle that nothing is left of them. Lamps a pixel or two
+//! thin are not judged.
 //!
-//! Points come from depth, so this tells nothing about regions without one (a window onto the sky), and depths of a trained scene may
-//! put the image of a lamp behind the mirror, where all views agree on it.
+//! Points come from depth, so this tells nothing about regions without one (a window onto the sky),
+//! and depths of a trained scene may put the image of a lamp behind the mirror, where all views
+//! agree on it.
 
 use crate::mask::{Mask, Region};
 use eagpt_scene::{Camera, Image};
@@ -16,18 +20,21 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Longest side at which views are compared, pixels: bounds the memory, 9 bytes a pixel, to 2.6 MB a view.
+/// Longest side at which views are compared, pixels: bounds the memory, 9 bytes a pixel, to 2.6 MB
+/// a view.
 pub const MAX_SIDE: u32 = 540;
 /// Most places of a region.
 const MAX_PLACES: usize = 64;
-/// Least area, pixels, that a pixel's surface has in another view for that view to say something about it.
+/// Least area, pixels, that a pixel's surface has in another view for that view to say something
+/// about it.
 const MIN_AREA: f32 = 0.25;
-/// How far a point may be from the depth of a view that sees it, relative to its own: noise of depths. More would take a bulb for seen
-/// through the rim of its shade.
+/// How far a point may be from the depth of a view that sees it, relative to its own: noise of
+/// depths. More would take a bulb for seen through the rim of its shade.
 const DEPTH_TOLERANCE: f32 = 0.01;
 /// Fewest views that have to see a region's surface before they may overrule it.
 const MIN_VIEWS: usize = 2;
-/// Share of a view's places in confirmed regions that it does not mask, above which it lacks a lamp.
+/// Share of a view's places in confirmed regions that it does not mask, above which it lacks a
+/// lamp.
 const MAX_MISSED: f64 = 0.5;
 /// Fewest such places.
 const MIN_MISSED: u32 = 16;
@@ -103,7 +110,8 @@ impl Support {
 pub struct Comparison {
     /// For each view and region, what other views see of it.
     pub support: Vec<Vec<Support>>,
-    /// For each view, the share of its places in regions confirmed by others that it does not mask, if it lacks a lamp.
+    /// For each view, the share of its places in regions confirmed by others that it does not mask,
+    /// if it lacks a lamp.
     pub missed: Vec<Option<f64>>,
 }
 
@@ -136,8 +144,8 @@ pub fn reduced_mask(mask: &Mask, camera: &Camera) -> Mask {
     })
 }
 
-/// Places well inside of a region, evenly chosen; none where depth is unknown. The region is one of an image of `full_size` (width,
-/// height), `mask` and `depth` are those of `camera`.
+/// Places well inside of a region, evenly chosen; none where depth is unknown. The region is one of
+/// an image of `full_size` (width, height), `mask` and `depth` are those of `camera`.
 pub fn places(
     region: &Region,
     full_size: (u32, u32),
@@ -227,7 +235,8 @@ fn sum(seen: &[Sighting]) -> Support {
     }
 }
 
-/// What all views but `own` see of places; those that see none and those without a mask are left out.
+/// What all views but `own` see of places; those that see none and those without a mask are left
+/// out.
 fn seen_from(places: &[Place], own: usize, sights: &[Sight]) -> Vec<Sighting> {
     let mut seen = Vec::new();
     for (view, sight) in sights.iter().enumerate() {
@@ -237,7 +246,8 @@ fn seen_from(places: &[Place], own: usize, sights: &[Sight]) -> Vec<Sighting> {
         let (mut num_seen, mut num_masked) = (0, 0);
         for pixel in places.iter().filter_map(|place| sight.pixel_of(place)) {
             num_seen += 1;
-            // One pixel of tolerance: half for the rounding here, half for that of the region's own pixel.
+            // One pixel of tolerance: half for the rounding here, half for that of the region's own
+            // pixel.
             num_masked += u32::from(around(pixel).any(|[x, y]| mask.has(x, y)));
         }
         if num_seen > 0 {
@@ -252,7 +262,8 @@ fn seen_from(places: &[Place], own: usize, sights: &[Sight]) -> Vec<Sighting> {
 }
 
 impl Sight {
-    /// The pixel that shows a place, if the place is in the picture, large enough, and nothing is in front of it.
+    /// The pixel that shows a place, if the place is in the picture, large enough, and nothing is
+    /// in front of it.
     fn pixel_of(&self, place: &Place) -> Option<[u32; 2]> {
         let seen = self.camera.project(place.point);
         let (width, height) = (self.camera.width, self.camera.height);
@@ -308,7 +319,8 @@ mod tests {
         }
     }
 
-    /// A view at `x` of that wall with a lamp at world x from −0.2 to 0.2 and, if it is there, a reflection that moves as the viewer does.
+    /// A view at `x` of that wall with a lamp at world x from −0.2 to 0.2 and, if it is there, a
+    /// reflection that moves as the viewer does.
     fn sight(x: f64, lamp: bool, reflection: bool) -> Sight {
         let camera = camera(x);
         let depth = Image::filled(40, 30, [2.0]);

@@ -33,7 +33,8 @@ pub struct MaskRequest<'a> {
     pub labels: Option<PathBuf>,
     /// Folder of labels of what is no lamp.
     pub reflections: Option<PathBuf>,
-    /// Trained scene that gives depth, where the dataset has none, and emission for [`Source::Emission`].
+    /// Trained scene that gives depth, where the dataset has none, and emission for
+    /// [`Source::Emission`].
     pub scene: Option<PathBuf>,
 }
 
@@ -112,7 +113,8 @@ fn overlay_file(name: &str) -> PathBuf {
         .join(format!("{name}.png"))
 }
 
-/// Makes, compares, draws and writes masks; views are in memory one at a time, and of each a reduced copy for the comparison.
+/// Makes, compares, draws and writes masks; views are in memory one at a time, and of each a
+/// reduced copy for the comparison.
 ///
 /// # Errors
 /// [`crate::MaskError`]: an option out of range, a folder of labels that fits no view, no level between surfaces and lights, or a file.
@@ -420,7 +422,8 @@ fn read_mask(path: &Path, camera: &Camera) -> Result<Mask> {
     }))
 }
 
-/// A depth image at the size of `camera`: of each pixel the value in its middle, since depths of different surfaces have no mean.
+/// A depth image at the size of `camera`: of each pixel the value in its middle, since depths of
+/// different surfaces have no mean.
 fn nearest(depth: &Image<1>, camera: &Camera) -> Image<1> {
     let (width, height) = (camera.width, camera.height);
     if depth.size() == (width, height) {

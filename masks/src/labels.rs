@@ -1,7 +1,8 @@
 //! Label images: what a person, or a network such as SAM, has marked.
 //!
-//! A label of a view is the PNG `<view>.png` in a folder of labels, of any size; what is not black and not transparent is marked. A folder may
-//! have labels for some views only: the others are unlabelled, which says nothing about them.
+//! A label of a view is the PNG `<view>.png` in a folder of labels, of any size; what is not black
+//! and not transparent is marked. A folder may have labels for some views only: the others are
+//! unlabelled, which says nothing about them.
 
 use crate::error::{MaskError, Result};
 use crate::mask::Mask;
@@ -128,7 +129,8 @@ mod tests {
     fn any_size_and_any_value_mark_what_they_cover() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
-        // Twice as large as the view: the first column is marked in full, the second one half, the third a quarter.
+        // Twice as large as the view: the first column is marked in full, the second one half, the
+        // third a quarter.
         let rows = ["##..", "##.#", "##..", "##.."];
         let label = GrayImage::from_fn(4, 4, |x, y| {
             Luma([u8::from(rows[y as usize].as_bytes()[x as usize] == b'#')])

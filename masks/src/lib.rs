@@ -1,9 +1,10 @@
 //! Emission masks: which pixels of a photograph show a light rather than a lit surface.
 //!
-//! A mask is what exceeds a level of linear radiance, given or [found in the scene](level), together with what a person or a
-//! network has labelled, less what is labelled as reflection, tidied up: [`mod@mask`]. As a lamp shines from wherever it is looked at
-//! and a reflection does not, masks of posed views are then [compared with each other](consistency). A view of which nothing is known
-//! gets no mask, which is not the same as one without emitters.
+//! A mask is what exceeds a level of linear radiance, given or [found in the scene](level),
+//! together with what a person or a network has labelled, less what is labelled as reflection,
+//! tidied up: [`mod@mask`]. As a lamp shines from wherever it is looked at and a reflection does
+//! not, masks of posed views are then [compared with each other](consistency). A view of which
+//! nothing is known gets no mask, which is not the same as one without emitters.
 //!
 //! [`make_masks`] does all of it for a dataset, with overlays to look at and a [`report`].
 //!

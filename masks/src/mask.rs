@@ -7,7 +7,8 @@ use imageproc::distance_transform::Norm;
 use imageproc::morphology;
 use imageproc::region_labelling::{Connectivity, connected_components};
 
-/// How far from its border a lamp is looked for, pixels: as far as demosaicing and optics spread an edge.
+/// How far from its border a lamp is looked for, pixels: as far as demosaicing and optics spread an
+/// edge.
 const BORDER_REACH: u32 = 2;
 /// Least share of lamp in a border pixel.
 const BORDER_SHARE: f32 = 0.5;
@@ -147,7 +148,8 @@ impl Mask {
         }
     }
 
-    /// Fills gaps up to twice as wide as `radius`. The image is taken to go on beyond its edges as it is there.
+    /// Fills gaps up to twice as wide as `radius`. The image is taken to go on beyond its edges as
+    /// it is there.
     fn close(&mut self, radius: u8) {
         let pad = 2 * u32::from(radius);
         let (width, height) = self.pixels.dimensions();
@@ -162,7 +164,8 @@ impl Mask {
     }
 }
 
-/// Pixels whose value is at least `level`; with [`Border::Half`], the border of each lamp is where pixels are half lamp and half what is beside it.
+/// Pixels whose value is at least `level`; with [`Border::Half`], the border of each lamp is where
+/// pixels are half lamp and half what is beside it.
 pub fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     let (width, height) = values.size();
     let value = |x: u32, y: u32| values.get(x, y)[0];
@@ -255,7 +258,8 @@ mod tests {
         assert_eq!(grown, mask(&[".....", "..#..", ".###.", "..#..", "....."]));
     }
 
-    /// A lamp of 10 that covers half and more of some pixels of its border, less of others, on a wall of 0.5.
+    /// A lamp of 10 that covers half and more of some pixels of its border, less of others, on a
+    /// wall of 0.5.
     #[test]
     fn border_pixels_belong_to_what_covers_most_of_them() {
         // Shares of 0.16, 1, 1, 0.58.
@@ -269,7 +273,8 @@ mod tests {
         assert_eq!(full, mask(&[".####.", ".####.", ".####."]));
     }
 
-    /// Half of a lamp of 10 beside a wall of 3 is 6.5; of a lamp of 4 beside black it is 2, below the level.
+    /// Half of a lamp of 10 beside a wall of 3 is 6.5; of a lamp of 4 beside black it is 2, below
+    /// the level.
     #[test]
     fn a_border_lies_halfway_between_lamp_and_wall() {
         let image = |row: [f32; 6]| {

@@ -68,8 +68,9 @@ impl Rule {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Border {
-    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and what is beside it, both within two pixels: where
-    /// the lamp covers half of it, however bright it is and however the optics blur it.
+    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and what
+    /// is beside it, both within two pixels: where the lamp covers half of it, however bright it is
+    /// and however the optics blur it.
     Half,
     /// All that is at the level belongs to the lamp: bright lamps gain a rim.
     Full,
@@ -79,9 +80,11 @@ pub enum Border {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckOptions {
-    /// What becomes of regions that other views do not confirm; nothing is compared if this is absent.
+    /// What becomes of regions that other views do not confirm; nothing is compared if this is
+    /// absent.
     pub inconsistent: Option<Inconsistent>,
-    /// Least share, among the places where other views see a region's surface, that are masked there, too; 0 to 1.
+    /// Least share, among the places where other views see a region's surface, that are masked
+    /// there, too; 0 to 1.
     pub min_support: f32,
 }
 

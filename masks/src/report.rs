@@ -40,7 +40,8 @@ pub struct ViewReport {
     pub labelled: bool,
     /// Regions that other views do not confirm.
     pub num_inconsistent: usize,
-    /// Where it sees regions that others confirm, the share that it does not mask; null if that is nothing to speak of.
+    /// Where it sees regions that others confirm, the share that it does not mask; null if that is
+    /// nothing to speak of.
     pub missed: Option<f64>,
 }
 

@@ -13,7 +13,8 @@ const PADDING: f64 = 10.0;
 /// Most points of a curve: no display shows more.
 const MAX_POINTS: usize = 600;
 
-/// A drawing of values above 0 over their index `x`, the values on a logarithmic scale; empty without two points.
+/// A drawing of values above 0 over their index `x`, the values on a logarithmic scale; empty
+/// without two points.
 pub fn log_curve(points: &[(f64, f64)], x_label: &str, y_label: &str) -> String {
     let usable: Vec<(f64, f64)> = points
         .iter()

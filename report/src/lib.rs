@@ -1,7 +1,8 @@
 //! The report of a run: one HTML file with everything that a person wants to see of it.
 //!
-//! [`write()`] reads what the commands have left in the folder of a run (`run.json`, metrics, pictures, records) and puts it on one page
-//! that needs no network, no other file and, for all but the sliders, no script. Pictures are embedded as JPEG, at most a display's size.
+//! [`write()`] reads what the commands have left in the folder of a run (`run.json`, metrics,
+//! pictures, records) and puts it on one page that needs no network, no other file and, for all but
+//! the sliders, no script. Pictures are embedded as JPEG, at most a display's size.
 //!
 //! - [`mod@run`]: `run.json`, what was made from what.
 //! - [`content`]: what is on the page; [`gather`]: how it is read.

@@ -14,7 +14,8 @@ use std::path::Path;
 
 /// Longest side of an embedded picture, pixels.
 const MAX_SIDE: u32 = 720;
-/// Pictures smaller than this are enlarged for people by the browser, without blurring what a pixel is.
+/// Pictures smaller than this are enlarged for people by the browser, without blurring what a pixel
+/// is.
 const SMALL_SIDE: u32 = 400;
 /// Quality of JPEG: differences to the picture are invisible, and noise stays visible.
 const QUALITY: u8 = 88;

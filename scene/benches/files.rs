@@ -1,4 +1,5 @@
-//! Files at full size: an EXR image of 24 megapixels (half precision, ZIP) and a scene of a million Gaussians. `cargo bench -p eagpt-scene`.
+//! Files at full size: an EXR image of 24 megapixels (half precision, ZIP) and a scene of a million
+//! Gaussians. `cargo bench -p eagpt-scene`.
 #![allow(
     missing_docs,
     reason = "the macros of the benchmark harness write undocumented items"

@@ -4,7 +4,8 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 /// A pinhole camera. In memory the camera's axes are OpenCV's: x right, y down, z forward.
 ///
-/// Stored in double precision so that poses survive a round trip through a file; rays are single precision.
+/// Stored in double precision so that poses survive a round trip through a file; rays are single
+/// precision.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Camera {
     /// Image width, pixels.
@@ -23,8 +24,8 @@ pub struct Camera {
     pub world_from_camera: DAffine3,
 }
 
-/// The quantities of a [`Camera`] that rays need, in single precision: `direction = base + x·step_x + y·step_y`,
-/// not normalised, for pixel coordinates with centres at +0.5.
+/// The quantities of a [`Camera`] that rays need, in single precision: `direction = base + x·step_x
+/// + y·step_y`, not normalised, for pixel coordinates with centres at +0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayFrame {
     /// Centre of projection, world space.
@@ -46,8 +47,8 @@ impl RayFrame {
 }
 
 impl Camera {
-    /// A camera of square pixels whose optical axis meets the middle of the image; `fov_x_rad` is the horizontal field of view, between 0
-    /// and pi.
+    /// A camera of square pixels whose optical axis meets the middle of the image; `fov_x_rad` is
+    /// the horizontal field of view, between 0 and pi.
     pub fn centred([width, height]: [u32; 2], fov_x_rad: f64, world_from_camera: DAffine3) -> Self {
         let focal = 0.5 * f64::from(width) / (0.5 * fov_x_rad).tan();
         Self {
@@ -61,7 +62,8 @@ impl Camera {
         }
     }
 
-    /// Pose of a camera at `eye` that looks along the unit vector `forward`, which is not vertical, with the horizon (z is up) level.
+    /// Pose of a camera at `eye` that looks along the unit vector `forward`, which is not vertical,
+    /// with the horizon (z is up) level.
     pub fn level_pose(eye: DVec3, forward: DVec3) -> DAffine3 {
         let right = forward.cross(DVec3::Z).normalize();
         DAffine3 {
@@ -89,7 +91,8 @@ impl Camera {
         }
     }
 
-    /// The same camera for an image of another size: the vertical field of view stays, pixels keep their shape.
+    /// The same camera for an image of another size: the vertical field of view stays, pixels keep
+    /// their shape.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let by = f64::from(height) / f64::from(self.height);
         let centre =
@@ -105,7 +108,8 @@ impl Camera {
         }
     }
 
-    /// The same camera with another vertical field of view, in radians, between 0 and pi; pixels keep their shape.
+    /// The same camera with another vertical field of view, in radians, between 0 and pi; pixels
+    /// keep their shape.
     pub fn with_vertical_fov(&self, angle_rad: f64) -> Self {
         let fy = 0.5 * f64::from(self.height) / (0.5 * angle_rad).tan();
         Self {
@@ -140,7 +144,8 @@ impl Camera {
     }
 
     /// Projects a world point to continuous pixel coordinates and its depth along the optical axis:
-    /// `(x, y, depth)`. `depth` is not positive for points behind the camera, whose x and y mean nothing.
+    /// `(x, y, depth)`. `depth` is not positive for points behind the camera, whose x and y mean
+    /// nothing.
     pub fn project(&self, point_world: Vec3) -> Vec3 {
         let to_world = &self.world_from_camera;
         let offset = point_world.as_dvec3() - to_world.translation;
@@ -198,7 +203,8 @@ mod tests {
         for (x, y) in [(0.5, 0.5), (39.5, 0.5), (12.25, 29.5)] {
             let direction = frame.direction(x, y);
             let back = camera.project(frame.origin + direction * 3.0);
-            // Single-precision rays of a 40-pixel image: errors of 1e-6 relative, 1e-4 pixel is generous.
+            // Single-precision rays of a 40-pixel image: errors of 1e-6 relative, 1e-4 pixel is
+            // generous.
             assert!(
                 (back.x - x).abs() < 1e-4 && (back.y - y).abs() < 1e-4,
                 "{back} for {x},{y}"

@@ -35,8 +35,9 @@
 //! degrees = 360              # how far to turn, counter-clockwise seen from above; negative the other way
 //! ```
 //!
-//! A closed path, and a turntable that turns by whole turns, end one step before they would come back to the first frame, so that
-//! frames can be played in a loop; others begin and end with their first and last camera.
+//! A closed path, and a turntable that turns by whole turns, end one step before they would come
+//! back to the first frame, so that frames can be played in a loop; others begin and end with their
+//! first and last camera.
 
 mod file;
 mod fly;
@@ -152,8 +153,8 @@ impl Common {
         }
     }
 
-    /// The cameras at times from 0 to 1: the first and the last camera of an open path are those of 0 and 1, a closed one
-    /// ends a step before.
+    /// The cameras at times from 0 to 1: the first and the last camera of an open path are those of
+    /// 0 and 1, a closed one ends a step before.
     fn sampled(&self, closed: bool, camera: impl Fn(f64) -> Camera) -> Vec<Camera> {
         let num = self.num_frames;
         let num_steps = if closed { num } else { num.max(2) - 1 };
@@ -174,9 +175,9 @@ impl CameraPath {
     /// Reads and checks a path, and works out its cameras.
     ///
     /// # Errors
-    /// [`SceneError`] in one line: of a TOML file with file, line, key and value; of a shorthand with the dataset, whose views
-    /// it names. A view that is not there, views at the same place, numbers that cannot be, cameras that look at nothing
-    /// in common where a centre is needed.
+    /// [`SceneError`] in one line: of a TOML file with file, line, key and value; of a shorthand
+    /// with the dataset, whose views it names. A view that is not there, views at the same place,
+    /// numbers that cannot be, cameras that look at nothing in common where a centre is needed.
     pub fn read(argument: &str, dataset: &Dataset, overrides: &PathOverrides) -> Result<Self> {
         check_overrides(argument, overrides)?;
         let common = Common::default().overridden(overrides);

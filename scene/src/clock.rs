@@ -21,8 +21,9 @@ fn time(unix_s: u64) -> [u64; 3] {
     [unix_s / 3600 % 24, unix_s / 60 % 60, unix_s % 60]
 }
 
-/// Gregorian year, month and day of a day counted from 1970-01-01 (Howard Hinnant, "chrono-compatible low-level date
-/// algorithms"): years begin in March, so that the leap day is the last.
+/// Gregorian year, month and day of a day counted from 1970-01-01 (Howard Hinnant,
+/// "chrono-compatible low-level date algorithms"): years begin in March, so that the leap day is
+/// the last.
 fn date(days: u64) -> [u64; 3] {
     let days = days + 719_468;
     let (era, day_of_era) = (days / 146_097, days % 146_097);

@@ -12,7 +12,8 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
     rgb[0] * LUMINANCE_REC709[0] + rgb[1] * LUMINANCE_REC709[1] + rgb[2] * LUMINANCE_REC709[2]
 }
 
-/// sRGB encoding (IEC 61966-2-1) of linear light; values above 1 are encoded by the same curve, negative ones give 0.
+/// sRGB encoding (IEC 61966-2-1) of linear light; values above 1 are encoded by the same curve,
+/// negative ones give 0.
 pub fn srgb_from_linear(linear: f32) -> f32 {
     let linear = f64::from(linear).max(0.0);
     (if linear <= 0.003_130_8 {

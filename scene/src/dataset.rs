@@ -1,9 +1,10 @@
 //! Datasets: posed linear images of a room, on disk.
 //!
-//! [`Dataset::open`] reads the folder of EAG-PT (`frames[].file_name`, images in `Radiance-exr/` and beside it) and the
-//! `transforms.json` of nerfstudio (`frames[].file_path`, linear EXR images without distortion). Only names, sizes and
-//! poses are held; [`Dataset::load_view`] loads one view, [`ViewCache`] the recent ones. Masks, normals, depth and albedo
-//! are optional for every view: absent is not zero.
+//! [`Dataset::open`] reads the folder of EAG-PT (`frames[].file_name`, images in `Radiance-exr/`
+//! and beside it) and the `transforms.json` of nerfstudio (`frames[].file_path`, linear EXR images
+//! without distortion). Only names, sizes and poses are held; [`Dataset::load_view`] loads one
+//! view, [`ViewCache`] the recent ones. Masks, normals, depth and albedo are optional for every
+//! view: absent is not zero.
 //!
 //! The images of a view share the name of its frame:
 //!
@@ -17,8 +18,8 @@
 //! | `DiffCol` | diffuse albedo |
 //! | `Valid-exr` | 1 where the images are known, less where they are not; absent, all is known |
 //!
-//! Beyond the keys of either format, `up_axis` ("z", "-y", …), `metres_per_unit` and `aligned_from_model` (rows of a 4×4 similarity)
-//! are read and written.
+//! Beyond the keys of either format, `up_axis` ("z", "-y", …), `metres_per_unit` and
+//! `aligned_from_model` (rows of a 4×4 similarity) are read and written.
 
 mod cache;
 pub mod intrinsics;
@@ -137,8 +138,8 @@ impl Dataset {
         open::open(root, open::Images::Needed)
     }
 
-    /// As [`Self::open`] for who needs the cameras alone: an image that is not there will do if the file states `w` and `h`.
-    /// [`Self::load_view`] fails for such a frame.
+    /// As [`Self::open`] for who needs the cameras alone: an image that is not there will do if the
+    /// file states `w` and `h`. [`Self::load_view`] fails for such a frame.
     ///
     /// # Errors
     /// As [`Self::open`].
@@ -146,7 +147,8 @@ impl Dataset {
         open::open(root, open::Images::IfThere)
     }
 
-    /// The same dataset with the emission masks in `folder/Emissive-exr` in place of its own; a view without one there has none.
+    /// The same dataset with the emission masks in `folder/Emissive-exr` in place of its own; a
+    /// view without one there has none.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] naming the folder if it has no mask for any view.
@@ -154,7 +156,8 @@ impl Dataset {
         self.with_maps(&folder.join(EMISSION_DIR), |files| &mut files.emission)
     }
 
-    /// The same dataset with the normals in `folder/Normal-exr` in place of its own; a view without any there has none.
+    /// The same dataset with the normals in `folder/Normal-exr` in place of its own; a view without
+    /// any there has none.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] naming the folder if it has no normals for any view.
@@ -184,7 +187,8 @@ impl Dataset {
         ))
     }
 
-    /// As [`Self::open`] for who wants to know all that is wrong: frames that cannot be used are left out, and why is told of each.
+    /// As [`Self::open`] for who wants to know all that is wrong: frames that cannot be used are
+    /// left out, and why is told of each.
     ///
     /// # Errors
     /// As [`Self::open`] for what is wrong with the file as a whole, and if no frame is left.
@@ -242,7 +246,8 @@ impl Dataset {
         self.metres_per_unit
     }
 
-    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to this one, if the file tells.
+    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to this one, if
+    /// the file tells.
     pub fn aligned_from_model(&self) -> Option<&[[f64; 4]; 4]> {
         self.aligned_from_model.as_ref()
     }
@@ -270,8 +275,8 @@ impl Dataset {
     /// Loads and checks the images of a frame.
     ///
     /// # Errors
-    /// [`SceneError`] naming the image file: unreadable, of another size than the radiance, or with values that
-    /// cannot be (with the pixel).
+    /// [`SceneError`] naming the image file: unreadable, of another size than the radiance, or with
+    /// values that cannot be (with the pixel).
     ///
     /// # Panics
     /// If `index` is not below [`Self::len`].
@@ -295,8 +300,8 @@ impl Dataset {
     /// Divides the frames into training and test views.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] naming the file, the rule and the numbers if either subset is empty or the file lacks
-    /// the lists that the rule needs.
+    /// [`SceneError::Invalid`] naming the file, the rule and the numbers if either subset is empty
+    /// or the file lacks the lists that the rule needs.
     pub fn split(&self, rule: SplitRule) -> Result<Split> {
         split::split(self, rule)
     }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 /// Result with [`SceneError`].
 pub type Result<T, E = SceneError> = std::result::Result<T, E>;
 
-/// Why a noun could not be read, written or built. Every variant prints as one line that names the file.
+/// Why a noun could not be read, written or built. Every variant prints as one line that names the
+/// file.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The content of a file is wrong; the caller has to mend the file.

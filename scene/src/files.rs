@@ -25,8 +25,9 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| SceneError::io(path, "read", e))
 }
 
-/// Writes `path` through a temporary file in the same folder, flushed to disk and renamed at the end: a reader sees the old content or
-/// the new, also after a crash. On an error the temporary file is removed.
+/// Writes `path` through a temporary file in the same folder, flushed to disk and renamed at the
+/// end: a reader sees the old content or the new, also after a crash. On an error the temporary
+/// file is removed.
 ///
 /// # Errors
 /// [`SceneError::Io`] with the file's name, or whatever `write` returns.
@@ -74,7 +75,8 @@ fn write_and_sync(
         .map_err(|e| SceneError::io(path, "write", e))
 }
 
-/// A name that no other process takes for the same file, nor one of another machine that shares the folder.
+/// A name that no other process takes for the same file, nor one of another machine that shares the
+/// folder.
 fn temporary_name(path: &Path) -> PathBuf {
     // Numbers of processes are alike on several machines, and in containers most of all.
     static OURS: LazyLock<u32> =
@@ -84,8 +86,8 @@ fn temporary_name(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Removes what processes have left that were killed while they wrote one of `paths`, or files below it if it is a folder. Nothing else
-/// may be writing there.
+/// Removes what processes have left that were killed while they wrote one of `paths`, or files
+/// below it if it is a folder. Nothing else may be writing there.
 ///
 /// # Errors
 /// [`SceneError::Io`] if a folder cannot be read, or a file not removed.
@@ -111,7 +113,8 @@ pub fn remove_temporaries(paths: impl IntoIterator<Item = impl AsRef<Path>>) -> 
     Ok(())
 }
 
-/// Removes temporary files of `only` these names; without them, of all names, and in folders below too.
+/// Removes temporary files of `only` these names; without them, of all names, and in folders below
+/// too.
 fn sweep(folder: &Path, only: Option<&BTreeSet<String>>) -> Result<()> {
     let entries = std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read", e))?;
     for entry in entries {
@@ -129,7 +132,8 @@ fn sweep(folder: &Path, only: Option<&BTreeSet<String>>) -> Result<()> {
     Ok(())
 }
 
-/// The name that a temporary file would have got, as [`temporary_name`] has it; `None` of another file.
+/// The name that a temporary file would have got, as [`temporary_name`] has it; `None` of another
+/// file.
 fn written_name(name: &str) -> Option<&str> {
     let (name, tag) = name.strip_suffix(".tmp")?.rsplit_once('.')?;
     (tag.len() == 8 && tag.bytes().all(|byte| byte.is_ascii_hexdigit())).then_some(name)

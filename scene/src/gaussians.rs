@@ -25,7 +25,8 @@ pub struct Gaussian {
     pub albedo: Vec3,
 }
 
-/// A set of [`Gaussian`]s; every array has the same length, but for `harmonics`, which may be empty.
+/// A set of [`Gaussian`]s; every array has the same length, but for `harmonics`, which may be
+/// empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
     /// Centres, `[n]`, world space, scene units.
@@ -159,7 +160,8 @@ impl FromIterator<Gaussian> for Gaussians {
     }
 }
 
-/// Random Gaussians in a box around the origin, of all orientations, elongations and opacities: what engines are compared on.
+/// Random Gaussians in a box around the origin, of all orientations, elongations and opacities:
+/// what engines are compared on.
 pub fn random_cloud(num: usize, seed: u64) -> Gaussians {
     let key = RandomKey::new(seed, Purpose::Initialise, 0);
     (0..num as u32)

@@ -1,8 +1,10 @@
 //! Light that differs with the direction it is seen from: spherical harmonics of degrees 1 and 2.
 //!
-//! What leaves a Gaussian towards an eye is its radiance times `exp(Σ cₖ Yₖ(ω))`, where ω points from the eye to the centre of the Gaussian.
-//! The functions Yₖ, their signs and their order are those of 3D Gaussian Splatting (Kerbl et al. 2023); there they add to a colour that
-//! may become negative, here they are in the exponent, where light stays light and a factor on the radiance scales it all.
+//! What leaves a Gaussian towards an eye is its radiance times `exp(Σ cₖ Yₖ(ω))`, where ω points
+//! from the eye to the centre of the Gaussian. The functions Yₖ, their signs and their order are
+//! those of 3D Gaussian Splatting (Kerbl et al. 2023); there they add to a colour that may become
+//! negative, here they are in the exponent, where light stays light and a factor on the radiance
+//! scales it all.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -56,7 +58,8 @@ pub fn functions(direction: Vec3) -> [f32; NUM_FUNCTIONS] {
     ]
 }
 
-/// The functions in the direction from `eye` to a Gaussian at `position`; all zero where these are one point.
+/// The functions in the direction from `eye` to a Gaussian at `position`; all zero where these are
+/// one point.
 #[inline]
 pub fn functions_from(eye: Vec3, position: Vec3) -> [f32; NUM_FUNCTIONS] {
     functions((position - eye).normalize_or_zero())
@@ -171,7 +174,8 @@ mod tests {
         }
         let area = 4.0 * std::f64::consts::PI / num as f64;
         for k in 0..NUM_FUNCTIONS {
-            // The lattice integrates polynomials of degree 4 to about one part in a thousand of the number of its points.
+            // The lattice integrates polynomials of degree 4 to about one part in a thousand of the
+            // number of its points.
             assert!((means[k] * area).abs() < 1e-3);
             for l in 0..NUM_FUNCTIONS {
                 let wanted = f64::from(u8::from(k == l));

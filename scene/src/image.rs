@@ -2,7 +2,8 @@
 
 /// A row-major image of `C` interleaved f32 channels; the first pixel is the top left one.
 ///
-/// `Image<3>` holds linear Rec.709 colour or world-space normals, `Image<1>` a mask, opacity or depth.
+/// `Image<3>` holds linear Rec.709 colour or world-space normals, `Image<1>` a mask, opacity or
+/// depth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image<const C: usize> {
     width: u32,

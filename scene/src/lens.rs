@@ -1,13 +1,16 @@
 //! Lenses: from points in camera space to pixels and back, for all camera models of COLMAP.
 //!
-//! A [`Lens`] is a model, its parameters and the size of the image. Camera space has OpenCV's axes: x right, y down, z forward; pixel
-//! (0, 0) is the image's corner and the first pixel's centre (0.5, 0.5).
+//! A [`Lens`] is a model, its parameters and the size of the image. Camera space has OpenCV's axes:
+//! x right, y down, z forward; pixel (0, 0) is the image's corner and the first pixel's centre
+//! (0.5, 0.5).
 //!
-//! Every model is a closed-form profile (perspective, equidistant, …), a distortion in the plane of focal lengths, and focal lengths with
-//! a principal point. The *valid field* of a lens is where its projection is one to one: a polynomial may grow, turn and come back, and
-//! points beyond the turn have no image here. Fisheye lenses see past 90° where their model does.
+//! Every model is a closed-form profile (perspective, equidistant, …), a distortion in the plane of
+//! focal lengths, and focal lengths with a principal point. The *valid field* of a lens is where
+//! its projection is one to one: a polynomial may grow, turn and come back, and points beyond the
+//! turn have no image here. Fisheye lenses see past 90° where their model does.
 //!
-//! [`undistort`] finds a pinhole camera for a lens, [`mod@remap`] resamples images from one to the other.
+//! [`undistort`] finds a pinhole camera for a lens, [`mod@remap`] resamples images from one to the
+//! other.
 
 mod distortion;
 mod model;
@@ -49,8 +52,9 @@ impl Lens {
     /// A lens for images of `size` pixels with the parameters of its model, in their order.
     ///
     /// # Errors
-    /// What is wrong, for a message that says where: another number of parameters, one that is not finite, a focal length that is not
-    /// above 0, a size that is 0 or beyond [`MAX_SIZE`], a parameter outside the model's range.
+    /// What is wrong, for a message that says where: another number of parameters, one that is not
+    /// finite, a focal length that is not above 0, a size that is 0 or beyond [`MAX_SIZE`], a
+    /// parameter outside the model's range.
     pub fn new(model: LensModel, size: (u32, u32), params: &[f64]) -> Result<Self, String> {
         let names = model.param_names();
         if params.len() != names.len() {
@@ -135,7 +139,8 @@ impl Lens {
         &self.params[..self.model.param_names().len()]
     }
 
-    /// Focal lengths along x and y, pixels: pixels a radian near the axis, but for [`LensModel::Fov`].
+    /// Focal lengths along x and y, pixels: pixels a radian near the axis, but for
+    /// [`LensModel::Fov`].
     pub fn focal(&self) -> DVec2 {
         self.focal
     }
@@ -145,14 +150,16 @@ impl Lens {
         self.centre
     }
 
-    /// The pixel position of a point in camera space; `None` outside of the valid field. It may lie outside of the image.
+    /// The pixel position of a point in camera space; `None` outside of the valid field. It may lie
+    /// outside of the image.
     pub fn project(&self, point_camera: DVec3) -> Option<DVec2> {
         let plane = self.shape.plane_from_point(point_camera)?;
         let distorted = self.distortion.distort(plane)?;
         Some(self.focal * distorted + self.centre)
     }
 
-    /// The direction, of unit length, that a pixel position sees in camera space; `None` if the valid field has no such direction.
+    /// The direction, of unit length, that a pixel position sees in camera space; `None` if the
+    /// valid field has no such direction.
     ///
     /// Models without a closed inverse are solved to 1e-12 focal lengths.
     pub fn unproject(&self, pixel: DVec2) -> Option<DVec3> {
@@ -182,7 +189,8 @@ impl Lens {
         })
     }
 
-    /// The same lens for the same picture with another number of pixels, along each axis on its own.
+    /// The same lens for the same picture with another number of pixels, along each axis on its
+    /// own.
     ///
     /// A model of one focal length becomes that of two where pixels change their shape.
     ///

@@ -1,9 +1,10 @@
 //! The nouns of eagpt and their files.
 //!
-//! Everything the other crates talk about is defined here once: [`Gaussians`], [`Camera`], datasets, [`Image`],
-//! colour transforms and the counter-based random numbers. Light is linear, scene-referred, Rec.709 throughout; display
-//! encodings live in [`color`] and are applied only where a loss, a metric or a PNG needs them. See `CONVENTIONS.md`
-//! at the root of the repository for axes, quaternion order and pixel centres.
+//! Everything the other crates talk about is defined here once: [`Gaussians`], [`Camera`],
+//! datasets, [`Image`], colour transforms and the counter-based random numbers. Light is linear,
+//! scene-referred, Rec.709 throughout; display encodings live in [`color`] and are applied only
+//! where a loss, a metric or a PNG needs them. See `CONVENTIONS.md` at the root of the repository
+//! for axes, quaternion order and pixel centres.
 
 pub mod camera;
 pub mod camera_path;

@@ -2,7 +2,8 @@
 
 use std::fs;
 
-/// Memory that new allocations can have, bytes, by the kernel's own estimate; `None` where the system does not tell (it is Linux that does).
+/// Memory that new allocations can have, bytes, by the kernel's own estimate; `None` where the
+/// system does not tell (it is Linux that does).
 pub fn available_memory() -> Option<u64> {
     memory("MemAvailable:")
 }

@@ -1,4 +1,5 @@
-//! Pictures that others have made: linear EXR, and display-referred PNG and JPEG where someone has asked for them.
+//! Pictures that others have made: linear EXR, and display-referred PNG and JPEG where someone has
+//! asked for them.
 
 use crate::color::linear_from_srgb;
 use crate::error::{Result, SceneError};
@@ -14,7 +15,8 @@ const MAX_EDGE: u32 = 65_535;
 /// Most bytes of a decoded picture: 16-bit RGBA of 2²⁸ pixels.
 const MAX_BYTES: u64 = 1 << 31;
 
-/// Most bytes of a decoded picture for each byte of its file: deflate makes at most 1,032 of one, JPEG 1,024, with a bit for each block.
+/// Most bytes of a decoded picture for each byte of its file: deflate makes at most 1,032 of one,
+/// JPEG 1,024, with a bit for each block.
 const MAX_GROWTH: u64 = 2048;
 
 /// Linear light of every sRGB value of 16 bits; those of 8 bits are among them, 257 apart.

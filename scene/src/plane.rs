@@ -6,9 +6,11 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 /// The least-squares plane through some points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedPlane {
-    /// Unit normal, the direction of the smallest variance, of either sign; `None` where the points have no such direction.
+    /// Unit normal, the direction of the smallest variance, of either sign; `None` where the points
+    /// have no such direction.
     pub normal: Option<Vec3>,
-    /// Variances times the number of points along the principal directions, ascending; the first is how thick the points are.
+    /// Variances times the number of points along the principal directions, ascending; the first is
+    /// how thick the points are.
     pub variances: [f64; 3],
 }
 

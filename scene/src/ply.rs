@@ -1,8 +1,8 @@
 //! PLY: Gaussians, point clouds, and previews for splat viewers.
 //!
-//! Readers take ascii and both binary byte orders, properties in any order and of any type, and ignore what they do not
-//! know: other properties, lists, other elements. Counts in a header are believed only as far as the file has bytes for
-//! them. Writers write binary little endian.
+//! Readers take ascii and both binary byte orders, properties in any order and of any type, and
+//! ignore what they do not know: other properties, lists, other elements. Counts in a header are
+//! believed only as far as the file has bytes for them. Writers write binary little endian.
 
 mod gaussians;
 mod header;

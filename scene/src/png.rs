@@ -8,7 +8,8 @@ use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder};
 use std::path::Path;
 
-/// Writes linear Rec.709 light as 8-bit sRGB, clipped to the display's range; NaN becomes 0. Atomic.
+/// Writes linear Rec.709 light as 8-bit sRGB, clipped to the display's range; NaN becomes 0.
+/// Atomic.
 ///
 /// # Errors
 /// [`SceneError`] with the file's name.
@@ -24,7 +25,8 @@ pub fn write_srgb8(path: &Path, image: &Image<3>) -> Result<()> {
 /// Writes display-ready bytes, `[height, width, 3]`, as they are. Atomic.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] if there are not `height · width · 3` bytes or none, or [`SceneError::Io`].
+/// [`SceneError::Invalid`] if there are not `height · width · 3` bytes or none, or
+/// [`SceneError::Io`].
 pub fn write_rgb8(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
     write8(path, (width, height), bytes, ExtendedColorType::Rgb8)
 }

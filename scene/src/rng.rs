@@ -1,8 +1,9 @@
-//! Counter-based random numbers: a pure function of (seed, purpose, iteration, pixel, sample, draw).
+//! Counter-based random numbers: a pure function of (seed, purpose, iteration, pixel, sample,
+//! draw).
 //!
-//! The mixer is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020): 32-bit integer
-//! operations only, so that a GPU kernel draws the same numbers. No state is shared between rays, which is what makes a
-//! run independent of the number of threads.
+//! The mixer is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020):
+//! 32-bit integer operations only, so that a GPU kernel draws the same numbers. No state is shared
+//! between rays, which is what makes a run independent of the number of threads.
 
 /// What the numbers are for; runs of different purposes never share a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,7 +92,8 @@ impl RandomStream {
     }
 }
 
-/// A uniform float in [0, 1) from the 24 upper bits: every value is exactly representable and 1 never comes.
+/// A uniform float in [0, 1) from the 24 upper bits: every value is exactly representable and 1
+/// never comes.
 #[inline]
 pub fn unit_from_bits(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
@@ -150,7 +152,8 @@ mod tests {
             lag += (u[0] - 0.5) * (previous - 0.5);
             previous = u[0];
         }
-        // Five standard deviations: sd of the mean is sqrt(1/12/n), of the second moment sqrt(4/45/n), of the lag 1/12/sqrt(n).
+        // Five standard deviations: sd of the mean is sqrt(1/12/n), of the second moment
+        // sqrt(4/45/n), of the lag 1/12/sqrt(n).
         let n = f64::from(n);
         for i in 0..4 {
             assert!((sum[i] / n - 0.5).abs() < 5.0 * (1.0 / 12.0 / n).sqrt());

@@ -1,7 +1,8 @@
 //! Unit quaternions with the same bits on every processor.
 //!
-//! `glam` adds up the squares of a quaternion in another order with NEON than with SSE: trained from the first of these digits on, scenes end up
-//! different. Products of quaternions have one order everywhere.
+//! `glam` adds up the squares of a quaternion in another order with NEON than with SSE: trained
+//! from the first of these digits on, scenes end up different. Products of quaternions have one
+//! order everywhere.
 
 use glam::{Quat, Vec3};
 
@@ -51,7 +52,8 @@ mod tests {
         for normal in normals {
             let turn = from_z_to(normal);
             assert!((turn * Vec3::Z - normal).length() < 1e-6, "{normal}");
-            // The shortest: its axis is at a right angle to both. Half a turn has a cosine of nearly zero.
+            // The shortest: its axis is at a right angle to both. Half a turn has a cosine of
+            // nearly zero.
             assert!(turn.z.abs() < 1e-6 && turn.w > -1e-6, "{turn}");
         }
     }

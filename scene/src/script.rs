@@ -1,7 +1,8 @@
-//! TOML files that people write: values that know where they stand, so that every complaint names file, line and key.
+//! TOML files that people write: values that know where they stand, so that every complaint names
+//! file, line and key.
 //!
-//! A reader asks a [`Table`] for the keys it knows and a [`Node`] for a value of the type it needs; whatever does not fit is
-//! a [`SceneError::Script`].
+//! A reader asks a [`Table`] for the keys it knows and a [`Node`] for a value of the type it needs;
+//! whatever does not fit is a [`SceneError::Script`].
 
 mod values;
 

@@ -6,7 +6,8 @@ use std::str::FromStr;
 
 /// A part of a list: every [`of`](Self::of)-th item, from the [`index`](Self::index)-th on.
 ///
-/// Written as `2/3`. Neighbours go to different parts, so that what is heavy in one place of the list is shared.
+/// Written as `2/3`. Neighbours go to different parts, so that what is heavy in one place of the
+/// list is shared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Shard {
     /// Which, 1 to `of`.

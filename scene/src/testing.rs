@@ -2,7 +2,8 @@
 
 use crate::rng::{Purpose, RandomKey};
 
-/// Calls `check` with every prefix of `bytes`, or with `max` of them spread evenly if there are more; never with all bytes.
+/// Calls `check` with every prefix of `bytes`, or with `max` of them spread evenly if there are
+/// more; never with all bytes.
 pub(crate) fn for_each_truncation(bytes: &[u8], max: usize, mut check: impl FnMut(&[u8])) {
     let step = bytes.len().div_ceil(max).max(1);
     for length in (0..bytes.len()).step_by(step) {
@@ -11,7 +12,8 @@ pub(crate) fn for_each_truncation(bytes: &[u8], max: usize, mut check: impl FnMu
     check(&bytes[..bytes.len() - 1]);
 }
 
-/// Calls `check` with `num` copies of `bytes` in each of which one to four random bytes are replaced.
+/// Calls `check` with `num` copies of `bytes` in each of which one to four random bytes are
+/// replaced.
 pub(crate) fn for_each_damage(bytes: &[u8], num: u32, mut check: impl FnMut(&[u8])) {
     let key = RandomKey::new(20, Purpose::Initialise, 0);
     for copy in 0..num {

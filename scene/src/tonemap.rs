@@ -1,4 +1,5 @@
-//! Tone mapping: what a display shows of scene-referred light. Only pictures to look at go through it, never data.
+//! Tone mapping: what a display shows of scene-referred light. Only pictures to look at go through
+//! it, never data.
 //!
 //! | curve | shown as white | colours brighter than the display |
 //! |---|---|---|
@@ -23,11 +24,14 @@ use std::str::FromStr;
 
 /// Exposed values are cut here: every tone curve is flat long before, and squares still fit in f32.
 const BRIGHTEST: f32 = 1e15;
-/// What the automatic exposure shows the mean luminance as: the middle grey of Reinhard et al. 2002.
+/// What the automatic exposure shows the mean luminance as: the middle grey of Reinhard et al.
+/// 2002.
 const MIDDLE_GREY: f64 = 0.18;
-/// Automatic exposures are a whole number of these, in stops, so that a person can state the same one.
+/// Automatic exposures are a whole number of these, in stops, so that a person can state the same
+/// one.
 const EXPOSURE_STEP: f64 = 0.01;
-/// Dimmer than this is nothing, not dark: pixels that hit nothing would pull a mean of logarithms down without end.
+/// Dimmer than this is nothing, not dark: pixels that hit nothing would pull a mean of logarithms
+/// down without end.
 const DARKEST: f32 = 1e-6;
 
 /// The rational tone curves, which HDR-FLIP uses as well (Andersson et al. 2021).
@@ -37,7 +41,8 @@ pub enum ToneMapper {
     /// The rational fit to the ACES filmic curve by Narkowicz 2016, without its pre-exposure.
     #[default]
     Aces,
-    /// The filmic curve of Hable 2010 ("Uncharted 2"), with its exposure bias of 2 and its white of 11.2.
+    /// The filmic curve of Hable 2010 ("Uncharted 2"), with its exposure bias of 2 and its white of
+    /// 11.2.
     Hable,
     /// Y / (1 + Y) on luminance, Reinhard et al. 2002.
     Reinhard,
@@ -110,7 +115,8 @@ pub enum ToneMap {
     Aces,
     /// [`ToneMapper::Reinhard`].
     Reinhard,
-    /// AgX by Troy Sobotka, base look: a sigmoid in log2 of light whose primaries were moved towards white.
+    /// AgX by Troy Sobotka, base look: a sigmoid in log2 of light whose primaries were moved
+    /// towards white.
     Agx,
 }
 
@@ -124,7 +130,8 @@ impl ToneMap {
         (Self::Agx, "agx"),
     ];
 
-    /// What the display shows of exposed light: linear, 0 to 1. Negative light and NaN are shown as 0.
+    /// What the display shows of exposed light: linear, 0 to 1. Negative light and NaN are shown as
+    /// 0.
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
         // NaN compares with nothing.
         let light = light.map(|v| if v > 0.0 { v.min(BRIGHTEST) } else { 0.0 });
@@ -173,8 +180,9 @@ impl Display {
     }
 }
 
-/// Finds one exposure for many pictures: the one that shows the mean of the logarithm of all their luminances as middle
-/// grey, 0.18 (Reinhard et al. 2002, equations 1 and 2). Pixels without light are left out.
+/// Finds one exposure for many pictures: the one that shows the mean of the logarithm of all their
+/// luminances as middle grey, 0.18 (Reinhard et al. 2002, equations 1 and 2). Pixels without light
+/// are left out.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ExposureMeter {
     sum_log2: f64,

@@ -20,7 +20,8 @@ const HALF_BYTES: f64 = 2.0;
 /// Bytes of a Gaussian in a file.
 const GAUSSIAN_BYTES: f64 = 17.0 * 4.0;
 
-/// A wall in uneven light with a lamp of 16 in every 64 × 64 pixels, and the same with noise: seven exposures of HDR-FLIP.
+/// A wall in uneven light with a lamp of 16 in every 64 × 64 pixels, and the same with noise: seven
+/// exposures of HDR-FLIP.
 fn pair([width, height]: [u32; 2]) -> [Image<3>; 2] {
     let mut reference = Image::filled(width, height, [0.0; 3]);
     let mut test = reference.clone();
@@ -94,8 +95,8 @@ pub(super) fn ply_files(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> 
     })
 }
 
-/// A bracket of the embedded room, as large as the views of the dataset times the oversampling of its sensor: from DNG files to EXR, preview
-/// and report. The pixels are those of all shots.
+/// A bracket of the embedded room, as large as the views of the dataset times the oversampling of
+/// its sensor: from DNG files to EXR, preview and report. The pixels are those of all shots.
 pub(super) fn merging(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
     let folder = bench.work.join("capture");
     let script = scene::room_script()?;

@@ -7,7 +7,8 @@ use eagpt_scene::{SceneError, files, machine};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Total memories nearer than this, relatively, are one: the kernel keeps a little that changes with its version.
+/// Total memories nearer than this, relatively, are one: the kernel keeps a little that changes
+/// with its version.
 const MEMORY_TOLERANCE: f64 = 0.02;
 
 /// The machine that figures come from.

@@ -34,7 +34,8 @@ pub(super) struct Subject {
 }
 
 impl Subject {
-    /// Reads a dataset, or makes one in `work`; without a scene, Gaussians are those that training would start from.
+    /// Reads a dataset, or makes one in `work`; without a scene, Gaussians are those that training
+    /// would start from.
     ///
     /// # Errors
     /// Whatever is wrong with the files.
@@ -130,7 +131,8 @@ fn untrained(dataset: &Dataset, views: &[Arc<View>]) -> Result<Gaussians> {
     Ok(init.finish(&options.init))
 }
 
-/// `num` Gaussians that cover what `gaussians` do: every n-th, made larger, or each as several, made smaller, in place of it.
+/// `num` Gaussians that cover what `gaussians` do: every n-th, made larger, or each as several,
+/// made smaller, in place of it.
 pub(super) fn resampled(gaussians: &Gaussians, num: usize) -> Gaussians {
     /// The golden angle, radians: points of a spiral that turns by it are spread evenly.
     const TURN: f32 = 2.399_963_2;

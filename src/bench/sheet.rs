@@ -70,7 +70,8 @@ pub(super) struct Row {
     pub(super) max: f64,
     /// Number of runs.
     pub(super) runs: usize,
-    /// Largest resident memory of the process during the runs, MiB; null where the system does not tell.
+    /// Largest resident memory of the process during the runs, MiB; null where the system does not
+    /// tell.
     pub(super) peak_memory_mib: Option<f64>,
 }
 
@@ -98,8 +99,8 @@ pub(super) struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    /// Measures `run`, which does `work` of what `unit` counts (1 for seconds). The first run is not counted: memory is touched and files
-    /// are cached in it.
+    /// Measures `run`, which does `work` of what `unit` counts (1 for seconds). The first run is
+    /// not counted: memory is touched and files are cached in it.
     ///
     /// # Errors
     /// The first of `run`.

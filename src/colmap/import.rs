@@ -21,17 +21,20 @@ use std::process::ExitCode;
 
 /// Make a dataset of a COLMAP model and linear images
 ///
-/// Reads text and binary models of every version, with all 18 camera models, rigs and frames. Finds the floor without looking at images,
-/// from how cameras are held and where points lie, and puts it on z = 0, walls along x and y. Images are undistorted to pinhole cameras
-/// in linear light. Images that COLMAP has no pose of are listed.
+/// Reads text and binary models of every version, with all 18 camera models, rigs and frames. Finds
+/// the floor without looking at images, from how cameras are held and where points lie, and puts it
+/// on z = 0, walls along x and y. Images are undistorted to pinhole cameras in linear light. Images
+/// that COLMAP has no pose of are listed.
 ///
-/// --images is what `eagpt ingest` wrote, DIR/Radiance-exr/NAME.exr, or any folder of EXR files; NAME is that of the image in the model,
-/// without its extension. Emission masks and opacities in DIR/Emissive-exr and DIR/Alpha-exr come along. Images may be of another
-/// size than those COLMAP saw, if they show the same.
+/// --images is what `eagpt ingest` wrote, DIR/Radiance-exr/NAME.exr, or any folder of EXR files;
+/// NAME is that of the image in the model, without its extension. Emission masks and opacities in
+/// DIR/Emissive-exr and DIR/Alpha-exr come along. Images may be of another size than those COLMAP
+/// saw, if they show the same.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct ImportArgs {
-    /// Folder of the model: cameras, images, points3D, and rigs and frames if there are, .bin or .txt
+    /// Folder of the model: cameras, images, points3D, and rigs and frames if there are, .bin or
+    /// .txt
     #[arg(value_name = "MODEL")]
     model: PathBuf,
     /// Folder of the linear images; without it, cameras and points alone are imported
@@ -40,7 +43,8 @@ pub(crate) struct ImportArgs {
     /// Folder for the dataset; created
     #[arg(long, value_name = "DATASET")]
     out: PathBuf,
-    /// Lightings of one room, DIR/NAME each: a dataset DATASET/NAME is made of each, with the same poses
+    /// Lightings of one room, DIR/NAME each: a dataset DATASET/NAME is made of each, with the same
+    /// poses
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     conditions: Vec<String>,
     /// Take 8-bit sRGB pictures (PNG, JPEG) where there is no EXR; light above their white is lost
@@ -80,18 +84,19 @@ struct AlignArgs {
     /// How to find the floor
     #[arg(long, value_enum, default_value = "floor")]
     align: AlignArg,
-    /// What is up in the model's world; with --align floor in place of the cameras' word, with manual one place of the floor then
-    /// suffices
+    /// What is up in the model's world; with --align floor in place of the cameras' word, with
+    /// manual one place of the floor then suffices
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     up: Option<[f64; 3]>,
     /// manual: numbers of points of the model on the floor
     #[arg(long, value_name = "ID,…", value_delimiter = ',')]
     floor_points: Vec<u64>,
-    /// manual: a place on the floor in the model's world; may be given often, as for a plane through four
+    /// manual: a place on the floor in the model's world; may be given often, as for a plane
+    /// through four
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     floor_at: Vec<[f64; 3]>,
-    /// --align like: dataset with cameras of the same names, whose world the model is moved into; z has to be up there. --field like: whose
-    /// pinhole camera images are made for
+    /// --align like: dataset with cameras of the same names, whose world the model is moved into; z
+    /// has to be up there. --field like: whose pinhole camera images are made for
     #[arg(long, value_name = "DATASET", required_if_eq_any([("align", "like"), ("field", "like")]))]
     like: Option<PathBuf>,
     /// Leave the yaw as it is, do not turn walls to the axes
@@ -100,7 +105,8 @@ struct AlignArgs {
     /// Least confidence of a floor that is accepted, 0 to 1
     #[arg(long, value_name = "C", default_value_t = AlignOptions::default().min_confidence)]
     min_confidence: f64,
-    /// Make the scene metric by a known distance: two images of the model or points of it, as point:17, and metres
+    /// Make the scene metric by a known distance: two images of the model or points of it, as
+    /// point:17, and metres
     #[arg(long, value_name = "FROM,TO,METRES", value_parser = known_distance, conflicts_with = "camera_height")]
     known_distance: Option<Scale>,
     /// Make the scene metric by the median height of the cameras above the floor, metres
@@ -139,11 +145,13 @@ struct UndistortArgs {
 enum FieldArg {
     /// A rectangle in which every pixel is known
     Inside,
-    /// Everything; pixels the lens does not show are 0, and 0 in Valid-exr: training leaves them out
+    /// Everything; pixels the lens does not show are 0, and 0 in Valid-exr: training leaves them
+    /// out
     All,
     /// As many pixels as the image has, with its principal point; unknown ones as with `all`
     Same,
-    /// What the cameras of --like show, which must be the same but for their poses, with as many pixels; unknown ones as with `all`
+    /// What the cameras of --like show, which must be the same but for their poses, with as many
+    /// pixels; unknown ones as with `all`
     Like,
 }
 

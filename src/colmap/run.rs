@@ -16,11 +16,12 @@ use std::process::ExitCode;
 
 /// Run an installed COLMAP on a folder of photographs
 ///
-/// Finds features, matches and a sparse model with settings that suit rooms, on the CPU and without a display, and says which images got
-/// a pose and which did not. Needs the program `colmap`, 3.8 or later: `apt-get install colmap`.
+/// Finds features, matches and a sparse model with settings that suit rooms, on the CPU and without
+/// a display, and says which images got a pose and which did not. Needs the program `colmap`, 3.8
+/// or later: `apt-get install colmap`.
 ///
-/// COLMAP looks at 8-bit pictures; give it the pictures that were developed beside the linear images, under the same names. It is not
-/// repeatable to the bit.
+/// COLMAP looks at 8-bit pictures; give it the pictures that were developed beside the linear
+/// images, under the same names. It is not repeatable to the bit.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct RunArgs {

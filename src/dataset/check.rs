@@ -11,9 +11,10 @@ use std::process::ExitCode;
 
 /// Say what a dataset has, what it lacks and what is wrong with it
 ///
-/// Reads every image. Prints kinds of images with value ranges and coverage, cameras, intrinsics, points, the split by every rule, and
-/// all findings by view. With --json, one object with everything. Exit code 1 if something is broken (a frame without image, an
-/// unreadable file, NaN or negative light, a wrong size), 0 with warnings alone.
+/// Reads every image. Prints kinds of images with value ranges and coverage, cameras, intrinsics,
+/// points, the split by every rule, and all findings by view. With --json, one object with
+/// everything. Exit code 1 if something is broken (a frame without image, an unreadable file, NaN
+/// or negative light, a wrong size), 0 with warnings alone.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct CheckArgs {

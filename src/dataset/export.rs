@@ -15,8 +15,9 @@ use std::process::ExitCode;
 
 /// Write a dataset for other programs
 ///
-/// The world stays as it is, images are copied byte by byte: what comes back by `eagpt dataset import` has the same cameras and colours.
-/// Masks of lights, normals, depths and albedos, for which COLMAP and nerfstudio have no place, go into our own folders beside.
+/// The world stays as it is, images are copied byte by byte: what comes back by `eagpt dataset
+/// import` has the same cameras and colours. Masks of lights, normals, depths and albedos, for
+/// which COLMAP and nerfstudio have no place, go into our own folders beside.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ExportArgs {

@@ -18,13 +18,16 @@ use std::process::ExitCode;
 
 /// Make a dataset from one of another program or from a public one
 ///
-/// Cameras become pinholes and images linear Rec.709 EXR; images of lenses that distort are resampled, others keep their pixels. Writes
-/// transforms.json, Radiance-exr/ and what else the source has (Emissive-exr, Normal-exr, Alpha-exr, Depth-exr, DiffCol, points3d.ply),
-/// Valid-exr/ where pixels are not known, import.json with all that was found out and decided, and record.json.
+/// Cameras become pinholes and images linear Rec.709 EXR; images of lenses that distort are
+/// resampled, others keep their pixels. Writes transforms.json, Radiance-exr/ and what else the
+/// source has (Emissive-exr, Normal-exr, Alpha-exr, Depth-exr, DiffCol, points3d.ply), Valid-exr/
+/// where pixels are not known, import.json with all that was found out and decided, and
+/// record.json.
 ///
-/// FIPT: cam.txt and K_list.txt with Image/, y up; or train/ and val/ of synthetic scenes. Eyeful Tower: cameras.json with images-2k/ or
-/// images-1k/, y up, metres; white balance by the scene, DCI-P3 to Rec.709. nerfstudio, instant-NGP and Blender: transforms.json with what
-/// it names. eagpt: our own layout, to be turned, shrunk or written anew.
+/// FIPT: cam.txt and K_list.txt with Image/, y up; or train/ and val/ of synthetic scenes. Eyeful
+/// Tower: cameras.json with images-2k/ or images-1k/, y up, metres; white balance by the scene,
+/// DCI-P3 to Rec.709. nerfstudio, instant-NGP and Blender: transforms.json with what it names.
+/// eagpt: our own layout, to be turned, shrunk or written anew.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ImportArgs {
@@ -40,19 +43,23 @@ pub(crate) struct ImportArgs {
     /// World of the dataset
     #[arg(long, value_enum, default_value = "keep")]
     world: WorldArg,
-    /// Axis that points up in the source's world, one of x, -x, y, -y, z, -z [default: that of the format]
+    /// Axis that points up in the source's world, one of x, -x, y, -y, z, -z [default: that of the
+    /// format]
     #[arg(long, value_name = "AXIS", value_parser = str::parse::<UpAxis>, allow_hyphen_values = true)]
     up_axis: Option<UpAxis>,
-    /// Length of a unit of the source's world in metres, above 0 [default: that of the format, if it has one]
+    /// Length of a unit of the source's world in metres, above 0 [default: that of the format, if
+    /// it has one]
     #[arg(long, value_name = "METRES")]
     metres_per_unit: Option<f64>,
     /// What the pinhole image shows of a lens that distorts
     #[arg(long, value_enum, default_value = "inside")]
     field: FieldArg,
-    /// Largest angle of view of a pinhole image, degrees in either direction, above 0 and at most 170
+    /// Largest angle of view of a pinhole image, degrees in either direction, above 0 and at most
+    /// 170
     #[arg(long, value_name = "DEGREES", default_value_t = UndistortOptions::default().max_fov_deg)]
     max_fov: f64,
-    /// Longest edge of the images, pixels, 1 to 65535: larger ones are shrunk, with means of light [default: the source's size]
+    /// Longest edge of the images, pixels, 1 to 65535: larger ones are shrunk, with means of light
+    /// [default: the source's size]
     #[arg(long, value_name = "PIXELS")]
     max_edge: Option<u32>,
     /// Sample type of the images
@@ -61,16 +68,20 @@ pub(crate) struct ImportArgs {
     /// Factor of all radiances, above 0; FIPT's own loader takes 2 for its real scenes
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     radiance_scale: f64,
-    /// Factors of R, G and B in the source's colour space, each above 0 [default: for Eyeful Tower those of the scene, else 1,1,1]
+    /// Factors of R, G and B in the source's colour space, each above 0 [default: for Eyeful Tower
+    /// those of the scene, else 1,1,1]
     #[arg(long, value_name = "R,G,B", value_delimiter = ',', num_args = 1, value_parser = clap::value_parser!(f64))]
     white_balance: Option<Vec<f64>>,
-    /// Scene of Eyeful Tower whose white balance to take [default: as NAME-final.pdf is called, else the folder]
+    /// Scene of Eyeful Tower whose white balance to take [default: as NAME-final.pdf is called,
+    /// else the folder]
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
-    /// Folder of images where a source has several, as images-1k of Eyeful Tower [default: the first of images-2k, images-1k]
+    /// Folder of images where a source has several, as images-1k of Eyeful Tower [default: the
+    /// first of images-2k, images-1k]
     #[arg(long, value_name = "FOLDER")]
     images: Option<String>,
-    /// Scene units that a value of 1 in nerfstudio's depth images stands for, above 0; 0.001 is millimetres in a world in metres
+    /// Scene units that a value of 1 in nerfstudio's depth images stands for, above 0; 0.001 is
+    /// millimetres in a world in metres
     #[arg(long, value_name = "UNITS", default_value_t = 1e-3)]
     depth_unit: f64,
     /// What becomes of photographs that are PNG or JPEG

@@ -12,8 +12,9 @@ use std::process::ExitCode;
 
 /// Measure one image against its reference
 ///
-/// Both are linear Rec.709 EXR images of the same size. The metrics go to standard output, with --json under the keys of
-/// metrics.json; the PSNR of equal images is infinite, which JSON shows as null.
+/// Both are linear Rec.709 EXR images of the same size. The metrics go to standard output, with
+/// --json under the keys of metrics.json; the PSNR of equal images is infinite, which JSON shows as
+/// null.
 #[derive(Debug, Args)]
 pub(crate) struct PairArgs {
     /// The reference

@@ -14,8 +14,9 @@ use std::process::ExitCode;
 
 /// Put evaluations into the table of the paper: modes of rendering down, lightings across
 ///
-/// Reads DIR/metrics.json of `eagpt eval`, of one condition or of several. A row is the mode of the renderings, as their own
-/// record told `eagpt eval`, or ROW; a column is a metric of a condition; the last one is the seconds that a frame took.
+/// Reads DIR/metrics.json of `eagpt eval`, of one condition or of several. A row is the mode of the
+/// renderings, as their own record told `eagpt eval`, or ROW; a column is a metric of a condition;
+/// the last one is the seconds that a frame took.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLE)]
 pub(crate) struct TableArgs {

@@ -1,7 +1,8 @@
 //! Numbers of the paper: EAG-PT (SIGGRAPH 2026, arXiv 2601.23065), Tables 1 to 3.
 //!
-//! Measured by its authors on an RTX 4090 at 540×360 or 360×540 pixels, 1,024 samples a pixel, 7 bounces where a row says nothing else. PSNR is that of
-//! sRGB, FLIP is HDR-FLIP, LPIPS that of VGG. Where the paper has no number there is none here.
+//! Measured by its authors on an RTX 4090 at 540×360 or 360×540 pixels, 1,024 samples a pixel, 7
+//! bounces where a row says nothing else. PSNR is that of sRGB, FLIP is HDR-FLIP, LPIPS that of
+//! VGG. Where the paper has no number there is none here.
 
 use eagpt_eval::tabulate::repeats::SECONDS;
 use std::collections::BTreeMap;

@@ -15,15 +15,18 @@ use std::path::PathBuf;
 
 /// Render a scene from the cameras of a dataset, or along a path between them
 ///
-/// Writes into DIR, for every view: VIEW.exr, linear Rec.709 radiance, and VIEW.png, the same as sRGB; with --aov also
-/// AOV/VIEW.exr, and AOV/VIEW.png where there is something to look at; at the end record.json. View names may contain "/".
+/// Writes into DIR, for every view: VIEW.exr, linear Rec.709 radiance, and VIEW.png, the same as
+/// sRGB; with --aov also AOV/VIEW.exr, and AOV/VIEW.png where there is something to look at; at the
+/// end record.json. View names may contain "/".
 ///
-/// With --camera-path the views are frame_0000, frame_0001, …: PNGs alone, EXRs too with --exr, and a transforms.json
-/// with their cameras, which --cameras takes as well. Frame i has the seed S + i: noise does not stick to the screen.
+/// With --camera-path the views are frame_0000, frame_0001, …: PNGs alone, EXRs too with --exr, and
+/// a transforms.json with their cameras, which --cameras takes as well. Frame i has the seed S + i:
+/// noise does not stick to the screen.
 ///
 /// The same command goes on where it was stopped: what is done is known by its content.
 ///
-/// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w and h.
+/// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w
+/// and h.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct RenderArgs {
@@ -36,7 +39,8 @@ pub(crate) struct RenderArgs {
     /// Views to render
     #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
     pub(crate) split: Subset,
-    /// Rule that divides the views into training and test views; that of the training, if the result is to be measured
+    /// Rule that divides the views into training and test views; that of the training, if the
+    /// result is to be measured
     #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
     pub(crate) split_rule: SplitRule,
     /// Names of the views to render, separated by commas, instead of a subset
@@ -45,16 +49,19 @@ pub(crate) struct RenderArgs {
     /// How light is computed
     #[arg(long, value_enum)]
     pub(crate) mode: Mode,
-    /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of a pixel
+    /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of
+    /// a pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: u32,
-    /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are divided among them
+    /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are
+    /// divided among them
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub(super) antialias: u32,
     /// Most bounces of a path, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) bounces: u32,
-    /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows [default: never]
+    /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows
+    /// [default: never]
     #[arg(long, value_name = "FROM_BOUNCE", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) russian_roulette: Option<u32>,
     /// Emission from which on a surface counts as an emitter, 0 to 1
@@ -72,18 +79,20 @@ pub(crate) struct RenderArgs {
     /// Also write these quantities of the camera rays, separated by commas
     #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
     pub(super) aov: Vec<Aov>,
-    /// Take the noise of sampled light out of the images, guided by albedo, normals and positions; emitters keep their values.
-    /// 0-bounce has no noise and stays as it is
+    /// Take the noise of sampled light out of the images, guided by albedo, normals and positions;
+    /// emitters keep their values. 0-bounce has no noise and stays as it is
     #[arg(long, value_enum, default_value = "none")]
     pub(super) denoise: Choice,
-    /// Library of Open Image Denoise, or its folder [default: EAGPT_OIDN, then where the system keeps libraries]
+    /// Library of Open Image Denoise, or its folder [default: EAGPT_OIDN, then where the system
+    /// keeps libraries]
     #[arg(long, value_name = "PATH")]
     pub(super) oidn: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
-    /// Render only part I of N of the views, 1 to N. Parts share DIR and may run at once, on machines that share it; when all are
-    /// there, the same command without --shard puts them together, to the bits of an undivided run
+    /// Render only part I of N of the views, 1 to N. Parts share DIR and may run at once, on
+    /// machines that share it; when all are there, the same command without --shard puts them
+    /// together, to the bits of an undivided run
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
     pub(super) shard: Option<Shard>,
     /// Replace an earlier result in DIR, or unfinished work on another
@@ -112,8 +121,8 @@ pub(crate) enum Mode {
     /// The radiance that the Gaussians carry
     #[value(name = "0-bounce")]
     ZeroBounce,
-    /// One bounce into the radiance that the Gaussians carry; emitters show their own. Of a baked scene it is a final gather, and
-    /// may be called that
+    /// One bounce into the radiance that the Gaussians carry; emitters show their own. Of a baked
+    /// scene it is a final gather, and may be called that
     #[value(name = "1-bounce", alias = "gather")]
     OneBounce,
     /// Path tracing from the emitters alone
@@ -132,8 +141,8 @@ enum SamplingArg {
 enum HitsArg {
     /// The blend of all is one surface, as in the paper
     Blended,
-    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes to about one percent less in a room.
-    /// 1-bounce does so always, to the same mean
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes
+    /// to about one percent less in a room. 1-bounce does so always, to the same mean
     Sampled,
 }
 

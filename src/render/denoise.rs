@@ -52,7 +52,8 @@ pub(super) fn denoiser(args: &RenderArgs) -> Result<Option<Denoiser>> {
 
 /// A view with its light denoised.
 ///
-/// `rays` is the view before its rays, `args.antialias` along each axis of a pixel, are averaged to `pixels`; `camera` is that of the rays.
+/// `rays` is the view before its rays, `args.antialias` along each axis of a pixel, are averaged to
+/// `pixels`; `camera` is that of the rays.
 ///
 /// # Errors
 /// If the denoiser gives up.
@@ -66,7 +67,8 @@ pub(super) fn denoised(
     let num_rays = args.antialias.pow(2);
     let frame = frame(args, camera, rays, pixels, args.spp.div_ceil(num_rays));
     let mut image = denoiser.denoise(&frame)?;
-    // A pixel that counts as an emitter stays as it is, even if some of its rays pass the emitter by.
+    // A pixel that counts as an emitter stays as it is, even if some of its rays pass the emitter
+    // by.
     let emitters = pixels.features.pixels.iter().zip(pixels.radiance.pixels());
     for (pixel, (features, light)) in image.pixels_mut().iter_mut().zip(emitters) {
         if features.emission() > args.emission_threshold {

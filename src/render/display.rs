@@ -19,8 +19,8 @@ const METER_REDUCTION: u32 = 4;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Pictures")]
 pub(super) struct DisplayArgs {
-    /// Exposure of the PNGs in stops, or `auto`: one for all, from a first look at up to 16 of them, that shows the
-    /// geometric mean of their luminance as middle grey
+    /// Exposure of the PNGs in stops, or `auto`: one for all, from a first look at up to 16 of
+    /// them, that shows the geometric mean of their luminance as middle grey
     #[arg(
         long,
         value_name = "EV|auto",
@@ -60,7 +60,8 @@ fn tone_map() -> impl TypedValueParser<Value = ToneMap> {
 }
 
 impl DisplayArgs {
-    /// Exposure and tone map for all of `shots`: a sequence with an exposure for each of its pictures would flicker.
+    /// Exposure and tone map for all of `shots`: a sequence with an exposure for each of its
+    /// pictures would flicker.
     ///
     /// # Errors
     /// If the pictures that the automatic exposure needs cannot be rendered.

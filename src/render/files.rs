@@ -41,7 +41,8 @@ pub(super) fn of_shot(args: &RenderArgs, shot: &Shot) -> Vec<PathBuf> {
     files
 }
 
-/// Views of a dataset are data, to be measured; frames of a path are pictures, unless more is asked for.
+/// Views of a dataset are data, to be measured; frames of a path are pictures, unless more is asked
+/// for.
 fn writes_exr(args: &RenderArgs) -> bool {
     args.path.exr || args.path.camera_path.is_none()
 }

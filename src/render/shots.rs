@@ -15,8 +15,8 @@ use std::path::Path;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Camera path")]
 pub(super) struct PathArgs {
-    /// Path of a camera instead of views: fly:A,B,… through views (A again at the end closes it), turntable, a TOML file, or
-    /// a camera_path.json of nerfstudio
+    /// Path of a camera instead of views: fly:A,B,… through views (A again at the end closes it),
+    /// turntable, a TOML file, or a camera_path.json of nerfstudio
     #[arg(long, value_name = "PATH", conflicts_with_all = ["split", "split_rule", "views"])]
     pub(super) camera_path: Option<String>,
     /// Number of frames [default: what the path says, else 120]
@@ -117,7 +117,8 @@ impl Shots {
         })
     }
 
-    /// Light of a picture: every frame of a path has a seed of its own, or noise would stick to the screen.
+    /// Light of a picture: every frame of a path has a seed of its own, or noise would stick to the
+    /// screen.
     pub(super) fn light(&self, light: &LightOptions, index: u64) -> LightOptions {
         let offset = if self.path.is_some() { index } else { 0 };
         LightOptions {

@@ -1,6 +1,8 @@
-//! What steps will take that have never run: the size of their work times what a unit of it took on one core of an AMD EPYC (Zen 4).
+//! What steps will take that have never run: the size of their work times what a unit of it took on
+//! one core of an AMD EPYC (Zen 4).
 //!
-//! Good for telling minutes from hours, within a factor of two or three: scenes differ, and so do machines.
+//! Good for telling minutes from hours, within a factor of two or three: scenes differ, and so do
+//! machines.
 
 use super::step::{Step, parse};
 use crate::bake::{BakeArgs, MethodArg};
@@ -57,7 +59,8 @@ impl Outlook {
         }
     }
 
-    /// What a step will take; `None` where that depends on what is not there yet. Steps are asked for in their order.
+    /// What a step will take; `None` where that depends on what is not there yet. Steps are asked
+    /// for in their order.
     pub(super) fn of(&mut self, step: &Step) -> Option<Estimate> {
         let mut bytes = None;
         let core_seconds = match parse(&step.arguments).ok()? {

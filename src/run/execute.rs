@@ -168,7 +168,8 @@ fn execute(
     Ok(code)
 }
 
-/// Notes that a step begins, with the command that it takes to do so, and clears away what that does not go on from.
+/// Notes that a step begins, with the command that it takes to do so, and clears away what that
+/// does not go on from.
 pub(super) fn begin(
     step: &Step,
     index: usize,
@@ -197,7 +198,8 @@ pub(super) fn begin(
     Ok(begun)
 }
 
-/// Runs a command as if it had been typed, and says how many seconds it took. The peak of memory is its own afterwards.
+/// Runs a command as if it had been typed, and says how many seconds it took. The peak of memory is
+/// its own afterwards.
 pub(super) fn dispatch(arguments: Vec<String>, global: &GlobalArgs) -> Result<(ExitCode, f64)> {
     record::forget_peak_memory();
     let started = Instant::now();
@@ -228,7 +230,8 @@ pub(super) fn finish(
     folder.save()
 }
 
-/// Removes products that are single files: one without its record, as of a step that was killed, is nobody's to a command.
+/// Removes products that are single files: one without its record, as of a step that was killed, is
+/// nobody's to a command.
 fn remove_files(step: &Step) -> Result<()> {
     for product in step.products.iter().filter(|product| product.is_file()) {
         files::remove_if_there(product)?;

@@ -1,7 +1,7 @@
 //! One step of a project by itself, for programs that drive a project across machines.
 //!
-//! A step looks at `run.json` and notes what it has made as a whole run does, but holds the lock on the run only for that: steps
-//! that need nothing of each other, and parts of a step, run at once.
+//! A step looks at `run.json` and notes what it has made as a whole run does, but holds the lock on
+//! the run only for that: steps that need nothing of each other, and parts of a step, run at once.
 
 use super::execute::{self, Reason};
 use super::plan::Plan;

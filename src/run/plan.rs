@@ -20,7 +20,8 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// The steps of a project. Every command is parsed: an option that cannot be is found here, before anything runs.
+    /// The steps of a project. Every command is parsed: an option that cannot be is found here,
+    /// before anything runs.
     pub(super) fn of(project: &Project) -> Result<Self> {
         let mut plan = Self {
             steps: Vec::new(),
@@ -87,7 +88,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Reads what people write and what every later step needs: an error should come before hours of work.
+    /// Reads what people write and what every later step needs: an error should come before hours
+    /// of work.
     fn check_inputs(&self, project: &Project) -> Result<()> {
         let dataset = match &project.source {
             Source::Dataset(path) => Some(Dataset::open(path)?),
@@ -141,7 +143,8 @@ impl Plan {
         self.steps.len() - 1
     }
 
-    /// Adds a step whose command gets options of the project, and reads what they name, and a place to write to.
+    /// Adds a step whose command gets options of the project, and reads what they name, and a place
+    /// to write to.
     fn push_with(&mut self, options: &Options, out: &Path, mut step: Step) -> usize {
         step.arguments.extend(options.words.iter().cloned());
         step.arguments.extend(words(&["--out"], &[out]));
@@ -228,7 +231,8 @@ impl Plan {
         self.push_with(options, out, simulate)
     }
 
-    /// Divides what a step reads into the files of the outside world and the steps that make the others.
+    /// Divides what a step reads into the files of the outside world and the steps that make the
+    /// others.
     fn sources(&self, paths: &[&Path]) -> (Vec<PathBuf>, Vec<usize>) {
         let (mut reads, mut after) = (Vec::new(), Vec::new());
         for path in paths {
@@ -340,7 +344,8 @@ impl Plan {
         self.look(name, &["--mode", mode], condition, options, &out)
     }
 
-    /// A command that takes the scene and the cameras of a condition; its name begins that of the step.
+    /// A command that takes the scene and the cameras of a condition; its name begins that of the
+    /// step.
     fn look(
         &mut self,
         name: String,

@@ -30,7 +30,8 @@ pub(super) struct Project {
     pub(super) normals: Option<Options>,
     /// Options of `eagpt train`.
     pub(super) train: Options,
-    /// Dataset whose cameras are rendered and whose images measure the result, if not those that are trained on.
+    /// Dataset whose cameras are rendered and whose images measure the result, if not those that
+    /// are trained on.
     pub(super) measure: Option<PathBuf>,
     /// Changes of the light, to be rendered and, where there are references, measured.
     pub(super) relight: Vec<Relight>,
@@ -67,7 +68,8 @@ pub(super) enum Photographs {
 pub(super) struct Capture {
     /// Where the RAW brackets are.
     pub(super) photographs: Photographs,
-    /// Lightings, each a folder of the photographs; the first is the one to train on. Empty if there is but one.
+    /// Lightings, each a folder of the photographs; the first is the one to train on. Empty if
+    /// there is but one.
     pub(super) conditions: Vec<String>,
     /// Options of `eagpt ingest`.
     pub(super) ingest: Options,
@@ -168,7 +170,8 @@ pub(super) fn takes_path(option: &Arg) -> bool {
 pub(crate) const ORIGINAL: &str = "original";
 
 impl Project {
-    /// Reads a project file; `out` goes before what it says itself. Paths in it are relative to its folder.
+    /// Reads a project file; `out` goes before what it says itself. Paths in it are relative to its
+    /// folder.
     pub(super) fn read(path: &Path, out: Option<&Path>) -> Result<Self> {
         Self::parse(path, &files::read(path)?, out)
     }

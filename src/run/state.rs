@@ -124,7 +124,8 @@ impl Folder {
         write_json(&self.dir.join(DIGESTS_FILE), &self.digests)
     }
 
-    /// Digest of everything that decides what a step makes: version, command, what it reads, and the products that it takes.
+    /// Digest of everything that decides what a step makes: version, command, what it reads, and
+    /// the products that it takes.
     ///
     /// # Errors
     /// If a file that it reads is not there.
@@ -189,7 +190,8 @@ struct KnownFile {
 }
 
 impl Digests {
-    /// Digest of a file, or of all files of a folder with their names. Records are left out: they hold times.
+    /// Digest of a file, or of all files of a folder with their names. Records are left out: they
+    /// hold times.
     fn of(&mut self, path: &Path) -> Result<String> {
         if !path.is_dir() {
             return self.of_file(path);

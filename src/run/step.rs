@@ -49,7 +49,8 @@ impl Step {
         }
     }
 
-    /// Removes what an earlier process of a step that goes on by itself has left; the products of others are removed by `--force`.
+    /// Removes what an earlier process of a step that goes on by itself has left; the products of
+    /// others are removed by `--force`.
     ///
     /// # Errors
     /// If something cannot be removed.

@@ -29,9 +29,11 @@ struct Compared {
     is: Option<String>,
 }
 
-/// Makes everything again that the run in `dir` has finished, in a folder beside it, and compares digests. The folder goes if all is the same.
+/// Makes everything again that the run in `dir` has finished, in a folder beside it, and compares
+/// digests. The folder goes if all is the same.
 ///
-/// Metrics tell how long a frame took and where its scene lies: they are compared without. Table and report are made of what is compared.
+/// Metrics tell how long a frame took and where its scene lies: they are compared without. Table
+/// and report are made of what is compared.
 pub(super) fn run(dir: &Path, until: Option<&str>, global: &GlobalArgs) -> Result<ExitCode> {
     let then = Folder::look_at(dir)?;
     if then.record.steps.is_empty() {

@@ -98,7 +98,8 @@ fn value(value: impl Serialize) -> Result<Value> {
     Ok(Value::try_from(value)?)
 }
 
-/// The table of one `key=value`. A value that is no TOML is a string: quotes rarely survive a shell.
+/// The table of one `key=value`. A value that is no TOML is a string: quotes rarely survive a
+/// shell.
 fn setting_table(setting: &str) -> Result<Table> {
     let (key, text) = setting
         .split_once('=')

@@ -1,7 +1,8 @@
 //! DNG files: the mosaic of a sensor with what a camera notes beside it.
 //!
-//! Uncompressed, 16 bits a sample, one strip, the raw image in the first directory and EXIF in its own: what every reader takes
-//! (Adobe, Digital Negative Specification 1.4; EXIF 2.3). Samples are written as they are, black level included.
+//! Uncompressed, 16 bits a sample, one strip, the raw image in the first directory and EXIF in its
+//! own: what every reader takes (Adobe, Digital Negative Specification 1.4; EXIF 2.3). Samples are
+//! written as they are, black level included.
 
 use eagpt_scene::{Result, SceneError, clock, files};
 use std::io::Cursor;
@@ -26,7 +27,8 @@ pub enum CfaColor {
     B = 2,
 }
 
-/// The filters of a 2×2 cell, row by row: the pixel in column x and row y has `CFA[2·(y mod 2) + x mod 2]`.
+/// The filters of a 2×2 cell, row by row: the pixel in column x and row y has `CFA[2·(y mod 2) + x
+/// mod 2]`.
 pub type Cfa = [CfaColor; 4];
 
 /// Red and green above green and blue.
@@ -60,7 +62,8 @@ pub struct DngInfo {
     pub as_shot_neutral: [f64; 3],
     /// Camera's R, G, B of CIE XYZ under D65, row by row.
     pub camera_from_xyz: [[f64; 3]; 3],
-    /// Exposure time, seconds, above 0; left out if `None`, as by lenses and cameras that do not tell.
+    /// Exposure time, seconds, above 0; left out if `None`, as by lenses and cameras that do not
+    /// tell.
     pub exposure_s: Option<f64>,
     /// ISO speed.
     pub iso: u16,
@@ -68,15 +71,16 @@ pub struct DngInfo {
     pub f_number: f64,
     /// Focal length, millimetres.
     pub focal_length_mm: f64,
-    /// When the shot was taken: milliseconds since 1970-01-01 by the camera's clock, which knows no time zone.
+    /// When the shot was taken: milliseconds since 1970-01-01 by the camera's clock, which knows no
+    /// time zone.
     pub taken_ms: u64,
 }
 
 /// Writes a DNG file, atomic.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] naming file and field if the mosaic is empty, not of the size it says or its size odd, or a number cannot be told
-/// as a fraction; [`SceneError::Io`].
+/// [`SceneError::Invalid`] naming file and field if the mosaic is empty, not of the size it says or
+/// its size odd, or a number cannot be told as a fraction; [`SceneError::Io`].
 pub fn write(path: &Path, mosaic: &Mosaic, info: &DngInfo) -> Result<()> {
     let num_wanted = u64::from(mosaic.width) * u64::from(mosaic.height);
     let is_even = mosaic.width.is_multiple_of(2) && mosaic.height.is_multiple_of(2);
@@ -245,7 +249,8 @@ fn taken(info: &DngInfo) -> String {
     clock::exif_from_unix(info.taken_ms / 1000)
 }
 
-/// The nearest fraction with a denominator of at most a million, by continued fractions; `None` for what 32 bits do not hold.
+/// The nearest fraction with a denominator of at most a million, by continued fractions; `None` for
+/// what 32 bits do not hold.
 fn fraction(value: f64) -> Option<Rational> {
     const MAX_DENOMINATOR: f64 = 1e6;
     // Beyond this the remainder is rounding error of the division.

@@ -1,4 +1,5 @@
-//! A virtual capture rig: rooms of analytic shapes, path-traced with exact ground truth, photographed as RAW brackets.
+//! A virtual capture rig: rooms of analytic shapes, path-traced with exact ground truth,
+//! photographed as RAW brackets.
 //!
 //! - [`room`]: shapes, patterns, materials, lights.
 //! - [`script`]: scene files; [`scenes`]: those that come with the program.
@@ -46,8 +47,9 @@
 //!
 //! Lengths are metres, z is up. Colours are linear numbers, or `"#rrggbb"` as displays show them.
 //!
-//! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`, `landscape`, `motif`; `grain` makes them
-//! uneven. `gloss` is a coat that mirrors the room to who looks; the light it throws elsewhere is left out.
+//! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`,
+//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat that mirrors the room to who
+//! looks; the light it throws elsewhere is left out.
 //!
 //! **Objects** stand with their foot at `at` and look towards −y, before `turn`:
 //!
@@ -65,11 +67,13 @@
 //! | `plant` | `height`, `pot`, `soil`, `leaves` |
 //! | `books`, `fruit` | `num`, `covers`; `bowl`, `fruits` |
 //!
-//! What shines in a condition does not reflect in it, and has mask 1 (where it covers at least half of a pixel) and albedo 0 in its truth.
+//! What shines in a condition does not reflect in it, and has mask 1 (where it covers at least half
+//! of a pixel) and albedo 0 in its truth.
 //!
-//! **`[rig]`** is the camera, all of it optional: `exposures_s`, `iso`, `f_number`, `sensor_width_mm`, `oversampling` (sensor pixels along each
-//! side of one of the truth), `vignetting` a, b, c, `distortion` k1, k2, p1, p2, `full_well_e`, `read_noise_e`, `black`, `white`. The
-//! sensitivity is such that the shortest exposure holds the brightest light.
+//! **`[rig]`** is the camera, all of it optional: `exposures_s`, `iso`, `f_number`,
+//! `sensor_width_mm`, `oversampling` (sensor pixels along each side of one of the truth),
+//! `vignetting` a, b, c, `distortion` k1, k2, p1, p2, `full_well_e`, `read_noise_e`, `black`,
+//! `white`. The sensitivity is such that the shortest exposure holds the brightest light.
 
 pub mod capture;
 pub mod dng;

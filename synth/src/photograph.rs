@@ -16,7 +16,8 @@ use serde::{Deserialize, Serialize};
 /// How pixels are sampled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sampling {
-    /// Rays for each pixel of the camera, at least one for each cell; rounded up to as many in every cell.
+    /// Rays for each pixel of the camera, at least one for each cell; rounded up to as many in
+    /// every cell.
     pub num_samples: u32,
     /// Cells along each side of a pixel, whose light is kept apart: the pixels of the sensor.
     pub num_cells: u32,
@@ -30,7 +31,8 @@ pub struct Sampling {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SampleNoise {
-    /// Light that arrives at surfaces is filtered; what they make of it, their texture and what shines stay as sampled.
+    /// Light that arrives at surfaces is filtered; what they make of it, their texture and what
+    /// shines stay as sampled.
     #[default]
     Filtered,
     /// All light stays as sampled.
@@ -50,7 +52,8 @@ pub struct Photograph {
     /// The camera with the margin.
     wide: Camera,
     sampling: Sampling,
-    /// Linear radiance in each condition, margin included, `num_cells` times as large as the wide camera's image along each side.
+    /// Linear radiance in each condition, margin included, `num_cells` times as large as the wide
+    /// camera's image along each side.
     radiance: Vec<Image<3>>,
     /// Mean diffuse albedo in each condition, margin included; black where surfaces shine.
     albedo: Vec<Image<3>>,
@@ -63,7 +66,8 @@ pub struct Photograph {
 /// A bit for each condition.
 type Conditions = u8;
 
-/// Rays along each side of a pixel whose share of emitters is looked for. Even: an edge through the middle of a pixel lies between rays.
+/// Rays along each side of a pixel whose share of emitters is looked for. Even: an edge through the
+/// middle of a pixel lies between rays.
 const GRID: u32 = 8;
 
 impl Photograph {
@@ -114,7 +118,8 @@ impl Photograph {
         }
     }
 
-    /// Light in a condition, margin included, finer than the camera's image by the number of cells along each side.
+    /// Light in a condition, margin included, finer than the camera's image by the number of cells
+    /// along each side.
     pub fn fine(&self, condition: usize) -> &Image<3> {
         &self.radiance[condition]
     }
@@ -129,8 +134,9 @@ impl Photograph {
         &self.centres
     }
 
-    /// The photograph in a condition with everything that is known about it. Radiance and albedo are means over the pixel, the mask is where
-    /// lights cover at least half of it; normal and depth are those of its centre.
+    /// The photograph in a condition with everything that is known about it. Radiance and albedo
+    /// are means over the pixel, the mask is where lights cover at least half of it; normal and
+    /// depth are those of its centre.
     pub fn view(&self, condition: usize, name: &str) -> View {
         let (origin, forward) = (self.camera.origin(), self.camera.forward());
         let mask = self.shining.iter();
@@ -169,8 +175,9 @@ fn meet(room: &Room, frame: &RayFrame, at: Vec2) -> Option<Hit> {
     room.meet(frame.origin, frame.direction(at.x, at.y))
 }
 
-/// The conditions in which lights cover at least half of each pixel: by a grid of rays where the centres of a pixel and its neighbours do
-/// not agree. The samples of the light are no measure for that: at a half, their noise would decide.
+/// The conditions in which lights cover at least half of each pixel: by a grid of rays where the
+/// centres of a pixel and its neighbours do not agree. The samples of the light are no measure for
+/// that: at a half, their noise would decide.
 fn shining(room: &Room, camera: &Camera, centres: &[Option<Hit>]) -> Vec<Conditions> {
     let frame = camera.ray_frame();
     let num_conditions = room.num_conditions();

@@ -149,7 +149,8 @@ impl Rig {
         0.5 * self.sensor_width_mm / (0.5 * fov_x_rad).tan()
     }
 
-    /// Share of the light that reaches a point of the image, `r2` the square of its distance from the middle over that of the corner.
+    /// Share of the light that reaches a point of the image, `r2` the square of its distance from
+    /// the middle over that of the corner.
     pub fn falloff(&self, r2: f64) -> f64 {
         let [a, b, c] = self.vignetting;
         1.0 + r2 * (a + r2 * (b + r2 * c))

@@ -11,7 +11,8 @@ use shape::{Crossing, Shape, SurfacePoint};
 
 /// Conditions that light is computed for at once, at most.
 pub const MAX_CONDITIONS: usize = 4;
-/// Distances to surfaces below this are not looked at, and rays start this far above theirs, metres: room-sized floats have steps of 2e-7.
+/// Distances to surfaces below this are not looked at, and rays start this far above theirs,
+/// metres: room-sized floats have steps of 2e-7.
 pub const LIFT: f32 = 1e-4;
 
 /// Light in each of the conditions.
@@ -26,7 +27,8 @@ pub struct Material {
     pub gloss: Option<Gloss>,
 }
 
-/// A clear coat: it mirrors the room to who looks at it. The light that it throws onto other surfaces is left out.
+/// A clear coat: it mirrors the room to who looks at it. The light that it throws onto other
+/// surfaces is left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gloss {
     /// Reflectance at normal incidence, 0 to 1.
@@ -51,7 +53,8 @@ pub struct Surface {
 pub struct Light {
     /// Name.
     pub name: String,
-    /// Linear Rec.709 radiance in each condition; black where it is off. A surface that shines does not reflect.
+    /// Linear Rec.709 radiance in each condition; black where it is off. A surface that shines does
+    /// not reflect.
     pub radiance: PerCondition,
 }
 

@@ -100,7 +100,8 @@ fn brackets_hold_the_light_of_the_truth() {
         }
         for color in 0..3 {
             let ratio = found[color] / wanted[color];
-            // Filters look at a quarter or a half of the pixels each: edges of the lamp fall on them unevenly.
+            // Filters look at a quarter or a half of the pixels each: edges of the lamp fall on
+            // them unevenly.
             assert!((ratio - 1.0).abs() < 0.03, "{condition} {color}: {ratio}");
         }
     }
@@ -130,7 +131,8 @@ fn the_filter_takes_noise_and_leaves_light() {
         matt.map(|(rgb, _)| f64::from(rgb[1])).collect::<Vec<f64>>()
     };
     let reference = take(256, SampleNoise::Kept, 1);
-    // The median: at edges of the lamp and of patterns a pixel depends on where its rays fell, whatever is filtered.
+    // The median: at edges of the lamp and of patterns a pixel depends on where its rays fell,
+    // whatever is filtered.
     let error = |values: &[f64]| {
         let pairs = values.iter().zip(&reference);
         let mut errors: Vec<f64> = pairs.map(|(a, b)| (a / b - 1.0).abs()).collect();
@@ -146,7 +148,8 @@ fn the_filter_takes_noise_and_leaves_light() {
     assert!(bias.abs() < 0.02, "{bias}");
 }
 
-/// The model read back, moved into the world by the similarity that is told, against the true cameras.
+/// The model read back, moved into the world by the similarity that is told, against the true
+/// cameras.
 #[test]
 fn the_colmap_model_is_the_capture_in_another_frame() {
     let dir = tempfile::tempdir().unwrap();

@@ -47,7 +47,8 @@ fn room(albedo: Vec3, shapes: &[Shape], shining: &[Shape]) -> Room {
     Room::new(surfaces.collect(), vec![matt], vec![light], 2)
 }
 
-/// Mean light that arrives at a hit, over π, in the first condition; half as much has to arrive in the second.
+/// Mean light that arrives at a hit, over π, in the first condition; half as much has to arrive in
+/// the second.
 fn arriving(lighting: &Lighting<'_>, hit: &Hit, max_bounces: u32) -> Vec3 {
     let num = 1 << 14;
     let points = Points::new(key(0), 7);
@@ -79,8 +80,8 @@ fn down(room: &Room) -> Hit {
     room.meet(Vec3::new(0.0, 0.0, 0.1), Vec3::NEG_Z).unwrap()
 }
 
-/// Relative tolerance of 16,384 stratified samples of integrands that vary by their own size: √(1/16,384) is 0.8 %, Sobol points do
-/// several times better.
+/// Relative tolerance of 16,384 stratified samples of integrands that vary by their own size:
+/// √(1/16,384) is 0.8 %, Sobol points do several times better.
 const TOLERANCE: f32 = 4e-3;
 
 #[track_caller]
@@ -125,8 +126,8 @@ fn a_ball_has_the_square_of_its_sine() {
     }
 }
 
-/// A shining ball in the middle of a hollow one: by symmetry every point of the wall reflects the same, ρ L F / (1 − ρ (1 − F)) with the
-/// share F = (r / R)² of its view that the light takes.
+/// A shining ball in the middle of a hollow one: by symmetry every point of the wall reflects the
+/// same, ρ L F / (1 − ρ (1 − F)) with the share F = (r / R)² of its view that the light takes.
 #[test]
 fn light_in_a_hollow_ball_is_a_geometric_series() {
     let ball = |radius: f32| {
@@ -185,7 +186,8 @@ fn solved_light_agrees_with_paths() {
             .unwrap();
         let wanted = arriving(&paths, &hit, MAX_BOUNCES);
         let found = arriving(&solved, &hit, MAX_BOUNCES);
-        // Cells of 10 cm blur the light of the wall close to the lamp, and their 96 rays leave it a percent of noise.
+        // Cells of 10 cm blur the light of the wall close to the lamp, and their 96 rays leave it a
+        // percent of noise.
         let error = (found / wanted - 1.0).abs().max_element();
         assert!(error < 0.02, "{found} is not {wanted}: {error}");
     }

@@ -78,7 +78,8 @@ fn rays_meet_the_points_they_aim_at() {
             );
             let aside = (Vec3::new(next(), next(), next()) - 0.5).normalize();
             let towards = (point.normal + 0.4 * aside).normalize();
-            // Near enough that nothing of a convex shape, and little of an open one, stands between.
+            // Near enough that nothing of a convex shape, and little of an open one, stands
+            // between.
             let reach = 0.01;
             let found = shape
                 .meet(point.position + towards * reach, -towards, ANYWHERE)

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 /// A folder of the test data, or `None` after saying on standard error that `test` is skipped.
 ///
-/// The data lie beside the repository, in `../shared/data`, or where the variable `EAGPT_DATA` says.
+/// The data lie beside the repository, in `../shared/data`, or where the variable `EAGPT_DATA`
+/// says.
 pub fn test_data(test: &str, folder: &str) -> Option<PathBuf> {
     let root = std::env::var_os("EAGPT_DATA").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),

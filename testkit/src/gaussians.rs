@@ -45,11 +45,12 @@ pub fn look_at(origin: DVec3, target: DVec3, width: u32, height: u32) -> Camera 
     }
 }
 
-/// A sphere of `num` overlapping opaque discs around the origin, made by `make(unit direction) -> Gaussian` with position, scale
-/// and rotation overwritten.
+/// A sphere of `num` overlapping opaque discs around the origin, made by `make(unit direction) ->
+/// Gaussian` with position, scale and rotation overwritten.
 pub fn sphere(num: usize, radius: f32, make: impl Fn(Vec3) -> Gaussian) -> Gaussians {
     let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
-    // One disc's share of the area. Discs this wide overlap so much that less than 1e-4 of the light passes.
+    // One disc's share of the area. Discs this wide overlap so much that less than 1e-4 of the
+    // light passes.
     let spacing = (4.0 * std::f32::consts::PI / num as f32).sqrt();
     (0..num)
         .map(|i| {
@@ -81,7 +82,8 @@ pub fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian {
     }
 }
 
-/// A rectangle of opaque discs around `center`, spanned by the half edges `a` and `b`, `spacing` apart.
+/// A rectangle of opaque discs around `center`, spanned by the half edges `a` and `b`, `spacing`
+/// apart.
 pub fn rectangle(
     center: Vec3,
     a: Vec3,

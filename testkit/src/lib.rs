@@ -1,9 +1,12 @@
-//! Synthetic scenes with known answers, for tests and examples. Nothing here is part of the program.
+//! Synthetic scenes with known answers, for tests and examples. Nothing here is part of the
+//! program.
 //!
-//! - [`test_data`]: where data are that the repository does not hold; [`opened_device`]: what tests do where there is no GPU.
+//! - [`test_data`]: where data are that the repository does not hold; [`opened_device`]: what tests
+//!   do where there is no GPU.
 //! - [`kernels`]: whether WGSL keeps to what every device has.
 //! - [`gaussians`]: spheres, walls and clouds of Gaussians.
-//! - [`room`]: a furnished box room under an area light, path-traced analytically, written as a dataset.
+//! - [`room`]: a furnished box room under an area light, path-traced analytically, written as a
+//!   dataset.
 
 mod data;
 mod device;

@@ -41,7 +41,8 @@ fn solving_changes_nothing_but_what_reflects_and_repeat_to_the_bit() {
     assert_eq!(num_changed, num_dark);
     baked.radiances.clone_from(&edited.radiances);
     assert_eq!(baked, edited);
-    // At whatever does not emit, half of 32 directions about the normal, and towards emitters what is above the surface of the others.
+    // At whatever does not emit, half of 32 directions about the normal, and towards emitters what
+    // is above the surface of the others.
     let record = place.json("a.record.json");
     let num_rays = record["options"]["num_rays"].as_u64().unwrap() as usize;
     assert!((16 * num_dark..=32 * num_dark).contains(&num_rays));
@@ -53,7 +54,8 @@ fn solving_changes_nothing_but_what_reflects_and_repeat_to_the_bit() {
     assert_ne!(place.bytes("a.ply"), place.bytes("b.ply"));
 }
 
-/// An edit at a time, with links that are brought up to date and from nothing: the same scene, for fewer rays.
+/// An edit at a time, with links that are brought up to date and from nothing: the same scene, for
+/// fewer rays.
 #[test]
 fn links_of_an_earlier_bake_are_brought_up_to_date() {
     let place = workplace();
@@ -76,7 +78,8 @@ fn links_of_an_earlier_bake_are_brought_up_to_date() {
     let inputs = place.json("c.record.json")["inputs"].to_string();
     assert!(inputs.contains("k.links"), "{inputs}");
 
-    // Albedos and the light of the lamp: not a ray, and the bits of a bake from nothing, since there is one lamp.
+    // Albedos and the light of the lamp: not a ray, and the bits of a bake from nothing, since
+    // there is one lamp.
     let script = "[[step]]
 select = { emission = { min = 0.1 } }
 then = [{ scale_light = 2 }]
@@ -92,8 +95,8 @@ then = [{ set_albedo = [0.7, 0.2, 0.2] }]
     assert_eq!(num_rays("light-b"), 0);
     assert_eq!(place.bytes("light-a.ply"), place.bytes("light-b.ply"));
 
-    // A second lamp, which is to be looked for, and a step to the side for what is in the middle of the room: the rays about normals that
-    // neither is in the way of are kept.
+    // A second lamp, which is to be looked for, and a step to the side for what is in the middle of
+    // the room: the rays about normals that neither is in the way of are kept.
     let script = "[[step]]
 insert = { ball = { centre = [0.6, 0.6, 1.6], radius = 0.1, radiance = 9 } }
 ";
@@ -113,7 +116,8 @@ insert = { ball = { centre = [0.6, 0.6, 1.6], radius = 0.1, radiance = 9 } }
     let pairs = from_nothing.iter().zip(&brought);
     let num_same = pairs.clone().filter(|(a, b)| a == b).count();
     let off: Vec<glam::Vec3> = pairs.map(|(a, b)| (*a - *b).abs()).collect();
-    // The same directions, and the same first hits: what differs is from where some see best, in pictures and in parts of them.
+    // The same directions, and the same first hits: what differs is from where some see best, in
+    // pictures and in parts of them.
     assert!(num_same > 0, "none the same");
     assert!(
         sum(&off) < 0.02 * sum(&from_nothing),

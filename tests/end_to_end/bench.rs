@@ -15,7 +15,8 @@ fn every_stage_is_measured_and_compared() {
     let rows = results["rows"].as_array().unwrap();
     let figures =
         |stage: &str| -> Vec<&Value> { rows.iter().filter(|row| row["stage"] == stage).collect() };
-    // Figures of a stage: those of a scene come for two numbers of Gaussians, all for two numbers of threads.
+    // Figures of a stage: those of a scene come for two numbers of Gaussians, all for two numbers
+    // of threads.
     for (stage, num) in [
         ("structure", 2 * 4),
         ("camera-rays", 2 * 4),

@@ -9,7 +9,8 @@ use eagpt_scene::lens::{Lens, LensModel};
 use eagpt_scene::{Dataset, exr};
 use glam::{DQuat, DVec2, DVec3};
 
-/// The room's cameras and points as a COLMAP model in `place/sparse`, in a frame and a unit of its own. The last view is not registered.
+/// The room's cameras and points as a COLMAP model in `place/sparse`, in a frame and a unit of its
+/// own. The last view is not registered.
 fn room_model(place: &Workplace) -> Similarity {
     let dataset = Dataset::open(&place.path("room")).unwrap();
     let first = dataset.frames()[0].camera;

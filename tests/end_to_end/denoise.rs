@@ -28,7 +28,8 @@ fn view_with_a_lamp(place: &Workplace) -> String {
     views.max_by_key(lit).unwrap()
 }
 
-/// Mean squared error relative to the brightness there; a twentieth keeps black pixels from deciding.
+/// Mean squared error relative to the brightness there; a twentieth keeps black pixels from
+/// deciding.
 fn error(image: &Image<3>, reference: &Image<3>) -> f64 {
     let pairs = image.values().iter().zip(reference.values());
     let sum: f64 = pairs

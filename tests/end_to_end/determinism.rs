@@ -5,7 +5,8 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Small enough to run several times, with checkpoints close enough together to be killed between them.
+/// Small enough to run several times, with checkpoints close enough together to be killed between
+/// them.
 const RUN: &str = "--preset draft --iterations 120 --albedo-iterations 40 --gaussians 800 --set output.checkpoint_every=8 --set radiance.harmonics.degree=2";
 
 #[test]

@@ -13,7 +13,8 @@ fn findings(place: &Workplace, arguments: &str, topic: &str) -> Vec<Value> {
         .collect()
 }
 
-/// Whether there is a device, a program that stands in for one included; says so where there is none.
+/// Whether there is a device, a program that stands in for one included; says so where there is
+/// none.
 fn has_device(place: &Workplace, what: &str) -> bool {
     let found = findings(place, "", "gpu");
     let missing = found.iter().find(|one| one["state"] != "good");
@@ -58,7 +59,8 @@ fn a_gpu_trains_and_renders_what_the_cpu_does() {
     assert!(shown < 0.01, "{shown}");
 }
 
-/// Mean absolute difference of the radiances of two scenes, over the mean of the first; nothing else may differ.
+/// Mean absolute difference of the radiances of two scenes, over the mean of the first; nothing
+/// else may differ.
 fn difference_of_light(place: &Workplace, [a, b]: [&str; 2]) -> f32 {
     let [a, mut b] = [a, b].map(|name| ply::read_gaussians(&place.path(name)).unwrap());
     let pairs = a.radiances.iter().zip(&b.radiances);
@@ -75,8 +77,9 @@ fn a_gpu_bakes_what_the_cpu_does() {
         return;
     }
     place.train("run");
-    // The same rays are traced: 7e-7 were seen on lavapipe, and a single link that rounding decides otherwise may make 1e-5. Views are fitted by
-    // steps of training, which rounding lets drift apart: 5e-4 were seen.
+    // The same rays are traced: 7e-7 were seen on lavapipe, and a single link that rounding decides
+    // otherwise may make 1e-5. Views are fitted by steps of training, which rounding lets drift
+    // apart: 5e-4 were seen.
     for (method, options, tolerance) in [
         ("gaussians", "--samples 32", 1e-4),
         ("gaussians", "--samples 32 --links OUT.links", 1e-4),

@@ -1,4 +1,5 @@
-//! The pages of `docs/`: their commands are one walkthrough, which runs here. And the commands of the README.
+//! The pages of `docs/`: their commands are one walkthrough, which runs here. And the commands of
+//! the README.
 //!
 //! What a fence of a page says decides what becomes of it:
 //!
@@ -212,7 +213,8 @@ fn run(place: &Workplace, page: &str, command: &Shown) {
     }
 }
 
-/// Finds out whether a command and its options exist: help at the end is given only if everything before it is right.
+/// Finds out whether a command and its options exist: help at the end is given only if everything
+/// before it is right.
 #[track_caller]
 fn ask_for_help(place: &Workplace, page: &str, command: &Shown) {
     let Shown { line, text } = command;
@@ -260,7 +262,8 @@ fn blocks(page: &str, text: &str) -> Vec<Block> {
     found
 }
 
-/// The commands of lines, of which the first is line `first` of the page; a backslash at the end joins the next line.
+/// The commands of lines, of which the first is line `first` of the page; a backslash at the end
+/// joins the next line.
 fn join(first: usize, lines: &[String]) -> Vec<Shown> {
     let mut shown: Vec<Shown> = Vec::new();
     let mut is_open = false;

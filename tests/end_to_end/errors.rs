@@ -1,4 +1,5 @@
-//! Bad input: one line that names the file, the field and the value; exit code 1; nothing half-written.
+//! Bad input: one line that names the file, the field and the value; exit code 1; nothing
+//! half-written.
 
 use crate::support::{SHORT, Workplace};
 use eagpt_scene::Image;

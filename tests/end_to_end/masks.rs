@@ -55,7 +55,8 @@ fn the_threshold_is_found_and_reflections_are_told_from_lights() {
         let name = format!("{index:03}");
         let file = format!("Emissive-exr/{name}.exr");
         let found = overlap(&place, &format!("kept/{file}"), &format!("room/{file}"));
-        // The room's masks are those of pixel centres, its radiance has soft edges: a border pixel may go either way.
+        // The room's masks are those of pixel centres, its radiance has soft edges: a border pixel
+        // may go either way.
         assert!(found >= 0.9, "view {name}: {found}");
     }
     assert_eq!(view(&report, "004")["verdict"], "inconsistent");

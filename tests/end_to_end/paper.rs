@@ -97,7 +97,8 @@ fn rows_and_seeds_become_a_table_and_go_on_where_they_were() {
     let record = place.json(&format!("{row}/render/original/path/record.json"));
     assert_eq!(record["options"]["integrator"]["max_bounces"], 3);
     assert!(!place.path(&format!("{row}/train")).exists());
-    // Everything is there: nothing is trained or rendered again, and a row's project is one of `eagpt run`.
+    // Everything is there: nothing is trained or rendered again, and a row's project is one of
+    // `eagpt run`.
     let scene = place.path("whole/b-kitchen/scenes/full/seed-1/train/scene.ply");
     let before = std::fs::metadata(&scene).unwrap().modified().unwrap();
     let again = place.succeeds(&format!("{paper} --out whole --json"));

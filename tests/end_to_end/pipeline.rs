@@ -48,7 +48,8 @@ fn train_render_eval() {
         ));
         check_messages(&told, &["started", "view"]);
         let mean = &place.json(&format!("eval-{mode}/metrics.json"))["mean"];
-        // A black picture of this room has some 5 dB; these only say that the right pictures were compared.
+        // A black picture of this room has some 5 dB; these only say that the right pictures were
+        // compared.
         assert!(
             mean["psnr_srgb_db"].as_f64().unwrap() > least_db,
             "{mode}: {mean}"
@@ -63,7 +64,8 @@ fn train_render_eval() {
         ] {
             assert!(mean[key].is_number(), "{mode}: {key} is missing in {mean}");
         }
-        // Depth from ray distances taken for depths along the axis would be off by up to a third in the corners.
+        // Depth from ray distances taken for depths along the axis would be off by up to a third in
+        // the corners.
         assert!(mean["depth_mae"].as_f64().unwrap() < 0.25, "{mode}: {mean}");
     }
     let names = place.names("eval-path");

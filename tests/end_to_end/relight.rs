@@ -4,8 +4,8 @@ use crate::support::Workplace;
 use eagpt_scene::exr::{self, Precision};
 use serde_json::{Value, json};
 
-/// A room, `relit` with half of its light in the upper halves of the pictures and without masks, and renderings in two
-/// modes.
+/// A room, `relit` with half of its light in the upper halves of the pictures and without masks,
+/// and renderings in two modes.
 fn place() -> Workplace {
     let place = Workplace::new();
     for (name, bytes) in place.contents("room") {
@@ -53,7 +53,8 @@ fn two_conditions_and_the_table_of_modes() {
     assert_eq!(relit["render"]["spp"], Value::Null);
     assert_eq!(relit["render"]["denoiser"], Value::Null);
     assert!(relit["render"]["seconds_per_frame"].as_f64().unwrap() > 0.0);
-    // The upper half has lost half its light: the lower one is lit. Before the room there is nothing but itself.
+    // The upper half has lost half its light: the lower one is lit. Before the room there is
+    // nothing but itself.
     assert!(room["regions"].get("lit").is_none(), "{room}");
     let share = |region: &str| relit["regions"][region]["share"].as_f64().unwrap_or(0.0);
     assert!(

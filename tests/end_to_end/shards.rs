@@ -152,7 +152,8 @@ fn stacks_are_merged_in_parts() {
     assert_eq!(lasting(whole), lasting(parts));
 }
 
-/// What a workflow engine does: the steps as they are listed, each a process of its own, in parts where it has some.
+/// What a workflow engine does: the steps as they are listed, each a process of its own, in parts
+/// where it has some.
 #[test]
 fn steps_that_run_alone_make_a_run() {
     let place = Workplace::new();

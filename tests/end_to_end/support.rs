@@ -13,7 +13,8 @@ pub(crate) struct Workplace {
 }
 
 impl Workplace {
-    /// With a dataset `room` in it, a room of 12 views of 48x32 pixels: two test views, ten training views.
+    /// With a dataset `room` in it, a room of 12 views of 48x32 pixels: two test views, ten
+    /// training views.
     pub(crate) fn new() -> Self {
         let dir = tempfile::tempdir().unwrap();
         let options = RoomOptions {
@@ -45,7 +46,8 @@ impl Workplace {
             .args(arguments.split_whitespace())
             .current_dir(self.dir.path())
             .env_remove("EAGPT_LOG")
-            // Mesa's layer that puts devices in order complains of a missing display on standard error.
+            // Mesa's layer that puts devices in order complains of a missing display on standard
+            // error.
             .env("NODEVICE_SELECT", "1")
             .stdin(Stdio::null());
         command
@@ -65,7 +67,8 @@ impl Workplace {
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// Runs the program and asserts that it refuses with exit code 1 and one line with all of `parts` in it.
+    /// Runs the program and asserts that it refuses with exit code 1 and one line with all of
+    /// `parts` in it.
     #[track_caller]
     pub(crate) fn fails(&self, arguments: &str, parts: &[&str]) {
         let output = self.run(&format!("{arguments} --quiet"));

@@ -48,7 +48,8 @@ iterations = 5
 const BALL: &str =
     "[[step]]\ninsert = { ball = { centre = [0, 0, 1], radius = 0.3, radiance = 5 } }\n";
 
-/// The program, or `None` after telling that there is none. Past the harness: tests that pass are shown without their output.
+/// The program, or `None` after telling that there is none. Past the harness: tests that pass are
+/// shown without their output.
 fn snakemake() -> Option<PathBuf> {
     let named = std::env::var_os(SNAKEMAKE).map(PathBuf::from);
     let path = named.unwrap_or_else(|| "snakemake".into());

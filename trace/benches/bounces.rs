@@ -1,6 +1,7 @@
-//! Rays per second of bounces: from points on surfaces, in cosine-weighted directions, blended, with one chosen hit, and through realizations of
-//! the scene. Rooms of the same shape at finer and finer discs, and the scene that `EAGPT_SCENE` names, if it does.
-//! `cargo bench -p eagpt-trace --bench bounces`; one thread.
+//! Rays per second of bounces: from points on surfaces, in cosine-weighted directions, blended,
+//! with one chosen hit, and through realizations of the scene. Rooms of the same shape at finer and
+//! finer discs, and the scene that `EAGPT_SCENE` names, if it does. `cargo bench -p eagpt-trace
+//! --bench bounces`; one thread.
 #![allow(
     missing_docs,
     reason = "the macros of the benchmark harness write undocumented items"
@@ -35,7 +36,8 @@ fn room(num: usize) -> Gaussians {
     walls.into_iter().chain(lamp).chain(ball.iter()).collect()
 }
 
-/// Bounces of paths that begin at the middle of the scene: whatever they meet is a place from which light goes on.
+/// Bounces of paths that begin at the middle of the scene: whatever they meet is a place from which
+/// light goes on.
 fn bounces(scene: &CpuScene, gaussians: &Gaussians) -> Vec<Ray> {
     let middle = gaussians.positions.iter().sum::<Vec3>() / gaussians.len() as f32;
     let key = RandomKey::new(0, Purpose::Render, 0);

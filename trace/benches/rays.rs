@@ -1,5 +1,5 @@
-//! Rays per second of the CPU engine on 60,000 Gaussians at 270×180: camera rays forward and adjoint, by tiles and one at a time,
-//! and path tracing. `cargo bench -p eagpt-trace`.
+//! Rays per second of the CPU engine on 60,000 Gaussians at 270×180: camera rays forward and
+//! adjoint, by tiles and one at a time, and path tracing. `cargo bench -p eagpt-trace`.
 #![allow(
     missing_docs,
     reason = "the macros of the benchmark harness write undocumented items"
@@ -37,8 +37,8 @@ fn view() -> Camera {
     )
 }
 
-/// What camera rays are traced through: the scene in the file that `EAGPT_BENCH_SCENE` names, seen by every 24th camera of the dataset
-/// `EAGPT_BENCH_DATASET`; without them, the room.
+/// What camera rays are traced through: the scene in the file that `EAGPT_BENCH_SCENE` names, seen
+/// by every 24th camera of the dataset `EAGPT_BENCH_DATASET`; without them, the room.
 fn subject() -> (Gaussians, Vec<Camera>) {
     let path = |name| std::env::var_os(name).map(PathBuf::from);
     let (Some(scene), Some(dataset)) = (path("EAGPT_BENCH_SCENE"), path("EAGPT_BENCH_DATASET"))

@@ -1,5 +1,5 @@
-//! Blending of ordered hits (EAG-PT, equations of section 3.1): `V = Σ wᵢ vᵢ`, `wᵢ = Tᵢ₋₁ αᵢ`, `Tᵢ = Π (1 − αⱼ)`. The adjoint of all
-//! rays of a camera is [`crate::cpu::CameraRecord::adjoint`].
+//! Blending of ordered hits (EAG-PT, equations of section 3.1): `V = Σ wᵢ vᵢ`, `wᵢ = Tᵢ₋₁ αᵢ`, `Tᵢ
+//! = Π (1 − αⱼ)`. The adjoint of all rays of a camera is [`crate::cpu::CameraRecord::adjoint`].
 
 use crate::features::{Features, NUM_LANES, lane};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
@@ -8,7 +8,8 @@ use crate::surfel::Attributes;
 /// A hit as a search finds it, sortable by true distance, ties by index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Distance in the upper 32 bits (positive floats order like their bits), index of the Gaussian in the lower.
+    /// Distance in the upper 32 bits (positive floats order like their bits), index of the Gaussian
+    /// in the lower.
     key: u64,
     /// Opacity α of the hit.
     pub alpha: f32,
@@ -43,8 +44,8 @@ impl Hit {
     }
 }
 
-/// Sorts hits front to back. Searches deliver them nearly sorted, which insertion likes; long lists go to the
-/// standard sort.
+/// Sorts hits front to back. Searches deliver them nearly sorted, which insertion likes; long lists
+/// go to the standard sort.
 pub fn sort_hits(hits: &mut [Hit]) {
     const INSERTION_LIMIT: usize = 48;
     if hits.len() > INSERTION_LIMIT {
@@ -83,8 +84,8 @@ pub enum Face {
 }
 
 impl Face {
-    /// Of a Gaussian whose plane lies `plane` from the origin along its normal: in front of the origin the plane has the sign of the cosine
-    /// between ray and normal.
+    /// Of a Gaussian whose plane lies `plane` from the origin along its normal: in front of the
+    /// origin the plane has the sign of the cosine between ray and normal.
     #[inline(always)]
     pub fn of_plane(plane: f32) -> Self {
         if plane > 0.0 { Self::Back } else { Self::Front }
@@ -177,7 +178,8 @@ impl Blender {
     /// The features of all hits so far.
     #[inline(always)]
     pub fn finish(self) -> Features {
-        // Added to the zeros that blending left there: lanes that were overwritten would make compilers take the vector apart.
+        // Added to the zeros that blending left there: lanes that were overwritten would make
+        // compilers take the vector apart.
         let mut features = self.features;
         features.0[lane::DISTANCE] += self.distance;
         features.0[lane::SPREAD] += self.spread;
@@ -192,8 +194,9 @@ impl Blender {
     }
 }
 
-/// Features of a ray of unit `direction` whose one hit stands for all. Of the distances of the others it says nothing: those of discs that
-/// overlap on a surface differ by about the size of a disc where they are tilted, which becomes the spread.
+/// Features of a ray of unit `direction` whose one hit stands for all. Of the distances of the
+/// others it says nothing: those of discs that overlap on a surface differ by about the size of a
+/// disc where they are tilted, which becomes the spread.
 pub fn features_of_one(t: f32, attributes: &Attributes, direction: [f32; 3]) -> Features {
     let mut blender = Blender::default();
     blender.accumulate(t, 1.0, attributes, direction);
@@ -221,8 +224,8 @@ pub mod grad_lane {
     pub const ALBEDO: usize = 13;
 }
 
-/// Derivatives of the loss with respect to one Gaussian, in its own frame; see [`grad_lane`]. Sixteen numbers hold all
-/// parameters because only three angles of a rotation matter.
+/// Derivatives of the loss with respect to one Gaussian, in its own frame; see [`grad_lane`].
+/// Sixteen numbers hold all parameters because only three angles of a rotation matter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C, align(64))]
 pub struct LocalGradient(pub [f32; NUM_LANES]);
@@ -257,7 +260,8 @@ pub struct Contribution {
 }
 
 impl Contribution {
-    /// Adds a hit with `weight` in `pixel`, whose value is `value`. The order of hits does not matter to the pixel.
+    /// Adds a hit with `weight` in `pixel`, whose value is `value`. The order of hits does not
+    /// matter to the pixel.
     #[inline(always)]
     pub fn add(&mut self, weight: f32, pixel: u32, value: f32) {
         self.weight += weight;

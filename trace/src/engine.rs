@@ -26,7 +26,8 @@ pub enum TraceError {
 pub struct RenderedView {
     /// Linear radiance, premultiplied by the opacity.
     pub radiance: Image<3>,
-    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no light is sampled.
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no
+    /// light is sampled.
     pub second_moment: Image<1>,
     /// composited features of the camera rays.
     pub features: GBuffer,
@@ -48,8 +49,8 @@ impl RenderedView {
 
 /// A scene that lives on a device and can be looked at.
 ///
-/// Gaussians go to the device with [`Tracer::update`] and stay there; calls move only what they return. Everything above
-/// this trait is the same for every engine.
+/// Gaussians go to the device with [`Tracer::update`] and stay there; calls move only what they
+/// return. Everything above this trait is the same for every engine.
 pub trait Tracer: Send + Sync {
     /// What computes: recorded beside every result.
     fn device(&self) -> String;
@@ -66,7 +67,8 @@ pub trait Tracer: Send + Sync {
     /// [`TraceError::Device`] if the device gives up.
     fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError>;
 
-    /// The same, and what each Gaussian contributes to it. A Gaussian may come more than once, with different pixels.
+    /// The same, and what each Gaussian contributes to it. A Gaussian may come more than once, with
+    /// different pixels.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
@@ -93,8 +95,9 @@ pub trait Tracer: Send + Sync {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError>;
 
-    /// Light of emitters at `receivers`, and matrix to what else they see in `directions`; each has random numbers of its own among
-    /// those of `key`. Which receivers are traced together makes no difference.
+    /// Light of emitters at `receivers`, and matrix to what else they see in `directions`; each has
+    /// random numbers of its own among those of `key`. Which receivers are traced together makes no
+    /// difference.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.
@@ -105,8 +108,10 @@ pub trait Tracer: Send + Sync {
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError>;
 
-    /// The Gaussian that each of `rays` meets first in its realization, of `realizations` modulo [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS);
-    /// [`NOTHING`](crate::transport::matrix::NOTHING) where there is none. Fast where rays that follow each other share a realization and are near each other.
+    /// The Gaussian that each of `rays` meets first in its realization, of `realizations` modulo
+    /// [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS);
+    /// [`NOTHING`](crate::transport::matrix::NOTHING) where there is none. Fast where rays that
+    /// follow each other share a realization and are near each other.
     ///
     /// # Errors
     /// [`TraceError::Device`] if the device gives up.

@@ -1,4 +1,5 @@
-//! What a ray collects: one vector of 16 lanes, so that blending a hit is one multiply-add over a SIMD register.
+//! What a ray collects: one vector of 16 lanes, so that blending a hit is one multiply-add over a
+//! SIMD register.
 
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;
@@ -94,7 +95,8 @@ impl Features {
         if alpha <= 0.0 {
             return 0.0;
         }
-        // Moments about the first hit, not about zero: with the latter the digits cancel for distant surfaces.
+        // Moments about the first hit, not about zero: with the latter the digits cancel for
+        // distant surfaces.
         let offset = self.mean_distance() - self.0[lane::FIRST];
         (self.0[lane::SPREAD] / alpha - offset * offset)
             .max(0.0)
@@ -129,7 +131,8 @@ impl Features {
                 *sum += value;
             }
             if ray.alpha() > 0.0 {
-                // Moves the second moment from the ray's first hit to the first of all: Σ w (t − f)² with f = f' + d.
+                // Moves the second moment from the ray's first hit to the first of all: Σ w (t −
+                // f)² with f = f' + d.
                 let d = ray.0[lane::FIRST] - first;
                 let about_first = ray.0[lane::DISTANCE] - ray.0[lane::FIRST] * ray.alpha();
                 total.0[lane::SPREAD] += d * (2.0 * about_first + d * ray.alpha());
@@ -189,7 +192,8 @@ impl GBuffer {
         self.extract(|features| features.radiance().to_array())
     }
 
-    /// Depth of every pixel along the optical axis of the `camera` the features are of; the features themselves hold distances along rays.
+    /// Depth of every pixel along the optical axis of the `camera` the features are of; the
+    /// features themselves hold distances along rays.
     pub fn depth(&self, camera: &Camera) -> Image<1> {
         let (frame, forward) = (camera.ray_frame(), camera.forward());
         let mut pixel = 0_u32;

@@ -1,7 +1,9 @@
-//! Ray tracing of 2D Gaussians: composited features along rays, their adjoint, and light transport on top of them.
+//! Ray tracing of 2D Gaussians: composited features along rays, their adjoint, and light transport
+//! on top of them.
 //!
-//! The model is that of EAG-PT (SIGGRAPH 2026, section 3): a ray meets the plane of each Gaussian once, the hit's
-//! opacity is `α = σ·exp(−(u² + v²)/2)`, and hits are blended front to back in the true order of their distances.
+//! The model is that of EAG-PT (SIGGRAPH 2026, section 3): a ray meets the plane of each Gaussian
+//! once, the hit's opacity is `α = σ·exp(−(u² + v²)/2)`, and hits are blended front to back in the
+//! true order of their distances.
 //!
 //! Layout, from plain to fast:
 //! - [`model`]: the constants of the model, each with its reason.
@@ -10,7 +12,8 @@
 //! - [`blend`]: blending of ordered hits, shared by every way of finding them.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
-//! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays, whose adjoint is there, too.
+//! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays,
+//!   whose adjoint is there, too.
 //! - `gpu` (feature `gpu`): the same on devices that wgpu finds.
 //! - [`transport`]: `0-bounce`, `1-bounce` and `path` renderings on any [`Tracer`].
 //!

@@ -1,13 +1,14 @@
-//! The model once more, in double precision and by brute force: every Gaussian is tried on every ray. Slow on purpose and
-//! sharing no code with the engines, it is what their results and derivatives are tested against.
+//! The model once more, in double precision and by brute force: every Gaussian is tried on every
+//! ray. Slow on purpose and sharing no code with the engines, it is what their results and
+//! derivatives are tested against.
 
 use crate::features::{NUM_LANES, lane};
 use crate::model::{MAX_RADIUS, MIN_ALPHA, MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT};
 use eagpt_scene::Gaussian;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-/// A Gaussian in double precision. The rotation need not be normalised: [`trace`] normalises, so that derivatives with
-/// respect to its four components are those of the normalised quaternion.
+/// A Gaussian in double precision. The rotation need not be normalised: [`trace`] normalises, so
+/// that derivatives with respect to its four components are those of the normalised quaternion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OracleGaussian {
     /// Centre.
@@ -54,7 +55,8 @@ pub struct OracleHit {
     normal: DVec3,
 }
 
-/// Whether single precision may see hits differently: one lies on the rim of its Gaussian, or two are about to swap places.
+/// Whether single precision may see hits differently: one lies on the rim of its Gaussian, or two
+/// are about to swap places.
 pub fn is_ambiguous(hits: &[OracleHit]) -> bool {
     hits.iter().any(|hit| (hit.edge - 1.0).abs() < 1e-3)
         || hits.windows(2).any(|pair| (pair[1].t - pair[0].t) < 1e-5)

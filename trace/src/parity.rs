@@ -1,4 +1,5 @@
-//! How far an engine is from the model: a scene that is known everywhere, traced by the engine and by the oracle.
+//! How far an engine is from the model: a scene that is known everywhere, traced by the engine and
+//! by the oracle.
 
 use crate::engine::{TraceError, Tracer};
 use crate::oracle::{self, OracleGaussian};
@@ -7,8 +8,8 @@ use glam::DAffine3;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Largest difference of an engine in single precision, relative to 1 plus the oracle's value: four times the 6e-5 that were seen, on rays
-/// that graze thin Gaussians.
+/// Largest difference of an engine in single precision, relative to 1 plus the oracle's value: four
+/// times the 6e-5 that were seen, on rays that graze thin Gaussians.
 pub const PARITY_TOLERANCE: f64 = 2.5e-4;
 
 /// Time for measuring a rate.
@@ -25,7 +26,8 @@ pub struct Parity {
     pub worst: f64,
     /// Whether one thread gives the bits of all threads.
     pub is_repeatable: bool,
-    /// Camera rays a second through 50,000 Gaussians: of 240 by 160 pixels, or fewer where that would take seconds.
+    /// Camera rays a second through 50,000 Gaussians: of 240 by 160 pixels, or fewer where that
+    /// would take seconds.
     pub rays_per_s: f64,
 }
 
@@ -101,7 +103,8 @@ fn rays_per_s<T: Tracer>(engine: &T) -> Result<f64, TraceError> {
             engine.gbuffer(&camera)?;
             Ok::<_, TraceError>(started.elapsed())
         };
-        // The first time makes room, and on devices kernels: it counts only where there is no time for a second.
+        // The first time makes room, and on devices kernels: it counts only where there is no time
+        // for a second.
         took = timed()?;
         if begun.elapsed() + took <= RATE_BUDGET {
             took = timed()?;

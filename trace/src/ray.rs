@@ -7,7 +7,8 @@ pub struct Ray {
     pub origin: [f32; 3],
     /// Unit direction.
     pub direction: [f32; 3],
-    /// Distance up to which Gaussians that lie along the surface the ray leaves from do not count; 0 for a ray from free space.
+    /// Distance up to which Gaussians that lie along the surface the ray leaves from do not count;
+    /// 0 for a ray from free space.
     pub t_min: f32,
     /// Unit normal of that surface.
     pub own_normal: [f32; 3],

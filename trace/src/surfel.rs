@@ -32,7 +32,8 @@ pub struct Surfel {
 
 const _: () = assert!(size_of::<Surfel>() == 64);
 
-/// What a hit on a Gaussian adds to each lane of [`crate::Features`], but for the lanes that depend on the ray.
+/// What a hit on a Gaussian adds to each lane of [`crate::Features`], but for the lanes that depend
+/// on the ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct Attributes(pub [f32; NUM_LANES]);
@@ -149,8 +150,9 @@ pub struct PlaneHit {
 }
 
 impl SeenSurfel {
-    /// Meets the plane with a ray of unit `direction`. Written without branches so that loops over rays vectorise, and with
-    /// one fixed order of operations so that every way of finding hits gives the same bits.
+    /// Meets the plane with a ray of unit `direction`. Written without branches so that loops over
+    /// rays vectorise, and with one fixed order of operations so that every way of finding hits
+    /// gives the same bits.
     #[inline(always)]
     pub fn meet(&self, direction: [f32; 3]) -> PlaneHit {
         let cosine = dot(direction, self.normal);
@@ -167,12 +169,14 @@ impl SeenSurfel {
     #[inline(always)]
     pub fn counts(&self, hit: &PlaneHit) -> bool {
         let r2 = hit.u * hit.u + hit.v * hit.v;
-        // Not short-circuit: comparisons with the NaN of a degenerate plane are false, and no branch is needed.
+        // Not short-circuit: comparisons with the NaN of a degenerate plane are false, and no
+        // branch is needed.
         (r2 <= self.cut2) & (hit.t > 0.0) & (hit.cosine.abs() > MIN_COSINE)
     }
 
-    /// Whether a hit is on the very surface that `ray` leaves from: near its start, on a Gaussian that lies along that surface.
-    /// A wall that meets the surface at an angle is not its own, however near.
+    /// Whether a hit is on the very surface that `ray` leaves from: near its start, on a Gaussian
+    /// that lies along that surface. A wall that meets the surface at an angle is not its own,
+    /// however near.
     #[inline(always)]
     pub fn is_own(&self, hit: &PlaneHit, ray: &Ray) -> bool {
         (hit.t <= ray.t_min) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
@@ -224,7 +228,8 @@ impl SurfelSet {
         harmonics.copied().collect_into_vec(&mut self.harmonics);
     }
 
-    /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to another.
+    /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to
+    /// another.
     pub(crate) fn evaluate_harmonics<'a>(
         &'a self,
         eye: Vec3,
@@ -281,8 +286,8 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// `exp(x)` for −80 ≤ x ≤ 0, within 2 units in the last place; plain arithmetic, so that it vectorises and gives the same bits
-/// on every machine (a libm does neither).
+/// `exp(x)` for −80 ≤ x ≤ 0, within 2 units in the last place; plain arithmetic, so that it
+/// vectorises and gives the same bits on every machine (a libm does neither).
 #[inline(always)]
 pub fn exp_of_negative(x: f32) -> f32 {
     // Adding 1.5·2²³ rounds to the nearest integer; its low mantissa bits are that integer.

@@ -1,11 +1,13 @@
 //! Light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
 //!
 //! - `0-bounce`: the blended radiance R itself.
-//! - `1-bounce`: emitters (E > τ_E) show R; any other point shows P/π · ∫ R(ω) (ω·Ñ) dω, the light that arrives being what the
-//!   scene's Gaussians already carry (a radiance cache).
-//! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet one.
+//! - `1-bounce`: emitters (E > τ_E) show R; any other point shows P/π · ∫ R(ω) (ω·Ñ) dω, the light
+//!   that arrives being what the scene's Gaussians already carry (a radiance cache).
+//! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet
+//!   one.
 //!
-//! Directions are cosine-weighted, as in the paper, or emitters are looked for besides ([`Sampling`]); the mean is the same.
+//! Directions are cosine-weighted, as in the paper, or emitters are looked for besides
+//! ([`Sampling`]); the mean is the same.
 
 pub mod lights;
 pub mod matrix;
@@ -51,7 +53,8 @@ pub enum Integrator {
         num_samples: u32,
         /// Most bounces of a path, at least 1; 7 in the paper.
         max_bounces: u32,
-        /// First bounce at which a path may be ended at random (survivors are weighted up, so the mean stays); `None`: never.
+        /// First bounce at which a path may be ended at random (survivors are weighted up, so the
+        /// mean stays); `None`: never.
         roulette_from: Option<u32>,
     },
 }
@@ -65,7 +68,8 @@ pub struct LightOptions {
     pub emission_threshold: f32,
     /// How light is looked for.
     pub sampling: Sampling,
-    /// What the rays of a path make of their hits. A single bounce is linear in what it meets, and always takes one.
+    /// What the rays of a path make of their hits. A single bounce is linear in what it meets, and
+    /// always takes one.
     pub hits: Hits,
 }
 
@@ -75,9 +79,10 @@ pub struct LightOptions {
 pub enum Hits {
     /// The blend of all is one surface, as in the paper.
     Blended,
-    /// One of them, chosen by its weight in the blend, stands for all. Rays are about twice as fast. The mean is about one percent lower in a room: emission is
-    /// compared with τ_E hit by hit, which takes nothing from the Gaussians around an emitter, and bounces start on one disc of
-    /// several that overlap.
+    /// One of them, chosen by its weight in the blend, stands for all. Rays are about twice as
+    /// fast. The mean is about one percent lower in a room: emission is compared with τ_E hit by
+    /// hit, which takes nothing from the Gaussians around an emitter, and bounces start on one disc
+    /// of several that overlap.
     Sampled,
 }
 
@@ -87,8 +92,8 @@ pub enum Hits {
 pub enum Sampling {
     /// In directions about the normal, as in the paper: emitters are found by luck.
     Cosine,
-    /// Towards emitters as well: next-event estimation at every bounce of a path, and half of the directions of a single
-    /// bounce.
+    /// Towards emitters as well: next-event estimation at every bounce of a path, and half of the
+    /// directions of a single bounce.
     NextEvent,
 }
 
@@ -120,12 +125,15 @@ pub trait RayTracer: Sync {
     /// composited features along `ray`.
     fn trace(&self, ray: &Ray) -> Features;
 
-    /// One hit of `ray`, chosen by its weight: over all values of `seed`, the mean of what hits carry is the blended sum of [`Self::trace`],
-    /// at a fraction of the cost. For features over many rays whose mean alone matters.
+    /// One hit of `ray`, chosen by its weight: over all values of `seed`, the mean of what hits
+    /// carry is the blended sum of [`Self::trace`], at a fraction of the cost. For features over
+    /// many rays whose mean alone matters.
     fn sample_hit(&self, ray: &Ray, seed: u32) -> Option<SampledHit>;
 
-    /// As [`Self::sample_hit`], with luck that all rays of the same `realization` (modulo [`matrix::NUM_REALIZATIONS`]) share: a mean over few realizations does not
-    /// get better with more rays through the same Gaussians, but rays that take turns in the realizations together are cheaper still.
+    /// As [`Self::sample_hit`], with luck that all rays of the same `realization` (modulo
+    /// [`matrix::NUM_REALIZATIONS`]) share: a mean over few realizations does not get better with
+    /// more rays through the same Gaussians, but rays that take turns in the realizations together
+    /// are cheaper still.
     fn realization_hit(&self, ray: &Ray, realization: u32) -> Option<SampledHit>;
 
     /// Light and material of a Gaussian.
@@ -135,8 +143,8 @@ pub trait RayTracer: Sync {
     fn lights(&self) -> Option<&Lights>;
 }
 
-/// Light of every pixel of `camera`, given the composited features of its camera rays. Deterministic for a seed: each pixel has
-/// its own random numbers and adds its samples in order.
+/// Light of every pixel of `camera`, given the composited features of its camera rays.
+/// Deterministic for a seed: each pixel has its own random numbers and adds its samples in order.
 pub fn render(
     scene: &impl RayTracer,
     camera: &Camera,
@@ -212,8 +220,8 @@ pub fn render(
 pub struct Light {
     /// Linear radiance.
     pub radiance: Image<3>,
-    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no light is sampled. With the mean it
-    /// says how noisy a pixel is.
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no
+    /// light is sampled. With the mean it says how noisy a pixel is.
     pub second_moment: Image<1>,
     /// Rays traced beside those of the camera.
     pub num_rays: u64,
@@ -245,7 +253,8 @@ impl Samples {
     }
 }
 
-/// What the direction of one sample brings of `1/π · ∫ R(ω) (ω·n) dω`. Linear in R, it needs no blended ray.
+/// What the direction of one sample brings of `1/π · ∫ R(ω) (ω·n) dω`. Linear in R, it needs no
+/// blended ray.
 fn bounced(
     scene: &impl RayTracer,
     sampler: &BounceSampler<'_>,
@@ -263,8 +272,8 @@ fn bounced(
     })
 }
 
-/// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the weighted mean of the radiance met in
-/// sampled directions.
+/// Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω` over the hemisphere above `surface`: the
+/// weighted mean of the radiance met in sampled directions.
 pub fn irradiance_over_pi(
     scene: &impl RayTracer,
     sampler: &BounceSampler<'_>,

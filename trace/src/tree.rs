@@ -9,10 +9,12 @@ use std::time::Duration;
 /// What boxes grow by, at most, relative to their coordinates.
 const SPREAD: f32 = 4e-6;
 
-/// A tree over `boxes` whose leaves hold at most `leaf_size` of them, each once. Boxes of nodes hold those below, with a little room.
+/// A tree over `boxes` whose leaves hold at most `leaf_size` of them, each once. Boxes of nodes
+/// hold those below, with a little room.
 ///
-/// The library joins pairs of neighbours each of which is the best for the other. Among equal boxes hardly a pair is, and thousands of
-/// them would take a time that grows with the square of their number: every box grows by a little of its own.
+/// The library joins pairs of neighbours each of which is the best for the other. Among equal boxes
+/// hardly a pair is, and thousands of them would take a time that grows with the square of their
+/// number: every box grows by a little of its own.
 pub(crate) fn binary_tree(boxes: &[Aabb], leaf_size: u32) -> Bvh2 {
     let mut params = BvhBuildParams::slow_build();
     // What is in two leaves would be hit twice.

@@ -1,4 +1,5 @@
-//! The adjoint against central differences of the double-precision oracle: each class of parameters, each output.
+//! The adjoint against central differences of the double-precision oracle: each class of
+//! parameters, each output.
 
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{look_at, random_cloud};
@@ -50,7 +51,8 @@ const PARAMETERS: [(&str, usize, usize); 7] = [
     ("albedo", grad_lane::ALBEDO, 3),
 ];
 
-/// Weights of the outputs in the scalar that is differentiated: different for each lane and pixel, so that no two errors cancel.
+/// Weights of the outputs in the scalar that is differentiated: different for each lane and pixel,
+/// so that no two errors cancel.
 fn weight(pixel: usize, k: usize) -> f32 {
     0.5 + ((pixel * 31 + k * 17) % 13) as f32 / 13.0
         - if (pixel + k).is_multiple_of(3) {
@@ -81,7 +83,8 @@ impl Case {
             let hits = oracle::hits(&oracle_gaussians, origin, direction);
             let rim = hits.iter().any(|hit| (hit.edge - 1.0).abs() < 0.02);
             let tie = hits.windows(2).any(|pair| pair[1].t - pair[0].t < 2e-3);
-            // A ray that ends at the threshold of transmittance by a hair may end elsewhere in single precision.
+            // A ray that ends at the threshold of transmittance by a hair may end elsewhere in
+            // single precision.
             let mut transmittance = 1.0;
             let end = hits.iter().any(|hit| {
                 transmittance *= 1.0 - hit.alpha;
@@ -131,8 +134,8 @@ impl Case {
             .sum()
     }
 
-    /// All outputs against all parameters; every failure is reported at once. `tolerance` is relative to the largest
-    /// derivative of the class.
+    /// All outputs against all parameters; every failure is reported at once. `tolerance` is
+    /// relative to the largest derivative of the class.
     fn check(&self, tolerance: f64) {
         assert!(
             self.steady.len() > 20,
@@ -234,7 +237,8 @@ fn light_and_material_alone_are_the_same_as_with_everything() {
     assert!(num_seen > 100);
 }
 
-/// The matrix of a view's blends against its trace, and its transpose against the definition of one: `⟨d, W v⟩ = ⟨Wᵀ d, v⟩`.
+/// The matrix of a view's blends against its trace, and its transpose against the definition of
+/// one: `⟨d, W v⟩ = ⟨Wᵀ d, v⟩`.
 #[test]
 fn the_matrix_of_a_view_blends_as_its_trace_does() {
     let gaussians = random_cloud(900, 4);
@@ -242,7 +246,8 @@ fn the_matrix_of_a_view_blends_as_its_trace_does() {
     let camera = look_at(DVec3::new(2.4, -0.8, 0.9), DVec3::ZERO, 45, 37);
     let (features, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
     let albedos = &gaussians.albedos;
-    // Features of some tens of terms in another order; what is left out and given to others changes a pixel by its share at most.
+    // Features of some tens of terms in another order; what is left out and given to others changes
+    // a pixel by its share at most.
     for (least, tolerance) in [(0.0, 1e-5), (1e-3, 1e-2)] {
         let weights = record.weights(least);
         let blended = weights.blend(|i| albedos[i as usize]);

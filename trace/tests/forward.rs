@@ -1,4 +1,5 @@
-//! Forward tracing against the brute-force oracle in double precision, and the fast searches against each other.
+//! Forward tracing against the brute-force oracle in double precision, and the fast searches
+//! against each other.
 
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
@@ -39,7 +40,8 @@ fn sums_match_the_oracle() {
         for (pixel, features) in image.pixels.iter().enumerate() {
             let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5).as_dvec3();
-            // Hits beyond the first end of the ray do not matter, but near-ties there are harmless to skip, too.
+            // Hits beyond the first end of the ray do not matter, but near-ties there are harmless
+            // to skip, too.
             if oracle::is_ambiguous(&oracle::hits(
                 &oracle_gaussians,
                 frame.origin.as_dvec3(),
@@ -80,7 +82,8 @@ fn tiles_and_single_rays_give_the_same_bits() {
     }
 }
 
-/// Needles and discs seen edge-on, which lie in few of the blocks that their bounds cover; several in one plane, whose distances tie.
+/// Needles and discs seen edge-on, which lie in few of the blocks that their bounds cover; several
+/// in one plane, whose distances tie.
 #[test]
 fn needles_ties_and_grazing_discs_are_found_by_all_searches() {
     let mut gaussians = random_cloud(3000, 12);
@@ -237,7 +240,8 @@ fn contributions_add_up_to_the_picture() {
     }
 }
 
-/// One hit chosen at random is each hit as often as it weighs in the blend, whatever the order in which the search meets them.
+/// One hit chosen at random is each hit as often as it weighs in the blend, whatever the order in
+/// which the search meets them.
 #[test]
 fn sampled_hits_follow_the_weights_of_the_blend() {
     const SEEDS: u32 = 20_000;
@@ -278,7 +282,8 @@ fn sampled_hits_follow_the_weights_of_the_blend() {
     );
 }
 
-/// Through realizations, each hit is the nearest as often as it weighs in the blend: over many seeds, 16 realizations each.
+/// Through realizations, each hit is the nearest as often as it weighs in the blend: over many
+/// seeds, 16 realizations each.
 #[test]
 fn draws_follow_the_weights_of_the_blend() {
     const SEEDS: u32 = 600;
@@ -320,7 +325,8 @@ fn draws_follow_the_weights_of_the_blend() {
     );
 }
 
-/// In any one realization the search finds what a test of all discs finds, and a bounce does not meet its own surface.
+/// In any one realization the search finds what a test of all discs finds, and a bounce does not
+/// meet its own surface.
 #[test]
 fn every_draw_is_searched_to_the_nearest_disc() {
     let gaussians = random_cloud(3000, 5);

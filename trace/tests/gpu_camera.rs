@@ -1,4 +1,5 @@
-//! Camera rays on a device against the CPU engine and the brute-force oracle: features and gradients.
+//! Camera rays on a device against the CPU engine and the brute-force oracle: features and
+//! gradients.
 
 mod gpu;
 
@@ -15,13 +16,16 @@ use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::{Features, GBuffer, Tracer};
 use glam::{DVec3, Quat, Vec2, Vec3};
 
-/// Largest difference of a sum, relative to 1 plus its value: nine times the 5.6e-6 seen on lavapipe.
+/// Largest difference of a sum, relative to 1 plus its value: nine times the 5.6e-6 seen on
+/// lavapipe.
 const SUM_TOLERANCE: f64 = 5e-5;
 
-/// Largest difference of a gradient, relative to the largest of its lane: ten times the 1e-5 seen on lavapipe.
+/// Largest difference of a gradient, relative to the largest of its lane: ten times the 1e-5 seen
+/// on lavapipe.
 const GRADIENT_TOLERANCE: f32 = 1e-4;
 
-/// Largest difference of a contribution, relative to 1 plus its value: ten times the 1e-5 seen on lavapipe.
+/// Largest difference of a contribution, relative to 1 plus its value: ten times the 1e-5 seen on
+/// lavapipe.
 const CONTRIBUTION_TOLERANCE: f32 = 1e-4;
 
 fn cameras() -> Vec<Camera> {
@@ -90,8 +94,8 @@ fn sums_are_those_of_the_cpu() {
     }
 }
 
-/// Sixty wide, faint discs one behind the other, in no order, all of which may begin at the camera: hits overflow what waits in a pixel
-/// several times over, and their order must hold all the same.
+/// Sixty wide, faint discs one behind the other, in no order, all of which may begin at the camera:
+/// hits overflow what waits in a pixel several times over, and their order must hold all the same.
 #[test]
 fn long_lists_of_hits_keep_their_order() {
     let Some(device) = gpu::device("long lists of hits") else {
@@ -152,7 +156,8 @@ fn nothing_shows_nothing() {
     );
 }
 
-/// Weights of the outputs in the scalar that is differentiated: different for each lane and pixel, so that no two errors cancel.
+/// Weights of the outputs in the scalar that is differentiated: different for each lane and pixel,
+/// so that no two errors cancel.
 fn weight(pixel: usize, k: usize) -> f32 {
     let sign = if (pixel + k).is_multiple_of(3) {
         -1.0

@@ -1,4 +1,5 @@
-//! Light transport on a device against closed forms and against the CPU engine, in mean and in variance.
+//! Light transport on a device against closed forms and against the CPU engine, in mean and in
+//! variance.
 
 mod gpu;
 #[path = "gpu/room.rs"]
@@ -100,9 +101,10 @@ fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> R
     }
 }
 
-/// Every integrator with each way of looking for light: the same mean within four standard errors of the difference, and the same noise. The
-/// seeds are the same: while both engines draw the same numbers for the same things the differences are of rounding alone, and the test is
-/// the sharper for it.
+/// Every integrator with each way of looking for light: the same mean within four standard errors
+/// of the difference, and the same noise. The seeds are the same: while both engines draw the same
+/// numbers for the same things the differences are of rounding alone, and the test is the sharper
+/// for it.
 #[test]
 fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
     let Some(device) = gpu::device("integrators") else {
@@ -136,7 +138,8 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
             bias.abs() < 4.0 * error + 1e-4,
             "{integrator:?} {how:?}: bias {bias} ± {error}"
         );
-        // Features over 144 pixels of variances from three runs: their own error is some 10 % where no few pixels dominate.
+        // Features over 144 pixels of variances from three runs: their own error is some 10 % where
+        // no few pixels dominate.
         for (what, ratio) in [
             ("noise", got.noise / wanted.noise),
             ("second moment", got.second_moment / wanted.second_moment),

@@ -27,7 +27,8 @@ fn trace(scene: &impl Tracer, receivers: &[Receiver], directions: Directions) ->
         .expect("the device works")
 }
 
-/// `scene` with its Gaussians tilted by some degrees and moved a little: flat walls have discs at the same distance, of which rounding chooses.
+/// `scene` with its Gaussians tilted by some degrees and moved a little: flat walls have discs at
+/// the same distance, of which rounding chooses.
 fn uneven(scene: &Gaussians) -> Gaussians {
     let key = RandomKey::new(3, Purpose::Initialise, 0);
     (0..)
@@ -45,11 +46,12 @@ fn uneven(scene: &Gaussians) -> Gaussians {
         .collect()
 }
 
-/// Part of the directions whose target may differ: rays at the rim of a disc, or through two discs at nearly the same distance. None of 20,000
-/// did on lavapipe.
+/// Part of the directions whose target may differ: rays at the rim of a disc, or through two discs
+/// at nearly the same distance. None of 20,000 did on lavapipe.
 const MOST_FLIPPED: f64 = 1e-3;
 
-/// Of the light of emitters at a receiver, relative to the mean over receivers: ten times the 3e-6 seen on lavapipe.
+/// Of the light of emitters at a receiver, relative to the mean over receivers: ten times the 3e-6
+/// seen on lavapipe.
 const LIGHT_TOLERANCE: f32 = 3e-5;
 
 /// Holds `got` against `wanted`, but for as many flips as there may be.
@@ -99,7 +101,8 @@ fn links_and_light_are_those_of_the_cpu() {
     }
 }
 
-/// More directions than a dispatch takes. Features of 33,500 values in another order: their rounding is seen at 1e-5.
+/// More directions than a dispatch takes. Features of 33,500 values in another order: their
+/// rounding is seen at 1e-5.
 #[test]
 fn any_number_of_directions_is_followed() {
     let Some(device) = gpu::device("many directions") else {
@@ -117,7 +120,8 @@ fn any_number_of_directions_is_followed() {
     compare("many directions", &got, &wanted, 1e-4);
 }
 
-/// The same bits in every run, with whatever receivers are traced together, and after the scene was another one.
+/// The same bits in every run, with whatever receivers are traced together, and after the scene was
+/// another one.
 #[test]
 fn links_are_repeatable() {
     let Some(device) = gpu::device("repeatable matrix") else {

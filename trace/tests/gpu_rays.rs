@@ -1,4 +1,5 @@
-//! Single rays on a device: composited features against the CPU engine, and hits chosen by their weight against blended ones.
+//! Single rays on a device: composited features against the CPU engine, and hits chosen by their
+//! weight against blended ones.
 
 mod gpu;
 
@@ -15,7 +16,8 @@ use glam::{DVec3, Quat, Vec2, Vec3};
 /// Largest difference of a sum, relative to 1 plus its value: as for camera rays.
 const SUM_TOLERANCE: f32 = 5e-5;
 
-/// Rays from inside a cloud in all directions; every other one leaves from a surface and does not see what lies along it.
+/// Rays from inside a cloud in all directions; every other one leaves from a surface and does not
+/// see what lies along it.
 fn rays(num: usize) -> Vec<Ray> {
     let direction = |i: usize| {
         let azimuth = i as f32 * 2.399_963;
@@ -56,8 +58,9 @@ fn worst_difference(got: &Features, wanted: &Features) -> f32 {
     })
 }
 
-/// Discs in one another, the smallest in front: a search finds the nearer box small and the farther one large on every level of a tree that
-/// joins the boxes that fit best, and puts all of the latter off.
+/// Discs in one another, the smallest in front: a search finds the nearer box small and the farther
+/// one large on every level of a tree that joins the boxes that fit best, and puts all of the
+/// latter off.
 #[test]
 fn no_hit_is_lost_in_a_deep_tree() {
     let Some(device) = gpu::device("rays through a deep tree") else {
@@ -170,7 +173,8 @@ fn chosen_hits_have_the_mean_of_blended_ones() {
             let n = f64::from(num_realizations);
             let mean = hits.iter().map(of).sum::<f64>() / n;
             let variance = hits.iter().map(|hit| (of(hit) - mean).powi(2)).sum::<f64>() / (n - 1.0);
-            // Five standard errors for 72 comparisons; the blend leaves out what is behind a transmittance of 1e-4.
+            // Five standard errors for 72 comparisons; the blend leaves out what is behind a
+            // transmittance of 1e-4.
             let error = (variance / n).sqrt();
             let difference = (mean - f64::from(wanted)).abs();
             assert!(

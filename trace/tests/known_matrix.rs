@@ -100,7 +100,8 @@ fn unknown_links_are_those_of_a_trace_to_the_bit() {
     assert_eq!(all.matrix(), (matrix, num_lost as u64));
 }
 
-/// Directions that look for lamps as they were bring the light of lamps as they are: in the mean of all receivers, with the noise of each.
+/// Directions that look for lamps as they were bring the light of lamps as they are: in the mean of
+/// all receivers, with the noise of each.
 #[test]
 fn other_light_of_the_same_lamps_needs_no_ray() {
     let mut all = Fixture::new(lit_room());

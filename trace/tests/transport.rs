@@ -83,8 +83,8 @@ fn one_bounce_in_a_furnace_shows_the_albedo() {
     }
 }
 
-/// Inside a sphere every cosine-weighted bounce lands uniformly on its area. With a share p of it emitting L and the rest of
-/// albedo a, paths of at most B bounces bring `Σ aᵏ (1−p)ᵏ⁻¹ p L`.
+/// Inside a sphere every cosine-weighted bounce lands uniformly on its area. With a share p of it
+/// emitting L and the rest of albedo a, paths of at most B bounces bring `Σ aᵏ (1−p)ᵏ⁻¹ p L`.
 #[test]
 fn paths_in_a_sphere_sum_the_geometric_series() {
     let albedo = 0.7;
@@ -111,8 +111,9 @@ fn paths_in_a_sphere_sum_the_geometric_series() {
             let paths = path(64, bounces as u32);
             let image = render_with(&gaussians, &inside_view(), paths, &options);
             let (mean, error) = mean_and_error(&image);
-            // Four standard errors, and 1 % for paths that see a share of the cap's rim blended with the wall. A path that starts on one of
-            // several discs may meet the others: 0.25 % of the light of each of up to seven bounces.
+            // Four standard errors, and 1 % for paths that see a share of the cap's rim blended
+            // with the wall. A path that starts on one of several discs may meet the others: 0.25 %
+            // of the light of each of up to seven bounces.
             let share = if hits == Hits::Sampled { 0.02 } else { 0.01 };
             let tolerance = 4.0 * error + share * expected;
             assert!(
@@ -123,8 +124,8 @@ fn paths_in_a_sphere_sum_the_geometric_series() {
     }
 }
 
-/// Share of directions from the middle that meet an emitter, and its mean radiance: the soft rim of a cap makes them what rays say they
-/// are, not what the geometry would.
+/// Share of directions from the middle that meet an emitter, and its mean radiance: the soft rim of
+/// a cap makes them what rays say they are, not what the geometry would.
 fn cap_seen_by(scene: &CpuScene, hits: Hits) -> (f64, f64) {
     let (mut emitting, mut light) = (0.0_f64, 0.0_f64);
     let num = 40_000_u32;
@@ -170,7 +171,8 @@ fn a_disc_light_over_a_floor() {
     // A narrow view of the floor's centre.
     (camera.fx, camera.fy, camera.cx, camera.cy) = (200.0, 200.0, 8.0, 8.0);
     let (mean, error) = mean_and_error(&render(&gaussians, &camera, path(256, 3), 3));
-    // The lamp's rim is soft and wider than the ring of its last centres: the radius is that of an even disc as bright in sum.
+    // The lamp's rim is soft and wider than the ring of its last centres: the radius is that of an
+    // even disc as bright in sum.
     let scene = CpuScene::new(&gaussians);
     let step = 0.01_f32;
     let brightness: f32 = (0..150)
@@ -203,7 +205,8 @@ fn a_disc_light_over_a_floor() {
     );
 }
 
-/// With white walls and no light but one lamp, nothing is brighter than the lamp, however many bounces there are.
+/// With white walls and no light but one lamp, nothing is brighter than the lamp, however many
+/// bounces there are.
 #[test]
 fn energy_never_grows() {
     let room = cube(1.0, 0.08, |side| {
@@ -263,7 +266,8 @@ fn the_unit_of_length_does_not_matter() {
             .sum::<f32>()
             / reference.values().len() as f32;
         let (mean, _) = mean_and_error(&reference);
-        // The random numbers are the same; only paths whose hits round differently differ. Worst seen 0.4 %.
+        // The random numbers are the same; only paths whose hits round differently differ. Worst
+        // seen 0.4 %.
         assert!(
             f64::from(difference) < 0.02 * mean,
             "scale {scale}: {difference} of {mean}"
@@ -297,8 +301,9 @@ fn closed_rooms_do_not_leak() {
     assert!(mean < 10.0 * 8.0 * 1e-4, "{mean}");
 }
 
-/// Contact shadows: right beside a wall that ends a light, within one disc of the corner, the floor is lit by what the geometry
-/// says. An upright lamp wall meets the floor; next to it half the hemisphere is lamp.
+/// Contact shadows: right beside a wall that ends a light, within one disc of the corner, the floor
+/// is lit by what the geometry says. An upright lamp wall meets the floor; next to it half the
+/// hemisphere is lamp.
 #[test]
 fn light_reaches_into_corners() {
     let floor = rectangle(
@@ -331,9 +336,11 @@ fn light_reaches_into_corners() {
             &Points::new(key, 0),
         )
         .x;
-        // A strip of height 2 at the distance d, wide compared with it: (1 − cos θ)/2 with tan θ = 2/d.
+        // A strip of height 2 at the distance d, wide compared with it: (1 − cos θ)/2 with tan θ =
+        // 2/d.
         let expected = 0.5 * (1.0 - distance / (distance * distance + 4.0).sqrt());
-        // Noise 0.008, ends of the strip 0.01, and up to one disc's offset (0.05) of shadow from the grazing start near the wall.
+        // Noise 0.008, ends of the strip 0.01, and up to one disc's offset (0.05) of shadow from
+        // the grazing start near the wall.
         let offset_loss = 0.05 * (0.1 / distance).min(1.0);
         assert!(
             (light - expected).abs() < 0.025 + offset_loss,
@@ -352,7 +359,8 @@ fn russian_roulette_keeps_the_mean() {
         roulette_from: Some(1),
     };
     let ended = mean_and_error(&render(&room, &inside_view(), roulette, 10));
-    // Per-pixel values differ across the image, so errors of the mean over pixels bound the noise from above.
+    // Per-pixel values differ across the image, so errors of the mean over pixels bound the noise
+    // from above.
     assert!(
         (plain.0 - ended.0).abs() < 4.0 * (plain.1 + ended.1),
         "{plain:?} {ended:?}"
@@ -374,8 +382,8 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     assert!(one != in_pool(1, 12));
 }
 
-/// Light sampling changes the noise, not the mean: against plain cosine sampling on several scenes, by the difference's own standard error
-/// over pixels and seeds.
+/// Light sampling changes the noise, not the mean: against plain cosine sampling on several scenes,
+/// by the difference's own standard error over pixels and seeds.
 #[test]
 fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
     // A room whose lamp has a soft, half-emissive rim around τ_E.
@@ -438,8 +446,9 @@ fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
     }
 }
 
-/// TransportMatrix and the light of emitters beside them are the integral of what arrives, as blended rays have it: by the standard errors of both,
-/// at places that see the lamp, the ball and corners.
+/// TransportMatrix and the light of emitters beside them are the integral of what arrives, as
+/// blended rays have it: by the standard errors of both, at places that see the lamp, the ball and
+/// corners.
 #[test]
 fn links_bring_the_light_of_blended_rays() {
     const BATCHES: u32 = 64;
@@ -485,7 +494,8 @@ fn links_bring_the_light_of_blended_rays() {
             (mean, squares / (n - 1.0) / n)
         };
         let ((linked, linked_var), (blended, blended_var)) = (moments(0), moments(1));
-        // The realizations are the same in all batches: one in a hundred where few discs send the light.
+        // The realizations are the same in all batches: one in a hundred where few discs send the
+        // light.
         let error = (linked_var + blended_var + (0.01 * blended).powi(2)).sqrt();
         assert!(
             (linked - blended).abs() < 4.5 * error,

@@ -1,7 +1,8 @@
 //! The engine on a device, all of it in one command: `cargo bench -p eagpt-train --bench gpu`.
 //!
-//! Half a million Gaussians at 540×360 on a GPU, next to what the paper reports of its own program on an RTX 4090; a fraction of that where there
-//! is only a program that stands in for a GPU. `EAGPT_BENCH_SIZE=full|small|tiny` chooses otherwise. Figures are medians.
+//! Half a million Gaussians at 540×360 on a GPU, next to what the paper reports of its own program
+//! on an RTX 4090; a fraction of that where there is only a program that stands in for a GPU.
+//! `EAGPT_BENCH_SIZE=full|small|tiny` chooses otherwise. Figures are medians.
 #![allow(
     clippy::print_stdout,
     reason = "a benchmark prints what it has measured"
@@ -132,7 +133,8 @@ struct Table {
 }
 
 impl Table {
-    /// Measures `work`, which does `amount` of `unit`; the first run, which makes room and kernels, does not count.
+    /// Measures `work`, which does `amount` of `unit`; the first run, which makes room and kernels,
+    /// does not count.
     fn row(
         &mut self,
         what: &str,

@@ -1,7 +1,8 @@
 //! One training step on a device.
 //!
-//! The loop above decides what to do next; a [`Backend`] owns everything that changes at every step — parameters, moments,
-//! prepared images — for the whole run, and hands back scalars. Full state crosses the seam only for checkpoints.
+//! The loop above decides what to do next; a [`Backend`] owns everything that changes at every step
+//! — parameters, moments, prepared images — for the whole run, and hands back scalars. Full state
+//! crosses the seam only for checkpoints.
 
 mod cpu;
 mod engine;
@@ -124,19 +125,21 @@ pub struct Taken {
     pub iteration: u32,
     /// The view it compared with.
     pub view: TrainingView,
-    /// What it found out. Parameters stay as they are if a gradient is not finite; nor is any later step taken then.
+    /// What it found out. Parameters stay as they are if a gradient is not finite; nor is any later
+    /// step taken then.
     pub outcome: StepOutcome,
 }
 
 /// A device that trains.
 ///
-/// A step may still be under way when the call that begins it returns: each call returns those that are over by then, and [`Self::finish`] the
-/// rest, in the order in which they were begun.
+/// A step may still be under way when the call that begins it returns: each call returns those that
+/// are over by then, and [`Self::finish`] the rest, in the order in which they were begun.
 pub trait Backend {
     /// What computes: recorded beside the result.
     fn device(&self) -> String;
 
-    /// From here on radiance may differ with the direction: coefficients are there, all zero. Nothing happens where they are there already.
+    /// From here on radiance may differ with the direction: coefficients are there, all zero.
+    /// Nothing happens where they are there already.
     ///
     /// # Errors
     /// If the device gives up.
@@ -173,20 +176,23 @@ pub trait Backend {
     /// If the device gives up.
     fn densify(&mut self, target: usize) -> Result<Densified>;
 
-    /// Looks for the Gaussians that `cameras` see, and for a point of each one's surface. Returns how many there are to gather for.
+    /// Looks for the Gaussians that `cameras` see, and for a point of each one's surface. Returns
+    /// how many there are to gather for.
     ///
     /// # Errors
     /// If the device gives up.
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize>;
 
-    /// Gathers the light that arrives at the next of those Gaussians, `range`, with `num_samples` directions each.
+    /// Gathers the light that arrives at the next of those Gaussians, `range`, with `num_samples`
+    /// directions each.
     ///
     /// # Errors
     /// If the device gives up.
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()>;
 
-    /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the closed form `ρ = π r / E` where light
-    /// was gathered, and otherwise the paper's: radiance, clamped to 0.01–0.99, as a vector of unit length.
+    /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the
+    /// closed form `ρ = π r / E` where light was gathered, and otherwise the paper's: radiance,
+    /// clamped to 0.01–0.99, as a vector of unit length.
     ///
     /// # Errors
     /// If the device gives up.

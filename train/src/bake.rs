@@ -1,7 +1,7 @@
 //! Light baking: after an edit, radiance that fits the light as it is now (EAG-PT, section 3.5).
 //!
-//! Emitters, the Gaussians whose emission exceeds τ_E, keep their radiance; every other one gets what it reflects. Geometry,
-//! emission and albedo stay as they are, bit for bit. Two methods:
+//! Emitters, the Gaussians whose emission exceeds τ_E, keep their radiance; every other one gets
+//! what it reflects. Geometry, emission and albedo stay as they are, bit for bit. Two methods:
 //! - [`gaussians`]: the light is solved in Gaussian space; no image is made.
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
@@ -59,8 +59,9 @@ pub struct BakeRequest {
     pub out: PathBuf,
     /// Folder for the state of the work: a bake that was stopped goes on from there.
     pub work: PathBuf,
-    /// File of matrix for [`BakeMethod::Gaussians`]: what an earlier bake has left there is taken up as far as the scene is the same, and what is
-    /// known at the end is left there. Nothing is kept in the work folder then.
+    /// File of matrix for [`BakeMethod::Gaussians`]: what an earlier bake has left there is taken
+    /// up as far as the scene is the same, and what is known at the end is left there. Nothing is
+    /// kept in the work folder then.
     pub matrix: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,
@@ -143,7 +144,8 @@ pub struct BakeSummary {
 /// Bakes the light of a scene.
 ///
 /// # Errors
-/// Bad input, a work folder that holds another bake, or a file that cannot be written; each names what it is about.
+/// Bad input, a work folder that holds another bake, or a file that cannot be written; each names
+/// what it is about.
 pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Result<BakeSummary> {
     let dataset = Dataset::open(&request.cameras)?;
     let split = dataset.split(request.options.split)?;
@@ -227,7 +229,8 @@ fn emits(emission: f32) -> bool {
     emission > EMISSION_THRESHOLD
 }
 
-/// What reflects sends its light in all directions alike; what emits keeps its own. A bake knows no more.
+/// What reflects sends its light in all directions alike; what emits keeps its own. A bake knows no
+/// more.
 fn forget_directions(scene: &mut Gaussians) {
     for (harmonics, &emission) in scene.harmonics.iter_mut().zip(&scene.emissions) {
         if !emits(emission) {

@@ -1,8 +1,8 @@
 //! The full state of a run on disk.
 //!
-//! A sealed file with the raw values, first and second moments, `[n, 17]` each, and where radiance differs with the direction those of
-//! the coefficients, `[n, 24]` each. Written atomically; a damaged one is recognised
-//! by its digest.
+//! A sealed file with the raw values, first and second moments, `[n, 17]` each, and where radiance
+//! differs with the direction those of the coefficients, `[n, 24]` each. Written atomically; a
+//! damaged one is recognised by its digest.
 
 use crate::error::{Result, TrainError};
 use crate::options::Stage;
@@ -30,7 +30,8 @@ pub struct Fingerprint {
     pub albedo: String,
 }
 
-/// Watches the loss; part of the state so that a resumed run stops where an uninterrupted one would.
+/// Watches the loss; part of the state so that a resumed run stops where an uninterrupted one
+/// would.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LossMonitor {
     /// Smoothed total loss.

@@ -1,10 +1,11 @@
 //! More Gaussians where the pictures are wrong, none where nobody sees them.
 //!
-//! The paper's number of Gaussians is fixed, and they stay where the point cloud was: too few at fine detail, many behind
-//! surfaces. Here a run begins with a part of them and now and then splits those that the training views' errors belong to
-//! (Rota Bulò, Porzi and Kontschieder 2024, "Revising Densification in Gaussian Splatting": a Gaussian's share of an error is its
-//! blending weight). Gaussians that no view sees are put to the same use. All of it follows from the scene and the views; nothing
-//! but the parameters has to be remembered between two times.
+//! The paper's number of Gaussians is fixed, and they stay where the point cloud was: too few at
+//! fine detail, many behind surfaces. Here a run begins with a part of them and now and then splits
+//! those that the training views' errors belong to (Rota Bulò, Porzi and Kontschieder 2024,
+//! "Revising Densification in Gaussian Splatting": a Gaussian's share of an error is its blending
+//! weight). Gaussians that no view sees are put to the same use. All of it follows from the scene
+//! and the views; nothing but the parameters has to be remembered between two times.
 
 use crate::params::ParameterState;
 use eagpt_scene::Gaussians;
@@ -14,7 +15,8 @@ use eagpt_trace::blend::Contribution;
 const MIN_WEIGHT: f32 = 0.02;
 /// A Gaussian that fills fewer pixels than this in every view is as small as the views can tell.
 const MIN_PIXELS: f32 = 3.0;
-/// Standard deviations between the middle of a Gaussian and those of its halves, along the longer axis …
+/// Standard deviations between the middle of a Gaussian and those of its halves, along the longer
+/// axis …
 const OFFSET: f32 = 0.7;
 /// … which become this times as long: `0.7² + 0.7² ≈ 1` keeps the spread of the whole.
 const SHRINK: f32 = 0.7;
@@ -68,8 +70,8 @@ impl Attribution {
     }
 }
 
-/// Splits Gaussians of `state` in two, those with the most error first, until there are `target` of them and those that no view sees are
-/// used up. `gaussians` are the activated values of `state`.
+/// Splits Gaussians of `state` in two, those with the most error first, until there are `target` of
+/// them and those that no view sees are used up. `gaussians` are the activated values of `state`.
 pub fn densify(
     state: &mut ParameterState,
     gaussians: &Gaussians,
@@ -158,7 +160,8 @@ mod tests {
             num_gaussians: 6,
         };
         assert_eq!(outcome, expected);
-        // 3 has the most error but is too small to split; then come 1 (8), whose half replaces 2, which nobody sees, and 4 (5).
+        // 3 has the most error but is too small to split; then come 1 (8), whose half replaces 2,
+        // which nobody sees, and 4 (5).
         let after = state.gaussians();
         for (parent, place) in [(1, 2), (4, 5)] {
             let (whole, one, other) = (before.get(parent), after.get(parent), after.get(place));

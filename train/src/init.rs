@@ -1,9 +1,10 @@
 //! Starting Gaussians from a coloured point cloud and the training views.
 //!
-//! The reference starts every Gaussian with the same scale, a random rotation and the cloud's 8-bit colour. Here scales come
-//! from neighbour distances, normals from the local plane of the neighbours, and light from the training views: samples whose
-//! display colour agrees with the point's are taken to see the point, and give its linear radiance (beyond the
-//! display's white, too) and its emission.
+//! The reference starts every Gaussian with the same scale, a random rotation and the cloud's 8-bit
+//! colour. Here scales come from neighbour distances, normals from the local plane of the
+//! neighbours, and light from the training views: samples whose display colour agrees with the
+//! point's are taken to see the point, and give its linear radiance (beyond the display's white,
+//! too) and its emission.
 
 use crate::error::{Result, TrainError};
 use crate::options::{InitOptions, TrainOptions};
@@ -22,7 +23,8 @@ use std::path::Path;
 const SCALE_NEIGHBOURS: usize = 3;
 /// Neighbours whose plane gives the normal.
 const PLANE_NEIGHBOURS: usize = 12;
-/// Scales stay within this factor of the cloud's median: an isolated point would become a disc across the room.
+/// Scales stay within this factor of the cloud's median: an isolated point would become a disc
+/// across the room.
 const SCALE_RANGE: f32 = 8.0;
 /// Share of the points left out on either side of each axis when the extent is measured.
 const EXTENT_TAIL: f32 = 0.01;
@@ -170,7 +172,8 @@ impl Initialiser {
     }
 }
 
-/// `num` points: a random choice in the cloud's order, or the whole cloud followed by random points of it, moved about.
+/// `num` points: a random choice in the cloud's order, or the whole cloud followed by random points
+/// of it, moved about.
 fn choose(cloud: &PointCloud, num: usize, seed: u64) -> PointCloud {
     let key = RandomKey::new(seed, Purpose::Initialise, 0);
     if num <= cloud.len() {
@@ -195,7 +198,8 @@ fn choose(cloud: &PointCloud, num: usize, seed: u64) -> PointCloud {
         let near = tree.nearest_n::<SquaredEuclidean>(&coordinates[i], wanted);
         let other = near[1 + (neighbour * SCALE_NEIGHBOURS as f32) as usize % SCALE_NEIGHBOURS].item
             as usize;
-        // Between two neighbours the new point lies on the surface, where a random offset would leave it.
+        // Between two neighbours the new point lies on the surface, where a random offset would
+        // leave it.
         out.positions
             .push(cloud.positions[i].lerp(cloud.positions[other], 0.25 + 0.5 * share));
         out.colors_srgb8.push(cloud.colors_srgb8[i]);

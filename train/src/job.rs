@@ -1,4 +1,5 @@
-//! The training job: which view comes when, with which step sizes; logs, previews, checkpoints, divergence.
+//! The training job: which view comes when, with which step sizes; logs, previews, checkpoints,
+//! divergence.
 
 mod plan;
 mod steps;
@@ -100,7 +101,8 @@ const DIVERGED_L1: f64 = 0.15;
 /// Trains a scene.
 ///
 /// # Errors
-/// Bad input, an unusable output folder, too little memory, or a run that diverged; each names what it is about.
+/// Bad input, an unusable output folder, too little memory, or a run that diverged; each names what
+/// it is about.
 pub fn train(
     request: &TrainRequest,
     progress: &mut dyn FnMut(TrainProgress),
@@ -387,7 +389,8 @@ fn watched(
     if !terms.total.is_finite() {
         return Err(format!("the loss is {}", terms.total));
     }
-    // Starting values count fully at first and fade: the mean of the first iterations, then an exponential one.
+    // Starting values count fully at first and fade: the mean of the first iterations, then an
+    // exponential one.
     let weight = (1.0 / f64::from(iteration)).max(1.0 - MONITOR_DECAY);
     monitor.smoothed += weight * (terms.total - monitor.smoothed);
     monitor.smoothed_l1 += weight * (terms.l1 - monitor.smoothed_l1);
@@ -403,7 +406,8 @@ fn watched(
     Ok(monitor)
 }
 
-/// Creates the output folder and notes the effective options in it: a folder that cannot be written is found before any work.
+/// Creates the output folder and notes the effective options in it: a folder that cannot be written
+/// is found before any work.
 fn write_options(out: &Path, options: &TrainOptions) -> Result<()> {
     files::create_dir(out)?;
     let path = out.join("train.toml");

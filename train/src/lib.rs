@@ -1,9 +1,12 @@
-//! From a dataset to Gaussians: stage 0 (radiance, emission, geometry) and stage 1 (diffuse albedo) of EAG-PT; light baking.
+//! From a dataset to Gaussians: stage 0 (radiance, emission, geometry) and stage 1 (diffuse albedo)
+//! of EAG-PT; light baking.
 //!
-//! - [`options`]: everything a run can be told, presets included; shared by the command line and TOML files.
+//! - [`options`]: everything a run can be told, presets included; shared by the command line and
+//!   TOML files.
 //! - [`init`]: starting Gaussians from a coloured point cloud and the training views.
 //! - [`params`]: raw parameters, their activations, the chain rule back to them, and Adam.
-//! - [`loss`]: the losses and their gradients with respect to the composited features of each pixel.
+//! - [`loss`]: the losses and their gradients with respect to the composited features of each
+//!   pixel.
 //! - [`densify`]: which Gaussians are split, and which are used up for it.
 //! - [`backend`]: one training step on a device; the seam for other devices.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.

@@ -34,8 +34,8 @@ pub struct Log {
 }
 
 impl Log {
-    /// Opens `path` for a run that has done `iteration` iterations of `stage`: lines of later iterations, left by a run that was
-    /// killed, go; `None` starts an empty log.
+    /// Opens `path` for a run that has done `iteration` iterations of `stage`: lines of later
+    /// iterations, left by a run that was killed, go; `None` starts an empty log.
     ///
     /// # Errors
     /// If the file cannot be read or written.

@@ -1,11 +1,13 @@
-//! Losses of EAG-PT (section 3.2) and their gradients with respect to the composited features of each pixel.
+//! Losses of EAG-PT (section 3.2) and their gradients with respect to the composited features of
+//! each pixel.
 //!
-//! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) + λe mean|E − M| +
-//! λa mean|A − A_gt|`. A view without a mask has no emission term; a view without a normal map compares Ñ and Ñ_d with
-//! each other, with weight λd. Pixels that are not known take part in no term, nor do windows of SSIM that touch one; means are those
-//! over the pixels that do.
+//! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) +
+//! λe mean|E − M| + λa mean|A − A_gt|`. A view without a mask has no emission term; a view without
+//! a normal map compares Ñ and Ñ_d with each other, with weight λd. Pixels that are not known take
+//! part in no term, nor do windows of SSIM that touch one; means are those over the pixels that do.
 //!
-//! Features over pixels are taken row by row in f64, rows in order: the same bits for any number of threads.
+//! Features over pixels are taken row by row in f64, rows in order: the same bits for any number of
+//! threads.
 
 pub mod color;
 pub mod depth_normal;
@@ -127,7 +129,8 @@ pub struct PixelLight {
 }
 
 impl PixelLight {
-    /// The light of `features`, whose pixels are emitters' where emission exceeds `threshold`, and `arriving` elsewhere.
+    /// The light of `features`, whose pixels are emitters' where emission exceeds `threshold`, and
+    /// `arriving` elsewhere.
     pub fn new(features: &GBuffer, arriving: Vec<Vec3>, threshold: f32) -> Self {
         let emitted = |seen: &Features| (seen.emission() > threshold).then(|| seen.radiance());
         Self {
@@ -144,8 +147,9 @@ impl PixelLight {
     }
 }
 
-/// Loss of stage 1 for one view: the picture is R where an emitter is seen, and elsewhere `albedos` times the light that arrives; pixels
-/// that are not `known` do not count. The gradient is that of the albedos, row by row.
+/// Loss of stage 1 for one view: the picture is R where an emitter is seen, and elsewhere `albedos`
+/// times the light that arrives; pixels that are not `known` do not count. The gradient is that of
+/// the albedos, row by row.
 pub fn albedo_loss(
     albedos: &[Vec3],
     light: &PixelLight,

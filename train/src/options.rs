@@ -1,7 +1,7 @@
 //! Options of a training run.
 //!
-//! One struct serves the command line, TOML files and the record beside the result. A run starts from a [`Preset`];
-//! [`TrainOptions::from_layers`] puts a file and single settings on top.
+//! One struct serves the command line, TOML files and the record beside the result. A run starts
+//! from a [`Preset`]; [`TrainOptions::from_layers`] puts a file and single settings on top.
 
 mod layers;
 mod presets;
@@ -82,8 +82,8 @@ pub struct TrainOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InitOptions {
-    /// Gaussians for each point of the cloud where `num_gaussians` is not given; those beyond the first start between a point and
-    /// one of its neighbours.
+    /// Gaussians for each point of the cloud where `num_gaussians` is not given; those beyond the
+    /// first start between a point and one of its neighbours.
     pub per_point: f32,
     /// Scale as a multiple of the root mean square distance to the three nearest points.
     pub scale_factor: f32,
@@ -99,7 +99,8 @@ pub struct InitOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LearningRates {
-    /// Position, as a share of the scene's extent (half the diagonal of the box around the middle 98 % of the points).
+    /// Position, as a share of the scene's extent (half the diagonal of the box around the middle
+    /// 98 % of the points).
     pub position: f32,
     /// Logarithm of the scales.
     pub scale: f32,
@@ -111,7 +112,8 @@ pub struct LearningRates {
     pub radiance: f32,
     /// Logit of the emission.
     pub emission: f32,
-    /// All rates fall exponentially to this share of their start at the end of the stage; 1 keeps them constant.
+    /// All rates fall exponentially to this share of their start at the end of the stage; 1 keeps
+    /// them constant.
     pub final_share: f32,
 }
 
@@ -128,17 +130,19 @@ impl LearningRates {
 pub struct HarmonicsOptions {
     /// Highest degree, 0 to 2; with 0 radiance is the same in all directions, as in the paper.
     pub degree: u32,
-    /// Share of the iterations after which they start, 0 to 1. Light that may differ with the direction explains surfaces that are in the wrong
-    /// place: geometry comes first.
+    /// Share of the iterations after which they start, 0 to 1. Light that may differ with the
+    /// direction explains surfaces that are in the wrong place: geometry comes first.
     pub from: f32,
     /// Step size of the coefficients; falls as the others do.
     pub rate: f32,
-    /// What share of itself, times its step size, a coefficient loses in each iteration: what few views say stays small. Not negative.
+    /// What share of itself, times its step size, a coefficient loses in each iteration: what few
+    /// views say stays small. Not negative.
     pub decay: f32,
 }
 
 impl HarmonicsOptions {
-    /// The iteration of `total`, counted from 1, from which on coefficients move; `None` if they never do.
+    /// The iteration of `total`, counted from 1, from which on coefficients move; `None` if they
+    /// never do.
     pub fn start(&self, total: u32) -> Option<u32> {
         let first = (f64::from(self.from) * f64::from(total)).ceil() as u32 + 1;
         (self.degree > 0 && first <= total).then_some(first)
@@ -171,8 +175,9 @@ pub struct RadianceOptions {
     pub iterations: u32,
     /// Share of the iterations after which the normal terms start, 0 to 1.
     pub normals_from: f32,
-    /// Share of the iterations after which a pixel is the mean of 2×2 rays instead of one, 0 to 1: cameras average over their pixels. A
-    /// step then takes some three times as long; 1 is never, as in the paper.
+    /// Share of the iterations after which a pixel is the mean of 2×2 rays instead of one, 0 to 1:
+    /// cameras average over their pixels. A step then takes some three times as long; 1 is never,
+    /// as in the paper.
     pub antialias_from: f32,
     /// Step sizes.
     pub rates: LearningRates,
@@ -194,7 +199,8 @@ pub struct DensifyOptions {
     pub from: f32,
     /// Share of the iterations after which it happens for the last time, 0 to 1.
     pub until: f32,
-    /// Share of the Gaussians that the run begins with, above 0 to 1; the rest comes in equal parts.
+    /// Share of the Gaussians that the run begins with, above 0 to 1; the rest comes in equal
+    /// parts.
     pub start_share: f32,
 }
 
@@ -227,7 +233,8 @@ impl DensifyOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gather {
-    /// At every Gaussian, once: light does not change in this stage. Albedos start at the closed form `ρ = π r / E`.
+    /// At every Gaussian, once: light does not change in this stage. Albedos start at the closed
+    /// form `ρ = π r / E`.
     Gaussians,
     /// At every pixel, anew in each iteration, as in the paper.
     Pixels,

@@ -1,11 +1,14 @@
-//! An order of Gaussians in which neighbours in space are neighbours in memory: who traces a tile or a leaf finds them close together.
+//! An order of Gaussians in which neighbours in space are neighbours in memory: who traces a tile
+//! or a leaf finds them close together.
 
 use glam::Vec3;
 
-/// Cells of the grid along each axis, as a power of two: three fit into 64 bits, and a few points far outside leave cells enough to a room.
+/// Cells of the grid along each axis, as a power of two: three fit into 64 bits, and a few points
+/// far outside leave cells enough to a room.
 const BITS: u32 = 21;
 
-/// Indices of `positions` along a Z-order curve through the box around them (Morton 1966); ties by index.
+/// Indices of `positions` along a Z-order curve through the box around them (Morton 1966); ties by
+/// index.
 pub(crate) fn along_curve(positions: &[Vec3]) -> Vec<u32> {
     let low = positions.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = positions

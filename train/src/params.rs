@@ -1,8 +1,9 @@
 //! Raw parameters of a Gaussian, their activations, and the chain rule back to them.
 //!
-//! Activations keep values in their range: scales and radiance are exponentials (the reference's `sigmoid` and
-//! `100·sigmoid` cap a scale at one scene unit and radiance at 100; the exponentials have the same slope where the
-//! reference works and no cap), opacity, emission and albedo are sigmoids, quaternions are normalised.
+//! Activations keep values in their range: scales and radiance are exponentials (the reference's
+//! `sigmoid` and `100·sigmoid` cap a scale at one scene unit and radiance at 100; the exponentials
+//! have the same slope where the reference works and no cap), opacity, emission and albedo are
+//! sigmoids, quaternions are normalised.
 
 mod learned;
 mod state;
@@ -20,7 +21,8 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 /// Raw parameters of one Gaussian.
 pub const NUM_PARAMETERS: usize = 17;
 
-/// One number for each raw parameter: x y z, ln s_u, ln s_v, quaternion w x y z, logit σ, ln r (3), logit e, logit ρ (3).
+/// One number for each raw parameter: x y z, ln s_u, ln s_v, quaternion w x y z, logit σ, ln r (3),
+/// logit e, logit ρ (3).
 pub type Raw = [f32; NUM_PARAMETERS];
 
 const POSITION: usize = 0;
@@ -42,7 +44,8 @@ pub const CLASSES: [(&str, std::ops::Range<usize>); 7] = [
     ("albedo", ALBEDO..NUM_PARAMETERS),
 ];
 
-/// Radiance below this is stored as this, so that its logarithm exists; far below the darkest value PQ tells from black.
+/// Radiance below this is stored as this, so that its logarithm exists; far below the darkest value
+/// PQ tells from black.
 const MIN_RADIANCE: f32 = 1e-6;
 /// Sigmoid parameters start at least this far from their ends.
 const SIGMOID_MARGIN: f32 = 1e-4;
@@ -99,9 +102,10 @@ fn rotation_of(raw: &Raw) -> Quat {
     )
 }
 
-/// Chain rule from the gradient in the Gaussian's frame to the raw parameters; `g` has the radiance that was seen. That another position is
-/// seen from another direction is left out, as in 3D Gaussian Splatting's own harmonics it hardly matters: directions change with the size
-/// of the room, positions with that of a Gaussian.
+/// Chain rule from the gradient in the Gaussian's frame to the raw parameters; `g` has the radiance
+/// that was seen. That another position is seen from another direction is left out, as in 3D
+/// Gaussian Splatting's own harmonics it hardly matters: directions change with the size of the
+/// room, positions with that of a Gaussian.
 pub fn raw_gradient(raw: &Raw, g: &Gaussian, local: &LocalGradient) -> Raw {
     let lanes = |at: usize| Vec3::new(local.0[at], local.0[at + 1], local.0[at + 2]);
     let mut out = [0.0; NUM_PARAMETERS];
@@ -109,8 +113,8 @@ pub fn raw_gradient(raw: &Raw, g: &Gaussian, local: &LocalGradient) -> Raw {
     out[POSITION..SCALE].copy_from_slice(&position.to_array());
     out[SCALE] = local.0[grad_lane::SCALE] * g.scale.x;
     out[SCALE + 1] = local.0[grad_lane::SCALE + 1] * g.scale.y;
-    // A step δ of the unit quaternion turns the frame by 2·Im(q*δ) in its own axes; q⊗(0, g) is tangent to the sphere, so
-    // that normalisation only divides by the length.
+    // A step δ of the unit quaternion turns the frame by 2·Im(q*δ) in its own axes; q⊗(0, g) is
+    // tangent to the sphere, so that normalisation only divides by the length.
     let turn = lanes(grad_lane::ROTATION);
     let d_q = g.rotation * Quat::from_xyzw(turn.x, turn.y, turn.z, 0.0);
     let factor = 2.0 / rotation::length(rotation_of(raw));
@@ -124,7 +128,8 @@ pub fn raw_gradient(raw: &Raw, g: &Gaussian, local: &LocalGradient) -> Raw {
     out
 }
 
-/// From the raw gradient to that of the coefficients, by the `functions` of the direction: both logarithms of radiance.
+/// From the raw gradient to that of the coefficients, by the `functions` of the direction: both
+/// logarithms of radiance.
 pub fn harmonics_gradient(raw: &Raw, functions: &[f32; NUM_FUNCTIONS]) -> [f32; NUM_COEFFICIENTS] {
     let mut out = [0.0; NUM_COEFFICIENTS];
     for (row, value) in out.as_chunks_mut::<3>().0.iter_mut().zip(functions) {
@@ -169,8 +174,8 @@ mod tests {
         assert!(close(&g, &gaussian_from_raw(&raw_from_gaussian(&g))));
     }
 
-    /// A smooth function of all local quantities, whose local gradient is known: a linear form in the offsets of position, scale,
-    /// rotation and the rest.
+    /// A smooth function of all local quantities, whose local gradient is known: a linear form in
+    /// the offsets of position, scale, rotation and the rest.
     #[test]
     fn chain_rule_matches_central_differences() {
         let g = sample();
@@ -216,7 +221,8 @@ mod tests {
             up[k] += h;
             down[k] -= h;
             let numeric = (value(&up) - value(&down)) / f64::from(up[k] - down[k]);
-            // Single-precision values differenced over 1e-2: 1e-7·40/1e-2 absolute, plus the step's own curvature of h²/6.
+            // Single-precision values differenced over 1e-2: 1e-7·40/1e-2 absolute, plus the step's
+            // own curvature of h²/6.
             let tolerance = 1e-3 * (1.0 + numeric.abs());
             assert!(
                 (f64::from(analytic[k]) - numeric).abs() < tolerance,

@@ -11,8 +11,8 @@ use std::path::Path;
 /// Columns of black between the two pictures.
 const GAP: usize = 4;
 
-/// Writes `<dir>/<stage>-<iteration>-<view>.png` for every view and returns the mean PSNR (clipped sRGB, dB). Stage 1 shows the
-/// albedo beside the photograph.
+/// Writes `<dir>/<stage>-<iteration>-<view>.png` for every view and returns the mean PSNR (clipped
+/// sRGB, dB). Stage 1 shows the albedo beside the photograph.
 ///
 /// # Errors
 /// If the device gives up or a file cannot be written.

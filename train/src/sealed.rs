@@ -1,7 +1,8 @@
-//! Files of a job's state: a JSON header and an array of floats, with a digest that tells a damaged file.
+//! Files of a job's state: a JSON header and an array of floats, with a digest that tells a damaged
+//! file.
 //!
-//! Layout, little-endian: eight bytes of magic, u32 version, u64 length of the header, the header, f32 values, then the BLAKE3
-//! digest of everything before it.
+//! Layout, little-endian: eight bytes of magic, u32 version, u64 length of the header, the header,
+//! f32 values, then the BLAKE3 digest of everything before it.
 
 use crate::error::Result;
 use eagpt_scene::{SceneError, files};

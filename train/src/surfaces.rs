@@ -1,7 +1,8 @@
 //! The surface that each Gaussian is part of: where light arrives for it.
 //!
-//! A Gaussian's own centre and normal are noisy samples of the surface that its neighbours and it make up together. That surface is what
-//! a camera ray blends; each Gaussian takes it from the pixel that sees it best.
+//! A Gaussian's own centre and normal are noisy samples of the surface that its neighbours and it
+//! make up together. That surface is what a camera ray blends; each Gaussian takes it from the
+//! pixel that sees it best.
 
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussian};
@@ -9,7 +10,8 @@ use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, Ray, Tracer};
 use glam::Mat3;
 
-/// Half the offset of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same wall.
+/// Half the offset of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same
+/// wall.
 const LONE_OFFSET: f32 = 0.5;
 
 /// Rays of Gaussians alone that are traced together: as many as a device has room for.
@@ -40,7 +42,8 @@ impl BestSeen {
         }
     }
 
-    /// Looks through every pixel of `camera`: what weighs more in one of them than anywhere before is seen better there.
+    /// Looks through every pixel of `camera`: what weighs more in one of them than anywhere before
+    /// is seen better there.
     ///
     /// # Errors
     /// If the device of the `scene` gives up.
@@ -76,7 +79,8 @@ impl BestSeen {
     }
 }
 
-/// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more room before it.
+/// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more
+/// room before it.
 ///
 /// # Errors
 /// If the device of the `scene` gives up.

@@ -20,9 +20,11 @@ use glam::DVec3;
 
 const NUM_SAMPLES: u32 = 64;
 
-/// Of an albedo: twenty times the 5e-7 seen on lavapipe. Rounding chooses among the discs of a flat wall, but all of a wall carry the same light.
+/// Of an albedo: twenty times the 5e-7 seen on lavapipe. Rounding chooses among the discs of a flat
+/// wall, but all of a wall carry the same light.
 const TOLERANCE: f32 = 1e-5;
-/// Part of the albedos that may be off by more: a ray at the rim of a disc may find another wall behind it. None did on lavapipe.
+/// Part of the albedos that may be off by more: a ray at the rim of a disc may find another wall
+/// behind it. None did on lavapipe.
 const MOST_FLIPPED: f32 = 0.01;
 
 #[test]

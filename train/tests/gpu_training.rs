@@ -1,4 +1,5 @@
-//! Training on a device against training on the CPU: one step, fifty steps, and a run that was stopped.
+//! Training on a device against training on the CPU: one step, fifty steps, and a run that was
+//! stopped.
 
 #![cfg(feature = "gpu")]
 #![allow(
@@ -140,8 +141,9 @@ fn a_step_is_that_of_the_cpu() {
 
 /// Of a loss, relative: thirty times the 7e-7 seen on lavapipe.
 const LOSS_TOLERANCE: f64 = 2e-5;
-/// Of a class of gradients, relative in the Euclidean norm. 9e-7 were seen on lavapipe; a device that rounds in another way may reorder hits
-/// of single pixels, each of which makes up a thousandth of the picture.
+/// Of a class of gradients, relative in the Euclidean norm. 9e-7 were seen on lavapipe; a device
+/// that rounds in another way may reorder hits of single pixels, each of which makes up a
+/// thousandth of the picture.
 const GRADIENT_TOLERANCE: f64 = 1e-3;
 
 #[test]
@@ -172,8 +174,8 @@ fn the_loss_falls_as_on_the_cpu() {
     assert!(gpu[49] < gpu[0]);
 }
 
-/// Of the loss in each of fifty steps, relative. 2.4e-4 were seen on lavapipe; Adam turns the rounding of the smallest gradients into whole
-/// steps, so that runs drift apart in the end.
+/// Of the loss in each of fifty steps, relative. 2.4e-4 were seen on lavapipe; Adam turns the
+/// rounding of the smallest gradients into whole steps, so that runs drift apart in the end.
 const CURVE_TOLERANCE: f64 = 2e-3;
 
 /// Stage 1, from a stage 0 that differs in its last digits.
@@ -204,7 +206,8 @@ fn the_loss_of_albedos_falls_as_on_the_cpu() {
     assert!(gpu[15..].iter().sum::<f64>() < gpu[..5].iter().sum::<f64>());
 }
 
-/// Of the loss of stage 1, relative: ten times the 2e-4 seen on lavapipe. Weights below a thousandth, which the CPU leaves out, are part of it.
+/// Of the loss of stage 1, relative: ten times the 2e-4 seen on lavapipe. Weights below a
+/// thousandth, which the CPU leaves out, are part of it.
 const ALBEDO_TOLERANCE: f64 = 2e-3;
 
 #[test]
@@ -228,7 +231,8 @@ fn a_stopped_run_ends_in_the_same_bits() {
     };
     let whole = make("whole");
     train(&whole, &mut |_| ()).unwrap();
-    // Neither is an iteration after which Gaussians are split, which brings all of them back to the host.
+    // Neither is an iteration after which Gaussians are split, which brings all of them back to the
+    // host.
     for (out, last_stage, last) in [
         ("stopped early", Stage::Radiance, 5),
         ("stopped late", Stage::Albedo, 3),

@@ -1,8 +1,10 @@
 //! The floor among the points below the cameras.
 //!
-//! Horizontal planes are found one after the other by RANSAC (Fischler and Bolles, CACM 1981) with a truncated squared loss and a fit to the
-//! inliers of every better hypothesis. Tables, seats and sills are planes as well, but the floor lies below them; a polished floor shows the room once more
-//! upside down, and the mirrored ceiling lies lower still, but what is seen in it stands above the floor as well.
+//! Horizontal planes are found one after the other by RANSAC (Fischler and Bolles, CACM 1981) with
+//! a truncated squared loss and a fit to the inliers of every better hypothesis. Tables, seats and
+//! sills are planes as well, but the floor lies below them; a polished floor shows the room once
+//! more upside down, and the mirrored ceiling lies lower still, but what is seen in it stands above
+//! the floor as well.
 
 use super::gravity::{Gravity, shown};
 use super::{AlignOptions, Evidence, Plane, numeric};
@@ -45,7 +47,8 @@ pub struct FloorReport {
 const TOLERANCE: f64 = 0.005;
 /// Largest angle between a plane and what cameras call level, radians.
 const MAX_TILT: f64 = 12.0 / 180.0 * std::f64::consts::PI;
-/// Points of one hypothesis lie in a layer of this thickness, in sizes of the scene: 6° over half of it.
+/// Points of one hypothesis lie in a layer of this thickness, in sizes of the scene: 6° over half
+/// of it.
 const LAYER: f64 = 0.05;
 /// Points that hypotheses are judged by.
 const MAX_POINTS: usize = 20_000;
@@ -67,7 +70,8 @@ const NUM_CELLS: usize = 12;
 const FULL_COVERAGE: f64 = 0.2;
 /// Share of points below a plane that makes it no floor.
 const MAX_BELOW: f64 = 0.125;
-/// Roll that photographers do not notice, radians: cameras are not taken for better levels than that.
+/// Roll that photographers do not notice, radians: cameras are not taken for better levels than
+/// that.
 const MIN_ROLL: f64 = 1.0 / 180.0 * std::f64::consts::PI;
 /// Share of cameras that have to be above the floor.
 const CAMERAS_ABOVE: f64 = 0.95;
@@ -222,7 +226,8 @@ fn extent(candidate: &Candidate) -> f64 {
     (minor / num).sqrt()
 }
 
-/// Whether a candidate has more points than the space right above it: walls have as many at every height.
+/// Whether a candidate has more points than the space right above it: walls have as many at every
+/// height.
 fn stands_out(candidate: &Candidate, below: &[DVec3], tolerance: f64) -> bool {
     let heights = below.iter().map(|p| candidate.plane.height(*p) / tolerance);
     let num_above = heights.filter(|h| (2.0..6.0).contains(h)).count();
@@ -322,7 +327,8 @@ struct Refined {
     tolerance: f64,
 }
 
-/// Fits the plane to all of its points and to the cameras' level axes together, each weighed by what it scatters.
+/// Fits the plane to all of its points and to the cameras' level axes together, each weighed by
+/// what it scatters.
 fn refine(evidence: &Evidence, gravity: &Gravity, start: &Plane, tolerance: f64) -> Refined {
     const NUM_ROUNDS: usize = 8;
     let mut plane = *start;
@@ -357,7 +363,8 @@ fn refine(evidence: &Evidence, gravity: &Gravity, start: &Plane, tolerance: f64)
                 normal
             },
         };
-        // Points of skirting boards and rugs go, those of the floor stay: three deviations, but no less than a fifth of the start.
+        // Points of skirting boards and rugs go, those of the floor stay: three deviations, but no
+        // less than a fifth of the start.
         tolerance =
             (3.0 * residual).clamp(0.2 * TOLERANCE * evidence.size, TOLERANCE * evidence.size);
     }
@@ -431,7 +438,8 @@ fn report(
     }
 }
 
-/// Share of the cells of a map of the room, from the 5th to the 95th percentile of the points, that have a point of the floor.
+/// Share of the cells of a map of the room, from the 5th to the 95th percentile of the points, that
+/// have a point of the floor.
 fn coverage(evidence: &Evidence, plane: &Plane, inliers: &[DVec3]) -> f64 {
     let axes = numeric::tangents(plane.normal);
     let bounds = axes.map(|axis| {

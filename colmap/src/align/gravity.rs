@@ -36,13 +36,15 @@ pub struct GravityReport {
 
 /// Roll beyond which a camera counts little, radians.
 const ROLL_SCALE: f64 = 0.1;
-/// If the second smallest mean square is below this, all cameras look the same way and any roll axis would do.
+/// If the second smallest mean square is below this, all cameras look the same way and any roll
+/// axis would do.
 const MIN_TURN: f64 = 0.01;
 /// Images are taken to lie on their side only if that explains the poses so many times better.
 const SIDEWAYS_FACTOR: f64 = 0.25;
 /// Mean cosine between up and the images' tops from which the cameras decide.
 const MIN_COSINE: f64 = 0.3;
-/// Imbalance of points above and below the cameras from which points decide: furniture stands on floors.
+/// Imbalance of points above and below the cameras from which points decide: furniture stands on
+/// floors.
 const MIN_IMBALANCE: f64 = 0.15;
 /// Imbalance that contradicts the cameras: three quarters of all points above them.
 const CONTRADICTION: f64 = -0.5;

@@ -34,7 +34,8 @@ pub struct ReferenceReport {
 
 /// Fewest cameras that make a world.
 const MIN_CAMERAS: usize = 3;
-/// Largest median error, relative to the spread of the cameras: more, and the cameras are not the same.
+/// Largest median error, relative to the spread of the cameras: more, and the cameras are not the
+/// same.
 const MAX_ERROR: f64 = 0.1;
 
 /// The transform that brings the model's cameras nearest to the known ones.
@@ -95,7 +96,8 @@ pub(super) fn align(
     })
 }
 
-/// The similarity with the least squares of distances (Umeyama, PAMI 1991); `None` if the points lie in one line.
+/// The similarity with the least squares of distances (Umeyama, PAMI 1991); `None` if the points
+/// lie in one line.
 pub fn similarity(from: &[DVec3], to: &[DVec3]) -> Option<Similarity> {
     let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len() as f64;
     let (from_mean, to_mean) = (mean(from), mean(to));
@@ -108,7 +110,8 @@ pub fn similarity(from: &[DVec3], to: &[DVec3]) -> Option<Similarity> {
     }
     let svd = covariance.svd(true, true);
     let (u, vt) = (svd.u?, svd.v_t?);
-    // Singular values come in descending order: without the second there is no plane, and the rotation is anything.
+    // Singular values come in descending order: without the second there is no plane, and the
+    // rotation is anything.
     if svd.singular_values[1] <= 1e-9 * svd.singular_values[0] {
         return None;
     }

@@ -1,7 +1,8 @@
 //! The yaw of the walls.
 //!
-//! Seen from above, the points of walls and of furniture along them lie on lines of two directions. Turned to the right angle, their
-//! coordinates gather in few bins: the sum of squared counts has its maximum there. Lines through the fullest bins then say it exactly.
+//! Seen from above, the points of walls and of furniture along them lie on lines of two directions.
+//! Turned to the right angle, their coordinates gather in few bins: the sum of squared counts has
+//! its maximum there. Lines through the fullest bins then say it exactly.
 
 use super::{Evidence, Plane, numeric};
 use glam::{DVec2, DVec3};
@@ -129,7 +130,8 @@ fn fit_lines(points: &[DVec2], yaw: f64, bin: f64) -> Option<Lines> {
     let (mut moment, mut weight, mut squares, mut num_points) = (0.0, 0.0, 0.0, 0.0);
     let mut num = 0;
     for axis in 0..2 {
-        // Lines along `axis`: their offset is the other coordinate, and an offset that falls along them turns them back.
+        // Lines along `axis`: their offset is the other coordinate, and an offset that falls along
+        // them turns them back.
         let sign = if axis == 0 { 1.0 } else { -1.0 };
         let pairs: Vec<[f64; 2]> = points
             .iter()

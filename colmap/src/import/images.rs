@@ -126,7 +126,8 @@ impl Folder {
         self.images.keys().map(String::as_str)
     }
 
-    /// The image of a view, and the name it has here: its own, or the last part of it if no other image ends so.
+    /// The image of a view, and the name it has here: its own, or the last part of it if no other
+    /// image ends so.
     pub(super) fn find(&self, name: &str) -> Option<(&str, &Source)> {
         if let Some((own, source)) = self.images.get_key_value(name) {
             return Some((own, source));

@@ -9,7 +9,8 @@ use tempfile::TempDir;
 
 const SIZE: (u32, u32) = (64, 48);
 
-/// A folder with a model of three images and, in `linear`, images of half its size that show directions.
+/// A folder with a model of three images and, in `linear`, images of half its size that show
+/// directions.
 struct Capture {
     dir: TempDir,
     lens: Lens,
@@ -145,7 +146,8 @@ fn images_are_undistorted_whatever_their_size() {
                     1.0 + (f64::from(x) + 0.5 - camera.cx) / camera.fx,
                     1.0 + (f64::from(y) + 0.5 - camera.cy) / camera.fy,
                 ];
-                // A nearly linear picture through Catmull-Rom: curvature of 0.3 over pixels of 1/30.
+                // A nearly linear picture through Catmull-Rom: curvature of 0.3 over pixels of
+                // 1/30.
                 assert!((f64::from(u) - wanted[0]).abs() < 2e-3, "{u} {wanted:?}");
                 assert!((f64::from(v) - wanted[1]).abs() < 2e-3, "{v} {wanted:?}");
                 assert!((one - 1.0).abs() < 1e-6);

@@ -334,7 +334,8 @@ fn write_one(writer: &DatasetWriter, photograph: &Photograph) -> Result<Outcome>
     })
 }
 
-/// Takes negative light, noise about a black level, to 0 and counts its pixels; light that is not finite is an error.
+/// Takes negative light, noise about a black level, to 0 and counts its pixels; light that is not
+/// finite is an error.
 fn clean(path: &Path, image: &mut Image<3>) -> Result<u64> {
     let width = image.width() as usize;
     let mut num_negative = 0;

@@ -1,6 +1,7 @@
 //! What the two forms of a file have in common: records of named fields, one after the other.
 //!
-//! The records themselves are described once, in `records`; `binary` and `text` say how a field is read and written.
+//! The records themselves are described once, in `records`; `binary` and `text` say how a field is
+//! read and written.
 
 use super::SensorType;
 use crate::error::{ColmapError, Result};
@@ -11,7 +12,8 @@ pub(super) type Written = eagpt_scene::Result<()>;
 
 /// A file to read fields from.
 pub(super) trait Source {
-    /// Goes to the next record; false at the end. `min_bytes` is the least that a record takes in the binary form.
+    /// Goes to the next record; false at the end. `min_bytes` is the least that a record takes in
+    /// the binary form.
     fn next_record(&mut self, min_bytes: u64) -> Result<bool>;
     /// How many records there are at most; for reserving memory.
     fn num_records_hint(&self) -> usize;
@@ -33,7 +35,8 @@ pub(super) trait Source {
     fn name(&mut self) -> Result<String>;
     /// The number of a point; `None` where there is none.
     fn point_or_none(&mut self) -> Result<Option<u64>>;
-    /// The number of items of a list to come, each of `num_fields` fields of `item_bytes` bytes: stated, or up to the line's end.
+    /// The number of items of a list to come, each of `num_fields` fields of `item_bytes` bytes:
+    /// stated, or up to the line's end.
     fn list(&mut self, field: &'static str, num_fields: usize, item_bytes: u64) -> Result<usize>;
     /// As [`Self::list`] for lists whose number is always stated, in 32 bits.
     fn short_list(&mut self, field: &'static str, min_item_bytes: u64) -> Result<usize>;

@@ -42,7 +42,8 @@ pub(super) fn read(dir: &Path, observations: Observations) -> Result<Model> {
     Ok(model)
 }
 
-/// Reads one file of a model from bytes: for who has them in memory, and for tests that damage them.
+/// Reads one file of a model from bytes: for who has them in memory, and for tests that damage
+/// them.
 ///
 /// # Errors
 /// As [`Model::read`], but what refers to other files is not looked up.

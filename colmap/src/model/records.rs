@@ -11,7 +11,8 @@ use glam::{DQuat, DVec2, DVec3};
 
 /// Quaternions shorter than this have no direction.
 const MIN_QUATERNION: f64 = 1e-6;
-/// Quaternions nearer than this to unit length stay as they are: a model that is read and written keeps its bits.
+/// Quaternions nearer than this to unit length stay as they are: a model that is read and written
+/// keeps its bits.
 const QUATERNION_TOLERANCE: f64 = 1e-12;
 /// Bytes of a pose: a quaternion and a translation.
 const POSE_BYTES: u64 = 7 * 8;

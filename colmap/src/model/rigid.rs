@@ -35,7 +35,8 @@ impl Rigid {
         }
     }
 
-    /// Where the origin of the target lies in the source: for a camera from world, the camera's centre.
+    /// Where the origin of the target lies in the source: for a camera from world, the camera's
+    /// centre.
     pub fn centre(&self) -> DVec3 {
         self.inverse().translation
     }
@@ -70,7 +71,8 @@ impl Similarity {
         self.scale * (self.rotation * point) + self.translation
     }
 
-    /// The pose of a camera in the new world, from that in the old one. The camera's own space is scaled along.
+    /// The pose of a camera in the new world, from that in the old one. The camera's own space is
+    /// scaled along.
     pub fn camera_from_new(&self, camera_from_old: &Rigid) -> Rigid {
         let rotation = (camera_from_old.rotation * self.rotation.inverse()).normalize();
         Rigid {

@@ -19,13 +19,15 @@ impl Step {
         }
     }
 
-    /// How far a line says that the step is; versions before 3.9 have no prefix, later ones that of glog.
+    /// How far a line says that the step is; versions before 3.9 have no prefix, later ones that of
+    /// glog.
     pub(super) fn done(self, line: &str) -> Option<Done> {
         let after = |marker: &str| line.split_once(marker).map(|(_, rest)| rest);
         match self {
             // "Processed file [3/96]"
             Self::Features => fraction(after("Processed file [")?),
-            // "Matching block [1/2, 2/2]" or "Processing block [1/2, 2/2]" count rows and columns; "Matching image [3/96]" images.
+            // "Matching block [1/2, 2/2]" or "Processing block [1/2, 2/2]" count rows and columns;
+            // "Matching image [3/96]" images.
             Self::Matches => {
                 let rest = after("block [")
                     .or_else(|| after("Matching image ["))

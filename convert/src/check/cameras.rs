@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 /// Most points that are looked at one by one.
 const MAX_POINTS: usize = 10_000;
-/// Cosine of the angle between viewing directions below which cameras at one place are different views.
+/// Cosine of the angle between viewing directions below which cameras at one place are different
+/// views.
 const SAME_DIRECTION: f64 = 1.0 - 1e-9;
 
 fn cameras(dataset: &Dataset) -> Vec<Camera> {

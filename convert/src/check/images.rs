@@ -24,7 +24,8 @@ pub(super) struct Looked {
     pub(super) depth_over_points: Option<f64>,
 }
 
-/// Reads all images of a view, whatever is wrong with some of them. `points` is a sample of the cloud.
+/// Reads all images of a view, whatever is wrong with some of them. `points` is a sample of the
+/// cloud.
 pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
     let mut looked = Looked {
         view: ViewCheck {

@@ -48,7 +48,8 @@ pub struct CheckReport {
     pub intrinsics: IntrinsicsReport,
     /// The point cloud, if there is one.
     pub points: Option<PointsReport>,
-    /// Median of depths over the depths of points in the same pixels, over views; some occluded points make it smaller than 1.
+    /// Median of depths over the depths of points in the same pixels, over views; some occluded
+    /// points make it smaller than 1.
     pub depth_over_points: Option<f64>,
     /// The dataset divided by each rule.
     pub splits: Vec<SplitReport>,
@@ -71,7 +72,8 @@ pub struct KindReport {
     pub missing: Vec<String>,
     /// Values over all views that can be read.
     pub values: Option<ValueRange>,
-    /// Mean share of pixels of the views that have one: marked as light, with a normal, with a depth, known.
+    /// Mean share of pixels of the views that have one: marked as light, with a normal, with a
+    /// depth, known.
     pub coverage: Option<f64>,
 }
 
@@ -154,7 +156,8 @@ pub struct IntrinsicsReport {
     pub fov_y_deg: [f64; 2],
     /// fx over fy.
     pub pixel_aspect: [f64; 2],
-    /// Distance of the principal point from the middle, the larger of both axes, as a share of the image.
+    /// Distance of the principal point from the middle, the larger of both axes, as a share of the
+    /// image.
     pub principal_offset: [f64; 2],
 }
 

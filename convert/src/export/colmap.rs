@@ -1,4 +1,5 @@
-//! A COLMAP project: a binary model with pinhole cameras, images and points but no rigs and frames: the form that every version reads.
+//! A COLMAP project: a binary model with pinhole cameras, images and points but no rigs and frames:
+//! the form that every version reads.
 
 use crate::error::Result;
 use eagpt_colmap::Model;

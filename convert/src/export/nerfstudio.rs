@@ -1,7 +1,8 @@
 //! nerfstudio's `transforms.json`.
 //!
-//! `applied_transform` is the identity: the world of the file is that of the dataset. It is written because nerfstudio assumes another
-//! one where a COLMAP model lies beside. `up_axis` and the like are ours; other programs pass over them.
+//! `applied_transform` is the identity: the world of the file is that of the dataset. It is written
+//! because nerfstudio assumes another one where a COLMAP model lies beside. `up_axis` and the like
+//! are ours; other programs pass over them.
 
 use super::IMAGES_DIR;
 use crate::error::{ConvertError, Result};

@@ -51,7 +51,8 @@ pub struct ImportOptions {
     pub precision: Precision,
     /// Factor of all radiances, above 0.
     pub radiance_scale: f64,
-    /// Factors of R, G, B in the source's own colour space, in place of those of the format; each above 0.
+    /// Factors of R, G, B in the source's own colour space, in place of those of the format; each
+    /// above 0.
     pub white_balance: Option<[f64; 3]>,
     /// Scene of Eyeful Tower, for its white balance.
     pub scene: Option<String>,

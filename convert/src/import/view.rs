@@ -10,7 +10,8 @@ use eagpt_scene::{Camera, Image, View, exr};
 use glam::{DMat3, DVec3, Vec3};
 use std::path::Path;
 
-/// Vectors shorter than this after resampling are taken as unknown: a mean of normals that point every way.
+/// Vectors shorter than this after resampling are taken as unknown: a mean of normals that point
+/// every way.
 const MIN_NORMAL_LENGTH: f32 = 0.1;
 
 /// What remains of a view when its images are written.
@@ -123,7 +124,8 @@ fn known(remapped: Image<1>, source: Option<Image<1>>, num_unknown: usize) -> Op
     }
 }
 
-/// Light into linear Rec.709 by a matrix, if it is not; negative values become 0. The number of pixels that had one.
+/// Light into linear Rec.709 by a matrix, if it is not; negative values become 0. The number of
+/// pixels that had one.
 fn to_rec709(image: &mut Image<3>, matrix: Option<&DMat3>) -> usize {
     let mut num_negative = 0;
     for pixel in image.pixels_mut() {

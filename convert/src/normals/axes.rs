@@ -8,7 +8,8 @@ use std::str::FromStr;
 
 /// Which component of a stored vector, with which sign, is x, y and z.
 ///
-/// In the camera's space x is right, y down, z forward; in the world they are the dataset's. Spelled `x,-y,-z`, or by a name:
+/// In the camera's space x is right, y down, z forward; in the world they are the dataset's.
+/// Spelled `x,-y,-z`, or by a name:
 ///
 /// | name | stored x y z | |
 /// |---|---|---|
@@ -36,8 +37,8 @@ impl Axes {
         DMat3::from_cols(x, y, z).transpose()
     }
 
-    /// The readings to be told apart: in camera space any signs, for estimators disagree about each; in the world any rotation that exchanges
-    /// axes, for worlds are turned but not mirrored.
+    /// The readings to be told apart: in camera space any signs, for estimators disagree about
+    /// each; in the world any rotation that exchanges axes, for worlds are turned but not mirrored.
     pub(super) fn candidates(space: Space) -> Vec<Self> {
         let orders: &[[usize; 3]] = match space {
             Space::Camera => &[[0, 1, 2]],
@@ -106,8 +107,8 @@ impl Serialize for Axes {
     }
 }
 
-/// Sums over places where both a stored vector and a reference are known. The mean cosine between them under any axes follows from
-/// these, as a cosine is linear in the stored vector.
+/// Sums over places where both a stored vector and a reference are known. The mean cosine between
+/// them under any axes follows from these, as a cosine is linear in the stored vector.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Agreement {
     in_camera: DMat3Sum,

@@ -8,11 +8,13 @@ use eagpt_scene::{Dataset, Image};
 use glam::{DVec2, Vec3};
 use std::path::{Path, PathBuf};
 
-/// Vectors of a map from 0 to 1 whose length is further from 1 than this are no normals: a background of one colour.
+/// Vectors of a map from 0 to 1 whose length is further from 1 than this are no normals: a
+/// background of one colour.
 const MAX_LENGTH_ERROR: f32 = 0.3;
 /// Vectors shorter than this are unknown.
 const MIN_LENGTH: f32 = 0.1;
-/// Means of unit vectors shorter than this after resizing lie across an edge; nothing is known there.
+/// Means of unit vectors shorter than this after resizing lie across an edge; nothing is known
+/// there.
 const MIN_MEAN_LENGTH: f32 = 0.5;
 /// Values below this are negative on purpose, not by rounding.
 const NEGATIVE: f32 = -0.01;
@@ -40,7 +42,8 @@ pub(super) fn find(folder: &Path, dataset: &Dataset, suffix: &str) -> Result<Vec
     Err(ConvertError::invalid(folder, "maps", problem))
 }
 
-/// What the values of a map are: signed ones are components; others are from 0 to 1 if that makes them unit vectors.
+/// What the values of a map are: signed ones are components; others are from 0 to 1 if that makes
+/// them unit vectors.
 pub(super) fn encoding(path: &Path, stored: &Image<3>) -> Encoding {
     if !is_exr(path) {
         return Encoding::ZeroToOne;

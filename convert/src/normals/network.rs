@@ -1,8 +1,8 @@
 //! Normal maps by a network that the user has: any ONNX model of one picture in, vectors out.
 //!
-//! ONNX Runtime is loaded at run time and never downloaded. The network sees what a person would: linear light at an exposure that
-//! fits the view, cut at white, sRGB-encoded, less a mean, over a deviation. Its maps are written as they come out, to be read like
-//! those of any other estimator.
+//! ONNX Runtime is loaded at run time and never downloaded. The network sees what a person would:
+//! linear light at an exposure that fits the view, cut at white, sRGB-encoded, less a mean, over a
+//! deviation. Its maps are written as they come out, to be read like those of any other estimator.
 
 use super::NormalProgress;
 use crate::error::{ConvertError, Result};
@@ -30,10 +30,11 @@ const MAX_SIDE: u32 = 8192;
 pub struct NetworkOptions {
     /// The model.
     pub model: PathBuf,
-    /// The library of ONNX Runtime; absent: [`LIBRARY_VARIABLE`], else where the dynamic loader looks.
+    /// The library of ONNX Runtime; absent: [`LIBRARY_VARIABLE`], else where the dynamic loader
+    /// looks.
     pub library: Option<PathBuf>,
-    /// Width and height of the network's picture; absent: what the model says, else the view's, each rounded to a multiple of
-    /// [`Self::multiple`].
+    /// Width and height of the network's picture; absent: what the model says, else the view's,
+    /// each rounded to a multiple of [`Self::multiple`].
     pub size: Option<[u32; 2]>,
     /// Sides of the picture are multiples of this, 1 to 1024.
     pub multiple: u32,
@@ -272,7 +273,8 @@ impl<'a> Network<'a> {
     }
 }
 
-/// The library to load: as it is named, as [`LIBRARY_VARIABLE`] says, or for the dynamic loader to find.
+/// The library to load: as it is named, as [`LIBRARY_VARIABLE`] says, or for the dynamic loader to
+/// find.
 fn library_file(named: Option<&Path>) -> PathBuf {
     use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
     let named = named.map(Path::to_owned);
@@ -280,7 +282,8 @@ fn library_file(named: Option<&Path>) -> PathBuf {
     named.unwrap_or_else(|| format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}").into())
 }
 
-/// Loads ONNX Runtime from where networks take it if they are told nothing else; returns the library's file, as the loader was asked for it.
+/// Loads ONNX Runtime from where networks take it if they are told nothing else; returns the
+/// library's file, as the loader was asked for it.
 ///
 /// # Errors
 /// Why it cannot be loaded, and how to name it.

@@ -8,7 +8,8 @@ use serde::Serialize;
 
 /// About so many places of a view are compared.
 const NUM_PLACES: usize = 4000;
-/// Size of the cells, pixels, of which only the nearest point counts: others may lie behind its surface.
+/// Size of the cells, pixels, of which only the nearest point counts: others may lie behind its
+/// surface.
 const CELL: u32 = 6;
 /// Most points that are used.
 const MAX_POINTS: usize = 200_000;

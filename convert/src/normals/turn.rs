@@ -67,7 +67,8 @@ pub(super) fn world_normals(
     (normals, num_facing as f64 / num_known.max(1) as f64)
 }
 
-/// A unit normal that a camera can see along `ray`; zero if the vector is turned too far away from it.
+/// A unit normal that a camera can see along `ray`; zero if the vector is turned too far away from
+/// it.
 fn turned_to_camera(world_from_map: DMat3, vector: DVec3, ray: DVec3) -> DVec3 {
     let normal = (world_from_map * vector).normalize_or_zero();
     let away = normal.dot(ray);

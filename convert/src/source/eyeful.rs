@@ -1,16 +1,18 @@
 //! Scenes of Eyeful Tower (VR-NeRF, SIGGRAPH Asia 2023).
 //!
-//! `cameras.json` has an entry in `KRT` for each photograph: K (3×3) and T (4×4, world to camera, OpenCV axes), both column by column,
-//! for `width` × `height` pixels, far more than the images have: K is scaled along each axis on its own. Distortion is OpenCV's:
+//! `cameras.json` has an entry in `KRT` for each photograph: K (3×3) and T (4×4, world to camera,
+//! OpenCV axes), both column by column, for `width` × `height` pixels, far more than the images
+//! have: K is scaled along each axis on its own. Distortion is OpenCV's:
 //!
 //! | `distortionModel` | `distortion` | lens |
 //! |---|---|---|
 //! | `RadialAndTangential` (rig 2) | k1, k2, p1, p2, k3 | perspective |
 //! | `Fisheye` (rig 1) | k1, k2, k3, –, –, –, p1, p2 | equidistant |
 //!
-//! Images are `images-2k/CAMERA/CAMERA_DSC0001.exr` or those of `images-1k`: linear DCI-P3 without white balance, see [`crate::color`].
-//! The JPEGs of `images-jpeg*` are balanced and clipped already. The cameras of the rigs each have their own entry: a rig's rigidity is
-//! not used. The world is y up, the floor at 0, in metres. `splits.json` lists what to train on and to test.
+//! Images are `images-2k/CAMERA/CAMERA_DSC0001.exr` or those of `images-1k`: linear DCI-P3 without
+//! white balance, see [`crate::color`]. The JPEGs of `images-jpeg*` are balanced and clipped
+//! already. The cameras of the rigs each have their own entry: a rig's rigidity is not used. The
+//! world is y up, the floor at 0, in metres. `splits.json` lists what to train on and to test.
 
 use super::{
     Source, SourceFiles, SourceFormat, SourceFrame, if_there, points_beside, read_json, size_of,
@@ -40,8 +42,8 @@ const FOLDERS: [(&str, &str); 6] = [
 ];
 /// Ending of the file that is called like the scene.
 const REPORT: &str = "-final.pdf";
-/// White balance of the scenes, factors of R, G, B from a colour chart: the README of the dataset, and for the two rooms of the Real
-/// Acoustic Fields dataset, taken with the same rig, its own.
+/// White balance of the scenes, factors of R, G, B from a colour chart: the README of the dataset,
+/// and for the two rooms of the Real Acoustic Fields dataset, taken with the same rig, its own.
 const WHITE_BALANCE: [(&str, [f64; 3]); 13] = [
     ("apartment", [0.726097, 1.0, 1.741252]),
     ("kitchen", [0.628143, 1.0, 2.212346]),
@@ -167,7 +169,8 @@ fn white_balance(root: &Path, options: &ImportOptions) -> Result<(String, [f64; 
     }
 }
 
-/// The scene that a folder has: as its reconstruction report is called, or else as the folder is, in full.
+/// The scene that a folder has: as its reconstruction report is called, or else as the folder is,
+/// in full.
 fn scene_name(root: &Path) -> Result<Option<String>> {
     let entries = std::fs::read_dir(root)
         .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)

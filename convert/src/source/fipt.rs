@@ -1,7 +1,8 @@
 //! Real scenes of FIPT (factorised inverse path tracing, ICCV 2023).
 //!
-//! `cam.txt` has the number of cameras, then three lines each: origin, look-at point, up. `K_list.txt` has the number, then three rows
-//! each of K. Images are `Image/{i:03}_0001.exr`, linear, all of one size. The world is y up. FIPT has no split of its own.
+//! `cam.txt` has the number of cameras, then three lines each: origin, look-at point, up.
+//! `K_list.txt` has the number, then three rows each of K. Images are `Image/{i:03}_0001.exr`,
+//! linear, all of one size. The world is y up. FIPT has no split of its own.
 //!
 //! `segmentation/` and `scene.obj` are not read.
 

@@ -1,7 +1,8 @@
 //! Lenses of `transforms.json`, as nerfstudio and instant-NGP have them.
 //!
-//! Focal lengths and principal point are those of [`eagpt_scene::dataset::intrinsics`]. Distortion is `k1 … k4`, `p1`, `p2`, or
-//! `distortion_params` in the order k1, k2, k3, k4, p1, p2; `FISHEYE624` has twelve of its own.
+//! Focal lengths and principal point are those of [`eagpt_scene::dataset::intrinsics`]. Distortion
+//! is `k1 … k4`, `p1`, `p2`, or `distortion_params` in the order k1, k2, k3, k4, p1, p2;
+//! `FISHEYE624` has twelve of its own.
 //!
 //! | `camera_model` | lens |
 //! |---|---|
@@ -30,7 +31,8 @@ enum Family {
     Fisheye624,
 }
 
-/// The lens of a frame for its image of `size` pixels; intrinsics for another size, `w` and `h`, are scaled along each axis.
+/// The lens of a frame for its image of `size` pixels; intrinsics for another size, `w` and `h`,
+/// are scaled along each axis.
 ///
 /// # Errors
 /// A key that is missing or out of range, or a camera model that cannot be a pinhole.
@@ -94,7 +96,8 @@ fn family(top: &Object<'_>, frame: &Object<'_>) -> Result<Family> {
     Ok(Family::Perspective)
 }
 
-/// The model with two focal lengths that has the frame's distortion, and what follows focal lengths and principal point in its parameters.
+/// The model with two focal lengths that has the frame's distortion, and what follows focal lengths
+/// and principal point in its parameters.
 fn distortion(top: &Object<'_>, frame: &Object<'_>) -> Result<(LensModel, Vec<f64>)> {
     let family = family(top, frame)?;
     let listed = listed(top, frame)?;

@@ -1,8 +1,9 @@
 //! `transforms.json` of nerfstudio and of instant-NGP, and Blender scenes in their form.
 //!
-//! Poses are camera to world with OpenGL axes in a world with z up, as they stand in the file: an `applied_transform` or `applied_scale`
-//! that nerfstudio has put in is kept, so that `ply_file_path` and everything else made beside the file fits; it is told in a note.
-//! What nerfstudio does when it trains (recentre, turn, scale) is not in the file.
+//! Poses are camera to world with OpenGL axes in a world with z up, as they stand in the file: an
+//! `applied_transform` or `applied_scale` that nerfstudio has put in is kept, so that
+//! `ply_file_path` and everything else made beside the file fits; it is told in a note. What
+//! nerfstudio does when it trains (recentre, turn, scale) is not in the file.
 //!
 //! | key | becomes |
 //! |---|---|
@@ -13,9 +14,11 @@
 //! | `up_axis`, `metres_per_unit`, `aligned_from_model` | the same: our exports write them |
 //! | `train_filenames`, `val_filenames`, `test_filenames` | the dataset's own split |
 //!
-//! Frames are named by what follows `images/`; images of ours of that name beside, `Emissive-exr/NAME.exr` and so on, come along.
+//! Frames are named by what follows `images/`; images of ours of that name beside,
+//! `Emissive-exr/NAME.exr` and so on, come along.
 //!
-//! A folder with `transforms_train.json`, and `transforms_val.json` or `transforms_test.json` beside it, is one dataset with that split.
+//! A folder with `transforms_train.json`, and `transforms_val.json` or `transforms_test.json`
+//! beside it, is one dataset with that split.
 
 use super::{
     Depth, Emission, Source, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
@@ -234,7 +237,8 @@ fn with_extension(path: &Path) -> PathBuf {
     there.unwrap_or_else(|| path.with_extension(EXTENSIONS[0]))
 }
 
-/// Names of frames: paths within the folder of the images, without extension; `None` for what cannot name a file.
+/// Names of frames: paths within the folder of the images, without extension; `None` for what
+/// cannot name a file.
 fn names(paths: &[Option<&str>]) -> Vec<Option<String>> {
     let mut names: Vec<Option<String>> = paths.iter().map(|path| stem((*path)?)).collect();
     let mut there: Vec<&mut String> = names.iter_mut().flatten().collect();

@@ -7,7 +7,8 @@ use crate::frame::Frame;
 const NEAR: i32 = 2;
 /// So many of them, at least, must be alike.
 const MIN_ALIKE: usize = 6;
-/// Share of the distance to the next pixel by which a surface may always be off its plane: surfaces of Gaussians are rough.
+/// Share of the distance to the next pixel by which a surface may always be off its plane: surfaces
+/// of Gaussians are rough.
 const ROUGHNESS: f32 = 0.5;
 
 /// What is known of a pixel without noise.

@@ -8,12 +8,15 @@ use glam::Vec3;
 const RADIUS: i32 = 3;
 /// Standard deviations of the square roots around a value above which it is lowered.
 const DEVIATIONS: f32 = 2.0;
-/// Passes that spread cut-off light, each twice as wide as the one before: the last reaches 32 pixels.
+/// Passes that spread cut-off light, each twice as wide as the one before: the last reaches 32
+/// pixels.
 const SPREAD_LEVELS: u32 = 5;
-/// Most light of one pixel that is spread, in units of the estimate there: one value may not light up a whole region.
+/// Most light of one pixel that is spread, in units of the estimate there: one value may not light
+/// up a whole region.
 const MAX_EXCESS: f32 = 64.0;
 
-/// Values without those far above all around them. Square roots are compared: they scatter more evenly than light itself.
+/// Values without those far above all around them. Square roots are compared: they scatter more
+/// evenly than light itself.
 pub(super) fn despeckled(guides: &Guides, values: &[Vec3]) -> Vec<Vec3> {
     let grid = guides.grid;
     grid.map(|x, y| {
@@ -39,7 +42,8 @@ pub(super) fn despeckled(guides: &Guides, values: &[Vec3]) -> Vec<Vec3> {
     })
 }
 
-/// Deviations of at most the estimate itself: a firefly has one far above, and lends it to its surroundings.
+/// Deviations of at most the estimate itself: a firefly has one far above, and lends it to its
+/// surroundings.
 pub(super) fn plausible(deviation: &[f32], estimate: &[Vec3]) -> Vec<f32> {
     let pixels = deviation.iter().zip(estimate);
     pixels
@@ -62,7 +66,8 @@ pub(super) fn cut(
         .collect()
 }
 
-/// What was cut off `values` to leave `kept`, spread over the surfaces around: an à-trous transform's smoothing (Dammertz et al. 2010).
+/// What was cut off `values` to leave `kept`, spread over the surfaces around: an à-trous
+/// transform's smoothing (Dammertz et al. 2010).
 pub(super) fn spread(
     guides: &Guides,
     values: &[Vec3],

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 const NUM_TERMS: usize = 6;
 /// Terms and light, padded to whole SIMD registers.
 const WIDTH: usize = 12;
-/// Added to what holds slopes to zero, in pixels: a window with little weight in it knows no slopes.
+/// Added to what holds slopes to zero, in pixels: a window with little weight in it knows no
+/// slopes.
 const MIN_SUPPORT: f32 = 0.3;
 
 /// One pixel as the regression sees it.
@@ -114,7 +115,8 @@ impl<'a> Samples<'a> {
         if center.guide.coverage <= 0.0 {
             return None;
         }
-        // Products of the terms with each other and, behind them, with the light; rows of a width that suits SIMD registers.
+        // Products of the terms with each other and, behind them, with the light; rows of a width
+        // that suits SIMD registers.
         let mut products = [[0.0_f32; WIDTH]; NUM_TERMS];
         for (u, v) in grid.window(x, y, settings.radius) {
             let sample = &self.pixels[grid.index(u, v)];
@@ -165,14 +167,16 @@ fn value(fit: &Fit, terms: &[f32; NUM_TERMS]) -> Vec3 {
     sum.max(Vec3::ZERO)
 }
 
-/// Indices of the functions at most `reach` pixels from position `at` along an axis that has `num` of them.
+/// Indices of the functions at most `reach` pixels from position `at` along an axis that has `num`
+/// of them.
 fn near(at: i32, reach: i32, stride: i32, num: i32) -> std::ops::Range<i32> {
     let first = (at - reach + stride - 1).div_euclid(stride).max(0);
     let last = ((at + reach) / stride).min(num - 1);
     first..last + 1
 }
 
-/// Solves symmetric positive definite equations for three right-hand sides by Cholesky's decomposition.
+/// Solves symmetric positive definite equations for three right-hand sides by Cholesky's
+/// decomposition.
 fn solved(products: &[[f32; WIDTH]; NUM_TERMS]) -> Fit {
     let mut lower = [[0.0_f32; NUM_TERMS]; NUM_TERMS];
     for i in 0..NUM_TERMS {
@@ -182,7 +186,8 @@ fn solved(products: &[[f32; WIDTH]; NUM_TERMS]) -> Fit {
                 rest -= lower[i][k] * lower[j][k];
             }
             lower[i][j] = if i == j {
-                // Rounding may leave nothing of a term that repeats others; the ridge keeps it from mattering.
+                // Rounding may leave nothing of a term that repeats others; the ridge keeps it from
+                // mattering.
                 rest.max(f32::EPSILON * products[i][i] + f32::MIN_POSITIVE)
                     .sqrt()
             } else {

@@ -1,7 +1,9 @@
-//! The library of Open Image Denoise behind its C API, version 2 (`oidn.h`): only what one filter on the CPU needs.
+//! The library of Open Image Denoise behind its C API, version 2 (`oidn.h`): only what one filter
+//! on the CPU needs.
 //!
-//! The one place of the workspace with unsafe code. Every handle is released where it was made; nothing of the library outlives
-//! [`Library`], which is never unloaded while its functions are held.
+//! The one place of the workspace with unsafe code. Every handle is released where it was made;
+//! nothing of the library outlives [`Library`], which is never unloaded while its functions are
+//! held.
 
 #![allow(
     unsafe_code,
@@ -76,8 +78,9 @@ impl Library {
             problem,
         };
         let beside = preload(path);
-        // SAFETY: loading runs the library's initialisers; those of Open Image Denoise only set up its own state. A file of that name that
-        // holds something else is the choice of whoever put it into a place searched for libraries.
+        // SAFETY: loading runs the library's initialisers; those of Open Image Denoise only set up
+        // its own state. A file of that name that holds something else is the choice of whoever put
+        // it into a place searched for libraries.
         let library = unsafe { libloading::Library::new(path) }
             .map_err(|error| unusable(one_line(&error.to_string())))?;
         let functions = Functions::of(&library).map_err(|name| {
@@ -101,7 +104,8 @@ impl Library {
         // SAFETY: takes a constant of the API, returns a handle or null.
         let device = unsafe { (f.new_device)(DEVICE_TYPE_CPU) };
         if device.is_null() {
-            // SAFETY: null asks for the error of this thread, which is where a device that was not made leaves it.
+            // SAFETY: null asks for the error of this thread, which is where a device that was not
+            // made leaves it.
             return Err(unsafe { f.error(ptr::null_mut()) });
         }
         let open = OpenDevice {
@@ -109,7 +113,8 @@ impl Library {
             device,
         };
         let threads = c_int::try_from(threads).unwrap_or(c_int::MAX);
-        // SAFETY: the handle is valid, the names are strings that end in 0 and keys of a CPU device.
+        // SAFETY: the handle is valid, the names are strings that end in 0 and keys of a CPU
+        // device.
         unsafe {
             (f.set_device_int)(device, c"numThreads".as_ptr(), threads);
             // Otherwise it pins threads to cores, and whatever else runs there waits.
@@ -165,9 +170,10 @@ impl OpenDevice<'_> {
                 problem: "made no filter".to_owned(),
             });
         }
-        // SAFETY: the handles are valid until released at the end. Every image is `width · height` triples of f32 without gaps (`[f32; 3]`
-        // in a `Vec`), stays borrowed until the filter has run, and is declared with that very size; inputs are only read, and
-        // `output` is not touched otherwise meanwhile. `execute` returns when all is written.
+        // SAFETY: the handles are valid until released at the end. Every image is `width · height`
+        // triples of f32 without gaps (`[f32; 3]` in a `Vec`), stays borrowed until the filter has
+        // run, and is declared with that very size; inputs are only read, and `output` is not
+        // touched otherwise meanwhile. `execute` returns when all is written.
         unsafe {
             let image = |name: &CStr, data: *mut c_void| {
                 let (width, height) = (width as usize, height as usize);
@@ -221,7 +227,8 @@ impl Functions {
     fn of(library: &libloading::Library) -> Result<Self, &'static str> {
         macro_rules! function {
             ($name:literal) => {
-                // SAFETY: the field's type is the declaration of `oidn.h` for this name; the pointer is used only while `Library` is alive.
+                // SAFETY: the field's type is the declaration of `oidn.h` for this name; the
+                // pointer is used only while `Library` is alive.
                 unsafe { *library.get($name).map_err(|_| $name)? }
             };
         }
@@ -248,7 +255,8 @@ impl Functions {
     /// `device` is valid or null.
     unsafe fn error(&self, device: Device) -> DenoiseError {
         let mut message = ptr::null();
-        // SAFETY: as the caller promises; a message of the library lives until its next call on this thread.
+        // SAFETY: as the caller promises; a message of the library lives until its next call on
+        // this thread.
         unsafe {
             let code = (self.get_device_error)(device, &raw mut message);
             failure(code, message)
@@ -268,8 +276,9 @@ unsafe fn failure(code: c_int, message: *const c_char) -> DenoiseError {
     DenoiseError::Failed { problem }
 }
 
-/// Loads what the library itself needs from its own folder first. Installations find it by a path in the library (`$ORIGIN/../lib`), which
-/// fails where the files were put into a folder of another name; the loader takes what is in memory already.
+/// Loads what the library itself needs from its own folder first. Installations find it by a path
+/// in the library (`$ORIGIN/../lib`), which fails where the files were put into a folder of another
+/// name; the loader takes what is in memory already.
 fn preload(path: &Path) -> Vec<libloading::Library> {
     if !cfg!(target_os = "linux") {
         return Vec::new();

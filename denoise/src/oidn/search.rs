@@ -11,7 +11,8 @@ pub(super) const NAMES: &[&str] = if cfg!(target_os = "windows") {
     &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
 };
 
-/// The libraries that `path` may stand for: itself, or in it if it is a folder; with one, the folders that an unpacked release has in it.
+/// The libraries that `path` may stand for: itself, or in it if it is a folder; with one, the
+/// folders that an unpacked release has in it.
 pub(super) fn within(path: &Path) -> Vec<PathBuf> {
     if !path.is_dir() {
         return vec![path.to_owned()];

@@ -91,7 +91,8 @@ fn factor(noise: Noise, u: f32) -> f32 {
     }
 }
 
-/// A wall above a floor, each with tiles; a soft shadow and a hard one; a lamp in front, at whose edge pixels show both.
+/// A wall above a floor, each with tiles; a soft shadow and a hard one; a lamp in front, at whose
+/// edge pixels show both.
 pub(crate) fn room(x: u32, y: u32) -> Pixel {
     let (u, v) = (x as f32 / WIDTH as f32, y as f32 / HEIGHT as f32);
     let from_lamp = (u - 0.7).hypot((v - 0.3) * HEIGHT as f32 / WIDTH as f32);

@@ -11,7 +11,8 @@ use std::collections::BTreeSet;
 
 /// The name of the selection that is always there.
 const EVERYTHING: &str = "everything";
-/// Sizes of a step of a cluster that says nothing else: neighbours on a surface are one or two sizes apart.
+/// Sizes of a step of a cluster that says nothing else: neighbours on a surface are one or two
+/// sizes apart.
 const DEFAULT_REACH: f32 = 3.0;
 /// Most selections that refer to each other in a row.
 const MAX_DEPTH: usize = 16;

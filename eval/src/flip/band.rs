@@ -1,8 +1,9 @@
 //! FLIP of a band of rows, from two linear images to errors.
 //!
-//! A band is cut into strips, so that what a strip needs stays in the cache of a core: the rows that the filters reach, filtered
-//! along x, as a ring that goes down the strip. Values lie in planes, and loops run over blocks of [`LANES`] of them, of which
-//! the compiler makes vector instructions. No sum depends on how an image is cut, and no bit on which instructions there are.
+//! A band is cut into strips, so that what a strip needs stays in the cache of a core: the rows
+//! that the filters reach, filtered along x, as a ring that goes down the strip. Values lie in
+//! planes, and loops run over blocks of [`LANES`] of them, of which the compiler makes vector
+//! instructions. No sum depends on how an image is cut, and no bit on which instructions there are.
 
 use super::color::{hunt_lab_from_rgb, hyab, rgb_from_ycxcz, ycxcz_from_rgb};
 use super::filters::{Filters, GROUP};
@@ -21,13 +22,16 @@ const KNEE_SHARE: f32 = 0.4;
 const KNEE_ERROR: f32 = 0.95;
 /// Planes of a pixel that is shown: luminance, red-green, yellow-blue, luminance from 0 to 1.
 const NUM_SHOWN: usize = 4;
-/// Planes filtered along x: luminance, red-green, twice yellow-blue, then Gaussian, edge and point of luminance.
+/// Planes filtered along x: luminance, red-green, twice yellow-blue, then Gaussian, edge and point
+/// of luminance.
 const NUM_ALONG_X: usize = 7;
-/// Planes filtered along both: the three colour planes, edge and point along x, edge and point along y.
+/// Planes filtered along both: the three colour planes, edge and point along x, edge and point
+/// along y.
 const NUM_FILTERED: usize = 7;
 /// Values of a block; strips are a whole number of blocks wide in memory.
 const LANES: usize = 32;
-/// Columns of a strip, unless the filters reach further: the rings of both images, 21 rows at the default distance, take 300 kB.
+/// Columns of a strip, unless the filters reach further: the rings of both images, 21 rows at the
+/// default distance, take 300 kB.
 const STRIP_COLUMNS: usize = 256;
 
 type Block = [f32; LANES];
@@ -55,14 +59,16 @@ pub(super) struct BandScratch {
     pixels: Vec<[f32; 3]>,
     /// The same as it is shown, `[NUM_SHOWN, pixels]`.
     planes: Vec<f32>,
-    /// Of the reference and the test: the rows that the filters reach, `[ring rows, NUM_ALONG_X, stride]`.
+    /// Of the reference and the test: the rows that the filters reach, `[ring rows, NUM_ALONG_X,
+    /// stride]`.
     rings: [Vec<f32>; 2],
     /// Where in a ring the rows at each distance begin, above and below.
     reached: Vec<[usize; 2]>,
 }
 
 impl Pair<'_> {
-    /// Raises `errors`, `[rows, width]`, to the largest of those between the images as each of `shown` shows them.
+    /// Raises `errors`, `[rows, width]`, to the largest of those between the images as each of
+    /// `shown` shows them.
     pub(super) fn raise_errors(
         &self,
         rows: &Range<usize>,
@@ -154,7 +160,8 @@ fn raise_errors_of_strip(
     }
 }
 
-/// Copies a row of the image, as far as the filters reach from the strip; columns outside of the image are those at its edge.
+/// Copies a row of the image, as far as the filters reach from the strip; columns outside of the
+/// image are those at its edge.
 fn copy_row(strip: &Strip<'_>, image: usize, row: usize, out: &mut [[f32; 3]]) {
     let (width, margin) = (strip.pair.width, strip.pair.filters.margin());
     // Of the buffer, which begins `margin` columns left of the strip: what lies in the image.

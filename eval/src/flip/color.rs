@@ -42,7 +42,8 @@ fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| xyz[i] * INVERSE_WHITE[i])
 }
 
-/// The opponent space in which eyes blur: luminance, red against green, yellow against blue. Linear in the colour.
+/// The opponent space in which eyes blur: luminance, red against green, yellow against blue. Linear
+/// in the colour.
 #[inline(always)]
 pub(super) fn ycxcz_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = relative_xyz(rgb);

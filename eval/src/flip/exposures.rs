@@ -1,5 +1,5 @@
-//! Settings of HDR-FLIP, and the exposures that follow from a reference (Andersson et al. 2021, "Visualizing errors in
-//! rendered high dynamic range images").
+//! Settings of HDR-FLIP, and the exposures that follow from a reference (Andersson et al. 2021,
+//! "Visualizing errors in rendered high dynamic range images").
 
 use crate::error::{EvalError, Result};
 use eagpt_scene::tonemap::ToneMapper;
@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// Settings of HDR-FLIP. What is `None` is derived from the reference.
 ///
-/// For numbers that are to be compared with each other, tests of one reference need equal exposures: those of the
-/// reference are, as long as it stays the same.
+/// For numbers that are to be compared with each other, tests of one reference need equal
+/// exposures: those of the reference are, as long as it stays the same.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlipOptions {
@@ -39,7 +39,8 @@ impl Default for FlipOptions {
 
 /// 0.7 · (3840 / 0.7) · π / 180.
 pub(crate) const DEFAULT_PPD: f32 = 67.020_645;
-/// Limits of [`FlipOptions::ppd`]: the filters reach 0.14 degrees to each side, so these are 1 to 1,351 pixels.
+/// Limits of [`FlipOptions::ppd`]: the filters reach 0.14 degrees to each side, so these are 1 to
+/// 1,351 pixels.
 const PPD_LIMITS: std::ops::RangeInclusive<f32> = 1.0..=10_000.0;
 /// Limit of [`FlipOptions::num_exposures`].
 const MAX_EXPOSURES: u32 = 1000;
@@ -49,7 +50,8 @@ const MAX_STOPS: f32 = 100.0;
 const TARGET: f32 = 0.85;
 
 impl FlipOptions {
-    /// Checks the ranges: ppd 1 to 10,000, 1 to 1,000 exposures from −100 to 100 stops in ascending order.
+    /// Checks the ranges: ppd 1 to 10,000, 1 to 1,000 exposures from −100 to 100 stops in ascending
+    /// order.
     ///
     /// # Errors
     /// [`EvalError::Option`] with the field and its value, or [`EvalError::Exposures`].
@@ -109,11 +111,12 @@ pub struct FlipParameters {
 }
 
 impl FlipParameters {
-    /// The settings for a reference. The first exposure brings its brightest luminance to 0.85 on the display and the
-    /// last one its median luminance; one exposure a stop and at least two.
+    /// The settings for a reference. The first exposure brings its brightest luminance to 0.85 on
+    /// the display and the last one its median luminance; one exposure a stop and at least two.
     ///
-    /// Where the median is 0, that of the luminances above 0 takes its place (the official tool has no finite exposure
-    /// there); a black reference gives the single exposure 0. One exposure stands at the start.
+    /// Where the median is 0, that of the luminances above 0 takes its place (the official tool has
+    /// no finite exposure there); a black reference gives the single exposure 0. One exposure
+    /// stands at the start.
     ///
     /// # Errors
     /// As [`FlipOptions::validate`], or [`EvalError::Exposures`] if the range is not ascending.
@@ -171,7 +174,8 @@ fn automatic_range(tonemapper: ToneMapper, reference: &Image<3>) -> Option<(f32,
     Some((exposure(brightest), exposure(median)))
 }
 
-/// The value ranked n/2 of `values`, counted from 0, as the official tool takes it; they are reordered and not empty.
+/// The value ranked n/2 of `values`, counted from 0, as the official tool takes it; they are
+/// reordered and not empty.
 fn median(values: &mut [f32]) -> f32 {
     let rank = values.len() / 2;
     *values.select_nth_unstable_by(rank, f32::total_cmp).1

@@ -1,22 +1,25 @@
 //! The filters of FLIP, separated into one-dimensional passes.
 //!
-//! The contrast sensitivity of luminance and of red-green is one Gaussian, that of yellow-blue the sum of two; edges
-//! and points are found by the first and second derivative of a Gaussian as wide as a feature. All are even but the edge filter,
-//! which is odd: a pass adds or subtracts the two values at a distance before it weighs them.
+//! The contrast sensitivity of luminance and of red-green is one Gaussian, that of yellow-blue the
+//! sum of two; edges and points are found by the first and second derivative of a Gaussian as wide
+//! as a feature. All are even but the edge filter, which is odd: a pass adds or subtracts the two
+//! values at a distance before it weighs them.
 
 use std::f64::consts::PI;
 
 /// Width of a feature in degrees.
 const FEATURE_WIDTH_DEGREES: f64 = 0.082;
-/// a and b of the sensitivity a √(π/b) exp(−π² x²/b), x in degrees: luminance, red-green, and the two of yellow-blue.
+/// a and b of the sensitivity a √(π/b) exp(−π² x²/b), x in degrees: luminance, red-green, and the
+/// two of yellow-blue.
 const SENSITIVITY: [(f64, f64); 4] = [(1.0, 0.0047), (1.0, 0.0053), (34.1, 0.04), (13.5, 0.025)];
-/// Weights below this share of the middle one are left out: together less than the rounding of a sum in f32.
+/// Weights below this share of the middle one are left out: together less than the rounding of a
+/// sum in f32.
 const NEGLIGIBLE: f64 = 1e-9;
 /// Distances that a pass weighs together.
 pub(super) const GROUP: usize = 3;
 
-/// One-dimensional weights, that of the middle first and then those by distance from it, up to whole groups of [`GROUP`] distances,
-/// of which the last have weights of 0.
+/// One-dimensional weights, that of the middle first and then those by distance from it, up to
+/// whole groups of [`GROUP`] distances, of which the last have weights of 0.
 #[derive(Debug, Clone)]
 pub(super) struct Filters {
     radius: usize,

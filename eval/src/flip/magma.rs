@@ -35,8 +35,9 @@ const MAGMA: [u32; 256] = [
     0xfcf7b9, 0xfcf9bb, 0xfcfbbd, 0xfcfdbf,
 ];
 
-/// Display-ready bytes of an error map, `[height, width, 3]`: black-violet for 0 to pale yellow for 1. Errors are
-/// clamped to [0, 1] and rounded to the nearest of the 256 colours; NaN is shown as 0.
+/// Display-ready bytes of an error map, `[height, width, 3]`: black-violet for 0 to pale yellow for
+/// 1. Errors are clamped to [0, 1] and rounded to the nearest of the 256 colours; NaN is shown as
+/// 0.
 pub fn magma_rgb8(error: &Image<1>) -> Vec<u8> {
     error
         .pixels()

@@ -1,13 +1,18 @@
-//! Powers without branches or calls, so that loops over them become vector instructions: the same bits on every machine.
+//! Powers without branches or calls, so that loops over them become vector instructions: the same
+//! bits on every machine.
 
-/// Bits of √½: mantissas are taken from there up to √2, where the logarithm's series converges fastest.
+/// Bits of √½: mantissas are taken from there up to √2, where the logarithm's series converges
+/// fastest.
 const SQRT_HALF_BITS: u32 = 0x3f35_04f3;
-/// Added to and subtracted from a number below 2^22, 1.5 · 2^23 rounds it to an integer, which its low bits then hold.
+/// Added to and subtracted from a number below 2^22, 1.5 · 2^23 rounds it to an integer, which its
+/// low bits then hold.
 const ROUNDER: f32 = 12_582_912.0;
-/// A third of the exponent's bias, less what makes the first guess of a cube root best: within 3.5 %.
+/// A third of the exponent's bias, less what makes the first guess of a cube root best: within 3.5
+/// %.
 const CBRT_GUESS: u32 = 0x2a51_37a0;
 
-/// Cube root of a normal number above 0. Two of Halley's steps leave an error of two units in the last place.
+/// Cube root of a normal number above 0. Two of Halley's steps leave an error of two units in the
+/// last place.
 #[inline(always)]
 pub(super) fn cbrt(x: f32) -> f32 {
     let mut root = f32::from_bits(x.to_bits() / 3 + CBRT_GUESS);
@@ -18,8 +23,9 @@ pub(super) fn cbrt(x: f32) -> f32 {
     root
 }
 
-/// `base` to the power of `exponent`, both of 0 and more, as far as the result is between 2^-125 and 2^127; smaller ones end there,
-/// and 0 has its own powers, 0 or 1. The relative error is below 1e-6 for bases from 1e-6 to 1e6 and exponents of at most 2.4.
+/// `base` to the power of `exponent`, both of 0 and more, as far as the result is between 2^-125
+/// and 2^127; smaller ones end there, and 0 has its own powers, 0 or 1. The relative error is below
+/// 1e-6 for bases from 1e-6 to 1e6 and exponents of at most 2.4.
 #[inline(always)]
 pub(super) fn pow(base: f32, exponent: f32) -> f32 {
     let result = exp2(exponent * log2(base.max(f32::MIN_POSITIVE)));
@@ -27,7 +33,8 @@ pub(super) fn pow(base: f32, exponent: f32) -> f32 {
     if base > 0.0 { result } else { of_zero }
 }
 
-/// Logarithm of a normal number above 0: that of its mantissa m is 2 atanh((m − 1)/(m + 1)), a series in odd powers.
+/// Logarithm of a normal number above 0: that of its mantissa m is 2 atanh((m − 1)/(m + 1)), a
+/// series in odd powers.
 #[inline(always)]
 fn log2(x: f32) -> f32 {
     const TERM: [f32; 5] = {

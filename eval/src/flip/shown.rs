@@ -30,7 +30,8 @@ pub(super) fn of_srgb(pixel: [f32; 3]) -> [f32; 3] {
     pixel.map(|v| linear_from_srgb(if v > 0.0 { v.min(1.0) } else { 0.0 }))
 }
 
-/// [`eagpt_scene::color::linear_from_srgb`] in single precision and without a branch: twenty million pixels go through it.
+/// [`eagpt_scene::color::linear_from_srgb`] in single precision and without a branch: twenty
+/// million pixels go through it.
 #[inline(always)]
 fn linear_from_srgb(srgb: f32) -> f32 {
     let line = srgb * (1.0 / 12.92);

@@ -11,8 +11,8 @@ use crate::scene_metrics::mean;
 /// The result of [`evaluate_conditions`].
 #[derive(Debug, Clone)]
 pub struct Conditions {
-    /// Means over the conditions that have a metric of their means, each condition with the same weight however many
-    /// views it has; in the order of [`METRICS`].
+    /// Means over the conditions that have a metric of their means, each condition with the same
+    /// weight however many views it has; in the order of [`METRICS`].
     pub means: Vec<Mean>,
     /// The conditions, in the order of the options.
     pub conditions: Vec<Evaluation>,
@@ -25,7 +25,8 @@ impl Conditions {
     }
 }
 
-/// Evaluates every condition as [`evaluate`](super::evaluate) does, and writes the results of all together.
+/// Evaluates every condition as [`evaluate`](super::evaluate) does, and writes the results of all
+/// together.
 ///
 /// All conditions are checked before any comparison; progress counts the views of all of them.
 ///

@@ -15,8 +15,8 @@ pub struct EvalOptions {
     pub renders: PathBuf,
     /// Dataset with the references: a folder or its `transforms.json`.
     pub dataset: PathBuf,
-    /// Dataset with the same views under an earlier light, which tells [lit from shadow](crate::regions). One that is
-    /// `dataset` itself tells nothing.
+    /// Dataset with the same views under an earlier light, which tells [lit from
+    /// shadow](crate::regions). One that is `dataset` itself tells nothing.
     #[serde(default)]
     pub before: Option<PathBuf>,
     /// Name of the condition in tables and files; by default that of the dataset's folder.
@@ -61,7 +61,8 @@ impl EvalOptions {
     /// Name of the condition: `name`, or that of the dataset's folder.
     pub fn condition(&self) -> String {
         let folder = || {
-            // Resolved, for the sake of `.` and links; what does not exist is told of when it is opened.
+            // Resolved, for the sake of `.` and links; what does not exist is told of when it is
+            // opened.
             let path = self.dataset.canonicalize().ok()?;
             let folder = if path.is_file() {
                 path.parent()?
@@ -79,7 +80,8 @@ impl EvalOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConditionsOptions {
-    /// The conditions, at least one, of different names. `out` of each is the folder of its own results.
+    /// The conditions, at least one, of different names. `out` of each is the folder of its own
+    /// results.
     pub conditions: Vec<EvalOptions>,
     /// Folder of the results of all together; created.
     pub out: PathBuf,

@@ -239,7 +239,8 @@ impl<'a> Prepared<'a> {
 }
 
 impl Earlier {
-    /// The earlier light of the views `indices` of `dataset`; `None` if there is none but their own.
+    /// The earlier light of the views `indices` of `dataset`; `None` if there is none but their
+    /// own.
     ///
     /// # Errors
     /// [`SceneError`] if the earlier dataset lacks a view, or has it in another size.

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// How renders came about. Each part is `None` where the record does not tell, as renders of other programs.
+/// How renders came about. Each part is `None` where the record does not tell, as renders of other
+/// programs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Provenance {
     /// `0-bounce`, `1-bounce` or `path`.

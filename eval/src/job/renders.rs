@@ -20,8 +20,8 @@ impl Renders {
     /// Looks for the renders of `frames` and reads their headers, not their pixels.
     ///
     /// # Errors
-    /// [`EvalError::MissingRenders`] with all views without a render; [`EvalError::Render`] for another size than the
-    /// view's; [`SceneError`] for a file that is no EXR.
+    /// [`EvalError::MissingRenders`] with all views without a render; [`EvalError::Render`] for
+    /// another size than the view's; [`SceneError`] for a file that is no EXR.
     pub(super) fn find(folder: &Path, frames: &[&Frame]) -> Result<Self> {
         let mut found = Self {
             folder: folder.to_owned(),

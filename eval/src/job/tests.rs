@@ -51,7 +51,8 @@ fn view(index: usize) -> View {
     }
 }
 
-/// A dataset and a folder of renders: the references plus 0.1 in green, and the other channels of view 0.
+/// A dataset and a folder of renders: the references plus 0.1 in green, and the other channels of
+/// view 0.
 struct Case {
     dir: TempDir,
     options: EvalOptions,

@@ -10,11 +10,12 @@ use crate::scene_metrics::{Overlap, albedo_psnr, depth_mae, emission_overlap, no
 use eagpt_scene::View;
 use serde::{Deserialize, Serialize};
 
-/// Metrics of the channels beside radiance; `None` where the render or the reference lacks the channel, or no pixel can
-/// be compared.
+/// Metrics of the channels beside radiance; `None` where the render or the reference lacks the
+/// channel, or no pixel can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SceneMetrics {
-    /// See [`crate::scene_metrics::albedo_psnr`]; infinite for equal albedos, which is `null` in JSON.
+    /// See [`crate::scene_metrics::albedo_psnr`]; infinite for equal albedos, which is `null` in
+    /// JSON.
     #[serde(
         skip_serializing_if = "Option::is_none",
         with = "decibels::optional",
@@ -48,7 +49,8 @@ pub struct SceneMetrics {
 pub enum EmittersFrom {
     /// The emission mask of the reference.
     Reference,
-    /// The channel `emission` of the renders, for want of that mask: a scene knows where its lamps were put.
+    /// The channel `emission` of the renders, for want of that mask: a scene knows where its lamps
+    /// were put.
     Render,
 }
 

@@ -43,7 +43,8 @@ pub(crate) fn shown(value: Option<f64>, num_decimals: usize) -> String {
 }
 
 impl Grid {
-    /// A Markdown table, and below it the notes. Markdown has one line of headings: a group stands before each of its own.
+    /// A Markdown table, and below it the notes. Markdown has one line of headings: a group stands
+    /// before each of its own.
     pub(crate) fn markdown(&self) -> String {
         let groups = self.groups.iter();
         let mut groups = groups.flat_map(|(name, num)| std::iter::repeat_n(name.as_str(), *num));

@@ -1,7 +1,9 @@
-//! Evaluations of several seeds in one table: mean and standard deviation, and published values beside them.
+//! Evaluations of several seeds in one table: mean and standard deviation, and published values
+//! beside them.
 //!
-//! A cell is a row under a condition, with an evaluation for each seed. The files are those of the table of modes,
-//! `table.md`, `table.tex`, `table.csv` (one line for each cell) and, last, `table.json`.
+//! A cell is a row under a condition, with an evaluation for each seed. The files are those of the
+//! table of modes, `table.md`, `table.tex`, `table.csv` (one line for each cell) and, last,
+//! `table.json`.
 
 use super::{FILES, TableFolder, metric, position_or_push, read};
 use crate::error::{EvalError, Result};
@@ -39,7 +41,8 @@ pub struct RepeatCell {
     pub condition: String,
     /// Folders with a `metrics.json` of this condition, one for each seed, at least one.
     pub folders: Vec<PathBuf>,
-    /// Values to compare with, by key: those of metrics and [`SECONDS`], and others, which stand in the JSON alone.
+    /// Values to compare with, by key: those of metrics and [`SECONDS`], and others, which stand in
+    /// the JSON alone.
     #[serde(default)]
     pub published: BTreeMap<String, f64>,
 }

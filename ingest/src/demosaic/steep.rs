@@ -1,15 +1,18 @@
 //! Colours where light changes steeply from pixel to pixel.
 //!
-//! A detail as thin as a pixel before a window or beside a lamp is seen by one channel of the mosaic, its neighbours look past it, and
-//! any interpolation makes it magenta, blue or green. Brightness is what a pixel has measured itself; its colour is what most pixels around it
-//! have (the median of the differences of channels: Freeman, "Median filter for reconstructing missing color samples", US patent
-//! 4,724,395, 1988). On the compressed scale of the interpolation differences stand for quotients of channels, so that a lamp and the
-//! wall beside it are asked alike. A coloured line that is thin and steep becomes as grey as what it lies on.
+//! A detail as thin as a pixel before a window or beside a lamp is seen by one channel of the
+//! mosaic, its neighbours look past it, and any interpolation makes it magenta, blue or green.
+//! Brightness is what a pixel has measured itself; its colour is what most pixels around it have
+//! (the median of the differences of channels: Freeman, "Median filter for reconstructing missing
+//! color samples", US patent 4,724,395, 1988). On the compressed scale of the interpolation
+//! differences stand for quotients of channels, so that a lamp and the wall beside it are asked
+//! alike. A coloured line that is thin and steep becomes as grey as what it lies on.
 
 use crate::raw::Header;
 
-/// How many times as bright as its darkest the brightest sample around a pixel is where colours are steadied. Measured on rendered
-/// kitchens: 2 to 12 are alike beside lamps; noise and plain textures stay as they are from 3 on, and 6 asks half as many pixels as 3 does.
+/// How many times as bright as its darkest the brightest sample around a pixel is where colours are
+/// steadied. Measured on rendered kitchens: 2 to 12 are alike beside lamps; noise and plain
+/// textures stay as they are from 3 on, and 6 asks half as many pixels as 3 does.
 const STEEP: f32 = 6.0;
 /// Pixels to each side that count for that, and that are asked for their colour.
 const REACH: usize = 2;
@@ -51,7 +54,8 @@ impl Strip<'_> {
         }
     }
 
-    /// Fourth roots of the least and the largest sample, floor added, around each pixel of a row of the strip.
+    /// Fourth roots of the least and the largest sample, floor added, around each pixel of a row of
+    /// the strip.
     fn range(&self, row: usize, width: usize) -> [Vec<f32>; 2] {
         let rows = self.samples.len() / width;
         let (mut low, mut high) = (vec![f32::INFINITY; width], vec![0.0_f32; width]);
@@ -111,8 +115,9 @@ fn widened(values: &[f32], extreme: impl Fn(f32, f32) -> f32) -> Vec<f32> {
     out
 }
 
-/// The middle of the first and of the second numbers. The least and the largest of just over half of them cannot be it; they leave, the
-/// next one comes in, until the middle is left. Without branches, which would go either way.
+/// The middle of the first and of the second numbers. The least and the largest of just over half
+/// of them cannot be it; they leave, the next one comes in, until the middle is left. Without
+/// branches, which would go either way.
 fn medians(mut values: [[f32; 2]; NUM_ASKED]) -> [f32; 2] {
     const LAST: usize = NUM_ASKED / 2 + 1;
     let order = |values: &mut [[f32; 2]; NUM_ASKED], low: usize, high: usize| {

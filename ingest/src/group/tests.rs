@@ -1,6 +1,7 @@
 use super::*;
 
-/// Shots with a counter for a name and a time of their own; letters are exposures, `|` is a pause of a minute.
+/// Shots with a counter for a name and a time of their own; letters are exposures, `|` is a pause
+/// of a minute.
 fn keys(sequence: &str) -> Vec<Key> {
     let (mut keys, mut time_s) = (Vec::new(), 0.0);
     for letter in sequence.chars() {

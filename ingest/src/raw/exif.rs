@@ -14,7 +14,8 @@ pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
     let read = reader
         .read_from_container(&mut Cursor::new(bytes))
         .or_else(|error| error.distill_partial_result(|_| ()));
-    // A file without EXIF has none to tell; whether that is too little is decided where it is needed.
+    // A file without EXIF has none to tell; whether that is too little is decided where it is
+    // needed.
     let Ok(found) = read else { return };
     let text = |tag| text(&found, tag).unwrap_or_default();
     if metadata.make.is_empty() {

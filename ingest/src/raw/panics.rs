@@ -1,4 +1,5 @@
-//! Decoders that panic on damaged files, as both of them may: an error here, and nothing on the terminal.
+//! Decoders that panic on damaged files, as both of them may: an error here, and nothing on the
+//! terminal.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -10,8 +11,8 @@ thread_local! {
 
 /// Runs a decoder; `None` if it panicked.
 ///
-/// The decoders catch most panics themselves, but only after the hook has printed them; so the hook keeps quiet on a thread
-/// that decodes.
+/// The decoders catch most panics themselves, but only after the hook has printed them; so the hook
+/// keeps quiet on a thread that decodes.
 pub(super) fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

@@ -79,7 +79,8 @@ impl Window {
         (side(self.width), side(self.height))
     }
 
-    /// Cuts the window out of rows of `stride` pixels with `per_pixel` samples each; `None` if it is not inside.
+    /// Cuts the window out of rows of `stride` pixels with `per_pixel` samples each; `None` if it
+    /// is not inside.
     pub(super) fn cut<T: Copy>(
         self,
         samples: Vec<T>,

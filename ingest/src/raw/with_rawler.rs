@@ -147,7 +147,8 @@ fn sensor(path: &Path, image: RawImage, metadata: Metadata) -> Result<Sensor> {
     })
 }
 
-/// Black levels from the top left of the window; those of the file begin where the active area does.
+/// Black levels from the top left of the window; those of the file begin where the active area
+/// does.
 fn black(image: &RawImage, window: Window, per_pixel: usize) -> Black {
     let found = &image.blacklevel;
     let origin = image

@@ -1,4 +1,5 @@
-//! A flight through cameras: a centripetal Catmull-Rom spline of positions and its like for rotations.
+//! A flight through cameras: a centripetal Catmull-Rom spline of positions and its like for
+//! rotations.
 
 use super::rotation::{self, RotationSegment};
 use super::spline::{self, Lengths, Segment};
@@ -20,7 +21,8 @@ pub enum Pace {
     Views,
 }
 
-/// A smooth curve of cameras: position, rotation and their velocities are continuous; the views are met exactly.
+/// A smooth curve of cameras: position, rotation and their velocities are continuous; the views are
+/// met exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fly {
     /// Of the views; a closed flight has the first one at the end as well.
@@ -37,7 +39,8 @@ impl Fly {
     /// A flight through `keys`, all of one size.
     ///
     /// # Errors
-    /// In words: fewer than two views, or views at the same place where the speed is to be constant.
+    /// In words: fewer than two views, or views at the same place where the speed is to be
+    /// constant.
     pub(super) fn new(keys: &[Camera], closed: bool, pace: Pace) -> Result<Self, String> {
         if keys.len() < 2 {
             return Err(format!(
@@ -120,8 +123,8 @@ impl Fly {
     }
 }
 
-/// Intrinsics from one camera's to another's of the same size. They ease and never overshoot, as a spline might down to a focal
-/// length of 0.
+/// Intrinsics from one camera's to another's of the same size. They ease and never overshoot, as a
+/// spline might down to a focal length of 0.
 fn between(a: &Camera, b: &Camera, s: f64) -> Camera {
     let weight = s * s * (3.0 - 2.0 * s);
     let mix = |a: f64, b: f64| a + weight * (b - a);

@@ -1,7 +1,8 @@
 //! The `camera_path.json` that nerfstudio's viewer exports: a camera for every frame.
 //!
-//! Its poses have to be in the world of the scene. Nerfstudio moves and scales the world of a dataset unless it is told not to
-//! (`--orientation-method none --center-method none --auto-scale-poses False`).
+//! Its poses have to be in the world of the scene. Nerfstudio moves and scales the world of a
+//! dataset unless it is told not to (`--orientation-method none --center-method none
+//! --auto-scale-poses False`).
 
 use super::{CameraPath, DEFAULT_FPS, NUM_FRAMES, PathOverrides, Route};
 use crate::camera::Camera;
@@ -57,7 +58,8 @@ fn camera(frame: &Object<'_>, size: (u32, u32)) -> Result<Camera> {
         return Err(frame.invalid("fov", problem));
     }
     let (width, height) = (f64::from(size.0), f64::from(size.1));
-    // Pixels are square: `aspect` says no more than the size does. Any focal length will do before the angle is set.
+    // Pixels are square: `aspect` says no more than the size does. Any focal length will do before
+    // the angle is set.
     let camera = Camera {
         width: size.0,
         height: size.1,

@@ -2,7 +2,8 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// The rotation vector (axis times angle in radians, at most pi) of a unit quaternion: the shorter way round.
+/// The rotation vector (axis times angle in radians, at most pi) of a unit quaternion: the shorter
+/// way round.
 pub(super) fn log(rotation: DQuat) -> DVec3 {
     let rotation = if rotation.w < 0.0 {
         -rotation
@@ -22,8 +23,8 @@ pub(super) fn from_matrix(matrix: &DMat3) -> DQuat {
     DQuat::from_mat3(matrix).normalize()
 }
 
-/// A cubic segment of rotations: the cumulative Bézier curve of Kim, Kim and Shin 1995, which has the same ends and the same
-/// angular velocities at its ends as a Hermite segment of points.
+/// A cubic segment of rotations: the cumulative Bézier curve of Kim, Kim and Shin 1995, which has
+/// the same ends and the same angular velocities at its ends as a Hermite segment of points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RotationSegment {
     start: DQuat,
@@ -32,8 +33,8 @@ pub(super) struct RotationSegment {
 }
 
 impl RotationSegment {
-    /// A segment between two rotations; `tangents` are the rotation vectors for the whole segment, if the angular velocity of each
-    /// end lasted, in the frame of that end.
+    /// A segment between two rotations; `tangents` are the rotation vectors for the whole segment,
+    /// if the angular velocity of each end lasted, in the frame of that end.
     pub(super) fn new(ends: [DQuat; 2], tangents: [DVec3; 2]) -> Self {
         let [first, last] = tangents.map(|tangent| tangent / 3.0);
         let inner = [

@@ -1,11 +1,14 @@
-//! Cubic curves through points at given parameters, with one tangent rule for positions and for rotations.
+//! Cubic curves through points at given parameters, with one tangent rule for positions and for
+//! rotations.
 
 use glam::DVec3;
 
-/// Exponent of the distance between neighbours that makes a parameter interval: 1/2 is the centripetal parametrisation of Yuksel
-/// et al. 2011, which has neither cusps nor loops within a segment.
+/// Exponent of the distance between neighbours that makes a parameter interval: 1/2 is the
+/// centripetal parametrisation of Yuksel et al. 2011, which has neither cusps nor loops within a
+/// segment.
 const CENTRIPETAL: f64 = 0.5;
-/// Shortest distance that counts, relative to the longest: neighbours at one place still are a parameter apart.
+/// Shortest distance that counts, relative to the longest: neighbours at one place still are a
+/// parameter apart.
 const MIN_DISTANCE: f64 = 1e-6;
 
 /// Parameter intervals of the segments between neighbours that are so far from each other.
@@ -20,9 +23,10 @@ pub(super) fn centripetal_intervals(distances: &[f64]) -> Vec<f64> {
     intervals.collect()
 }
 
-/// Velocities at the points of a curve, given the steps from each point to the next and the parameters they take: those of
-/// Catmull-Rom for uneven parameters (the slope of the parabola through a point and its neighbours). An open curve, which has a
-/// point more than it has segments, leaves its ends straight on.
+/// Velocities at the points of a curve, given the steps from each point to the next and the
+/// parameters they take: those of Catmull-Rom for uneven parameters (the slope of the parabola
+/// through a point and its neighbours). An open curve, which has a point more than it has segments,
+/// leaves its ends straight on.
 pub(super) fn velocities(steps: &[DVec3], intervals: &[f64], closed: bool) -> Vec<DVec3> {
     let num = steps.len();
     let slope = |i: usize| steps[i] / intervals[i];
@@ -83,7 +87,8 @@ impl Lengths {
         Self { up_to }
     }
 
-    /// The place at a share of the whole length: segments that are done, plus the parameter in the next one.
+    /// The place at a share of the whole length: segments that are done, plus the parameter in the
+    /// next one.
     pub(super) fn place_at(&self, share: f64) -> f64 {
         let num_chords = self.up_to.len() - 1;
         let wanted = share * self.up_to[num_chords];
@@ -99,8 +104,8 @@ impl Lengths {
     }
 }
 
-/// Parameter as a function of time where every segment takes a time of 1: monotone and with a continuous slope (Fritsch and
-/// Butland 1984). Returns the place as [`Lengths::place_at`] does.
+/// Parameter as a function of time where every segment takes a time of 1: monotone and with a
+/// continuous slope (Fritsch and Butland 1984). Returns the place as [`Lengths::place_at`] does.
 pub(super) fn place_at_even_times(intervals: &[f64], closed: bool, time: f64) -> f64 {
     let num = intervals.len();
     let index = (time.floor().max(0.0) as usize).min(num - 1);

@@ -141,7 +141,8 @@ fn an_even_pace_is_even_and_both_paces_are_smooth() {
                 let ratio = pair[0].length() / mean;
                 assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
             }
-            // No step differs from the last by more than a curve of this tightness makes it; a kink would by a good part of 1.
+            // No step differs from the last by more than a curve of this tightness makes it; a kink
+            // would by a good part of 1.
             assert!(pair[0].distance(pair[1]) < 0.1 * mean, "{pace:?} {closed}");
             assert!(
                 (turn[0] - turn[1]).abs() < 0.1 * mean_turn,
@@ -158,7 +159,8 @@ fn an_even_pace_is_even_and_both_paces_are_smooth() {
 #[test]
 fn rotations_are_unit_and_take_the_shorter_way() {
     let ends = [DQuat::from_rotation_z(3.0), DQuat::from_rotation_z(-3.0)];
-    // From 172 to −172 degrees: 16 degrees over the back, not 344 over the front; whatever the sign of the quaternion.
+    // From 172 to −172 degrees: 16 degrees over the back, not 344 over the front; whatever the sign
+    // of the quaternion.
     let short = std::f64::consts::TAU - 6.0;
     for end in [ends[1], -ends[1]] {
         let across = step(ends[0], end);
@@ -303,7 +305,8 @@ fn a_turntable_finds_what_the_cameras_look_at() {
         assert!((table.height - 0.5).abs() < 1e-9);
         table.radius
     };
-    // At the corners of a square of half-diagonal 2, one of them further out: the circle within has radius √2.
+    // At the corners of a square of half-diagonal 2, one of them further out: the circle within has
+    // radius √2.
     let square = [(0.0, 2.0), (90.0, 2.0), (180.0, 2.0), (270.0, 3.0)];
     let radius = found(&square.map(|(angle, radius)| stand(angle, radius)));
     assert!((radius - 2.0_f64.sqrt()).abs() < 1e-3, "{radius}");

@@ -5,10 +5,11 @@ use crate::dataset::UpAxis;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use serde::Serialize;
 
-/// Least mean square sine of the angle between the optical axes and their common direction: within 2 degrees of each other
-/// they meet anywhere.
+/// Least mean square sine of the angle between the optical axes and their common direction: within
+/// 2 degrees of each other they meet anywhere.
 const MIN_AGREEMENT: f64 = 1e-3;
-/// Sine of the smallest angle between the line of sight and the axis: the camera would not know which way is up.
+/// Sine of the smallest angle between the line of sight and the axis: the camera would not know
+/// which way is up.
 const MIN_SINE: f64 = 1e-3;
 const FULL_TURN: f64 = 360.0;
 
@@ -49,7 +50,8 @@ impl TurntableKeys {
     /// The orbit, for cameras of which there is at least one.
     ///
     /// # Errors
-    /// In words: no centre is given and the cameras look at no common point, or the camera would look along the axis.
+    /// In words: no centre is given and the cameras look at no common point, or the camera would
+    /// look along the axis.
     pub(super) fn resolve(self, cameras: &[Camera], up: UpAxis) -> Result<Turntable, String> {
         let up = self.up.unwrap_or(up);
         let axis = up.vector().as_dvec3();
@@ -86,7 +88,8 @@ impl TurntableKeys {
             start: self.start.unwrap_or(0.0),
             degrees: self.degrees.unwrap_or(FULL_TURN),
         };
-        // On the way around, the line of sight is closest to the axis where the point looked at is closest.
+        // On the way around, the line of sight is closest to the axis where the point looked at is
+        // closest.
         let target = table.look_at - centre;
         let radius = table.radius;
         let gap = (radius - target.reject_from_normalized(axis).length()).abs();
@@ -125,8 +128,9 @@ impl Turntable {
     }
 }
 
-/// Radius of the largest circle about the centre that stays among the cameras, seen from above: within their convex hull, where a
-/// room has no walls. `None` if the centre is not among them. `level` are their offsets from the axis.
+/// Radius of the largest circle about the centre that stays among the cameras, seen from above:
+/// within their convex hull, where a room has no walls. `None` if the centre is not among them.
+/// `level` are their offsets from the axis.
 fn radius_among(level: &[DVec3], axis: DVec3, zero: DVec3) -> Option<f64> {
     const NUM_DIRECTIONS: u32 = 360;
     let directions = (0..NUM_DIRECTIONS).map(|i| {
@@ -142,7 +146,8 @@ fn radius_among(level: &[DVec3], axis: DVec3, zero: DVec3) -> Option<f64> {
     (radius > 0.0).then_some(radius)
 }
 
-/// The point nearest to the optical axes of all cameras, in the sense of least squares; `None` if they are parallel.
+/// The point nearest to the optical axes of all cameras, in the sense of least squares; `None` if
+/// they are parallel.
 fn meeting_point(cameras: &[Camera]) -> Option<DVec3> {
     let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
@@ -154,7 +159,8 @@ fn meeting_point(cameras: &[Camera]) -> Option<DVec3> {
         matrix += across;
         right += across * pose.translation;
     }
-    // Of eigenvalues of at most 1, the product is at most the least, which is the mean square sine of the nearly parallel.
+    // Of eigenvalues of at most 1, the product is at most the least, which is the mean square sine
+    // of the nearly parallel.
     let mean = matrix * (1.0 / cameras.len() as f64);
     (mean.determinant() > MIN_AGREEMENT).then(|| matrix.inverse() * right)
 }

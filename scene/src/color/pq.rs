@@ -1,4 +1,5 @@
-//! The PQ curve (SMPTE ST 2084), where linear 1.0 is 100 nit: exact, and as cubic pieces for those who encode a picture at every step.
+//! The PQ curve (SMPTE ST 2084), where linear 1.0 is 100 nit: exact, and as cubic pieces for those
+//! who encode a picture at every step.
 
 use std::sync::LazyLock;
 
@@ -14,7 +15,8 @@ const PQ_C1: f64 = 107.0 / 128.0;
 const PQ_C2: f64 = 2413.0 / 128.0;
 const PQ_C3: f64 = 2392.0 / 128.0;
 
-/// The constants of the curve by their names, for kernels: scale of linear light, floor, and those of SMPTE ST 2084.
+/// The constants of the curve by their names, for kernels: scale of linear light, floor, and those
+/// of SMPTE ST 2084.
 pub const PQ_CONSTANTS: [(&str, f64); 7] = [
     ("PQ_SCALE", PQ_NITS_OF_ONE / PQ_PEAK_NITS),
     ("PQ_FLOOR", PQ_FLOOR),
@@ -30,8 +32,8 @@ pub fn pq_from_linear(linear: f32) -> f32 {
     pq_and_slope(f64::from(linear)).0 as f32
 }
 
-/// PQ encoding and its derivative with respect to the linear value, within a few units in the last place of single precision; the derivative is
-/// 0 where the floor clamps.
+/// PQ encoding and its derivative with respect to the linear value, within a few units in the last
+/// place of single precision; the derivative is 0 where the floor clamps.
 pub fn pq_from_linear_with_slope(linear: f32) -> (f32, f32) {
     if linear >= Pieces::END {
         let (value, slope) = pq_and_slope(f64::from(linear));
@@ -66,8 +68,9 @@ fn curve(linear: f64) -> (f64, f64) {
 
 static PIECES: LazyLock<Pieces> = LazyLock::new(Pieces::new);
 
-/// The curve from its floor up to [`Pieces::END`] in cubic Hermite pieces, [`Pieces::PER_OCTAVE`] to every doubling of the light. A piece is a
-/// 64th of its place on the axis: `h⁴ f⁗ / 384` is below 1e-9, far under a rounding.
+/// The curve from its floor up to [`Pieces::END`] in cubic Hermite pieces, [`Pieces::PER_OCTAVE`]
+/// to every doubling of the light. A piece is a 64th of its place on the axis: `h⁴ f⁗ / 384` is
+/// below 1e-9, far under a rounding.
 struct Pieces {
     /// Coefficients by powers of the place within the piece, 0 to 1.
     coefficients: Vec<[f32; 4]>,
@@ -157,7 +160,8 @@ mod tests {
         assert_eq!(pq_from_linear_with_slope(0.0).1, 0.0);
     }
 
-    /// Values are rounded once (2⁻²⁵ of at most 1.2) and summed from four terms; slopes differ by `h³ f⁗ / 125`, 3e-7 of themselves, besides.
+    /// Values are rounded once (2⁻²⁵ of at most 1.2) and summed from four terms; slopes differ by
+    /// `h³ f⁗ / 125`, 3e-7 of themselves, besides.
     #[test]
     fn pieces_follow_the_curve() {
         for i in 0..200_000 {

@@ -7,9 +7,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Loads views when they are asked for and keeps the most recently used ones.
 ///
-/// Views handed out stay alive as long as their holder keeps them; the budget counts those the cache itself holds, of
-/// which there is always at least one. Nothing is locked while a view loads, so that a thread pool whose threads wait
-/// for each other cannot come to a stop; two threads that ask for the same absent view at once both load it.
+/// Views handed out stay alive as long as their holder keeps them; the budget counts those the
+/// cache itself holds, of which there is always at least one. Nothing is locked while a view loads,
+/// so that a thread pool whose threads wait for each other cannot come to a stop; two threads that
+/// ask for the same absent view at once both load it.
 #[derive(Debug)]
 pub struct ViewCache {
     dataset: Arc<Dataset>,

@@ -38,11 +38,12 @@ const PERSPECTIVE: [&str; 5] = [
 
 /// The camera of an image of `size` pixels: each key from the frame or from the top level.
 ///
-/// The focal length may also be an angle, `camera_angle_x`, across the image; a missing `fy` equals `fx`; a missing
-/// principal point is the centre.
+/// The focal length may also be an angle, `camera_angle_x`, across the image; a missing `fy` equals
+/// `fx`; a missing principal point is the centre.
 ///
 /// # Errors
-/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values, or distorted.
+/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values,
+/// or distorted.
 pub(super) fn camera(
     dialect: Dialect,
     top: &Object<'_>,
@@ -56,10 +57,12 @@ pub(super) fn camera(
     pinhole(dialect, top, frame, size, world_from_camera)
 }
 
-/// Focal lengths and principal point of whatever lens it is, with no regard to distortion; otherwise as datasets are opened.
+/// Focal lengths and principal point of whatever lens it is, with no regard to distortion;
+/// otherwise as datasets are opened.
 ///
 /// # Errors
-/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values, or a stated size that is not `size`.
+/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values,
+/// or a stated size that is not `size`.
 pub fn pinhole(
     dialect: Dialect,
     top: &Object<'_>,

@@ -2,8 +2,8 @@
 
 use std::path::{Component, Path};
 
-/// Whether `name` can name a frame. Names become paths of results: they must stay inside the folder they are put in,
-/// and on one line of a message.
+/// Whether `name` can name a frame. Names become paths of results: they must stay inside the folder
+/// they are put in, and on one line of a message.
 pub fn is_frame_name(name: &str) -> bool {
     let mut components = Path::new(name).components().peekable();
     components.peek().is_some()
@@ -11,9 +11,10 @@ pub fn is_frame_name(name: &str) -> bool {
         && !name.contains(|c: char| c == '\\' || c.is_control())
 }
 
-/// Takes the folder of the images off names that are paths, `images/10/a`: what is shared up to a folder `images` (`images_2`, …), or
-/// all folders that are shared where there is none of that name. What lies within the folder of the images is part of a name, shared or
-/// not: it is where other images of the frame are.
+/// Takes the folder of the images off names that are paths, `images/10/a`: what is shared up to a
+/// folder `images` (`images_2`, …), or all folders that are shared where there is none of that
+/// name. What lies within the folder of the images is part of a name, shared or not: it is where
+/// other images of the frame are.
 pub fn strip_image_folder(names: &mut [&mut String]) {
     let folder_of = |name: &str| name.rfind('/').map_or(0, |slash| slash + 1);
     let Some(first) = names.first().map(|name| (**name).clone()) else {

@@ -265,7 +265,8 @@ impl DatasetInfo {
     }
 }
 
-/// The lists of nerfstudio; without a test list the validation list takes its place. Names that are `left_out` are passed over.
+/// The lists of nerfstudio; without a test list the validation list takes its place. Names that are
+/// `left_out` are passed over.
 fn listed_split(top: &Object<'_>, names: &[&str], left_out: &HashSet<&str>) -> Result<ListedSplit> {
     let index_by_name: HashMap<&str, usize> = names
         .iter()

@@ -1,5 +1,5 @@
-//! Camera poses: OpenGL axes and row-major matrices on disk, OpenCV axes and [`DAffine3`] in memory. The one place that turns one into
-//! the other.
+//! Camera poses: OpenGL axes and row-major matrices on disk, OpenCV axes and [`DAffine3`] in
+//! memory. The one place that turns one into the other.
 
 use super::json::{Object, excerpt};
 use crate::error::Result;
@@ -7,14 +7,16 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde_json::{Value, json};
 
 const KEY: &str = "transform_matrix";
-/// How far the columns of a rotation may be from orthonormal: files hold single precision or a few decimals.
+/// How far the columns of a rotation may be from orthonormal: files hold single precision or a few
+/// decimals.
 const MAX_ROTATION_ERROR: f64 = 1e-3;
 /// How far the last row may be from 0 0 0 1.
 const MAX_LAST_ROW_ERROR: f64 = 1e-6;
 /// Below this determinant, relative to the lengths of the columns, the columns lie in a plane.
 const MIN_DETERMINANT: f64 = 1e-6;
 
-/// Reads `transform_matrix`, camera-to-world with OpenGL axes (x right, y up, looking along −z), 4×4 or 3×4.
+/// Reads `transform_matrix`, camera-to-world with OpenGL axes (x right, y up, looking along −z),
+/// 4×4 or 3×4.
 ///
 /// A rotation that is off by rounding is kept as it is.
 ///
@@ -107,7 +109,8 @@ pub fn check_rotation(m: DMat3) -> std::result::Result<(), String> {
     let gram = m.transpose() * m - DMat3::IDENTITY;
     let errors = gram.to_cols_array().map(f64::abs);
     let error = errors.into_iter().fold(0.0, f64::max);
-    // Entries so large that their squares overflow give infinities and NaN, of which the maximum takes no notice.
+    // Entries so large that their squares overflow give infinities and NaN, of which the maximum
+    // takes no notice.
     if !gram.is_finite() || error > MAX_ROTATION_ERROR {
         let [x, y, z] = lengths.to_array();
         return Err(format!(

@@ -21,14 +21,16 @@ pub enum SplitRule {
     Listed,
     /// All frames train and test: nothing is held out.
     All,
-    /// As the released code of EAG-PT divides them, for comparison with its tables. Some of its test views are trained
-    /// on; [`Split::warnings`] says how many.
+    /// As the released code of EAG-PT divides them, for comparison with its tables. Some of its
+    /// test views are trained on; [`Split::warnings`] says how many.
     ///
-    /// - Names with "/" (Eyeful Tower, `camera/image`): all but cameras 10, 11 and 12 train; one camera tests and is
-    ///   trained on as well. The released code takes camera 23 if the path contains "kitchen" and else 26; paths get
-    ///   renamed, so here it is camera 26 if there is one and else 23.
-    /// - As there, a root path with "furnishedroom" loses the frames whose names end in a number below 108, one with
-    ///   "emptyroom" those below 207 (last four digits). Nothing in the data tells these scenes, so the path has to.
+    /// - Names with "/" (Eyeful Tower, `camera/image`): all but cameras 10, 11 and 12 train; one
+    ///   camera tests and is trained on as well. The released code takes camera 23 if the path
+    ///   contains "kitchen" and else 26; paths get renamed, so here it is camera 26 if there is one
+    ///   and else 23.
+    /// - As there, a root path with "furnishedroom" loses the frames whose names end in a number
+    ///   below 108, one with "emptyroom" those below 207 (last four digits). Nothing in the data
+    ///   tells these scenes, so the path has to.
     /// - A root path with "SelfCaptured": all frames train and test.
     /// - Otherwise as [`Self::Every8th`].
     Paper,

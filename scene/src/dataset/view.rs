@@ -8,7 +8,8 @@ use crate::image::Image;
 use glam::Vec3;
 use std::path::Path;
 
-/// How far masks may leave 0 to 1 and be clamped: half precision and resampling overshoot this much.
+/// How far masks may leave 0 to 1 and be clamped: half precision and resampling overshoot this
+/// much.
 const MASK_TOLERANCE: f32 = 1e-3;
 /// Normals shorter than this are taken as unknown.
 const MIN_NORMAL_LENGTH: f32 = 1e-3;
@@ -34,12 +35,13 @@ pub struct View {
     pub depth: Option<Image<1>>,
     /// Diffuse albedo, finite and not negative.
     pub albedo: Option<Image<3>>,
-    /// 1 where the images are known; 0 where no lens showed anything, and the other images are 0 whatever their files hold. `None` where
-    /// all pixels are known.
+    /// 1 where the images are known; 0 where no lens showed anything, and the other images are 0
+    /// whatever their files hold. `None` where all pixels are known.
     pub valid: Option<Image<1>>,
 }
 
-/// Whether a value of a mask of known pixels says so: a pixel that is known in part shows something that is not there.
+/// Whether a value of a mask of known pixels says so: a pixel that is known in part shows something
+/// that is not there.
 pub fn is_known(value: f32) -> bool {
     value >= 1.0 - MASK_TOLERANCE
 }
@@ -60,7 +62,8 @@ impl View {
                 .sum::<usize>()
     }
 
-    /// Sets all images to 0 where they are not known, so that nothing depends on what the files hold there.
+    /// Sets all images to 0 where they are not known, so that nothing depends on what the files
+    /// hold there.
     fn clear_unknown(&mut self) {
         fn clear<const C: usize>(image: &mut Image<C>, valid: &Image<1>) {
             for (pixel, [known]) in image.pixels_mut().iter_mut().zip(valid.pixels()) {

@@ -24,11 +24,13 @@ pub struct DatasetInfo {
     pub train_names: Option<Vec<String>>,
     /// Names of the frames to test on, if the dataset prescribes them.
     pub test_names: Option<Vec<String>>,
-    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to that of the dataset, if it came from one.
+    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to that of the
+    /// dataset, if it came from one.
     pub aligned_from_model: Option<[[f64; 4]; 4]>,
 }
 
-/// Writes a dataset view by view. `transforms.json` comes last, so that a folder without one is an unfinished dataset.
+/// Writes a dataset view by view. `transforms.json` comes last, so that a folder without one is an
+/// unfinished dataset.
 ///
 /// Files that are there are replaced; whether they may be is for the caller to ask.
 #[derive(Debug)]
@@ -62,7 +64,8 @@ impl DatasetWriter {
         Ok(())
     }
 
-    /// Writes the images of `view` without listing its camera: several threads may do so at once. [`Self::list`] has to follow.
+    /// Writes the images of `view` without listing its camera: several threads may do so at once.
+    /// [`Self::list`] has to follow.
     ///
     /// # Errors
     /// As [`Self::write_view`].
@@ -133,8 +136,8 @@ impl DatasetWriter {
 /// Intrinsics that all cameras share stand at the top level, others in each frame.
 ///
 /// # Errors
-/// [`SceneError::Io`], or [`SceneError::Invalid`] for a name that is no relative path or comes twice, or a camera with a
-/// value that is not finite, which JSON cannot hold.
+/// [`SceneError::Io`], or [`SceneError::Invalid`] for a name that is no relative path or comes
+/// twice, or a camera with a value that is not finite, which JSON cannot hold.
 pub fn write_transforms(
     path: &Path,
     cameras: &[(String, Camera)],

@@ -4,7 +4,8 @@ use crate::error::{Result, SceneError};
 use ::exr::meta::header::Header;
 use std::path::Path;
 
-/// The chosen channels: their part of the file and, for each wanted channel, its index in that part.
+/// The chosen channels: their part of the file and, for each wanted channel, its index in that
+/// part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Selection<const C: usize> {
     pub(super) header: usize,
@@ -137,7 +138,8 @@ fn groups(headers: &[Header]) -> Vec<Group> {
     groups
 }
 
-/// The name of the layer and of the channel in it; the parts of a file with many parts are layers too.
+/// The name of the layer and of the channel in it; the parts of a file with many parts are layers
+/// too.
 fn layer_and_name(headers: &[Header], header: &Header, full: &str) -> (String, String) {
     let (layer, name) = full.rsplit_once('.').unwrap_or(("", full));
     let part = header.own_attributes.layer_name.as_ref();

@@ -19,19 +19,22 @@ use std::io::{BufReader, Cursor};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Most pixels an image may have: 16,384 squared, an order of magnitude above the largest photographs.
+/// Most pixels an image may have: 16,384 squared, an order of magnitude above the largest
+/// photographs.
 const MAX_PIXELS: u64 = 1 << 28;
-/// Most bytes of samples that one byte of file can stand for: deflate reaches 1,032, run lengths and PIZ less. DCT
-/// codecs have no such bound.
+/// Most bytes of samples that one byte of file can stand for: deflate reaches 1,032, run lengths
+/// and PIZ less. DCT codecs have no such bound.
 const MAX_COMPRESSION_RATIO: u64 = 1100;
-/// Compressed blocks decoded at a time: enough for all cores, few enough to keep the memory near that of the image.
+/// Compressed blocks decoded at a time: enough for all cores, few enough to keep the memory near
+/// that of the image.
 const BLOCKS_PER_BATCH: usize = 64;
 
 /// Reads a colour or vector image as it is stored: linear Rec.709 light, or the x, y, z of normals.
 ///
 /// # Errors
-/// [`SceneError`] naming the file: unreadable, truncated or corrupt, without three channels (those found are listed),
-/// deep, subsampled, or larger than 2^28 pixels. NaN and infinities are returned, not refused.
+/// [`SceneError`] naming the file: unreadable, truncated or corrupt, without three channels (those
+/// found are listed), deep, subsampled, or larger than 2^28 pixels. NaN and infinities are
+/// returned, not refused.
 pub fn read_rgb(path: &Path) -> Result<Image<3>> {
     read(path, select_rgb)
 }
@@ -68,7 +71,8 @@ fn read<const C: usize>(
     guarded(path, || decode(path, &bytes, select))
 }
 
-/// Runs the decoder so that an assertion of the EXR library on a corrupt file becomes an error like any other.
+/// Runs the decoder so that an assertion of the EXR library on a corrupt file becomes an error like
+/// any other.
 pub(super) fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| {
         Err(SceneError::invalid(
@@ -142,7 +146,8 @@ fn window_size(path: &Path, header: &Header) -> Result<(u32, u32)> {
     ))
 }
 
-/// What the decoder cannot do, and sizes that the bytes of the file cannot bear out, before anything is allocated.
+/// What the decoder cannot do, and sizes that the bytes of the file cannot bear out, before
+/// anything is allocated.
 fn check_header(path: &Path, header: &Header, num_file_bytes: u64) -> Result<()> {
     if header.deep {
         return Err(SceneError::unsupported(path, "type", "deep data"));

@@ -272,7 +272,8 @@ fn every_lossless_encoding_reads_the_same() {
 fn the_image_is_the_display_window() {
     let folder = Folder::new();
     let path = folder.path("a.exr");
-    // Data of 3x2 at (-1, 1) in a display of 4x4: the first column is outside, rows 0 and 3 are empty.
+    // Data of 3x2 at (-1, 1) in a display of 4x4: the first column is outside, rows 0 and 3 are
+    // empty.
     let mut layer = layer("", &["Y"]);
     layer.attributes.layer_position = Vec2(-1, 1);
     let mut image = ::exr::prelude::Image::from_layer(layer);
@@ -353,7 +354,8 @@ fn sizes_that_the_file_cannot_hold_are_refused_before_allocating() {
     let wanted = ["a.exr: displayWindow: 1000000x1000000 is larger than 2^28 pixels"];
     assert_error(read_rgb(&path), &wanted);
     assert_error(read_size(&path), &wanted);
-    // The number of blocks is optional in files like this one; with it the decoder finds the contradiction itself.
+    // The number of blocks is optional in files like this one; with it the decoder finds the
+    // contradiction itself.
     with_window(&bytes, b"dataWindow", 9_999);
     assert_error(read_rgb(&path), &["a.exr: content: ", "chunk count"]);
     let at = bytes.windows(10).position(|w| w == b"chunkCount").unwrap();

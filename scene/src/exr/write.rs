@@ -11,7 +11,8 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use std::path::Path;
 
-/// Images below this many pixels are compressed on the calling thread; starting threads would cost more.
+/// Images below this many pixels are compressed on the calling thread; starting threads would cost
+/// more.
 const MIN_PARALLEL_PIXELS: usize = 1 << 20;
 
 /// Sample type of a written file.
@@ -27,7 +28,8 @@ pub enum Precision {
     Float,
 }
 
-/// Writes channels `R`, `G`, `B`; atomic, lossless but for the rounding to half precision where asked for.
+/// Writes channels `R`, `G`, `B`; atomic, lossless but for the rounding to half precision where
+/// asked for.
 ///
 /// # Errors
 /// [`SceneError::Io`], or [`SceneError::Invalid`] if a finite value does not fit in half precision.

@@ -1,6 +1,8 @@
-//! Distortion in the plane of focal lengths: a radial factor, decentring and thin prisms; and its inverse.
+//! Distortion in the plane of focal lengths: a radial factor, decentring and thin prisms; and its
+//! inverse.
 //!
-//! The models of OpenCV (`calib3d`) and of Project Aria, of which the radial ones are special cases.
+//! The models of OpenCV (`calib3d`) and of Project Aria, of which the radial ones are special
+//! cases.
 
 use super::profile::Shape;
 use glam::{DMat2, DVec2};
@@ -37,9 +39,11 @@ struct Moved {
     jacobian: DMat2,
 }
 
-/// Steps of the search for the edge of the valid field. A fold between two steps would have to be narrower than 0.05°.
+/// Steps of the search for the edge of the valid field. A fold between two steps would have to be
+/// narrower than 0.05°.
 const NUM_ANGLES: u32 = 4096;
-/// Newton's method doubles the digits: from a radial start within a few per cent this is far more than it needs.
+/// Newton's method doubles the digits: from a radial start within a few per cent this is far more
+/// than it needs.
 const MAX_ITERATIONS: u32 = 40;
 /// Accepted error of an inverse, focal lengths; a hundredth of the 1e-10 that is promised.
 const INVERSE_TOLERANCE: f64 = 1e-12;
@@ -64,8 +68,8 @@ impl Distortion {
         self.tangential == DVec2::ZERO && self.prism == [DVec2::ZERO; 2]
     }
 
-    /// The same with its valid field found: the smallest radius at which the distorted radius stops growing, or where the
-    /// profile ends.
+    /// The same with its valid field found: the smallest radius at which the distorted radius stops
+    /// growing, or where the profile ends.
     pub(super) fn with_field(mut self, shape: &Shape) -> Self {
         if self.is_none() {
             return self;

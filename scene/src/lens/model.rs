@@ -7,7 +7,8 @@ use std::str::FromStr;
 /// Most parameters that a model has.
 pub(super) const MAX_PARAMS: usize = 16;
 
-/// A camera model of COLMAP (`sensor/models.h`, up to version 4.1). The value of a variant is its id in binary models.
+/// A camera model of COLMAP (`sensor/models.h`, up to version 4.1). The value of a variant is its
+/// id in binary models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum LensModel {
@@ -165,7 +166,8 @@ mod tests {
             assert_eq!(LensModel::from_id(id as i32), Some(model));
             assert_eq!(model.name().parse(), Ok(model));
             assert!(model.param_names().len() <= MAX_PARAMS);
-            // A model of two focal lengths has a place for every parameter of the model it stands in for.
+            // A model of two focal lengths has a place for every parameter of the model it stands
+            // in for.
             let wide = model.with_two_focals();
             assert_eq!(wide.with_two_focals(), wide);
             for name in model.param_names().iter().filter(|&&name| name != "f") {

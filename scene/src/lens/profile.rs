@@ -1,7 +1,9 @@
-//! How the angle off the optical axis becomes a distance in the image plane, before distortion: the closed-form part of a lens.
+//! How the angle off the optical axis becomes a distance in the image plane, before distortion: the
+//! closed-form part of a lens.
 //!
-//! Points of the plane are in focal lengths. All profiles agree with the pinhole near the axis, but for [`Profile::Fov`], whose scale
-//! there is 2 tan(ω/2) / ω, and [`Profile::Equirectangular`], which is no function of the angle.
+//! Points of the plane are in focal lengths. All profiles agree with the pinhole near the axis, but
+//! for [`Profile::Fov`], whose scale there is 2 tan(ω/2) / ω, and [`Profile::Equirectangular`],
+//! which is no function of the angle.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -11,14 +13,16 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub(super) enum Profile {
     /// ρ / z
     Perspective,
-    /// θ = atan2(ρ, z); Kannala and Brandt, "A Generic Camera Model and Calibration Method" (PAMI 2006)
+    /// θ = atan2(ρ, z); Kannala and Brandt, "A Generic Camera Model and Calibration Method" (PAMI
+    /// 2006)
     Equidistant,
     /// atan(2 tan(ω/2) ρ/z) / ω; Devernay and Faugeras, "Straight Lines Have to Be Straight" (2001)
     Fov,
-    /// The r with r / (1 + k r²) = ρ/z; Fitzgibbon, "Simultaneous Linear Estimation of Multiple View Geometry and Lens Distortion"
-    /// (CVPR 2001)
+    /// The r with r / (1 + k r²) = ρ/z; Fitzgibbon, "Simultaneous Linear Estimation of Multiple
+    /// View Geometry and Lens Distortion" (CVPR 2001)
     Division,
-    /// ρ / (α √(β ρ² + z²) + (1 − α) z); Khomutenko, Garcia and Martinet, "An Enhanced Unified Camera Model" (2016)
+    /// ρ / (α √(β ρ² + z²) + (1 − α) z); Khomutenko, Garcia and Martinet, "An Enhanced Unified
+    /// Camera Model" (2016)
     Eucm,
     /// Longitude and latitude, radians
     Equirectangular,
@@ -99,7 +103,8 @@ impl Shape {
         Some(point.truncate() * scale).filter(|plane| plane.is_finite())
     }
 
-    /// The direction, of unit length, that the plane's point shows; `None` outside of the profile's image.
+    /// The direction, of unit length, that the plane's point shows; `None` outside of the profile's
+    /// image.
     pub(super) fn ray_from_plane(&self, plane: DVec2) -> Option<DVec3> {
         let r = plane.length();
         let [a, b] = self.params;

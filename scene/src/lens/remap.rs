@@ -1,16 +1,19 @@
 //! Resampling an image through a map of positions.
 //!
-//! Catmull-Rom where pixels keep their size or grow, means of such samples where they shrink. A bicubic filter rings around a lamp that
-//! is a thousand times brighter than the wall behind it; each sample is therefore kept between the least and the greatest of the four
-//! pixels around it. Light does not become negative, and masks stay within 0 and 1.
+//! Catmull-Rom where pixels keep their size or grow, means of such samples where they shrink. A
+//! bicubic filter rings around a lamp that is a thousand times brighter than the wall behind it;
+//! each sample is therefore kept between the least and the greatest of the four pixels around it.
+//! Light does not become negative, and masks stay within 0 and 1.
 
 use crate::image::Image;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Samples along an axis of a pixel that covers more of the source than this many pixels are no closer together.
+/// Samples along an axis of a pixel that covers more of the source than this many pixels are no
+/// closer together.
 const MAX_SAMPLES: u32 = 8;
-/// How many source pixels a target pixel may cover, along an axis, before more than one sample is taken: the filter is soft enough.
+/// How many source pixels a target pixel may cover, along an axis, before more than one sample is
+/// taken: the filter is soft enough.
 const MAX_SHRINK: f64 = 1.25;
 
 /// A resampled image and where it is known.
@@ -29,9 +32,11 @@ impl<const C: usize> Remapped<C> {
     }
 }
 
-/// An image of `size` pixels (width, height) whose position p shows what `source` has at `source_from_target(p)`.
+/// An image of `size` pixels (width, height) whose position p shows what `source` has at
+/// `source_from_target(p)`.
 ///
-/// Positions are continuous with pixel centres at +0.5. A position that has no source, or one outside of it, is unknown.
+/// Positions are continuous with pixel centres at +0.5. A position that has no source, or one
+/// outside of it, is unknown.
 pub fn remap<const C: usize>(
     source: &Image<C>,
     size: (u32, u32),
@@ -107,7 +112,8 @@ fn is_inside<const C: usize>(source: &Image<C>, at: DVec2) -> bool {
     at.x >= 0.0 && at.y >= 0.0 && at.x <= f64::from(width) && at.y <= f64::from(height)
 }
 
-/// Catmull-Rom at a position inside of the image, kept between the four pixels around it. Beyond the edge its pixels go on.
+/// Catmull-Rom at a position inside of the image, kept between the four pixels around it. Beyond
+/// the edge its pixels go on.
 fn sample<const C: usize>(source: &Image<C>, at: DVec2) -> [f32; C] {
     let (width, height) = source.size();
     let (x, tx) = split(at.x, width);
@@ -135,7 +141,8 @@ fn sample<const C: usize>(source: &Image<C>, at: DVec2) -> [f32; C] {
     sum
 }
 
-/// The four pixels around a position along an axis of `size` pixels, and how far it is from the second to the third.
+/// The four pixels around a position along an axis of `size` pixels, and how far it is from the
+/// second to the third.
 fn split(position: f64, size: u32) -> ([u32; 4], f32) {
     let from_centre = position - 0.5;
     let first = from_centre.floor();

@@ -60,7 +60,8 @@ fn every_model_agrees_with_colmap() {
             }
         }
         assert_eq!(num_points, 1000, "{model}");
-        // FOV of omega = 1e-5: COLMAP has a series there, 1e-10 off at the edge. All others agree to 1e-12 of 640 pixels.
+        // FOV of omega = 1e-5: COLMAP has a series there, 1e-10 off at the edge. All others agree
+        // to 1e-12 of 640 pixels.
         let (max_pixel, max_ray) = if model == LensModel::Fov {
             (1e-7, 1e-9)
         } else {
@@ -97,7 +98,8 @@ fn unproject_inverts_project_in_the_valid_field() {
             }
             let ray = lens.unproject(pixel);
             let error = ray.map_or(f64::INFINITY, |ray| (ray - direction).length());
-            // 1e-8 is promised. It is met with less, but not where the field ends and the projection hardly moves.
+            // 1e-8 is promised. It is met with less, but not where the field ends and the
+            // projection hardly moves.
             assert!(
                 error < 1e-8,
                 "{:?} {direction} {pixel}: {ray:?}",
@@ -230,7 +232,8 @@ fn picture(lens_size: (u32, u32), ray: impl Fn(DVec2) -> Option<DVec3>) -> Image
     Image::from_pixels(lens_size.0, lens_size.1, pixels).unwrap()
 }
 
-/// Whether the pixels around the image of a direction show something too: beyond the valid field the picture is 0.
+/// Whether the pixels around the image of a direction show something too: beyond the valid field
+/// the picture is 0.
 fn is_well_inside(lens: &Lens, direction: DVec3) -> bool {
     let at = lens.project(direction).unwrap();
     let corners = [(-3.0, -3.0), (3.0, -3.0), (-3.0, 3.0), (3.0, 3.0)];
@@ -271,8 +274,8 @@ fn undistorted_images_show_what_a_pinhole_sees() {
                     worst = worst.max((got.image.values()[at] - wanted.values()[at]).abs());
                 }
             }
-            // Focal lengths are from 30 pixels: a slope of 4.5/30 a pixel, half a pixel of which is missing at the edge, where
-            // pixels are repeated. Inside Catmull-Rom is far better.
+            // Focal lengths are from 30 pixels: a slope of 4.5/30 a pixel, half a pixel of which is
+            // missing at the edge, where pixels are repeated. Inside Catmull-Rom is far better.
             assert!(
                 worst < 0.08,
                 "{model} {field:?} {:?}: {worst}",
@@ -354,7 +357,8 @@ fn a_camera_that_is_given_is_taken() {
     });
     let worst = got.image.values().iter().zip(wanted.values());
     let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    // A pixel is 2.1 of the lens's; a wave of 4.5 a radian, averaged over 1/140 of it: (4.5/140)²/24 and what Catmull-Rom adds.
+    // A pixel is 2.1 of the lens's; a wave of 4.5 a radian, averaged over 1/140 of it:
+    // (4.5/140)²/24 and what Catmull-Rom adds.
     assert!(worst < 0.002, "{worst}");
 }
 

@@ -13,9 +13,11 @@ pub enum Field {
     /// A rectangle in which every pixel is known.
     #[default]
     Inside,
-    /// Everything the lens shows, up to the largest angle of view; pixels it does not show are unknown.
+    /// Everything the lens shows, up to the largest angle of view; pixels it does not show are
+    /// unknown.
     All,
-    /// As many pixels as the lens's image has, with its principal point; pixels it does not show are unknown.
+    /// As many pixels as the lens's image has, with its principal point; pixels it does not show
+    /// are unknown.
     Same,
 }
 
@@ -72,8 +74,8 @@ pub struct UndistortOptions {
     pub pinhole: Option<Pinhole>,
     /// What the pinhole image shows.
     pub field: Field,
-    /// Largest angle of view, degrees across the image in either direction, above 0 and at most 170: fisheye lenses show more than a
-    /// plane can.
+    /// Largest angle of view, degrees across the image in either direction, above 0 and at most
+    /// 170: fisheye lenses show more than a plane can.
     pub max_fov_deg: f64,
 }
 
@@ -116,15 +118,18 @@ pub struct Undistortion {
     pinhole: Camera,
 }
 
-/// Positions along an edge of the image that are looked at; finer than any lens bends within a pixel of its size.
+/// Positions along an edge of the image that are looked at; finer than any lens bends within a
+/// pixel of its size.
 const NUM_EDGE_POINTS: u32 = 512;
 
 impl Undistortion {
-    /// Chooses the pinhole camera: it looks along the lens's axis, with the lens's number of pixels a radian on the axis. A lens that
-    /// is a pinhole stays as it is; a camera that is given is taken.
+    /// Chooses the pinhole camera: it looks along the lens's axis, with the lens's number of pixels
+    /// a radian on the axis. A lens that is a pinhole stays as it is; a camera that is given is
+    /// taken.
     ///
     /// # Errors
-    /// If the options are out of range, or the lens shows nothing around its axis that a plane could show.
+    /// If the options are out of range, or the lens shows nothing around its axis that a plane
+    /// could show.
     pub fn new(lens: &Lens, options: &UndistortOptions) -> Result<Self, String> {
         options.validate()?;
         let done = |pinhole| Self {
@@ -193,7 +198,8 @@ impl Undistortion {
         }
     }
 
-    /// The same with a pinhole image of another size (width, height): the same picture with other pixels.
+    /// The same with a pinhole image of another size (width, height): the same picture with other
+    /// pixels.
     ///
     /// # Errors
     /// If a side is 0 or beyond [`super::MAX_SIZE`].
@@ -223,13 +229,14 @@ impl Undistortion {
         Ok(Self { pinhole, ..*self })
     }
 
-    /// Where the lens's image has what the pinhole image has at a position, pixels; `None` where the lens shows nothing.
+    /// Where the lens's image has what the pinhole image has at a position, pixels; `None` where
+    /// the lens shows nothing.
     pub fn source_from_target(&self, pixel: DVec2) -> Option<DVec2> {
         self.lens.project(pinhole_direction(&self.pinhole, pixel))
     }
 
-    /// As [`Self::apply`] for images whose values must not be mixed, as depths across an edge: the nearest pixel of the lens's image; 0
-    /// where there is none.
+    /// As [`Self::apply`] for images whose values must not be mixed, as depths across an edge: the
+    /// nearest pixel of the lens's image; 0 where there is none.
     ///
     /// # Errors
     /// If the image has another size than the lens.
@@ -256,7 +263,8 @@ impl Undistortion {
         self.lens.as_pinhole(DAffine3::IDENTITY) == Some(self.pinhole)
     }
 
-    /// The pinhole image of an image that the lens took, whose size is the lens's; linear light stays linear.
+    /// The pinhole image of an image that the lens took, whose size is the lens's; linear light
+    /// stays linear.
     ///
     /// # Errors
     /// If the image has another size.
@@ -273,8 +281,8 @@ impl Undistortion {
     }
 }
 
-/// What `lens` would have taken where `camera` took `image`: the opposite of [`Undistortion::apply`], for cameras that exist only in a
-/// computer. The pose does not matter.
+/// What `lens` would have taken where `camera` took `image`: the opposite of
+/// [`Undistortion::apply`], for cameras that exist only in a computer. The pose does not matter.
 ///
 /// # Errors
 /// If the image has not the camera's size.
@@ -383,7 +391,8 @@ impl Bounds {
         }
     }
 
-    /// Draws the sides in until all of them lie in the lens's image: its corners may be beyond what the edges' middles show.
+    /// Draws the sides in until all of them lie in the lens's image: its corners may be beyond what
+    /// the edges' middles show.
     fn shrunk_to_known(mut self, lens: &Lens, focal: DVec2) -> Self {
         const NUM_STEPS: f64 = 512.0;
         let step = ((self.high - self.low) / NUM_STEPS).max(1.0 / focal);

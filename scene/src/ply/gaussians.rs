@@ -1,7 +1,9 @@
-//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties, and 24 more where radiance differs with the direction.
+//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties, and 24 more where radiance
+//! differs with the direction.
 //!
-//! Activated means physical: scales in scene units, opacity, emission and albedo in 0 to 1, radiance linear. Splat
-//! viewers expect raw parameters instead; [`super::write_preview`] makes files for them.
+//! Activated means physical: scales in scene units, opacity, emission and albedo in 0 to 1,
+//! radiance linear. Splat viewers expect raw parameters instead; [`super::write_preview`] makes
+//! files for them.
 
 use super::values::Vertices;
 use crate::error::{Result, SceneError};
@@ -33,7 +35,8 @@ pub(super) const PROPERTIES: [&str; 17] = [
     "albedos_2",
 ];
 
-/// Further properties of a file whose radiance differs with the direction; other programs step over them and see the radiance without.
+/// Further properties of a file whose radiance differs with the direction; other programs step over
+/// them and see the radiance without.
 const HARMONICS: [&str; NUM_COEFFICIENTS] = [
     "harmonics_0",
     "harmonics_1",
@@ -61,20 +64,23 @@ const HARMONICS: [&str; NUM_COEFFICIENTS] = [
     "harmonics_23",
 ];
 
-/// How far opacity, emission and albedo may leave 0 to 1 and be clamped: the noise of other programs' rounding.
+/// How far opacity, emission and albedo may leave 0 to 1 and be clamped: the noise of other
+/// programs' rounding.
 const UNIT_TOLERANCE: f32 = 1e-4;
-/// Quaternions nearer than this to unit length stay as they are, so that a file is written as it was read; single
-/// precision normalises to within 2e-7.
+/// Quaternions nearer than this to unit length stay as they are, so that a file is written as it
+/// was read; single precision normalises to within 2e-7.
 const QUATERNION_TOLERANCE: f32 = 1e-6;
 /// A quaternion shorter than this has no direction worth keeping.
 const MIN_QUATERNION_LENGTH: f32 = 1e-6;
 
-/// Reads Gaussians. Values a rounding error outside 0 to 1 are clamped, quaternions off unit length are normalised.
+/// Reads Gaussians. Values a rounding error outside 0 to 1 are clamped, quaternions off unit length
+/// are normalised.
 ///
 /// # Errors
-/// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value: unreadable, truncated, a
-/// missing property, a value or coefficient that is not finite, a scale not above 0, a negative radiance, an opacity, emission or albedo
-/// outside 0 to 1, a zero quaternion.
+/// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value:
+/// unreadable, truncated, a missing property, a value or coefficient that is not finite, a scale
+/// not above 0, a negative radiance, an opacity, emission or albedo outside 0 to 1, a zero
+/// quaternion.
 pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
     let bytes = files::read(path)?;
     parse(path, &bytes)
@@ -181,7 +187,8 @@ fn gaussian(row: [f32; 17]) -> Gaussian {
     }
 }
 
-/// Whether a row can be kept as it is. Says in one pass for nearly all rows what [`checked`] says value by value.
+/// Whether a row can be kept as it is. Says in one pass for nearly all rows what [`checked`] says
+/// value by value.
 #[inline]
 fn is_clean(row: &[f32; 17]) -> bool {
     let unit = |value: f32| (0.0..=1.0).contains(&value);

@@ -3,7 +3,8 @@
 use crate::error::{Result, SceneError};
 use std::path::Path;
 
-/// A header longer than this is not one: the longest in use, a few hundred properties, take a tenth.
+/// A header longer than this is not one: the longest in use, a few hundred properties, take a
+/// tenth.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
 /// How values are stored after the header.

@@ -29,11 +29,12 @@ impl PointCloud {
     }
 }
 
-/// Reads a point cloud: `x y z` of any type and `red green blue`, unsigned integers or floats from 0 to 1.
+/// Reads a point cloud: `x y z` of any type and `red green blue`, unsigned integers or floats from
+/// 0 to 1.
 ///
 /// # Errors
-/// [`SceneError`] naming the file and, where it applies, the point, property and value: unreadable, truncated, a missing
-/// property, a position that is not finite, a colour outside its range.
+/// [`SceneError`] naming the file and, where it applies, the point, property and value: unreadable,
+/// truncated, a missing property, a position that is not finite, a colour outside its range.
 pub fn read_points(path: &Path) -> Result<PointCloud> {
     let bytes = files::read(path)?;
     parse(path, &bytes)
@@ -82,8 +83,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// The value that stands for full intensity: the largest of an unsigned type, 255 for the signed ones (some programs
-/// declare bytes as `int`), 1 for floats.
+/// The value that stands for full intensity: the largest of an unsigned type, 255 for the signed
+/// ones (some programs declare bytes as `int`), 1 for floats.
 fn full_scale(column: Column) -> f64 {
     match column.scalar {
         Scalar::F32 | Scalar::F64 => 1.0,
@@ -95,7 +96,8 @@ fn full_scale(column: Column) -> f64 {
 /// Writes a point cloud: `float x y z`, `uchar red green blue`, binary little endian, atomic.
 ///
 /// # Errors
-/// [`SceneError::Io`], or [`SceneError::Invalid`] if the arrays differ in length or a position is not finite.
+/// [`SceneError::Io`], or [`SceneError::Invalid`] if the arrays differ in length or a position is
+/// not finite.
 pub fn write_points(path: &Path, cloud: &PointCloud) -> Result<()> {
     let (num_points, num_colors) = (cloud.len(), cloud.colors_srgb8.len());
     if num_points != num_colors {

@@ -1,9 +1,10 @@
 //! Previews: Gaussians as splat viewers expect them.
 //!
-//! The layout of 3D Gaussian Splatting (Kerbl et al. 2023) and 2D Gaussian Splatting (Huang et al. 2024): raw
-//! parameters (logit of the opacity, logarithm of the scales), display colour as the first spherical harmonic, no higher
-//! harmonics, no comments in the header since some loaders stop at them. Colour is clipped at display white, and emission
-//! and albedo are lost: a preview is for looking, it cannot be read back.
+//! The layout of 3D Gaussian Splatting (Kerbl et al. 2023) and 2D Gaussian Splatting (Huang et al.
+//! 2024): raw parameters (logit of the opacity, logarithm of the scales), display colour as the
+//! first spherical harmonic, no higher harmonics, no comments in the header since some loaders stop
+//! at them. Colour is clipped at display white, and emission and albedo are lost: a preview is for
+//! looking, it cannot be read back.
 
 use super::gaussians::header;
 use crate::color::srgb_from_linear;
@@ -18,7 +19,8 @@ use std::path::Path;
 const SH_DEGREE_0: f32 = 0.282_094_8;
 /// Opacities are kept this far from 0 and 1, where the logit is infinite.
 const OPACITY_MARGIN: f32 = 1e-6;
-/// Thickness given to a flat Gaussian for viewers of 3D ones. Its logarithm is stored, and must be finite.
+/// Thickness given to a flat Gaussian for viewers of 3D ones. Its logarithm is stored, and must be
+/// finite.
 const FLAT_SCALE: f32 = 1e-6;
 
 /// For which kind of viewer a preview is.
@@ -35,8 +37,8 @@ pub enum Preview {
 /// Writes a preview, binary little endian, atomic.
 ///
 /// # Errors
-/// [`SceneError::Io`], or [`SceneError::Invalid`] naming the Gaussian and property if a value is not finite, as that of
-/// a scale of 0.
+/// [`SceneError::Io`], or [`SceneError::Invalid`] naming the Gaussian and property if a value is
+/// not finite, as that of a scale of 0.
 pub fn write_preview(path: &Path, gaussians: &Gaussians, preview: Preview) -> Result<()> {
     let properties = properties(preview);
     files::write_atomic(path, |file| {

@@ -97,7 +97,8 @@ fn reading_and_writing_again_changes_no_byte() {
         assert_eq!(back.len(), num);
         assert!(written(&back) == bytes, "{num}");
     }
-    // Far from unit length on the way out: normalised there, so that what is read is what was written.
+    // Far from unit length on the way out: normalised there, so that what is read is what was
+    // written.
     let mut long = sample(3);
     long.rotations[1] = Quat::from_xyzw(0.0, 3.0, 4.0, 0.0);
     let bytes = written(&long);
@@ -123,8 +124,8 @@ fn any_order_any_type_any_encoding_and_strange_neighbours() {
     }
 }
 
-/// A file as no program writes it but any may: reversed order, every second property double, other properties, with or
-/// without lists, an element before and one after, carriage returns, comments.
+/// A file as no program writes it but any may: reversed order, every second property double, other
+/// properties, with or without lists, an element before and one after, carriage returns, comments.
 fn foreign_file(gaussians: &Gaussians, encoding: &str, with_lists: bool) -> Vec<u8> {
     let ascii = encoding == "ascii";
     let big = encoding == "binary_big_endian";
@@ -388,7 +389,8 @@ fn truncated_and_damaged_files_are_errors_or_gaussians() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(200))]
 
-    /// Whatever follows a plausible header, reading ends in an error or in as many rows as promised.
+    /// Whatever follows a plausible header, reading ends in an error or in as many rows as
+    /// promised.
     #[test]
     fn any_body_is_read_or_refused(
         count in 0_usize..6,

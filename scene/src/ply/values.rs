@@ -53,7 +53,8 @@ impl<'a> Vertices<'a> {
             .iter()
             .map(|element| {
                 let row = match self.header.encoding {
-                    // A digit and a separator for each value; the last value of the file may have no separator.
+                    // A digit and a separator for each value; the last value of the file may have
+                    // no separator.
                     Encoding::Ascii => 2 * element.properties.len(),
                     _ => element.min_row_bytes(),
                 };
@@ -126,7 +127,8 @@ impl<'a> Vertices<'a> {
     /// Calls `take(index, values)` for every row, values in the order of `columns`.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] for a truncated file or an ascii value that is no number, or what `take` returns.
+    /// [`SceneError::Invalid`] for a truncated file or an ascii value that is no number, or what
+    /// `take` returns.
     pub(super) fn for_each_row<const N: usize>(
         &self,
         columns: [Column; N],

@@ -1,5 +1,5 @@
-//! AgX by Troy Sobotka (github.com/sobotka/AgX), base look, from its parameters rather than its table: an inset of the primaries,
-//! log2, a sigmoid with a straight part, and back.
+//! AgX by Troy Sobotka (github.com/sobotka/AgX), base look, from its parameters rather than its
+//! table: an inset of the primaries, log2, a sigmoid with a straight part, and back.
 
 use glam::{Mat3, Vec3};
 use std::sync::LazyLock;
@@ -36,7 +36,8 @@ pub(super) fn shown(light: [f32; 3]) -> [f32; 3] {
     outset.to_array().map(|v| v.powf(GAMMA))
 }
 
-/// 0 to 1 onto 0 to 1: straight about the pivot, with a toe and a shoulder that bend as x / (1 + xᵖ)^(1/p) does.
+/// 0 to 1 onto 0 to 1: straight about the pivot, with a toe and a shoulder that bend as x / (1 +
+/// xᵖ)^(1/p) does.
 fn sigmoid(x: f32) -> f32 {
     let [px, py] = PIVOT;
     let (width, height, power) = if x < px {

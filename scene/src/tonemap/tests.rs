@@ -56,7 +56,8 @@ fn white_is_where_the_table_says() {
         let [at, below] = [1.005, 0.97].map(|factor| map.shown([white * factor; 3])[0]);
         assert!(at > 0.9999 && below < 0.9999, "{map}: {below} {at}");
     }
-    // Middle grey: 0.5^2.2 for AgX; by hand for ACES, x = 0.6·0.18: x(2.51x + 0.03) / (x(2.43x + 0.59) + 0.14).
+    // Middle grey: 0.5^2.2 for AgX; by hand for ACES, x = 0.6·0.18: x(2.51x + 0.03) / (x(2.43x +
+    // 0.59) + 0.14).
     assert!((ToneMap::Agx.shown([0.18; 3])[0] - 0.217_64).abs() < 1e-4);
     assert!((ToneMap::Aces.shown([0.18; 3])[0] - 0.140_12).abs() < 1e-4);
 }

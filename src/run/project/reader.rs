@@ -58,7 +58,8 @@ impl Reader<'_> {
         self.options(name, &[&node.any_table()?], &[])
     }
 
-    /// The options that tables give to a command, a later one before an earlier; keys of `own` in the first are not the command's.
+    /// The options that tables give to a command, a later one before an earlier; keys of `own` in
+    /// the first are not the command's.
     fn options(&self, name: &str, tables: &[&Table<'_>], own: &[&str]) -> Result<Options> {
         let mut options = Options::default();
         if tables.iter().all(|table| table.get("seed").is_none()) {

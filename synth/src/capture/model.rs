@@ -1,4 +1,5 @@
-//! The COLMAP model that a reconstruction of the capture would have given: in a frame of its own, a little off.
+//! The COLMAP model that a reconstruction of the capture would have given: in a frame of its own, a
+//! little off.
 
 use super::Job;
 use super::layout::position_name;

@@ -1,4 +1,5 @@
-//! Point clouds that training starts from: what the training views see, a little off, as photogrammetry has it.
+//! Point clouds that training starts from: what the training views see, a little off, as
+//! photogrammetry has it.
 
 use super::SynthOptions;
 use eagpt_scene::View;
@@ -28,7 +29,8 @@ impl PointSource {
         }
     }
 
-    /// Takes its share of points from a view, if it is one to train on. The same places in all conditions.
+    /// Takes its share of points from a view, if it is one to train on. The same places in all
+    /// conditions.
     pub(super) fn look(&mut self, index: usize, condition: usize, view: &View) {
         let Some(depth) = view.depth.as_ref().filter(|_| is_training(index)) else {
             return;

@@ -1,8 +1,10 @@
-//! Light that has been bounced already: irradiance on a grid over all surfaces, solved once for the room.
+//! Light that has been bounced already: irradiance on a grid over all surfaces, solved once for the
+//! room.
 //!
-//! Cells are some centimetres wide. From each, rays go out once and remember the cell they meet; light then travels along these links, bounce
-//! after bounce, in all conditions (the progressive form of radiosity, gathered by Monte Carlo). The result is read where a ray from a
-//! pixel's surface ends, never at the pixel itself, so that the grid does not show.
+//! Cells are some centimetres wide. From each, rays go out once and remember the cell they meet;
+//! light then travels along these links, bounce after bounce, in all conditions (the progressive
+//! form of radiosity, gathered by Monte Carlo). The result is read where a ray from a pixel's
+//! surface ends, never at the pixel itself, so that the grid does not show.
 
 use super::emitters::{Receiver, cosine_direction};
 use super::path::Lighting;
@@ -187,7 +189,8 @@ impl Cache {
             for condition in conditions {
                 for sample in 0..options.num_direct {
                     let [a, b, c, d] = points.block(sample, 1);
-                    // The place within the cell: a lattice that does not share numbers with the choice of light.
+                    // The place within the cell: a lattice that does not share numbers with the
+                    // choice of light.
                     let turn = (sample as f32 + 0.5) / options.num_direct as f32;
                     let (_, at) = start(turn, d);
                     let light = lighting.direct(condition, &at, Vec3::new(a, b, c));

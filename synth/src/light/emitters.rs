@@ -102,7 +102,8 @@ impl Emitters {
         Self { all, of_surface }
     }
 
-    /// Chooses a direction towards a light, about in proportion to the light it would bring; `uniform` are three numbers in [0, 1).
+    /// Chooses a direction towards a light, about in proportion to the light it would bring;
+    /// `uniform` are three numbers in [0, 1).
     pub fn sample(&self, room: &Room, receiver: &Receiver, uniform: Vec3) -> Option<LightSample> {
         let total: f32 = self.all.iter().map(|e| e.weight(receiver)).sum();
         if total <= 0.0 {
@@ -127,7 +128,8 @@ impl Emitters {
         })
     }
 
-    /// Density with which [`Self::sample`] chooses the direction to `hit`, per steradian; 0 for what does not shine.
+    /// Density with which [`Self::sample`] chooses the direction to `hit`, per steradian; 0 for
+    /// what does not shine.
     pub fn pdf(&self, receiver: &Receiver, hit: &Hit) -> f32 {
         let first = self.of_surface[hit.surface as usize];
         if first == 0 {
@@ -173,7 +175,8 @@ impl Emitter {
             }
             Kind::Other => 0.5 * self.area,
         };
-        // Of a light whose sphere lies half below the horizon only a part arrives; of one wholly below nothing does.
+        // Of a light whose sphere lies half below the horizon only a part arrives; of one wholly
+        // below nothing does.
         let cosine = -receiver.normal.dot(offset) / distance;
         let above = (cosine + self.reach / distance).clamp(0.0, 1.0);
         self.luminance * seen * above / distance2.max(0.25 * self.area)
@@ -240,8 +243,8 @@ impl Emitter {
     }
 }
 
-/// The part of a drum's mantle that faces a point. Where the drum is a cone a little of what it leaves out may be seen, and a
-/// little of what it contains may not: the former is left to bounces.
+/// The part of a drum's mantle that faces a point. Where the drum is a cone a little of what it
+/// leaves out may be seen, and a little of what it contains may not: the former is left to bounces.
 struct Arc {
     /// Its middle, in turns about the axis.
     middle: f32,

@@ -1,4 +1,5 @@
-//! Light that leaves a surface: next-event estimation and cosine-weighted bounces, weighted by the balance heuristic (Veach 1997).
+//! Light that leaves a surface: next-event estimation and cosine-weighted bounces, weighted by the
+//! balance heuristic (Veach 1997).
 
 use super::cache::Cache;
 use super::emitters::{Emitters, Receiver, cosine_direction, cosine_pdf};
@@ -8,7 +9,8 @@ use glam::{Vec2, Vec3};
 
 /// Paths end at random from this bounce on.
 const ROULETTE_FROM: u32 = 4;
-/// Paths end here at the latest. Behind the roulette few come so far; what they carry is far below noise.
+/// Paths end here at the latest. Behind the roulette few come so far; what they carry is far below
+/// noise.
 pub const MAX_BOUNCES: u32 = 32;
 /// Fours of numbers for each bounce.
 const BLOCKS: u32 = 2;
@@ -35,8 +37,9 @@ impl<'a> Lighting<'a> {
         }
     }
 
-    /// One sample of the light that reaches a white surface at `hit` and leaves it by diffuse reflection, in each condition: irradiance over
-    /// π. `block` is the first unused four of `points`; at most `max_bounces` surfaces reflect.
+    /// One sample of the light that reaches a white surface at `hit` and leaves it by diffuse
+    /// reflection, in each condition: irradiance over π. `block` is the first unused four of
+    /// `points`; at most `max_bounces` surfaces reflect.
     pub fn arriving(&self, hit: &Hit, points: &Points, draw: Draw) -> PerCondition {
         let mut total = [Vec3::ZERO; MAX_CONDITIONS];
         let mut throughput = Vec3::ONE;
@@ -90,7 +93,8 @@ impl<'a> Lighting<'a> {
         total
     }
 
-    /// One sample of the light that comes straight from lights, over π, weighted against what bounces find.
+    /// One sample of the light that comes straight from lights, over π, weighted against what
+    /// bounces find.
     pub(super) fn direct(&self, condition: usize, at: &Receiver, uniform: Vec3) -> Vec3 {
         let Some(sample) = self.emitters[condition].sample(self.room, at, uniform) else {
             return Vec3::ZERO;
@@ -115,7 +119,8 @@ impl<'a> Lighting<'a> {
         from_bounce / (from_bounce + from_light).max(f32::MIN_POSITIVE)
     }
 
-    /// Light that a point seen along `direction` sends back: what it emits, and one sample of what it reflects diffusely.
+    /// Light that a point seen along `direction` sends back: what it emits, and one sample of what
+    /// it reflects diffusely.
     pub fn leaving(&self, hit: &Hit, points: &Points, draw: Draw) -> PerCondition {
         let albedo = self.room.albedo(hit.surface, hit.face, hit.st);
         let emitted = self.room.emitted(hit.surface, hit.face);
@@ -150,7 +155,8 @@ pub struct Draw {
 pub fn mirrored(direction: Vec3, normal: Vec3, roughness: f32, uniform: Vec2) -> Vec3 {
     let mirrored = direction - normal * (2.0 * direction.dot(normal));
     let spread = cosine_direction(mirrored, uniform);
-    // A cosine lobe shrunk to the roughness: its density does not matter, as it is all that the coat mirrors.
+    // A cosine lobe shrunk to the roughness: its density does not matter, as it is all that the
+    // coat mirrors.
     let across = spread - mirrored * spread.dot(mirrored);
     let turned = (mirrored + across * roughness).normalize();
     let below = turned.dot(normal).min(0.0);

@@ -1,5 +1,6 @@
-//! Points of the unit hypercube at which light is sampled: Owen-scrambled Sobol sequences (Burley 2020, "Practical Hash-based Owen
-//! Scrambling"), four dimensions at a time, scrambled anew for every element and every four.
+//! Points of the unit hypercube at which light is sampled: Owen-scrambled Sobol sequences (Burley
+//! 2020, "Practical Hash-based Owen Scrambling"), four dimensions at a time, scrambled anew for
+//! every element and every four.
 
 use eagpt_scene::rng::RandomKey;
 

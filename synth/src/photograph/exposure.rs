@@ -14,7 +14,8 @@ use glam::{Vec2, Vec3};
 /// Albedo below which light is not divided by it but by this.
 const MIN_ALBEDO: f32 = 1e-3;
 
-/// A filter of a quarter of the usual work: fits at every other pixel, in smaller windows. Light solved for the room has little noise.
+/// A filter of a quarter of the usual work: fits at every other pixel, in smaller windows. Light
+/// solved for the room has little noise.
 const FILTER: filter::Settings = filter::Settings {
     radius: 8,
     first_radius: 6,
@@ -214,7 +215,8 @@ impl Seen {
 }
 
 impl Sums {
-    /// Means over all samples of light and albedo, and over those that reflect of what is known about surfaces.
+    /// Means over all samples of light and albedo, and over those that reflect of what is known
+    /// about surfaces.
     fn mean(&self, num_samples: f32) -> Self {
         let reflecting = self.coverage.max(1.0);
         Self {

@@ -6,7 +6,8 @@ use eagpt_scene::lens::{Lens, LensModel, undistort};
 use eagpt_scene::{Camera, Image};
 use glam::DVec2;
 
-/// Pixels of the truth beyond what the lens asks for: the resampling filter looks two pixels around, on a finer grid.
+/// Pixels of the truth beyond what the lens asks for: the resampling filter looks two pixels
+/// around, on a finer grid.
 const AIR: u32 = 2;
 /// Widest margin, as a share of the image's width: beyond it the lens cannot be meant.
 const MAX_MARGIN: f64 = 0.5;
@@ -40,7 +41,8 @@ impl Rig {
         let lens = self.lens(camera)?;
         let (width, height) = lens.size();
         let (w, h) = (f64::from(width), f64::from(height));
-        // The image's edge lies on the lens's: no pixel within goes farther out, or the lens would not be one to one.
+        // The image's edge lies on the lens's: no pixel within goes farther out, or the lens would
+        // not be one to one.
         let along = (0..=64).map(|i| f64::from(i) / 64.0);
         let edge = along.flat_map(|t| {
             [[t * w, 0.0], [t * w, h], [0.0, t * h], [w, t * h]].map(DVec2::from_array)
@@ -64,7 +66,8 @@ impl Rig {
         Ok(beyond.ceil() as u32 + AIR)
     }
 
-    /// The image on the sensor, from that of a pinhole `camera` with the sensor's resolution and a margin around.
+    /// The image on the sensor, from that of a pinhole `camera` with the sensor's resolution and a
+    /// margin around.
     ///
     /// # Errors
     /// [`SynthError::Option`] if the lens sees beyond the margin.

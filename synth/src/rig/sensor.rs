@@ -7,7 +7,8 @@ use eagpt_scene::rng::{RandomKey, RandomStream};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Above this mean a Poisson distribution is taken as normal: its skewness has fallen below a tenth.
+/// Above this mean a Poisson distribution is taken as normal: its skewness has fallen below a
+/// tenth.
 const POISSON_BELOW: f64 = 100.0;
 
 /// A sensor with its sensitivity.
@@ -15,12 +16,14 @@ const POISSON_BELOW: f64 = 100.0;
 pub struct Sensor {
     rig: Rig,
     camera_from_rec709: [[f64; 3]; 3],
-    /// Linear radiance of a neutral surface at which green clips in one second, in the middle of the image.
+    /// Linear radiance of a neutral surface at which green clips in one second, in the middle of
+    /// the image.
     clip_of_second: f64,
 }
 
 impl Sensor {
-    /// The sensor of a rig whose shortest exposure just holds `brightest`, with a quarter of a stop to spare.
+    /// The sensor of a rig whose shortest exposure just holds `brightest`, with a quarter of a stop
+    /// to spare.
     pub fn new(rig: &Rig, brightest: f32) -> Self {
         const HEADROOM: f64 = 1.19;
         let shortest = rig
@@ -50,14 +53,16 @@ impl Sensor {
         self.rig.full_well_e / f64::from(self.rig.white - self.rig.black)
     }
 
-    /// Mean electrons of the pixel with filter `color` that `light` falls on for `exposure_s`, before clipping.
+    /// Mean electrons of the pixel with filter `color` that `light` falls on for `exposure_s`,
+    /// before clipping.
     pub fn electrons(&self, light: [f32; 3], color: CfaColor, exposure_s: f64) -> f64 {
         let row = self.camera_from_rec709[color as usize];
         let response: f64 = row.iter().zip(light).map(|(m, l)| m * f64::from(l)).sum();
         response.max(0.0) * exposure_s / self.clip_of_second * self.rig.full_well_e
     }
 
-    /// Exposes the sensor to linear Rec.709 light on its pixels. `shot` numbers the exposures of `key`.
+    /// Exposes the sensor to linear Rec.709 light on its pixels. `shot` numbers the exposures of
+    /// `key`.
     pub fn expose(
         &self,
         light: &Image<3>,

@@ -5,7 +5,8 @@ use glam::Vec3;
 
 /// Shapes in a leaf, at most.
 const LEAF: usize = 2;
-/// From this depth on shapes are halved, whatever it costs: 2^32 of them are done after as many levels again.
+/// From this depth on shapes are halved, whatever it costs: 2^32 of them are done after as many
+/// levels again.
 const HALVE_FROM: usize = 32;
 /// Deepest tree.
 const MAX_DEPTH: usize = 2 * HALVE_FROM;
@@ -28,7 +29,8 @@ struct Node {
 }
 
 impl Bvh {
-    /// Builds the tree: splits are where the surface area heuristic is cheapest, over all places along all axes.
+    /// Builds the tree: splits are where the surface area heuristic is cheapest, over all places
+    /// along all axes.
     pub fn new(shapes: &[Shape]) -> Self {
         let bounds: Vec<[Vec3; 2]> = shapes.iter().map(Shape::bounds).collect();
         let mut order: Vec<u32> = (0..shapes.len() as u32).collect();
@@ -80,8 +82,8 @@ impl Bvh {
         free
     }
 
-    /// Calls `shape` with all shapes whose leaves the ray passes through, the nearer children first, until it returns false. It may
-    /// shorten the reach.
+    /// Calls `shape` with all shapes whose leaves the ray passes through, the nearer children
+    /// first, until it returns false. It may shorten the reach.
     #[inline]
     fn visit(
         &self,

@@ -1,11 +1,13 @@
 //! Shapes in closed form: where a ray meets them, and points on them.
 //!
-//! A surface point is known by its face and two coordinates `st` from 0 to 1 on it. All lengths are metres.
+//! A surface point is known by its face and two coordinates `st` from 0 to 1 on it. All lengths are
+//! metres.
 
 use glam::{Mat3, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// A quadrilateral, a parallelogram. Face 0 is the side that its normal `edges[0] × edges[1]` points to, face 1 the other.
+/// A quadrilateral, a parallelogram. Face 0 is the side that its normal `edges[0] × edges[1]`
+/// points to, face 1 the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quad {
     corner: Vec3,
@@ -35,7 +37,8 @@ pub struct Ball {
     pub radius: f32,
 }
 
-/// A cylinder or frustum of a cone. Faces: 0 outside, 1 inside, 2 the disc at its base, 3 the disc on top.
+/// A cylinder or frustum of a cone. Faces: 0 outside, 1 inside, 2 the disc at its base, 3 the disc
+/// on top.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drum {
     /// Middle of the base.
@@ -174,7 +177,8 @@ impl Ball {
     fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
         let offset = self.centre - origin;
         let along = offset.dot(direction);
-        // The squared distance of the ray's line from the middle, from a difference of vectors: of squares it would lose digits.
+        // The squared distance of the ray's line from the middle, from a difference of vectors: of
+        // squares it would lose digits.
         let aside = (offset - direction * along).length_squared();
         let square = self.radius * self.radius - aside;
         if square < 0.0 {
@@ -279,7 +283,8 @@ fn turn(x: f32, y: f32) -> f32 {
 }
 
 impl Shape {
-    /// The first crossing with the ray whose distance lies strictly within `range`. `direction` is of unit length.
+    /// The first crossing with the ray whose distance lies strictly within `range`. `direction` is
+    /// of unit length.
     #[inline]
     pub fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
         match self {
@@ -417,7 +422,8 @@ impl Shape {
             Self::Ball(ball) => [ball.centre - ball.radius, ball.centre + ball.radius],
             Self::Drum(drum) => {
                 let axis = drum.axes.z_axis;
-                // A disc reaches √(1 − a²) of its radius along an axis that its normal has the component a of.
+                // A disc reaches √(1 − a²) of its radius along an axis that its normal has the
+                // component a of.
                 let flat = (Vec3::ONE - axis * axis).max(Vec3::ZERO).map(f32::sqrt);
                 let top = drum.base + axis * drum.height;
                 let [r0, r1] = drum.radii.map(|radius| flat * radius);

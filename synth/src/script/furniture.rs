@@ -1,4 +1,5 @@
-//! Furniture, composed of simple shapes. All of it stands on the floor at its origin and looks towards −y, unless it hangs on a wall.
+//! Furniture, composed of simple shapes. All of it stands on the floor at its origin and looks
+//! towards −y, unless it hangs on a wall.
 
 use super::objects::{Builder, Finish, facing, size2, size3};
 use super::positive_or;
@@ -214,7 +215,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// A `pole` on a foot, and a `shade` that shines as `light`; of any `height`, to stand on the floor or on a table.
+    /// A `pole` on a foot, and a `shade` that shines as `light`; of any `height`, to stand on the
+    /// floor or on a table.
     fn lamp(&mut self, node: &Node<'_>) -> Result<()> {
         let table = node.table(&["height", "radius", "pole", "shade", "light"])?;
         let height = table.need("height")?.positive()?;
@@ -259,7 +261,8 @@ impl Builder<'_> {
         })
     }
 
-    /// A `pane` that shines as `light`, in a `frame` with `bars`, between `curtains`, over a `sill`.
+    /// A `pane` that shines as `light`, in a `frame` with `bars`, between `curtains`, over a
+    /// `sill`.
     fn window(&mut self, node: &Node<'_>) -> Result<()> {
         let keys = [
             "size", "facing", "frame", "pane", "light", "bars", "curtains",
@@ -386,7 +389,8 @@ impl Builder<'_> {
         let roll = self.between(-0.7, 0.7);
         let along = (out + Vec3::Z * lean).normalize() * length;
         let across = Vec3::new(-out.y, out.x, roll).normalize() * (0.42 * length);
-        // A rhombus about its middle: its edges are half the sum and half the difference of the diagonals.
+        // A rhombus about its middle: its edges are half the sum and half the difference of the
+        // diagonals.
         let edges = [0.5 * (along + across), 0.5 * (along - across)];
         self.quad(at - 0.5 * along, edges, finish);
     }

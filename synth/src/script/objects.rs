@@ -33,8 +33,8 @@ impl Finish {
     }
 }
 
-/// An object under construction: shapes in its own frame (z up, its foot at the origin, its front towards −y), which go into the room turned
-/// and moved.
+/// An object under construction: shapes in its own frame (z up, its foot at the origin, its front
+/// towards −y), which go into the room turned and moved.
 pub(super) struct Builder<'a> {
     pub(super) words: &'a Vocabulary,
     at: Vec3,
@@ -255,7 +255,8 @@ impl Builder<'_> {
         self.push(shape, finish);
     }
 
-    /// A body of rotation about the z axis, closed below and, where it is narrow enough to be a lid, above.
+    /// A body of rotation about the z axis, closed below and, where it is narrow enough to be a
+    /// lid, above.
     pub(super) fn turned(&mut self, profile: &[Vec2], finish: Finish) {
         for pair in profile.windows(2) {
             let base = Vec3::Z * pair[0].y;

@@ -12,7 +12,8 @@ const RING: f64 = 0.62;
 /// Turn from one camera to the next, in turns: the golden ratio spreads any number of them evenly.
 const GOLDEN_TURN: f64 = 0.618_033_988_749_895;
 
-/// `num` cameras that stand around the room, above its furniture, and look across it: up, down and level in turn.
+/// `num` cameras that stand around the room, above its furniture, and look across it: up, down and
+/// level in turn.
 pub fn cameras(num: usize, width: u32, height: u32) -> Vec<Camera> {
     (0..num)
         .map(|i| {

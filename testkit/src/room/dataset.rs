@@ -13,7 +13,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Points are off their surface by up to this much along each axis, metres, as those of photogrammetry are.
+/// Points are off their surface by up to this much along each axis, metres, as those of
+/// photogrammetry are.
 const POINT_NOISE_M: f32 = 0.005;
 
 /// How the room is photographed.
@@ -46,8 +47,8 @@ impl Default for RoomOptions {
     }
 }
 
-/// Writes the dataset: radiance, emission masks, normals, depths, albedos, and points on what the training views of the
-/// split `every-8th` see. `progress` gets the number of views done.
+/// Writes the dataset: radiance, emission masks, normals, depths, albedos, and points on what the
+/// training views of the split `every-8th` see. `progress` gets the number of views done.
 ///
 /// # Errors
 /// If a file cannot be written.

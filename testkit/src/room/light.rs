@@ -1,4 +1,5 @@
-//! The room's light: path tracing with next-event estimation (a shadow ray to the light at every bounce).
+//! The room's light: path tracing with next-event estimation (a shadow ray to the light at every
+//! bounce).
 
 use super::shapes::{self, HALF_LIGHT, HEIGHT, Hit, LIGHT_RADIANCE};
 use eagpt_scene::rng::RandomStream;
@@ -69,7 +70,8 @@ mod tests {
     #[test]
     fn direct_light_under_a_rectangle_is_its_form_factor() {
         let floor = shapes::intersect(Vec3::new(0.0, 0.0, 1.0), Vec3::NEG_Z);
-        // Form factor of a parallel rectangle above a corner (Howell, configuration B-4), four times.
+        // Form factor of a parallel rectangle above a corner (Howell, configuration B-4), four
+        // times.
         let quarter = |x: f32, y: f32| {
             let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
             (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / TAU
@@ -77,7 +79,8 @@ mod tests {
         let factor = 4.0 * quarter(HALF_LIGHT.x / HEIGHT, HALF_LIGHT.y / HEIGHT);
         let expected = floor.albedo * LIGHT_RADIANCE * factor;
         let error = (mean(&floor, 1, 20_000) / expected - 1.0).abs();
-        // The integrand varies by a tenth over the light: 20,000 samples leave less than a thousandth.
+        // The integrand varies by a tenth over the light: 20,000 samples leave less than a
+        // thousandth.
         assert!(error.max_element() < 2e-3, "{error}");
     }
 

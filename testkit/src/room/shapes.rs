@@ -111,7 +111,8 @@ fn wall(origin: Vec3, direction: Vec3) -> Hit {
     }
 }
 
-/// Each wall has its own colour; floor and long walls carry a pattern, without which flat colours would leave depth to guess.
+/// Each wall has its own colour; floor and long walls carry a pattern, without which flat colours
+/// would leave depth to guess.
 fn wall_albedo(position: Vec3, normal: Vec3) -> Vec3 {
     let tile = |a: f32, b: f32| ((a.floor() + b.floor()) as i32).rem_euclid(2) == 0;
     if normal.z > 0.0 {

@@ -1,15 +1,19 @@
 //! Adjoint of the composited features of a camera.
 //!
-//! For a ray with hits i front to back and `G = dL/dV`, let `cᵢ = ⟨G, vᵢ⟩` and `Cᵢ = αᵢ cᵢ + (1 − αᵢ) Cᵢ₊₁`, the value of everything from hit i on.
-//! Then `dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁)`. With `α = σ exp(−(u² + v²)/2)` a hit enters the gradient of its Gaussian by three numbers only:
-//! its weight w, `a = αᵢ dL/dαᵢ = w (cᵢ − Cᵢ₊₁)`, and `h = w G_D t` for its distance. No division by `1 − α`: opaque hits need no special case.
+//! For a ray with hits i front to back and `G = dL/dV`, let `cᵢ = ⟨G, vᵢ⟩` and `Cᵢ = αᵢ cᵢ + (1 −
+//! αᵢ) Cᵢ₊₁`, the value of everything from hit i on. Then `dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁)`. With `α = σ
+//! exp(−(u² + v²)/2)` a hit enters the gradient of its Gaussian by three numbers only: its weight
+//! w, `a = αᵢ dL/dαᵢ = w (cᵢ − Cᵢ₊₁)`, and `h = w G_D t` for its distance. No division by `1 − α`:
+//! opaque hits need no special case.
 //!
-//! What moves a hit are the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n / (ω·n)` and the cosine are tied by `t (ω·n) =
-//! (p − o)·n`, and `u = (ω·t_u/s_u) t − u₀`; so all derivatives of a hit are polynomials in u and v with coefficients that
-//! belong to the Gaussian as seen from the origin. A tile features the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G` of each Gaussian, and
-//! makes a gradient of them once: no ray and no plane is met again.
+//! What moves a hit are the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n /
+//! (ω·n)` and the cosine are tied by `t (ω·n) = (p − o)·n`, and `u = (ω·t_u/s_u) t − u₀`; so all
+//! derivatives of a hit are polynomials in u and v with coefficients that belong to the Gaussian as
+//! seen from the origin. A tile features the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G`
+//! of each Gaussian, and makes a gradient of them once: no ray and no plane is met again.
 //!
-//! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the same for any number of threads.
+//! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the
+//! same for any number of threads.
 
 use super::camera::{BlendedHit, CameraRecord, TileRecord};
 use super::tile::pixels_of_tile;
@@ -68,9 +72,9 @@ thread_local! {
 }
 
 impl CameraRecord {
-    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced), given `d_features` =
-    /// dL/dV for every pixel, row by row. Gaussians that no ray met get zeros. The spread, size and first-hit lanes are not
-    /// differentiated.
+    /// Gradient of the loss with respect to every Gaussian of `set` (the set that was traced),
+    /// given `d_features` = dL/dV for every pixel, row by row. Gaussians that no ray met get zeros.
+    /// The spread, size and first-hit lanes are not differentiated.
     pub fn adjoint(
         &mut self,
         set: &SurfelSet,
@@ -228,7 +232,8 @@ fn add_ray(rows: &mut [Row], record: &TileRecord, hits: &[BlendedHit], d_feature
     }
 }
 
-/// Sum of products, pairwise: one order on every machine, and SIMD instructions where there are some.
+/// Sum of products, pairwise: one order on every machine, and SIMD instructions where there are
+/// some.
 #[inline(always)]
 fn dot(a: &[f32; NUM_LANES], b: &[f32; NUM_LANES]) -> f32 {
     let mut eight = [0.0_f32; 8];
@@ -285,12 +290,13 @@ impl Moments {
         let (axis_u, axis_v) = (Vec3::from(seen.axis_u), Vec3::from(seen.axis_v));
         let (scale_u, scale_v) = (1.0 / axis_u.length(), 1.0 / axis_v.length());
         let (u0, v0) = (seen.offset_u, seen.offset_v);
-        // dL/dt of a hit is h/t − a (u (u + u₀) + v (v + v₀))/t, and moving the plane by dn along its normal moves t by t dn / ((p − o)·n).
+        // dL/dt of a hit is h/t − a (u (u + u₀) + v (v + v₀))/t, and moving the plane by dn along
+        // its normal moves t by t dn / ((p − o)·n).
         let plane = (h - (auu + avv + u0 * au + v0 * av)) / seen.plane;
         let plane_u = (hu - (aur2 + u0 * auu + v0 * auv)) / seen.plane;
         let plane_v = (hv - (avr2 + u0 * auv + v0 * avv)) / seen.plane;
-        // N = Σ w n, turned; its derivative along t_u and t_v turns the normal. The plane turns with it: dt/dn = (p − x)/(ω·n), and p − x =
-        // −(u s_u t_u + v s_v t_v).
+        // N = Σ w n, turned; its derivative along t_u and t_v turns the normal. The plane turns
+        // with it: dt/dn = (p − x)/(ω·n), and p − x = −(u s_u t_u + v s_v t_v).
         let sign = Face::of_plane(seen.plane).signs()[lane::NORMAL];
         let d_normal = Vec3::from_slice(&self.light.0[lane::NORMAL..][..3]) * sign;
         let d_normal_u = scale_u * (d_normal.dot(axis_u) - plane_u);
@@ -301,7 +307,8 @@ impl Moments {
             plane,
             auu / scale_u,
             avv / scale_v,
-            // About t_u the normal moves along −t_v, about t_v along t_u, about n the two axes move along each other.
+            // About t_u the normal moves along −t_v, about t_v along t_u, about n the two axes move
+            // along each other.
             -d_normal_v,
             d_normal_u,
             auv * (scale_u / scale_v - scale_v / scale_u),

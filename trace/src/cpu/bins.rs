@@ -1,8 +1,9 @@
-//! Binning: for each tile of an image, the Gaussians whose discs may cover one of its pixels, and the distance from which on
-//! they can be hit. The lists are supersets; the hit formula decides.
+//! Binning: for each tile of an image, the Gaussians whose discs may cover one of its pixels, and
+//! the distance from which on they can be hit. The lists are supersets; the hit formula decides.
 //!
-//! Gaussians are projected in chunks, each chunk sorts what it sees into bands of tiles, and each band makes the lists of its
-//! tiles, chunks in order: every step runs in parallel, and the lists are the same for any number of threads.
+//! Gaussians are projected in chunks, each chunk sorts what it sees into bands of tiles, and each
+//! band makes the lists of its tiles, chunks in order: every step runs in parallel, and the lists
+//! are the same for any number of threads.
 
 use crate::surfel::{Surfel, SurfelSet};
 use eagpt_scene::Camera;
@@ -15,8 +16,8 @@ pub const TILE: u32 = 16;
 /// Pixels of a tile.
 pub const TILE_PIXELS: usize = (TILE * TILE) as usize;
 
-/// Safety margin of projected bounds, in pixels: far above the rounding of single-precision projections (about 1e-3 pixel
-/// for images of 8,000 pixels), far below what costs time.
+/// Safety margin of projected bounds, in pixels: far above the rounding of single-precision
+/// projections (about 1e-3 pixel for images of 8,000 pixels), far below what costs time.
 pub(crate) const MARGIN_PIXELS: f32 = 0.02;
 
 /// Gaussians projected at once by a thread.
@@ -205,7 +206,8 @@ impl Projector {
         }
     }
 
-    /// A lower bound of the distance of hits, and the pixels whose centres the disc may cover; `None` if there are none.
+    /// A lower bound of the distance of hits, and the pixels whose centres the disc may cover;
+    /// `None` if there are none.
     #[inline(always)]
     fn project(&self, surfel: &Surfel) -> Option<(f32, PixelRect)> {
         if surfel.cut2 < 0.0 {
@@ -243,8 +245,9 @@ impl Projector {
             });
         }
         let axis = |row: Vec3, center: f32, size: u32| {
-            // The conic's extent about the projected centre m: δ with (a_r − δ a_z)² + (b_r − δ b_z)² = (δ z)², where r is
-            // the row minus m times the depth row, so that the centre drops out and no digits cancel.
+            // The conic's extent about the projected centre m: δ with (a_r − δ a_z)² + (b_r − δ
+            // b_z)² = (δ z)², where r is the row minus m times the depth row, so that the centre
+            // drops out and no digits cancel.
             let m = offset.dot(row) / depth;
             let (ra, rb) = (a.dot(row) - m * depth_a, b.dot(row) - m * depth_b);
             let half_b = ra * depth_a + rb * depth_b;

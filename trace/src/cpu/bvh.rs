@@ -1,8 +1,8 @@
 //! An 8-wide BVH over the discs of Gaussians, for single rays in any direction.
 //!
-//! The binary tree comes from `obvhs`; it is widened here to nodes whose eight boxes are tested at once, over leaves of
-//! up to eight Gaussians tested at once. Moved Gaussians are followed by a refit, until the tree has become so loose that
-//! building it again is the better choice.
+//! The binary tree comes from `obvhs`; it is widened here to nodes whose eight boxes are tested at
+//! once, over leaves of up to eight Gaussians tested at once. Moved Gaussians are followed by a
+//! refit, until the tree has become so loose that building it again is the better choice.
 
 mod discs;
 mod nodes;
@@ -24,12 +24,13 @@ const EMPTY: u32 = u32::MAX;
 /// Marks children that are leaves; the other bits are the leaf's index.
 const LEAF: u32 = 1 << 31;
 
-/// A tree is built again when the expected cost of a ray has grown by this factor over refits. Measured on drifting
-/// Gaussians a rebuild pays for itself within one frame from about this growth on.
+/// A tree is built again when the expected cost of a ray has grown by this factor over refits.
+/// Measured on drifting Gaussians a rebuild pays for itself within one frame from about this growth
+/// on.
 const REBUILD_GROWTH: f32 = 1.5;
 
-/// Growth of boxes, relative to the coordinates' size: covers the rounding of the hit formula (a few units in the last
-/// place of 6e-8), so that no hit near a disc's rim is lost by the search.
+/// Growth of boxes, relative to the coordinates' size: covers the rounding of the hit formula (a
+/// few units in the last place of 6e-8), so that no hit near a disc's rim is lost by the search.
 const BOX_MARGIN: f32 = 4e-7;
 
 /// Up to eight Gaussians as struct of arrays; unused lanes have a negative `cut2`.
@@ -65,8 +66,8 @@ impl Bvh {
         bvh
     }
 
-    /// Follows moved Gaussians: refits the boxes, and builds anew where the tree has become loose or the number of Gaussians
-    /// that count has changed. Returns whether it was built anew.
+    /// Follows moved Gaussians: refits the boxes, and builds anew where the tree has become loose
+    /// or the number of Gaussians that count has changed. Returns whether it was built anew.
     pub fn update(&mut self, set: &SurfelSet) -> bool {
         let held: usize = self
             .leaves

@@ -1,8 +1,9 @@
 //! composited features of all pixels of a camera, and the record of their hits.
 //!
-//! Pixels are taken in tiles of 16×16 and, within a tile, in blocks of 4×4. A search fills one list of hits per ray of a block, the
-//! lists are put in true order of distance, and [`crate::blend`] does the rest. For the adjoint ([`CameraRecord::adjoint`]) a
-//! compact record of the blended hits is kept. No memory is taken per tile, block or ray: threads and records reuse theirs.
+//! Pixels are taken in tiles of 16×16 and, within a tile, in blocks of 4×4. A search fills one list
+//! of hits per ray of a block, the lists are put in true order of distance, and [`crate::blend`]
+//! does the rest. For the adjoint ([`CameraRecord::adjoint`]) a compact record of the blended hits
+//! is kept. No memory is taken per tile, block or ray: threads and records reuse theirs.
 
 use super::adjoint::RowPlaces;
 use super::bins::{TILE, TILE_PIXELS, TileBins};
@@ -112,7 +113,8 @@ pub fn trace(
 }
 
 impl CameraRecord {
-    /// Traces one ray through every pixel centre of `camera`, as [`trace`] does, into the memory of an earlier record, which is lost.
+    /// Traces one ray through every pixel centre of `camera`, as [`trace`] does, into the memory of
+    /// an earlier record, which is lost.
     pub fn trace(
         &mut self,
         set: &SurfelSet,
@@ -199,7 +201,8 @@ impl CameraRecord {
         BlendWeights::joined(&per_tile)
     }
 
-    /// What each Gaussian contributes to the picture. A Gaussian that several tiles saw comes once for each of them, tiles in order.
+    /// What each Gaussian contributes to the picture. A Gaussian that several tiles saw comes once
+    /// for each of them, tiles in order.
     pub fn contributions(&self, value: PixelValue<'_>) -> Vec<Contribution> {
         let Some(camera) = &self.camera else {
             return Vec::new();

@@ -58,7 +58,8 @@ impl BlockHits {
         self.order.resize(stride, 0);
     }
 
-    /// Appends a hit to the list of ray `lane`, for which [`Self::make_room`] has made room. `[alpha, u, v]`.
+    /// Appends a hit to the list of ray `lane`, for which [`Self::make_room`] has made room.
+    /// `[alpha, u, v]`.
     #[inline(always)]
     pub(super) fn push(&mut self, lane: usize, t: f32, [alpha, u, v]: [f32; 3], slot: u32) {
         let at = lane * self.stride + self.lens[lane] as usize;
@@ -85,8 +86,9 @@ impl BlockHits {
     }
 }
 
-/// Writes the places of `t[..len]` in ascending order. `t` is padded with infinities to a multiple of [`LANES`], `order` is as long. The
-/// place of each number is the number of smaller ones: no branch depends on the data. False, and no order, if two are equal.
+/// Writes the places of `t[..len]` in ascending order. `t` is padded with infinities to a multiple
+/// of [`LANES`], `order` is as long. The place of each number is the number of smaller ones: no
+/// branch depends on the data. False, and no order, if two are equal.
 #[inline(always)]
 fn order_by_counting(t: &[f32], len: usize, order: &mut [u32]) -> bool {
     let (mut sum, mut first) = (0_u32, 0);

@@ -1,14 +1,19 @@
-//! Realizations of a scene: Gaussians by chance turned into opaque discs, for rays of which the mean alone matters.
+//! Realizations of a scene: Gaussians by chance turned into opaque discs, for rays of which the
+//! mean alone matters.
 //!
-//! Of a blend, one hit can stand for all: accept each with probability α and take the nearest accepted one (stochastic transparency,
-//! Enderton et al. 2010). It is then met with the weight that it has in the blend. The number that decides, u, can be realized for each
-//! Gaussian before any ray is known: where `α = σ·exp(−r²/2) > u`, the Gaussian is there, elsewhere it is not. That is an opaque disc of
-//! radius `r = √(2 ln(σ/u))`, or nothing if `u ≥ σ`; its mean area is 2πσ in standard deviations where the footprint that a blend has to
-//! search has up to 9π. A ray through a realization is a search for the nearest of few small discs: no exponential, no sorting, no list.
+//! Of a blend, one hit can stand for all: accept each with probability α and take the nearest
+//! accepted one (stochastic transparency, Enderton et al. 2010). It is then met with the weight
+//! that it has in the blend. The number that decides, u, can be realized for each Gaussian before
+//! any ray is known: where `α = σ·exp(−r²/2) > u`, the Gaussian is there, elsewhere it is not. That
+//! is an opaque disc of radius `r = √(2 ln(σ/u))`, or nothing if `u ≥ σ`; its mean area is 2πσ in
+//! standard deviations where the footprint that a blend has to search has up to 9π. A ray through a
+//! realization is a search for the nearest of few small discs: no exponential, no sorting, no list.
 //!
-//! There are [`NUM_REALIZATIONS`] realizations, and rays take them in turn. The numbers of one Gaussian are stratified over the realizations, those of
-//! different Gaussians independent, so that a ray through a random realization has the mean of the blend. The realizations are the same for all rays: what
-//! they get wrong for one pair of overlapping discs does not go away with more rays, but with the number of discs that light comes from.
+//! There are [`NUM_REALIZATIONS`] realizations, and rays take them in turn. The numbers of one
+//! Gaussian are stratified over the realizations, those of different Gaussians independent, so that
+//! a ray through a random realization has the mean of the blend. The realizations are the same for
+//! all rays: what they get wrong for one pair of overlapping discs does not go away with more rays,
+//! but with the number of discs that light comes from.
 
 use super::bvh::{DiscTree, RayScratch, uniform_of};
 use crate::ray::Ray;
@@ -33,7 +38,8 @@ impl Realizations {
     /// Realizations from `set`; another `seed` gives other realizations.
     pub fn new(set: &SurfelSet, seed: u32) -> Self {
         let typical = DiscTree::new(set);
-        // On one thread: scenes make their realizations when the first ray asks for one, and other threads wait for it.
+        // On one thread: scenes make their realizations when the first ray asks for one, and other
+        // threads wait for it.
         let trees = (0..NUM_REALIZATIONS)
             .map(|realization| {
                 let mut tree = typical.clone();
@@ -60,7 +66,8 @@ impl Realizations {
         })
     }
 
-    /// Squared radius, in standard deviations, of Gaussian `i` of `set` in a realization; negative if it is not there.
+    /// Squared radius, in standard deviations, of Gaussian `i` of `set` in a realization; negative
+    /// if it is not there.
     pub fn radius_squared(&self, set: &SurfelSet, i: u32, realization: u32) -> f32 {
         realized_radius_squared(
             &set.surfels[i as usize],
@@ -71,7 +78,8 @@ impl Realizations {
     }
 }
 
-/// Squared radius, in standard deviations, of Gaussian `i` in one of [`NUM_REALIZATIONS`] realizations; negative if it is not there.
+/// Squared radius, in standard deviations, of Gaussian `i` in one of [`NUM_REALIZATIONS`]
+/// realizations; negative if it is not there.
 pub(crate) fn realized_radius_squared(surfel: &Surfel, i: u32, seed: u32, realization: u32) -> f32 {
     let offset = (uniform_of(seed ^ OFFSET_SEED, i) * NUM_REALIZATIONS as f32) as u32;
     let stratum = (realization + offset) % NUM_REALIZATIONS;

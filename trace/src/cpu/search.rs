@@ -1,7 +1,8 @@
 //! Search for the hits of the rays of a tile.
 //!
-//! Each Gaussian of a tile's list is tested against all blocks of the tile at once, and then, block by block, against the rays of those it may
-//! cover. The hits of a block, and everything that is done with them, stay in the processor's first cache.
+//! Each Gaussian of a tile's list is tested against all blocks of the tile at once, and then, block
+//! by block, against the rays of those it may cover. The hits of a block, and everything that is
+//! done with them, stay in the processor's first cache.
 
 use super::bins::BinnedSurfel;
 use super::hits::BlockHits;
@@ -21,9 +22,11 @@ pub(super) struct TileSurfel {
     nearest: f32,
 }
 
-/// The Gaussians of a tile, copied from the scene, and which of them each block may see. Memory is reused from tile to tile.
+/// The Gaussians of a tile, copied from the scene, and which of them each block may see. Memory is
+/// reused from tile to tile.
 ///
-/// Copies are made in loops that do nothing else: the scene is larger than the caches, and loads that wait for nothing wait together.
+/// Copies are made in loops that do nothing else: the scene is larger than the caches, and loads
+/// that wait for nothing wait together.
 #[derive(Default)]
 pub(super) struct TileList {
     surfels: Vec<Surfel>,
@@ -122,7 +125,8 @@ impl TileList {
         for (at, &slot) in self.blocks[block].iter().enumerate() {
             let surfel = &self.slots[slot as usize];
             if at % CLOSING_INTERVAL == 0 {
-                // The list is sorted by this bound: once every ray has ended before it, nothing further can be seen.
+                // The list is sorted by this bound: once every ray has ended before it, nothing
+                // further can be seen.
                 if closing.closed_before(surfel.nearest) {
                     break;
                 }
@@ -151,9 +155,10 @@ impl TileList {
 /// Gaussians between two checks for whether a block is closed.
 const CLOSING_INTERVAL: usize = 8;
 
-/// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light that a ray that goes on might skip them are
-/// left out ([`Self::SURE_ALPHA`]); once the product of `1 − α` over the others is under the limit, the ray has ended at or
-/// before the farthest of them, whatever else it met.
+/// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light
+/// that a ray that goes on might skip them are left out ([`Self::SURE_ALPHA`]); once the product of
+/// `1 − α` over the others is under the limit, the ray has ended at or before the farthest of them,
+/// whatever else it met.
 struct BlockClosing {
     transmittance: [f32; LANES],
     farthest: [f32; LANES],
@@ -164,12 +169,14 @@ impl BlockClosing {
         transmittance: [1.0; LANES],
         farthest: [0.0; LANES],
     };
-    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor covers rounding.
+    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor
+    /// covers rounding.
     const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
     /// Under the limit of a ray by enough to cover the rounding of products in another order.
     const LIMIT: f32 = 0.99 * MIN_TRANSMITTANCE;
 
-    /// Takes note of hits and returns, one byte for each ray, those that are not behind the end of their ray.
+    /// Takes note of hits and returns, one byte for each ray, those that are not behind the end of
+    /// their ray.
     #[inline(always)]
     fn add(&mut self, met: &BlockMet, alpha: &[f32; LANES]) -> u128 {
         let hits = met.hits.to_le_bytes();

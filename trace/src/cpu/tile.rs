@@ -1,4 +1,5 @@
-//! The rays of a tile of pixels, in blocks that fit a SIMD register, and the tests of a Gaussian against all rays of a block and all blocks of a tile.
+//! The rays of a tile of pixels, in blocks that fit a SIMD register, and the tests of a Gaussian
+//! against all rays of a block and all blocks of a tile.
 
 use super::bins::{TILE, TILE_PIXELS};
 use crate::surfel::SeenSurfel;
@@ -43,7 +44,8 @@ pub(super) struct BlockMet {
     pub(super) t: [f32; LANES],
     pub(super) u: [f32; LANES],
     pub(super) v: [f32; LANES],
-    /// One byte for each ray, 1 where it hits: a comparison of vectors becomes this without shuffling lanes.
+    /// One byte for each ray, 1 where it hits: a comparison of vectors becomes this without
+    /// shuffling lanes.
     pub(super) hits: u128,
 }
 
@@ -147,10 +149,11 @@ pub(super) struct BlockGrid {
 }
 
 impl BlockGrid {
-    /// From a block's middle to the centres of its outermost pixels, in pixels; a little more than 1.5.
+    /// From a block's middle to the centres of its outermost pixels, in pixels; a little more than
+    /// 1.5.
     const HALF: f32 = BLOCK as f32 / 2.0 - 0.49;
-    /// Bound of the rounding of in-plane coordinates here and in [`SeenSurfel::meet`], relative to the terms they are differences of: each
-    /// is a handful of operations of 6e-8.
+    /// Bound of the rounding of in-plane coordinates here and in [`SeenSurfel::meet`], relative to
+    /// the terms they are differences of: each is a handful of operations of 6e-8.
     const ROUNDING: f32 = 2e-6;
 
     fn new(frame: &RayFrame, x0: u32, y0: u32) -> Self {
@@ -175,8 +178,9 @@ impl BlockGrid {
 
     /// One byte for each block, 1 where one of its rays may hit.
     ///
-    /// For a direction d, unnormalised, `u·(d·n)` is a linear function of d, and so is `v·(d·n)`: over a block each stays within its value in
-    /// the middle plus or minus what the steps to the edges make. A block where even the smallest `u² + v²` is beyond the cut is not met.
+    /// For a direction d, unnormalised, `u·(d·n)` is a linear function of d, and so is `v·(d·n)`:
+    /// over a block each stays within its value in the middle plus or minus what the steps to the
+    /// edges make. A block where even the smallest `u² + v²` is beyond the cut is not met.
     #[inline(always)]
     pub(super) fn may_hit(&self, seen: &SeenSurfel) -> u128 {
         let normal = Vec3::from(seen.normal);

@@ -1,12 +1,14 @@
 //! The blends of a camera's pixels as a sparse matrix.
 //!
-//! As long as geometry and opacity stay, a picture is linear in what Gaussians carry, `V = Σ wᵢ vᵢ` with weights that never change: a
-//! product with this matrix in place of a trace, and with its transpose in place of the adjoint.
+//! As long as geometry and opacity stay, a picture is linear in what Gaussians carry, `V = Σ wᵢ vᵢ`
+//! with weights that never change: a product with this matrix in place of a trace, and with its
+//! transpose in place of the adjoint.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Parts into which the transpose divides the pixels: fixed, so that features are the same for any number of threads.
+/// Parts into which the transpose divides the pixels: fixed, so that features are the same for any
+/// number of threads.
 const NUM_PARTS: usize = 4;
 
 /// Weights of Gaussians in pixels, in the order in which a camera's tiles have them.
@@ -21,8 +23,8 @@ pub struct BlendWeights {
 }
 
 impl BlendWeights {
-    /// Adds a pixel with its hits: index and weight in the blend. Those that weigh less than `least` are left out and their weight is given to
-    /// the others in proportion.
+    /// Adds a pixel with its hits: index and weight in the blend. Those that weigh less than
+    /// `least` are left out and their weight is given to the others in proportion.
     pub(super) fn push(&mut self, pixel: u32, hits: impl Iterator<Item = (u32, f32)>, least: f32) {
         let start = self.entries.len();
         let (mut kept, mut all) = (0.0, 0.0);
@@ -40,7 +42,8 @@ impl BlendWeights {
         self.ends.push(self.entries.len() as u32);
     }
 
-    /// The pixels of all `parts`, in as much memory as they need: a training run keeps one of these for each view.
+    /// The pixels of all `parts`, in as much memory as they need: a training run keeps one of these
+    /// for each view.
     pub(super) fn joined(parts: &[Self]) -> Self {
         let num_pixels = parts.iter().map(|part| part.pixels.len()).sum();
         let num_entries = parts.iter().map(|part| part.entries.len()).sum();
@@ -91,7 +94,8 @@ impl BlendWeights {
         rows
     }
 
-    /// The transpose of [`Self::blend`]: what `d_pixels`, the gradient in every pixel, row by row, makes of that of each of `num` Gaussians.
+    /// The transpose of [`Self::blend`]: what `d_pixels`, the gradient in every pixel, row by row,
+    /// makes of that of each of `num` Gaussians.
     pub fn adjoint(&self, d_pixels: &[Vec3], num: usize) -> Vec<Vec3> {
         let part = self.pixels.len().div_ceil(NUM_PARTS);
         let parts: Vec<Vec<Vec3>> = (0..NUM_PARTS)

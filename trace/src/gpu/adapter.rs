@@ -37,7 +37,8 @@ pub enum Kind {
     Integrated,
     /// A GPU of a virtual machine.
     Virtual,
-    /// A program on the processor that stands in for a GPU: good for tests, slower than the CPU engine.
+    /// A program on the processor that stands in for a GPU: good for tests, slower than the CPU
+    /// engine.
     Software,
     /// Something else.
     Other,

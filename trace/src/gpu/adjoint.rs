@@ -1,9 +1,11 @@
-//! Gradients of camera rays on the device: the twin of [`crate::cpu::camera::CameraRecord::adjoint`]; and what Gaussians contribute to pixels, that of
+//! Gradients of camera rays on the device: the twin of
+//! [`crate::cpu::camera::CameraRecord::adjoint`]; and what Gaussians contribute to pixels, that of
 //! [`crate::cpu::camera::CameraRecord::contributions`].
 //!
-//! Tiles are traced again with a record of what is blended. Pixels turn their records into a weight and dL/dα for each hit, tiles add up the
-//! gradients of their Gaussians, Gaussians those of their tiles. Every sum has a fixed order and nothing is added atomically, so that the same
-//! device gives the same bits in every run, and the rounding is that of the CPU.
+//! Tiles are traced again with a record of what is blended. Pixels turn their records into a weight
+//! and dL/dα for each hit, tiles add up the gradients of their Gaussians, Gaussians those of their
+//! tiles. Every sum has a fixed order and nothing is added atomically, so that the same device
+//! gives the same bits in every run, and the rounding is that of the CPU.
 
 mod steps;
 
@@ -105,7 +107,8 @@ pub(super) enum Outcome<T> {
     MoreRoom(Room),
 }
 
-/// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device from call to call.
+/// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device
+/// from call to call.
 #[derive(Debug)]
 pub(super) struct Adjoint {
     room: Room,
@@ -208,7 +211,8 @@ impl Adjoint {
         })
     }
 
-    /// Gradients by all Gaussians, read back; `d_features` are derivatives by the features of each pixel, row by row.
+    /// Gradients by all Gaussians, read back; `d_features` are derivatives by the features of each
+    /// pixel, row by row.
     pub(super) fn gradients(
         &self,
         device: &Device,
@@ -230,7 +234,8 @@ impl Adjoint {
         })
     }
 
-    /// What Gaussians contribute, read back, without those that contribute nothing; the features of each pixel, row by row, go to `pixels`.
+    /// What Gaussians contribute, read back, without those that contribute nothing; the features of
+    /// each pixel, row by row, go to `pixels`.
     pub(super) fn contributions(
         &self,
         device: &Device,
@@ -256,7 +261,8 @@ impl Adjoint {
         })
     }
 
-    /// Traces all bands of `camera` with a record, goes `back` from each of them, and reads what Gaussians have got from all.
+    /// Traces all bands of `camera` with a record, goes `back` from each of them, and reads what
+    /// Gaussians have got from all.
     fn go_back<T>(
         &self,
         device: &Device,
@@ -312,7 +318,8 @@ impl Adjoint {
     }
 }
 
-/// An image that is traced at once: its features, their derivatives and the gradients are on the device together.
+/// An image that is traced at once: its features, their derivatives and the gradients are on the
+/// device together.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WholeImage<'a> {
     adjoint: &'a Adjoint,

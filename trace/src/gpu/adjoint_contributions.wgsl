@@ -1,4 +1,5 @@
-// Rows of the adjoint that say what a Gaussian contributes to pixels; see `Contribution` in blend.rs.
+// Rows of the adjoint that say what a Gaussian contributes to pixels; see `Contribution` in
+// blend.rs.
 
 // A number for each pixel of the band.
 @group(0) @binding(10) var<storage, read> values: array<f32>;

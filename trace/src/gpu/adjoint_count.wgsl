@@ -1,4 +1,5 @@
-// Number of pixels that blended the Gaussian at each place in the lists; added up, where their hits begin.
+// Number of pixels that blended the Gaussian at each place in the lists; added up, where their hits
+// begin.
 
 @group(0) @binding(2) var<storage, read> masks: array<vec2u>;
 @group(0) @binding(3) var<storage, read_write> hit_starts: array<u32>;

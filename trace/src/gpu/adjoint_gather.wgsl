@@ -1,5 +1,5 @@
-// Last stage of the adjoint: the rows of each Gaussian are added in the order of its tiles, so that features come out the same in every run
-// without an atomic addition of floats.
+// Last stage of the adjoint: the rows of each Gaussian are added in the order of its tiles, so that
+// features come out the same in every run without an atomic addition of floats.
 
 @group(0) @binding(2) var<storage, read> order: array<u32>;
 @group(0) @binding(3) var<storage, read> entry_starts: array<u32>;

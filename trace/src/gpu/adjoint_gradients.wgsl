@@ -1,5 +1,5 @@
-// Rows of the adjoint that are gradients, as in blend.rs, four vectors: position and first scale; second scale and rotation; opacity and radiance;
-// emission and albedo.
+// Rows of the adjoint that are gradients, as in blend.rs, four vectors: position and first scale;
+// second scale and rotation; opacity and radiance; emission and albedo.
 
 @group(0) @binding(10) var<storage, read> seen_surfels: array<Seen>;
 @group(0) @binding(11) var<storage, read> d_features: array<Lanes>;

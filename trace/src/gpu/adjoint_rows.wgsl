@@ -1,4 +1,5 @@
-// Second stage of the adjoint: the row of each Gaussian in each tile, the sum over the tile's pixels in their order. What a row is, another part says.
+// Second stage of the adjoint: the row of each Gaussian in each tile, the sum over the tile's
+// pixels in their order. What a row is, another part says.
 
 @group(0) @binding(2) var<storage, read> listed: array<vec2u>;
 @group(0) @binding(3) var<storage, read> masks: array<vec2u>;

@@ -1,5 +1,6 @@
-// First stage of the adjoint: each pixel goes through its blended hits back to front. With Cᵢ, the value of everything from hit i on,
-// dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁); see blend.rs. What a hit has become goes to where its Gaussian and tile will look for it.
+// First stage of the adjoint: each pixel goes through its blended hits back to front. With Cᵢ, the
+// value of everything from hit i on, dL/dαᵢ = Tᵢ₋₁ (cᵢ − Cᵢ₊₁); see blend.rs. What a hit has become
+// goes to where its Gaussian and tile will look for it.
 
 @group(0) @binding(2) var<storage, read> record: array<u32>;
 @group(0) @binding(3) var<storage, read> listed: array<vec2u>;

@@ -1,7 +1,8 @@
 //! Binning on the device: the twin of [`crate::cpu::bins`].
 //!
-//! Gaussians are projected, sorted by the distance from which on they can be hit, spread over the tiles that they may cover, and these entries
-//! are sorted by tile; both sorts are stable, so that lists come out nearest first, and the same in every run.
+//! Gaussians are projected, sorted by the distance from which on they can be hit, spread over the
+//! tiles that they may cover, and these entries are sorted by tile; both sorts are stable, so that
+//! lists come out nearest first, and the same in every run.
 
 use super::device::{Device, Step};
 use super::error::GpuError;
@@ -13,13 +14,14 @@ use super::wgsl;
 use crate::cpu::bins::Projector;
 use eagpt_scene::Camera;
 
-/// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as many as run in step on any device.
+/// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as
+/// many as run in step on any device.
 pub(super) const TILE: u32 = 8;
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: u32 = TILE * TILE;
 
-/// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one part in 4,096, and a sort takes three
-/// passes fewer.
+/// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one
+/// part in 4,096, and a sort takes three passes fewer.
 pub(super) const KEY_SHIFT: u32 = 11;
 /// Bits of a key: a distance is not negative, so its sign is left out, too.
 const KEY_BITS: u32 = 31 - KEY_SHIFT;
@@ -33,7 +35,8 @@ pub(super) const TOTAL_ENTRIES: u32 = 1;
 /// Numbers that kernels hand on to others.
 const NUM_TOTALS: u64 = 4;
 
-/// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows of tiles in 16.
+/// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows
+/// of tiles in 16.
 const MAX_SIDE: u32 = 65_535;
 
 /// Entries that are made room for at first, for each Gaussian.
@@ -147,7 +150,8 @@ impl View {
     }
 }
 
-/// Lists of the Gaussians that tiles may see, for cameras of one size and scenes of one number of Gaussians.
+/// Lists of the Gaussians that tiles may see, for cameras of one size and scenes of one number of
+/// Gaussians.
 #[derive(Debug)]
 pub(super) struct Bins {
     pub(super) view: wgpu::Buffer,
@@ -173,8 +177,8 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Room for the lists of `scene` as cameras of `width` × `height` pixels see it, with as many entries in all as is usual, or `num_entries` if
-    /// these are more.
+    /// Room for the lists of `scene` as cameras of `width` × `height` pixels see it, with as many
+    /// entries in all as is usual, or `num_entries` if these are more.
     pub(super) fn new(
         device: &Device,
         scene: &SceneBuffers,
@@ -302,8 +306,8 @@ impl Bins {
         }
     }
 
-    /// Number of entries that the last binning needed. More than [`Self::capacity`]: lists are incomplete, and have to be made anew with room
-    /// for that many. Waits for the device.
+    /// Number of entries that the last binning needed. More than [`Self::capacity`]: lists are
+    /// incomplete, and have to be made anew with room for that many. Waits for the device.
     pub(super) fn num_entries(&self, device: &Device) -> Result<u32, GpuError> {
         self.total(device, TOTAL_ENTRIES)
     }

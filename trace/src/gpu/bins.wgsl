@@ -1,8 +1,10 @@
-// Binning: the twin of cpu/bins.rs. For each tile of an image the Gaussians whose discs may cover one of its pixels, nearest first.
+// Binning: the twin of cpu/bins.rs. For each tile of an image the Gaussians whose discs may cover
+// one of its pixels, nearest first.
 
 @group(0) @binding(0) var<uniform> view: View;
 
-// Rectangle of tiles, from and to (inclusive): columns in x, rows in y; 16 bits each. Empty: from above to.
+// Rectangle of tiles, from and to (inclusive): columns in x, rows in y; 16 bits each. Empty: from
+// above to.
 struct TileRect {
     columns: vec2u,
     rows: vec2u,
@@ -29,7 +31,8 @@ fn extent(axis: vec3f, radius: f32) -> vec3f {
     return axis * (radius / dot(axis, axis));
 }
 
-// Pixels, from and to (exclusive), whose centres lie on the projected disc along one axis; see cpu/bins.rs for the conic.
+// Pixels, from and to (exclusive), whose centres lie on the projected disc along one axis; see
+// cpu/bins.rs for the conic.
 fn pixel_range(row: vec3f, center: f32, size: u32, offset: vec3f, a: vec3f, b: vec3f) -> vec2u {
     let depth = dot(offset, view.forward);
     let depth_a = dot(a, view.forward);
@@ -59,7 +62,8 @@ fn tile_rect(surfel: Surfel, a: vec3f, b: vec3f) -> vec2u {
     var columns = vec2u(0u, view.width);
     var rows = vec2u(0u, view.height);
     if depth <= 0.0 || depth * depth - reach2 <= 1e-4 * depth * depth {
-        // The disc reaches into the camera's plane: its picture has no bounds, but most such discs lie to the side.
+        // The disc reaches into the camera's plane: its picture has no bounds, but most such discs
+        // lie to the side.
         let reach = sqrt(dot(a, a) + dot(b, b)) + 1e-5 * length(offset);
         for (var side = 0u; side < 4u; side++) {
             if dot(offset, view.sides[side].xyz) < -reach {

@@ -1,10 +1,12 @@
-// Second stage of binning: an entry for each Gaussian and tile, Gaussians nearest first, and after sorting by tile the lists.
+// Second stage of binning: an entry for each Gaussian and tile, Gaussians nearest first, and after
+// sorting by tile the lists.
 
 @group(0) @binding(1) var<storage, read> order: array<u32>;
 @group(0) @binding(2) var<storage, read> rects: array<vec2u>;
 @group(0) @binding(3) var<storage, read_write> starts: array<u32>;
 
-// Number of entries of each Gaussian in the order of distances; one more at the end, which becomes their total.
+// Number of entries of each Gaussian in the order of distances; one more at the end, which becomes
+// their total.
 @compute @workgroup_size(64)
 fn count_entries(
     @builtin(workgroup_id) workgroup: vec3u,

@@ -28,7 +28,8 @@ fn project(
         rect = tile_rect(surfel, a, b);
         if num_tiles_of(rect) > 0u {
             let reach = max(length(a), length(b));
-            // A few roundings' worth lower, so that it is a bound for computed distances, too; then cut down to the bits of a key.
+            // A few roundings' worth lower, so that it is a bound for computed distances, too; then
+            // cut down to the bits of a key.
             let nearest = max((distance(surfel.position, view.origin) - reach) * (1.0 - 1e-5), 0.0);
             key = bitcast<u32>(nearest) >> KEY_SHIFT;
             seen.nearest = bitcast<f32>(key << KEY_SHIFT);

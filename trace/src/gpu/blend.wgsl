@@ -1,7 +1,7 @@
 // Blending of ordered hits: the twin of blend.rs.
 
-// Sixteen lanes in the order of features.rs: radiance and emission; albedo and normal x; normal y and z, opacity, distance;
-// spread, size, first distance, nothing.
+// Sixteen lanes in the order of features.rs: radiance and emission; albedo and normal x; normal y
+// and z, opacity, distance; spread, size, first distance, nothing.
 struct Lanes {
     a: vec4f,
     b: vec4f,

@@ -1,4 +1,5 @@
-// One bounce into the scene's own radiance: the twin of `bounced` in transport/mod.rs and of `BounceSampler`.
+// One bounce into the scene's own radiance: the twin of `bounced` in transport/mod.rs and of
+// `BounceSampler`.
 
 fn gather_sample(total: ptr<function, Gathered>, surface: Surface, pixel: u32, sample: u32) {
     let numbers = block_of(light.key, pixel, sample, 0u);

@@ -1,7 +1,8 @@
 //! Acceleration structure of single rays: binary trees of boxes in the memory of a device.
 //!
-//! Trees are built on the host by the library that the CPU engine uses. Which hits a ray has does not depend on the shape of a tree. Kernels
-//! search with a stack of fixed size: where the library's tree is deeper, what is too deep is halved by position instead.
+//! Trees are built on the host by the library that the CPU engine uses. Which hits a ray has does
+//! not depend on the shape of a tree. Kernels search with a stack of fixed size: where the
+//! library's tree is deeper, what is too deep is halved by position instead.
 
 use crate::surfel::Surfel;
 use crate::tree::{binary_tree, deepest_below};
@@ -12,19 +13,21 @@ use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 /// Stands for no node, and for no Gaussian.
 pub(super) const NO_NODE: u32 = u32::MAX;
 
-/// Nodes that a search can have before it. One that comes to a leaf of level n, counted from 0, has at most n + 1: no tree has more levels.
+/// Nodes that a search can have before it. One that comes to a leaf of level n, counted from 0, has
+/// at most n + 1: no tree has more levels.
 pub(super) const STACK: u32 = 64;
 
 /// Gaussians of a leaf, at most.
 const LEAF_SIZE: u32 = 4;
 
-/// Level from which on a tree is halved, if it would not end in time: what is halved has 32 levels below its own at most, as numbers of
-/// Gaussians have 32 bits.
+/// Level from which on a tree is halved, if it would not end in time: what is halved has 32 levels
+/// below its own at most, as numbers of Gaussians have 32 bits.
 const HALVED_FROM: u32 = 31;
 const _: () = assert!(HALVED_FROM + 1 + u32::BITS <= STACK);
 
-/// Growth of boxes, relative to the coordinates' size: covers the rounding of the hit formula with the imprecise division of GPUs (2.5 units in
-/// the last place), so that no hit near a disc's rim is lost by the search.
+/// Growth of boxes, relative to the coordinates' size: covers the rounding of the hit formula with
+/// the imprecise division of GPUs (2.5 units in the last place), so that no hit near a disc's rim
+/// is lost by the search.
 const BOX_MARGIN: f32 = 1e-6;
 
 /// Trees one after the other, as bvh.wgsl reads them.
@@ -70,8 +73,9 @@ impl Trees {
     }
 }
 
-/// Halves the parts of `tree` that no search could get to the end of. Such trees come of Gaussians that lie in one another like dolls: whoever
-/// joins the two boxes that fit best makes a chain of them.
+/// Halves the parts of `tree` that no search could get to the end of. Such trees come of Gaussians
+/// that lie in one another like dolls: whoever joins the two boxes that fit best makes a chain of
+/// them.
 fn cut_down(tree: &mut Bvh2, boxes: &[Aabb]) {
     if deepest_below(tree, 0) < STACK {
         return;
@@ -94,7 +98,8 @@ fn cut_down(tree: &mut Bvh2, boxes: &[Aabb]) {
     }
 }
 
-/// Makes the part of `tree` below `node` anew: as many Gaussians on either side of every box, along its longest edge.
+/// Makes the part of `tree` below `node` anew: as many Gaussians on either side of every box, along
+/// its longest edge.
 fn halve(tree: &mut Bvh2, node: u32, boxes: &[Aabb]) {
     let (mut held, mut below) = (Vec::new(), vec![node]);
     while let Some(node) = below.pop() {
@@ -166,7 +171,8 @@ mod tests {
         }
     }
 
-    /// Levels of the tree from `root` on; checks that boxes are in one another and that leaves hold all of `surfels` once.
+    /// Levels of the tree from `root` on; checks that boxes are in one another and that leaves hold
+    /// all of `surfels` once.
     fn check(trees: &Trees, root: u32, surfels: &[Surfel]) -> u32 {
         let node = |at: u32| {
             let [low, high] = [0, 1].map(|k| trees.nodes[2 * at as usize + k]);

@@ -1,7 +1,8 @@
 // Search along single rays through a binary tree of boxes.
 //
-// A node is two vectors: (min, first) and (max, count), the last ones as bits. With a count of 0 the children are `first` and `first + 1`;
-// otherwise the Gaussians are those of `leaf_indices` from `first` on.
+// A node is two vectors: (min, first) and (max, count), the last ones as bits. With a count of 0
+// the children are `first` and `first + 1`; otherwise the Gaussians are those of `leaf_indices`
+// from `first` on.
 
 struct Ray {
     origin: vec3f,
@@ -43,8 +44,8 @@ fn start_at(traversal: ptr<function, Traversal>, root: u32, direction: vec3f, t_
     }
 }
 
-// Distance at which the ray enters a box; infinite where it misses. Robust box test (Ize 2013): a few roundings on the far side, as many as
-// the imprecise division of GPUs needs.
+// Distance at which the ray enters a box; infinite where it misses. Robust box test (Ize 2013): a
+// few roundings on the far side, as many as the imprecise division of GPUs needs.
 fn box_distance(node: u32, origin: vec3f, inverse: vec3f, t_max: f32) -> f32 {
     let a = (nodes[2u * node].xyz - origin) * inverse;
     let b = (nodes[2u * node + 1u].xyz - origin) * inverse;
@@ -55,7 +56,8 @@ fn box_distance(node: u32, origin: vec3f, inverse: vec3f, t_max: f32) -> f32 {
     return select(INFINITE, near, near <= far * 1.000001);
 }
 
-// The leaf that comes next, as range of `leaf_indices`; empty at the end. Nearer leaves mostly come first.
+// The leaf that comes next, as range of `leaf_indices`; empty at the end. Nearer leaves mostly come
+// first.
 fn next_leaf(traversal: ptr<function, Traversal>, origin: vec3f) -> vec2u {
     while (*traversal).height > 0u {
         let top = (*traversal).height - 1u;
@@ -138,7 +140,8 @@ fn trace_ray(ray: Ray) -> Lanes {
     return state.features;
 }
 
-// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them does not matter.
+// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them
+// does not matter.
 fn uniform_of(seed: u32, index: u32) -> f32 {
     var x = seed ^ (index * 0x9e3779b9u);
     x = (x ^ (x >> 16u)) * 0x7feb352du;
@@ -147,8 +150,9 @@ fn uniform_of(seed: u32, index: u32) -> f32 {
     return f32(x >> 8u) * (1.0 / 16777216.0);
 }
 
-// The Gaussian of one hit of the ray, chosen with the weight it has in the blend; NO_NODE with the probability of meeting nothing. Every hit is
-// accepted with probability α, and the nearest accepted one is the choice (stochastic transparency, Enderton et al. 2010).
+// The Gaussian of one hit of the ray, chosen with the weight it has in the blend; NO_NODE with the
+// probability of meeting nothing. Every hit is accepted with probability α, and the nearest
+// accepted one is the choice (stochastic transparency, Enderton et al. 2010).
 fn sample_hit(ray: Ray, seed: u32) -> u32 {
     var traversal: Traversal;
     start_at(&traversal, light.scene_root, ray.direction, INFINITE);

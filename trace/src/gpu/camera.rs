@@ -10,8 +10,9 @@ use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use std::ops::Range;
 
-/// Hits that wait in the memory of a pixel until they can be blended. More than are usually met on a surface within the size of one
-/// Gaussian; a longer list costs registers, a shorter one more searches.
+/// Hits that wait in the memory of a pixel until they can be blended. More than are usually met on
+/// a surface within the size of one Gaussian; a longer list costs registers, a shorter one more
+/// searches.
 pub(super) const PENDING: u32 = 16;
 
 /// Tiles of one dispatch: a kernel that runs for seconds is stopped by the driver.
@@ -43,7 +44,8 @@ impl Band {
     }
 }
 
-/// The steps that `step` makes for all tiles of `band`, of parts of it and the number of their tiles.
+/// The steps that `step` makes for all tiles of `band`, of parts of it and the number of their
+/// tiles.
 pub(super) fn tile_steps(
     device: &Device,
     band: &Band,
@@ -160,7 +162,8 @@ impl CameraTracer {
             .unwrap_or(0)
     }
 
-    /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room for.
+    /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room
+    /// for.
     pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<Binned, GpuError> {
         let mut commands = device.commands();
         self.bins.record(device, camera, &mut commands);
@@ -173,7 +176,8 @@ impl CameraTracer {
         })
     }
 
-    /// Traces the camera that was binned last, and hands each band of pixels with their features to `finish` while they are on the device.
+    /// Traces the camera that was binned last, and hands each band of pixels with their features to
+    /// `finish` while they are on the device.
     pub(super) fn trace(
         &self,
         device: &Device,

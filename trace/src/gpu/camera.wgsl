@@ -1,7 +1,9 @@
-// composited features of all pixels of a camera: the twin of cpu/camera.rs and cpu/tile.rs. A workgroup is a tile, an invocation a pixel.
+// composited features of all pixels of a camera: the twin of cpu/camera.rs and cpu/tile.rs. A
+// workgroup is a tile, an invocation a pixel.
 //
-// A tile's list is sorted by a bound of the distance, pixels need the order of true distances, ties by index. Hits wait until the bound has
-// passed them; where more wait than there is room for, another search finds those that were forgotten.
+// A tile's list is sorted by a bound of the distance, pixels need the order of true distances, ties
+// by index. Hits wait until the bound has passed them; where more wait than there is room for,
+// another search finds those that were forgotten.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> band: Band;

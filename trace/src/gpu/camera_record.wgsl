@@ -1,8 +1,9 @@
-// The blended hits of every pixel are kept for the adjoint, in chunks that are linked back to front: where a chunk lies depends on which pixel
-// asked first, what is in it does not.
+// The blended hits of every pixel are kept for the adjoint, in chunks that are linked back to
+// front: where a chunk lies depends on which pixel asked first, what is in it does not.
 //
-// The record begins with two words for each pixel of the band, its last chunk and its number of hits. A chunk is the place of the one before it,
-// then for each hit its place in the lists, its opacity and the transmittance before it.
+// The record begins with two words for each pixel of the band, its last chunk and its number of
+// hits. A chunk is the place of the one before it, then for each hit its place in the lists, its
+// opacity and the transmittance before it.
 
 @group(0) @binding(7) var<storage, read_write> record: array<u32>;
 // Pixels of a tile that blended the Gaussian at each place in the lists, one bit each in two words.

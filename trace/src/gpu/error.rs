@@ -29,7 +29,8 @@ pub enum GpuError {
         /// What was being done.
         problem: String,
     },
-    /// The device is gone: unplugged, reset by its driver, or stopped because a kernel took too long.
+    /// The device is gone: unplugged, reset by its driver, or stopped because a kernel took too
+    /// long.
     #[error("device {device}: lost: {problem}")]
     Lost {
         /// Name of the device.
@@ -63,7 +64,8 @@ pub enum GpuError {
         /// Pixels that a side may have.
         limit: u32,
     },
-    /// The driver or wgpu rejects a kernel or how it is called: a defect of this program or of the driver.
+    /// The driver or wgpu rejects a kernel or how it is called: a defect of this program or of the
+    /// driver.
     #[error("device {device}: kernel rejected: {problem}")]
     Rejected {
         /// Name of the device.

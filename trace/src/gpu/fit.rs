@@ -1,7 +1,8 @@
 //! Gaussians that change while they are looked at: what training on a device needs of the rays.
 //!
-//! Unlike [`super::GpuScene`], whose Gaussians come from the host, the buffers are open to kernels of others: those read the features of a
-//! [`Frame`], write the derivatives by them, and move the Gaussians along the gradients, without anything passing through the host.
+//! Unlike [`super::GpuScene`], whose Gaussians come from the host, the buffers are open to kernels
+//! of others: those read the features of a [`Frame`], write the derivatives by them, and move the
+//! Gaussians along the gradients, without anything passing through the host.
 
 use super::adjoint::TOTAL_CHUNKS;
 use super::bins::TOTAL_ENTRIES;
@@ -32,7 +33,8 @@ pub struct Frame {
     pub d_features: wgpu::Buffer,
     /// [`LocalGradient`], `[n]`: written by [`GpuFit::backward`].
     pub gradients: wgpu::Buffer,
-    /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by [`GpuFit::forward`].
+    /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by
+    /// [`GpuFit::forward`].
     pub attributes: wgpu::Buffer,
     /// Numbers of what the rays needed room for, at [`Frame::ENTRIES`] and [`Frame::CHUNKS`].
     pub totals: wgpu::Buffer,
@@ -106,7 +108,8 @@ impl GpuFit {
         &self.scene.attributes
     }
 
-    /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the direction.
+    /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the
+    /// direction.
     pub fn harmonics(&self) -> Option<&wgpu::Buffer> {
         self.scene.harmonics.as_ref()
     }
@@ -137,8 +140,9 @@ impl GpuFit {
         views.adjoint(&self.device, &self.scene, camera, d_features)
     }
 
-    /// composited features of one ray through every pixel centre, and what each Gaussian contributes to them, read back: the twin of
-    /// [`crate::cpu::CameraRecord::contributions`], but for a Gaussian coming once.
+    /// composited features of one ray through every pixel centre, and what each Gaussian
+    /// contributes to them, read back: the twin of [`crate::cpu::CameraRecord::contributions`], but
+    /// for a Gaussian coming once.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
@@ -151,7 +155,8 @@ impl GpuFit {
             .contributions(&self.device, &self.scene, camera, value)
     }
 
-    /// The buffers for cameras of the size of `camera`; `None` where one buffer does not hold all of its pixels.
+    /// The buffers for cameras of the size of `camera`; `None` where one buffer does not hold all
+    /// of its pixels.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
@@ -171,7 +176,8 @@ impl GpuFit {
         }))
     }
 
-    /// Makes more room for cameras of this size where `needed`, from the totals of a frame, is more than there is. Returns whether it was.
+    /// Makes more room for cameras of this size where `needed`, from the totals of a frame, is more
+    /// than there is. Returns whether it was.
     ///
     /// # Errors
     /// If the device has not enough memory.
@@ -209,7 +215,8 @@ impl GpuFit {
         }
     }
 
-    /// From the derivatives in the [`Frame`] of `camera`, which was traced last, to gradients, without waiting.
+    /// From the derivatives in the [`Frame`] of `camera`, which was traced last, to gradients,
+    /// without waiting.
     ///
     /// # Errors
     /// If the device gives up.

@@ -1,4 +1,5 @@
-// Light that differs with the direction it is seen from: the twin of `eagpt_scene::harmonics`. Constants in capitals come from Rust.
+// Light that differs with the direction it is seen from: the twin of `eagpt_scene::harmonics`.
+// Constants in capitals come from Rust.
 
 // In the direction from `eye` to `position`; all zero where these are one point.
 fn harmonic_functions(eye: vec3f, position: vec3f) -> array<f32, NUM_FUNCTIONS> {

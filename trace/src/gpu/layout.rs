@@ -1,4 +1,5 @@
-//! What kernels and Rust share: structures and constants, written down once, in Rust, and declared in WGSL from there.
+//! What kernels and Rust share: structures and constants, written down once, in Rust, and declared
+//! in WGSL from there.
 
 use super::bins::{self, Seen, View};
 use super::{adjoint, bvh, camera, light, matrix, rays, scan, sort};
@@ -31,7 +32,8 @@ pub struct Member {
     pub offset: usize,
 }
 
-/// The [`Layout`] of a `#[repr(C)]` structure, members with their types in WGSL. Does not compile where WGSL would lay it out in another way.
+/// The [`Layout`] of a `#[repr(C)]` structure, members with their types in WGSL. Does not compile
+/// where WGSL would lay it out in another way.
 #[macro_export]
 macro_rules! layout {
     ($rust:ty { $($member:ident: $wgsl:literal),* $(,)? }) => {{
@@ -218,8 +220,8 @@ pub(super) fn declarations() -> String {
     text
 }
 
-/// The first 16 bits of a four-dimensional Sobol point by the reversed bits of its number, as the library of [`crate::transport::points`] has
-/// them: one line for each bit.
+/// The first 16 bits of a four-dimensional Sobol point by the reversed bits of its number, as the
+/// library of [`crate::transport::points`] has them: one line for each bit.
 pub(super) fn sobol_function() -> String {
     let mut text = String::from("fn sobol_rev(index: u32) -> vec4u {\n    var point = vec4u();\n");
     for bit in (16..u32::BITS).rev() {
@@ -242,7 +244,8 @@ mod tests {
         const fn member(name: &'static str, wgsl: &'static str, offset: usize) -> Member {
             Member { name, wgsl, offset }
         }
-        // A vector of three after a scalar begins at 16, not at 4; a structure ends at a multiple of its alignment.
+        // A vector of three after a scalar begins at 16, not at 4; a structure ends at a multiple
+        // of its alignment.
         const GOOD: Layout =
             Layout::new("A", 32, &[member("a", "f32", 0), member("b", "vec3f", 16)]);
         const PACKED: Layout =

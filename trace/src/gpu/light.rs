@@ -1,7 +1,8 @@
 //! Light of camera pixels on the device: the twin of [`crate::transport::render`].
 //!
-//! A dispatch takes one ray of one sample of a path, or a few samples of a single bounce, for many pixels, and adds them to what was gathered before,
-//! in the order of samples: it is short, so that no driver takes it for hung.
+//! A dispatch takes one ray of one sample of a path, or a few samples of a single bounce, for many
+//! pixels, and adds them to what was gathered before, in the order of samples: it is short, so that
+//! no driver takes it for hung.
 
 mod buffers;
 mod parameters;
@@ -24,7 +25,8 @@ pub(super) use parameters::{
 /// Pixels of a dispatch: a kernel that runs for seconds is stopped by the driver.
 const PIXELS_PER_DISPATCH: u32 = 1 << 18;
 
-/// Samples of a dispatch, at most. Software adapters (Mesa's llvmpipe) end all loops of an invocation after 65,535 turns in sum.
+/// Samples of a dispatch, at most. Software adapters (Mesa's llvmpipe) end all loops of an
+/// invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 8;
 
 /// Dispatches that are under way at once.
@@ -178,7 +180,8 @@ impl LightGatherer {
         self.num_samples
     }
 
-    /// Light of `num_pixels` pixels from `first_pixel` of the image on, whose camera rays have just been traced.
+    /// Light of `num_pixels` pixels from `first_pixel` of the image on, whose camera rays have just
+    /// been traced.
     pub(super) fn gather(
         &self,
         device: &Device,

@@ -25,7 +25,8 @@ fn sample_light(origin: vec3f, pick: f32, a: f32, b: f32) -> vec3f {
     return select(vec3f(), offset * inverseSqrt(length2), length2 > 1e-30);
 }
 
-// Density over solid angle with which `sample_light` chooses `direction`: every emitter along the ray could have been the one.
+// Density over solid angle with which `sample_light` chooses `direction`: every emitter along the
+// ray could have been the one.
 fn light_density(origin: vec3f, direction: vec3f) -> f32 {
     var traversal: Traversal;
     start_at(&traversal, light.light_root, direction, INFINITE);

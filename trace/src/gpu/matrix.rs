@@ -1,7 +1,8 @@
 //! TransportMatrix on the device: the twin of [`crate::transport::matrix`].
 //!
-//! A dispatch follows one direction of one receiver in each invocation; another one adds up what they have found. Light is added in the order
-//! of samples, those towards emitters first, so that the bits depend neither on the size of dispatches nor on which receivers are traced together.
+//! A dispatch follows one direction of one receiver in each invocation; another one adds up what
+//! they have found. Light is added in the order of samples, those towards emitters first, so that
+//! the bits depend neither on the size of dispatches nor on which receivers are traced together.
 
 use super::device::{Device, Step};
 use super::error::GpuError;
@@ -24,7 +25,8 @@ use std::ops::Range;
 /// Directions of a dispatch, at most: a kernel that runs for seconds is stopped by the driver.
 const DIRECTIONS_PER_DISPATCH: u32 = 1 << 18;
 
-/// Samples that an invocation adds up, at most. Software adapters (Mesa's llvmpipe) end all loops of an invocation after 65,535 turns in sum.
+/// Samples that an invocation adds up, at most. Software adapters (Mesa's llvmpipe) end all loops
+/// of an invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 1 << 14;
 
 /// Dispatches that are under way at once.
@@ -108,7 +110,8 @@ impl ReceiverOnDevice {
 pub(super) struct FoundEntry {
     /// Of an emitter, weighted.
     light: [f32; 3],
-    /// A Gaussian, [`crate::transport::matrix::NOTHING`], or [`super::bvh::NO_NODE`] where no ray was traced.
+    /// A Gaussian, [`crate::transport::matrix::NOTHING`], or [`super::bvh::NO_NODE`] where no ray
+    /// was traced.
     link: u32,
 }
 
@@ -143,7 +146,8 @@ impl ArrivedLight {
 pub(super) struct TransportBuffers {
     /// Of discs that are as large as the largest of all realizations.
     trees: TreeBuffers,
-    /// Squared radii of discs in standard deviations, `[n, NUM_REALIZATIONS]`: as many bytes as the Gaussians themselves.
+    /// Squared radii of discs in standard deviations, `[n, NUM_REALIZATIONS]`: as many bytes as the
+    /// Gaussians themselves.
     radii: wgpu::Buffer,
 }
 
@@ -259,7 +263,8 @@ impl TransportRays<'_> {
         Ok(matrix)
     }
 
-    /// What each ray meets first in the realization that is its seed; see [`crate::Tracer::realization_hits`].
+    /// What each ray meets first in the realization that is its seed; see
+    /// [`crate::Tracer::realization_hits`].
     pub(super) fn first_hits(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
         let mut hits = Vec::with_capacity(queries.len());
         let room = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;

@@ -1,7 +1,8 @@
 // Which Gaussians light each other: the twin of matrix.rs in transport, and of realizations.rs.
 //
-// A ray meets the opaque discs of one realization. All realizations share a tree whose boxes hold the largest disc of each Gaussian; how large a disc is in
-// the realization of a ray is looked up at leaves.
+// A ray meets the opaque discs of one realization. All realizations share a tree whose boxes hold
+// the largest disc of each Gaussian; how large a disc is in the realization of a ray is looked up
+// at leaves.
 
 @group(0) @binding(1) var<uniform> light: TransportParameters;
 @group(0) @binding(2) var<storage, read> surfels: array<Surfel>;
@@ -10,7 +11,8 @@
 @group(0) @binding(4) var<storage, read> nodes: array<vec4f>;
 @group(0) @binding(5) var<storage, read> leaf_indices: array<u32>;
 @group(0) @binding(6) var<storage, read> emitters: array<Emitter>;
-// Squared radii in standard deviations, negative for a disc that is not there: [n, NUM_REALIZATIONS].
+// Squared radii in standard deviations, negative for a disc that is not there: [n,
+// NUM_REALIZATIONS].
 @group(0) @binding(7) var<storage, read> radii: array<f32>;
 @group(0) @binding(8) var<storage, read> receivers: array<ReceiverOnDevice>;
 // [receivers, samples of a dispatch].
@@ -50,7 +52,8 @@ fn realization_hit(ray: Ray, realization: u32) -> u32 {
     return nearest;
 }
 
-// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and m of density p.
+// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and
+// m of density p.
 fn light_of(emitter: u32, surface: Surface, direction: vec3f) -> vec3f {
     let q = dot(direction, surface.normal) / PI;
     let p = light_density(surface.position, direction);
@@ -70,7 +73,8 @@ fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundEntry {
     } else {
         direction = cosine_direction(surface.normal, numbers.x, numbers.y);
     }
-    // Samples of a receiver take turns in the realizations, and receivers begin with different ones.
+    // Samples of a receiver take turns in the realizations, and receivers begin with different
+    // ones.
     let realization = (word_of(light.key, receiver.element, 0u) + sample) % NUM_REALIZATIONS;
     let hit = realization_hit(ray_from(surface, direction), realization);
     if hit == NO_NODE {

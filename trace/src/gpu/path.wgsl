@@ -1,8 +1,10 @@
-// Paths from a surface to the emitters, one ray of one bounce of one sample at a time: the twin of path.rs.
+// Paths from a surface to the emitters, one ray of one bounce of one sample at a time: the twin of
+// path.rs.
 //
-// Two rays leave from every vertex: one towards an emitter, where that is asked for, then one about the normal, which the path follows. Each is
-// aimed, traced (rays.wgsl) and shaded by a kernel of its own: small kernels keep more rays under way, and one kernel for all of it takes the
-// compilers of some drivers minutes.
+// Two rays leave from every vertex: one towards an emitter, where that is asked for, then one about
+// the normal, which the path follows. Each is aimed, traced (rays.wgsl) and shaded by a kernel of
+// its own: small kernels keep more rays under way, and one kernel for all of it takes the compilers
+// of some drivers minutes.
 
 // Continues light.wgsl.
 @group(0) @binding(9) var<storage, read_write> paths: array<PathState>;

@@ -1,6 +1,7 @@
-// Hits that wait to be blended, nearest first, ties by index. Where more wait than there is room for, the farthest are forgotten, and another
-// search finds those: exact for any number of hits, with memory for PENDING of them. Opacities are worked out again when hits are blended: that
-// costs less than carrying them along. A hit is known by a number whose Gaussian `index_of` tells.
+// Hits that wait to be blended, nearest first, ties by index. Where more wait than there is room
+// for, the farthest are forgotten, and another search finds those: exact for any number of hits,
+// with memory for PENDING of them. Opacities are worked out again when hits are blended: that costs
+// less than carrying them along. A hit is known by a number whose Gaussian `index_of` tells.
 
 const INFINITE = 3.4e38;
 

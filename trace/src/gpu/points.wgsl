@@ -1,6 +1,8 @@
-// Points at which light is sampled: the twin of points.rs, bit for bit. `sobol_rev` comes from Rust.
+// Points at which light is sampled: the twin of points.rs, bit for bit. `sobol_rev` comes from
+// Rust.
 //
-// Owen-scrambled Sobol points with a hash for the scramble (Burley 2020); all bits are reversed until the end.
+// Owen-scrambled Sobol points with a hash for the scramble (Burley 2020); all bits are reversed
+// until the end.
 
 const SEQUENCE_BITS = 16u;
 

@@ -1,4 +1,5 @@
-// Counter-based random numbers: the twin of rng.rs, bit for bit (pcg4d of Jarzynski and Olano, JCGT 2020).
+// Counter-based random numbers: the twin of rng.rs, bit for bit (pcg4d of Jarzynski and Olano, JCGT
+// 2020).
 
 fn pcg4d(input: vec4u) -> vec4u {
     var v = input * 1664525u + 1013904223u;

@@ -1,4 +1,5 @@
-//! Single rays on the device, of any origin and direction, many at a time: the twin of [`crate::transport::RayTracer`].
+//! Single rays on the device, of any origin and direction, many at a time: the twin of
+//! [`crate::transport::RayTracer`].
 
 use super::device::Device;
 use super::error::GpuError;
@@ -73,7 +74,8 @@ impl Rays<'_> {
         Ok(lanes.into_iter().map(Features).collect())
     }
 
-    /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where nothing is met.
+    /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where
+    /// nothing is met.
     pub(super) fn choose(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
         let size = (queries.len() * size_of::<u32>()) as u64;
         let chosen = self.device.buffer("chosen hits", size)?;

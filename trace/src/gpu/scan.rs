@@ -25,8 +25,9 @@ impl ScanParameters {
     }
 }
 
-/// Replaces the first `num_values` of `values` (32-bit counts) by the sums of those before them. Where these exceed 32 bits, the sum before a last
-/// value of 0 is the largest number there is, and others are worth nothing.
+/// Replaces the first `num_values` of `values` (32-bit counts) by the sums of those before them.
+/// Where these exceed 32 bits, the sum before a last value of 0 is the largest number there is, and
+/// others are worth nothing.
 pub(super) fn scan(
     device: &Device,
     values: &wgpu::Buffer,

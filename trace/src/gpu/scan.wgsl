@@ -1,4 +1,5 @@
-// Exclusive prefix sums of 32-bit counts in place, a block for each workgroup; sums of blocks go to the next level.
+// Exclusive prefix sums of 32-bit counts in place, a block for each workgroup; sums of blocks go to
+// the next level.
 
 @group(0) @binding(0) var<uniform> scan: ScanParameters;
 @group(0) @binding(1) var<storage, read_write> values: array<u32>;

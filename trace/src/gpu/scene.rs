@@ -29,7 +29,8 @@ pub(super) struct SceneBuffers {
     pub(super) surfels: wgpu::Buffer,
     /// [`Attributes`], `[n]`.
     pub(super) attributes: wgpu::Buffer,
-    /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the direction.
+    /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the
+    /// direction.
     pub(super) harmonics: Option<wgpu::Buffer>,
     num_surfels: u32,
 }
@@ -113,8 +114,8 @@ impl GpuScene {
         })
     }
 
-    /// Gradient of the loss with respect to every Gaussian, given `d_features` = dL/dV for every pixel of `camera`, row by row: that of
-    /// [`crate::cpu::camera::CameraRecord::adjoint`].
+    /// Gradient of the loss with respect to every Gaussian, given `d_features` = dL/dV for every
+    /// pixel of `camera`, row by row: that of [`crate::cpu::camera::CameraRecord::adjoint`].
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
@@ -130,8 +131,8 @@ impl GpuScene {
             .adjoint(&self.device, &self.buffers, camera, d_features)
     }
 
-    /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of meeting nothing. The number beside a ray makes
-    /// the choice.
+    /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of
+    /// meeting nothing. The number beside a ray makes the choice.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
@@ -161,7 +162,8 @@ impl GpuScene {
         }
     }
 
-    /// Traces `camera`, band by band; see [`CameraTracer::trace`]. `finish` is made when all buffers are.
+    /// Traces `camera`, band by band; see [`CameraTracer::trace`]. `finish` is made when all
+    /// buffers are.
     fn trace_camera<F>(
         &self,
         camera: &Camera,

@@ -51,7 +51,8 @@ pub(super) struct Sorter {
 }
 
 impl Sorter {
-    /// Sorts at most `capacity` pairs by the lower `num_bits` of their keys. Their number is read from `totals[total]` on the device.
+    /// Sorts at most `capacity` pairs by the lower `num_bits` of their keys. Their number is read
+    /// from `totals[total]` on the device.
     pub(super) fn new(
         device: &Device,
         capacity: u32,

@@ -1,5 +1,6 @@
-// One pass of a stable radix sort by four bits. Neither subgroups nor the order of atomics matter: a thread owns a run of consecutive elements
-// and a column of counters, and counters are added up digit by digit, thread by thread.
+// One pass of a stable radix sort by four bits. Neither subgroups nor the order of atomics matter:
+// a thread owns a run of consecutive elements and a column of counters, and counters are added up
+// digit by digit, thread by thread.
 
 @group(0) @binding(0) var<uniform> sort: SortParameters;
 // How many elements there are stands on the device.
@@ -62,7 +63,8 @@ fn sort_scatter(
     let end = min(first + SORT_PER_THREAD, num_elements());
     count_digits(thread, first, end);
     workgroupBarrier();
-    // Exclusive sums over all counters, in the order of digits, then threads: each thread adds a run of as many as there are digits.
+    // Exclusive sums over all counters, in the order of digits, then threads: each thread adds a
+    // run of as many as there are digits.
     var sum = 0u;
     for (var i = 0u; i < SORT_DIGITS; i++) {
         sum += counters[thread * SORT_DIGITS + i];

@@ -21,7 +21,8 @@ fn surface_at(origin: vec3f, direction: vec3f, met: Lanes) -> Surface {
     }
     let normal = normal_of(met) * inverseSqrt(length2);
     let mean_distance = met.c.w / alpha;
-    // Moments about the first hit, not about zero: with the latter the digits cancel for distant surfaces.
+    // Moments about the first hit, not about zero: with the latter the digits cancel for distant
+    // surfaces.
     let offset = mean_distance - met.d.z;
     let deviation = sqrt(max(met.d.x / alpha - offset * offset, 0.0));
     let size = met.d.y / alpha;

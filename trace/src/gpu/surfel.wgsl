@@ -1,5 +1,5 @@
-// Gaussians as a ray from a fixed origin meets them: the twin of surfel.rs, with the same order of operations.
-// `Surfel`, `Seen` and the constants in capitals come from Rust.
+// Gaussians as a ray from a fixed origin meets them: the twin of surfel.rs, with the same order of
+// operations. `Surfel`, `Seen` and the constants in capitals come from Rust.
 
 struct PlaneHit {
     t: f32,
@@ -45,7 +45,8 @@ fn counts(seen: Seen, hit: PlaneHit) -> bool {
     return hit.u * hit.u + hit.v * hit.v <= seen.cut2 && hit.t > 0.0;
 }
 
-// exp(x) for −80 ≤ x ≤ 0, as on the CPU: what drivers accumulate differs by up to 3 + 2|x| units in the last place.
+// exp(x) for −80 ≤ x ≤ 0, as on the CPU: what drivers accumulate differs by up to 3 + 2|x| units in
+// the last place.
 fn exp_of_negative(x: f32) -> f32 {
     let n = round(x * 1.44269504);
     let r = (x - n * 0.693359375) - n * -2.12194442e-4;

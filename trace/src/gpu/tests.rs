@@ -230,7 +230,8 @@ fn steps_are_timed_where_the_device_can() {
     assert!(device.memory_bytes().is_none_or(|bytes| bytes > 0));
 }
 
-/// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers hold all of it.
+/// A device whose buffers hold a part of an image at a time gives the bits of one whose buffers
+/// hold all of it.
 #[test]
 fn work_in_parts_gives_the_same_bits() {
     let Some(whole) = device("work in parts") else {

@@ -1,6 +1,7 @@
 // Features over the threads of a workgroup, of which a module has GROUP_THREADS.
 
-// Features that do not fit into 32 bits stay at the largest number, so that too much is never taken for little.
+// Features that do not fit into 32 bits stay at the largest number, so that too much is never taken
+// for little.
 fn saturating_add(a: u32, b: u32) -> u32 {
     let sum = a + b;
     return select(sum, 0xffffffffu, sum < a);
@@ -8,7 +9,8 @@ fn saturating_add(a: u32, b: u32) -> u32 {
 
 var<workgroup> thread_sums: array<u32, GROUP_THREADS>;
 
-// The sum of `value` over all threads before this one (Hillis and Steele). `thread_sums` then has the sums up to and including each thread.
+// The sum of `value` over all threads before this one (Hillis and Steele). `thread_sums` then has
+// the sums up to and including each thread.
 fn sum_before(thread: u32, value: u32) -> u32 {
     thread_sums[thread] = value;
     for (var step = 1u; step < GROUP_THREADS; step <<= 1u) {

@@ -32,7 +32,8 @@ struct Found {
 impl Views {
     /// Those in `place`, which others may be using.
     pub(super) fn lock(place: &Mutex<Self>) -> MutexGuard<'_, Self> {
-        // Whoever panicked left nothing half-done: results are written to buffers before they are read.
+        // Whoever panicked left nothing half-done: results are written to buffers before they are
+        // read.
         place.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

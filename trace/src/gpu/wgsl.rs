@@ -168,7 +168,8 @@ pub(super) static LINKS: Module =
 mod tests {
     use super::*;
 
-    /// Without an adapter: what a device would reject is found here, and no module asks for more than WebGPU has.
+    /// Without an adapter: what a device would reject is found here, and no module asks for more
+    /// than WebGPU has.
     #[test]
     fn all_modules_are_valid() {
         for module in [

@@ -1,10 +1,11 @@
 //! Directions towards emitters, and the density with which they are chosen.
 //!
-//! Light found by cosine sampling alone is found by luck. Here a share of the directions goes to points on emissive Gaussians
-//! instead, chosen by power and, on the Gaussian, by its own footprint. Directions of both kinds come from one mixture
-//! `q(ω) = (1 − c)·cos θ/π + c·p(ω)`, and each is weighted by `(cos θ/π) / q` (one-sample multiple importance sampling with
-//! the balance heuristic, Veach 1997, section 9.2.4). What a direction brings is still decided by tracing it, so the mean is that
-//! of cosine sampling, for soft emitters, too; no weight exceeds `1/(1 − c)`.
+//! Light found by cosine sampling alone is found by luck. Here a share of the directions goes to
+//! points on emissive Gaussians instead, chosen by power and, on the Gaussian, by its own
+//! footprint. Directions of both kinds come from one mixture `q(ω) = (1 − c)·cos θ/π + c·p(ω)`, and
+//! each is weighted by `(cos θ/π) / q` (one-sample multiple importance sampling with the balance
+//! heuristic, Veach 1997, section 9.2.4). What a direction brings is still decided by tracing it,
+//! so the mean is that of cosine sampling, for soft emitters, too; no weight exceeds `1/(1 − c)`.
 
 use crate::cpu::bvh::{Bvh, RayScratch, Reach};
 use crate::ray::Ray;
@@ -39,7 +40,8 @@ struct Emitter {
     axis_v: Vec3,
     /// `1 − exp(−cut²/2)`: the part of the footprint inside the cut.
     inside: f32,
-    /// Probability of the emitter over `2π s_u s_v · inside`: times the footprint's exponential, its density over area.
+    /// Probability of the emitter over `2π s_u s_v · inside`: times the footprint's exponential,
+    /// its density over area.
     density: f32,
 }
 
@@ -125,8 +127,8 @@ impl Lights {
             })
     }
 
-    /// A unit direction from `origin` to a random point of a random emitter; `None` if the point is the origin. `pick` chooses the emitter,
-    /// `a` and `b` the point; all in [0, 1).
+    /// A unit direction from `origin` to a random point of a random emitter; `None` if the point is
+    /// the origin. `pick` chooses the emitter, `a` and `b` the point; all in [0, 1).
     pub fn sample(&self, origin: Vec3, pick: f32, a: f32, b: f32) -> Option<Vec3> {
         let chosen = self
             .cumulative
@@ -141,12 +143,14 @@ impl Lights {
         (point - origin).try_normalize()
     }
 
-    /// Density over solid angle with which [`Self::sample`] chooses unit `direction`: every emitter along the ray could have been the one.
+    /// Density over solid angle with which [`Self::sample`] chooses unit `direction`: every emitter
+    /// along the ray could have been the one.
     pub fn density(&self, origin: Vec3, direction: Vec3) -> f32 {
         let ray = Ray::free(origin.to_array(), direction.to_array());
         SCRATCH.with_borrow_mut(|scratch| {
             self.bvh.find_hits(&ray, Reach::Everything, scratch);
-            // Any order would do for the sum; a fixed one gives the same bits for any shape of the tree.
+            // Any order would do for the sum; a fixed one gives the same bits for any shape of the
+            // tree.
             scratch.sort();
             scratch
                 .hits()
@@ -180,7 +184,8 @@ pub struct Bounce {
 }
 
 impl<'a> BounceSampler<'a> {
-    /// A sampler that sends `share` (0 to below 1) of the directions to `lights`; without lights, none.
+    /// A sampler that sends `share` (0 to below 1) of the directions to `lights`; without lights,
+    /// none.
     pub fn new(lights: Option<&'a Lights>, share: f32) -> Self {
         let share = if lights.is_some() { share } else { 0.0 };
         Self {
@@ -189,7 +194,8 @@ impl<'a> BounceSampler<'a> {
         }
     }
 
-    /// A direction above `surface` from four uniform numbers; `None` where it would go below, which counts as no light.
+    /// A direction above `surface` from four uniform numbers; `None` where it would go below, which
+    /// counts as no light.
     pub fn sample(&self, surface: &Surface, [a, b, pick, kind]: [f32; 4]) -> Option<Bounce> {
         let Some(lights) = self.lights else {
             return Some(Bounce {
@@ -243,8 +249,9 @@ mod tests {
         Lights::new(&gaussians).unwrap()
     }
 
-    /// The density integrates to one over the sphere, and sampled directions follow it: with `f = density`, the mean of `1/f` over
-    /// samples is the solid angle where `f > 0`, and the mean of `g/f` for `g = f²` is `∫ f²`.
+    /// The density integrates to one over the sphere, and sampled directions follow it: with `f =
+    /// density`, the mean of `1/f` over samples is the solid angle where `f > 0`, and the mean of
+    /// `g/f` for `g = f²` is `∫ f²`.
     #[test]
     fn density_is_that_of_the_samples() {
         let lights = lamps();

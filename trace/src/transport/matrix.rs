@@ -1,13 +1,17 @@
-//! Which surfaces light each other: rays traced once, for light that goes back and forth many times.
+//! Which surfaces light each other: rays traced once, for light that goes back and forth many
+//! times.
 //!
-//! Light that arrives at a point is `E/π = 1/π ∫ L cos θ dω`. The integral is taken apart by what a direction meets. Emitters are looked for
-//! by two kinds of directions, towards them with density p and about the normal with density q = cos θ/π, and what either finds counts with
-//! the balance heuristic over both (Veach 1997, section 9.2). All other surfaces are met by the directions about the normal alone; of each
-//! only the Gaussian is kept, which is a link. Whatever light the Gaussians carry, `E/π` is then the emitters' part plus
-//! the mean of the light of the matrix: further bounces, or other albedos, cost a look-up for each link and no ray.
+//! Light that arrives at a point is `E/π = 1/π ∫ L cos θ dω`. The integral is taken apart by what a
+//! direction meets. Emitters are looked for by two kinds of directions, towards them with density p
+//! and about the normal with density q = cos θ/π, and what either finds counts with the balance
+//! heuristic over both (Veach 1997, section 9.2). All other surfaces are met by the directions
+//! about the normal alone; of each only the Gaussian is kept, which is a link. Whatever light the
+//! Gaussians carry, `E/π` is then the emitters' part plus the mean of the light of the matrix:
+//! further bounces, or other albedos, cost a look-up for each link and no ray.
 //!
-//! [`TransportMatrix::trace`] is the plain way, for whatever traces single rays; [`crate::Tracer::trace_transport`] is that of an engine. [`known`] has the
-//! directions one by one, for scenes of which only a part has changed.
+//! [`TransportMatrix::trace`] is the plain way, for whatever traces single rays;
+//! [`crate::Tracer::trace_transport`] is that of an engine. [`known`] has the directions one by
+//! one, for scenes of which only a part has changed.
 
 pub mod known;
 
@@ -22,14 +26,17 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
-/// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those who store matrix as such.
+/// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those
+/// who store matrix as such.
 pub const NOTHING: u32 = 0x7f7f_ffff;
 
-/// Number of realizations: a power of two. What is left of the noise of a single edge is a sixteenth of a step at most; the trees of all realizations
-/// together take some 1 KiB for each Gaussian.
+/// Number of realizations: a power of two. What is left of the noise of a single edge is a
+/// sixteenth of a step at most; the trees of all realizations together take some 1 KiB for each
+/// Gaussian.
 pub const NUM_REALIZATIONS: u32 = 16;
 
-/// Points that are gathered for together: their rays take turns in the realizations of the scene, so that a realization's tree stays in a near cache.
+/// Points that are gathered for together: their rays take turns in the realizations of the scene,
+/// so that a realization's tree stays in a near cache.
 const TOGETHER: usize = 256;
 
 /// A Gaussian for which light is gathered, and where it arrives.
@@ -67,7 +74,8 @@ pub struct TransportMatrix {
 }
 
 impl TransportMatrix {
-    /// Traces `directions` for some `receivers`, each with random numbers of its own among those of `key`.
+    /// Traces `directions` for some `receivers`, each with random numbers of its own among those of
+    /// `key`.
     pub fn trace(
         scene: &impl RayTracer,
         receivers: &[Receiver],
@@ -110,8 +118,8 @@ impl TransportMatrix {
         self.num_rays += more.num_rays;
     }
 
-    /// Irradiance over π that reaches each receiver from the others alone, of the light that all Gaussians carry: `radiances`, `[n]`;
-    /// that of emitters does not count.
+    /// Irradiance over π that reaches each receiver from the others alone, of the light that all
+    /// Gaussians carry: `radiances`, `[n]`; that of emitters does not count.
     pub fn from_others(&self, directions: Directions, radiances: &[Vec3]) -> Vec<Vec3> {
         let plain = directions.plain as usize;
         let light = |target: &u32| radiances.get(*target as usize).copied();
@@ -123,7 +131,8 @@ impl TransportMatrix {
     }
 }
 
-/// What decides the directions of receivers, and what the light of an emitter that they find counts.
+/// What decides the directions of receivers, and what the light of an emitter that they find
+/// counts.
 #[derive(Debug, Clone, Copy)]
 struct Sampler<'a> {
     lights: Option<&'a Lights>,
@@ -137,7 +146,8 @@ impl Sampler<'_> {
         Points::new(self.key, element)
     }
 
-    /// The samples of `num` that meet `realization`: those of a receiver take turns in the realizations, and receivers begin with different ones.
+    /// The samples of `num` that meet `realization`: those of a receiver take turns in the
+    /// realizations, and receivers begin with different ones.
     fn turn(points: &Points, realization: u32, num: u32) -> impl Iterator<Item = u32> + use<> {
         let first = realization.wrapping_sub(points.word(0)) % NUM_REALIZATIONS;
         (first..num).step_by(NUM_REALIZATIONS as usize)
@@ -157,7 +167,8 @@ impl Sampler<'_> {
             .filter(|direction| direction.dot(surface.normal) > 0.0)
     }
 
-    /// What radiance counts that a direction found at an emitter: q / (n q + m p), for n directions of density q and m of density p.
+    /// What radiance counts that a direction found at an emitter: q / (n q + m p), for n directions
+    /// of density q and m of density p.
     fn weight(&self, surface: &Surface, direction: Vec3) -> f32 {
         let density = |lights: &Lights| lights.density(surface.position, direction);
         let (q, p) = (

@@ -17,7 +17,8 @@ const BLOCKS: u32 = 2;
 /// Paths through a scene, and when they end.
 pub(super) struct Paths<'a, T> {
     pub(super) scene: &'a T,
-    /// Emitters that every bounce looks at besides, for next-event estimation; `None`: light is found by luck.
+    /// Emitters that every bounce looks at besides, for next-event estimation; `None`: light is
+    /// found by luck.
     pub(super) lights: Option<&'a Lights>,
     pub(super) max_bounces: u32,
     pub(super) roulette_from: Option<u32>,
@@ -36,9 +37,11 @@ pub(super) struct PathLight {
 impl<T: RayTracer> Paths<'_, T> {
     /// Light that one path brings to `start`, not yet multiplied by the albedo there.
     ///
-    /// What a direction brings is R where E > τ_E, nothing elsewhere. With next-event estimation every bounce takes a direction towards an
-    /// emitter (density p) and one about the normal (density q = cos θ/π), and both count with q/(p + q): the balance heuristic of multiple
-    /// importance sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of q alone.
+    /// What a direction brings is R where E > τ_E, nothing elsewhere. With next-event estimation
+    /// every bounce takes a direction towards an emitter (density p) and one about the normal
+    /// (density q = cos θ/π), and both count with q/(p + q): the balance heuristic of multiple
+    /// importance sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of
+    /// q alone.
     pub(super) fn sample(&self, start: &Surface, points: &Points, sample: u32) -> PathLight {
         let mut surface = *start;
         let mut throughput = Vec3::ONE;
@@ -93,7 +96,8 @@ impl<T: RayTracer> Paths<'_, T> {
         }
     }
 
-    /// What a direction towards a random emitter brings, weighted; `None` if that is below the surface and no ray was traced.
+    /// What a direction towards a random emitter brings, weighted; `None` if that is below the
+    /// surface and no ray was traced.
     fn towards_light(
         &self,
         lights: &Lights,

@@ -1,9 +1,10 @@
 //! Points of the unit hypercube at which light is sampled.
 //!
-//! Four numbers at a time ("a block"), for each bounce its own blocks. Within a block the samples of a pixel are an Owen-scrambled Sobol
-//! sequence (Burley 2020, "Practical Hash-based Owen Scrambling"): spread evenly, with less noise than independent numbers. Different
-//! blocks and different pixels have independent scrambles and orders, so every sample alone is uniform and every mean stays
-//! what it was.
+//! Four numbers at a time ("a block"), for each bounce its own blocks. Within a block the samples
+//! of a pixel are an Owen-scrambled Sobol sequence (Burley 2020, "Practical Hash-based Owen
+//! Scrambling"): spread evenly, with less noise than independent numbers. Different blocks and
+//! different pixels have independent scrambles and orders, so every sample alone is uniform and
+//! every mean stays what it was.
 
 use eagpt_scene::rng::RandomKey;
 
@@ -52,8 +53,8 @@ mod tests {
         Points::new(RandomKey::new(1, Purpose::Render, 0), element)
     }
 
-    /// 256 points of a Sobol sequence put exactly one into each of 256 equal slices of every axis, and one into each cell of a 16×16 grid
-    /// of the first two axes.
+    /// 256 points of a Sobol sequence put exactly one into each of 256 equal slices of every axis,
+    /// and one into each cell of a 16×16 grid of the first two axes.
     #[test]
     fn a_block_is_stratified() {
         let all: Vec<[f32; 4]> = (0..256).map(|s| points(3).block(s, 5)).collect();

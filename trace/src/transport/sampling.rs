@@ -3,7 +3,8 @@
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-/// A direction about the unit `normal` with density cos θ / π, from two uniform numbers in [0, 1) (Malley's method).
+/// A direction about the unit `normal` with density cos θ / π, from two uniform numbers in [0, 1)
+/// (Malley's method).
 pub fn cosine_direction(normal: Vec3, a: f32, b: f32) -> Vec3 {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let radius = a.sqrt();

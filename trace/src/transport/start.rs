@@ -1,10 +1,11 @@
 //! Where a bounce starts.
 //!
-//! A surface made of Gaussians is a offset: discs overlap at slightly different heights and tilts, and a ray that leaves
-//! from the mean distance would hit them again. The reference ignores all hits closer than 0.2 scene units, which loses
-//! contact shadows, leaks light through corners and ties the result to the unit of length. Here a ray ignores hits until it has left
-//! the offset, and only on Gaussians that lie along it; the offset's thickness comes from the hits that were blended: the
-//! spread of their distances, and their size.
+//! A surface made of Gaussians is a offset: discs overlap at slightly different heights and tilts,
+//! and a ray that leaves from the mean distance would hit them again. The reference ignores all
+//! hits closer than 0.2 scene units, which loses contact shadows, leaks light through corners and
+//! ties the result to the unit of length. Here a ray ignores hits until it has left the offset, and
+//! only on Gaussians that lie along it; the offset's thickness comes from the hits that were
+//! blended: the spread of their distances, and their size.
 
 use crate::features::Features;
 use crate::ray::Ray;
@@ -12,13 +13,14 @@ use glam::Vec3;
 
 /// Half the offset, in standard deviations of the hits' heights.
 pub(crate) const OFFSET_DEVIATIONS: f32 = 3.0;
-/// The offset is taken no thicker than this many mean sizes of the hit Gaussians: where a ray grazes an edge the spread is
-/// that of two surfaces and says nothing about either.
+/// The offset is taken no thicker than this many mean sizes of the hit Gaussians: where a ray
+/// grazes an edge the spread is that of two surfaces and says nothing about either.
 pub(crate) const MAX_OFFSET_SIZES: f32 = 1.0;
-/// The offset is taken no thinner than this many mean sizes: discs of a flat wall still differ in tilt.
+/// The offset is taken no thinner than this many mean sizes: discs of a flat wall still differ in
+/// tilt.
 pub(crate) const MIN_OFFSET_SIZES: f32 = 0.1;
-/// A ray that leaves at a grazing angle ignores hits on its own surface for at most this many offset thicknesses: farther
-/// away, even of a wall like this one, it may be another wall.
+/// A ray that leaves at a grazing angle ignores hits on its own surface for at most this many
+/// offset thicknesses: farther away, even of a wall like this one, it may be another wall.
 pub(crate) const MAX_SLANT: f32 = 8.0;
 /// Opacity below which a ray has met nothing that light could bounce off.
 pub(crate) const MIN_ALPHA: f32 = 1e-3;

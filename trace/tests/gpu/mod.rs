@@ -3,7 +3,8 @@
 use eagpt_trace::gpu::{Device, DeviceSelector, GpuError};
 use std::sync::{Arc, OnceLock};
 
-/// Any device, a program on the processor included; `None`, with a line that names `what`, where there is none.
+/// Any device, a program on the processor included; `None`, with a line that names `what`, where
+/// there is none.
 pub(crate) fn device(what: &str) -> Option<Arc<Device>> {
     static DEVICE: OnceLock<Result<Arc<Device>, GpuError>> = OnceLock::new();
     let opened = DEVICE.get_or_init(|| Device::open(&DeviceSelector::Any));

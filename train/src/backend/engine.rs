@@ -20,13 +20,15 @@ pub trait Engine {
     /// If the device gives up.
     fn update(&mut self, set: &SurfelSet) -> Result<()>;
 
-    /// composited features of one ray through every pixel centre, to be followed by [`Self::adjoint`] or [`Self::weights`].
+    /// composited features of one ray through every pixel centre, to be followed by
+    /// [`Self::adjoint`] or [`Self::weights`].
     ///
     /// # Errors
     /// If the device gives up.
     fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer>;
 
-    /// Gradients by all Gaussians; `d_features` = dL/dV for every pixel of `camera`, which was traced last.
+    /// Gradients by all Gaussians; `d_features` = dL/dV for every pixel of `camera`, which was
+    /// traced last.
     ///
     /// # Errors
     /// If the device gives up.
@@ -38,7 +40,8 @@ pub trait Engine {
         wanted: GradientMask,
     ) -> Result<Vec<LocalGradient>>;
 
-    /// What each Gaussian contributes to the pixels of `camera`. A Gaussian may come more than once, with different pixels.
+    /// What each Gaussian contributes to the pixels of `camera`. A Gaussian may come more than
+    /// once, with different pixels.
     ///
     /// # Errors
     /// If the device gives up.
@@ -49,8 +52,8 @@ pub trait Engine {
         value: PixelValue<'_>,
     ) -> Result<Vec<Contribution>>;
 
-    /// The weights of the blend in every pixel of the camera that was traced last, without those below `least`; `None` where it is better to
-    /// trace again than to keep them.
+    /// The weights of the blend in every pixel of the camera that was traced last, without those
+    /// below `least`; `None` where it is better to trace again than to keep them.
     fn weights(&self, least: f32) -> Option<BlendWeights>;
 
     /// composited features alone.

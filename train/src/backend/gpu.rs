@@ -2,7 +2,8 @@
 //!
 //! - [`params`]: parameters, moments and Gaussians; the chain rule and Adam.
 //! - [`wanted`]: what views should look like.
-//! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the features of rays.
+//! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the
+//!   features of rays.
 //! - [`report`]: what the host reads after a step: twelve numbers.
 //! - [`kernels`]: the modules of these.
 //! - [`steps`]: steps of these, several of them under way at once.
@@ -95,12 +96,14 @@ impl Engine for GpuEngine {
     }
 }
 
-/// Views that stay on the device take at most so much of its memory, which nothing tells the size of; others come anew each time.
+/// Views that stay on the device take at most so much of its memory, which nothing tells the size
+/// of; others come anew each time.
 const MOST_VIEW_BYTES: usize = 1 << 30;
 
-/// Training on a device. A step passes through the host with its report alone. What comes once in a while is traced on the device and decided on
-/// the host: which Gaussians are split, where each is seen best, and what light the pixels of a view receive in stage 1. Where light is gathered
-/// anew for every pixel ([`Gather::Pixels`]), that is done on the CPU.
+/// Training on a device. A step passes through the host with its report alone. What comes once in a
+/// while is traced on the device and decided on the host: which Gaussians are split, where each is
+/// seen best, and what light the pixels of a view receive in stage 1. Where light is gathered anew
+/// for every pixel ([`Gather::Pixels`]), that is done on the CPU.
 pub struct GpuBackend {
     device: Arc<Device>,
     /// The rays; while a [`ResidentState`] is there, its other parts are behind.
@@ -119,8 +122,8 @@ pub struct GpuBackend {
 }
 
 impl GpuBackend {
-    /// A backend that starts from `state`; prepared images may take `target_budget` bytes of the host's memory, and as much of the
-    /// device's, but no more than 1 GiB.
+    /// A backend that starts from `state`; prepared images may take `target_budget` bytes of the
+    /// host's memory, and as much of the device's, but no more than 1 GiB.
     ///
     /// # Errors
     /// If the device gives up, or has not enough memory.
@@ -170,7 +173,8 @@ impl GpuBackend {
         if let Some(lit) = self.lit.get(&view.index) {
             return Ok(lit.clone());
         }
-        // Views are traced as steps have put the Gaussians, in the first step of a run as in all others.
+        // Views are traced as steps have put the Gaussians, in the first step of a run as in all
+        // others.
         resident(&mut self.resident, &self.host)?;
         let known = self.host.lit_view(view, threshold)?;
         let lit = loss::lit_pixels(&self.device, &known.light)?;

@@ -1,9 +1,10 @@
 //! The light that arrives at every Gaussian, gathered once.
 //!
-//! Stage 1 of the paper samples the hemisphere above every pixel anew in each iteration, although what arrives never changes while
-//! albedos do. Here each Gaussian is gathered for at one point, the one where a training camera sees it best; the light of a
-//! pixel is the blend of its Gaussians' light, and the picture is linear in the albedo. What a diffuse Gaussian sends
-//! out over what arrives is its albedo in closed form, `ρ = π r / E`: where the image loss starts from.
+//! Stage 1 of the paper samples the hemisphere above every pixel anew in each iteration, although
+//! what arrives never changes while albedos do. Here each Gaussian is gathered for at one point,
+//! the one where a training camera sees it best; the light of a pixel is the blend of its
+//! Gaussians' light, and the picture is linear in the albedo. What a diffuse Gaussian sends out
+//! over what arrives is its albedo in closed form, `ρ = π r / E`: where the image loss starts from.
 
 use crate::error::Result;
 use crate::surfaces::BestSeen;
@@ -21,7 +22,8 @@ const MIN_ARRIVING: f32 = 1e-4;
 /// Opacity that gathered Gaussians must have in a pixel to shade it.
 const MIN_KNOWN: f32 = 1e-3;
 
-/// The Gaussians that training cameras see, each with a point of the surface it is part of, and the light there.
+/// The Gaussians that training cameras see, each with a point of the surface it is part of, and the
+/// light there.
 pub(super) struct GaussianIrradiance {
     /// Indices and surfaces of the Gaussians seen.
     seen: Vec<Receiver>,
@@ -54,8 +56,8 @@ impl GaussianIrradiance {
         self.seen.len()
     }
 
-    /// Gathers for the next of them, `range`, in `directions` at each. `radiances` are those of all Gaussians of the `scene`, and
-    /// random numbers are those of `key`.
+    /// Gathers for the next of them, `range`, in `directions` at each. `radiances` are those of all
+    /// Gaussians of the `scene`, and random numbers are those of `key`.
     ///
     /// # Errors
     /// If the device of the `scene` gives up.
@@ -98,8 +100,8 @@ impl GaussianIrradiance {
     }
 }
 
-/// Irradiance over π of every pixel: what Gaussians in it know, given the features of their blend, those of
-/// [`GaussianIrradiance::by_gaussian`].
+/// Irradiance over π of every pixel: what Gaussians in it know, given the features of their blend,
+/// those of [`GaussianIrradiance::by_gaussian`].
 pub(super) fn of_pixels(blended: &[Vec4]) -> Vec<Vec3> {
     let light = |sum: &Vec4| {
         if sum.w > MIN_KNOWN {

@@ -1,4 +1,5 @@
-//! Views as stage 1 sees them. Geometry and light stay as they are there: what albedos are multiplied with is found out once.
+//! Views as stage 1 sees them. Geometry and light stay as they are there: what albedos are
+//! multiplied with is found out once.
 
 use super::TrainingView;
 use super::engine::Engine;
@@ -23,10 +24,12 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What part of the free memory, 1/n, views with their light may take; those that do not fit are traced again.
+/// What part of the free memory, 1/n, views with their light may take; those that do not fit are
+/// traced again.
 const LIT_SHARE: u64 = 4;
 
-/// Weights that stage 1 keeps are at least this: what is lighter is a third of the hits of a trained room, and less than a fiftieth of a pixel.
+/// Weights that stage 1 keeps are at least this: what is lighter is a third of the hits of a
+/// trained room, and less than a fiftieth of a pixel.
 const LEAST_WEIGHT: f32 = 1e-3;
 
 /// A view as stage 1 sees it.
@@ -48,7 +51,8 @@ impl LitView {
 pub(super) struct LitViews {
     /// Light of each Gaussian; see [`irradiance::GaussianIrradiance::by_gaussian`].
     lights: Vec<Vec4>,
-    /// Gaussians that show their light in place of their radiance, for an engine that does not keep weights; made when first needed.
+    /// Gaussians that show their light in place of their radiance, for an engine that does not keep
+    /// weights; made when first needed.
     shining: Option<Box<dyn Tracer>>,
     views: HashMap<usize, Arc<LitView>>,
     /// Bytes that they may still take.
@@ -66,7 +70,8 @@ impl LitViews {
         }
     }
 
-    /// `view`, in which emission beyond `threshold` is an emitter's. The `engine` has the Gaussians.
+    /// `view`, in which emission beyond `threshold` is an emitter's. The `engine` has the
+    /// Gaussians.
     ///
     /// # Errors
     /// If the device gives up.
@@ -109,7 +114,8 @@ impl LitViews {
     }
 }
 
-/// Gaussians with `lights` as their radiance, in all directions, and whether they are known as their emission.
+/// Gaussians with `lights` as their radiance, in all directions, and whether they are known as
+/// their emission.
 fn shining(gaussians: &Gaussians, lights: &[Vec4]) -> Gaussians {
     let mut shining = gaussians.clone();
     shining.harmonics.clear();
@@ -118,7 +124,8 @@ fn shining(gaussians: &Gaussians, lights: &[Vec4]) -> Gaussians {
     shining
 }
 
-/// Irradiance over π of every pixel of `camera`, whose `features` are given, gathered anew as in the paper; nothing arrives where emitters are seen.
+/// Irradiance over π of every pixel of `camera`, whose `features` are given, gathered anew as in
+/// the paper; nothing arrives where emitters are seen.
 pub(super) fn gather_pixels(
     scene: &CpuScene,
     camera: &Camera,

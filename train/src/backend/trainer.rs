@@ -1,4 +1,5 @@
-//! Training, whatever blends the rays: parameters, targets, losses and what the stages remember are on the host.
+//! Training, whatever blends the rays: parameters, targets, losses and what the stages remember are
+//! on the host.
 
 use super::engine::Engine;
 use super::irradiance::GaussianIrradiance;
@@ -47,7 +48,8 @@ pub struct Trainer<E> {
 }
 
 impl<E: Engine> Trainer<E> {
-    /// A backend that starts from `state`, whose Gaussians `engine` has; prepared images may take `target_budget` bytes.
+    /// A backend that starts from `state`, whose Gaussians `engine` has; prepared images may take
+    /// `target_budget` bytes.
     pub(super) fn with_engine(state: ParameterState, target_budget: usize, engine: E) -> Self {
         let gaussians = state.gaussians();
         let set = SurfelSet::new(&gaussians);
@@ -167,7 +169,8 @@ impl<E: Engine> Trainer<E> {
         Ok(Ok(terms))
     }
 
-    /// Loss of stage 1, and its gradient with respect to the albedo of each Gaussian, `[n]`, in a gradient of everything.
+    /// Loss of stage 1, and its gradient with respect to the albedo of each Gaussian, `[n]`, in a
+    /// gradient of everything.
     fn albedo_gradient(
         &mut self,
         view: &TrainingView,
@@ -220,11 +223,13 @@ impl<E: Engine> Trainer<E> {
     }
 }
 
-/// One in so many directions looks for emitters. Measured on a room lit through a window: with half of the directions the light that
-/// arrives is noisier by an eighth, for most of it comes from walls.
+/// One in so many directions looks for emitters. Measured on a room lit through a window: with half
+/// of the directions the light that arrives is noisier by an eighth, for most of it comes from
+/// walls.
 const LIGHTS_EVERY: u32 = 4;
 
-/// Gradient of every ray's features, given those of the means over `factor` × `factor` rays; `width` is that of the means.
+/// Gradient of every ray's features, given those of the means over `factor` × `factor` rays;
+/// `width` is that of the means.
 fn adjoint_of_mean(d_means: Vec<Features>, width: u32, factor: u32) -> Vec<Features> {
     if factor == 1 {
         return d_means;

@@ -1,10 +1,12 @@
 //! Light baking in Gaussian space.
 //!
-//! The light of a scene of diffuse surfaces solves `L = L_e + ρ/π ∫ L cos θ dω`. Its Neumann series is light sorted by bounces,
-//! `L = L_e + T L_e + T² L_e + …` (Kajiya 1986, section 3), and here every term is kept where light lives anyway, on the Gaussians. Rays are
-//! traced once: they say how much light of emitters reaches each Gaussian, and which other Gaussians it sees
-//! ([`eagpt_trace::transport::matrix`]). That is the first term, and the matrix T of all further ones: a bounce more is a product of it
-//! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
+//! The light of a scene of diffuse surfaces solves `L = L_e + ρ/π ∫ L cos θ dω`. Its Neumann series
+//! is light sorted by bounces, `L = L_e + T L_e + T² L_e + …` (Kajiya 1986, section 3), and here
+//! every term is kept where light lives anyway, on the Gaussians. Rays are traced once: they say
+//! how much light of emitters reaches each Gaussian, and which other Gaussians it sees
+//! ([`eagpt_trace::transport::matrix`]). That is the first term, and the matrix T of all further
+//! ones: a bounce more is a product of it with a vector. After b bounces the scene carries the
+//! light of paths of at most b bounces.
 
 use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
@@ -29,7 +31,8 @@ const STORE_EVERY: Duration = Duration::from_secs(30);
 /// Options of [`super::BakeMethod::Gaussians`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GaussianBake {
-    /// Directions traced at each Gaussian, at least 1: half of them look for emitters, the others serve all bounces.
+    /// Directions traced at each Gaussian, at least 1: half of them look for emitters, the others
+    /// serve all bounces.
     pub num_samples: u32,
 }
 
@@ -59,7 +62,8 @@ impl Series {
         }
     }
 
-    /// Adds a bounce: what `receivers` reflect of the light of emitters, then of that of the last bounce.
+    /// Adds a bounce: what `receivers` reflect of the light of emitters, then of that of the last
+    /// bounce.
     fn add(
         &mut self,
         albedos: &[Vec3],
@@ -147,7 +151,8 @@ impl Bake<'_> {
     }
 
     fn check_memory(&self, rays: Directions) -> Result<()> {
-        // TransportMatrix that are kept have targets and weights of all directions, which are copied on the way to their file.
+        // TransportMatrix that are kept have targets and weights of all directions, which are
+        // copied on the way to their file.
         let num_values = match self.request.matrix {
             Some(_) => 5 * (rays.plain + rays.to_lights),
             None => rays.plain,
@@ -229,8 +234,9 @@ impl Bake<'_> {
         Ok(Some(best.finish()))
     }
 
-    /// Where light arrives for the Gaussians `wanted`: where they are `seen`, or, of those that no camera sees, which still light others, on
-    /// their own plane. Camera [`LONE`] sees these, with no weight.
+    /// Where light arrives for the Gaussians `wanted`: where they are `seen`, or, of those that no
+    /// camera sees, which still light others, on their own plane. Camera [`LONE`] sees these, with
+    /// no weight.
     pub(super) fn places(
         &self,
         tracer: &dyn Tracer,
@@ -295,8 +301,9 @@ mod tests {
     use eagpt_trace::cpu::CpuScene;
     use eagpt_trace::transport::start::Surface;
 
-    /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of area share f arrives evenly, and
-    /// with albedo a the radiance of the rest after K bounces is `a L f Σ_{k<K} (a (1 − f))^k`.
+    /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of
+    /// area share f arrives evenly, and with albedo a the radiance of the rest after K bounces is
+    /// `a L f Σ_{k<K} (a (1 − f))^k`.
     #[test]
     fn bounces_inside_a_sphere_follow_the_geometric_series() {
         let (share, albedo, light) = (0.25_f32, 0.6_f32, 3.0_f32);
@@ -337,7 +344,8 @@ mod tests {
                 .map(|(i, _)| series.total[*i as usize].x)
                 .sum::<f32>()
                 / receivers.len() as f32;
-            // 6000 × 32 directions leave 0.3 %; the soft rim of the cap and discs that do not quite close 1 %.
+            // 6000 × 32 directions leave 0.3 %; the soft rim of the cap and discs that do not quite
+            // close 1 %.
             assert!(
                 (mean / expected - 1.0).abs() < 0.015,
                 "bounce {bounce}: {mean} instead of {expected}"

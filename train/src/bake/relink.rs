@@ -1,12 +1,15 @@
 //! TransportMatrix of an earlier bake, brought up to date after an edit.
 //!
-//! A Gaussian is known again by the bits of its geometry. What reflects keeps the point where light arrives, unless an edit has changed
-//! something between it and the camera that sees it best, or another sees it better now. A direction keeps what it met, unless that is gone or
-//! something new is in its way. The rest is looked for and traced. New light of the same emitters costs no ray, nor do other albedos; where
-//! emitters are new or much brighter than they were, directions towards emitters are chosen anew.
+//! A Gaussian is known again by the bits of its geometry. What reflects keeps the point where light
+//! arrives, unless an edit has changed something between it and the camera that sees it best, or
+//! another sees it better now. A direction keeps what it met, unless that is gone or something new
+//! is in its way. The rest is looked for and traced. New light of the same emitters costs no ray,
+//! nor do other albedos; where emitters are new or much brighter than they were, directions towards
+//! emitters are chosen anew.
 //!
-//! The result is a sample of what a bake from nothing samples. It is the same to the bit where geometry and light are what they were and only
-//! albedos differ, and random numbers are the same for all Gaussians whose indices are, as long as directions towards emitters are.
+//! The result is a sample of what a bake from nothing samples. It is the same to the bit where
+//! geometry and light are what they were and only albedos differ, and random numbers are the same
+//! for all Gaussians whose indices are, as long as directions towards emitters are.
 
 mod boxes;
 mod change;
@@ -31,11 +34,13 @@ use rows::{KeptReceiver, Places, Rows};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Weights in a pixel that differ by less of themselves are those of the same ray, in a part of a picture and in all of it.
+/// Weights in a pixel that differ by less of themselves are those of the same ray, in a part of a
+/// picture and in all of it.
 const SAME_WEIGHT: f32 = 1e-3;
 
 impl Bake<'_> {
-    /// All receivers and their matrix, with what the file at `path` knows of them; it then knows these. `None` if it was stopped.
+    /// All receivers and their matrix, with what the file at `path` knows of them; it then knows
+    /// these. `None` if it was stopped.
     pub(super) fn relink(
         &mut self,
         tracer: &dyn Tracer,
@@ -111,7 +116,8 @@ impl Bake<'_> {
         Ok(Kept::nothing(setup))
     }
 
-    /// Where light arrives for all that reflects; `None` if it was stopped. Only parts of pictures are looked at: those where something has changed.
+    /// Where light arrives for all that reflects; `None` if it was stopped. Only parts of pictures
+    /// are looked at: those where something has changed.
     fn look_again(
         &mut self,
         tracer: &dyn Tracer,
@@ -142,7 +148,8 @@ impl Bake<'_> {
         Ok(Some(Places { known, fresh }))
     }
 
-    /// Rows of the earlier bake that are as they were, by the index now: nothing has changed between the camera and what it saw.
+    /// Rows of the earlier bake that are as they were, by the index now: nothing has changed
+    /// between the camera and what it saw.
     fn known_again(
         &self,
         earlier: &Kept,

@@ -1,8 +1,8 @@
 //! Light baking by path-traced views, the paper's way (EAG-PT, section 3.5).
 //!
-//! The work folder becomes a dataset: one image a view, named as in the cameras' dataset. Views are independent of each other, so that several
-//! machines can each take a [`Shard`]; once all images are there, radiance is fitted to them by iterations of stage 0 with
-//! everything else held.
+//! The work folder becomes a dataset: one image a view, named as in the cameras' dataset. Views are
+//! independent of each other, so that several machines can each take a [`Shard`]; once all images
+//! are there, radiance is fitted to them by iterations of stage 0 with everything else held.
 
 use super::{Bake, BakeProgress};
 use crate::backend::RadianceStep;

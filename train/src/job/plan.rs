@@ -9,15 +9,17 @@ use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Dataset, SceneError, files};
 use std::path::{Path, PathBuf};
 
-/// Bytes a Gaussian takes while it is trained: raw values, moments, gradients (4 × 17 floats), its activated and prepared forms.
+/// Bytes a Gaussian takes while it is trained: raw values, moments, gradients (4 × 17 floats), its
+/// activated and prepared forms.
 const BYTES_PER_GAUSSIAN: u64 = 4 * 17 * 4 + 17 * 4 + 2 * 64 + 64;
-/// Bytes that the coefficients of a Gaussian's harmonics take: values, moments, gradients, those of the Gaussian, prepared ones; and its payload as a
-/// camera sees it.
+/// Bytes that the coefficients of a Gaussian's harmonics take: values, moments, gradients, those of
+/// the Gaussian, prepared ones; and its payload as a camera sees it.
 const BYTES_PER_HARMONICS: u64 = 6 * 24 * 4 + 64;
-/// Bytes a pixel of the current view takes: features and their gradient (16 floats each), some forty recorded hits, images of the
-/// loss.
+/// Bytes a pixel of the current view takes: features and their gradient (16 floats each), some
+/// forty recorded hits, images of the loss.
 const BYTES_PER_PIXEL: u64 = 2 * 64 + 40 * 12 + 200;
-/// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, irradiance and where emitters are, all as floats, and the target.
+/// Bytes a pixel of a prepared view takes: radiance, normal, mask, opacity, irradiance and where
+/// emitters are, all as floats, and the target.
 const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 4 + 4) * 4 + 3 * 2;
 
 /// The files of a run.
@@ -52,7 +54,8 @@ impl Folder {
         self.root.join("previews")
     }
 
-    /// Makes the folder ready and finds out where to take up. A run that may not go on leaves the folder as it is.
+    /// Makes the folder ready and finds out where to take up. A run that may not go on leaves the
+    /// folder as it is.
     pub(super) fn prepare(
         &self,
         existing: Existing,

@@ -94,8 +94,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Gathers the light for stage 1; `false` if it was stopped from outside. What was gathered is not stored: a resumed run gathers
-    /// the same again.
+    /// Gathers the light for stage 1; `false` if it was stopped from outside. What was gathered is
+    /// not stored: a resumed run gathers the same again.
     pub(super) fn gather(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
         let options = &self.request.options;
         let total = backend.begin_gathering(&views.cameras())?;

@@ -53,8 +53,8 @@ impl Views {
         })
     }
 
-    /// Reads every view once, in order, handing each to `seen`. A view that cannot be used is an error that names all of them, or is
-    /// left out.
+    /// Reads every view once, in order, handing each to `seen`. A view that cannot be used is an
+    /// error that names all of them, or is left out.
     pub(super) fn check(
         &mut self,
         bad: BadViews,
@@ -102,7 +102,8 @@ impl Views {
         Ok(())
     }
 
-    /// The view of an iteration (counted from 1): every round takes each view once, in an order of its own.
+    /// The view of an iteration (counted from 1): every round takes each view once, in an order of
+    /// its own.
     pub(crate) fn at(&self, stage: Stage, iteration: u32) -> Result<TrainingView> {
         let num = self.indices.len() as u32;
         let (round, place) = ((iteration - 1) / num, (iteration - 1) % num);

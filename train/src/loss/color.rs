@@ -31,8 +31,8 @@ pub fn pq_image(linear: &Image<3>) -> Image<3> {
 }
 
 impl ColorLoss {
-    /// Compares linear `radiance` with a target that is PQ-encoded already, where that is `known`: everywhere if nothing is said. The
-    /// images have the same size.
+    /// Compares linear `radiance` with a target that is PQ-encoded already, where that is `known`:
+    /// everywhere if nothing is said. The images have the same size.
     pub fn new(
         radiance: &Image<3>,
         target_pq: &Image<3>,

@@ -7,7 +7,8 @@ use eagpt_trace::features::{Features, GBuffer, lane};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Derivatives of one pixel's term with respect to the horizontal and vertical differences of points, and to its N.
+/// Derivatives of one pixel's term with respect to the horizontal and vertical differences of
+/// points, and to its N.
 #[derive(Debug, Clone, Copy, Default)]
 struct PixelGradient {
     d_across: Vec3,
@@ -17,9 +18,9 @@ struct PixelGradient {
     counts: bool,
 }
 
-/// Adds `weight · mean(1 − Ñ_d·N)` to the gradient and returns the mean. N is the normal map where there is one, otherwise the
-/// blended Ñ, which then moves too. The image's border
-/// is left out, and so is what is not `known`.
+/// Adds `weight · mean(1 − Ñ_d·N)` to the gradient and returns the mean. N is the normal map where
+/// there is one, otherwise the blended Ñ, which then moves too. The image's border is left out, and
+/// so is what is not `known`.
 pub fn add(
     features: &GBuffer,
     camera: &Camera,
@@ -92,7 +93,8 @@ pub fn add(
                     .copied()
                     .unwrap_or_default()
             };
-            // Border pixels carry zero gradients, so neighbours across the ends of rows add nothing.
+            // Border pixels carry zero gradients, so neighbours across the ends of rows add
+            // nothing.
             let d_point = at(i.checked_sub(1)).d_across - at(Some(i + 1)).d_across
                 + at(i.checked_sub(width)).d_down
                 - at(Some(i + width)).d_down;

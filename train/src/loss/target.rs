@@ -4,14 +4,16 @@ use eagpt_scene::Image;
 use eagpt_scene::color::pq_from_linear;
 use rayon::prelude::*;
 
-/// What the steps of [`Target`] divide: PQ values stay below it, however bright the light (`(c₂/c₃)^m₂` is 1.99).
+/// What the steps of [`Target`] divide: PQ values stay below it, however bright the light
+/// (`(c₂/c₃)^m₂` is 1.99).
 pub const PQ_RANGE: f32 = 2.0;
 
 /// The last step.
 const MOST: f32 = u16::MAX as f32;
 
-/// A picture as PQ values in 65,535 steps of [`PQ_RANGE`]: half of the memory of floats, the same on every device. A step is 3e-5; the PQ
-/// values of half-float pictures are up to three times as far from each other, those of displays thirty times.
+/// A picture as PQ values in 65,535 steps of [`PQ_RANGE`]: half of the memory of floats, the same
+/// on every device. A step is 3e-5; the PQ values of half-float pictures are up to three times as
+/// far from each other, those of displays thirty times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
     width: u32,

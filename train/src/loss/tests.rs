@@ -139,7 +139,8 @@ fn check_gradients(valid: Option<&Image<1>>) {
         // Pixels whose error is far from 0, where L1 has its kink.
         for pixel in [0, 5, 18, 40, 93, 100, (WIDTH * HEIGHT - 1) as usize] {
             for k in lanes.clone() {
-                // Large enough that single-precision features of the loss keep four digits of the difference.
+                // Large enough that single-precision features of the loss keep four digits of the
+                // difference.
                 let h = 4e-3 * base.pixels[pixel].0[k].abs().max(0.1);
                 let (mut up, mut down) = (base.clone(), base.clone());
                 up.pixels[pixel].0[k] += h;
@@ -147,7 +148,8 @@ fn check_gradients(valid: Option<&Image<1>>) {
                 let width = f64::from(up.pixels[pixel].0[k] - down.pixels[pixel].0[k]);
                 let numeric = (loss(&up).0.total - loss(&down).0.total) / width;
                 let got = f64::from(analytic[pixel].0[k]);
-                // Second-order error of the difference and its rounding; worst seen 0.7 % of the largest.
+                // Second-order error of the difference and its rounding; worst seen 0.7 % of the
+                // largest.
                 if (got - numeric).abs() > 0.02 * f64::from(largest) {
                     failures.push(format!(
                         "{field}, pixel {pixel}, lane {k}: {got:e} instead of {numeric:e}"
@@ -242,7 +244,8 @@ fn an_absent_mask_is_no_mask_of_zeros() {
 
 #[test]
 fn a_flat_wall_has_the_normal_of_its_depth() {
-    // The plane z = 3, seen straight on: distances grow towards the corners, normals point back at the camera.
+    // The plane z = 3, seen straight on: distances grow towards the corners, normals point back at
+    // the camera.
     let mut features = frame();
     for (s, d) in features.pixels.iter_mut().zip(directions(&camera())) {
         s.0[lane::ALPHA] = 1.0;

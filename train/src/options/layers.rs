@@ -8,7 +8,8 @@ impl TrainOptions {
     /// The preset with TOML tables put on top, later ones winning.
     ///
     /// # Errors
-    /// [`TrainError::Option`] for an unknown key, a value of the wrong type, or a value out of its range.
+    /// [`TrainError::Option`] for an unknown key, a value of the wrong type, or a value out of its
+    /// range.
     pub fn from_layers(preset: Preset, layers: &[toml::Table]) -> Result<Self> {
         let describe = |problem: String| TrainError::Option {
             field: "(file)".to_owned(),
@@ -146,7 +147,8 @@ impl TrainOptions {
     }
 }
 
-/// Puts `layer` on top of `base`; a key that `base` does not know is an error, but for optional ones.
+/// Puts `layer` on top of `base`; a key that `base` does not know is an error, but for optional
+/// ones.
 fn merge(base: &mut toml::Table, layer: &toml::Table, path: &str) -> Result<()> {
     /// Keys that a preset leaves out.
     const OPTIONAL: [&str; 1] = ["num_gaussians"];
@@ -197,7 +199,8 @@ mod tests {
             let options = TrainOptions::preset(preset);
             options.validate().unwrap();
             let text = toml::to_string(&options).unwrap();
-            // Floats are f32 inside and f64 in the file; the text still reads back to the same bits.
+            // Floats are f32 inside and f64 in the file; the text still reads back to the same
+            // bits.
             assert_eq!(
                 TrainOptions::from_layers(preset, &[text.parse().unwrap()]).unwrap(),
                 options

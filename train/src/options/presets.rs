@@ -29,7 +29,8 @@ impl TrainOptions {
         let (iterations, per_point, rates) = match preset {
             Preset::Draft => (800, 1.0, fast_rates),
             Preset::Fast => (5000, 2.0, fast_rates),
-            // The paper's rates; its position rate of 1.6e-5 units belongs to rooms of some five units' extent.
+            // The paper's rates; its position rate of 1.6e-5 units belongs to rooms of some five
+            // units' extent.
             Preset::Paper => (
                 30_000,
                 1.0,

@@ -61,7 +61,8 @@ impl<const K: usize> Learned<K> {
         self.num_steps = 0;
     }
 
-    /// Puts one half of a row at its place and the other at `place`, which is another row or the end. Both know the second moments.
+    /// Puts one half of a row at its place and the other at `place`, which is another row or the
+    /// end. Both know the second moments.
     pub(super) fn split(&mut self, parent: usize, place: usize, [one, other]: [[f32; K]; 2]) {
         let second = self.second[parent];
         if place == self.len() {

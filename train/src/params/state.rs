@@ -19,7 +19,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct ParameterState {
     /// Raw parameters, `[n]`.
     pub raw: Learned<NUM_PARAMETERS>,
-    /// Coefficients of [`Harmonics`], `[n]`; empty where radiance does not differ with the direction.
+    /// Coefficients of [`Harmonics`], `[n]`; empty where radiance does not differ with the
+    /// direction.
     pub harmonics: Learned<NUM_COEFFICIENTS>,
 }
 
@@ -30,12 +31,14 @@ pub struct StepSizes {
     pub raw: Raw,
     /// Of every coefficient of the harmonics.
     pub harmonics: [f32; NUM_COEFFICIENTS],
-    /// What part of its size times its step size a coefficient loses in a step: decoupled weight decay (Loshchilov and Hutter 2019).
+    /// What part of its size times its step size a coefficient loses in a step: decoupled weight
+    /// decay (Loshchilov and Hutter 2019).
     pub harmonics_decay: f32,
 }
 
 impl StepSizes {
-    /// Steps of stage 0 when `progress` (0 to 1) of it is done; harmonics stay. `extent`: see [`LearningRates::position`].
+    /// Steps of stage 0 when `progress` (0 to 1) of it is done; harmonics stay. `extent`: see
+    /// [`LearningRates::position`].
     pub fn radiance(rates: &LearningRates, extent: f32, progress: f32) -> Self {
         let decay = rates.share_at(progress);
         let mut sizes = [0.0; NUM_PARAMETERS];
@@ -116,8 +119,9 @@ impl ParameterState {
         }
     }
 
-    /// Puts one half of a Gaussian at `place` (another Gaussian, which is lost, or the end) and makes itself the other: both with the scale
-    /// of `axis` times `shrink`, `step` (scene units) to either side of where it was. The halves know its second moments, so that their first
+    /// Puts one half of a Gaussian at `place` (another Gaussian, which is lost, or the end) and
+    /// makes itself the other: both with the scale of `axis` times `shrink`, `step` (scene units)
+    /// to either side of where it was. The halves know its second moments, so that their first
     /// steps are not longer than its own; the direction they find out.
     pub fn split(&mut self, parent: usize, place: usize, axis: usize, step: Vec3, shrink: f32) {
         let mut half = self.raw.values[parent];
@@ -204,8 +208,9 @@ impl ParameterState {
             });
     }
 
-    /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the activated values) as they look from `eye`. Nothing
-    /// changes if a gradient is not finite: then the class of the parameter, the index of the Gaussian and the value are returned.
+    /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the
+    /// activated values) as they look from `eye`. Nothing changes if a gradient is not finite: then
+    /// the class of the parameter, the index of the Gaussian and the value are returned.
     pub fn step(
         &mut self,
         gaussians: &Gaussians,
@@ -341,7 +346,8 @@ mod tests {
         let [moved, unseen] = [0, 1].map(|i| state.harmonics.values[i]);
         let functions = functions_from(eye, gaussians.positions[0]);
         for k in 0..NUM_COEFFICIENTS {
-            // Half of the rate, a twentieth: decay takes half of a twentieth of a quarter; the first step has the length of the rate.
+            // Half of the rate, a twentieth: decay takes half of a twentieth of a quarter; the
+            // first step has the length of the rate.
             let wanted = match k {
                 9.. => 0.25,
                 _ if k % 3 == 0 => 0.25 * 0.975 - 0.05 * functions[k / 3].signum(),

@@ -14,7 +14,8 @@ fn previews_hold_raw_parameters() {
         // A quarter turn about x takes the normal from +z to −y.
         rotation: Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
         opacity: 0.75,
-        // Linear 0.214041 is sRGB 0.5, hence coefficient 0; light above display white is clipped to 0.5 / 0.2820948.
+        // Linear 0.214041 is sRGB 0.5, hence coefficient 0; light above display white is clipped to
+        // 0.5 / 0.2820948.
         radiance: Vec3::new(0.214_041_14, 50.0, 0.0),
         harmonics: Harmonics::NONE,
         emission: 1.0,

@@ -14,7 +14,8 @@ use obvhs::aabb::Aabb;
 #[repr(align(64))]
 struct DiscLeaf {
     position: [[f32; WIDTH]; 3],
-    /// Axes in the plane over the disc's half axes squared: their dot products with an offset from the centre are 1 at the rim.
+    /// Axes in the plane over the disc's half axes squared: their dot products with an offset from
+    /// the centre are 1 at the rim.
     axis_u: [[f32; WIDTH]; 3],
     axis_v: [[f32; WIDTH]; 3],
     index: [u32; WIDTH],
@@ -28,7 +29,8 @@ pub struct DiscTree {
 }
 
 impl DiscTree {
-    /// Groups the Gaussians of `set` by their discs of typical size. To be followed by a [`Self::refit`].
+    /// Groups the Gaussians of `set` by their discs of typical size. To be followed by a
+    /// [`Self::refit`].
     pub fn new(set: &SurfelSet) -> Self {
         let counted: Vec<u32> = (0..set.len() as u32)
             .filter(|&i| set.surfels[i as usize].cut2 >= 0.0)
@@ -46,7 +48,8 @@ impl DiscTree {
         Self { nodes, leaves }
     }
 
-    /// Gives every disc its size: `radius_squared` in standard deviations, negative for a disc that is not there.
+    /// Gives every disc its size: `radius_squared` in standard deviations, negative for a disc that
+    /// is not there.
     pub fn refit(&mut self, set: &SurfelSet, radius_squared: impl Fn(u32) -> f32) {
         let mut bounds = Vec::with_capacity(self.leaves.len());
         for leaf in &mut self.leaves {
@@ -101,7 +104,8 @@ impl DiscLeaf {
         vector(&self.axis_u).cross(vector(&self.axis_v))
     }
 
-    /// Distances to the eight planes, and the lanes of the discs that lie within `t_max` along `ray`.
+    /// Distances to the eight planes, and the lanes of the discs that lie within `t_max` along
+    /// `ray`.
     #[inline(always)]
     fn meet(&self, ray: &Ray, t_max: f32) -> ([f32; WIDTH], Lanes) {
         let mut t = [0.0_f32; WIDTH];
@@ -154,7 +158,8 @@ fn find_nearest(
             if nearest.is_some_and(|(i, best)| t > best || (t == best && index > i)) {
                 continue;
             }
-            // The rules of a single hit for which the plane's normal is needed: edge-on, or of the surface the ray leaves from.
+            // The rules of a single hit for which the plane's normal is needed: edge-on, or of the
+            // surface the ray leaves from.
             let normal = leaf.normal(lane).normalize_or_zero();
             let is_own = t <= ray.t_min && normal.dot(own_normal).abs() > OWN_COSINE;
             if is_own || normal.dot(direction).abs() <= MIN_COSINE {

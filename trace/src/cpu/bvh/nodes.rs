@@ -1,4 +1,5 @@
-//! Nodes of a wide tree: how they are made from boxes, follow moved ones, and are walked along a ray.
+//! Nodes of a wide tree: how they are made from boxes, follow moved ones, and are walked along a
+//! ray.
 
 use super::{EMPTY, LEAF, WIDTH};
 use crate::ray::Ray;
@@ -22,14 +23,16 @@ struct SlabRay {
     is_backward: [bool; 3],
 }
 
-/// A tree over boxes: nodes, parents before their children and the root first, and the items in each leaf, `EMPTY` where there is none.
+/// A tree over boxes: nodes, parents before their children and the root first, and the items in
+/// each leaf, `EMPTY` where there is none.
 pub(super) struct Topology {
     pub(super) nodes: Vec<Node>,
     pub(super) leaves: Vec<[u32; WIDTH]>,
 }
 
 impl Topology {
-    /// Groups items: `items[i]` has box `boxes[i]`. The boxes of the nodes are not set yet: [`refit`].
+    /// Groups items: `items[i]` has box `boxes[i]`. The boxes of the nodes are not set yet:
+    /// [`refit`].
     pub(super) fn new(items: &[u32], boxes: &[Aabb]) -> Self {
         let mut topology = Self {
             nodes: Vec::new(),
@@ -47,7 +50,8 @@ impl Topology {
     fn add_node(&mut self, tree: &Bvh2, items: &[u32], root: usize) -> u32 {
         let at = self.nodes.len();
         self.nodes.push(Node::EMPTY);
-        // Open the child of the largest surface until eight are found: it is the one most rays would open anyway.
+        // Open the child of the largest surface until eight are found: it is the one most rays
+        // would open anyway.
         let half_area = |binary: usize| tree.nodes[binary].aabb().half_area();
         let mut open = vec![root];
         while open.len() < WIDTH {
@@ -136,15 +140,16 @@ const NEVER: Aabb = Aabb {
     max: glam::Vec3A::NEG_INFINITY,
 };
 
-/// Expected number of boxes and leaves that a random ray touches (surface area heuristic), relative to the root.
+/// Expected number of boxes and leaves that a random ray touches (surface area heuristic), relative
+/// to the root.
 pub(super) fn cost(nodes: &[Node]) -> f32 {
     let area = |node: &Node| -> f32 { (0..WIDTH).map(|lane| node.half_area(lane)).sum() };
     let root = nodes.first().map_or(0.0, area);
     nodes.iter().map(area).sum::<f32>() / root.max(f32::MIN_POSITIVE)
 }
 
-/// Calls `visit` with the leaves along `ray`, nearer ones mostly first, and with the distance beyond which nothing matters any more, which
-/// `visit` may lower.
+/// Calls `visit` with the leaves along `ray`, nearer ones mostly first, and with the distance
+/// beyond which nothing matters any more, which `visit` may lower.
 #[inline(always)]
 pub(super) fn visit_leaves(
     nodes: &[Node],
@@ -229,7 +234,8 @@ fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH], en
     }
 }
 
-/// Some of the lanes, in order. Bytes rather than bits: compilers turn eight comparisons into eight bytes at once, but not into a mask.
+/// Some of the lanes, in order. Bytes rather than bits: compilers turn eight comparisons into eight
+/// bytes at once, but not into a mask.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lanes(u64);
 

@@ -46,9 +46,10 @@ impl Bvh {
         find_hits(&self.nodes, &self.leaves, ray, reach, scratch);
     }
 
-    /// One hit of `ray`, chosen with the weight it has in the blend; `None` with the probability of meeting nothing. Every hit is accepted
-    /// with probability α, and the nearest accepted one is the choice (stochastic transparency, Enderton et al. 2010): no sorting, and the
-    /// search ends where the ray does. `seed` makes the choice; rays with the same one share their luck.
+    /// One hit of `ray`, chosen with the weight it has in the blend; `None` with the probability of
+    /// meeting nothing. Every hit is accepted with probability α, and the nearest accepted one is
+    /// the choice (stochastic transparency, Enderton et al. 2010): no sorting, and the search ends
+    /// where the ray does. `seed` makes the choice; rays with the same one share their luck.
     pub fn sample_hit(&self, ray: &Ray, seed: u32, scratch: &mut RayScratch) -> Option<Hit> {
         find_accepted(&self.nodes, &self.leaves, ray, seed, &mut scratch.stack)
     }
@@ -130,8 +131,8 @@ fn find_accepted(
     nearest
 }
 
-/// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them does not matter. The mixer is
-/// that of Wellons' hash prospector ("lowbias32").
+/// A number in [0, 1) for each Gaussian that a ray may meet: the order in which a search finds them
+/// does not matter. The mixer is that of Wellons' hash prospector ("lowbias32").
 #[inline(always)]
 pub(in crate::cpu) fn uniform_of(seed: u32, index: u32) -> f32 {
     let mut x = seed ^ index.wrapping_mul(0x9e37_79b9);
@@ -143,7 +144,8 @@ pub(in crate::cpu) fn uniform_of(seed: u32, index: u32) -> f32 {
 
 #[inline(always)]
 fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, mut found: impl FnMut(Hit)) {
-    // Plain loops over arrays, with the lanes that count gathered afterwards: they become straight SIMD code.
+    // Plain loops over arrays, with the lanes that count gathered afterwards: they become straight
+    // SIMD code.
     let mut t = [0.0_f32; WIDTH];
     let mut exponent = [0.0_f32; WIDTH];
     let mut counted = [0_u8; WIDTH];
@@ -161,7 +163,8 @@ fn meet_leaf(leaf: &Leaf, ray: &Ray, t_max: f32, mut found: impl FnMut(Hit)) {
     }
 }
 
-/// Drops the hits behind the one where the ray ends, by the rules of [`Blender`], and returns its distance.
+/// Drops the hits behind the one where the ray ends, by the rules of [`Blender`], and returns its
+/// distance.
 fn prune(hits: &mut Vec<Hit>) -> f32 {
     sort_hits(hits);
     let mut transmittance = 1.0_f32;

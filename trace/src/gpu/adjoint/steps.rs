@@ -69,8 +69,8 @@ impl Parts<'_> {
         self.go_back(band, modules, &buffers, self.contributions)
     }
 
-    /// From the record to what each Gaussian has in all pixels, in `out`, `[n]`; the first of two modules adds up within tiles, and needs
-    /// `buffers` beside the record.
+    /// From the record to what each Gaussian has in all pixels, in `out`, `[n]`; the first of two
+    /// modules adds up within tiles, and needs `buffers` beside the record.
     fn go_back(
         &self,
         band: Band,

@@ -11,7 +11,8 @@ use wgpu::util::DeviceExt as _;
 /// Bytes of the largest thing that buffers are arrays of, or more.
 const LARGEST_ELEMENT: u64 = 128;
 
-/// Time in which the thread that has waited for the device tells others what it knows: that it is there.
+/// Time in which the thread that has waited for the device tells others what it knows: that it is
+/// there.
 const MAPPED_WITHIN: Duration = Duration::from_secs(60);
 
 impl Device {
@@ -53,7 +54,8 @@ impl Device {
         Ok(buffer)
     }
 
-    /// Replaces the start of a buffer. Work submitted before sees the old content, work submitted from now on the new.
+    /// Replaces the start of a buffer. Work submitted before sees the old content, work submitted
+    /// from now on the new.
     pub fn write(&self, buffer: &wgpu::Buffer, content: &[u8]) {
         self.queue.write_buffer(buffer, 0, content);
     }
@@ -83,7 +85,8 @@ impl Device {
         self.read_later(buffer, elements)?.wait(self)
     }
 
-    /// Elements of a buffer as they are after all work submitted so far, to be looked at when that is done. There must be some.
+    /// Elements of a buffer as they are after all work submitted so far, to be looked at when that
+    /// is done. There must be some.
     ///
     /// # Errors
     /// If the device gives up.
@@ -135,7 +138,8 @@ impl<T: bytemuck::AnyBitPattern> Reading<T> {
     /// If the `device`, from which they are read, gives up.
     pub fn wait(self, device: &Device) -> Result<Vec<T>, GpuError> {
         device.wait_for(self.submission)?;
-        // Of two threads that wait at once, one is told of both buffers, and the other may be through before it passes that on.
+        // Of two threads that wait at once, one is told of both buffers, and the other may be
+        // through before it passes that on.
         match self.mapped.recv_timeout(MAPPED_WITHIN) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(device.lost(&error.to_string())),

@@ -18,8 +18,9 @@ pub enum DeviceSelector {
     Name(String),
 }
 
-/// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what WebGPU guarantees; what a device accumulates beyond
-/// makes buffers larger, and tells where faster ways are open.
+/// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what
+/// WebGPU guarantees; what a device accumulates beyond makes buffers larger, and tells where faster
+/// ways are open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tier {
     /// Largest binding of a storage buffer, bytes.

@@ -26,7 +26,8 @@ pub struct Profile {
     pub stages: Vec<StageTime>,
     /// Steps that there was no room to time.
     pub num_untimed: u32,
-    /// All of the work by the clock of the host: kernels, copies, waiting, and what the host does in between.
+    /// All of the work by the clock of the host: kernels, copies, waiting, and what the host does
+    /// in between.
     pub elapsed: Duration,
 }
 
@@ -70,7 +71,8 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Where the next step, of kernel `name`, writes when it begins and ends; `None` where there is no more room.
+    /// Where the next step, of kernel `name`, writes when it begins and ends; `None` where there is
+    /// no more room.
     pub(super) fn time(
         &mut self,
         name: &'static str,
@@ -90,8 +92,9 @@ impl Recording {
 }
 
 impl Device {
-    /// Times the steps that `work` hands to the device, whichever thread does; `None` where the device has no timestamps. Work takes longer
-    /// than it would: every step waits for the one before it anyway, but each writes two timestamps.
+    /// Times the steps that `work` hands to the device, whichever thread does; `None` where the
+    /// device has no timestamps. Work takes longer than it would: every step waits for the one
+    /// before it anyway, but each writes two timestamps.
     ///
     /// # Errors
     /// If the device gives up.
@@ -163,7 +166,8 @@ impl Device {
         Ok(stages)
     }
 
-    /// Bytes of the device's memory that buffers take now, by the allocator of wgpu; `None` where the backend does not tell.
+    /// Bytes of the device's memory that buffers take now, by the allocator of wgpu; `None` where
+    /// the backend does not tell.
     pub fn memory_bytes(&self) -> Option<u64> {
         let report = self.device.generate_allocator_report()?;
         Some(report.total_allocated_bytes)

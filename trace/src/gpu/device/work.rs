@@ -109,7 +109,8 @@ impl Device {
         self.check()
     }
 
-    /// Runs steps one after the other, a few in each submission: what takes long is not one long piece to the driver.
+    /// Runs steps one after the other, a few in each submission: what takes long is not one long
+    /// piece to the driver.
     ///
     /// # Errors
     /// What went wrong so far.

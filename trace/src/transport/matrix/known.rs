@@ -1,10 +1,12 @@
 //! TransportMatrix direction by direction, of which some are known.
 //!
-//! What a direction of a receiver is, follows from the receiver's surface, its random numbers and the emitters that directions look for. What it
-//! meets changes only where something in its way has changed; after a small edit most of it is known. Here the targets of all directions
-//! are kept, those towards emitters too: the unknown ones are traced, and matrix follow from all of them as [`TransportMatrix::trace`] would have it. Where
-//! emitters have changed their light alone, not a ray is traced: directions that look for the emitters as they were are as good, with the
-//! weights that go with them, as long as what is looked for is not far from what there is.
+//! What a direction of a receiver is, follows from the receiver's surface, its random numbers and
+//! the emitters that directions look for. What it meets changes only where something in its way has
+//! changed; after a small edit most of it is known. Here the targets of all directions are kept,
+//! those towards emitters too: the unknown ones are traced, and matrix follow from all of them as
+//! [`TransportMatrix::trace`] would have it. Where emitters have changed their light alone, not a
+//! ray is traced: directions that look for the emitters as they were are as good, with the weights
+//! that go with them, as long as what is looked for is not far from what there is.
 
 use super::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, Sampler, TOGETHER, TransportMatrix};
 use crate::engine::{TraceError, Tracer};
@@ -17,7 +19,8 @@ use rayon::prelude::*;
 /// Target of a direction that is to be traced.
 pub const UNKNOWN: u32 = 0x7f7f_fffe;
 
-/// All directions of receivers. The first [`Directions::plain`] of each are those about the normal; [`Directions::to_lights`] follow.
+/// All directions of receivers. The first [`Directions::plain`] of each are those about the normal;
+/// [`Directions::to_lights`] follow.
 #[derive(Debug, Clone, Copy)]
 pub struct KnownDirections<'a> {
     sampler: Sampler<'a>,
@@ -41,7 +44,8 @@ impl<'a> KnownDirections<'a> {
         (plain + to_lights) as usize
     }
 
-    /// Makes those of the `targets` of `receivers`, `[receivers, directions]`, unknown of which `is_lost` says so, given the target and the ray.
+    /// Makes those of the `targets` of `receivers`, `[receivers, directions]`, unknown of which
+    /// `is_lost` says so, given the target and the ray.
     pub fn forget(
         &self,
         receivers: &[Receiver],
@@ -65,8 +69,9 @@ impl<'a> KnownDirections<'a> {
             });
     }
 
-    /// Traces the unknown ones of the `targets` of `receivers`, `[receivers, directions]`, through `scene`. Returns the number of rays, which are all
-    /// in memory at once: many receivers are better traced in pieces.
+    /// Traces the unknown ones of the `targets` of `receivers`, `[receivers, directions]`, through
+    /// `scene`. Returns the number of rays, which are all in memory at once: many receivers are
+    /// better traced in pieces.
     ///
     /// # Errors
     /// If the device of the `scene` gives up.
@@ -110,8 +115,9 @@ impl<'a> KnownDirections<'a> {
         Ok(rays.len() as u64)
     }
 
-    /// The matrix of `receivers`, given all their `targets`, and what Gaussians emit, `None` for what reflects. No ray is counted. The `weights` of
-    /// directions that meet emitters are found where they are 0, and kept for the next time: they are the same as long as receivers and
+    /// The matrix of `receivers`, given all their `targets`, and what Gaussians emit, `None` for
+    /// what reflects. No ray is counted. The `weights` of directions that meet emitters are found
+    /// where they are 0, and kept for the next time: they are the same as long as receivers and
     /// directions are. Both `[receivers, directions]`.
     pub fn matrix(
         &self,
@@ -158,8 +164,9 @@ impl<'a> KnownDirections<'a> {
         }
     }
 
-    /// All directions of `receivers`, in the order in which [`TransportMatrix::trace`] adds up their light: the place of the receiver, the number of the
-    /// direction among its own, and the realization.
+    /// All directions of `receivers`, in the order in which [`TransportMatrix::trace`] adds up
+    /// their light: the place of the receiver, the number of the direction among its own, and the
+    /// realization.
     fn in_order(&self, receivers: &[Receiver]) -> impl Iterator<Item = (usize, u32, u32)> {
         let Directions { plain, to_lights } = self.sampler.directions;
         (0..NUM_REALIZATIONS).flat_map(move |realization| {

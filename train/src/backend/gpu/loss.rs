@@ -1,4 +1,5 @@
-//! The losses on the device: the twins of [`crate::loss::radiance_loss`] and [`crate::loss::albedo_loss`].
+//! The losses on the device: the twins of [`crate::loss::radiance_loss`] and
+//! [`crate::loss::albedo_loss`].
 
 use super::kernels;
 use super::report::Report;
@@ -104,7 +105,8 @@ pub(super) struct LossOptions {
     pub(super) normals: NormalTerms,
     /// Rays along each axis of a pixel.
     pub(super) rays_per_axis: u32,
-    /// Of stage 1 the light of the view, by which albedos are compared in place of radiance; see [`lit_pixels`].
+    /// Of stage 1 the light of the view, by which albedos are compared in place of radiance; see
+    /// [`lit_pixels`].
     pub(super) lit: Option<Buffer>,
 }
 
@@ -157,7 +159,8 @@ impl LossBuffers {
         self.num_pixels == num_pixels
     }
 
-    /// The kernels from the features of `frame` to the derivatives by them, for a view of `camera`. Features over pixels go to `report`.
+    /// The kernels from the features of `frame` to the derivatives by them, for a view of `camera`.
+    /// Features over pixels go to `report`.
     pub(super) fn steps(
         &self,
         device: &Device,

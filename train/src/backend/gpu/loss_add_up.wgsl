@@ -1,4 +1,5 @@
-// Features over all pixels in a fixed order: each thread adds a run of pixels, each workgroup those of its threads, and one workgroup all.
+// Features over all pixels in a fixed order: each thread adds a run of pixels, each workgroup those
+// of its threads, and one workgroup all.
 
 @group(0) @binding(8) var<storage, read_write> group_sums: array<Terms>;
 @group(0) @binding(9) var<storage, read_write> report: array<u32>;

@@ -1,7 +1,8 @@
-// PQ encoding, and SSIM with its derivatives by the moments: the twin of loss/color.rs and of eval/src/ssim.rs.
+// PQ encoding, and SSIM with its derivatives by the moments: the twin of loss/color.rs and of
+// eval/src/ssim.rs.
 
-// PQ and its slope. The ratio (C1 + C2 p)/(1 + C3 p) is 1 − x with x = (C3 − C2)(p − 1)/(1 + C3 p) between −0.1 and 0.17, whose logarithm keeps
-// all its digits: the exponent that follows is 79.
+// PQ and its slope. The ratio (C1 + C2 p)/(1 + C3 p) is 1 − x with x = (C3 − C2)(p − 1)/(1 + C3 p)
+// between −0.1 and 0.17, whose logarithm keeps all its digits: the exponent that follows is 79.
 fn pq_with_slope(linear: f32) -> vec2f {
     let scaled = linear * PQ_SCALE;
     let is_clamped = !(scaled > PQ_FLOOR);

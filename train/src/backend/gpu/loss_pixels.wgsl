@@ -1,4 +1,5 @@
-// What the kernels of the loss share: the twin of loss/. Pixels are those of the view, row by row; each is the mean over the same number of rays.
+// What the kernels of the loss share: the twin of loss/. Pixels are those of the view, row by row;
+// each is the mean over the same number of rays.
 
 @group(0) @binding(0) var<uniform> loss: LossParameters;
 @group(0) @binding(1) var<storage, read> rays: array<Lanes>;
@@ -19,7 +20,8 @@ struct Encoded {
     slope: vec3f,
 }
 
-// Of the three colours: mean of what is wanted, mean of what is shown, mean of the sum of their squares, mean of their product.
+// Of the three colours: mean of what is wanted, mean of what is shown, mean of the sum of their
+// squares, mean of their product.
 struct Moments {
     of_wanted: vec3f,
     of_shown: vec3f,
@@ -35,7 +37,8 @@ struct Terms {
     surface: vec4f,
 }
 
-// Derivatives of one pixel's term of spanned normals by the differences of points across and down, and by its N.
+// Derivatives of one pixel's term of spanned normals by the differences of points across and down,
+// and by its N.
 struct SurfaceGradient {
     d_across: vec3f,
     d_down: vec3f,

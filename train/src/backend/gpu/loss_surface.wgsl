@@ -1,4 +1,5 @@
-// Normals and the normals of the surface that mean distances span: the twin of loss/depth_normal.rs.
+// Normals and the normals of the surface that mean distances span: the twin of
+// loss/depth_normal.rs.
 
 @group(0) @binding(8) var<storage, read_write> surfaces: array<SurfaceGradient>;
 

@@ -1,4 +1,5 @@
-//! Raw parameters and their moments on the device: the twin of [`crate::params::ParameterState::step`].
+//! Raw parameters and their moments on the device: the twin of
+//! [`crate::params::ParameterState::step`].
 
 use super::kernels;
 use super::report::{self, Report};
@@ -104,8 +105,8 @@ pub(super) struct ResidentState {
 }
 
 impl ResidentState {
-    /// Brings `state` to the device, where `fit` has its Gaussians. They are put there again as steps put them: what a run goes on with has the bits
-    /// of what it stopped with.
+    /// Brings `state` to the device, where `fit` has its Gaussians. They are put there again as
+    /// steps put them: what a run goes on with has the bits of what it stopped with.
     pub(super) fn new(device: &Arc<Device>, state: &ParameterState, fit: &GpuFit) -> Result<Self> {
         let values = device.upload("parameters", &bytes(&state.raw.values))?;
         let harmonics = fit.harmonics().cloned();
@@ -174,7 +175,8 @@ impl ResidentState {
         }
     }
 
-    /// The kernels of a step along the gradients of `frame`, which was traced from `eye`; it moves the Gaussians of `fit`.
+    /// The kernels of a step along the gradients of `frame`, which was traced from `eye`; it moves
+    /// the Gaussians of `fit`.
     pub(super) fn steps(
         &self,
         fit: &GpuFit,

@@ -1,4 +1,5 @@
-// One step of Adam on raw parameters, and the Gaussians that follow from them: the twin of params.rs.
+// One step of Adam on raw parameters, and the Gaussians that follow from them: the twin of
+// params.rs.
 
 @group(0) @binding(0) var<uniform> adam: AdamParameters;
 // [n, NUM_PARAMETERS] each.
@@ -123,7 +124,8 @@ fn surfel_of(g: Activated, frame: mat3x3f) -> Surfel {
     );
 }
 
-// Nothing changes if a gradient is not a number, or if there was no room for all that it is made of; nor behind a step for which this was so.
+// Nothing changes if a gradient is not a number, or if there was no room for all that it is made
+// of; nor behind a step for which this was so.
 fn gradients_are_good() -> bool {
     let has_room = totals[TOTAL_ENTRIES] <= adam.entries && totals[TOTAL_CHUNKS] <= adam.chunks;
     let is_stuck = atomicLoad(&report[REPORT_STUCK]) != 0u;
@@ -139,7 +141,8 @@ fn move_value(at: u32, gradient: f32, size: f32, decay: f32, corrections: vec2f)
     values[at] = (1.0 - size * decay) * values[at] - size * mean * corrections.x / root;
 }
 
-// Moves the coefficients of harmonics: `values`, `first` and `second` are theirs, [n, NUM_FUNCTIONS, 3] each.
+// Moves the coefficients of harmonics: `values`, `first` and `second` are theirs, [n,
+// NUM_FUNCTIONS, 3] each.
 @compute @workgroup_size(64)
 fn harmonics_step(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -203,7 +206,8 @@ fn adam_step(
     put_gaussian(index);
 }
 
-// What is traced, before the first step: as every step leaves it, to the bit, not as the host would put it.
+// What is traced, before the first step: as every step leaves it, to the bit, not as the host would
+// put it.
 @compute @workgroup_size(64)
 fn activate(
     @builtin(workgroup_id) workgroup: vec3u,

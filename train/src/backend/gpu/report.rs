@@ -12,7 +12,8 @@ pub(super) const ENTRIES: u32 = 1;
 pub(super) const CHUNKS: u32 = 2;
 /// Place of the first of eight features over pixels, see [`Report::terms`].
 pub(super) const TERMS: u32 = 4;
-/// Place of what is not 0 once a step has moved nothing; unlike all else, it stays for the steps behind that one.
+/// Place of what is not 0 once a step has moved nothing; unlike all else, it stays for the steps
+/// behind that one.
 pub(super) const STUCK: u32 = NUM_WORDS as u32 - 1;
 /// In the place of [`BAD`]: all gradients are finite.
 pub(super) const NOTHING_BAD: u32 = u32::MAX;
@@ -43,7 +44,8 @@ impl Report {
         }
     }
 
-    /// Features over pixels: |difference| of PQ values, SSIM, |E − M|, |A − A_gt|; 1 − Ñ·N and its pixels; 1 − Ñ_d·N and its pixels.
+    /// Features over pixels: |difference| of PQ values, SSIM, |E − M|, |A − A_gt|; 1 − Ñ·N and its
+    /// pixels; 1 − Ñ_d·N and its pixels.
     pub(super) fn terms(&self) -> [f64; 8] {
         std::array::from_fn(|k| f64::from(f32::from_bits(self.0[TERMS as usize + k])))
     }

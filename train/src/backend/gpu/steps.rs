@@ -1,8 +1,9 @@
-//! Steps on the device, a few of which are under way at once: the host prepares the next ones while the device computes, and looks at the report of
-//! a step when others are queued behind it.
+//! Steps on the device, a few of which are under way at once: the host prepares the next ones while
+//! the device computes, and looks at the report of a step when others are queued behind it.
 //!
-//! A step for whose hits there is no room, or whose gradients are no numbers, moves nothing, and nor do those behind it until the host has looked.
-//! Then it makes room and takes them again: what comes out has the bits of steps taken one by one.
+//! A step for whose hits there is no room, or whose gradients are no numbers, moves nothing, and
+//! nor do those behind it until the host has looked. Then it makes room and takes them again: what
+//! comes out has the bits of steps taken one by one.
 
 use super::loss::{self, LossBuffers, LossOptions};
 use super::report::{NUM_WORDS, Report};

@@ -27,7 +27,8 @@ pub(super) struct TargetPixel {
     blue_emission: u32,
     /// Signed; all zero where there is none.
     normal_xy: u32,
-    /// In the upper half [`KNOWN`] and [`WINDOW`], and over them the opacity, 0 to [`FULL_OPACITY`].
+    /// In the upper half [`KNOWN`] and [`WINDOW`], and over them the opacity, 0 to
+    /// [`FULL_OPACITY`].
     normal_z_flags: u32,
 }
 

@@ -5,7 +5,8 @@ use eagpt_trace::Ray;
 use eagpt_trace::model::MAX_RADIUS;
 use glam::{DVec2, Mat3, Vec3};
 
-/// Boxes of a scene's changes; there may be twice as many. More would follow them more closely, and every ray is held against each.
+/// Boxes of a scene's changes; there may be twice as many. More would follow them more closely, and
+/// every ray is held against each.
 const ABOUT: usize = 64;
 
 /// An axis-aligned box.
@@ -82,8 +83,8 @@ impl Boxes {
     }
 }
 
-/// A camera with the part of the picture of `camera` where `gaussians` are as far as their scales reach, not to their rims; `None` if none is
-/// in the picture.
+/// A camera with the part of the picture of `camera` where `gaussians` are as far as their scales
+/// reach, not to their rims; `None` if none is in the picture.
 pub(super) fn part_of(camera: &Camera, gaussians: &[Gaussian]) -> Option<Camera> {
     let camera_from_world = camera.world_from_camera.inverse();
     let (focal, centre) = (
@@ -110,7 +111,8 @@ pub(super) fn part_of(camera: &Camera, gaussians: &[Gaussian]) -> Option<Camera>
     })
 }
 
-/// Halves boxes along the longest side until there are `at_most` together, and puts one around each part.
+/// Halves boxes along the longest side until there are `at_most` together, and puts one around each
+/// part.
 fn divide(single: &mut [Box3], at_most: usize, boxes: &mut Vec<Box3>) {
     let Some(all) = single.iter().copied().reduce(Box3::with) else {
         return;
@@ -168,7 +170,8 @@ mod tests {
         assert!(num_met > 100 && num_missed > 50, "{num_met} {num_missed}");
     }
 
-    /// A part of a picture is that part: the same light, by rays that differ by the rounding of the principal point.
+    /// A part of a picture is that part: the same light, by rays that differ by the rounding of the
+    /// principal point.
     #[test]
     fn parts_of_pictures_have_what_is_looked_for() {
         let cloud = random_cloud(400, 5);

@@ -8,8 +8,9 @@ use eagpt_trace::transport::matrix::NOTHING;
 use eagpt_trace::transport::matrix::known::UNKNOWN;
 use std::collections::HashMap;
 
-/// Directions look for the emitters of the earlier bake as long as none has more than this times the share of the light that it had then. The
-/// noise that it adds is at most that of as many times fewer directions.
+/// Directions look for the emitters of the earlier bake as long as none has more than this times
+/// the share of the light that it had then. The noise that it adds is at most that of as many times
+/// fewer directions.
 const MOST_UNDERRATED: f64 = 4.0;
 
 /// What became of the Gaussians of an earlier bake.

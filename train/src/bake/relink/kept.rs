@@ -43,7 +43,8 @@ struct Header {
 const SHAPE: usize = 10;
 /// Numbers of an emitter: its shape, radiance and emission.
 const LIGHT: usize = SHAPE + 4;
-/// Numbers of a receiver beside its targets: index, element, camera, position, normal, offset and weight.
+/// Numbers of a receiver beside its targets: index, element, camera, position, normal, offset and
+/// weight.
 const RECEIVER: usize = 11;
 
 /// Bits of the geometry of a Gaussian: position, scale, rotation, opacity.

@@ -6,7 +6,8 @@ use crate::surfaces::Seen;
 use eagpt_trace::transport::matrix::known::UNKNOWN;
 use std::collections::{HashMap, HashSet};
 
-/// From here on are numbers that are no index, for receivers whose index names the random numbers of another.
+/// From here on are numbers that are no index, for receivers whose index names the random numbers
+/// of another.
 const OTHER_ELEMENTS: u32 = 1 << 30;
 
 /// Where light arrives.
@@ -35,13 +36,15 @@ pub(super) struct Rows {
     pub(super) receivers: Vec<KeptReceiver>,
     /// What directions meet, `[r, directions]`.
     pub(super) targets: Vec<u32>,
-    /// What the light of emitters counts that they find, 0 where that was not asked for. `[r, directions]`
+    /// What the light of emitters counts that they find, 0 where that was not asked for. `[r,
+    /// directions]`
     pub(super) weights: Vec<f32>,
 }
 
 impl Rows {
-    /// Puts receivers from all `places` in the order of their indices. What known ones met is called what it is called
-    /// after the `change`; without `keeps_lights`, targets towards emitters are unknown.
+    /// Puts receivers from all `places` in the order of their indices. What known ones met is
+    /// called what it is called after the `change`; without `keeps_lights`, targets towards
+    /// emitters are unknown.
     pub(super) fn merge(
         earlier: &Kept,
         places: &Places,

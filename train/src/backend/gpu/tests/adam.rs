@@ -14,7 +14,8 @@ use eagpt_trace::gpu::{Device, GpuFit};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
 
-/// Of a parameter or moment, relative to the largest of its kind: ten times the 3e-7 seen on lavapipe.
+/// Of a parameter or moment, relative to the largest of its kind: ten times the 3e-7 seen on
+/// lavapipe.
 const STEP_TOLERANCE: f32 = 3e-6;
 
 /// The report of the step that was submitted last.
@@ -23,7 +24,8 @@ fn reported(device: &Device, state: &ResidentState) -> report::Report {
     report::Report(words.try_into().unwrap())
 }
 
-/// Four steps with other gradients each: moments, corrections and everything that follows from parameters.
+/// Four steps with other gradients each: moments, corrections and everything that follows from
+/// parameters.
 #[test]
 fn steps_of_adam_are_those_of_the_cpu() {
     let Some(device) = gpu::device("Adam on a device") else {

@@ -45,7 +45,8 @@ fn room_is_made_for_what_is_needed_and_kept() {
     assert!(later != chunks && chunks.room.is_within(&later.room));
 }
 
-/// What several steps at once leave, some of which lack room, has the bits of what steps leave that are waited for one by one.
+/// What several steps at once leave, some of which lack room, has the bits of what steps leave that
+/// are waited for one by one.
 #[test]
 fn steps_under_way_at_once_are_those_taken_one_by_one() {
     let Some(device) = gpu::device("several steps at once") else {
