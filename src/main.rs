@@ -30,6 +30,7 @@ mod doctor;
 mod edit;
 mod eval;
 mod export;
+mod failpoint;
 mod ingest;
 mod interrupt;
 mod masks;
