@@ -16,6 +16,7 @@ use crate::job::Provenance;
 use crate::metrics::{METRICS, Metric};
 use crate::scene_metrics::mean;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::path::PathBuf;
 
 /// Modes in the order of the paper; others come after them.
@@ -44,6 +45,15 @@ pub struct TableFolder {
     /// Name of its row; by default the mode of its renders.
     #[serde(default)]
     pub row: Option<String>,
+}
+
+impl fmt::Display for TableFolder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.row {
+            Some(row) => write!(f, "{row}={}", self.folder.display()),
+            None => write!(f, "{}", self.folder.display()),
+        }
+    }
 }
 
 /// A table of means.

@@ -8,6 +8,7 @@
 use crate::raw::CameraColor;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// XYZ of Rec.709 primaries with their white D65, columns R, G, B (IEC 61966-2-1).
 const XYZ_FROM_REC709: DMat3 = DMat3::from_cols(
@@ -152,6 +153,19 @@ pub enum WhiteBalance {
         /// Left, top, width and height in pixels of the sensor's image.
         rectangle: [u32; 4],
     },
+}
+
+impl fmt::Display for WhiteBalance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::AsShot => f.write_str("as-shot"),
+            Self::Factors([r, g, b]) => write!(f, "{r},{g},{b}"),
+            Self::GreyCard { stack, rectangle } => {
+                let [left, top, width, height] = rectangle;
+                write!(f, "{stack}@{left},{top},{width},{height}")
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::undistort::UndistortOptions;
 use eagpt_scene::lens::{Lens, LensModel, Undistortion};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Source of exposure ratios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -28,6 +29,13 @@ pub struct LensOption {
     pub model: String,
     /// Its parameters in COLMAP's order, as fx, fy, cx, cy, k1, k2, p1, p2.
     pub params: Vec<f64>,
+}
+
+impl fmt::Display for LensOption {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let params: Vec<String> = self.params.iter().map(f64::to_string).collect();
+        write!(f, "{} {}", self.model, params.join(","))
+    }
 }
 
 impl LensOption {

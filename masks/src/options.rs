@@ -2,6 +2,7 @@
 
 use crate::error::{MaskError, Result};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Options of [`crate::make_masks`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -9,6 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct MaskOptions {
     /// Where masks come from before labels.
     pub source: Source,
+
     /// Which value of a pixel is compared with the level.
     pub rule: Rule,
     /// Treatment of the border of a lamp.
@@ -35,6 +37,16 @@ pub enum Source {
     Emission(f32),
     /// Labels alone: a view without label has no mask.
     None,
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Level(value) | Self::Emission(value) => write!(f, "{value}"),
+            Self::None => f.write_str("none"),
+        }
+    }
 }
 
 /// Which value of a pixel is compared with the level.

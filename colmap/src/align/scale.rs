@@ -5,6 +5,7 @@ use crate::error::{ColmapError, Result};
 use crate::model::{Model, PointId, Similarity};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Source of a metric scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,6 +35,24 @@ pub enum Anchor {
     Image(String),
     /// A point.
     Point(PointId),
+}
+
+impl fmt::Display for Scale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Distance { from, to, metres } => write!(f, "{from},{to},{metres}"),
+            Self::CameraHeight { metres } => write!(f, "{metres}"),
+        }
+    }
+}
+
+impl fmt::Display for Anchor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Image(name) => f.write_str(name),
+            Self::Point(id) => write!(f, "point:{}", id.0),
+        }
+    }
 }
 
 impl std::str::FromStr for Anchor {
