@@ -53,7 +53,7 @@ pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
     }
 }
 
-/// The pose of a camera at `origin` that looks at `target` with `up` upwards in the image: columns
+/// The pose of a camera at `origin` facing `target` with `up` upwards in the image: columns
 /// up × forward, −up, forward.
 ///
 /// `up` is made perpendicular to the viewing direction, which files with few decimals miss by some

@@ -74,9 +74,9 @@ impl Case {
         views
             .filter_map(|view| {
                 let truth = view.emission?;
-                let shines = truth.values().contains(&1.0);
+                let emits = truth.values().contains(&1.0);
                 let path = self.out.join(format!("Emissive-exr/{}.exr", view.name));
-                shines.then(|| {
+                emits.then(|| {
                     (
                         view.name,
                         overlap(&exr::read_single(&path).unwrap(), &truth),

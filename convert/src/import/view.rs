@@ -51,9 +51,9 @@ pub(super) fn convert(
         None => None,
         Some(Emission::Mask(path)) => Some(single(path, pictures::read_mask(path)?)?),
         Some(Emission::Radiance(path)) => {
-            let shines =
+            let emitting =
                 exr::read_rgb(path)?.map(|rgb| [f32::from(u8::from(rgb.iter().any(|v| *v > 0.0)))]);
-            Some(single(path, shines)?)
+            Some(single(path, emitting)?)
         }
     };
     let alpha = match (&files.alpha, light.alpha) {

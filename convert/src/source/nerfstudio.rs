@@ -7,7 +7,7 @@
 //!
 //! | key | becomes |
 //! |---|---|
-//! | `file_path` | the photograph; without an extension `.exr`, `.png`, `.jpg` are looked for |
+//! | `file_path` | the photograph; without an extension `.exr`, `.png`, `.jpg` are tried |
 //! | `mask_path` | pixels to use, black are not: [`eagpt_scene::dataset::VALID_DIR`] |
 //! | `depth_file_path` | depth, in units of `--depth-unit` (nerfstudio: millimetres) times `applied_scale` |
 //! | `ply_file_path` | the point cloud |
