@@ -10,6 +10,7 @@
 //! - [`mod@bench`]: measures the speed of each stage.
 //! - [`doctor`]: devices and libraries that the program finds.
 //! - [`args`]: arguments that commands share.
+//! - [`command_line`]: typed options printed as a command.
 //! - [`device`]: the compute device, CPU or GPU.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: the record.json beside every result.
@@ -27,6 +28,7 @@ mod bench;
 mod cli;
 mod colmap;
 mod command;
+mod command_line;
 mod dataset;
 mod demo;
 mod device;
