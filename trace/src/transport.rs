@@ -76,24 +76,32 @@ pub struct LightOptions {
 /// What a ray makes of the Gaussians it meets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Hits {
-    /// The blend of all is one surface, as in the paper.
+    /// The blend of all is one surface, as in the paper
     Blended,
-    /// One of them, chosen by its weight in the blend, stands for all. Rays are about twice as
-    /// fast. The mean is about one percent lower in a room: emission is compared with τ_E hit by
-    /// hit, which takes nothing from the Gaussians around an emitter, and bounces start on one disc
-    /// of several that overlap.
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes
+    /// to about one percent less in a room. 1-bounce does so always, to the same mean
+    ///
+    /// The mean is lower because emission is compared with τ_E hit by hit, which takes nothing from
+    /// the Gaussians around an emitter, and because bounces start on one disc of several that
+    /// overlap.
     Sampled,
 }
 
-/// How light is looked for. The noise differs, the mean does not.
+/// Light sampling. The noise differs, the mean does not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Sampling {
-    /// In directions about the normal, as in the paper: emitters are found by luck.
+    /// In directions about the normal only, as in the paper
+    ///
+    /// Emitters are found by BSDF sampling only.
     Cosine,
-    /// Towards emitters as well: next-event estimation at every bounce of a path, and half of the
-    /// directions of a single bounce.
+    /// Towards emitters as well, with multiple importance sampling
+    ///
+    /// Next-event estimation at every bounce of a path, and half of the directions of a single
+    /// bounce.
     NextEvent,
 }
 
