@@ -10,7 +10,7 @@ use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, RayTracer, Sampling};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
 use eagpt_trace::{Features, Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 
