@@ -1,6 +1,7 @@
 //! `eagpt bake`: radiance that fits the light after an edit.
 
 use crate::cli::{self, GlobalArgs};
+use crate::command_line;
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
@@ -31,7 +32,7 @@ use std::process::ExitCode;
 /// Work is kept in a folder beside the result; the same command continues a bake that was stopped,
 /// to the same bits. That is, on the same device; another goes on as well, and ends elsewhere by
 /// rounding.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct BakeArgs {
     /// Scene whose light to bake, as `eagpt edit` writes it
@@ -71,11 +72,13 @@ pub(crate) struct BakeArgs {
     /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it
     /// then puts the parts together. gaussians has no parts: what lights what is one matrix
     #[arg(long, value_name = "I/N")]
+    #[serde(serialize_with = "command_line::optional_text")]
     shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
     seed: u64,
     #[command(flatten)]
+    #[serde(flatten)]
     device: DeviceArgs,
     /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work
     /// beside BAKED.ply]
@@ -104,7 +107,8 @@ const EXAMPLES: &str = "Examples:
 /// moving Gaussians.
 const FIT_RATE: f32 = 0.02;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum MethodArg {
     /// In Gaussian space, from rays traced once for all bounces
     Gaussians,

@@ -8,7 +8,7 @@ use eagpt_trace::gpu::Kind;
 use eagpt_trace::{Device, DeviceSelector};
 
 /// The option of commands that compute.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 pub(crate) struct DeviceArgs {
     /// Compute device: auto, cpu, gpu, gpu:INDEX or gpu:NAME
     ///

@@ -8,6 +8,7 @@
 //! - [`mod@demo`]: a simulated capture, and all that follows.
 //! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
 //! - [`mod@bench`]: how fast each stage is.
+//! - [`command_line`]: typed options printed as a command.
 //! - [`device`]: what computes, CPU or GPU.
 //! - [`progress`]: bars, plain lines or JSON.
 //! - [`record`]: what is written beside every result.
@@ -23,6 +24,7 @@ mod bake;
 mod bench;
 mod cli;
 mod colmap;
+mod command_line;
 mod dataset;
 mod demo;
 mod device;

@@ -16,6 +16,7 @@ use eagpt_scene::dataset::{POINTS_FILE, SplitRule, Subset};
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::StageChoice;
 use eagpt_train::{Preset, TrainProgress, TrainRequest, TrainSummary};
+use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -32,7 +33,7 @@ use std::process::ExitCode;
 ///
 /// Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one
 /// ends it at once.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct TrainArgs {
     /// Folder with a transforms.json, or that file
@@ -98,6 +99,7 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "DIR")]
     normals: Option<PathBuf>,
     #[command(flatten)]
+    #[serde(flatten)]
     device: DeviceArgs,
     /// Print the effective options as TOML and stop
     #[arg(long)]
@@ -120,7 +122,8 @@ Examples:
   eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum StageArg {
     /// Stage 0, then stage 1
     All,
@@ -130,7 +133,8 @@ enum StageArg {
     Albedo,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum PresetArg {
     /// A first look, in minutes on a CPU
     Draft,

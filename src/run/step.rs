@@ -1,6 +1,7 @@
 //! A command of the chain, with what it reads and makes.
 
 use crate::cli::{Cli, Command};
+use crate::command_line;
 use crate::output;
 use anyhow::{Result, anyhow};
 use clap::Parser;
@@ -65,14 +66,7 @@ impl Step {
 
     /// The command as one would type it.
     pub(super) fn shown(&self) -> String {
-        let quoted = self.arguments.iter().map(|word| {
-            let is_plain = |c: char| c.is_alphanumeric() || "-_./,=:+%@".contains(c);
-            match !word.is_empty() && word.chars().all(is_plain) {
-                true => word.clone(),
-                false => format!("'{}'", word.replace('\'', "'\\''")),
-            }
-        });
-        format!("eagpt {}", quoted.collect::<Vec<_>>().join(" "))
+        command_line::shown(&self.arguments)
     }
 }
 
