@@ -6,6 +6,7 @@ use clap::Args;
 #[cfg(feature = "gpu")]
 use eagpt_trace::gpu::Kind;
 use eagpt_trace::{Device, DeviceSelector};
+use serde::Serialize;
 
 /// The option of commands that compute.
 #[derive(Debug, Clone, Args, Serialize)]

@@ -16,7 +16,6 @@ use eagpt_trace::blend::GradientMask;
 use eagpt_trace::features::GBuffer;
 use eagpt_trace::gpu::{Device, Frame, FrameRoom, GpuScene, Kind};
 use eagpt_trace::ray::Ray;
-use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::{Directions, Receiver};
 use eagpt_trace::transport::start::Surface;

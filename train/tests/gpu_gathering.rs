@@ -15,6 +15,7 @@ mod room;
 
 use eagpt_testkit::gaussians::look_at;
 use eagpt_trace::Device;
+use eagpt_train::backend;
 use eagpt_train::params::ParameterState;
 use glam::DVec3;
 
@@ -38,7 +39,7 @@ fn albedos_to_start_from_are_those_of_the_cpu() {
         look_at(DVec3::ZERO, DVec3::new(-1.0, 0.3, 0.1), 24, 24),
     ];
     let [cpu, on_device] = [Device::Cpu, Device::Gpu(device)].map(|device| {
-        let mut backend = device.backend(state.clone(), 0).unwrap();
+        let mut backend = backend::new(&device, state.clone(), 0).unwrap();
         let num = backend.begin_gathering(&cameras).unwrap();
         for start in (0..num).step_by(100) {
             let range = start..num.min(start + 100);

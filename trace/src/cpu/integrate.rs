@@ -133,9 +133,22 @@ fn bounced(
 }
 
 impl CpuScene {
-    /// Irradiance over π of every pixel of `camera`, whose `features` are given: the weighted mean
-    /// of the radiance that `num_samples` directions about each surface meet, with the random
-    /// numbers of `key`. Zero on emitters, whose emission is above `emission_threshold`.
+    /// Irradiance over π at `surface`: Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω`, the weighted
+    /// mean of the radiance met in `num_samples` directions of `sampler`.
+    pub fn irradiance_at(
+        &self,
+        surface: &Surface,
+        sampler: &BounceSampler<'_>,
+        num_samples: u32,
+        points: &Points,
+    ) -> Vec3 {
+        let bounced = |sample| bounced(self, sampler, surface, points, sample);
+        (0..num_samples).map(bounced).sum::<Vec3>() / num_samples as f32
+    }
+
+    /// Irradiance over π of every pixel of `camera`, whose `features` are given, from
+    /// `num_samples` directions each, half of them towards emitters, with the random numbers of
+    /// `key`. Zero on emitters, whose emission is above `emission_threshold`.
     pub fn irradiance(
         &self,
         camera: &Camera,
@@ -155,8 +168,7 @@ impl CpuScene {
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
             Surface::at(frame.origin, direction, seen).map_or(Vec3::ZERO, |surface| {
                 let points = Points::new(key, pixel as u32);
-                let bounced = |sample| bounced(self, &sampler, &surface, &points, sample);
-                (0..num_samples).map(bounced).sum::<Vec3>() / num_samples as f32
+                self.irradiance_at(&surface, &sampler, num_samples, &points)
             })
         };
         (0..camera.num_pixels())

@@ -17,7 +17,7 @@ use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
 use eagpt_trace::blend::{GradientMask, LocalGradient, grad_lane};
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::features::{Features, GBuffer, lane};
+use eagpt_trace::features::{Features, lane};
 use eagpt_trace::transport::matrix::Directions;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -361,6 +361,7 @@ fn reference_albedo(radiance: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eagpt_trace::features::GBuffer;
 
     /// ⟨d, mean(x)⟩ = ⟨adjoint(d), x⟩, which defines the adjoint of a linear map.
     #[test]

@@ -7,6 +7,7 @@ use crate::options::{HarmonicsOptions, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
+use eagpt_trace::Tracer as _;
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::features::{NUM_LANES, lane};

@@ -9,6 +9,7 @@ use crate::options::{Preset, TrainOptions};
 use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::Camera;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::gpu::{FrameRoom, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
