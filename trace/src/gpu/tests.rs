@@ -6,6 +6,7 @@ use super::error::GpuError;
 use super::scan::scan;
 use super::sort::Sorter;
 use super::wgsl::{self, Module};
+use crate::blend::GradientMask;
 use crate::device::DeviceSelector;
 use crate::parity;
 use crate::transport::matrix::{Directions, Receiver};
@@ -251,7 +252,7 @@ fn work_in_parts_gives_the_same_bits() {
     };
     let cloud = random_cloud(300, 9);
     let [whole, parts] = [whole, parts].map(|device| {
-        let scene = GpuScene::new(&device, &cloud).unwrap();
+        let mut scene = GpuScene::new(&device, &cloud).unwrap();
         let view = scene
             .render(
                 &camera,
@@ -260,7 +261,7 @@ fn work_in_parts_gives_the_same_bits() {
             )
             .unwrap();
         let gradients = scene
-            .camera_adjoint(&camera, &view.features.pixels)
+            .adjoint(&camera, &view.features.pixels, GradientMask::Everything)
             .unwrap();
         // 38,400 directions about the normal, of which 25,600 fit.
         let receivers: Vec<Receiver> = (0..).zip(cloud.iter()).map(receiver).collect();
