@@ -11,7 +11,6 @@ mod table;
 
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
-use eagpt_trace::Device;
 use crate::interrupt;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;
@@ -20,6 +19,7 @@ use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::{Gaussians, files};
+use eagpt_trace::Device;
 use results::{Change, Machine, Measured, Results};
 use scene::Subject;
 use serde::Serialize;
@@ -158,7 +158,7 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let device = args.device.open(&mut reporter)?;
     let device_name = device.name();
     if let (Some(path), Some(baseline)) = (&args.baseline, &baseline) {
-        check_machine(path, baseline, &device, args.any_machine, &reporter)?;
+        check_machine(path, baseline, &device_name, args.any_machine, &reporter)?;
     }
     let inputs: Vec<&Path> = [&args.dataset, &args.scene, &args.baseline]
         .into_iter()
@@ -171,7 +171,7 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let stop = interrupt::stop_flag()?;
     let work = tempfile::tempdir().context("temporary folder")?;
     let subject = Subject::prepare(args.dataset.as_deref(), args.scene.as_deref(), work.path())?;
-    let measured = measured(args, device.clone(), &subject);
+    let measured = measured(args, device_name.clone(), &subject);
     let mut builder = RecordBuilder::begin("bench", &measured)?;
     let scenes = scenes(args, &subject.gaussians);
     let tasks = tasks(&measured.stages, &scenes, &thread_counts(args, &device));
@@ -219,7 +219,7 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         files::write_bytes_atomic(out, text.as_bytes())?;
         let scene = args.scene.iter().map(|path| Input::of(path));
         builder.record.inputs = scene.collect::<Result<_>>()?;
-        builder.record.device = Some(device);
+        builder.record.device = Some(device_name);
         let name = out.file_name().unwrap_or_default().to_string_lossy();
         builder.record.outputs = vec![name.into_owned()];
         builder.write_to(&output::record_path(out))?;

@@ -5,9 +5,9 @@ use super::stage::Bench;
 use anyhow::Result;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::{CameraRecord, CpuScene};
 #[cfg(feature = "gpu")]
 use eagpt_trace::gpu::{self, GpuScene};

@@ -1,8 +1,8 @@
 //! Measuring: the same work repeated for a while, and the figures of its runs.
 
-use eagpt_trace::Device;
 use crate::record;
 use anyhow::Result;
+use eagpt_trace::Device;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
