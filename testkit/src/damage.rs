@@ -10,8 +10,8 @@ const NEAR: usize = 600;
 /// Bytes of a piece that is repeated, fewer than this.
 const PIECE: usize = 16;
 
-/// Calls `check` with damaged copies of `bytes`, at least one byte: each has one to four changes.
-/// What a copy is like follows from its number.
+/// Calls `check` with damaged copies of `bytes`, at least one byte: each has one to four changes,
+/// which follow from its number.
 pub fn for_each_damage(bytes: &[u8], copies: Range<u32>, mut check: impl FnMut(&[u8])) {
     let key = RandomKey::new(20, Purpose::Initialise, 0);
     for copy in copies {
