@@ -89,7 +89,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
         cameras: bench.cameras_at.to_owned(),
         out: folder.join("baked.ply"),
         work: folder.join("work"),
-        matrix: None,
+        transport: None,
         options: BakeOptions {
             method: BakeMethod::Gaussians(GaussianBake {
                 num_samples: SWEEP_DIRECTIONS,

@@ -1,10 +1,9 @@
 //! A command of the chain, with what it reads and makes.
 
-use crate::cli::{Cli, Command};
+use crate::command::JobCommand;
 use crate::command_line;
 use crate::output;
 use anyhow::{Result, anyhow};
-use clap::Parser;
 use eagpt_scene::files;
 use std::path::PathBuf;
 
@@ -71,12 +70,10 @@ impl Step {
 }
 
 /// The command of arguments, checked.
-pub(super) fn parse(arguments: &[String]) -> Result<Command> {
-    let words = std::iter::once("eagpt").chain(arguments.iter().map(String::as_str));
-    let cli = Cli::try_parse_from(words).map_err(|error| {
+pub(super) fn parse(arguments: &[String]) -> Result<JobCommand> {
+    JobCommand::parse(arguments.iter().map(String::as_str)).map_err(|error| {
         let text = error.to_string();
         let first = text.lines().next().unwrap_or_default();
         anyhow!("{}", first.trim_start_matches("error: ").to_owned())
-    })?;
-    Ok(cli.command)
+    })
 }

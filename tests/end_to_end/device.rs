@@ -77,12 +77,12 @@ fn a_gpu_bakes_what_the_cpu_does() {
         return;
     }
     place.train("run");
-    // The same rays are traced: 7e-7 were seen on lavapipe, and a single link that rounding decides
+    // The same rays are traced: 7e-7 were seen on lavapipe, and a single entry that rounding decides
     // otherwise may make 1e-5. Views are fitted by steps of training, which rounding lets drift
     // apart: 5e-4 were seen.
     for (method, options, tolerance) in [
         ("gaussians", "--samples 32", 1e-4),
-        ("gaussians", "--samples 32 --links OUT.links", 1e-4),
+        ("gaussians", "--samples 32 --transport OUT.transport", 1e-4),
         ("views", "--spp 1 --bounces 2 --iterations 4", 5e-3),
     ] {
         let bake = format!("bake run/scene.ply --cameras room --method {method} {options}");
