@@ -42,7 +42,6 @@ mod masks;
 mod normals;
 mod output;
 mod paper;
-mod parts;
 mod progress;
 mod record;
 mod render;
