@@ -5,8 +5,11 @@ use eagpt_scene::ply;
 
 /// A room, and `edited.ply`: its lamps off and a ball light in it.
 fn workplace() -> Workplace {
-    let place = Workplace::new();
-    place.train("run");
+    Workplace::shared("edited", edited)
+}
+
+fn edited() -> Workplace {
+    let place = Workplace::trained();
     let script = "[[step]]
 select = { emission = { min = 0.1 } }
 then = [\"lights_off\", { set_albedo = 0.5 }]
