@@ -10,7 +10,7 @@ mod transport;
 pub mod views;
 
 use crate::backend::TrainDevice;
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 use eagpt_scene::dataset::{RADIANCE_DIR, Split, SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::files::{self, Key, Ledger, ledger};
 use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, ply};
@@ -71,13 +71,6 @@ pub struct BakeRequest {
     pub start_over: bool,
     /// Set from outside to stop soon, with the work so far on disk.
     pub stop: Arc<AtomicBool>,
-}
-
-impl BakeRequest {
-    /// Whether the work folder is used.
-    fn has_work(&self) -> bool {
-        self.transport.is_none() || matches!(self.options.method, BakeMethod::Views(_))
-    }
 }
 
 /// Progress of a bake.
@@ -168,13 +161,14 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays: 0,
     };
-    let ledger = match request.has_work() {
-        true => Some(open_work(request)?),
-        false => None,
-    };
-    let radiances = match (&request.options.method, ledger) {
-        (BakeMethod::Views(method), Some(ledger)) => bake.fit_views(method, ledger)?,
-        (BakeMethod::Gaussians(method), _) => bake.solve(method)?,
+    let radiances = match &request.options.method {
+        BakeMethod::Views(method) => bake.fit_views(method, open_work(request)?)?,
+        BakeMethod::Gaussians(method) => {
+            if request.transport.is_none() {
+                open_work(request)?;
+            }
+            bake.solve(method)?
+        }
     };
     let num_rays = bake.num_rays;
     let scene = match radiances {
@@ -184,7 +178,8 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
                 ..bake.scene
             };
             ply::write_gaussians(&request.out, &baked)?;
-            if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.has_work() {
+            let is_solved = matches!(request.options.method, BakeMethod::Gaussians(_));
+            if is_solved && request.transport.is_none() {
                 // Path-traced views are worth keeping, the rows of a matrix are not.
                 clear(&request.work)?;
             }
