@@ -9,11 +9,11 @@ pub mod gaussians;
 mod transport;
 pub mod views;
 
-use crate::backend::TrainDevice;
 use crate::error::Result;
 use eagpt_scene::dataset::{RADIANCE_DIR, Split, SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::files::{self, Key, Ledger, ledger};
 use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, ply};
+use eagpt_trace::Device;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use gaussians::GaussianBake;
 use glam::Vec3;
@@ -66,7 +66,7 @@ pub struct BakeRequest {
     /// Options.
     pub options: BakeOptions,
     /// Device that traces rays and, with [`BakeMethod::Views`], fits.
-    pub device: TrainDevice,
+    pub device: Device,
     /// Replaces the work of another bake in the work folder.
     pub start_over: bool,
     /// Set from outside to stop soon, with the work so far on disk.

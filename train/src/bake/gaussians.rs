@@ -101,7 +101,7 @@ impl Bake<'_> {
     pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
         let directions = method.directions();
         self.check_memory(directions)?;
-        let tracer = self.request.device.tracer(&self.scene)?;
+        let tracer = self.request.device.scene(&self.scene)?;
         let Some(traced) = self.trace(&*tracer, directions)? else {
             return Ok(None);
         };
