@@ -19,17 +19,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What to ingest, and where to.
+/// A capture to ingest, and the folder for its results.
 #[derive(Debug, Clone)]
 pub struct IngestRequest {
     /// Folder with the photographs.
     pub capture: PathBuf,
     /// Folder for the results.
     pub out: PathBuf,
-    /// What decides the result.
+    /// Options that decide the result.
     pub options: IngestOptions,
-    /// Whether what an earlier run has made is made anew; otherwise what fits is kept, and what
-    /// does not is an error.
+    /// Makes the results of an earlier run anew; otherwise those that fit are kept, and others are
+    /// an error.
     pub start_over: bool,
     /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others
     /// have surveyed by then.
@@ -38,7 +38,7 @@ pub struct IngestRequest {
     pub stop: Arc<AtomicBool>,
 }
 
-/// What the job tells.
+/// Progress of the job.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum IngestProgress {
@@ -49,7 +49,7 @@ pub enum IngestProgress {
         /// All files.
         total: usize,
     },
-    /// Stacks are decoded and looked at.
+    /// Stacks are decoded and surveyed.
     Surveying {
         /// Stacks done.
         done: usize,
@@ -72,14 +72,14 @@ pub enum IngestProgress {
         /// One line.
         text: String,
     },
-    /// Something to look at.
+    /// Something to check.
     Warning {
         /// One line.
         text: String,
     },
 }
 
-/// What was made.
+/// Result of the job.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IngestSummary {
     /// Everything that was decided and measured.
@@ -205,7 +205,7 @@ fn settle(
     Ok(problems)
 }
 
-/// Looks at all stacks; those that cannot be decoded become problems.
+/// Surveys all stacks; those that cannot be decoded become problems.
 fn survey_all(
     request: &IngestRequest,
     gathered: &mut Gathered,

@@ -113,8 +113,7 @@ pub(crate) fn write_stack(
     second
 }
 
-/// What is brighter than half precision holds becomes the brightest that it holds: a lamp is a lamp
-/// at 65,504.
+/// Clamps to the largest value of half precision, 65,504.
 fn fit_in_half(
     image: &Image<3>,
     precision: Precision,

@@ -1,4 +1,4 @@
-//! What was made from what: digests of inputs and products, kept in the folder of results.
+//! The folder of a run: its record, with digests of the inputs and products of each step.
 
 use super::plan::Plan;
 use super::project::Project;
@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
 
-/// How long a lock is waited for.
+/// Time to wait for a lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Patience {
     /// As long as the system takes to clear away a run that was killed.
@@ -143,7 +143,7 @@ impl Folder {
         Ok(products)
     }
 
-    /// Whether a finished step's products are still what they were.
+    /// True if a finished step's products are still what they were.
     pub(super) fn is_intact(&mut self, step: &Step, record: &StepRecord) -> bool {
         self.products(step)
             .is_ok_and(|products| products == record.products)

@@ -77,7 +77,7 @@ pub struct BakeRequest {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "message")]
 pub enum BakeProgress {
-    /// Cameras look for the surface of each Gaussian.
+    /// Cameras are traced to find the surface of each Gaussian.
     Looking {
         /// Cameras done.
         done: usize,
@@ -220,7 +220,7 @@ impl Bake<'_> {
     }
 }
 
-/// Whether a Gaussian keeps its radiance.
+/// True for an emitter, which keeps its radiance.
 fn emits(emission: f32) -> bool {
     emission > EMISSION_THRESHOLD
 }

@@ -23,9 +23,9 @@ struct LedgerFile {
     shard: Shard,
     /// Everything that decides the result; that of a shard is that of the whole.
     key: Key,
-    /// Whether all items of the shard are done.
+    /// True once all items of the shard are done.
     complete: bool,
-    /// What is done.
+    /// Items that are done.
     items: BTreeMap<String, Item>,
 }
 
@@ -38,7 +38,7 @@ pub struct Item {
     /// Everything that decides this item, where items of one result are made under different keys.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<Key>,
-    /// What else is known of it.
+    /// Data noted with it.
     #[serde(default, skip_serializing_if = "serde_json::Value::is_null")]
     value: serde_json::Value,
     /// BLAKE3 digests of its files, by their names relative to the folder.
@@ -46,7 +46,7 @@ pub struct Item {
 }
 
 impl Item {
-    /// What was noted with it; `None` if that is nothing, or of another form, as after a change of
+    /// Data noted with it; `None` if there are none, or of another form, as after a change of
     /// versions.
     pub fn value<T: DeserializeOwned>(&self) -> Option<T> {
         T::deserialize(&self.value).ok()
@@ -245,7 +245,7 @@ impl Ledger {
         })
     }
 
-    /// Removes what a process that was killed has left of `files`, those of the shard: other
+    /// Removes what a killed process has left of `files`, those of the shard: other
     /// shards, which may be writing in the same folder, have others.
     ///
     /// # Errors
@@ -288,7 +288,7 @@ impl Ledger {
         self.add_with(item, seconds, None, serde_json::Value::Null, files)
     }
 
-    /// The same, with a key of its own, and what else is known of it.
+    /// The same, with a key of its own, and with data.
     ///
     /// # Errors
     /// As [`Self::add`].

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Receivers traced between two looks at whether the work shall stop.
+/// Receivers traced between two checks for a request to stop.
 const PIECE: usize = 4096;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
@@ -269,7 +269,7 @@ mod tests {
     use eagpt_trace::transport::start::Surface;
 
     /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of
-    /// area share f arrives evenly, and with albedo a the radiance of the rest after K bounces is
+    /// area share f is spread evenly, and with albedo a the radiance of the rest after K bounces is
     /// `a L f Σ_{k<K} (a (1 − f))^k`.
     #[test]
     fn bounces_inside_a_sphere_follow_the_geometric_series() {

@@ -94,7 +94,7 @@ impl TracedTransport {
         self.matrix.direct.len()
     }
 
-    /// Whether light samples suit the light of the emitters of `scene`, whose geometry is the same.
+    /// True if light samples suit the light of the emitters of `scene`, whose geometry is the same.
     fn suits(&self, scene: &Gaussians) -> bool {
         let now: Vec<f64> = emitters(scene).map(|g| lights::power(&g)).collect();
         let then: Vec<f64> = self.sampled(scene).map(|g| lights::power(&g)).collect();
@@ -222,7 +222,7 @@ impl TracedTransport {
         Ok(traced)
     }
 
-    /// Whether all indices are of Gaussians of `scene`, and there is light for each emitter.
+    /// True if all indices are of Gaussians of `scene`, and there is light for each emitter.
     pub(super) fn fits(&self, scene: &Gaussians) -> bool {
         let is_index = |i: u32| (i as usize) < scene.len();
         let is_emitter = |i: u32| is_index(i) && emits(scene.emissions[i as usize]);
