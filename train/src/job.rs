@@ -27,18 +27,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use views::Views;
 
-/// What to do with an output folder that already holds a run.
+/// Policy for an output folder that already holds a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
     /// Stop with an error.
     Refuse,
-    /// Go on from its newest checkpoint.
+    /// Resume from its newest checkpoint.
     Resume,
     /// Start over; the old run's files go.
     Overwrite,
 }
 
-/// What happens to a training view that cannot be used.
+/// Policy for training views that cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BadViews {
     /// Stop with an error that names it.
@@ -60,9 +60,9 @@ pub struct TrainRequest {
     pub out: PathBuf,
     /// Options.
     pub options: TrainOptions,
-    /// What to do with an earlier run's results.
+    /// Policy for an earlier run's results.
     pub existing: Existing,
-    /// What to do with unusable views.
+    /// Policy for unusable views.
     pub bad_views: BadViews,
     /// Bytes that images may take in memory; without it, half of what is free.
     pub image_budget: Option<usize>,
@@ -72,7 +72,7 @@ pub struct TrainRequest {
     pub stop: Arc<AtomicBool>,
 }
 
-/// What a finished (or stopped) run was.
+/// Summary of a finished or stopped run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainSummary {
     /// The scene file; `None` if the run was stopped before it was complete.
@@ -200,7 +200,7 @@ fn initial_checkpoint(
     })
 }
 
-/// What the parts of a run share.
+/// State shared by the parts of a run.
 struct Run<'a> {
     request: &'a TrainRequest,
     folder: plan::Folder,
@@ -320,7 +320,7 @@ impl Run<'_> {
         Ok(true)
     }
 
-    /// Notes what a step of the stage of `position` has found out.
+    /// Logs a step of the stage of `position`, and checks its loss.
     fn note(
         &mut self,
         log: &mut Log,
@@ -382,7 +382,7 @@ impl Run<'_> {
 /// Follows the loss, that of `iteration` after those that `monitor` has seen.
 ///
 /// # Errors
-/// What is wrong with a loss that is not a number or runs away.
+/// The problem of a loss that is not a number or diverges.
 fn watched(
     mut monitor: LossMonitor,
     iteration: u32,

@@ -1,4 +1,4 @@
-//! The surface that each Gaussian is part of: where its irradiance is gathered.
+//! The surface that each Gaussian is part of: the receiver of its irradiance.
 //!
 //! A Gaussian's own centre and normal are noisy samples of the surface that its neighbours and it
 //! make up together. That surface is what a camera ray blends; each Gaussian takes it from the
@@ -10,7 +10,7 @@ use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, Ray, Tracer};
 use glam::Mat3;
 
-/// Half the offset of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same
+/// Half the offset of a lone Gaussian's surface, in its sizes: nearer hits are taken for the same
 /// wall.
 const LONE_OFFSET: f32 = 0.5;
 
@@ -31,12 +31,12 @@ impl BestSeen {
         }
     }
 
-    /// Traces `camera`: what weighs more in one of its pixels than anywhere before is seen better
-    /// there.
+    /// Adds the pixels of `camera`: a Gaussian with a larger weight in one of them than in any
+    /// before is seen better there.
     ///
     /// # Errors
-    /// If the device of the `scene` gives up.
-    pub(crate) fn look(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
+    /// If the device of the `scene` fails.
+    pub(crate) fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
         let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
         let frame = camera.ray_frame();
         for found in contributions {
@@ -63,11 +63,11 @@ impl BestSeen {
     }
 }
 
-/// The surfaces of Gaussians that no camera sees, of each its own plane, from the side that is
-/// free for longer.
+/// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more
+/// free space before it.
 ///
 /// # Errors
-/// If the device of the `scene` gives up.
+/// If the device of the `scene` fails.
 pub(crate) fn lone(
     scene: &dyn Tracer,
     gaussians: impl Iterator<Item = Gaussian>,
@@ -101,7 +101,7 @@ fn sides(gaussian: &Gaussian) -> [Surface; 2] {
     })
 }
 
-/// Distance that a ray got before it met something.
+/// Distance of a ray to the first surface.
 fn free_distance(met: &Features) -> f32 {
     if met.alpha() > 0.5 {
         met.mean_distance()

@@ -248,7 +248,7 @@ impl Bake<'_> {
             if self.stopped() {
                 return Ok(None);
             }
-            best.look(tracer, &self.dataset.frames()[frame].camera)?;
+            best.add(tracer, &self.dataset.frames()[frame].camera)?;
             (self.progress)(BakeProgress::Looking { done, total });
         }
         let seen = best.finish();
