@@ -21,7 +21,7 @@ use std::process::ExitCode;
 
 /// Bake the light of an edited scene into its Gaussians
 ///
-/// What emits keeps its radiance; everything else gets the radiance that it reflects now. The
+/// Emitters keep their radiance; everything else gets the radiance that it reflects now. The
 /// result shows at once with `eagpt render --mode 0-bounce`, or finer with a last bounce for each
 /// pixel, --mode 1-bounce.
 ///
@@ -115,7 +115,7 @@ pub(crate) enum MethodArg {
     Views,
 }
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
     scene: &'a Path,

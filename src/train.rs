@@ -263,7 +263,11 @@ fn fill_record(
     // The digest that a resumed run compares: the camera file, and names and sizes of all images.
     builder.record.inputs.push(Input {
         path: dataset.root().to_owned(),
-        blake3: summary.fingerprint.dataset.clone(),
+        blake3: summary
+            .fingerprint
+            .part("dataset")
+            .unwrap_or_default()
+            .to_owned(),
     });
     for (stage, seconds) in &summary.stage_seconds {
         builder.took(stage.name(), *seconds);
