@@ -3,24 +3,24 @@
 use eagpt_scene::{Gaussian, rotation};
 use glam::{Quat, Vec3};
 
-/// A placement as a script gives it; what it means in numbers depends on the bounds of what is
-/// placed.
+/// A placement as a script gives it, relative to the bounds of the Gaussians that are placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Factor on all lengths, positive.
     pub scale: f32,
     /// Rotation, unit.
     pub rotation: Quat,
-    /// What stays where it is while scaling and rotating.
+    /// Fixed point of scaling and rotating.
     pub pivot: Pivot,
     /// Where the pivot goes.
     pub goal: Goal,
 }
 
 /// The fixed point of a placement.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Pivot {
     /// The middle of the bounds.
+    #[default]
     Centre,
     /// The middle of the lower face of the bounds.
     Base,

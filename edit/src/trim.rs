@@ -7,11 +7,13 @@
 use crate::select::Prepared;
 use eagpt_scene::{Gaussian, Gaussians};
 use glam::{Mat3, Vec2, Vec3};
+use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::TAU;
 
-/// What happens to Gaussians that cross the boundary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Treatment of Gaussians that cross the boundary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Trim {
     /// Their discs are moved in their planes and shrunk until they lie on one side.
     Shrink,

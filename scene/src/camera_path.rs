@@ -1,4 +1,4 @@
-//! Camera paths: what a camera sees on its way through or around a scene, frame by frame.
+//! Camera paths: a camera for each frame of a flight through or around a scene.
 //!
 //! [`CameraPath::read`] takes the name of a file or a shorthand:
 //!
@@ -56,16 +56,16 @@ use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Result, SceneError};
 use crate::files;
+use crate::script::ScriptFile;
 use fly::Fly;
 use serde::Serialize;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use turntable::TurntableKeys;
 
-/// Frames that a path may have.
-const NUM_FRAMES: RangeInclusive<u32> = 1..=100_000;
-/// Pixels that a frame may have along an axis.
-const SIZE: RangeInclusive<u32> = 1..=16_384;
+/// Most frames that a path may have.
+const MAX_FRAMES: u32 = 100_000;
+/// Most pixels that a frame may have along an axis.
+const MAX_SIZE: u32 = 16_384;
 const DEFAULT_FPS: f64 = 24.0;
 const DEFAULT_SECONDS: f64 = 5.0;
 
@@ -105,7 +105,7 @@ pub enum Route {
     Listed,
 }
 
-/// What a caller wants other than a path says.
+/// Settings of a caller that replace those of a path.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PathOverrides {
     /// Number of frames.
@@ -114,7 +114,7 @@ pub struct PathOverrides {
     pub size: Option<(u32, u32)>,
 }
 
-/// What all kinds of paths have in common.
+/// Settings that all kinds of paths have in common.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Common {
     num_frames: u32,
@@ -201,7 +201,7 @@ impl CameraPath {
         let path = if file.extension().is_some_and(|e| e == "json") {
             nerfstudio::read(file, &bytes, overrides)?
         } else {
-            file::read(file, &bytes, dataset, overrides)?
+            file::read(&ScriptFile::new(file, bytes)?, dataset, overrides)?
         };
         Ok(Self {
             file: Some(file.to_owned()),
@@ -219,24 +219,24 @@ fn check_overrides(argument: &str, overrides: &PathOverrides) -> Result<()> {
     let refuse =
         |field: &str, problem| Err(SceneError::invalid(Path::new(argument), field, problem));
     if let Some(num) = overrides.num_frames
-        && !NUM_FRAMES.contains(&num)
+        && !(1..=MAX_FRAMES).contains(&num)
     {
-        let (least, most) = (NUM_FRAMES.start(), NUM_FRAMES.end());
-        return refuse("frames", format!("{num} is outside {least} to {most}"));
+        return refuse("frames", format!("{num} is outside 1 to {MAX_FRAMES}"));
     }
     if let Some((width, height)) = overrides.size
-        && !(SIZE.contains(&width) && SIZE.contains(&height))
+        && ![width, height]
+            .iter()
+            .all(|size| (1..=MAX_SIZE).contains(size))
     {
-        let most = SIZE.end();
         return refuse(
             "size",
-            format!("{width}x{height} is outside 1x1 to {most}x{most}"),
+            format!("{width}x{height} is outside 1x1 to {MAX_SIZE}x{MAX_SIZE}"),
         );
     }
     Ok(())
 }
 
-/// The camera of a view, or what is wrong with its name.
+/// The camera of a view, or the problem with its name.
 fn view(dataset: &Dataset, name: &str) -> Result<Camera, String> {
     let found = dataset.frames().iter().find(|frame| frame.name == name);
     found

@@ -75,6 +75,16 @@ impl SceneError {
         }
     }
 
+    /// An [`SceneError::Script`] for `key` of `path`.
+    pub fn script(path: &Path, line: usize, key: String, problem: impl Into<String>) -> Self {
+        Self::Script {
+            path: path.to_owned(),
+            line,
+            key: one_line(key),
+            problem: one_line(problem.into()),
+        }
+    }
+
     /// An [`SceneError::Unsupported`] for `field` of `path`.
     pub fn unsupported(path: &Path, field: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Unsupported {
