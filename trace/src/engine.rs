@@ -95,8 +95,8 @@ pub trait Tracer: Send + Sync {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError>;
 
-    /// Light of emitters at `receivers`, and matrix to what else they see in `directions`; each has
-    /// random numbers of its own among those of `key`. Which receivers are traced together makes no
+    /// Rows of the light-transport matrix of `receivers`, traced in `directions`; each has random
+    /// numbers of its own among those of `key`. Which receivers are traced together makes no
     /// difference.
     ///
     /// # Errors
@@ -107,13 +107,4 @@ pub trait Tracer: Send + Sync {
         directions: Directions,
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError>;
-
-    /// The Gaussian that each of `rays` meets first in its realization, of `realizations` modulo
-    /// [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS);
-    /// [`NOTHING`](crate::transport::matrix::NOTHING) where there is none. Fast where rays that
-    /// follow each other share a realization and are near each other.
-    ///
-    /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
-    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError>;
 }

@@ -9,7 +9,7 @@ use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, SurfelSet};
 use crate::transport::lights::Lights;
-use crate::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
+use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
@@ -142,13 +142,5 @@ impl Tracer for CpuScene {
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError> {
         Ok(TransportMatrix::trace(self, receivers, directions, key))
-    }
-
-    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError> {
-        let first = |(ray, realization): (&Ray, &u32)| self.realization_hit(ray, *realization);
-        let pairs = rays.par_iter().zip(realizations).with_min_len(256);
-        Ok(pairs
-            .map(|pair| first(pair).map_or(NOTHING, |hit| hit.index))
-            .collect())
     }
 }
