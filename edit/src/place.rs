@@ -1,4 +1,4 @@
-//! Where things go: rotations, uniform scales and moves of Gaussians.
+//! Placements: rotations, uniform scales and moves of Gaussians.
 
 use eagpt_scene::{Gaussian, rotation};
 use glam::{Quat, Vec3};
@@ -12,7 +12,7 @@ pub struct Placement {
     pub rotation: Quat,
     /// Fixed point of scaling and rotating.
     pub pivot: Pivot,
-    /// Where the pivot goes.
+    /// Target of the pivot.
     pub goal: Goal,
 }
 
@@ -28,7 +28,7 @@ pub enum Pivot {
     Point(Vec3),
 }
 
-/// Where the pivot goes.
+/// Target of the pivot of a placement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
     /// By this much, scene units.
@@ -83,7 +83,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Where a point goes.
+    /// Moves a point.
     pub fn point(&self, point: Vec3) -> Vec3 {
         if self.rotation == Quat::IDENTITY && self.scale == 1.0 {
             // A mere move does not round twice.

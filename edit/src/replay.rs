@@ -15,10 +15,10 @@ use glam::Vec3;
 pub struct Edited {
     /// The scene after the last step.
     pub gaussians: Gaussians,
-    /// What each named selection finds in the scene before the first step, by name; those that
-    /// refer to what steps make are left out.
+    /// Matches of each named selection in the scene before the first step, by name; selections
+    /// that refer to results of steps are left out.
     pub selections: Vec<SelectionReport>,
-    /// What each step did.
+    /// Effects of each step.
     pub steps: Vec<StepReport>,
 }
 
@@ -50,7 +50,7 @@ struct State<'a> {
     script: &'a Script,
     gaussians: Gaussians,
     groups: Groups,
-    /// What the step acts on, one flag for each Gaussian.
+    /// Gaussians that the step acts on, one flag for each.
     selected: Vec<bool>,
 }
 
@@ -252,7 +252,7 @@ impl State<'_> {
     }
 }
 
-/// What a step found.
+/// Matches of a step.
 struct Found {
     num: usize,
     cuts: Cuts,

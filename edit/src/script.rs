@@ -51,13 +51,13 @@ pub struct Asset {
 /// A step of a script.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EditStep {
-    /// Where the step is in the file.
+    /// Place of the step in the file.
     pub span: Range<usize>,
     /// Description for people.
     pub title: Option<String>,
     /// Gaussians that it acts on.
     pub subject: Subject,
-    /// Where those are named in the file.
+    /// Place of their selector, surface or import in the file.
     pub subject_span: Range<usize>,
     /// Whether to continue if there are none.
     pub allow_empty: bool,
@@ -82,7 +82,7 @@ pub enum Subject {
         asset: usize,
         /// Selection among its Gaussians.
         selector: Selector,
-        /// Where they go.
+        /// Placement of the copy.
         placement: Placement,
     },
 }

@@ -5,13 +5,13 @@
 //! | argument | path |
 //! |---|---|
 //! | `fly:A,B,C` | through the views A, B, C of the dataset; `fly:A,B,C,A` closes the loop |
-//! | `turntable` | once around what the cameras of the dataset look at |
+//! | `turntable` | once around the point that the cameras of the dataset face |
 //! | `*.json` | the cameras of a `camera_path.json` of nerfstudio, in the world of the scene |
 //! | else | a TOML file |
 //!
 //! ```toml
 //! frames = 120            # or seconds = 5; 5 seconds if nothing is said
-//! fps = 24                # for `seconds`, and for who makes a video of the frames
+//! fps = 24                # for `seconds`, and for a video of the frames
 //! size = [960, 540]       # else that of the first view
 //! fov_y = 50              # vertical field of view, degrees; else that of the views
 //! ease = true             # starts and stops gently; else at full speed
@@ -27,12 +27,12 @@
 //! ```toml
 //! [turntable]
 //! centre = [1.0, 0.5, 0.9]   # else the point nearest to the optical axes of all cameras
-//! radius = 2.5               # distance from the axis; else the largest that stays among the cameras, which are in no wall
+//! radius = 2.5               # distance from the axis; else the largest circle within the cameras' hull, clear of walls
 //! height = 0.6               # above the centre; else the mean of the cameras'
 //! look_at = [1.0, 0.5, 0.9]  # else the centre
 //! up = "z"                   # the axis of rotation; else up in the dataset
-//! start = 0                  # degrees; 0 is where the first camera stands
-//! degrees = 360              # how far to turn, counter-clockwise seen from above; negative the other way
+//! start = 0                  # degrees; 0 is the first camera's position
+//! degrees = 360              # counter-clockwise seen from above if positive
 //! ```
 //!
 //! A closed path, and a turntable that turns by whole turns, end one step before they would come
@@ -69,7 +69,7 @@ const MAX_SIZE: u32 = 16_384;
 const DEFAULT_FPS: f64 = 24.0;
 const DEFAULT_SECONDS: f64 = 5.0;
 
-/// The cameras of a path in order, and what they follow from.
+/// The cameras of a path in order, and its settings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CameraPath {
     /// The file it was read from; `None` for a shorthand.
@@ -77,16 +77,16 @@ pub struct CameraPath {
     pub file: Option<PathBuf>,
     /// Frames a second: how fast the frames are meant to be shown.
     pub fps: f64,
-    /// Whether it starts and stops gently.
+    /// Eases at its start and end.
     pub ease: bool,
-    /// Where it leads.
+    /// Its route.
     pub route: Route,
     /// Frames in order; at least one, all of one size.
     #[serde(skip)]
     pub cameras: Vec<Camera>,
 }
 
-/// Where a path leads, with all that was left open filled in.
+/// The route of a path, with defaults filled in.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Route {
@@ -94,9 +94,9 @@ pub enum Route {
     Fly {
         /// Their names.
         views: Vec<String>,
-        /// Whether it goes back to the first.
+        /// Returns to the first.
         closed: bool,
-        /// How fast.
+        /// Its speed.
         pace: Pace,
     },
     /// Around a point.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// Shortest leg of a flight at constant speed, relative to the longest.
 const MIN_LEG: f64 = 1e-6;
 
-/// How time passes on a flight.
+/// Speed along a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pace {

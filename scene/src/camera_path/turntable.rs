@@ -23,15 +23,15 @@ pub struct Turntable {
     pub radius: f64,
     /// Height of the camera above the centre, scene units.
     pub height: f64,
-    /// What it looks at, world space.
+    /// Point that it faces, world space.
     pub look_at: DVec3,
     /// Direction of the axis.
     pub up: UpAxis,
     /// Unit vector from the axis to where the camera is at 0 degrees, world space.
     pub zero: DVec3,
-    /// Where it starts, degrees.
+    /// Angle of the first frame, degrees.
     pub start: f64,
-    /// How far it turns, degrees; counter-clockwise seen from above, if positive.
+    /// Angle that it turns by, degrees; counter-clockwise seen from above if positive.
     pub degrees: f64,
 }
 
@@ -108,7 +108,7 @@ impl TurntableKeys {
 }
 
 impl Turntable {
-    /// Whether it comes back to where it started.
+    /// Ends where it started.
     pub(super) fn is_closed(&self) -> bool {
         self.degrees != 0.0 && self.degrees % FULL_TURN == 0.0
     }

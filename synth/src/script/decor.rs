@@ -13,7 +13,7 @@ use std::f32::consts::TAU;
 /// hide each other at random.
 const GAP_M: f32 = 0.004;
 
-/// A `pole` on a foot, and a `shade` that shines as `light`; of any `height`, to stand on the
+/// A `pole` on a foot, and a `shade` that emits `light`; of any `height`, to stand on the
 /// floor or on a table.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -76,7 +76,7 @@ impl Object for Pendant {
     }
 }
 
-/// A `pane` that shines as `light`, in a `frame` with `bars`, between `curtains`, over a
+/// A `pane` that emits `light`, in a `frame` with `bars`, between `curtains`, over a
 /// `sill`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
