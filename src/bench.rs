@@ -10,7 +10,7 @@ mod stage;
 mod table;
 
 use crate::args::GlobalArgs;
-use crate::device::{DeviceArgs, Engine};
+use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;
@@ -19,6 +19,7 @@ use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::{Gaussians, files};
+use eagpt_trace::Device;
 use results::{Change, Machine, Measured, Results};
 use scene::Subject;
 use serde::Serialize;
@@ -154,10 +155,10 @@ struct StageRun {
 pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let baseline = args.baseline.as_deref().map(Results::read).transpose()?;
     let mut reporter = Reporter::new(global);
-    let engine = args.device.device.open(&mut reporter)?;
-    let device = engine.for_training().name();
+    let device = args.device.open(&mut reporter)?;
+    let device_name = device.name();
     if let (Some(path), Some(baseline)) = (&args.baseline, &baseline) {
-        check_machine(path, baseline, &device, args.any_machine, &reporter)?;
+        check_machine(path, baseline, &device_name, args.any_machine, &reporter)?;
     }
     let inputs: Vec<&Path> = [&args.dataset, &args.scene, &args.baseline]
         .into_iter()
@@ -170,10 +171,10 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let stop = interrupt::stop_flag()?;
     let work = tempfile::tempdir().context("temporary folder")?;
     let subject = Subject::prepare(args.dataset.as_deref(), args.scene.as_deref(), work.path())?;
-    let measured = measured(args, device.clone(), &subject);
+    let measured = measured(args, device_name.clone(), &subject);
     let mut builder = RecordBuilder::begin("bench", &measured)?;
     let scenes = scenes(args, &subject.gaussians);
-    let tasks = tasks(&measured.stages, &scenes, &thread_counts(args, &engine));
+    let tasks = tasks(&measured.stages, &scenes, &thread_counts(args, &device));
     let mut results = Results::begin(measured);
     reporter.begin("bench", "stages", 0, tasks.len() as u64);
     for (done, task) in tasks.iter().enumerate() {
@@ -186,11 +187,11 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         let name = task.stage.name();
         if task.stage.needs_emitters() && !emits(gaussians) {
             reporter.warning(&format!("{name}: left out, nothing emits"));
-        } else if task.stage.needs_cpu() && !matches!(engine, Engine::Cpu) {
+        } else if task.stage.needs_cpu() && !matches!(device, Device::Cpu) {
             reporter.note(&format!("{name}: left out, it needs --device cpu"));
         } else {
             let bench = Bench {
-                engine: &engine,
+                device: &device,
                 cameras_at: &subject.cameras,
                 views: &subject.views,
                 gaussians,
@@ -218,7 +219,7 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         files::write_bytes_atomic(out, text.as_bytes())?;
         let scene = args.scene.iter().map(|path| Input::of(path));
         builder.record.inputs = scene.collect::<Result<_>>()?;
-        builder.record.device = Some(device);
+        builder.record.device = Some(device_name);
         let name = out.file_name().unwrap_or_default().to_string_lossy();
         builder.record.outputs = vec![name.into_owned()];
         builder.write_to(&output::record_path(out))?;
@@ -302,11 +303,11 @@ fn scenes(args: &BenchArgs, gaussians: &Gaussians) -> Vec<Gaussians> {
         .collect()
 }
 
-fn thread_counts(args: &BenchArgs, engine: &Engine) -> Vec<usize> {
+fn thread_counts(args: &BenchArgs, device: &Device) -> Vec<usize> {
     let mut counts: Vec<usize> = args.thread_counts.iter().map(|num| num.get()).collect();
     if counts.is_empty() {
         counts = vec![rayon::current_num_threads()];
-        if matches!(engine, Engine::Cpu) {
+        if matches!(device, Device::Cpu) {
             counts.push(1);
         }
     }
@@ -348,7 +349,7 @@ fn measure(task: &StageRun, bench: &Bench<'_>, seconds: f64, rows: &mut Vec<Row>
         .context("threads")?;
     let mut sheet = Sheet {
         rows,
-        engine: bench.engine,
+        device: bench.device,
         stage: task.stage.name(),
         gaussians: task.scene.map(|_| bench.gaussians.len()),
         threads: task.threads,

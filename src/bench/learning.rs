@@ -5,7 +5,7 @@ use super::stage::Bench;
 use anyhow::{Context, Result, bail};
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::{Camera, files, ply};
-use eagpt_train::backend::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
+use eagpt_train::backend::{self, AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use eagpt_train::bake::gaussians::GaussianBake;
 use eagpt_train::bake::{BakeMethod, BakeOptions, BakeRequest, bake};
 use eagpt_train::loss::NormalTerms;
@@ -24,8 +24,8 @@ const SWEEP_DIRECTIONS: u32 = 16;
 const TARGET_BUDGET: usize = 1 << 30;
 
 fn backend(bench: &Bench<'_>) -> Result<Box<dyn Backend>> {
-    let device = bench.engine.for_training();
-    Ok(device.backend(ParameterState::new(bench.gaussians), TARGET_BUDGET)?)
+    let state = ParameterState::new(bench.gaussians);
+    Ok(backend::new(bench.device, state, TARGET_BUDGET)?)
 }
 
 /// Iterations of both stages, one view each, with one ray for a pixel.
@@ -136,7 +136,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
             split: SplitRule::default(),
             subset: Subset::All,
         },
-        device: bench.engine.for_training(),
+        device: bench.device.clone(),
         start_over: true,
         stop: Arc::new(AtomicBool::new(false)),
     };

@@ -2,21 +2,21 @@
 
 use super::sheet::{Sheet, Unit};
 use super::stage::Bench;
-use crate::device::Engine;
 use anyhow::Result;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::{CameraRecord, CpuScene, GradientMask};
+use eagpt_trace::cpu::{CameraRecord, CpuScene};
 #[cfg(feature = "gpu")]
-use eagpt_trace::gpu::{Device, GpuFit};
+use eagpt_trace::gpu::{self, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::matrix::{Directions, NUM_REALIZATIONS, Receiver};
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{EMISSION_THRESHOLD, RayTracer, Sampling};
-use eagpt_trace::{Integrator, LightOptions, Ray, Tracer};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};
+use eagpt_trace::{Device, Integrator, LightOptions, Ray, Tracer};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::hint::black_box;
@@ -57,10 +57,10 @@ pub(super) fn structure(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> 
 
 /// Camera rays, tiles of pixels at a time.
 pub(super) fn camera_rays(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
-    match bench.engine {
-        Engine::Cpu => cpu_cameras(bench, sheet, HitSearch::Tiles)?,
+    match bench.device {
+        Device::Cpu => cpu_cameras(bench, sheet, HitSearch::Tiles)?,
         #[cfg(feature = "gpu")]
-        Engine::Gpu(device) => gpu_cameras(bench, sheet, device)?,
+        Device::Gpu(device) => gpu_cameras(bench, sheet, device)?,
     }
     let tracer = bench.tracer()?;
     let num_rays = bench.num_pixels() as f64;
@@ -109,8 +109,8 @@ fn cpu_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, search: HitSearch<'_>) 
 
 /// The rays as training traces them, in buffers that stay on the GPU.
 #[cfg(feature = "gpu")]
-fn gpu_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, device: &Arc<Device>) -> Result<()> {
-    let fit = GpuFit::new(device, &SurfelSet::new(bench.gaussians))?;
+fn gpu_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, device: &Arc<gpu::Device>) -> Result<()> {
+    let fit = GpuScene::new(device, bench.gaussians)?;
     // Makes the buffers as large as any of the cameras needs.
     for camera in bench.cameras() {
         fit.contributions(camera, &|_, _| 1.0)?;

@@ -1,8 +1,8 @@
 //! Measuring: the same work repeated for a while, and the figures of its runs.
 
-use crate::device::Engine;
 use crate::record;
 use anyhow::Result;
+use eagpt_trace::Device;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -40,7 +40,7 @@ impl Unit {
         }
     }
 
-    /// How much better `new` is than `old`: above 1 if it is.
+    /// Factor by which `new` is better than `old`: above 1 if it is.
     pub(super) fn ratio(self, old: f64, new: f64) -> f64 {
         if self == Self::Seconds {
             old / new
@@ -80,7 +80,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Whether `other` measures the same.
+    /// True if `other` measures the same.
     pub(super) fn is_as(&self, other: &Self) -> bool {
         self.is_of(other) && self.threads == other.threads
     }
@@ -95,11 +95,11 @@ impl Row {
 /// The rows of a stage under way.
 pub(super) struct Sheet<'a> {
     pub(super) rows: &'a mut Vec<Row>,
-    pub(super) engine: &'a Engine,
+    pub(super) device: &'a Device,
     pub(super) stage: String,
     pub(super) gaussians: Option<usize>,
     pub(super) threads: usize,
-    /// How long a measurement takes, once the fewest runs are done.
+    /// Time of a measurement, once the fewest runs are done.
     pub(super) budget: Duration,
 }
 
@@ -159,7 +159,7 @@ impl Sheet<'_> {
         what: &str,
         mut run: impl FnMut() -> Result<()>,
     ) -> Result<()> {
-        let Engine::Gpu(device) = self.engine else {
+        let Device::Gpu(device) = self.device else {
             return Ok(());
         };
         let mut kernels: Vec<(&str, Vec<f64>)> = Vec::new();
@@ -204,18 +204,18 @@ impl Sheet<'_> {
             max: figures[last],
             runs: figures.len(),
             peak_memory_mib: record::peak_memory_mib(),
-            device_memory_mib: device_memory_mib(self.engine),
+            device_memory_mib: device_memory_mib(self.device),
         });
     }
 }
 
 /// Memory allocated on a GPU, MiB, where its backend tells.
-fn device_memory_mib(engine: &Engine) -> Option<f64> {
-    match engine {
-        Engine::Cpu => None,
+fn device_memory_mib(device: &Device) -> Option<f64> {
+    match device {
+        Device::Cpu => None,
         #[cfg(feature = "gpu")]
-        Engine::Gpu(device) => {
-            let bytes = device.memory_bytes()?;
+        Device::Gpu(gpu) => {
+            let bytes = gpu.memory_bytes()?;
             Some(bytes as f64 / f64::from(1 << 20))
         }
     }
@@ -230,7 +230,7 @@ mod tests {
         let mut rows = Vec::new();
         let mut sheet = Sheet {
             rows: &mut rows,
-            engine: &Engine::Cpu,
+            device: &Device::Cpu,
             stage: "files".to_owned(),
             gaussians: None,
             threads: 1,

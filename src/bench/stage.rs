@@ -2,18 +2,17 @@
 
 use super::sheet::Sheet;
 use super::{images, learning, rays};
-use crate::device::Engine;
 use anyhow::Result;
 use clap::ValueEnum;
 use eagpt_scene::{Camera, Gaussians, View};
-use eagpt_trace::Tracer;
+use eagpt_trace::{Device, Tracer};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Inputs of all stages.
 pub(super) struct Bench<'a> {
-    pub(super) engine: &'a Engine,
+    pub(super) device: &'a Device,
     /// Dataset that bakes take their cameras from.
     pub(super) cameras_at: &'a Path,
     pub(super) views: &'a [Arc<View>],
@@ -39,7 +38,7 @@ impl Bench<'_> {
     }
 
     pub(super) fn is_on_cpu(&self) -> bool {
-        matches!(self.engine, Engine::Cpu)
+        matches!(self.device, Device::Cpu)
     }
 
     /// The scene on the device.
@@ -47,7 +46,7 @@ impl Bench<'_> {
     /// # Errors
     /// If the device gives up.
     pub(super) fn tracer(&self) -> Result<Box<dyn Tracer>> {
-        self.engine.tracer(self.gaussians)
+        Ok(self.device.scene(self.gaussians)?)
     }
 }
 
@@ -97,17 +96,17 @@ impl Stage {
         value.map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
-    /// Whether the scene has no part in it.
+    /// True for stages without a scene.
     pub(super) fn is_of_images(self) -> bool {
         matches!(self, Self::Metrics | Self::Exr | Self::Merging)
     }
 
-    /// Whether it means nothing where nothing emits.
+    /// True for stages that mean nothing where nothing emits.
     pub(super) fn needs_emitters(self) -> bool {
         matches!(self, Self::ShadowRays | Self::LightSolve)
     }
 
-    /// Whether only the CPU engine has it.
+    /// True for stages of the CPU alone.
     pub(super) fn needs_cpu(self) -> bool {
         matches!(self, Self::SingleRays | Self::ShadowRays)
     }

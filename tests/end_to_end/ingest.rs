@@ -105,7 +105,7 @@ fn the_same_command_goes_on_and_force_starts_over() {
             .names("out")
             .contains(&"Radiance-exr/p2.exr".to_owned())
     );
-    // What another command has made is not touched.
+    // Results of other commands are not touched.
     place.fails_cleanly("ingest c --out run --force", &["`train`"]);
 }
 

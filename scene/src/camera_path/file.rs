@@ -53,7 +53,10 @@ pub(super) fn read(
             turntable(dataset, keys.into_inner(), &common)
                 .map_err(|problem| file.error(span, problem))
         }
-        (None, None) => Err(file.error(0..0, "one of fly, turntable is missing")),
+        (None, None) => {
+            let top = 0..file.text().len();
+            Err(file.error(top, "one of fly, turntable is missing"))
+        }
         (Some(_), Some(keys)) => {
             let problem = "`turntable` is one too many: only one of fly, turntable";
             Err(file.error(keys.span(), problem))

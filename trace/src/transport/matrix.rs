@@ -9,14 +9,15 @@
 //! albedos, cost a look-up for each entry and no ray. Nor does other light of the same emitters,
 //! whose entries are kept, too ([`TransportMatrix::relight`]).
 //!
-//! [`TransportMatrix::trace`] works with whatever traces single rays;
-//! [`crate::Tracer::trace_transport`] is that of an engine.
+//! [`TransportMatrix::trace`] is the CPU's way; [`crate::Tracer::trace_transport`] is that of any
+//! device.
 
+use super::EMISSION_THRESHOLD;
 use super::lights::Lights;
 use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
-use super::{EMISSION_THRESHOLD, RayTracer};
+use crate::cpu::CpuScene;
 use crate::features::lane;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -79,7 +80,7 @@ impl TransportMatrix {
     /// Traces `directions` for some `receivers`, each with random numbers of its own among those of
     /// `key`.
     pub fn trace(
-        scene: &impl RayTracer,
+        scene: &CpuScene,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
@@ -98,7 +99,7 @@ impl TransportMatrix {
         matrix
     }
 
-    fn trace_group(scene: &impl RayTracer, sampler: &Sampler<'_>, receivers: &[Receiver]) -> Self {
+    fn trace_group(scene: &CpuScene, sampler: &Sampler<'_>, receivers: &[Receiver]) -> Self {
         let Directions { bsdf, to_lights } = sampler.directions;
         let mut matrix = Self {
             direct: vec![Vec3::ZERO; receivers.len()],

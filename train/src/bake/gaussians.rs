@@ -100,7 +100,7 @@ impl Bake<'_> {
     pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
         let directions = method.directions();
         self.check_memory(directions)?;
-        let tracer = self.request.device.tracer(&self.scene)?;
+        let tracer = self.request.device.scene(&self.scene)?;
         let Some(traced) = self.trace(&*tracer, directions)? else {
             return Ok(None);
         };
@@ -250,7 +250,7 @@ impl Bake<'_> {
             if self.stopped() {
                 return Ok(None);
             }
-            best.look(tracer, &self.dataset.frames()[frame].camera)?;
+            best.add(tracer, &self.dataset.frames()[frame].camera)?;
             (self.progress)(BakeProgress::Looking { done, total });
         }
         let seen = best.finish();

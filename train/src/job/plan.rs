@@ -31,7 +31,7 @@ pub(super) struct Folder {
 pub(super) struct Resumed {
     /// The state to continue from; `None` starts over.
     pub(super) checkpoint: Option<Checkpoint>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub(super) warnings: Vec<String>,
 }
 
