@@ -5,14 +5,14 @@
 //! bleeding, up to [`light::MAX_BOUNCES`] bounces. What a camera of the real world adds (noise,
 //! glossy surfaces, lens) is absent.
 //!
-//! - [`shapes`]: the room itself.
-//! - [`light`]: its light.
-//! - [`cameras`]: poses inside it.
-//! - [`dataset`]: all of it on disk.
+//! - `shapes`: the room itself.
+//! - `light`: its light.
+//! - `cameras`: poses inside it.
+//! - `dataset`: all of it on disk.
 
-pub mod cameras;
-pub mod dataset;
-pub mod light;
-pub mod shapes;
+mod cameras;
+mod dataset;
+mod light;
+mod shapes;
 
 pub use dataset::{RoomOptions, write};
