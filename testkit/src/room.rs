@@ -2,7 +2,7 @@
 //!
 //! Shapes are intersected in closed form and light is path-traced with next-event estimation, so
 //! that the images hold the same light transport that the program reproduces: soft shadows, colour
-//! bleeding, up to [`light::MAX_BOUNCES`] bounces. What a camera of the real world adds (noise,
+//! bleeding, up to `light::MAX_BOUNCES` bounces. What a camera of the real world adds (noise,
 //! glossy surfaces, lens) is absent.
 //!
 //! - `shapes`: the room itself.
