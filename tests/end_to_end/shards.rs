@@ -75,7 +75,7 @@ fn renderings_in_parts_are_those_of_one_process() {
     );
     place.fails_cleanly(
         &format!("{render} --out parts --seed 1 --shard 2/3"),
-        &["shard-1-of-3.record.json", "other options or inputs"],
+        &["shard-1-of-3.record.json", "other options:", "--force"],
     );
     place.succeeds(&format!("{render} --out parts --shard 2/3"));
     // A result that somebody has changed is made again.
