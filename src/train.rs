@@ -1,8 +1,6 @@
 //! `eagpt train`: from a dataset to a scene.
 
-pub(crate) mod layers;
-
-use crate::args::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
@@ -12,10 +10,10 @@ use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use eagpt_scene::Dataset;
-use eagpt_scene::dataset::{POINTS_FILE, SplitRule, Subset};
+use eagpt_scene::dataset::{POINTS_FILE, Subset};
 use eagpt_train::job::{BadViews, Existing};
-use eagpt_train::options::StageChoice;
-use eagpt_train::{Preset, TrainProgress, TrainRequest, TrainSummary};
+use eagpt_train::options::{OptionArgs, StageChoice};
+use eagpt_train::{TrainOptions, TrainProgress, TrainRequest, TrainSummary};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -42,34 +40,9 @@ pub(crate) struct TrainArgs {
     /// Folder for results; created
     #[arg(long, value_name = "RUN", required_unless_present = "dump_config")]
     out: Option<PathBuf>,
-    /// Stages to run; `albedo` continues from the end of stage 0 in RUN [default: all]
-    #[arg(long, value_enum)]
-    stage: Option<StageChoice>,
-    /// Defaults to start from [default: that of the --config file, else fast]
-    #[arg(long, value_enum)]
-    preset: Option<Preset>,
-    /// Iterations of stage 0, one view each [default: 800 draft, 5000 fast, 30000 paper]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    iterations: Option<u32>,
-    /// Iterations of stage 1, one view each [default: 150 draft, 336 fast, 400 paper]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    albedo_iterations: Option<u32>,
-    /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1
-    /// (draft, paper), 2 (fast)]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
-    gaussians: Option<u64>,
-    /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]
-    #[arg(long, value_name = "S", value_parser = args::seed())]
-    seed: Option<u64>,
-    /// Which views train and which test [default: every-8th]
-    #[arg(long, value_name = "RULE", value_enum)]
-    split: Option<SplitRule>,
-    /// TOML file of options, all or some, as --dump-config prints them
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-    /// Set one option, named as in the TOML file; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    options: OptionArgs,
     /// Resume the run in RUN from its newest checkpoint, bit-identical to a run without the break
     ///
     /// Bit-identical on the same device; on another the result differs by rounding.
@@ -102,6 +75,9 @@ pub(crate) struct TrainArgs {
     dump_config: bool,
 }
 
+/// Name of the options file that a run leaves in its folder.
+const RUN_OPTIONS: &str = "train.toml";
+
 const OUTPUTS_AND_EXAMPLES: &str = "Files in RUN:
   scene.ply      the scene: 17 activated float32 properties a Gaussian, 41 with harmonics
   train.toml     the effective options
@@ -118,8 +94,18 @@ Examples:
   eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
 
+impl TrainArgs {
+    /// The effective options.
+    pub(crate) fn options(&self) -> Result<TrainOptions> {
+        let run = self.out.as_ref().filter(|_| self.resume);
+        let earlier = run.map(|run| run.join(RUN_OPTIONS));
+        let earlier = earlier.filter(|path| path.is_file());
+        Ok(self.options.resolve(earlier.as_deref())?)
+    }
+}
+
 pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let options = layers::options(args)?;
+    let options = args.options()?;
     if args.dump_config {
         terminal::print(&toml::to_string(&options)?)?;
         return Ok(ExitCode::SUCCESS);

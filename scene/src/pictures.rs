@@ -32,11 +32,6 @@ pub fn is_exr(path: &Path) -> bool {
     has_extension(path, &["exr"])
 }
 
-/// Whether a file is a display-referred picture that can be read, by its extension.
-pub fn is_display_referred(path: &Path) -> bool {
-    has_extension(path, &["png", "jpg", "jpeg"])
-}
-
 fn has_extension(path: &Path, wanted: &[&str]) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
     extension.is_some_and(|extension| wanted.iter().any(|w| extension.eq_ignore_ascii_case(w)))

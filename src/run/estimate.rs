@@ -8,7 +8,7 @@ use super::step::{Step, parse};
 use crate::bake::{BakeArgs, MethodArg};
 use crate::command::JobCommand;
 use crate::render::{Mode, RenderArgs};
-use crate::train::{TrainArgs, layers};
+use crate::train::TrainArgs;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{SplitRule, Subset};
 use std::path::Path;
@@ -91,7 +91,7 @@ impl Outlook {
     }
 
     fn train(&mut self, args: &TrainArgs) -> Option<(f64, u64)> {
-        let options = layers::options(args).ok()?;
+        let options = args.options().ok()?;
         let dataset = Dataset::open_cameras(args.dataset.as_deref()?).ok()?;
         let split = dataset.split(options.split).ok()?;
         let points = dataset.points().ok()?.map_or(0, |cloud| cloud.len());

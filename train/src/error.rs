@@ -28,6 +28,14 @@ pub enum TrainError {
         /// Problem, with the value.
         problem: String,
     },
+    /// A layer of options is wrong.
+    #[error("{layer}: {problem}")]
+    Layer {
+        /// A file, or an argument.
+        layer: String,
+        /// Problem, with the option and the value.
+        problem: String,
+    },
     /// The dataset is readable but cannot be trained on.
     #[error("{}: {problem}", path.display())]
     Dataset {

@@ -3,8 +3,11 @@
 //! One struct serves the command line, TOML files and the record beside the result. A run starts
 //! from a [`Preset`]; [`TrainOptions::from_layers`] puts a file and single settings on top.
 
+mod arguments;
 mod layers;
 mod presets;
+
+pub use arguments::OptionArgs;
 
 use eagpt_scene::dataset::SplitRule;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use super::{Node, Table};
 use crate::dataset::UpAxis;
 use crate::error::Result;
-use glam::{DVec3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use std::ops::RangeInclusive;
 use toml::de::DeValue;
 
@@ -114,15 +114,6 @@ impl<'a> Node<'a> {
     pub fn vec3(&self) -> Result<Vec3> {
         let [x, y, z] = self.fixed_array()?;
         Ok(Vec3::new(x.number()?, y.number()?, z.number()?))
-    }
-
-    /// Three finite numbers in double precision.
-    ///
-    /// # Errors
-    /// [`crate::SceneError::Script`] if it is none.
-    pub fn dvec3(&self) -> Result<DVec3> {
-        let [x, y, z] = self.fixed_array()?;
-        Ok(DVec3::new(x.double()?, y.double()?, z.double()?))
     }
 
     /// Exactly `N` elements.
