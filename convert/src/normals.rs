@@ -90,7 +90,7 @@ pub fn make_normals(
     } else {
         request.dataset.points()?
     };
-    let mut job = Job {
+    let mut job = NormalsJob {
         request,
         progress,
         points: cloud.as_ref().map(Oriented::new),
@@ -120,14 +120,14 @@ pub fn make_normals(
     })
 }
 
-struct Job<'a> {
+struct NormalsJob<'a> {
     request: &'a NormalRequest<'a>,
     progress: &'a mut dyn FnMut(NormalProgress),
     points: Option<Oriented>,
     warnings: Vec<String>,
 }
 
-impl Job<'_> {
+impl NormalsJob<'_> {
     fn warn(&mut self, text: String) {
         self.warnings.push(text.clone());
         (self.progress)(NormalProgress::Warning { text });

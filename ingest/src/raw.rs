@@ -17,7 +17,7 @@ mod with_rawler;
 #[cfg(feature = "rawloader")]
 mod with_rawloader;
 
-pub use kinds::Kind;
+pub use kinds::FileKind;
 pub(crate) use kinds::kind_of;
 
 use crate::error::{IngestError, Result};
@@ -334,9 +334,9 @@ impl Samples {
 
 fn decode(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawFrame> {
     let frame = match kind_of(path) {
-        Some(Kind::Linear) => linear::read(path, bytes, want)?,
-        Some(Kind::Raw) => decode_raw(path, bytes, want)?,
-        Some(Kind::Display) => {
+        Some(FileKind::Linear) => linear::read(path, bytes, want)?,
+        Some(FileKind::Raw) => decode_raw(path, bytes, want)?,
+        Some(FileKind::Display) => {
             return Err(IngestError::photograph(
                 path,
                 "format",

@@ -24,5 +24,5 @@ mod report;
 pub use consistency::Verdict;
 pub use error::{MaskError, Result};
 pub use job::{MaskProgress, MaskRequest, MaskSummary, make_masks, planned_files};
-pub use options::{Border, CheckOptions, Inconsistent, MaskOptions, Rule, Source};
+pub use options::{Border, CheckOptions, Inconsistent, MaskOptions, MaskSource, Rule};
 pub use report::ViewVerdict;

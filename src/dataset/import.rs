@@ -8,7 +8,9 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use eagpt_convert::World;
 use eagpt_convert::import::{BadFrames, Ldr, planned_files};
-use eagpt_convert::{ImportOptions, ImportProgress, ImportSummary, Source, SourceFormat, import};
+use eagpt_convert::{
+    ImportOptions, ImportProgress, ImportSummary, SourceDataset, SourceFormat, import,
+};
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::{Field, UndistortOptions};
@@ -164,7 +166,7 @@ struct Recorded<'a> {
 pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args)?;
     let mut builder = RecordBuilder::begin("dataset import", &options)?;
-    let source = Source::open(&args.source, format(args.format), &options)?;
+    let source = SourceDataset::open(&args.source, format(args.format), &options)?;
     builder.set_options(&Recorded {
         source: &args.source,
         format: source.format,
@@ -208,7 +210,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn refuse(reporter: &mut Reporter, source: &Source) -> anyhow::Error {
+fn refuse(reporter: &mut Reporter, source: &SourceDataset) -> anyhow::Error {
     for problem in &source.problems {
         if let Err(error) = tell(reporter, &ImportProgress::Bad(problem.clone())) {
             return error;
