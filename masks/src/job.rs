@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::labels::{self, Labels};
 use crate::level::{Histogram, Level};
 use crate::mask::{self, Mask};
-use crate::options::{MaskOptions, MaskSource};
+use crate::options::{Inconsistent, MaskOptions, MaskSource};
 use crate::report::MaskReport;
 use eagpt_scene::dataset::EMISSION_DIR;
 use eagpt_scene::exr::{self, Precision};
@@ -302,7 +302,7 @@ impl<'a> MaskJob<'a> {
     /// Data of a view for the comparison; `None` without a mask to compare or depth to compare
     /// with.
     fn sight(&self, view: &View, mask: Option<Mask>) -> Result<Option<Sight>> {
-        if self.request.options.check.inconsistent.is_none() {
+        if self.request.options.check.inconsistent == Inconsistent::Ignore {
             return Ok(None);
         }
         let camera = consistency::reduced(&view.camera);
@@ -328,7 +328,9 @@ impl<'a> MaskJob<'a> {
     /// The comparison, if all views have depth.
     fn compare(&mut self, sights: Vec<Option<Sight>>) -> Option<Comparison> {
         let check = self.request.options.check;
-        check.inconsistent?;
+        if check.inconsistent == Inconsistent::Ignore {
+            return None;
+        }
         let total = sights.len();
         let sights: Vec<Sight> = sights.into_iter().flatten().collect();
         if sights.len() < total {

@@ -41,7 +41,7 @@ impl Case {
 
     fn masks(&self, source: MaskSource, inconsistent: Inconsistent) -> MaskSummary {
         let check = CheckOptions {
-            inconsistent: Some(inconsistent),
+            inconsistent,
             ..CheckOptions::default()
         };
         let request = MaskRequest {

@@ -46,8 +46,8 @@ impl MaskJob<'_> {
         for (number, region) in regions.iter().enumerate() {
             let support = comparison.map(|found| found.support[index][number].clone());
             let verdict = support.as_ref().map(|s| s.verdict(check.min_support));
-            let dropped = verdict == Some(Verdict::Inconsistent)
-                && check.inconsistent == Some(Inconsistent::Drop);
+            let dropped =
+                verdict == Some(Verdict::Inconsistent) && check.inconsistent == Inconsistent::Drop;
             if let (true, Some(mask)) = (dropped, &mut mask) {
                 mask.remove(region);
             }

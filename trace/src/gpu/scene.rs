@@ -59,13 +59,13 @@ impl SceneBuffers {
         Ok(buffers)
     }
 
-    /// Whether there is room for `set`, and not for others.
+    /// Whether the buffers have the size of `set`.
     pub(super) fn fit(&self, set: &SurfelSet) -> bool {
         set.len() == self.num_surfels as usize
             && set.harmonics.is_empty() == self.harmonics.is_none()
     }
 
-    /// Replaces the Gaussians by others, for which there is room.
+    /// Replaces the Gaussians by others that fit.
     pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
         let lanes: Vec<[f32; NUM_LANES]> = set
             .attributes
@@ -144,7 +144,7 @@ impl GpuScene {
     /// meeting nothing. The number beside a ray makes the choice.
     ///
     /// # Errors
-    /// If the device gives up, or has not enough memory.
+    /// If the device fails or has not enough memory.
     pub fn choose_hits(&self, rays: &[(Ray, u32)]) -> Result<Vec<Option<u32>>, GpuError> {
         let queries: Vec<RayQuery> = rays
             .iter()
@@ -187,7 +187,7 @@ impl GpuScene {
         tracer.trace(device, make_finish(tracer)?)
     }
 
-    /// What single rays need, made when first asked for.
+    /// Structures for single rays, made when first needed.
     fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
         made_once(&self.light, || {
             let HostCopy { set, emissive } = self.host()?;
@@ -195,7 +195,7 @@ impl GpuScene {
         })
     }
 
-    /// What matrix need, made when first asked for.
+    /// Structures for the transport matrix, made when first needed.
     fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
         made_once(&self.matrix, || {
             let HostCopy { set, emissive } = self.host()?;
@@ -249,7 +249,7 @@ impl GpuScene {
     }
 }
 
-/// What `place` holds, or else what `make` makes for it.
+/// The content of `place`, made by `make` if there is none.
 fn made_once<T>(
     place: &Mutex<Option<Arc<T>>>,
     make: impl FnOnce() -> Result<T, GpuError>,
