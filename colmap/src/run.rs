@@ -14,7 +14,7 @@ use crate::error::{ColmapError, Result};
 use crate::model::{Form, Model, Observations};
 use eagpt_scene::lens::LensModel;
 use eagpt_scene::{SceneError, files};
-use log::Step;
+use log::ColmapStep;
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -259,7 +259,7 @@ pub fn run(
     };
     let log_path = out.join(LOG_FILE);
     files::remove_if_there(&log_path)?;
-    for step in [Step::Features, Step::Matches, Step::Model] {
+    for step in [ColmapStep::Features, ColmapStep::Matches, ColmapStep::Model] {
         progress(RunProgress::Step { step: step.name() });
         let arguments = arguments(&program, step, matcher, &places, (options, &names))?;
         program.run(step, &arguments, &log_path, progress)?;
@@ -296,25 +296,25 @@ struct Places<'a> {
 /// The command of a step and its arguments.
 fn arguments(
     program: &Program,
-    step: Step,
+    step: ColmapStep,
     matcher: Matcher,
     places: &Places<'_>,
     (options, names): (&RunOptions, &[String]),
 ) -> Result<Vec<String>> {
     let command = match (step, matcher) {
-        (Step::Features, _) => "feature_extractor",
-        (Step::Matches, Matcher::Sequential) => "sequential_matcher",
-        (Step::Matches, _) => "exhaustive_matcher",
-        (Step::Model, _) => "mapper",
+        (ColmapStep::Features, _) => "feature_extractor",
+        (ColmapStep::Matches, Matcher::Sequential) => "sequential_matcher",
+        (ColmapStep::Matches, _) => "exhaustive_matcher",
+        (ColmapStep::Model, _) => "mapper",
     };
     let mut call = program.call(command)?;
     call.path(&["database_path"], &places.database)?;
-    if step != Step::Matches {
+    if step != ColmapStep::Matches {
         call.path(&["image_path"], places.images)?;
     }
     let threads = options.threads.map(|num| num.to_string());
     match step {
-        Step::Features => {
+        ColmapStep::Features => {
             let in_folders = names.iter().all(|name| name.contains('/'));
             let [single, folder] = match options.cameras {
                 Cameras::Auto => [!in_folders, in_folders],
@@ -356,7 +356,7 @@ fn arguments(
                 );
             }
         }
-        Step::Matches => {
+        ColmapStep::Matches => {
             call.required(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], "0")?;
             // Cupboards and chairs repeat: guided matching along epipolar lines recovers matches
             // that the ratio test rejected.
@@ -377,7 +377,7 @@ fn arguments(
                 );
             }
         }
-        Step::Model => {
+        ColmapStep::Model => {
             call.path(&["output_path"], places.sparse)?;
             // In a small room most pairs see little in common.
             call.optional(&["Mapper.abs_pose_min_num_inliers"], "20");

@@ -28,7 +28,7 @@ pub(crate) struct Merged {
     pub flags: Vec<u8>,
 }
 
-/// How many samples are what.
+/// Numbers of clipped and dark samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct MergeCounts {
     /// Clipped in all shots.
