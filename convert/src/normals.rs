@@ -8,7 +8,7 @@
 //! far the largest mean cosine; where none stands out nothing is written.
 //!
 //! A normal that faces slightly away from the camera, as happens at grazing angles, is made
-//! perpendicular to the view; beyond [`MAX_AWAY_DEG`] it counts as unknown.
+//! perpendicular to the view; beyond 25° it counts as unknown.
 
 mod axes;
 mod maps;

@@ -1,6 +1,6 @@
 //! Undeveloped photographs: the interface between decoders and everything else.
 //!
-//! [`inspect`] reads the header of a file, [`read`] decodes its samples. Nothing is scaled, clipped
+//! `inspect` reads the header of a file, [`read`] decodes its samples. Nothing is scaled, clipped
 //! or balanced here: samples below the black level stay, since the mean of a dark shot would be too
 //! bright without them. The features `rawler` and `rawloader` select the decoder of RAW files; with
 //! both, `rawloader` reads files that `rawler` cannot.
@@ -311,7 +311,7 @@ pub(crate) fn inspect(path: &Path) -> Result<(Header, String)> {
 /// Decodes a photograph.
 ///
 /// # Errors
-/// As [`inspect`], and if the samples are damaged or end early.
+/// As `inspect`, and if the samples are damaged or end early.
 pub fn read(path: &Path) -> Result<RawFrame> {
     decode(path, &Arc::new(files::read(path)?), Want::Samples)
 }

@@ -29,7 +29,7 @@ pub struct MaskOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MaskSource {
-    /// Pixels at or above a level that is found in all views together, see [`crate::level`].
+    /// Pixels at or above a level that is found in all views together, see `level`.
     Auto,
     /// Pixels at or above this level of linear radiance, above 0.
     Level(f32),
@@ -97,7 +97,7 @@ pub enum Border {
     Full,
 }
 
-/// Options of the comparison between views, [`crate::consistency`].
+/// Options of the comparison between views, `consistency`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckOptions {
