@@ -304,7 +304,7 @@ impl RawFrame {
 /// it cannot be read.
 pub(crate) fn inspect(path: &Path) -> Result<(Header, String)> {
     let bytes = Arc::new(files::read(path)?);
-    let digest = blake3::hash(&bytes).to_hex().to_string();
+    let digest = eagpt_scene::files::digest::of_bytes(&bytes);
     decode(path, &bytes, Want::Header).map(|frame| (frame.header, digest))
 }
 

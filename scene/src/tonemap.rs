@@ -20,11 +20,10 @@ use crate::color::luminance;
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::str::FromStr;
 
 /// Exposed values are cut here: every tone curve is flat long before, and squares still fit in f32.
 const BRIGHTEST: f32 = 1e15;
-/// What the automatic exposure shows the mean luminance as: the middle grey of Reinhard et al.
+/// Displayed value of the mean luminance under automatic exposure: the middle grey of Reinhard et al.
 /// 2002.
 const MIDDLE_GREY: f64 = 0.18;
 /// Automatic exposures are a whole number of these, in stops, so that a person can state the same
@@ -87,7 +86,7 @@ impl ToneMapper {
         half + (half * half - c / a).sqrt()
     }
 
-    /// What the display shows of exposed light of 0 and more: linear, 0 to 1.
+    /// Displayed value of exposed light of 0 and more: linear, 0 to 1.
     #[inline(always)]
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
         let light = light.map(|v| v.min(BRIGHTEST));
@@ -102,21 +101,23 @@ impl ToneMapper {
     }
 }
 
-/// How light becomes a picture.
+/// Exposure and tone map of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ToneMap {
-    /// As it is, cut at 1.
+    /// None: cut at 1
     #[default]
     Srgb,
-    /// [`ToneMapper::Hable`].
+    /// The curve of Hable
     Filmic,
-    /// [`ToneMapper::Aces`].
+    /// The curve of ACES
     Aces,
-    /// [`ToneMapper::Reinhard`].
+    /// The curve of Reinhard
     Reinhard,
-    /// AgX by Troy Sobotka, base look: a sigmoid in log2 of light whose primaries were moved
-    /// towards white.
+    /// AgX by Troy Sobotka, base look
+    ///
+    /// A sigmoid in log2 of light whose primaries were moved towards white.
     Agx,
 }
 
@@ -130,7 +131,7 @@ impl ToneMap {
         (Self::Agx, "agx"),
     ];
 
-    /// What the display shows of exposed light: linear, 0 to 1. Negative light and NaN are shown as
+    /// Displayed value of exposed light: linear, 0 to 1. Negative light and NaN are shown as
     /// 0.
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
         // NaN compares with nothing.
@@ -151,29 +152,18 @@ impl fmt::Display for ToneMap {
     }
 }
 
-impl FromStr for ToneMap {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(_, name)| *name == text);
-        found
-            .map(|(map, _)| *map)
-            .ok_or_else(|| format!("`{text}` is none of srgb, filmic, aces, reinhard, agx"))
-    }
-}
-
 /// Exposure and tone map of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Display {
     /// Stops: light is multiplied by 2 to this power.
     #[serde(rename = "exposure_stops")]
     pub stops: f32,
-    /// What follows.
+    /// The tone map.
     pub tone_map: ToneMap,
 }
 
 impl Display {
-    /// What the display shows of a picture: linear, 0 to 1.
+    /// Displayed values of a picture: linear, 0 to 1.
     pub fn shown(&self, image: &Image<3>) -> Image<3> {
         let factor = self.stops.exp2();
         image.map(|pixel| self.tone_map.shown(pixel.map(|v| v * factor)))

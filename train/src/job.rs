@@ -8,7 +8,7 @@ pub(crate) mod views;
 pub use plan::{Memory, memory};
 
 use crate::backend::{self, Backend, Taken};
-use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
+use crate::checkpoint::{self, Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
 use crate::log::{Log, LogLine};
@@ -18,7 +18,8 @@ use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::{Split, Subset};
-use eagpt_scene::{Dataset, SceneError, files, ply};
+use eagpt_scene::files::{self, Key};
+use eagpt_scene::{Dataset, SceneError, ply};
 use eagpt_trace::Device;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -82,8 +83,8 @@ pub struct TrainSummary {
     pub device: String,
     /// How the views were divided.
     pub split: Split,
-    /// Inputs.
-    pub fingerprint: Fingerprint,
+    /// Everything that decided the result, by part.
+    pub fingerprint: Key,
     /// Extent of the point cloud, scene units.
     pub extent: f32,
     /// Seconds of each stage in this process.
@@ -172,7 +173,7 @@ pub fn train(
 fn initial_checkpoint(
     dataset: &Dataset,
     views: &mut Views,
-    fingerprint: Fingerprint,
+    fingerprint: Key,
     run: &mut Run<'_>,
 ) -> Result<Checkpoint> {
     let options = &run.request.options;

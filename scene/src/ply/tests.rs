@@ -4,7 +4,8 @@ mod preview;
 use super::*;
 use crate::gaussians::{Gaussian, Gaussians};
 use crate::harmonics::Harmonics;
-use crate::testing::{assert_error, for_each_damage, for_each_truncation};
+use crate::testing::assert_error;
+use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
 use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
 
@@ -119,7 +120,7 @@ fn any_order_any_type_any_encoding_and_strange_neighbours() {
             for_each_truncation(&bytes[..num_needed], 60, |prefix| {
                 assert_error(parse(prefix), &["a.ply: "]);
             });
-            for_each_damage(&bytes, 200, |damaged| drop(parse(damaged)));
+            for_each_damage(&bytes, 0..200, |damaged| drop(parse(damaged)));
         }
     }
 }
@@ -218,7 +219,7 @@ fn impossible_values_are_named() {
         let mut row = good;
         row[property] = value;
         assert_error(parse(&ascii(row)), &[wanted]);
-        // What is not read is not written either.
+        // Properties that are not read are not written either.
         let mut gaussians = Gaussians::default();
         gaussians.push(row_to_gaussian(row));
         let dir = tempfile::tempdir().unwrap();
@@ -352,7 +353,7 @@ fn headers_are_not_believed() {
 fn a_missing_property_is_named_with_those_found() {
     let bytes = written(&sample(2));
     let text = String::from_utf8_lossy(&bytes).replace("emissives", "emission");
-    // The rows hold no valid UTF-8, but the header is what is looked at first.
+    // The rows hold no valid UTF-8, but the header is checked first.
     assert_error(
         parse(text.as_bytes()),
         &[
@@ -380,7 +381,7 @@ fn truncated_and_damaged_files_are_errors_or_gaussians() {
         assert_error(parse(prefix), &["a.ply: "]);
     });
     let mut num_refused = 0;
-    for_each_damage(&bytes, 2000, |damaged| {
+    for_each_damage(&bytes, 0..2000, |damaged| {
         num_refused += u32::from(parse(damaged).is_err());
     });
     assert!((200..2000).contains(&num_refused), "{num_refused}");

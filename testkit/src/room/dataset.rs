@@ -17,7 +17,7 @@ use std::path::Path;
 /// photogrammetry are.
 const POINT_NOISE_M: f32 = 0.005;
 
-/// How the room is photographed.
+/// Photography of the room.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RoomOptions {
     /// Number of views.
@@ -71,7 +71,7 @@ pub fn write(root: &Path, options: &RoomOptions, mut progress: impl FnMut(usize)
 }
 
 /// One view with everything that is known about it: one ray through each pixel centre.
-pub fn photograph(index: usize, camera: &Camera, options: &RoomOptions) -> View {
+fn photograph(index: usize, camera: &Camera, options: &RoomOptions) -> View {
     let key = RandomKey::new(options.seed, Purpose::Render, index as u32);
     let hits: Vec<Hit> = (0..camera.num_pixels())
         .map(|pixel| hit(camera, pixel))
