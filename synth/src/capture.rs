@@ -10,10 +10,9 @@ pub use layout::outputs;
 pub use options::{LightMethod, Parts, SynthOptions};
 
 use crate::dng::{self, DngInfo};
-use crate::error::{Result, SynthError};
-use crate::light::points::MAX_SAMPLES;
+use crate::error::Result;
 use crate::light::{Cache, CacheOptions, Lighting};
-use crate::photograph::{Photograph, SampleNoise, Sampling};
+use crate::photograph::{Photograph, Sampling};
 use crate::rig::Sensor;
 use crate::script::{CameraPlan, SceneScript};
 use eagpt_scene::dataset::{DatasetInfo, DatasetWriter, UpAxis};
@@ -25,7 +24,7 @@ use layout::{Shot, position_name};
 use model::ModelSource;
 use points::PointSource;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// When the first shot is taken, by the camera's clock: 2026-03-01 10:00:00.

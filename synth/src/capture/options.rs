@@ -1,7 +1,6 @@
 //! Settings of a simulated capture.
 
 use crate::error::{Result, SynthError};
-use crate::light::CacheOptions;
 use crate::light::points::MAX_SAMPLES;
 use crate::photograph::SampleNoise;
 use crate::script::{CameraPlan, SceneScript};

@@ -2,7 +2,7 @@
 
 use super::{Ball, Block, Crossing, Drum, Ends, Quad};
 use glam::{Vec2, Vec3};
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 impl Quad {
     /// A quad from a corner and its two edges, which are not parallel.
@@ -42,7 +42,7 @@ impl Quad {
 
 impl Block {
     /// The two axes that span the faces of `axis`, the upright one second where there is one.
-    const SPAN: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
+    pub(super) const SPAN: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
     pub(super) fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
         let local_origin = self.axes.transpose() * (origin - self.centre);
@@ -124,7 +124,7 @@ impl Drum {
         best
     }
 
-    fn slope(&self) -> f32 {
+    pub(super) fn slope(&self) -> f32 {
         (self.radii[1] - self.radii[0]) / self.height
     }
 
