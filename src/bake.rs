@@ -1,6 +1,6 @@
 //! `eagpt bake`: radiance that fits the light after an edit.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use crate::command_line;
 use crate::device::DeviceArgs;
 use crate::interrupt;
@@ -42,10 +42,10 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "DATASET")]
     cameras: PathBuf,
     /// Views to bake for
-    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = cli::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = args::subset())]
     split: Subset,
     /// Rule that divides the views into training and test views
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
     split_rule: SplitRule,
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]
@@ -75,7 +75,7 @@ pub(crate) struct BakeArgs {
     #[serde(serialize_with = "command_line::optional_text")]
     shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
     #[command(flatten)]
     #[serde(flatten)]
@@ -136,7 +136,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
         bail!("--links: only --method gaussians has links");
     }
     let dataset = Dataset::open(&args.cameras)?;
-    let mut inputs = cli::dataset_files(&dataset);
+    let mut inputs = dataset.files();
     inputs.push(args.scene.clone());
     inputs.extend(args.links.clone());
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();

@@ -1,6 +1,6 @@
 //! `eagpt edit`: a scene changed by a script.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};

@@ -1,6 +1,6 @@
 //! `eagpt ingest`: RAW brackets to linear HDR images.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::command_line;
 use crate::interrupt;
 use crate::output::{Replace, Target};

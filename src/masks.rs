@@ -1,6 +1,6 @@
 //! `eagpt masks`: which pixels of a dataset's photographs show a light.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -242,7 +242,7 @@ fn inputs(dataset: &Dataset, scene: Option<&PathBuf>) -> Vec<PathBuf> {
         .iter()
         .filter_map(|frame| frame.files.emission.as_ref())
         .collect();
-    let mut files = cli::dataset_files(dataset);
+    let mut files = dataset.files();
     files.retain(|file| !masks.contains(&file));
     files.extend(scene.cloned());
     files

@@ -1,6 +1,6 @@
 //! `eagpt normals`: normal maps of any estimator for a dataset.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
@@ -257,7 +257,7 @@ fn options(args: &NormalsArgs) -> NormalOptions {
 fn inputs(dataset: &Dataset, maps: Option<&Path>, suffix: &str) -> Vec<PathBuf> {
     let frames = dataset.frames().iter();
     let normals: Vec<&PathBuf> = frames.filter_map(|f| f.files.normal.as_ref()).collect();
-    let mut files = cli::dataset_files(dataset);
+    let mut files = dataset.files();
     files.retain(|file| !normals.contains(&file));
     let Some(maps) = maps else { return files };
     for frame in dataset.frames() {

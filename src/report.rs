@@ -1,6 +1,6 @@
 //! `eagpt report`: the results of a run on one page.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};

@@ -1,6 +1,6 @@
 //! `eagpt synth`: a virtual room, photographed.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
@@ -64,7 +64,7 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "N", default_value_t = SynthOptions::default().num_points, value_parser = clap::value_parser!(u32).range(..=100_000_000))]
     points: u32,
     /// Seed of the random numbers, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
     /// Replace an earlier result of this command
     #[arg(long)]

@@ -2,7 +2,7 @@
 
 pub(crate) mod layers;
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
@@ -59,14 +59,14 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     gaussians: Option<u64>,
     /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]
-    #[arg(long, value_name = "S", value_parser = cli::seed())]
+    #[arg(long, value_name = "S", value_parser = args::seed())]
     seed: Option<u64>,
     /// Which views train and which test [default: every-8th]
     ///
     /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's
     /// train_filenames and test_filenames (or val_filenames) say. all: every view trains. paper: as
     /// the released code of EAG-PT divides them, which tests on some views it has trained on.
-    #[arg(long, value_name = "RULE", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", value_parser = args::split_rule())]
     split: Option<SplitRule>,
     /// TOML file of options, all or some, as --dump-config prints them
     #[arg(long, value_name = "FILE.toml")]

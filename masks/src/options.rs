@@ -1,4 +1,4 @@
-//! What decides how masks are made.
+//! Options of masks.
 
 use crate::error::{MaskError, Result};
 use serde::{Deserialize, Serialize};
@@ -13,13 +13,13 @@ pub struct MaskOptions {
 
     /// Which value of a pixel is compared with the level.
     pub rule: Rule,
-    /// What becomes of the border of a lamp.
+    /// Treatment of the border of a lamp.
     pub border: Border,
-    /// Closes gaps up to twice as wide, pixels; 0 closes none.
+    /// Radius of the closing, pixels: gaps up to twice as wide are closed; 0 closes none.
     pub closing_radius: u8,
-    /// Drops connected regions of fewer pixels, before growing.
+    /// Smallest connected region that is kept, pixels, before growing.
     pub min_pixels: u32,
-    /// Grows regions by so many pixels.
+    /// Radius by which regions are grown, pixels.
     pub grow_radius: u8,
     /// Comparison between views.
     pub check: CheckOptions,
@@ -76,15 +76,15 @@ impl Rule {
     }
 }
 
-/// What becomes of the border of a lamp, where a pixel shows the lamp in part.
+/// Treatment of the border of a lamp, where a pixel shows the lamp in part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Border {
-    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and what
-    /// is beside it, both within two pixels: where the lamp covers half of it, however bright it is
-    /// and however the optics blur it.
+    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and its
+    /// surroundings, both within two pixels: where the lamp covers half of it, at any brightness
+    /// and blur of the optics.
     Half,
-    /// All that is at the level belongs to the lamp: bright lamps gain a rim.
+    /// All pixels at the level belong to the lamp: bright lamps gain a rim.
     Full,
 }
 
@@ -92,15 +92,14 @@ pub enum Border {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckOptions {
-    /// What becomes of regions that other views do not confirm; nothing is compared if this is
-    /// absent.
+    /// Treatment of regions that other views do not confirm; nothing is compared if this is absent.
     pub inconsistent: Option<Inconsistent>,
     /// Least share, among the places where other views see a region's surface, that are masked
     /// there, too; 0 to 1.
     pub min_support: f32,
 }
 
-/// What becomes of regions that other views do not confirm.
+/// Treatment of regions that other views do not confirm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inconsistent {
@@ -139,12 +138,12 @@ impl MaskOptions {
     /// # Errors
     /// [`MaskError::Option`] with the option's name, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        let wrong = |field, value: f32, wanted| {
+        let wrong = |field, value: f32, expected| {
             let value = value.to_string();
             Err(MaskError::Option {
                 field,
                 value,
-                wanted,
+                expected,
             })
         };
         match self.source {

@@ -1,6 +1,6 @@
 //! `eagpt colmap import`: a COLMAP model and linear images become a dataset.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -117,7 +117,7 @@ struct AlignArgs {
     #[arg(long, value_name = "METRES")]
     camera_height: Option<f64>,
     /// Seed of the search for planes, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
 }
 

@@ -1,6 +1,6 @@
 //! `eagpt colmap run`: drives an installed COLMAP.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};

@@ -1,7 +1,7 @@
 //! `eagpt eval pair`: one image against another.
 
 use super::{COLUMN_WIDTH, FlipArgs, table};
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::terminal;
 use anyhow::{Result, bail};
 use clap::Args;

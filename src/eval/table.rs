@@ -1,6 +1,6 @@
 //! `eagpt eval table`: evaluations of several modes of rendering in one table.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;

@@ -4,7 +4,7 @@ use super::aov::Aov;
 use super::denoise::Choice;
 use super::display::DisplayArgs;
 use super::shots::PathArgs;
-use crate::cli;
+use crate::args;
 use crate::command_line;
 use crate::device::DeviceArgs;
 use clap::{Args, ValueEnum};
@@ -39,11 +39,11 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DATASET")]
     pub(crate) cameras: PathBuf,
     /// Views to render
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = args::subset())]
     pub(crate) split: Subset,
     /// Rule that divides the views into training and test views; that of the training, if the
     /// result is to be measured
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
     pub(crate) split_rule: SplitRule,
     /// Names of the views to render, separated by commas, instead of a subset
     #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["split", "split_rule"])]
@@ -76,7 +76,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, default_value = "blended")]
     hits: HitsArg,
     /// Seed of the random numbers, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
     /// Also write these quantities of the camera rays, separated by commas
     #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
