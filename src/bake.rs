@@ -37,10 +37,10 @@ use std::process::ExitCode;
 pub(crate) struct BakeArgs {
     /// Scene whose light to bake, as `eagpt edit` writes it
     #[arg(value_name = "EDITED.ply")]
-    scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Dataset whose cameras count: a folder with a transforms.json, or that file
     #[arg(long, value_name = "DATASET")]
-    cameras: PathBuf,
+    pub(crate) cameras: PathBuf,
     /// Views to bake for
     #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = args::subset())]
     split: Subset,
@@ -49,7 +49,7 @@ pub(crate) struct BakeArgs {
     split_rule: SplitRule,
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// How light is baked
     #[arg(long, value_enum, default_value = "gaussians")]
     pub(crate) method: MethodArg,
@@ -73,7 +73,7 @@ pub(crate) struct BakeArgs {
     /// then puts the parts together. gaussians has no parts: what lights what is one matrix
     #[arg(long, value_name = "I/N")]
     #[serde(serialize_with = "command_line::optional_text")]
-    shard: Option<Shard>,
+    pub(crate) shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
@@ -92,7 +92,7 @@ pub(crate) struct BakeArgs {
     links: Option<PathBuf>,
     /// Replace an earlier result of this command, and the work of another bake
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -159,7 +159,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
         start_over: args.force,
         stop: interrupt::stop_flag()?,
     };
-    let mut builder = RecordBuilder::begin("bake", &options)?;
+    let mut builder = RecordBuilder::begin("bake", &options, global)?;
     let links = args.links.as_ref().filter(|path| path.exists());
     let earlier_links = links.map(|path| Input::of(path)).transpose()?;
     let mut warnings = Vec::new();

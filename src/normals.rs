@@ -31,7 +31,7 @@ use std::process::ExitCode;
 pub(crate) struct NormalsArgs {
     /// Dataset: a folder with a transforms.json, or that file
     #[arg(value_name = "DATASET")]
-    dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// Folder of maps, <view>.exr or <view>.png, made of the dataset's own images; views may be
     /// missing
     #[arg(
@@ -54,7 +54,7 @@ pub(crate) struct NormalsArgs {
     suffix: String,
     /// Folder to write to [default: that of the dataset, where training looks for normals]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// Space of the maps' vectors
     #[arg(long, value_enum, default_value = "auto")]
     space: SpaceArg,
@@ -68,7 +68,7 @@ pub(crate) struct NormalsArgs {
     encoding: EncodingArg,
     /// Replace an earlier result of this command, and normals that are there
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 /// A network that makes the maps.
@@ -185,7 +185,7 @@ pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
         options: &options,
         reading,
     };
-    let mut builder = RecordBuilder::begin("normals", &recorded(None))?;
+    let mut builder = RecordBuilder::begin("normals", &recorded(None), global)?;
     let inputs = inputs(&dataset, args.maps.as_deref(), &args.suffix);
     let target = Target {
         dir: &out,

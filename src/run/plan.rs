@@ -7,10 +7,10 @@ use crate::bake::BakeArgs;
 use crate::colmap::{ColmapArgs, ColmapCommand, ImportArgs, RunArgs};
 use crate::command::JobCommand;
 use crate::edit::EditArgs;
-use crate::eval::{EvalArgs, EvalCommand, TableArgs};
+use crate::eval::{EvalArgs, TableArgs};
 use crate::masks::MasksArgs;
 use crate::normals::NormalsArgs;
-use crate::render::{Mode, RenderArgs};
+use crate::render::Mode;
 use crate::report::ReportArgs;
 use crate::synth::SynthArgs;
 use crate::train::TrainArgs;
@@ -18,7 +18,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use eagpt_edit::Script;
 use eagpt_eval::tabulate::DEFAULT_METRICS;
 use eagpt_eval::{METRICS_FILE, TableFolder};
-use eagpt_report::folders;
+use eagpt_report::run::folders;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE};
 use std::path::{Path, PathBuf};
@@ -186,12 +186,9 @@ impl Plan {
             }
             None => {
                 let out = self.out.join("colmap");
-                let Options { args, paths } = project.options::<RunArgs>("colmap")?;
-                let args = RunArgs {
-                    images: in_first(&ingested).join("Preview"),
-                    out: out.clone(),
-                    ..args
-                };
+                let Options { mut args, paths } = project.options::<RunArgs>("colmap")?;
+                args.images = in_first(&ingested).join("Preview");
+                args.out.clone_from(&out);
                 let takes = [args.images.clone()].into_iter().chain(paths);
                 let command = JobCommand::Colmap(ColmapArgs {
                     command: ColmapCommand::Run(args),
@@ -201,16 +198,14 @@ impl Plan {
             }
         };
         let out = self.out.join("dataset");
-        let Options { args, paths } = project.options::<ImportArgs>("poses")?;
-        let takes = [model.clone(), ingested.clone()].into_iter().chain(paths);
+        let Options { mut args, paths } = project.options::<ImportArgs>("poses")?;
+        args.model.clone_from(&model);
+        args.images = Some(ingested.clone());
+        args.conditions.clone_from(&file.conditions);
+        args.out.clone_from(&out);
+        let takes = [model, ingested].into_iter().chain(paths);
         let command = JobCommand::Colmap(ColmapArgs {
-            command: ColmapCommand::Import(ImportArgs {
-                model,
-                images: Some(ingested),
-                conditions: file.conditions.clone(),
-                out: out.clone(),
-                ..args
-            }),
+            command: ColmapCommand::Import(args),
         });
         self.add("poses", command, takes, out.clone());
         Ok(in_first(&out))
@@ -218,65 +213,79 @@ impl Plan {
 
     fn simulate(&mut self, project: &Project, scene: &str) -> Result<PathBuf> {
         let out = self.out.join("capture");
-        let Options { args, paths } = project.options::<SynthArgs>("synth")?;
-        let command = JobCommand::Synth(SynthArgs {
-            scene: Some(scene.to_owned()),
-            out: Some(out.clone()),
-            ..args
-        });
-        let takes = is_file(scene).then(|| scene.into()).into_iter().chain(paths);
-        self.add("simulate", command, takes, out.clone());
+        let Options { mut args, paths } = project.options::<SynthArgs>("synth")?;
+        args.scene = Some(scene.to_owned());
+        args.out = Some(out.clone());
+        let takes = is_file(scene)
+            .then(|| scene.into())
+            .into_iter()
+            .chain(paths);
+        self.add("simulate", JobCommand::Synth(args), takes, out.clone());
         Ok(out)
     }
 
     /// Masks, normals and training; returns the scene.
     fn train(&mut self, project: &Project, dataset: &Path) -> Result<PathBuf> {
-        let Options { args, paths } = project.options::<TrainArgs>("train")?;
+        let Options { mut args, paths } = project.options::<TrainArgs>("train")?;
+        args.dataset = Some(dataset.to_owned());
         let mut takes = vec![dataset.to_owned()];
-        let mut args = TrainArgs {
-            dataset: Some(dataset.to_owned()),
-            ..args
+        takes.extend(paths);
+        let taken_twice = |name: &str| {
+            let problem = format!("the section [{name}] makes them");
+            project.error(&["train", name], problem)
         };
         if project.file.masks.is_some() {
+            let Options {
+                args: mut of,
+                paths,
+            } = project.options::<MasksArgs>("masks")?;
             let out = self.out.join(folders::MASKS);
-            let maps = out.join(EMISSION_DIR);
-            let Options { args: of, paths } = project.options::<MasksArgs>("masks")?;
-            let command = JobCommand::Masks(MasksArgs {
-                dataset: dataset.to_owned(),
-                out: Some(out.clone()),
-                ..of
-            });
-            let inputs = [dataset.to_owned()].into_iter().chain(paths);
-            self.add("masks", command, inputs, maps.clone());
-            takes.push(maps);
+            of.dataset = dataset.to_owned();
+            of.out = Some(out.clone());
+            takes.push(self.maps("masks", JobCommand::Masks(of), dataset, paths, EMISSION_DIR));
             if args.masks.replace(out).is_some() {
-                let problem = "the section [masks] makes them";
-                return Err(project.error(&["train", "masks"], problem).into());
+                return Err(taken_twice("masks").into());
             }
         }
         if project.file.normals.is_some() {
+            let Options {
+                args: mut of,
+                paths,
+            } = project.options::<NormalsArgs>("normals")?;
             let out = self.out.join("normals");
-            let maps = out.join(NORMAL_DIR);
-            let Options { args: of, paths } = project.options::<NormalsArgs>("normals")?;
-            let command = JobCommand::Normals(NormalsArgs {
-                dataset: dataset.to_owned(),
-                out: Some(out.clone()),
-                ..of
-            });
-            let inputs = [dataset.to_owned()].into_iter().chain(paths);
-            self.add("normals", command, inputs, maps.clone());
-            takes.push(maps);
+            of.dataset = dataset.to_owned();
+            of.out = Some(out.clone());
+            takes.push(self.maps(
+                "normals",
+                JobCommand::Normals(of),
+                dataset,
+                paths,
+                NORMAL_DIR,
+            ));
             if args.normals.replace(out).is_some() {
-                let problem = "the section [normals] makes them";
-                return Err(project.error(&["train", "normals"], problem).into());
+                return Err(taken_twice("normals").into());
             }
         }
         let out = self.out.join(folders::TRAIN);
         let scene = out.join("scene.ply");
         args.out = Some(out);
-        takes.extend(paths);
         self.add("train", JobCommand::Train(args), takes, scene.clone());
         Ok(scene)
+    }
+
+    /// Maps for the views of a dataset; returns their folder.
+    fn maps(
+        &mut self,
+        name: &str,
+        command: JobCommand,
+        dataset: &Path,
+        paths: Vec<PathBuf>,
+        folder: &str,
+    ) -> PathBuf {
+        let maps = self.out.join(name).join(folder);
+        let takes = [dataset.to_owned()].into_iter().chain(paths);
+        self.add(name, command, takes, maps.clone());
+        maps
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {
@@ -289,7 +298,12 @@ impl Plan {
             force: false,
         });
         let takes = [scene.to_owned(), relight.script.clone()];
-        self.add(format!("edit/{}", relight.name), command, takes, out.clone());
+        self.add(
+            format!("edit/{}", relight.name),
+            command,
+            takes,
+            out.clone(),
+        );
         out
     }
 
@@ -325,15 +339,17 @@ impl Plan {
     fn bake(&mut self, project: &Project, condition: &Condition<'_>) -> Result<PathBuf> {
         let name = condition.name;
         let out = self.out.join("bake").join(format!("{name}.ply"));
-        let Options { args, paths } = project.options::<BakeArgs>("bake")?;
-        let command = JobCommand::Bake(BakeArgs {
-            scene: condition.scene.to_owned(),
-            cameras: condition.dataset.to_owned(),
-            out: out.clone(),
-            ..args
-        });
+        let Options { mut args, paths } = project.options::<BakeArgs>("bake")?;
+        args.scene = condition.scene.to_owned();
+        args.cameras = condition.dataset.to_owned();
+        args.out.clone_from(&out);
         let takes = condition.view_inputs().chain(paths);
-        self.add(format!("bake/{name}"), command, takes, out.clone());
+        self.add(
+            format!("bake/{name}"),
+            JobCommand::Bake(args),
+            takes,
+            out.clone(),
+        );
         Ok(out)
     }
 
@@ -346,16 +362,18 @@ impl Plan {
     ) -> Result<()> {
         let Condition { name, scene, .. } = condition;
         let out = self.out.join(folders::RENDER).join(name).join(row);
-        let Options { args, paths } = project.render_options(mode)?;
-        let command = JobCommand::Render(RenderArgs {
-            scene: (*scene).to_owned(),
-            cameras: condition.dataset.to_owned(),
-            mode,
-            out: out.clone(),
-            ..args
-        });
+        let Options { mut args, paths } = project.render_options(mode)?;
+        args.scene = (*scene).to_owned();
+        args.cameras = condition.dataset.to_owned();
+        args.mode = mode;
+        args.out.clone_from(&out);
         let takes = condition.view_inputs().chain(paths);
-        self.add(format!("render/{name}/{row}"), command, takes, out);
+        self.add(
+            format!("render/{name}/{row}"),
+            JobCommand::Render(args),
+            takes,
+            out,
+        );
         Ok(())
     }
 
@@ -384,14 +402,22 @@ impl Plan {
         args.out = Some(folder.clone());
         takes.extend(paths);
         let product = folder.join(METRICS_FILE);
-        self.add(format!("eval/{name}/{row}"), JobCommand::Eval(args), takes, product);
+        self.add(
+            format!("eval/{name}/{row}"),
+            JobCommand::Eval(args),
+            takes,
+            product,
+        );
         let row = Some(row);
         Ok(TableFolder { folder, row })
     }
 
     fn table(&mut self, folders: Vec<TableFolder>) {
         let out = self.out.join(folders::TABLE);
-        let takes: Vec<PathBuf> = folders.iter().map(|of| of.folder.join(METRICS_FILE)).collect();
+        let takes: Vec<PathBuf> = folders
+            .iter()
+            .map(|of| of.folder.join(METRICS_FILE))
+            .collect();
         let command = JobCommand::Eval(EvalArgs::table(TableArgs {
             folders,
             metrics: DEFAULT_METRICS.map(str::to_owned).into(),

@@ -1,11 +1,11 @@
 //! The project file: a section for each step, whose keys are the options of a command.
 
+use super::script_file::ScriptFile;
 use super::section::{self, Section};
 use crate::render::Mode;
 use anyhow::{Context, Result};
 use clap::ValueEnum;
 use eagpt_scene::dataset::Subset;
-use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{SceneError, files};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -151,7 +151,7 @@ pub(crate) struct Project {
     pub(super) script: ScriptFile,
     pub(super) file: ProjectFile,
     /// Folder for all results.
-    pub(super) out: PathBuf,
+    pub(crate) out: PathBuf,
 }
 
 impl Project {
@@ -249,7 +249,10 @@ impl Project {
             let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
             let problem = if name.is_empty() || name == ORIGINAL || !name.chars().all(plain) {
                 format!("`{name}` is no name of letters, digits, - and _ other than `{ORIGINAL}`")
-            } else if file.relight[..index].iter().any(|other| other.name == *name) {
+            } else if file.relight[..index]
+                .iter()
+                .any(|other| other.name == *name)
+            {
                 format!("two conditions are called `{name}`")
             } else {
                 continue;
@@ -270,11 +273,16 @@ impl Project {
         let names = listed.as_array();
         let names = names.ok_or_else(|| error(format!("{listed} is no list")))?;
         let mode = |name: &toml::Value| {
-            let found = name.as_str().and_then(|name| Mode::from_str(name, false).ok());
+            let found = name
+                .as_str()
+                .and_then(|name| Mode::from_str(name, false).ok());
             found.ok_or_else(|| {
                 let known: Vec<String> = Mode::value_variants().iter().map(mode_name).collect();
                 let name = name.as_str().map_or(name.to_string(), str::to_owned);
-                error(format!("`{name}` is no mode; there are {}", known.join(", ")))
+                error(format!(
+                    "`{name}` is no mode; there are {}",
+                    known.join(", ")
+                ))
             })
         };
         names.iter().map(mode).collect()

@@ -1,6 +1,7 @@
 //! Sections of a project: tables whose keys are the options of a command, with `_` for `-`.
 
 use super::project::{MODES, Project, mode_name};
+use super::script_file::{ScriptFile, Spanned};
 use crate::command::JobCommand;
 use crate::command_line;
 use crate::render::{Mode, RenderArgs};
@@ -8,7 +9,6 @@ use anyhow::Result;
 use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args, Command, ValueEnum};
 use eagpt_scene::SceneError;
-use eagpt_scene::script::{ScriptFile, Spanned};
 use std::any::TypeId;
 use std::path::{Path, PathBuf};
 use toml::Value;
@@ -34,7 +34,12 @@ const SECTIONS: [(&str, &str, Part, &[&str]); 10] = [
     ("synth", "synth", Part::Capture, &["-", "--out", "-"]),
     ("ingest", "ingest", Part::Capture, &["-", "--out", "-"]),
     ("colmap", "colmap run", Part::Capture, &["-", "--out", "-"]),
-    ("poses", "colmap import", Part::Capture, &["-", "--out", "-"]),
+    (
+        "poses",
+        "colmap import",
+        Part::Capture,
+        &["-", "--out", "-"],
+    ),
     ("masks", "masks", Part::Training, &["-"]),
     ("normals", "normals", Part::Training, &["-"]),
     ("train", "train", Part::Training, &["-", "--out", "-"]),
@@ -197,7 +202,9 @@ impl Project {
         let entries: Vec<_> = entries.collect();
         let seed = self.file.seed.map(|seed| Value::from(i64::from(seed)));
         let has_seed = argument(&command, "seed").is_some()
-            && !entries.iter().any(|(place, _)| place.last() == Some(&"seed"));
+            && !entries
+                .iter()
+                .any(|(place, _)| place.last() == Some(&"seed"));
         let seed = seed.iter().filter(|_| has_seed);
         for (place, value) in seed.map(|seed| (vec!["seed"], seed)).chain(entries) {
             let key = *place.last().expect("a key was put there");
@@ -210,14 +217,18 @@ impl Project {
             places.push(place);
         }
         let mut paths = Vec::new();
-        for_each_path(&command, &mut values, &mut |path| paths.push(path.into()));
+        for_each_path(&command, &mut values, &mut |path| {
+            paths.push(PathBuf::from(&*path))
+        });
         let parsed = command.no_binary_name(true).try_get_matches_from(words);
         let args = parsed.and_then(|matches| A::from_arg_matches(&matches));
         let args = args.map_err(|error| {
             let key = key_of(&error);
-            let place = places.iter().find(|place| place.last() == key.as_deref().as_ref());
-            let place = place.map_or(&[section][..], Vec::as_slice);
-            self.error(place, message(&error))
+            let place = places
+                .iter()
+                .find(|place| place.last() == key.as_deref().as_ref());
+            let place = place.cloned().unwrap_or_else(|| vec![section]);
+            self.error(&place, message(&error))
         })?;
         Ok(Options { args, paths })
     }
@@ -251,11 +262,7 @@ fn message(error: &clap::Error) -> String {
 }
 
 /// An error about the value at `keys`, or about the file if there is none.
-pub(super) fn error(
-    script: &ScriptFile,
-    keys: &[&str],
-    problem: impl Into<String>,
-) -> SceneError {
+pub(super) fn error(script: &ScriptFile, keys: &[&str], problem: impl Into<String>) -> SceneError {
     let mut span = 0..0;
     if let Ok(root) = DeTable::parse(script.text()) {
         let root = Spanned::new(root.span(), DeValue::Table(root.into_inner()));
@@ -267,7 +274,9 @@ pub(super) fn error(
                 _ => None,
             });
         }
-        span = value.filter(|_| !keys.is_empty()).map_or(span, Spanned::span);
+        span = value
+            .filter(|_| !keys.is_empty())
+            .map_or(span, Spanned::span);
     }
     script.error(span, problem)
 }

@@ -37,6 +37,11 @@ pub(super) enum Restart {
 }
 
 impl PlanStep {
+    /// Whether it is of the kind that its name begins with.
+    pub(super) fn is_of(&self, kind: &str) -> bool {
+        self.name.split('/').next() == Some(kind)
+    }
+
     /// How the command treats an unfinished result.
     pub(super) fn restart(&self) -> Restart {
         match &self.command {

@@ -1,14 +1,13 @@
 //! The projects of all rows.
 
 use super::published::{self, Light, SCENES};
-use super::rows::{Mode, Row, Scene, section};
-use crate::run::ORIGINAL;
+use super::rows::{Mode, Row, Scene};
+use crate::run::{ORIGINAL, Project, ProjectFile};
 use anyhow::{Context, Result, bail};
 use eagpt_eval::tabulate::repeats::RepeatCell;
-use eagpt_report::run::RunRecord;
+use eagpt_report::run::{RunRecord, folders};
 use eagpt_scene::Dataset;
 use std::path::{Path, PathBuf};
-use toml::{Table, Value};
 
 /// A dataset with the project that rows are derived from.
 #[derive(Debug)]
@@ -17,20 +16,17 @@ pub(super) struct Base {
     /// Folder for its rows and its table, absolute.
     pub(super) out: PathBuf,
     /// Its paths are absolute.
-    project: Table,
+    project: ProjectFile,
     /// Other lights that are measured.
     relit: Vec<String>,
 }
 
-/// A project that a row or a training is.
+/// The project of a row or of a training.
 #[derive(Debug)]
-pub(super) struct Job {
+pub(super) struct RowProject {
     /// As `kitchen/rows/path/seed-0`.
     pub(super) name: String,
-    /// Its file; results go into the folder of this name without its end.
-    pub(super) project: PathBuf,
-    /// What has to be in it.
-    pub(super) text: String,
+    pub(super) project: Project,
     /// The last of its steps.
     pub(super) until: Option<&'static str>,
 }
@@ -38,30 +34,25 @@ pub(super) struct Job {
 /// A trained scene with the rows that show it.
 #[derive(Debug)]
 pub(super) struct Group {
-    pub(super) scene: Job,
-    rows: Vec<Job>,
+    pub(super) scene: RowProject,
+    rows: Vec<RowProject>,
 }
 
 impl Group {
     /// All projects, in order.
-    pub(super) fn jobs(&self) -> impl Iterator<Item = &Job> {
+    pub(super) fn projects(&self) -> impl Iterator<Item = &RowProject> {
         std::iter::once(&self.scene).chain(&self.rows)
     }
 }
 
-impl Job {
-    /// Folder of its results.
-    fn out(&self) -> PathBuf {
-        self.project.with_extension("")
-    }
-
+impl RowProject {
     /// Whether all of its steps are done, as far as can be told without looking at files.
     ///
     /// # Errors
     /// If its record cannot be read.
     pub(super) fn is_done(&self) -> Result<bool> {
         let last = self.until.unwrap_or("report");
-        let record = RunRecord::read(&self.out())?;
+        let record = RunRecord::read(&self.project.out)?;
         let step = record.as_ref().and_then(|record| record.steps.get(last));
         Ok(step.is_some_and(|step| step.done))
     }
@@ -73,22 +64,20 @@ impl Job {
 /// If it is no dataset.
 pub(super) fn of_folder(
     dataset: &Path,
-    config: Option<Table>,
+    config: Option<ProjectFile>,
     (preset, spp): (&str, i64),
-) -> Result<Table> {
+) -> Result<ProjectFile> {
     let mut project = config.unwrap_or_default();
     let path = std::path::absolute(dataset).with_context(|| format!("{}", dataset.display()))?;
-    project.insert("dataset".to_owned(), path.display().to_string().into());
-    let mut default = |name: &str, key: &str, value: Value| {
-        let table = section(&mut project, name);
-        table.entry(key).or_insert(value);
-    };
-    default("train", "preset", preset.into());
-    default("render", "spp", spp.into());
-    default("render", "denoise", "auto".into());
+    project.dataset = Some(path);
+    let train = project.train.get_or_insert_default();
+    train.entry("preset").or_insert(preset.into());
+    let render = project.render.get_or_insert_default();
+    render.entry("spp").or_insert(spp.into());
+    render.entry("denoise").or_insert("auto".into());
     let mut frames = Dataset::open(dataset)?.frames().to_vec().into_iter();
-    if !project.contains_key("masks") && frames.all(|frame| frame.files.emission.is_none()) {
-        section(&mut project, "masks");
+    if project.masks.is_none() && frames.all(|frame| frame.files.emission.is_none()) {
+        project.masks = Some(Default::default());
     }
     Ok(project)
 }
@@ -98,30 +87,34 @@ impl Base {
     ///
     /// # Errors
     /// If it starts at something else than a dataset.
-    pub(super) fn new(name: &str, path: &Path, mut project: Table, out: &Path) -> Result<Self> {
-        for key in ["capture", "simulate", "scene"] {
-            if project.contains_key(key) {
+    pub(super) fn new(
+        name: &str,
+        path: &Path,
+        mut project: ProjectFile,
+        out: &Path,
+    ) -> Result<Self> {
+        for (key, is_there) in [
+            ("capture", project.capture.is_some()),
+            ("simulate", project.simulate.is_some()),
+            ("scene", project.scene.is_some()),
+        ] {
+            if is_there {
                 bail!(
                     "{}: {key}: tables are made of a dataset; `eagpt run` makes one of a capture",
                     path.display()
                 );
             }
         }
-        project.remove("out");
+        project.out = None;
         // Seeds are those of the rows.
-        for (_, value) in &mut project {
-            if let Value::Table(table) = value {
-                table.remove("seed");
-            }
+        for (_, section) in project.sections_mut() {
+            section.iter_mut().for_each(|of| drop(of.remove("seed")));
         }
-        let relight = project.get("relight").and_then(Value::as_array);
-        let relight = relight.into_iter().flatten().filter_map(Value::as_table);
-        let measured = relight.filter(|table| table.contains_key("reference"));
-        let names = measured.filter_map(|table| table.get("name")?.as_str());
+        let measured = project.relight.iter().filter(|of| of.reference.is_some());
         Ok(Self {
             name: name.to_owned(),
             out: out.to_owned(),
-            relit: names.map(str::to_owned).collect(),
+            relit: measured.map(|of| of.name.clone()).collect(),
             project,
         })
     }
@@ -132,14 +125,26 @@ impl Base {
         rows.iter().filter(is_shown).copied().collect()
     }
 
-    fn job(&self, kind: &str, name: &str, seed: u32) -> Job {
-        let place = format!("{kind}/{name}/seed-{seed}");
-        Job {
+    /// Place of a project below the folder of the dataset.
+    fn place(kind: &str, name: &str, seed: u32) -> String {
+        format!("{kind}/{name}/seed-{seed}")
+    }
+
+    fn row_project(
+        &self,
+        place: &str,
+        mut project: ProjectFile,
+        (title, seed): (&str, u32),
+    ) -> Result<RowProject> {
+        project.seed = Some(seed);
+        let comment = format!(
+            "{title}. Written by `eagpt paper`, which writes it again; `eagpt run` takes it as it is."
+        );
+        Ok(RowProject {
             name: format!("{}/{place}", self.name),
-            project: self.out.join(format!("{place}.toml")),
-            text: String::new(),
+            project: Project::derived(&self.out.join(format!("{place}.toml")), &project, &comment)?,
             until: None,
-        }
+        })
     }
 
     /// The trainings and rows of a seed.
@@ -147,35 +152,34 @@ impl Base {
     /// # Errors
     /// If a row cannot be derived from this project.
     pub(super) fn groups(&self, rows: &[&Row], seed: u32) -> Result<Vec<Group>> {
-        let mut scenes: Vec<(Scene, Group)> = Vec::new();
+        let mut groups: Vec<(Scene, Group)> = Vec::new();
         for row in self.rows(rows) {
-            let at = match scenes.iter().position(|(scene, _)| *scene == row.scene) {
+            let at = match groups.iter().position(|(scene, _)| *scene == row.scene) {
                 Some(at) => at,
                 None => {
-                    scenes.push((row.scene, self.group(row.scene, seed)?));
-                    scenes.len() - 1
+                    groups.push((row.scene, self.group(row.scene, seed)?));
+                    groups.len() - 1
                 }
             };
-            let group = &mut scenes[at].1;
-            let scene = group.scene.out().join("train/scene.ply");
-            let project = row.project(&self.project, &scene.display().to_string());
-            let job = self.job("rows", row.name, seed);
-            group.rows.push(Job {
-                text: written(project, &format!("Row {}: {}", row.name, row.title), seed)?,
-                ..job
-            });
+            let group = &mut groups[at].1;
+            let scene = group.scene.project.out.join("train/scene.ply");
+            let project = row.project(&self.project, &scene);
+            let title = format!("Row {}: {}", row.name, row.title);
+            let place = Self::place("rows", row.name, seed);
+            let project = self.row_project(&place, project, (&title, seed))?;
+            group.rows.push(project);
         }
-        Ok(scenes.into_iter().map(|(_, group)| group).collect())
+        Ok(groups.into_iter().map(|(_, group)| group).collect())
     }
 
     fn group(&self, scene: Scene, seed: u32) -> Result<Group> {
-        let project = scene
-            .project(&self.project)
-            .with_context(|| self.name.clone())?;
-        let scene = Job {
-            text: written(project, &format!("Scene {}", scene.name()), seed)?,
+        let project = scene.project(&self.project);
+        let project = project.with_context(|| self.name.clone())?;
+        let title = format!("Scene {}", scene.name());
+        let place = Self::place("scenes", scene.name(), seed);
+        let scene = RowProject {
             until: Some("train"),
-            ..self.job("scenes", scene.name(), seed)
+            ..self.row_project(&place, project, (&title, seed))?
         };
         let rows = Vec::new();
         Ok(Group { scene, rows })
@@ -192,8 +196,8 @@ impl Base {
         for row in self.rows(rows) {
             for &(condition, place) in lights.iter().filter(|(_, p)| row.shows(p.is_some())) {
                 let folders = seeds.iter().map(|seed| {
-                    let out = self.job("rows", row.name, *seed).out();
-                    out.join("eval").join(condition).join(row.folder())
+                    let out = self.out.join(Self::place("rows", row.name, *seed));
+                    out.join(folders::EVAL).join(condition).join(row.folder())
                 });
                 // The paper changes the light of a scene once.
                 let published = match place {
@@ -237,15 +241,6 @@ impl Base {
     }
 }
 
-/// A project as a file.
-fn written(mut project: Table, title: &str, seed: u32) -> Result<String> {
-    project.insert("seed".to_owned(), seed.into());
-    let body = toml::to_string(&project)?;
-    Ok(format!(
-        "# {title}. Written by `eagpt paper`, which writes it again; `eagpt run` takes it as it is.\n\n{body}"
-    ))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,20 +248,23 @@ mod tests {
 
     #[test]
     fn rows_of_one_scene_share_its_training() {
-        let project: Table = "dataset = \"/d\"\n[train]\nseed = 3\n[[relight]]\nname = \"ball\"\nscript = \"/s\"\nreference = \"/r\""
-            .parse()
-            .unwrap();
+        let project: ProjectFile = toml::from_str("dataset = \"/d\"\n[train]\nseed = 3\n[[relight]]\nname = \"ball\"\nscript = \"/s\"\nreference = \"/r\"",
+        )
+        .unwrap();
         let base = Base::new("d", Path::new("d"), project, Path::new("/out/d")).unwrap();
         let rows: Vec<&Row> = ROWS.iter().collect();
         let groups = base.groups(&rows, 7).unwrap();
         let num: Vec<usize> = groups.iter().map(|group| group.rows.len()).collect();
         assert_eq!(num, [10, 1, 1, 1, 1]);
         let scene = &groups[0].scene;
-        assert_eq!(scene.project, Path::new("/out/d/scenes/full/seed-7.toml"));
-        assert!(scene.text.contains("seed = 7") && !scene.text.contains("seed = 3"));
+        let path = Path::new("/out/d/scenes/full/seed-7.toml");
+        assert_eq!(scene.project.path(), path);
+        let text = scene.project.text();
+        assert!(text.contains("seed = 7") && !text.contains("seed = 3"));
         let row = &groups[0].rows[2];
         assert!(
-            row.text
+            row.project
+                .text()
                 .contains("scene = \"/out/d/scenes/full/seed-7/train/scene.ply\"")
         );
         // Baking has nothing to show of the light that was photographed.
