@@ -7,10 +7,9 @@ use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use eagpt_masks::report::ViewVerdict;
 use eagpt_masks::{
     Border, CheckOptions, Inconsistent, MaskOptions, MaskProgress, MaskRequest, MaskSummary, Rule,
-    Source, make_masks, planned_files,
+    Source, ViewVerdict, make_masks, planned_files,
 };
 use eagpt_scene::Dataset;
 use serde::Serialize;

@@ -13,7 +13,6 @@ mod rows;
 
 use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
-use crate::parts::{self, Parts};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};
 use crate::run::{self, Plan, PlanStep, Project};
@@ -23,7 +22,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use eagpt_eval::tabulate::FILES;
 use eagpt_eval::tabulate::repeats::{RepeatOptions, tabulate_repeats};
-use eagpt_scene::{Shard, files};
+use eagpt_scene::Shard;
+use eagpt_scene::files::{self, Key, Ledger, ledger};
 use projects::{Base, Group, RowProject};
 use rows::{ROWS, Row};
 use std::path::{Path, PathBuf};
@@ -193,18 +193,20 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
     target.check(&[])?;
     files::create_dir(&args.out)?;
     if args.force {
-        parts::clear(&args.out, "paper")?;
+        ledger::clear(&args.out, "paper")?;
     }
     let shard = args.shard.unwrap_or(Shard::WHOLE);
     // What decides the result is known to the projects; a part only has to be there.
-    let mut parts = Parts::open(&args.out, "paper", env!("CARGO_PKG_VERSION"), shard)?;
+    let key = Key::new().with_value("version", &env!("CARGO_PKG_VERSION"))?;
+    let mut ledger = Ledger::open(&args.out, "paper", &key, shard, ledger::ADVICE)?;
+    ledger.check_shards()?;
     let mut builder = RecordBuilder::begin("paper", &recorded(args, &rows), global)?;
     let reporter = Reporter::new(global);
-    if !make(&groups, shard, (&mut parts, &mut builder), global)? {
+    if !make(&groups, shard, (&mut ledger, &mut builder), global)? {
         return Ok(interrupt::exit_code());
     }
     if shard != Shard::WHOLE {
-        parts.complete()?;
+        ledger.complete()?;
         reporter.note(&format!("{}: part {shard}", args.out.display()));
         return Ok(ExitCode::SUCCESS);
     }
@@ -229,7 +231,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
         }
     }
     builder.write(&args.out)?;
-    parts.close()?;
+    ledger.close()?;
     reporter.message(&serde_json::json!({
         "message": "done",
         "path": args.out.join(FILE_NAME),
@@ -279,7 +281,7 @@ fn recorded(args: &PaperArgs, rows: &[&Row]) -> serde_json::Value {
 fn make(
     groups: &[Group],
     shard: Shard,
-    (parts, builder): (&mut Parts, &mut RecordBuilder),
+    (ledger, builder): (&mut Ledger, &mut RecordBuilder),
     global: &GlobalArgs,
 ) -> Result<bool> {
     let reporter = Reporter::new(global);
@@ -319,7 +321,7 @@ fn make(
         }
         let seconds = started.elapsed().as_secs_f64();
         builder.took(&group.scene.name, seconds);
-        parts.add(&group.scene.name, seconds, &[])?;
+        ledger.add(&group.scene.name, seconds, &[])?;
     }
     if !failed.is_empty() {
         bail!(

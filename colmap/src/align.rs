@@ -13,7 +13,7 @@
 //! from its size. The result is a bit-exact function of model and options.
 
 pub mod floor;
-pub mod gravity;
+pub(crate) mod gravity;
 mod manual;
 mod numeric;
 mod reference;
@@ -24,7 +24,8 @@ pub mod walls;
 mod tests;
 
 pub use manual::Manual;
-pub use reference::{KnownCamera, ReferenceReport, similarity};
+pub(crate) use reference::ReferenceReport;
+pub use reference::{KnownCamera, similarity};
 pub use scale::{Anchor, Scale};
 
 use crate::error::{ColmapError, Result};
@@ -121,7 +122,7 @@ pub struct Alignment {
     /// The world of the dataset from that of the model.
     pub aligned_from_model: Similarity,
     /// The vertical before the floor was known; null if the user gave it.
-    pub gravity: Option<GravityReport>,
+    pub(crate) gravity: Option<GravityReport>,
     /// The floor; null without one.
     pub floor: Option<FloorReport>,
     /// The walls; null if they were not requested or not found.
@@ -247,7 +248,7 @@ pub fn align(model: &Model, options: &AlignOptions) -> Result<Alignment> {
 
 /// A plane, its normal turned up.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plane {
+pub(crate) struct Plane {
     /// A point of it.
     pub point: DVec3,
     /// Unit length.
@@ -256,12 +257,12 @@ pub struct Plane {
 
 impl Plane {
     /// Distance above the plane.
-    pub fn height(&self, point: DVec3) -> f64 {
+    pub(crate) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point - self.point)
     }
 
     /// The other side of the mirror.
-    pub fn mirrored(&self, point: DVec3) -> DVec3 {
+    pub(crate) fn mirrored(&self, point: DVec3) -> DVec3 {
         point - 2.0 * self.height(point) * self.normal
     }
 }

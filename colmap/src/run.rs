@@ -23,7 +23,7 @@ pub const REPORT_FILE: &str = "run.json";
 /// File of `colmap`'s output, in the folder of the model.
 pub const LOG_FILE: &str = "colmap.log";
 /// Temporary folder, in the folder of the model; removed at the end.
-pub const WORK_DIR: &str = "work";
+pub(crate) const WORK_DIR: &str = "work";
 
 /// Options of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -91,7 +91,7 @@ pub enum Matcher {
 }
 
 /// Most images that [`Matcher::Auto`] matches exhaustively: an hour or two on a few cores.
-pub const MAX_EXHAUSTIVE: usize = 400;
+pub(crate) const MAX_EXHAUSTIVE: usize = 400;
 
 impl RunOptions {
     /// Checks ranges.

@@ -11,12 +11,12 @@
 //! A reader reads cameras and headers of images, not pixels. It continues after a frame that cannot
 //! be used and reports its problem.
 
-pub mod eagpt;
-pub mod eyeful;
-pub mod fipt;
-pub mod fipt_synthetic;
+pub(crate) mod eagpt;
+pub(crate) mod eyeful;
+pub(crate) mod fipt;
+pub(crate) mod fipt_synthetic;
 mod lens;
-pub mod nerfstudio;
+pub(crate) mod nerfstudio;
 
 use crate::color::ColorTransform;
 use crate::error::{ConvertError, Problem, Result};
@@ -182,7 +182,7 @@ pub enum Emission {
 
 impl Emission {
     /// The file.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         match self {
             Self::Mask(path) | Self::Radiance(path) => path,
         }

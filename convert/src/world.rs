@@ -23,7 +23,7 @@ pub enum World {
 
 impl World {
     /// The rotation into this world from one where `up` points up.
-    pub fn new_from_source(self, up: UpAxis) -> DMat3 {
+    pub(crate) fn new_from_source(self, up: UpAxis) -> DMat3 {
         match self {
             Self::Keep => DMat3::IDENTITY,
             Self::ZUp => z_up_from(up),
@@ -46,7 +46,7 @@ fn z_up_from(up: UpAxis) -> DMat3 {
 }
 
 /// A pose in a rotated world.
-pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
+pub(crate) fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
     DAffine3 {
         matrix3: new_from_old * old_from_camera.matrix3,
         translation: new_from_old * old_from_camera.translation,
@@ -61,7 +61,7 @@ pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
 ///
 /// # Errors
 /// The problem: origin and target coincide, or `up` is not of unit length or not perpendicular.
-pub fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3, String> {
+pub(crate) fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3, String> {
     let forward = (target - origin)
         .try_normalize()
         .ok_or_else(|| format!("target equals the origin {origin}"))?;
@@ -87,7 +87,7 @@ pub fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3,
 ///
 /// # Errors
 /// The problem: the last row, or columns that are not a rotation.
-pub fn from_camera_from_world(columns: &[[f64; 4]; 4]) -> Result<DAffine3, String> {
+pub(crate) fn from_camera_from_world(columns: &[[f64; 4]; 4]) -> Result<DAffine3, String> {
     let last = columns.map(|column| column[3]);
     if last != [0.0, 0.0, 0.0, 1.0] {
         return Err(format!("last row is {last:?}, not [0, 0, 0, 1]"));

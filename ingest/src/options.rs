@@ -182,7 +182,7 @@ impl IngestOptions {
     }
 
     /// Fraction of the range from which on a sample is clipped.
-    pub fn clip(&self) -> f32 {
+    pub(crate) fn clip(&self) -> f32 {
         1.0 - self.clip_margin
     }
 }

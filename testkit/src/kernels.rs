@@ -10,7 +10,7 @@ const MAX_INVOCATIONS: u32 = 256;
 /// Bytes of a workgroup's memory (`maxComputeWorkgroupStorageSize`).
 const MAX_WORKGROUP_BYTES: u32 = 16 << 10;
 
-/// Whether `source` is a valid module whose kernels keep to what every device of WebGPU has: no
+/// Checks that `source` is a valid module whose kernels keep to what every device of WebGPU has: no
 /// extensions, at most eight storage buffers, 256 invocations and 16 KiB for a workgroup.
 ///
 /// # Errors

@@ -36,7 +36,7 @@ mod bvh;
 mod camera;
 mod device;
 mod error;
-mod fit;
+mod frame;
 mod layout;
 mod light;
 mod matrix;
@@ -50,9 +50,9 @@ mod views;
 mod wgsl;
 
 pub use adapter::{Adapter, Kind, adapters};
-pub use device::{Device, DeviceSelector, Profile, Reading, StageTime, Tier};
+pub use device::{Device, Profile, Reading, StageTime, Tier};
 pub use error::GpuError;
-pub use fit::{Frame, FrameRoom, GpuFit};
+pub use frame::{Frame, FrameRoom};
 pub use scene::GpuScene;
 
 /// What kernels of other crates are made of.

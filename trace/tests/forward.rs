@@ -4,10 +4,11 @@
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::blend::Contribution;
+use eagpt_trace::blend::GradientMask;
+use eagpt_trace::cpu::CameraRecord;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::cpu::realizations::Realizations;
-use eagpt_trace::cpu::{CameraRecord, GradientMask};
 use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::parity::PARITY_TOLERANCE;
@@ -369,7 +370,7 @@ fn every_draw_is_searched_to_the_nearest_disc() {
     assert!(num_hits > 200 && num_own > 10, "{num_hits}, {num_own}");
 }
 
-/// What is empty or invisible has no realizations and no harm in them.
+/// Empty scenes and invisible Gaussians have no hits in realizations.
 #[test]
 fn draws_of_nothing_are_nothing() {
     let mut faint = random_cloud(20, 1);

@@ -10,7 +10,7 @@ use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, RayTracer, Sampling};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
 use eagpt_trace::{Features, Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 
@@ -297,7 +297,7 @@ fn closed_rooms_do_not_leak() {
         24,
     );
     let (mean, _) = mean_and_error(&render(&gaussians, &corner, path(64, 7), 6));
-    // What passes through the walls themselves is 1e-4 of the light at each of up to eight hits.
+    // The light through the walls themselves is 1e-4 of the light at each of up to eight hits.
     assert!(mean < 10.0 * 8.0 * 1e-4, "{mean}");
 }
 
@@ -328,14 +328,8 @@ fn light_reaches_into_corners() {
         let origin = Vec3::new(0.0, 1.0 - distance, 0.5);
         let features = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
         let surface = Surface::at(origin, direction, &features).unwrap();
-        let light = eagpt_trace::transport::irradiance_over_pi(
-            &scene,
-            &BounceSampler::new(None, 0.0),
-            &surface,
-            4000,
-            &Points::new(key, 0),
-        )
-        .x;
+        let (sampler, points) = (BounceSampler::new(None, 0.0), Points::new(key, 0));
+        let light = scene.irradiance_at(&surface, &sampler, 4000, &points).x;
         // A strip of height 2 at the distance d, wide compared with it: (1 − cos θ)/2 with tan θ =
         // 2/d.
         let expected = 0.5 * (1.0 - distance / (distance * distance + 4.0).sqrt());
@@ -382,7 +376,7 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     assert!(one != in_pool(1, 12));
 }
 
-/// Light sampling changes the noise, not the mean: against plain cosine sampling on several scenes,
+/// Light sampling changes the noise, not the mean: against cosine sampling on several scenes,
 /// by the difference's own standard error over pixels and seeds.
 #[test]
 fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
@@ -446,11 +440,11 @@ fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
     }
 }
 
-/// TransportMatrix and the light of emitters beside them are the integral of what arrives, as
-/// blended rays have it: by the standard errors of both, at places that see the lamp, the ball and
+/// The transport matrix and the light of emitters beside it give the irradiance that blended rays
+/// do: by the standard errors of both, at places that see the lamp, the ball and
 /// corners.
 #[test]
-fn links_bring_the_light_of_blended_rays() {
+fn matrix_gives_the_irradiance_of_blended_rays() {
     const BATCHES: u32 = 64;
     let gaussians = lit_room(1.0);
     let scene = CpuScene::new(&gaussians);

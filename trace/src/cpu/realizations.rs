@@ -16,9 +16,9 @@
 //! but with the number of discs that light comes from.
 
 use super::bvh::{DiscTree, RayScratch, uniform_of};
+use super::scene::SampledHit;
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
-use crate::transport::SampledHit;
 use crate::transport::matrix::NUM_REALIZATIONS;
 
 /// Seed of an engine's realizations: scenes of the same Gaussians have the same ones.
@@ -52,7 +52,7 @@ impl Realizations {
         Self { seed, trees }
     }
 
-    /// What `ray` meets first in realization `realization` modulo [`NUM_REALIZATIONS`].
+    /// The first hit of `ray` in realization `realization` modulo [`NUM_REALIZATIONS`].
     pub fn nearest(
         &self,
         ray: &Ray,

@@ -1,21 +1,21 @@
-//! TransportMatrix on the device: the twin of [`crate::transport::matrix`].
+//! The light-transport matrix on a device; [`crate::transport::matrix`] is its CPU counterpart.
 //!
-//! A dispatch follows one direction of one receiver in each invocation; another one adds up what
-//! they have found. Light is added in the order of samples, those towards emitters first, so that
-//! the bits depend neither on the size of dispatches nor on which receivers are traced together.
+//! A dispatch follows one direction of one receiver in each invocation; another one adds up their
+//! light. It is added in the order of samples, light samples first (on the CPU, in the order of
+//! realizations), so that the bits depend neither on the size of dispatches nor on which receivers
+//! are traced together.
 
 use super::device::{Device, Step};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
 use super::light::TreeBuffers;
-use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use super::wgsl;
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
 use crate::transport::lights::Lights;
-use crate::transport::matrix::{Directions, NUM_REALIZATIONS, Receiver, TransportMatrix};
+use crate::transport::matrix::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, TransportMatrix};
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -29,9 +29,6 @@ const DIRECTIONS_PER_DISPATCH: u32 = 1 << 18;
 /// of an invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 1 << 14;
 
-/// Dispatches that are under way at once.
-const DISPATCHES_AHEAD: u32 = 16;
-
 /// Parameters of the kernels.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -42,9 +39,9 @@ pub(super) struct TransportParameters {
     num_emitters: u32,
     scene_root: u32,
     light_root: u32,
-    /// Directions about the normal of each receiver, in all.
-    num_plain: u32,
-    /// Directions towards emitters of each receiver, in all.
+    /// BSDF samples of each receiver, in all.
+    num_bsdf: u32,
+    /// Light samples of each receiver, in all.
     num_to_lights: u32,
     num_receivers: u32,
     /// An [`Aim`].
@@ -62,7 +59,7 @@ impl TransportParameters {
             num_emitters: "u32",
             scene_root: "u32",
             light_root: "u32",
-            num_plain: "u32",
+            num_bsdf: "u32",
             num_to_lights: "u32",
             num_receivers: "u32",
             is_towards_lights: "u32",
@@ -103,28 +100,27 @@ impl ReceiverOnDevice {
     }
 }
 
-/// What one direction has found.
+/// Result of one direction.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
 pub(super) struct FoundEntry {
     /// Of an emitter, weighted.
     light: [f32; 3],
-    /// A Gaussian, [`crate::transport::matrix::NOTHING`], or [`super::bvh::NO_NODE`] where no ray
-    /// was traced.
-    link: u32,
+    /// Entry of the matrix, or [`super::bvh::NO_NODE`] where no ray was traced.
+    target: u32,
 }
 
 impl FoundEntry {
     pub(super) fn layout() -> Layout {
         layout!(FoundEntry {
             light: "vec3f",
-            link: "u32",
+            target: "u32",
         })
     }
 }
 
-/// What the directions of a receiver have brought.
+/// Light that the directions of a receiver have found.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct ArrivedLight {
@@ -141,7 +137,7 @@ impl ArrivedLight {
     }
 }
 
-/// What matrix need of a scene, beside its Gaussians.
+/// Buffers of a scene that tracing needs, beside its Gaussians.
 #[derive(Debug)]
 pub(super) struct TransportBuffers {
     /// Of discs that are as large as the largest of all realizations.
@@ -186,19 +182,19 @@ impl TransportBuffers {
     }
 }
 
-/// Traces matrix through a scene on a device.
+/// Traces rows of the matrix through a scene on a device.
 pub(super) struct TransportRays<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
     pub(super) matrix: &'a TransportBuffers,
 }
 
-/// Where the directions of a dispatch go.
+/// Kind of the directions of a dispatch.
 #[derive(Clone, Copy)]
 enum Aim {
-    /// About the normal.
+    /// BSDF samples.
     Normal = 0,
-    /// Towards emitters.
+    /// Light samples.
     Lights = 1,
 }
 
@@ -214,7 +210,7 @@ struct Piece {
 }
 
 impl Piece {
-    /// `num` samples, as many in a dispatch as there is room for.
+    /// `num` samples, as many in a dispatch as fit.
     fn samples(&self, num: u32) -> impl Iterator<Item = Range<u32>> {
         let at_once = self.samples_at_once;
         (0..num)
@@ -224,7 +220,7 @@ impl Piece {
 }
 
 impl TransportRays<'_> {
-    /// The matrix of `receivers`; see [`TransportMatrix::trace`].
+    /// Rows of `receivers`; see [`TransportMatrix::trace`].
     pub(super) fn trace(
         &self,
         receivers: &[Receiver],
@@ -235,7 +231,7 @@ impl TransportRays<'_> {
         if receivers.is_empty() {
             return Ok(matrix);
         }
-        let samples = directions.plain.max(directions.to_lights);
+        let samples = directions.bsdf.max(directions.to_lights);
         let room = self.device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
         let directions_at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
         let most_samples = SAMPLES_PER_DISPATCH.min(directions_at_once);
@@ -249,7 +245,7 @@ impl TransportRays<'_> {
             num_emitters: trees.num_emitters,
             scene_root: trees.scene_root,
             light_root: trees.light_root,
-            num_plain: directions.plain,
+            num_bsdf: directions.bsdf,
             num_to_lights: directions.to_lights,
             ..TransportParameters::zeroed()
         };
@@ -261,38 +257,6 @@ impl TransportRays<'_> {
             self.trace_piece(&piece, parameters, &mut matrix)?;
         }
         Ok(matrix)
-    }
-
-    /// What each ray meets first in the realization that is its seed; see
-    /// [`crate::Tracer::realization_hits`].
-    pub(super) fn first_hits(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
-        let mut hits = Vec::with_capacity(queries.len());
-        let room = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;
-        let at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as usize;
-        let device = self.device;
-        for some in queries.chunks(at_once) {
-            let rays = device.upload("rays", bytemuck::cast_slice(some))?;
-            let found = device.buffer("first hits", (some.len() * size_of::<u32>()) as u64)?;
-            let parameters = TransportParameters {
-                scene_root: self.matrix.trees.scene_root,
-                num_receivers: some.len() as u32,
-                ..TransportParameters::zeroed()
-            };
-            let uniform = device.uniform("matrix", &parameters);
-            let buffers = [
-                (1, &uniform),
-                (2, &self.scene.surfels),
-                (4, &self.matrix.trees.nodes),
-                (5, &self.matrix.trees.leaf_indices),
-                (7, &self.matrix.radii),
-                (10, &found),
-                (12, &rays),
-            ];
-            let groups = (some.len() as u32).div_ceil(64);
-            device.run(&[device.step(&wgsl::LINKS, "first_hits", &buffers, groups)])?;
-            hits.extend(device.read::<u32>(&found, 0..some.len())?);
-        }
-        Ok(hits)
     }
 
     fn piece(&self, num_receivers: usize, samples_at_once: u32) -> Result<Piece, GpuError> {
@@ -310,7 +274,7 @@ impl TransportRays<'_> {
         })
     }
 
-    /// Adds the matrix of the receivers that are in `piece`.
+    /// Adds the rows of the receivers that are in `piece`.
     fn trace_piece(
         &self,
         piece: &Piece,
@@ -333,28 +297,29 @@ impl TransportRays<'_> {
         let nothing = vec![ArrivedLight::zeroed(); num_receivers];
         self.device
             .write(&piece.arrived, bytemuck::cast_slice(&nothing));
-        let num_to_lights = match parameters.num_emitters {
-            0 => 0,
-            _ => parameters.num_to_lights,
-        };
-        for (number, samples) in (1_u32..).zip(piece.samples(num_to_lights)) {
-            dispatch(Aim::Lights, &samples)?;
-            if number.is_multiple_of(DISPATCHES_AHEAD) {
-                self.device.wait()?;
+        for (aim, num_samples, targets) in [
+            (
+                Aim::Lights,
+                parameters.num_to_lights,
+                &mut matrix.light_targets,
+            ),
+            (Aim::Normal, parameters.num_bsdf, &mut matrix.targets),
+        ] {
+            let start = targets.len();
+            targets.resize(start + num_receivers * num_samples as usize, NOTHING);
+            if matches!(aim, Aim::Lights) && parameters.num_emitters == 0 {
+                continue;
             }
-        }
-        let num_plain = parameters.num_plain as usize;
-        let start = matrix.targets.len();
-        matrix.targets.resize(start + num_receivers * num_plain, 0);
-        for samples in piece.samples(parameters.num_plain) {
-            dispatch(Aim::Normal, &samples)?;
-            let found: Vec<u32> = self
-                .device
-                .read(&piece.matrix, 0..num_receivers * samples.len())?;
-            let (first, end) = (samples.start as usize, samples.end as usize);
-            let rows = matrix.targets[start..].chunks_exact_mut(num_plain);
-            for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
-                row[first..end].copy_from_slice(found);
+            for samples in piece.samples(num_samples) {
+                dispatch(aim, &samples)?;
+                let found: Vec<u32> = self
+                    .device
+                    .read(&piece.matrix, 0..num_receivers * samples.len())?;
+                let (first, end) = (samples.start as usize, samples.end as usize);
+                let rows = targets[start..].chunks_exact_mut(num_samples as usize);
+                for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
+                    row[first..end].copy_from_slice(found);
+                }
             }
         }
         let arrived: Vec<ArrivedLight> = self.device.read(&piece.arrived, 0..num_receivers)?;

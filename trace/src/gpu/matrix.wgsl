@@ -1,4 +1,5 @@
-// Which Gaussians light each other: the twin of matrix.rs in transport, and of realizations.rs.
+// Entries of the light-transport matrix: counterpart of matrix.rs in transport, and of
+// realizations.rs.
 //
 // A ray meets the opaque discs of one realization. All realizations share a tree whose boxes hold
 // the largest disc of each Gaussian; how large a disc is in the realization of a ray is looked up
@@ -21,8 +22,6 @@
 @group(0) @binding(10) var<storage, read_write> matrix: array<u32>;
 // [receivers].
 @group(0) @binding(11) var<storage, read_write> arrived: array<ArrivedLight>;
-// As many as there are receivers; the seed of each is its realization.
-@group(0) @binding(12) var<storage, read> rays: array<RayQuery>;
 
 // The nearest disc of a realization, NO_NODE if there is none.
 fn realization_hit(ray: Ray, realization: u32) -> u32 {
@@ -52,12 +51,12 @@ fn realization_hit(ray: Ray, realization: u32) -> u32 {
     return nearest;
 }
 
-// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and
-// m of density p.
+// Light of an emitter that a direction found: L q / (n q + m p), for n BSDF samples of density q
+// and m light samples of density p.
 fn light_of(emitter: u32, surface: Surface, direction: vec3f) -> vec3f {
     let q = dot(direction, surface.normal) / PI;
     let p = light_density(surface.position, direction);
-    let all = f32(light.num_plain) * q + f32(light.num_to_lights) * p;
+    let all = f32(light.num_bsdf) * q + f32(light.num_to_lights) * p;
     return attributes[emitter].a.xyz * (q / all);
 }
 
@@ -81,7 +80,7 @@ fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundEntry {
         return FoundEntry(vec3f(), NOTHING);
     }
     if attributes[hit].a.w > light.emission_threshold {
-        return FoundEntry(light_of(hit, surface, direction), NOTHING);
+        return FoundEntry(light_of(hit, surface, direction), hit | EMITTER);
     }
     return FoundEntry(vec3f(), hit);
 }
@@ -117,22 +116,8 @@ fn add_up(
         let number = receiver * num_samples + sample;
         let one = found[number];
         total.light += one.light;
-        total.num_rays += u32(one.link != NO_NODE);
-        matrix[number] = one.link;
+        total.num_rays += u32(one.target != NO_NODE);
+        matrix[number] = select(one.target, NOTHING, one.target == NO_NODE);
     }
     arrived[receiver] = total;
-}
-
-@compute @workgroup_size(64)
-fn first_hits(
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) workgroups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let number = group_number(workgroup, workgroups) * 64u + thread;
-    if number >= light.num_receivers {
-        return;
-    }
-    let hit = realization_hit(ray_of(rays[number]), rays[number].seed % NUM_REALIZATIONS);
-    matrix[number] = select(hit, NOTHING, hit == NO_NODE);
 }

@@ -1,5 +1,5 @@
 //! Single rays on the device, of any origin and direction, many at a time: the twin of
-//! [`crate::transport::RayTracer`].
+//! [`crate::cpu::CpuScene`].
 
 use super::device::Device;
 use super::error::GpuError;

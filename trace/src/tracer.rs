@@ -1,0 +1,147 @@
+//! The interface of a scene on a compute device, the same for the CPU and GPUs.
+
+use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::device::Device;
+use crate::features::{Features, GBuffer};
+use crate::ray::Ray;
+use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
+use crate::transport::{Integrator, LightOptions};
+use crate::weights::BlendWeights;
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Gaussians, Image};
+use glam::Vec3;
+
+/// Failure of a device. The CPU never fails.
+#[derive(Debug, thiserror::Error)]
+pub enum TraceError {
+    /// A device is lost, out of memory or lacks a feature.
+    #[error("device {device}: {problem}")]
+    Device {
+        /// Name of the device.
+        device: String,
+        /// Description of the failure.
+        problem: String,
+    },
+}
+
+/// A rendered frame: the light, and the composited features of the camera rays it started from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderedView {
+    /// Linear radiance, premultiplied by the opacity.
+    pub radiance: Image<3>,
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no
+    /// light is sampled. With the mean it gives the variance of a pixel.
+    pub second_moment: Image<1>,
+    /// Composited features of the camera rays.
+    pub features: GBuffer,
+    /// Rays traced beside those of the camera.
+    pub num_rays: u64,
+}
+
+impl RenderedView {
+    /// Means over squares of `factor` × `factor` pixels, of which the view has a whole number.
+    pub fn averaged(&self, factor: u32) -> Self {
+        Self {
+            radiance: self.radiance.averaged(factor),
+            second_moment: self.second_moment.averaged(factor),
+            features: self.features.averaged(factor),
+            num_rays: self.num_rays,
+        }
+    }
+}
+
+/// A scene of Gaussians on a device.
+///
+/// Gaussians go to the device with [`Tracer::update`] and stay there; calls transfer only what they
+/// return. Every method fails with [`TraceError::Device`] if the device fails or has not enough
+/// memory.
+pub trait Tracer: Send + Sync {
+    /// The device.
+    fn device(&self) -> Device;
+
+    /// Replaces the Gaussians, refitting acceleration structures where that is enough.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError>;
+
+    /// Replaces the albedos alone, `[n]`: geometry and emitted light stay.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError>;
+
+    /// Composited features of one ray through every pixel centre.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError>;
+
+    /// As [`Self::gbuffer`], with a record of the blended hits for [`Self::adjoint`] and
+    /// [`Self::weights`] of the same camera, which trace again without one.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError>;
+
+    /// Gradient of a loss with respect to every Gaussian, given `d_features` = dL/dV for every
+    /// pixel of `camera`, row by row. Gaussians that no ray hits get zeros. The spread, size and
+    /// first-hit lanes are not differentiated.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn adjoint(
+        &mut self,
+        camera: &Camera,
+        d_features: &[Features],
+        mask: GradientMask,
+    ) -> Result<Vec<LocalGradient>, TraceError>;
+
+    /// Blending weights in every pixel of `camera`, without those below `least`; `None` on devices
+    /// that do not keep them in the host's memory.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn weights(&mut self, camera: &Camera, least: f32) -> Result<Option<BlendWeights>, TraceError>;
+
+    /// As [`Self::gbuffer`], with the contribution of each Gaussian to it. A Gaussian may come more
+    /// than once, with different pixels.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn contributions(
+        &self,
+        camera: &Camera,
+        value: PixelValue<'_>,
+    ) -> Result<(GBuffer, Vec<Contribution>), TraceError>;
+
+    /// Composited features along each of `rays`.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError>;
+
+    /// Renders `camera` with `integrator`.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn render(
+        &self,
+        camera: &Camera,
+        integrator: &Integrator,
+        options: &LightOptions,
+    ) -> Result<RenderedView, TraceError>;
+
+    /// Rows of the light-transport matrix of `receivers`, traced in `directions`. Each receiver has
+    /// random numbers of its own among those of `key`: results do not depend on which receivers are
+    /// traced together.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn trace_transport(
+        &self,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+    ) -> Result<TransportMatrix, TraceError>;
+}
