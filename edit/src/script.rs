@@ -1,34 +1,38 @@
-//! Edit scripts: what they hold, and their reader, which checks all of a script before anything is
-//! touched.
+//! Edit scripts and their reader, which checks all of a script before the scene is touched.
 
 mod actions;
 mod selectors;
-mod sources;
+mod surfaces;
 
 use crate::act::Action;
 use crate::insert::Surface;
-use crate::place::Placement;
+use crate::place::{Pivot, Placement};
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
+use actions::PlacementKeys;
 use eagpt_scene::dataset::UpAxis;
-use eagpt_scene::script::{Node, Origin, Text};
-use eagpt_scene::{Gaussians, Result, files};
-use std::collections::BTreeSet;
+use eagpt_scene::script::value::{Array, NonEmpty, Number, Parsed, Positive, Rotation};
+use eagpt_scene::script::{ScriptFile, Spanned};
+use eagpt_scene::{Gaussians, Result, ply};
+use selectors::{SelectorKeys, is_reserved};
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A script, checked, with the scenes it imports from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Script {
     /// The file it was read from.
-    pub path: PathBuf,
+    pub file: ScriptFile,
     /// BLAKE3 digest of the file, hexadecimal.
     pub blake3: String,
-    /// The world's up axis: what "base" and "floor" go by.
+    /// The world's up axis, which "base" and "floor" refer to.
     pub up: UpAxis,
     /// Named selections.
     pub selections: Definitions,
     /// Steps in order.
-    pub steps: Vec<Step>,
+    pub steps: Vec<EditStep>,
     /// Scenes that steps import from, each once.
     pub assets: Vec<Asset>,
 }
@@ -44,53 +48,84 @@ pub struct Asset {
     pub gaussians: Gaussians,
 }
 
-/// A step: what, and then.
+/// A step of a script.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Step {
-    /// Where the step stands.
-    pub origin: Origin,
-    /// What a person reads about it.
+pub struct EditStep {
+    /// Place of the step in the file.
+    pub span: Range<usize>,
+    /// Description for people.
     pub title: Option<String>,
-    /// What it acts on.
-    pub source: Source,
-    /// Whether to go on if that is nothing.
+    /// Gaussians that it acts on.
+    pub subject: Subject,
+    /// Place of their selector, surface or import in the file.
+    pub subject_span: Range<usize>,
+    /// Whether to continue if there are none.
     pub allow_empty: bool,
-    /// What happens to Gaussians that cross the boundary of the selection; `None`: nothing.
+    /// Treatment of Gaussians that cross the boundary of the selection; `None`: none.
     pub trim: Option<Trim>,
-    /// What it does, in order.
+    /// Actions in order.
     pub actions: Vec<Action>,
-    /// The name by which later steps may select what this one acted on.
+    /// The name by which later steps may select the Gaussians of this one.
     pub group: Option<String>,
 }
 
-/// What a step acts on.
+/// Gaussians that a step acts on.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Source {
+pub enum Subject {
     /// Gaussians of the scene.
-    Select {
-        /// Which.
-        selector: Selector,
-        /// Where the selection stands.
-        origin: Origin,
-    },
+    Select(Selector),
     /// A new surface.
-    Insert {
-        /// Its shape and material.
-        surface: Surface,
-        /// Where it stands.
-        origin: Origin,
-    },
+    Insert(Surface),
     /// A copy of Gaussians of another scene.
     Import {
         /// Index into [`Script::assets`].
         asset: usize,
-        /// Which of its Gaussians.
+        /// Selection among its Gaussians.
         selector: Selector,
-        /// Where they go.
+        /// Placement of the copy.
         placement: Placement,
-        /// Where the import stands.
-        origin: Origin,
     },
+}
+
+/// A script as its file has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScriptKeys {
+    #[serde(default)]
+    up: Parsed<UpAxis>,
+    #[serde(default)]
+    selections: BTreeMap<String, Spanned<SelectorKeys>>,
+    step: NonEmpty<Spanned<StepKeys>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StepKeys {
+    title: Option<String>,
+    select: Option<Spanned<SelectorKeys>>,
+    insert: Option<Spanned<Surface>>,
+    import: Option<Spanned<ImportKeys>>,
+    #[serde(default)]
+    allow_empty: bool,
+    trim: Option<Spanned<Trim>>,
+    #[serde(default)]
+    then: Vec<Spanned<Action>>,
+    #[serde(rename = "as")]
+    group: Option<Spanned<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ImportKeys {
+    file: Spanned<String>,
+    select: Option<Spanned<SelectorKeys>>,
+    scale: Option<Positive>,
+    rotate: Option<Rotation>,
+    #[serde(default)]
+    about: Pivot,
+    #[serde(rename = "move")]
+    offset: Option<Array<Number, 3>>,
+    to: Option<Array<Number, 3>>,
 }
 
 impl Script {
@@ -102,16 +137,35 @@ impl Script {
     /// key, a value of the wrong type or out of its range, a name that nothing has or two things
     /// have, selections that refer to each other in a circle, an asset that cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = files::read(path)?;
-        let text = Text::new(path, &bytes)?;
-        let value = text.parse()?;
-        Reader::default().script(text, &Node::root(text, &value), &bytes)
+        let file = ScriptFile::read(path)?;
+        let keys: ScriptKeys = file.parse()?;
+        let mut reader = Reader {
+            file: &file,
+            defined: keys.selections.keys().cloned().collect(),
+            groups: BTreeSet::new(),
+            assets: Vec::new(),
+            num_clusters: 0,
+        };
+        let selections = reader.selections(&keys)?;
+        let mut steps = Vec::with_capacity(keys.step.0.len());
+        for step in keys.step.0 {
+            steps.push(reader.step(step, &selections)?);
+        }
+        let assets = reader.assets;
+        Ok(Self {
+            blake3: blake3::hash(file.text().as_bytes()).to_hex().to_string(),
+            file,
+            up: keys.up.0,
+            selections,
+            steps,
+            assets,
+        })
     }
 }
 
-/// What the reader has come across so far.
-#[derive(Default)]
-struct Reader {
+/// Names and scenes that have been read so far.
+struct Reader<'a> {
+    file: &'a ScriptFile,
     /// Names in `[selections]`.
     defined: BTreeSet<String>,
     /// Names given by steps that have been read.
@@ -120,120 +174,182 @@ struct Reader {
     num_clusters: usize,
 }
 
-impl Reader {
-    fn script(mut self, text: Text<'_>, root: &Node<'_>, bytes: &[u8]) -> Result<Script> {
-        let table = root.table(&["up", "selections", "step"])?;
-        let up = match table.get("up") {
-            Some(node) => node.string()?.parse().map_err(|e: String| node.error(e))?,
-            None => UpAxis::default(),
-        };
-        let step_nodes = table.need("step")?.array()?;
-        if step_nodes.is_empty() {
-            return Err(table.need("step")?.error("there are no steps"));
-        }
-        let all_groups = group_names(&step_nodes)?;
-        let selections = match table.get("selections") {
-            Some(node) => self.selections(&node.any_table()?, all_groups)?,
-            None => Definitions::new(),
-        };
-        let mut steps = Vec::with_capacity(step_nodes.len());
-        for node in &step_nodes {
-            steps.push(self.step(node, &selections, text.path())?);
-        }
-        Ok(Script {
-            path: text.path().to_owned(),
-            blake3: blake3::hash(bytes).to_hex().to_string(),
-            up,
-            selections,
-            steps,
-            assets: self.assets,
-        })
-    }
-
-    fn step(&mut self, node: &Node<'_>, selections: &Definitions, path: &Path) -> Result<Step> {
-        let table = node.table(&[
-            "title",
-            "select",
-            "insert",
-            "import",
-            "allow_empty",
-            "trim",
-            "then",
-            "as",
-        ])?;
-        let source = self.source(&table, selections, path)?;
-        let trim = match table.get("trim") {
-            Some(node) => Some(trim(&node, &source, selections)?),
-            None => None,
-        };
-        let actions = match table.get("then") {
-            Some(node) => actions::actions(&node)?,
-            None => Vec::new(),
-        };
-        if actions.is_empty() && matches!(source, Source::Select { .. }) && trim.is_none() {
-            return Err(node.error("`then` is missing: nothing is done with the selection"));
-        }
-        let group = match table.get("as") {
-            Some(name) if actions.contains(&Action::Remove) => {
-                return Err(name.error("what was removed cannot be referred to"));
+impl Reader<'_> {
+    /// The named selections, which may refer to names that steps give: those are there by the time
+    /// a step uses them.
+    fn selections(&mut self, keys: &ScriptKeys) -> Result<Definitions> {
+        for (name, selector) in &keys.selections {
+            if is_reserved(name) {
+                let problem = "this name cannot be given";
+                return Err(self.file.error(selector.span(), problem));
             }
-            Some(name) => Some(self.group(&name)?),
+        }
+        for name in keys
+            .step
+            .0
+            .iter()
+            .filter_map(|step| step.get_ref().group.as_ref())
+        {
+            if is_reserved(name.get_ref()) {
+                let problem = format!("`{}` is not a name that can be given", name.get_ref());
+                return Err(self.file.error(name.span(), problem));
+            }
+            self.groups.insert(name.get_ref().clone());
+        }
+        let mut definitions = Definitions::new();
+        for (name, selector) in &keys.selections {
+            definitions.insert(name.clone(), self.selector(selector)?);
+        }
+        self.groups.clear();
+        for (name, selector) in &keys.selections {
+            let problem = selectors::circle(&definitions[name], &definitions, &mut vec![name]);
+            if let Some(problem) = problem {
+                return Err(self.file.error(selector.span(), problem));
+            }
+        }
+        Ok(definitions)
+    }
+
+    fn step(&mut self, step: Spanned<StepKeys>, selections: &Definitions) -> Result<EditStep> {
+        let (file, span) = (self.file, step.span());
+        let StepKeys {
+            title,
+            select,
+            insert,
+            import,
+            allow_empty,
+            trim,
+            then,
+            group,
+        } = step.into_inner();
+        let (subject, subject_span) = match (select, insert, import) {
+            (Some(keys), None, None) => (Subject::Select(self.selector(&keys)?), keys.span()),
+            (None, Some(keys), None) => {
+                let span = keys.span();
+                (Subject::Insert(keys.into_inner()), span)
+            }
+            (None, None, Some(keys)) => {
+                let span = keys.span();
+                (self.import(keys.into_inner(), selections)?, span)
+            }
+            (None, None, None) => {
+                return Err(file.error(span, "one of select, insert, import is missing"));
+            }
+            (_, insert, import) => {
+                let spans = [
+                    insert.map(|keys| keys.span()),
+                    import.map(|keys| keys.span()),
+                ];
+                let second = spans.into_iter().flatten().next().unwrap_or(span);
+                let problem = "is one too many: only one of select, insert, import";
+                return Err(file.error(second, problem));
+            }
+        };
+        let trim = match trim {
+            Some(trim) if subject.has_boundary(selections) => Some(trim.into_inner()),
+            Some(trim) => {
+                return Err(file.error(
+                    trim.span(),
+                    "there is no boundary to trim at: the selection has no box, sphere, half_space or cylinder",
+                ));
+            }
             None => None,
         };
-        Ok(Step {
-            origin: node.origin(),
-            title: match table.get("title") {
-                Some(title) => Some(title.string()?.to_owned()),
-                None => None,
-            },
-            source,
-            allow_empty: match table.get("allow_empty") {
-                Some(flag) => flag.flag()?,
-                None => false,
-            },
+        if then.is_empty() && matches!(subject, Subject::Select(_)) && trim.is_none() {
+            let problem = "`then` is missing: nothing is done with the selection";
+            return Err(file.error(span, problem));
+        }
+        let is_remove = |action: &&Spanned<Action>| *action.get_ref() == Action::Remove;
+        if let Some(next) = then.iter().skip_while(|action| !is_remove(action)).nth(1) {
+            let problem = "after `remove` there is nothing left to act on";
+            return Err(file.error(next.span(), problem));
+        }
+        if let Some(name) = &group {
+            if then.iter().any(|action| is_remove(&action)) {
+                let problem = "what was removed cannot be referred to";
+                return Err(file.error(name.span(), problem));
+            }
+            let text = name.get_ref();
+            if self.defined.contains(text) || !self.groups.insert(text.clone()) {
+                let problem = format!("`{text}` is taken: names are given once");
+                return Err(file.error(name.span(), problem));
+            }
+        }
+        Ok(EditStep {
+            span,
+            title,
+            subject,
+            subject_span,
+            allow_empty,
             trim,
-            actions,
-            group,
+            actions: then.into_iter().map(Spanned::into_inner).collect(),
+            group: group.map(Spanned::into_inner),
         })
     }
 
-    fn group(&mut self, node: &Node<'_>) -> Result<String> {
-        let name = node.string()?.to_owned();
-        if self.defined.contains(&name) || !self.groups.insert(name.clone()) {
-            return Err(node.error(format!("`{name}` is taken: names are given once")));
+    fn import(&mut self, keys: ImportKeys, selections: &Definitions) -> Result<Subject> {
+        let selector = match &keys.select {
+            Some(select) => {
+                let selector = self.selector(select)?;
+                let is_group = |part: &Selector| matches!(part, Selector::Group(_));
+                if selector.mentions(selections, &is_group) {
+                    return Err(self.file.error(
+                        select.span(),
+                        "refers to Gaussians that a step of this script made, which the other scene does not have",
+                    ));
+                }
+                selector
+            }
+            None => Selector::Everything,
+        };
+        let span = keys.file.span();
+        let placement = PlacementKeys {
+            scale: keys.scale,
+            rotate: keys.rotate,
+            about: keys.about,
+            offset: keys.offset,
+            to: keys.to,
+        };
+        Ok(Subject::Import {
+            selector,
+            placement: placement
+                .try_into()
+                .map_err(|problem: String| self.file.error(span, problem))?,
+            asset: self.asset(&keys.file)?,
+        })
+    }
+
+    /// The index of a scene, read if it has not been.
+    fn asset(&mut self, name: &Spanned<String>) -> Result<usize> {
+        let error = |problem: String| self.file.error(name.span(), problem);
+        if name.get_ref().is_empty() {
+            return Err(error("a file name may not be empty".to_owned()));
         }
-        Ok(name)
+        let folder = self.file.path().parent().unwrap_or(Path::new(""));
+        let path = folder.join(name.get_ref());
+        if let Some(index) = self.assets.iter().position(|asset| asset.path == path) {
+            return Ok(index);
+        }
+        let bytes = std::fs::read(&path)
+            .map_err(|problem| error(format!("{}: read: {problem}", path.display())))?;
+        let gaussians = ply::read_gaussians(&path).map_err(|problem| error(problem.to_string()))?;
+        self.assets.push(Asset {
+            path,
+            blake3: blake3::hash(&bytes).to_hex().to_string(),
+            gaussians,
+        });
+        Ok(self.assets.len() - 1)
     }
 }
 
-/// All names that steps give: a selection may be defined by what a step will have made when it is
-/// used.
-fn group_names(steps: &[Node<'_>]) -> Result<BTreeSet<String>> {
-    let mut names = BTreeSet::new();
-    for step in steps {
-        if let Some(name) = step.any_table()?.get("as") {
-            let text = selectors::name(&name)?;
-            names.insert(text.to_owned());
+impl Subject {
+    fn has_boundary(&self, selections: &Definitions) -> bool {
+        let is_shape = |part: &Selector| matches!(part, Selector::Shape(_));
+        match self {
+            Self::Select(selector) | Self::Import { selector, .. } => {
+                selector.mentions(selections, &is_shape)
+            }
+            Self::Insert(_) => false,
         }
-    }
-    Ok(names)
-}
-
-fn trim(node: &Node<'_>, source: &Source, selections: &Definitions) -> Result<Trim> {
-    let trim = match node.string()? {
-        "shrink" => Trim::Shrink,
-        "drop" => Trim::Drop,
-        other => return Err(node.error(format!("`{other}` is none of shrink, drop"))),
-    };
-    let is_shape = |part: &Selector| matches!(part, Selector::Shape(_));
-    match source {
-        Source::Select { selector, .. } | Source::Import { selector, .. }
-            if selector.mentions(selections, &is_shape) =>
-        {
-            Ok(trim)
-        }
-        _ => Err(node.error(
-            "there is no boundary to trim at: the selection has no box, sphere, half_space or cylinder",
-        )),
     }
 }

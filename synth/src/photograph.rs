@@ -1,4 +1,4 @@
-//! What a camera sees: light, and what is known of the surfaces behind every pixel.
+//! Images of a camera: light, and the surfaces behind every pixel.
 
 mod exposure;
 
@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How pixels are sampled.
+/// Sampling of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sampling {
     /// Rays for each pixel of the camera, at least one for each cell; rounded up to as many in
@@ -23,16 +23,15 @@ pub struct Sampling {
     pub num_cells: u32,
     /// Pixels around the camera's image that are photographed, too, for a lens that sees more.
     pub margin: u32,
-    /// What is done about noise.
+    /// Treatment of noise.
     pub noise: SampleNoise,
 }
 
-/// What is done about the noise of sampled light.
+/// Treatment of the noise of sampled light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SampleNoise {
-    /// Light that arrives at surfaces is filtered; what they make of it, their texture and what
-    /// shines stay as sampled.
+    /// Irradiance is filtered; albedo, texture and emitters stay as sampled.
     #[default]
     Filtered,
     /// All light stays as sampled.
@@ -57,16 +56,16 @@ pub struct Photograph {
     radiance: Vec<Image<3>>,
     /// Mean diffuse albedo in each condition, margin included; black where surfaces shine.
     albedo: Vec<Image<3>>,
-    /// What the ray through each pixel's centre meets, margin included.
+    /// Hit of the ray through each pixel's centre, margin included.
     centres: Vec<Option<Hit>>,
-    /// What covers at least half of each pixel, margin included.
+    /// Conditions in which emitters cover at least half of each pixel, margin included.
     shining: Vec<Conditions>,
 }
 
 /// A bit for each condition.
 type Conditions = u8;
 
-/// Rays along each side of a pixel whose share of emitters is looked for. Even: an edge through the
+/// Rays along each side of a pixel that test its share of emitters. Even: an edge through the
 /// middle of a pixel lies between rays.
 const GRID: u32 = 8;
 
@@ -129,7 +128,7 @@ impl Photograph {
         self.wide.magnified(self.sampling.num_cells)
     }
 
-    /// What the ray through the centre of each pixel meets, margin included, row by row.
+    /// Hit of the ray through the centre of each pixel, margin included, row by row.
     pub fn centres(&self) -> &[Option<Hit>] {
         &self.centres
     }

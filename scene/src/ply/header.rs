@@ -7,7 +7,7 @@ use std::path::Path;
 /// tenth.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// How values are stored after the header.
+/// Encoding of the values after the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -96,12 +96,12 @@ impl Element {
     }
 }
 
-/// What stands before the values.
+/// The header of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Where the values begin, bytes from the start of the file.
+    /// Offset of the values, bytes from the start of the file.
     pub(super) num_bytes: usize,
 }
 

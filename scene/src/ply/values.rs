@@ -12,7 +12,7 @@ pub(super) struct Vertices<'a> {
     vertex_index: usize,
 }
 
-/// Where a wanted property stands: its index among the properties of a row, and its type.
+/// A property to read: its index among the properties of a row, and its type.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Column {
     index: usize,
@@ -243,7 +243,7 @@ impl<'a> Vertices<'a> {
     }
 }
 
-/// What is left of the binary values.
+/// The binary values that are not read yet.
 struct Binary<'a, const BIG: bool> {
     rest: &'a [u8],
 }

@@ -113,7 +113,7 @@ impl ModelSource {
         }
     }
 
-    /// Where a camera would see a point of the room.
+    /// Projection of a point of the room into a camera.
     fn feature(&self, camera: &Camera, position: Vec3) -> Option<DVec2> {
         let at = camera
             .world_from_camera

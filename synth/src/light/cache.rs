@@ -23,7 +23,7 @@ const NUM_SWEEPS: usize = 24;
 /// A link to nothing.
 const NOWHERE: u32 = u32::MAX;
 
-/// How the light of a room is solved.
+/// Settings of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CacheOptions {
     /// Width of a cell, metres.
@@ -62,7 +62,7 @@ struct Grid {
     first_cell: u32,
 }
 
-/// What is known of a cell before light travels.
+/// Geometry and direct light of a cell.
 struct Cell {
     albedo: Vec3,
     direct: [Vec3; MAX_CONDITIONS],
@@ -209,7 +209,7 @@ impl Cache {
 
     /// Light of one condition after all bounces.
     fn travel(&self, room: &Room, condition: usize, cells: &[Cell]) -> Vec<Vec3> {
-        // What shines reflects nothing, and its own light has been counted as direct.
+        // Emitters reflect nothing, and their light has been counted as direct.
         let mut albedos: Vec<Vec3> = cells.iter().map(|cell| cell.albedo).collect();
         for grid in &self.grids {
             if room.emitted_in(condition, grid.surface, grid.face) != Vec3::ZERO {

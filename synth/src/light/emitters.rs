@@ -29,7 +29,7 @@ struct Emitter {
 
 #[derive(Debug, Clone, Copy)]
 enum Kind {
-    /// Shines to one side of the plane through its centre, which this normal points to.
+    /// Emits to one side of the plane through its centre, which this normal points to.
     Flat(Vec3),
     Ball(Ball),
     /// The outside of a drum.
@@ -70,7 +70,7 @@ impl Receiver {
 }
 
 impl Emitters {
-    /// What shines in a condition.
+    /// Emitters of a condition.
     pub fn new(room: &Room, condition: usize) -> Self {
         let mut all = Vec::new();
         let mut of_surface = Vec::with_capacity(room.surfaces().len());
@@ -153,7 +153,7 @@ impl Emitters {
 }
 
 impl Emitter {
-    /// About the light that arrives at a point, were nothing in between; 0 only where none can.
+    /// Approximate irradiance at a point without occlusion; 0 only where there can be none.
     #[inline]
     fn weight(&self, receiver: &Receiver) -> f32 {
         let offset = receiver.position - self.centre;
@@ -175,7 +175,7 @@ impl Emitter {
             }
             Kind::Other => 0.5 * self.area,
         };
-        // Of a light whose sphere lies half below the horizon only a part arrives; of one wholly
+        // Of a light whose sphere lies half below the horizon only a part is received; of one wholly
         // below nothing does.
         let cosine = -receiver.normal.dot(offset) / distance;
         let above = (cosine + self.reach / distance).clamp(0.0, 1.0);

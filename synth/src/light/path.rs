@@ -15,7 +15,7 @@ pub const MAX_BOUNCES: u32 = 32;
 /// Fours of numbers for each bounce.
 const BLOCKS: u32 = 2;
 
-/// What light is computed from.
+/// Inputs of light transport.
 #[derive(Debug, Clone)]
 pub struct Lighting<'a> {
     /// The room.
@@ -140,7 +140,7 @@ impl<'a> Lighting<'a> {
     }
 }
 
-/// Which numbers a sample takes, and how far it goes.
+/// Random numbers and path depth of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Draw {
     /// Number of the sample.

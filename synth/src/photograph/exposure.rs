@@ -31,7 +31,7 @@ pub(super) struct Exposure<'a> {
     pub(super) pixels: Vec<Pixel>,
 }
 
-/// What was sampled of a pixel.
+/// Samples of a pixel.
 pub(super) struct Pixel {
     cells: Vec<[Cell; MAX_CONDITIONS]>,
     pub(super) sums: [Sums; MAX_CONDITIONS],
@@ -40,7 +40,7 @@ pub(super) struct Pixel {
 /// Means over a cell, in one condition.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
-    /// Light that shines or is mirrored.
+    /// Emitted or mirrored light.
     exact: Vec3,
     /// Light that is reflected diffusely.
     reflected: Vec3,
@@ -198,7 +198,7 @@ impl Seen {
         let (share, mirrored) = self.coat.map_or((0.0, Vec3::ZERO), |(share, light)| {
             (share, light[condition] * share)
         });
-        // What the coat mirrors does not reach the colour beneath.
+        // Light that the coat mirrors does not reach the colour beneath.
         let albedo = self.albedo * (1.0 - share);
         let arriving = self.arriving[condition];
         cell.exact += mirrored;
@@ -231,7 +231,7 @@ impl Sums {
     }
 }
 
-/// What a coat mirrors: its share (Schlick 1994) and one sample of the light.
+/// Reflection of a coat: its share (Schlick 1994) and one sample of the light.
 fn reflection(
     lighting: &Lighting<'_>,
     hit: &Hit,
