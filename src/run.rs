@@ -18,7 +18,6 @@ mod state;
 mod step;
 mod verify;
 
-mod script_file;
 pub(crate) use init::{InitArgs, run as init};
 pub(crate) use plan::Plan;
 pub(crate) use project::{ORIGINAL, Project, ProjectFile};

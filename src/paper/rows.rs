@@ -307,8 +307,11 @@ mod tests {
         assert!(render["modes"].as_array().unwrap().is_empty());
         assert!(derived.bake.is_some());
         let trained = Scene::NoNormalConsistency.project(&base).unwrap();
-        let set = trained.train.unwrap()["set"].as_array().unwrap();
-        assert_eq!(set[1].as_str(), Some("radiance.weights.depth_normal=0"));
+        let train = trained.train.unwrap();
+        assert_eq!(
+            train["set"][1].as_str(),
+            Some("radiance.weights.depth_normal=0")
+        );
     }
 
     #[test]

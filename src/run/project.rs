@@ -1,11 +1,11 @@
 //! The project file: a section for each step, whose keys are the options of a command.
 
-use super::script_file::ScriptFile;
 use super::section::{self, Section};
 use crate::render::Mode;
 use anyhow::{Context, Result};
 use clap::ValueEnum;
 use eagpt_scene::dataset::Subset;
+use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{SceneError, files};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

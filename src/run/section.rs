@@ -1,7 +1,6 @@
 //! Sections of a project: tables whose keys are the options of a command, with `_` for `-`.
 
 use super::project::{MODES, Project, mode_name};
-use super::script_file::{ScriptFile, Spanned};
 use crate::command::JobCommand;
 use crate::command_line;
 use crate::render::{Mode, RenderArgs};
@@ -9,6 +8,7 @@ use anyhow::Result;
 use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args, Command, ValueEnum};
 use eagpt_scene::SceneError;
+use eagpt_scene::script::{ScriptFile, Spanned};
 use std::any::TypeId;
 use std::path::{Path, PathBuf};
 use toml::Value;
