@@ -42,10 +42,10 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "DATASET")]
     pub(crate) cameras: PathBuf,
     /// Views to bake for
-    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = args::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "train", value_enum)]
     split: Subset,
     /// Rule that divides the views into training and test views
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
     split_rule: SplitRule,
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]

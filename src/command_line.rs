@@ -6,7 +6,7 @@
 
 use crate::command::JobCommand;
 use anyhow::{Result, anyhow};
-use clap::{Arg, ArgAction};
+use clap::{Arg, ArgAction, ValueEnum};
 use serde::Serializer;
 use serde_json::{Map, Value};
 use std::fmt::Display;
@@ -130,6 +130,14 @@ pub(crate) fn shown(words: &[String]) -> String {
 /// Serializes a value as the text that its option is given.
 pub(crate) fn text<T: Display, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error> {
     to.collect_str(value)
+}
+
+/// Serializes a value under its name on the command line.
+pub(crate) fn value<T: ValueEnum, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error> {
+    match value.to_possible_value() {
+        Some(possible) => to.serialize_str(possible.get_name()),
+        None => to.serialize_none(),
+    }
 }
 
 /// As [`text`], of a value that may not be given.

@@ -4,7 +4,7 @@ mod conditions;
 mod pair;
 mod table;
 
-use crate::args::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
@@ -47,10 +47,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) name: Vec<String>,
     /// Views to measure; for each condition
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = args::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_enum)]
     pub(crate) split: Vec<Subset>,
     /// Rule that divides the views into training and test views; for each condition
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
     split_rule: Vec<SplitRule>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2", required = true)]
@@ -117,8 +117,8 @@ impl EvalArgs {
             reference: Vec::new(),
             before: Vec::new(),
             name: Vec::new(),
-            split: Vec::new(),
-            split_rule: Vec::new(),
+            split: vec![Subset::Test],
+            split_rule: vec![SplitRule::default()],
             out: None,
             force: false,
             flip: FlipArgs {

@@ -18,12 +18,13 @@ use crate::record::{FILE_NAME, RecordBuilder};
 use crate::run::{self, Plan, PlanStep, Project};
 use crate::{interrupt, terminal};
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, ValueEnum};
 use eagpt_eval::tabulate::FILES;
 use eagpt_eval::tabulate::repeats::{RepeatOptions, tabulate_repeats};
 use eagpt_scene::Shard;
 use eagpt_scene::files::{self, Key, Ledger, ledger};
+use eagpt_train::Preset;
 use projects::{Base, Group, RowProject};
 use rows::{ROWS, Row};
 use std::path::{Path, PathBuf};
@@ -55,7 +56,7 @@ pub(crate) struct PaperArgs {
     config: Option<PathBuf>,
     /// Options of DATASETs that are folders, where --config says nothing
     #[arg(long, value_enum, default_value = "fast")]
-    preset: PresetArg,
+    preset: Preset,
     /// Rows, separated by commas [default: all]
     #[arg(long, value_name = "ROW,…", value_delimiter = ',', value_parser = row())]
     rows: Vec<&'static Row>,
@@ -123,32 +124,12 @@ fn named(text: &str) -> Result<Named, String> {
     })
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PresetArg {
-    /// A first look
-    Draft,
-    /// Good results on a CPU
-    Fast,
-    /// Iterations and samples of the paper
-    Paper,
-}
-
-impl PresetArg {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Draft => "draft",
-            Self::Fast => "fast",
-            Self::Paper => "paper",
-        }
-    }
-
-    /// Samples a pixel of the renderings.
-    fn spp(self) -> i64 {
-        match self {
-            Self::Draft => 16,
-            Self::Fast => 64,
-            Self::Paper => 1024,
-        }
+/// Samples a pixel of the renderings.
+fn spp(preset: Preset) -> i64 {
+    match preset {
+        Preset::Draft => 16,
+        Preset::Fast => 64,
+        Preset::Paper => 1024,
     }
 }
 
@@ -251,7 +232,7 @@ fn bases(args: &PaperArgs) -> Result<Vec<Base>> {
             Project::absolute(path)?
         } else {
             let config = args.config.as_deref().map(Project::absolute).transpose()?;
-            projects::of_folder(path, config, (args.preset.name(), args.preset.spp()))?
+            projects::of_folder(path, config, (args.preset.name(), spp(args.preset)))?
         };
         let out = std::path::absolute(args.out.join(name))
             .with_context(|| format!("{}", args.out.display()))?;

@@ -39,15 +39,23 @@ use walls::WallReport;
 /// Method of finding the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Mode {
-    /// From cameras and points.
+    /// From cameras and points
     #[default]
     Floor,
-    /// From points or positions that the user names.
+    /// From --floor-points or --floor-at
+    ///
+    /// Points or positions that the user names.
     Manual,
-    /// From cameras with known positions: the world becomes theirs.
+    /// To the cameras of --like
+    ///
+    /// The world becomes that of cameras with known positions.
+    #[cfg_attr(feature = "clap", value(name = "like"))]
     Reference,
-    /// No floor: the world is unchanged.
+    /// Not at all
+    ///
+    /// The world is unchanged.
     None,
 }
 

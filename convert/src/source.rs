@@ -29,23 +29,23 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// A layout that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum SourceFormat {
-    /// A real scene of FIPT
+    /// Real scene of FIPT
     Fipt,
-    /// A synthetic scene of FIPT
+    /// Synthetic scene of FIPT
     FiptSynthetic,
-    /// A scene of Eyeful Tower
+    /// Scene of Eyeful Tower
     Eyeful,
-    /// `transforms.json` of nerfstudio
+    /// nerfstudio's transforms.json
     Nerfstudio,
-    /// `transforms.json` of instant-NGP, `transforms_train.json` of Blender scenes
+    /// instant-NGP's transforms.json, Blender's transforms_train.json
     InstantNgp,
-    /// Our own
+    /// Our own layout, that of EAG-PT
     Eagpt,
 }
 
@@ -99,18 +99,6 @@ impl SourceFormat {
 impl fmt::Display for SourceFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
-    }
-}
-
-impl FromStr for SourceFormat {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(_, own)| *own == name);
-        found.map(|(format, _)| *format).ok_or_else(|| {
-            let names = Self::ALL.map(|(_, own)| own).join(", ");
-            format!("`{}` is none of {names}", name.escape_debug())
-        })
     }
 }
 

@@ -13,11 +13,14 @@ const MAX_UP_LENGTH_ERROR: f64 = 1e-2;
 /// The world of an imported dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum World {
-    /// That of the source; its up axis is stored.
+    /// That of the source, its up axis stored
     #[default]
     Keep,
-    /// Rotated so that z points up; axes are permuted, coordinates keep their digits.
+    /// Turned so that z is up; axes change places
+    ///
+    /// Coordinates keep their digits.
     ZUp,
 }
 

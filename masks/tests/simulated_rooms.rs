@@ -41,7 +41,7 @@ impl Case {
 
     fn masks(&self, source: Source, inconsistent: Inconsistent) -> MaskSummary {
         let check = CheckOptions {
-            inconsistent: Some(inconsistent),
+            inconsistent,
             ..CheckOptions::default()
         };
         let request = MaskRequest {

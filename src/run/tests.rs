@@ -63,7 +63,7 @@ fn plan(text: &str) -> anyhow::Result<Plan> {
     let dir = tempfile::tempdir()?;
     std::fs::write(
         dir.path().join("dim.toml"),
-        "[[step]]\nselect = \"all\"\nthen = [{ scale_light = 0.5 }]\n",
+        "[[step]]\nselect = { emission = { min = 0.1 } }\nthen = [{ scale_light = 0.5 }]\n",
     )?;
     let path = dir.path().join("p.toml");
     let project = Project::parse(&path, text.as_bytes().to_vec(), Some(Path::new("out")))?;
@@ -115,7 +115,7 @@ fn values_that_do_not_fit_are_named() {
         (
             "spp = 4",
             "spp = 0",
-            "line 40: render.spp: invalid value '0'",
+            "line 34: render.spp: invalid value '0'",
         ),
         (
             "unfiltered = true",
@@ -135,7 +135,7 @@ fn values_that_do_not_fit_are_named() {
         (
             "spp = 5",
             "spp = [5, \"a\"]",
-            "line 46: render.path.spp: [5,\"a\"]: takes one value",
+            "line 40: render.path.spp: [5,\"a\"]: takes one value",
         ),
         (
             "threshold = 8",
@@ -152,11 +152,7 @@ fn values_that_do_not_fit_are_named() {
             "name = \"original\"",
             "relight[0].name: `original` is no name",
         ),
-        (
-            "simulate",
-            "dataset",
-            "line 3: conditions: is for a capture",
-        ),
+        ("simulate", "dataset", "synth: is for a capture"),
         (
             "seed = 3",
             "scene = \"s.ply\"",

@@ -63,24 +63,30 @@ pub struct LightOptions {
 /// The surface of a ray that meets several Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Hits {
-    /// The blend of all is one surface, as in the paper.
+    /// The blend of all is one surface, as in the paper
     Blended,
-    /// One of them, chosen by its weight in the blend, stands for all. Rays are about twice as
-    /// fast. The mean is about one percent lower in a room: emission is compared with τ_E hit by
-    /// hit, which takes nothing from the Gaussians around an emitter, and bounces start on one disc
-    /// of several that overlap.
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes
+    /// to about one percent less in a room. 1-bounce does so always, to the same mean
+    ///
+    /// The mean is lower because emission is compared with τ_E hit by hit, which takes nothing from
+    /// the Gaussians around an emitter, and because bounces start on one disc of several that
+    /// overlap.
     Sampled,
 }
 
 /// Light sampling. The noise differs, the mean does not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Sampling {
-    /// BSDF sampling only, as in the paper: cosine-weighted directions.
+    /// Cosine-weighted BSDF sampling only, as in the paper
     Cosine,
-    /// Directions towards emitters as well: next-event estimation at every bounce of a path, and
-    /// half of the directions of a single bounce.
+    /// Towards emitters as well, with multiple importance sampling
+    ///
+    /// Next-event estimation at every bounce of a path, and half of the directions of a single
+    /// bounce.
     NextEvent,
 }
 
