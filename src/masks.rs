@@ -8,8 +8,8 @@ use crate::record::{Input, RecordBuilder};
 use anyhow::{Result, bail};
 use clap::Args;
 use eagpt_masks::{
-    Border, CheckOptions, Inconsistent, MaskOptions, MaskProgress, MaskRequest, MaskSummary, Rule,
-    Source, ViewVerdict, make_masks, planned_files,
+    Border, CheckOptions, Inconsistent, MaskOptions, MaskProgress, MaskRequest, MaskSource,
+    MaskSummary, Rule, ViewVerdict, make_masks, planned_files,
 };
 use eagpt_scene::Dataset;
 use serde::Serialize;
@@ -39,11 +39,11 @@ pub(crate) struct MasksArgs {
     /// in all views together, `none` takes labels alone
     #[arg(long, value_name = "RADIANCE|auto|none", default_value = "auto", value_parser = threshold)]
     #[serde(serialize_with = "command_line::text")]
-    threshold: Source,
+    threshold: MaskSource,
     /// Value of a pixel that is compared with the threshold
     #[arg(long, value_enum, default_value = "any")]
     rule: Rule,
-    /// Whether pixels at the border of a light, which show it in part, belong to it
+    /// Pixels at the border of a light, which show it in part, belong to it
     #[arg(long, value_enum, default_value = "half")]
     border: Border,
     /// Folder of label images of lights, <view>.png of any size; what is neither black nor
@@ -62,7 +62,7 @@ pub(crate) struct MasksArgs {
     /// Grow regions, pixels, 0 to 255
     #[arg(long, value_name = "PIXELS", default_value_t = 0)]
     grow: u8,
-    /// What becomes of regions that other views do not confirm
+    /// Treatment of regions that other views do not confirm
     #[arg(long, value_enum, default_value = "keep")]
     inconsistent: Inconsistent,
     /// Least share, 0 to 1, of the places where other views see a region's surface that they have
@@ -90,18 +90,18 @@ const EXAMPLES: &str = "Examples:
   eagpt masks kitchen --labels sam/lamps --subtract sam/mirrors --scene runs/kitchen/scene.ply --inconsistent drop
   eagpt masks kitchen --threshold none --labels by-hand --out masks-by-hand";
 
-fn threshold(text: &str) -> Result<Source, String> {
+fn threshold(text: &str) -> Result<MaskSource, String> {
     match text {
-        "auto" => Ok(Source::Auto),
-        "none" => Ok(Source::None),
+        "auto" => Ok(MaskSource::Auto),
+        "none" => Ok(MaskSource::None),
         number => match number.parse::<f32>() {
-            Ok(level) if level > 0.0 && level.is_finite() => Ok(Source::Level(level)),
+            Ok(level) if level > 0.0 && level.is_finite() => Ok(MaskSource::Level(level)),
             _ => Err("neither a radiance above 0 nor `auto` nor `none`".to_owned()),
         },
     }
 }
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
     dataset: &'a Path,
@@ -117,7 +117,7 @@ struct Recorded<'a> {
 pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args);
     options.validate()?;
-    if options.source == Source::None && args.labels.is_none() {
+    if options.source == MaskSource::None && args.labels.is_none() {
         bail!("--threshold none: without --labels there is nothing to make masks of");
     }
     let mut builder = RecordBuilder::begin("masks", &options, global)?;
@@ -174,7 +174,7 @@ const RECORD: &str = "masks.record.json";
 fn options(args: &MasksArgs) -> MaskOptions {
     MaskOptions {
         source: match &args.from_scene {
-            Some(_) => Source::Emission(args.emission),
+            Some(_) => MaskSource::Emission(args.emission),
             None => args.threshold,
         },
         rule: args.rule,
@@ -226,7 +226,7 @@ fn tell(reporter: &mut Reporter, message: &MaskProgress) -> Result<()> {
     reporter.count((name, "views"), (done, total), message)
 }
 
-/// Says what came of it.
+/// Reports the outcome.
 fn close(reporter: &Reporter, request: &MaskRequest<'_>, summary: &MaskSummary) -> Result<()> {
     let report = &summary.report;
     let with = |verdict: ViewVerdict| report.num_with(verdict);

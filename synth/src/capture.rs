@@ -208,7 +208,7 @@ pub fn simulate(
         Some(camera) => script.rig.margin(camera)?,
         None => 0,
     };
-    let job = Job {
+    let job = Simulation {
         script,
         out,
         options,
@@ -220,7 +220,7 @@ pub fn simulate(
     job.run(&plan, progress)
 }
 
-struct Job<'a> {
+struct Simulation<'a> {
     script: &'a SceneScript,
     out: &'a Path,
     options: &'a SynthOptions,
@@ -231,7 +231,7 @@ struct Job<'a> {
     margin: u32,
 }
 
-impl Job<'_> {
+impl Simulation<'_> {
     fn run(
         &self,
         plan: &CameraPlan,

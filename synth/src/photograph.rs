@@ -59,7 +59,7 @@ pub struct Photograph {
     /// Hit of the ray through each pixel's centre, margin included.
     centres: Vec<Option<Hit>>,
     /// Conditions in which emitters cover at least half of each pixel, margin included.
-    shining: Vec<Conditions>,
+    emitting: Vec<Conditions>,
 }
 
 /// A bit for each condition.
@@ -93,7 +93,7 @@ impl Photograph {
             .into_par_iter()
             .map(|pixel| meet(lighting.room, &frame, place(pixel) + 0.5));
         let centres: Vec<Option<Hit>> = centres.collect();
-        let shining = shining(lighting.room, &wide, &centres);
+        let emitting = emitting(lighting.room, &wide, &centres);
         let exposure = Exposure {
             camera: &wide,
             num_cells: sampling.num_cells,
@@ -113,7 +113,7 @@ impl Photograph {
                 .map(|condition| exposure.image(|pixel| pixel.sums[condition].albedo.to_array()))
                 .collect(),
             centres,
-            shining,
+            emitting,
         }
     }
 
@@ -138,8 +138,8 @@ impl Photograph {
     /// depth are those of its centre.
     pub fn view(&self, condition: usize, name: &str) -> View {
         let (origin, forward) = (self.camera.origin(), self.camera.forward());
-        let mask = self.shining.iter();
-        let mask = mask.map(|shining| [f32::from(shining >> condition & 1)]);
+        let mask = self.emitting.iter();
+        let mask = mask.map(|emitting| [f32::from(emitting >> condition & 1)]);
         View {
             name: name.to_owned(),
             camera: self.camera,
@@ -177,16 +177,16 @@ fn meet(room: &Room, frame: &RayFrame, at: Vec2) -> Option<Hit> {
 /// The conditions in which lights cover at least half of each pixel: by a grid of rays where the
 /// centres of a pixel and its neighbours do not agree. The samples of the light are no measure for
 /// that: at a half, their noise would decide.
-fn shining(room: &Room, camera: &Camera, centres: &[Option<Hit>]) -> Vec<Conditions> {
+fn emitting(room: &Room, camera: &Camera, centres: &[Option<Hit>]) -> Vec<Conditions> {
     let frame = camera.ray_frame();
     let num_conditions = room.num_conditions();
-    let shines_in = |hit: &Hit, condition: usize| {
+    let emits_in = |hit: &Hit, condition: usize| {
         room.emitted_in(condition, hit.surface, hit.face) != Vec3::ZERO
     };
     let of_hit = |hit: &Option<Hit>| -> Conditions {
         let Some(hit) = hit else { return 0 };
-        let shining = (0..num_conditions).filter(|&condition| shines_in(hit, condition));
-        shining.fold(0, |bits, condition| bits | 1 << condition)
+        let emitting = (0..num_conditions).filter(|&condition| emits_in(hit, condition));
+        emitting.fold(0, |bits, condition| bits | 1 << condition)
     };
     let of_centres: Vec<Conditions> = centres.par_iter().map(of_hit).collect();
     let (width, height) = (camera.width, camera.height);

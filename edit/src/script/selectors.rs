@@ -1,15 +1,15 @@
 //! Selectors in a script.
 
-use super::Reader;
+use super::reader::Reader;
+use super::shapes;
 use crate::cluster::{Cluster, Reach};
 use crate::select::{Definitions, Quantity, Selector};
-use crate::shape::Shape;
 use eagpt_scene::Result;
 use eagpt_scene::script::Spanned;
 use eagpt_scene::script::value::{
-    Array, Direction, Form, Fraction, NonEmpty, NotNegative, Number, Positive, Rotation, checked,
+    Array, Form, Fraction, NonEmpty, NotNegative, Number, Positive, checked,
 };
-use glam::{Quat, Vec3};
+use glam::Vec3;
 use serde::{Deserialize, Deserializer};
 
 /// The name of the selection that is always there.
@@ -31,13 +31,13 @@ pub(super) type SelectorKeys = Form<Box<Conditions>>;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Conditions {
-    #[serde(default, rename = "box", deserialize_with = "cuboid")]
+    #[serde(default, rename = "box", deserialize_with = "shapes::cuboid")]
     cuboid: Option<Selector>,
-    #[serde(default, deserialize_with = "sphere")]
+    #[serde(default, deserialize_with = "shapes::sphere")]
     sphere: Option<Selector>,
-    #[serde(default, deserialize_with = "half_space")]
+    #[serde(default, deserialize_with = "shapes::half_space")]
     half_space: Option<Selector>,
-    #[serde(default, deserialize_with = "cylinder")]
+    #[serde(default, deserialize_with = "shapes::cylinder")]
     cylinder: Option<Selector>,
     emission: Option<Limits<Fraction>>,
     opacity: Option<Limits<Fraction>>,
@@ -189,89 +189,6 @@ impl<'de> Deserialize<'de> for ClusterKeys {
             })
         })
     }
-}
-
-fn sphere<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Selector>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        centre: Array<Number, 3>,
-        radius: Positive,
-    }
-
-    let Keys { centre, radius } = Keys::deserialize(deserializer)?;
-    Ok(Some(Selector::Shape(Shape::Sphere {
-        centre: centre.into(),
-        radius: radius.into(),
-    })))
-}
-
-fn half_space<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Selector>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        point: Array<Number, 3>,
-        normal: Direction,
-    }
-
-    let Keys { point, normal } = Keys::deserialize(deserializer)?;
-    Ok(Some(Selector::Shape(Shape::HalfSpace {
-        point: point.into(),
-        normal: normal.0,
-    })))
-}
-
-fn cylinder<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Selector>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        from: Array<Number, 3>,
-        to: Array<Number, 3>,
-        radius: Positive,
-    }
-
-    checked(deserializer, |keys: Keys| {
-        let [from, to] = [keys.from, keys.to].map(Vec3::from);
-        if from == to {
-            return Err(format!("from and to are the same point {from}"));
-        }
-        Ok(Some(Selector::Shape(Shape::Cylinder {
-            from,
-            to,
-            radius: keys.radius.into(),
-        })))
-    })
-}
-
-fn cuboid<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Selector>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        min: Option<Array<Number, 3>>,
-        max: Option<Array<Number, 3>>,
-        centre: Option<Array<Number, 3>>,
-        size: Option<Array<Positive, 3>>,
-        rotate: Option<Rotation>,
-    }
-
-    checked(deserializer, |keys: Keys| {
-        let (centre, half) = match (keys.min, keys.max, keys.centre, keys.size) {
-            (Some(min), Some(max), None, None) if keys.rotate.is_none() => {
-                let [low, high] = [min, max].map(Vec3::from);
-                if low.cmpge(high).any() {
-                    return Err(format!("min {low} is not below max {high}"));
-                }
-                (0.5 * (low + high), 0.5 * (high - low))
-            }
-            (None, None, Some(centre), Some(size)) => (centre.into(), 0.5 * Vec3::from(size)),
-            _ => return Err("has either min and max, or centre, size and rotate".to_owned()),
-        };
-        Ok(Some(Selector::Shape(Shape::Box {
-            centre,
-            half,
-            rotation: keys.rotate.map_or(Quat::IDENTITY, Quat::from),
-        })))
-    })
 }
 
 /// The problem of the names that a selector refers to, if they form a circle or are too deep.
