@@ -37,17 +37,19 @@ mod camera;
 mod device;
 mod error;
 mod fit;
+mod kernels;
 mod layout;
 mod light;
 mod matrix;
+mod passes;
 mod rays;
 mod scan;
 mod scene;
+mod shader;
 mod sort;
 #[cfg(test)]
 mod tests;
 mod views;
-mod wgsl;
 
 pub use adapter::{Adapter, Kind, adapters};
 pub use device::{Device, DeviceSelector, Profile, Reading, StageTime, Tier};
@@ -55,10 +57,11 @@ pub use error::GpuError;
 pub use fit::{Frame, FrameRoom, GpuFit};
 pub use scene::GpuScene;
 
-/// What kernels of other crates are made of.
+/// Kernels of other crates.
 pub mod kernel {
-    pub use super::device::Step;
+    pub use super::device::Pass;
+    pub use super::kernels::{Access, Binding, Kernel, groups, kernels};
     pub use super::layout::{Layout, Member, layout};
-    pub use super::wgsl::{Module, shared};
+    pub use super::shader::{Sources, find, preprocess, shaders, sources};
     pub use wgpu::Buffer;
 }

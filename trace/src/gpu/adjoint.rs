@@ -1,24 +1,21 @@
-//! Gradients of camera rays on the device: the twin of
-//! [`crate::cpu::camera::CameraRecord::adjoint`]; and what Gaussians contribute to pixels, that of
-//! [`crate::cpu::camera::CameraRecord::contributions`].
+//! Gradients of camera rays on the device, and contributions of Gaussians to pixels;
+//! [`super::passes::trace_and_go_back`] are the passes.
 //!
 //! Tiles are traced again with a record of what is blended. Pixels turn their records into a weight
 //! and dL/dα for each hit, tiles add up the gradients of their Gaussians, Gaussians those of their
 //! tiles. Every sum has a fixed order and nothing is added atomically, so that the same device
 //! gives the same bits in every run, and the rounding is that of the CPU.
 
-mod steps;
-
-use super::bins::{Bins, TILE, and_half_more};
+use super::bins::{TILE, and_half_more};
 use super::camera::{Band, CameraTracer};
-use super::device::{Device, Step};
+use super::device::Device;
 use super::error::GpuError;
+use super::passes::{self, RecordedBand};
 use super::scene::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use rayon::prelude::*;
-use steps::Parts;
 
 /// Place of the number of chunks in the totals.
 pub(super) const TOTAL_CHUNKS: u32 = 2;
@@ -107,33 +104,40 @@ pub(super) enum Outcome<T> {
     MoreRoom(Room),
 }
 
+/// The record of the blended hits of a band of rows, and what is made of it.
+#[derive(Debug)]
+pub(super) struct RecordBuffers {
+    /// Two words for each pixel, then the chunks.
+    pub(super) chunks: wgpu::Buffer,
+    /// Pixels that blended the Gaussian at each place in the lists, a bit each.
+    pub(super) masks: wgpu::Buffer,
+    /// First of the hits of each place.
+    pub(super) hit_starts: wgpu::Buffer,
+    /// Weight and dL/dα of each hit.
+    pub(super) hits: wgpu::Buffer,
+    /// Gradients or contributions of each place.
+    pub(super) rows: wgpu::Buffer,
+    /// Places whose rows there are at a time.
+    pub(super) num_rows: u32,
+    /// Derivatives of the loss by the features of each pixel.
+    pub(super) d_features: wgpu::Buffer,
+    /// A number for each pixel.
+    pub(super) values: wgpu::Buffer,
+    /// [`LocalGradient`], `[n]`.
+    pub(super) gradients: wgpu::Buffer,
+    /// [`Contribution`], `[n]`.
+    pub(super) contributions: wgpu::Buffer,
+}
+
 /// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device
 /// from call to call.
 #[derive(Debug)]
 pub(super) struct Adjoint {
     room: Room,
     size: (u32, u32),
-    masks: wgpu::Buffer,
-    d_features: wgpu::Buffer,
-    /// A number for each pixel of a band.
-    values: wgpu::Buffer,
-    /// [`LocalGradient`], `[n]`.
-    gradients: wgpu::Buffer,
-    /// [`Contribution`], `[n]`.
-    contributions: wgpu::Buffer,
+    record: RecordBuffers,
     num_surfels: u32,
-    bands: Vec<AdjointBand>,
-}
-
-#[derive(Debug)]
-struct AdjointBand {
-    pixels: std::ops::Range<usize>,
-    /// Features, with a record of what is blended, and how many hits each place in the lists has.
-    forward: Vec<Step>,
-    /// From the record and the derivatives by the features to gradients.
-    backward: Vec<Step>,
-    /// From the record and the values to contributions.
-    attribute: Vec<Step>,
+    bands: Vec<RecordedBand>,
 }
 
 impl Adjoint {
@@ -149,39 +153,26 @@ impl Adjoint {
             rows: room.rows.min(tracer.rows()),
             ..room
         };
-        let band_pixels = u64::from(width) * u64::from(room.rows.min(height));
-        let record = device.buffer("record of hits", room.bytes(width))?;
-        let masks = device.buffer("pixels of hits", 8 * u64::from(bins.capacity))?;
-        let hit_starts = device.buffer("starts of hits", 4 * u64::from(bins.capacity))?;
-        let hits = 8 * u64::from(room.chunks) * u64::from(CHUNK_HITS);
-        let hits = device.buffer("hits", hits)?;
-        let d_features = device.buffer("derivatives by features", ROW_BYTES * band_pixels)?;
-        let values = device.buffer("values of pixels", 4 * band_pixels)?;
-        let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
-        let rows = device.buffer("rows of gradients", ROW_BYTES * num_rows)?;
         let num_surfels = scene.num_surfels();
-        let of_all = |row: u64| row * u64::from(num_surfels);
-        let gradients = device.buffer("gradients", of_all(ROW_BYTES))?;
-        let contributions = of_all(size_of::<Contribution>() as u64);
-        let contributions = device.buffer("contributions", contributions)?;
-        let parts = Parts {
-            device,
-            scene,
-            bins,
-            record: &record,
-            masks: &masks,
-            hit_starts: &hit_starts,
-            hits: &hits,
-            d_features: &d_features,
-            values: &values,
-            rows: &rows,
+        let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
+        let num_hits = u64::from(room.chunks) * u64::from(CHUNK_HITS);
+        let num_pixels = u64::from(width) * u64::from(room.rows.min(height));
+        let of_places = |what, size: u64| device.buffer(what, size * u64::from(bins.capacity));
+        let of_gaussians = |what, size: u64| device.buffer(what, size * u64::from(num_surfels));
+        let record = RecordBuffers {
+            chunks: device.buffer("record of hits", room.bytes(width))?,
+            masks: of_places("pixels of hits", 8)?,
+            hit_starts: of_places("starts of hits", 4)?,
+            hits: device.buffer("hits", 8 * num_hits)?,
+            d_features: device.buffer("derivatives by features", ROW_BYTES * num_pixels)?,
+            values: device.buffer("values of pixels", 4 * num_pixels)?,
+            rows: device.buffer("rows of gradients", ROW_BYTES * num_rows)?,
             num_rows: u32::try_from(num_rows).unwrap_or(u32::MAX),
-            gradients: &gradients,
-            contributions: &contributions,
+            gradients: of_gaussians("gradients", ROW_BYTES)?,
+            contributions: of_gaussians("contributions", size_of::<Contribution>() as u64)?,
         };
         let tiles_x = width.div_ceil(TILE);
-        let mut bands = Vec::new();
-        for first_row in (0..height).step_by(room.rows as usize) {
+        let bands = (0..height).step_by(room.rows as usize).map(|first_row| {
             let end_row = (first_row + room.rows).min(height);
             let band = Band {
                 first_tile: first_row / TILE * tiles_x,
@@ -190,22 +181,16 @@ impl Adjoint {
                 first_chunk: room.first_chunk(width),
                 ..Band::default()
             };
-            bands.push(AdjointBand {
-                pixels: (first_row * width) as usize..(end_row * width) as usize,
-                forward: parts.forward(&tracer.features, band)?,
-                backward: parts.backward(band),
-                attribute: parts.attribute(band),
-            });
-        }
+            let pixels = (first_row * width) as usize..(end_row * width) as usize;
+            let at = (pixels, band);
+            passes::trace_and_go_back(device, scene, bins, &tracer.features, &record, at)
+        });
+        let bands = bands.collect::<Result<_, _>>()?;
         device.check()?;
         Ok(Self {
             room,
             size: (width, height),
-            masks,
-            d_features,
-            values,
-            gradients,
-            contributions,
+            record,
             num_surfels,
             bands,
         })
@@ -221,15 +206,15 @@ impl Adjoint {
         d_features: &[Features],
     ) -> Result<Outcome<Vec<LocalGradient>>, GpuError> {
         assert_eq!(d_features.len(), camera.num_pixels(), "one for each pixel");
-        let back = |band: &AdjointBand| {
+        let back = |band: &RecordedBand| {
             let d_features = d_features[band.pixels.clone()].iter();
             let lanes: Vec<[f32; NUM_LANES]> = d_features.map(|features| features.0).collect();
-            device.write(&self.d_features, bytemuck::cast_slice(&lanes));
-            device.run(&band.backward)
+            device.write(&self.record.d_features, bytemuck::cast_slice(&lanes));
+            device.run(&band.gradients)
         };
         self.go_back(device, tracer, camera, back, || {
             let all = 0..self.num_surfels as usize;
-            let rows = device.read::<[f32; NUM_LANES]>(&self.gradients, all)?;
+            let rows = device.read::<[f32; NUM_LANES]>(&self.record.gradients, all)?;
             Ok(rows.into_iter().map(LocalGradient).collect())
         })
     }
@@ -245,17 +230,17 @@ impl Adjoint {
         pixels: &mut Vec<Features>,
     ) -> Result<Outcome<Vec<Contribution>>, GpuError> {
         pixels.clear();
-        let back = |band: &AdjointBand| {
+        let back = |band: &RecordedBand| {
             let lanes = device.read::<[f32; NUM_LANES]>(&tracer.features, 0..band.pixels.len())?;
             pixels.extend(lanes.into_iter().map(Features));
             let value = |pixel: usize| value(pixel, &pixels[pixel]);
             let values: Vec<f32> = band.pixels.clone().into_par_iter().map(value).collect();
-            device.write(&self.values, bytemuck::cast_slice(&values));
-            device.run(&band.attribute)
+            device.write(&self.record.values, bytemuck::cast_slice(&values));
+            device.run(&band.contributions)
         };
         self.go_back(device, tracer, camera, back, || {
             let all = 0..self.num_surfels as usize;
-            let mut rows = device.read::<Contribution>(&self.contributions, all)?;
+            let mut rows = device.read::<Contribution>(&self.record.contributions, all)?;
             rows.retain(|row| row.weight > 0.0);
             Ok(rows)
         })
@@ -268,21 +253,21 @@ impl Adjoint {
         device: &Device,
         tracer: &CameraTracer,
         camera: &Camera,
-        mut back: impl FnMut(&AdjointBand) -> Result<(), GpuError>,
+        mut back: impl FnMut(&RecordedBand) -> Result<(), GpuError>,
         read: impl FnOnce() -> Result<T, GpuError>,
     ) -> Result<Outcome<T>, GpuError> {
         let bins = &tracer.bins;
         let mut commands = device.commands();
-        bins.record(device, camera, &mut commands);
-        commands.clear_buffer(&self.gradients, 0, None);
-        commands.clear_buffer(&self.contributions, 0, None);
+        tracer.record_binning(device, camera, &mut commands);
+        commands.clear_buffer(&self.record.gradients, 0, None);
+        commands.clear_buffer(&self.record.contributions, 0, None);
         device.submit(commands)?;
         let needed = bins.num_entries(device)?;
         if needed > bins.capacity {
             return Ok(Outcome::MoreEntries(needed));
         }
         for band in &self.bands {
-            self.forward(device, bins, band)?;
+            self.forward(device, tracer, band)?;
             back(band)?;
             let needed = bins.total(device, TOTAL_CHUNKS)?;
             if needed > self.room.chunks {
@@ -293,10 +278,15 @@ impl Adjoint {
         Ok(Outcome::Done(read()?))
     }
 
-    fn forward(&self, device: &Device, bins: &Bins, band: &AdjointBand) -> Result<(), GpuError> {
+    fn forward(
+        &self,
+        device: &Device,
+        tracer: &CameraTracer,
+        band: &RecordedBand,
+    ) -> Result<(), GpuError> {
         let mut commands = device.commands();
-        commands.clear_buffer(&self.masks, 0, None);
-        commands.clear_buffer(&bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
+        commands.clear_buffer(&self.record.masks, 0, None);
+        commands.clear_buffer(&tracer.bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
         device.submit(commands)?;
         device.run(&band.forward)
     }
@@ -323,18 +313,18 @@ impl Adjoint {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WholeImage<'a> {
     adjoint: &'a Adjoint,
-    band: &'a AdjointBand,
+    band: &'a RecordedBand,
 }
 
 impl WholeImage<'_> {
     /// Where derivatives by the features are looked for, `[pixels]`.
     pub(super) fn d_features(&self) -> &wgpu::Buffer {
-        &self.adjoint.d_features
+        &self.adjoint.record.d_features
     }
 
     /// Where gradients are put, `[n]`.
     pub(super) fn gradients(&self) -> &wgpu::Buffer {
-        &self.adjoint.gradients
+        &self.adjoint.record.gradients
     }
 
     /// Chunks of the record that there is room for.
@@ -346,18 +336,18 @@ impl WholeImage<'_> {
     pub(super) fn forward(
         &self,
         device: &Device,
-        bins: &Bins,
+        tracer: &CameraTracer,
         camera: &Camera,
     ) -> Result<(), GpuError> {
         let mut commands = device.commands();
-        bins.record(device, camera, &mut commands);
-        commands.clear_buffer(&self.adjoint.gradients, 0, None);
+        tracer.record_binning(device, camera, &mut commands);
+        commands.clear_buffer(&self.adjoint.record.gradients, 0, None);
         device.submit(commands)?;
-        self.adjoint.forward(device, bins, self.band)
+        self.adjoint.forward(device, tracer, self.band)
     }
 
     /// Gradients of what was traced last.
     pub(super) fn backward(&self, device: &Device) -> Result<(), GpuError> {
-        device.run(&self.band.backward)
+        device.run(&self.band.gradients)
     }
 }

@@ -13,7 +13,10 @@ use profile::Recording;
 pub use profile::{Profile, StageTime};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-pub use work::Step;
+pub use work::Pass;
+
+/// File, entry point and defines of a kernel.
+type PipelineKey = (&'static str, &'static str, &'static [&'static str]);
 
 /// A device that computes. Cheap to share behind an [`Arc`].
 #[derive(Debug)]
@@ -23,7 +26,7 @@ pub struct Device {
     device: wgpu::Device,
     queue: wgpu::Queue,
     failure: Arc<Mutex<Option<GpuError>>>,
-    kernels: Mutex<HashMap<(&'static str, &'static str), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<PipelineKey, wgpu::ComputePipeline>>,
     /// While steps are timed.
     recording: Mutex<Option<Recording>>,
 }

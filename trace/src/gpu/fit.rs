@@ -210,7 +210,7 @@ impl GpuFit {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.scene, camera)?;
         match adjoint.whole() {
-            Some(image) => image.forward(&self.device, &tracer.bins, camera),
+            Some(image) => image.forward(&self.device, tracer, camera),
             None => Ok(()),
         }
     }

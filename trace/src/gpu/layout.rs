@@ -2,6 +2,7 @@
 //! in WGSL from there.
 
 use super::bins::{self, Seen, View};
+use super::kernels::GROUP_SIZE;
 use super::{adjoint, bvh, camera, light, matrix, rays, scan, sort};
 use crate::blend::Contribution;
 use crate::cpu::bins::MARGIN_PIXELS;
@@ -159,11 +160,11 @@ pub(super) fn layouts() -> Vec<Layout> {
         matrix::TransportParameters::layout(),
         matrix::ReceiverOnDevice::layout(),
         matrix::FoundEntry::layout(),
-        matrix::ArrivedLight::layout(),
+        matrix::DirectLight::layout(),
     ]
 }
 
-/// Declarations of all structures and constants: every module begins with them.
+/// Declarations of all structures and constants.
 pub(super) fn declarations() -> String {
     let mut text = String::new();
     for layout in layouts() {
@@ -188,6 +189,8 @@ pub(super) fn declarations() -> String {
         write_line(&mut text, format_args!("const {name}: f32 = {value:?};"));
     }
     for (name, value) in [
+        ("GROUP_SIZE", GROUP_SIZE),
+        ("MAX_GROUP_SIZE", scan::THREADS),
         ("TILE", bins::TILE),
         ("TILE_PIXELS", bins::TILE_PIXELS),
         ("PENDING", camera::PENDING),

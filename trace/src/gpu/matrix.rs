@@ -1,16 +1,19 @@
-//! TransportMatrix on the device: the twin of [`crate::transport::matrix`].
+//! Entries of the light-transport matrix on the device; [`TransportRays::trace`] is all of it, from
+//! receivers to entries.
 //!
-//! A dispatch follows one direction of one receiver in each invocation; another one adds up what
+//! A pass follows one direction of one receiver in each invocation, another one adds up the light
 //! they have found. Light is added in the order of samples, those towards emitters first, so that
-//! the bits depend neither on the size of dispatches nor on which receivers are traced together.
+//! the bits depend neither on the size of dispatches nor on which receivers are traced together. The
+//! CPU has a tree for each realization and takes receivers in groups; here one tree serves all
+//! realizations.
 
-use super::device::{Device, Step};
+use super::device::Device;
 use super::error::GpuError;
+use super::kernels::{self, groups};
 use super::layout::{Layout, layout};
 use super::light::TreeBuffers;
 use super::rays::RayQuery;
 use super::scene::SceneBuffers;
-use super::wgsl;
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
@@ -42,12 +45,12 @@ pub(super) struct TransportParameters {
     num_emitters: u32,
     scene_root: u32,
     light_root: u32,
-    /// Directions about the normal of each receiver, in all.
-    num_plain: u32,
+    /// Cosine samples of each receiver, in all.
+    num_cosine: u32,
     /// Directions towards emitters of each receiver, in all.
     num_to_lights: u32,
     num_receivers: u32,
-    /// An [`Aim`].
+    /// 1 for directions towards emitters, 0 for cosine samples.
     is_towards_lights: u32,
     first_sample: u32,
     end_sample: u32,
@@ -62,7 +65,7 @@ impl TransportParameters {
             num_emitters: "u32",
             scene_root: "u32",
             light_root: "u32",
-            num_plain: "u32",
+            num_cosine: "u32",
             num_to_lights: "u32",
             num_receivers: "u32",
             is_towards_lights: "u32",
@@ -103,7 +106,7 @@ impl ReceiverOnDevice {
     }
 }
 
-/// What one direction has found.
+/// The entry of one direction.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
@@ -112,36 +115,36 @@ pub(super) struct FoundEntry {
     light: [f32; 3],
     /// A Gaussian, [`crate::transport::matrix::NOTHING`], or [`super::bvh::NO_NODE`] where no ray
     /// was traced.
-    link: u32,
+    gaussian: u32,
 }
 
 impl FoundEntry {
     pub(super) fn layout() -> Layout {
         layout!(FoundEntry {
             light: "vec3f",
-            link: "u32",
+            gaussian: "u32",
         })
     }
 }
 
-/// What the directions of a receiver have brought.
+/// Light of emitters that the directions of a receiver have found.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub(super) struct ArrivedLight {
+pub(super) struct DirectLight {
     light: [f32; 3],
     num_rays: u32,
 }
 
-impl ArrivedLight {
+impl DirectLight {
     pub(super) fn layout() -> Layout {
-        layout!(ArrivedLight {
+        layout!(DirectLight {
             light: "vec3f",
             num_rays: "u32",
         })
     }
 }
 
-/// What matrix need of a scene, beside its Gaussians.
+/// Buffers of a scene for transport, beside its Gaussians.
 #[derive(Debug)]
 pub(super) struct TransportBuffers {
     /// Of discs that are as large as the largest of all realizations.
@@ -186,35 +189,38 @@ impl TransportBuffers {
     }
 }
 
-/// Traces matrix through a scene on a device.
+/// Traces matrix entries through a scene on a device.
 pub(super) struct TransportRays<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
     pub(super) matrix: &'a TransportBuffers,
 }
 
-/// Where the directions of a dispatch go.
-#[derive(Clone, Copy)]
-enum Aim {
-    /// About the normal.
-    Normal = 0,
-    /// Towards emitters.
-    Lights = 1,
-}
-
 /// Buffers for some receivers at once.
 struct Piece {
-    num_receivers: u32,
     samples_at_once: u32,
     uniform: wgpu::Buffer,
     receivers: wgpu::Buffer,
     found: wgpu::Buffer,
-    matrix: wgpu::Buffer,
-    arrived: wgpu::Buffer,
+    targets: wgpu::Buffer,
+    direct: wgpu::Buffer,
 }
 
 impl Piece {
-    /// `num` samples, as many in a dispatch as there is room for.
+    fn new(device: &Device, num_receivers: usize, samples_at_once: u32) -> Result<Self, GpuError> {
+        let of_receivers = |what, size: usize| device.buffer(what, (num_receivers * size) as u64);
+        let num_samples = samples_at_once as usize;
+        Ok(Self {
+            samples_at_once,
+            uniform: device.uniform("matrix", &TransportParameters::zeroed()),
+            receivers: of_receivers("receivers", size_of::<ReceiverOnDevice>())?,
+            found: of_receivers("found entries", num_samples * size_of::<FoundEntry>())?,
+            targets: of_receivers("targets of entries", num_samples * size_of::<u32>())?,
+            direct: of_receivers("light of emitters", size_of::<DirectLight>())?,
+        })
+    }
+
+    /// `num` samples, as many in a dispatch as the buffers hold.
     fn samples(&self, num: u32) -> impl Iterator<Item = Range<u32>> {
         let at_once = self.samples_at_once;
         (0..num)
@@ -224,7 +230,7 @@ impl Piece {
 }
 
 impl TransportRays<'_> {
-    /// The matrix of `receivers`; see [`TransportMatrix::trace`].
+    /// The matrix entries of `receivers`; see [`TransportMatrix::trace`].
     pub(super) fn trace(
         &self,
         receivers: &[Receiver],
@@ -235,40 +241,110 @@ impl TransportRays<'_> {
         if receivers.is_empty() {
             return Ok(matrix);
         }
+        let device = self.device;
+        // As many receivers and samples at once as one buffer holds entries.
         let samples = directions.plain.max(directions.to_lights);
-        let room = self.device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
-        let directions_at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
-        let most_samples = SAMPLES_PER_DISPATCH.min(directions_at_once);
-        let samples_at_once = samples.clamp(1, most_samples);
-        let at_once = (directions_at_once / samples_at_once) as usize;
-        let mut piece = self.piece(at_once.min(receivers.len()), samples_at_once)?;
+        let max_entries = device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
+        let directions_at_once = max_entries.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
+        let samples_at_once = samples.clamp(1, SAMPLES_PER_DISPATCH.min(directions_at_once));
+        let receivers_at_once = (directions_at_once / samples_at_once) as usize;
+        let num_receivers = receivers_at_once.min(receivers.len());
+        let piece = Piece::new(device, num_receivers, samples_at_once)?;
         let trees = &self.matrix.trees;
-        let parameters = TransportParameters {
-            key: key.words(),
-            emission_threshold: EMISSION_THRESHOLD,
-            num_emitters: trees.num_emitters,
-            scene_root: trees.scene_root,
-            light_root: trees.light_root,
-            num_plain: directions.plain,
-            num_to_lights: directions.to_lights,
-            ..TransportParameters::zeroed()
+        let num_to_lights = match trees.num_emitters {
+            0 => 0,
+            _ => directions.to_lights,
         };
-        for some in receivers.chunks(at_once) {
+        let num_cosine = directions.plain as usize;
+        for some in receivers.chunks(receivers_at_once) {
+            let parameters = TransportParameters {
+                key: key.words(),
+                emission_threshold: EMISSION_THRESHOLD,
+                num_emitters: trees.num_emitters,
+                scene_root: trees.scene_root,
+                light_root: trees.light_root,
+                num_cosine: directions.plain,
+                num_to_lights: directions.to_lights,
+                num_receivers: some.len() as u32,
+                ..TransportParameters::zeroed()
+            };
             let on_device: Vec<ReceiverOnDevice> = some.iter().map(ReceiverOnDevice::new).collect();
-            self.device
-                .write(&piece.receivers, bytemuck::cast_slice(&on_device));
-            piece.num_receivers = some.len() as u32;
-            self.trace_piece(&piece, parameters, &mut matrix)?;
+            device.write(&piece.receivers, bytemuck::cast_slice(&on_device));
+            let dark = vec![DirectLight::zeroed(); some.len()];
+            device.write(&piece.direct, bytemuck::cast_slice(&dark));
+            // Towards emitters, whose light is all that counts.
+            for (number, samples) in (1_u32..).zip(piece.samples(num_to_lights)) {
+                let parameters = TransportParameters {
+                    is_towards_lights: 1,
+                    ..parameters
+                };
+                self.follow(&piece, parameters, samples)?;
+                if number.is_multiple_of(DISPATCHES_AHEAD) {
+                    device.wait()?;
+                }
+            }
+            // Cosine samples: an entry each, or light where an emitter was met.
+            let start = matrix.targets.len();
+            matrix.targets.resize(start + some.len() * num_cosine, 0);
+            for samples in piece.samples(directions.plain) {
+                self.follow(&piece, parameters, samples.clone())?;
+                let num_entries = some.len() * samples.len();
+                let found: Vec<u32> = device.read(&piece.targets, 0..num_entries)?;
+                let (first, end) = (samples.start as usize, samples.end as usize);
+                let rows = matrix.targets[start..].chunks_exact_mut(num_cosine);
+                for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
+                    row[first..end].copy_from_slice(found);
+                }
+            }
+            for one in device.read::<DirectLight>(&piece.direct, 0..some.len())? {
+                matrix.direct.push(Vec3::from_array(one.light));
+                matrix.num_rays += u64::from(one.num_rays);
+            }
         }
         Ok(matrix)
+    }
+
+    /// Follows `samples` of all receivers of `piece`: their entries, and the light of emitters.
+    fn follow(
+        &self,
+        piece: &Piece,
+        parameters: TransportParameters,
+        samples: Range<u32>,
+    ) -> Result<(), GpuError> {
+        let TransportBuffers { trees, radii } = self.matrix;
+        let (device, scene) = (self.device, self.scene);
+        let num_receivers = parameters.num_receivers;
+        let num_directions = num_receivers * samples.len() as u32;
+        let parameters = TransportParameters {
+            first_sample: samples.start,
+            end_sample: samples.end,
+            ..parameters
+        };
+        device.write(&piece.uniform, bytemuck::bytes_of(&parameters));
+        let follow = [
+            &piece.uniform,
+            &scene.surfels,
+            &scene.attributes,
+            &trees.nodes,
+            &trees.leaf_indices,
+            &trees.emitters,
+            radii,
+            &piece.receivers,
+            &piece.found,
+        ];
+        let add = [&piece.uniform, &piece.found, &piece.targets, &piece.direct];
+        device.run(&[
+            device.pass(&kernels::FOLLOW_DIRECTIONS, &follow, groups(num_directions)),
+            device.pass(&kernels::ADD_UP, &add, groups(num_receivers)),
+        ])
     }
 
     /// What each ray meets first in the realization that is its seed; see
     /// [`crate::Tracer::realization_hits`].
     pub(super) fn first_hits(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
         let mut hits = Vec::with_capacity(queries.len());
-        let room = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;
-        let at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as usize;
+        let max_rays = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;
+        let at_once = max_rays.min(u64::from(DIRECTIONS_PER_DISPATCH)) as usize;
         let device = self.device;
         for some in queries.chunks(at_once) {
             let rays = device.upload("rays", bytemuck::cast_slice(some))?;
@@ -280,118 +356,18 @@ impl TransportRays<'_> {
             };
             let uniform = device.uniform("matrix", &parameters);
             let buffers = [
-                (1, &uniform),
-                (2, &self.scene.surfels),
-                (4, &self.matrix.trees.nodes),
-                (5, &self.matrix.trees.leaf_indices),
-                (7, &self.matrix.radii),
-                (10, &found),
-                (12, &rays),
+                &uniform,
+                &self.scene.surfels,
+                &self.matrix.trees.nodes,
+                &self.matrix.trees.leaf_indices,
+                &self.matrix.radii,
+                &found,
+                &rays,
             ];
-            let groups = (some.len() as u32).div_ceil(64);
-            device.run(&[device.step(&wgsl::LINKS, "first_hits", &buffers, groups)])?;
+            let groups = groups(some.len() as u32);
+            device.run(&[device.pass(&kernels::FIRST_HITS, &buffers, groups)])?;
             hits.extend(device.read::<u32>(&found, 0..some.len())?);
         }
         Ok(hits)
-    }
-
-    fn piece(&self, num_receivers: usize, samples_at_once: u32) -> Result<Piece, GpuError> {
-        let device = self.device;
-        let of_receivers = |size: usize| (num_receivers * size) as u64;
-        let of_directions = |size: usize| of_receivers(samples_at_once as usize * size);
-        Ok(Piece {
-            num_receivers: 0,
-            samples_at_once,
-            uniform: device.uniform("matrix", &TransportParameters::zeroed()),
-            receivers: device.buffer("receivers", of_receivers(size_of::<ReceiverOnDevice>()))?,
-            found: device.buffer("found matrix", of_directions(size_of::<FoundEntry>()))?,
-            matrix: device.buffer("matrix", of_directions(size_of::<u32>()))?,
-            arrived: device.buffer("arrived light", of_receivers(size_of::<ArrivedLight>()))?,
-        })
-    }
-
-    /// Adds the matrix of the receivers that are in `piece`.
-    fn trace_piece(
-        &self,
-        piece: &Piece,
-        parameters: TransportParameters,
-        matrix: &mut TransportMatrix,
-    ) -> Result<(), GpuError> {
-        let num_receivers = piece.num_receivers as usize;
-        let dispatch = |aim: Aim, samples: &Range<u32>| {
-            let parameters = TransportParameters {
-                num_receivers: piece.num_receivers,
-                is_towards_lights: aim as u32,
-                first_sample: samples.start,
-                end_sample: samples.end,
-                ..parameters
-            };
-            self.device
-                .write(&piece.uniform, bytemuck::bytes_of(&parameters));
-            self.device.run(&self.steps(piece, samples.len() as u32))
-        };
-        let nothing = vec![ArrivedLight::zeroed(); num_receivers];
-        self.device
-            .write(&piece.arrived, bytemuck::cast_slice(&nothing));
-        let num_to_lights = match parameters.num_emitters {
-            0 => 0,
-            _ => parameters.num_to_lights,
-        };
-        for (number, samples) in (1_u32..).zip(piece.samples(num_to_lights)) {
-            dispatch(Aim::Lights, &samples)?;
-            if number.is_multiple_of(DISPATCHES_AHEAD) {
-                self.device.wait()?;
-            }
-        }
-        let num_plain = parameters.num_plain as usize;
-        let start = matrix.targets.len();
-        matrix.targets.resize(start + num_receivers * num_plain, 0);
-        for samples in piece.samples(parameters.num_plain) {
-            dispatch(Aim::Normal, &samples)?;
-            let found: Vec<u32> = self
-                .device
-                .read(&piece.matrix, 0..num_receivers * samples.len())?;
-            let (first, end) = (samples.start as usize, samples.end as usize);
-            let rows = matrix.targets[start..].chunks_exact_mut(num_plain);
-            for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
-                row[first..end].copy_from_slice(found);
-            }
-        }
-        let arrived: Vec<ArrivedLight> = self.device.read(&piece.arrived, 0..num_receivers)?;
-        for one in arrived {
-            matrix.direct.push(Vec3::from_array(one.light));
-            matrix.num_rays += u64::from(one.num_rays);
-        }
-        Ok(())
-    }
-
-    fn steps(&self, piece: &Piece, num_samples: u32) -> [Step; 2] {
-        let TransportBuffers { trees, radii } = self.matrix;
-        let uniform = (1, &piece.uniform);
-        let follow = [
-            uniform,
-            (2, &self.scene.surfels),
-            (3, &self.scene.attributes),
-            (4, &trees.nodes),
-            (5, &trees.leaf_indices),
-            (6, &trees.emitters),
-            (7, radii),
-            (8, &piece.receivers),
-            (9, &piece.found),
-        ];
-        let add = [
-            uniform,
-            (9, &piece.found),
-            (10, &piece.matrix),
-            (11, &piece.arrived),
-        ];
-        let num_directions = piece.num_receivers * num_samples;
-        let step = |entry, buffers: &[(u32, &wgpu::Buffer)], invocations: u32| {
-            (self.device).step(&wgsl::LINKS, entry, buffers, invocations.div_ceil(64))
-        };
-        [
-            step("follow_directions", &follow, num_directions),
-            step("add_up", &add, piece.num_receivers),
-        ]
     }
 }

@@ -1,12 +1,11 @@
-//! Single rays on the device, of any origin and direction, many at a time: the twin of
-//! [`crate::transport::RayTracer`].
+//! Single rays on the device, of any origin and direction, many at a time.
 
 use super::device::Device;
 use super::error::GpuError;
+use super::kernels::{self, Kernel, groups};
 use super::layout::{Layout, layout};
 use super::light::{LightParameters, TreeBuffers};
 use super::scene::SceneBuffers;
-use super::wgsl;
 use crate::features::{Features, NUM_LANES};
 use crate::ray::Ray;
 
@@ -59,14 +58,15 @@ pub(super) struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// composited features along each ray.
+    /// Composited features along each ray.
     pub(super) fn blend(&self, queries: &[RayQuery]) -> Result<Vec<Features>, GpuError> {
         let size = (queries.len() * size_of::<Features>()) as u64;
         let features = self.device.buffer("features of rays", size)?;
         self.run(
-            "blend_rays",
+            &kernels::BLEND_RAYS,
             queries,
-            &[(3, &self.scene.attributes), (7, &features)],
+            Some(&self.scene.attributes),
+            &features,
         )?;
         let lanes = self
             .device
@@ -79,15 +79,16 @@ impl Rays<'_> {
     pub(super) fn choose(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
         let size = (queries.len() * size_of::<u32>()) as u64;
         let chosen = self.device.buffer("chosen hits", size)?;
-        self.run("choose_hits", queries, &[(8, &chosen)])?;
+        self.run(&kernels::CHOOSE_HITS, queries, None, &chosen)?;
         self.device.read(&chosen, 0..queries.len())
     }
 
     fn run(
         &self,
-        entry: &'static str,
+        kernel: &'static Kernel,
         queries: &[RayQuery],
-        results: &[(u32, &wgpu::Buffer)],
+        attributes: Option<&wgpu::Buffer>,
+        results: &wgpu::Buffer,
     ) -> Result<(), GpuError> {
         let Self {
             device,
@@ -96,20 +97,16 @@ impl Rays<'_> {
         } = self;
         let num_rays = queries.len() as u32;
         let queries = device.upload("rays", bytemuck::cast_slice(queries))?;
-        let mut steps = Vec::new();
+        let mut passes = Vec::new();
         for first in (0..num_rays).step_by(RAYS_PER_DISPATCH as usize) {
             let end = first.saturating_add(RAYS_PER_DISPATCH).min(num_rays);
             let uniform = device.uniform("light", &LightParameters::of_rays(light, first..end));
-            let mut buffers = vec![
-                (1, &uniform),
-                (2, &scene.surfels),
-                (4, &light.nodes),
-                (5, &light.leaf_indices),
-                (6, &queries),
-            ];
-            buffers.extend_from_slice(results);
-            steps.push(device.step(&wgsl::RAYS, entry, &buffers, (end - first).div_ceil(64)));
+            let tree = [&light.nodes, &light.leaf_indices, &queries, results];
+            let mut buffers = vec![&uniform, &scene.surfels];
+            buffers.extend(attributes);
+            buffers.extend_from_slice(&tree);
+            passes.push(device.pass(kernel, &buffers, groups(end - first)));
         }
-        device.run(&steps)
+        device.run(&passes)
     }
 }

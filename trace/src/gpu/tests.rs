@@ -1,11 +1,12 @@
-//! Kernels against their twins, stage by stage, on whatever device there is.
+//! Kernels against the CPU, stage by stage, on whatever device there is.
 
 use super::GpuScene;
 use super::device::{Device, DeviceSelector};
 use super::error::GpuError;
+use super::kernels::{Access, Binding, Kernel};
 use super::scan::scan;
+use super::shader;
 use super::sort::Sorter;
-use super::wgsl::{self, Module};
 use crate::parity;
 use crate::transport::matrix::{Directions, Receiver};
 use crate::transport::points::Points;
@@ -90,7 +91,7 @@ fn sorting_is_stable() {
         let (to_keys, to_values) = sorter.unsorted();
         device.write(to_keys, bytemuck::cast_slice(&keys));
         device.write(to_values, bytemuck::cast_slice(&values));
-        device.run(sorter.steps()).unwrap();
+        device.run(sorter.passes()).unwrap();
         let (sorted_keys, sorted_values) = sorter.sorted();
         let got_keys: Vec<u32> = device.read(sorted_keys, 0..num as usize).unwrap();
         let got_values: Vec<u32> = device.read(sorted_values, 0..num as usize).unwrap();
@@ -101,24 +102,45 @@ fn sorting_is_stable() {
     }
 }
 
-/// Draws what [`Points`] draws, for elements 0 to 63 and samples that a word of the input names.
-static DRAW: Module = Module::own(
-    "draw",
-    &[&[
-        wgsl::RANDOM,
-        wgsl::POINTS,
-        "@group(0) @binding(0) var<storage, read> input: array<vec4u>;
-        @group(0) @binding(1) var<storage, read_write> blocks: array<vec4f>;
-        @group(0) @binding(2) var<storage, read_write> words: array<u32>;
-        @compute @workgroup_size(64)
-        fn draw(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) element: u32) {
-            let at = group.x * 64u + element;
-            let numbers = input[1u + group.x];
-            blocks[at] = block_of(input[0], element, numbers.x, numbers.y);
-            words[at] = word_of(input[0], element, numbers.x);
-        }",
-    ]],
+/// Points as [`Points`] has them, for elements 0 to 63 and samples that a word of the input names.
+static DRAW: Kernel = Kernel::new(
+    ("draw", "draw"),
+    &[],
+    |name| match name {
+        "draw" => Some(
+            "#import points
+            @group(0) @binding(0) var<storage, read> input: array<vec4u>;
+            @group(0) @binding(1) var<storage, read_write> blocks: array<vec4f>;
+            @group(0) @binding(2) var<storage, read_write> words: array<u32>;
+            @compute @workgroup_size(64)
+            fn draw(
+                @builtin(workgroup_id) group: vec3u,
+                @builtin(local_invocation_index) element: u32,
+            ) {
+                let at = group.x * 64u + element;
+                let numbers = input[1u + group.x];
+                blocks[at] = block_of(input[0], element, numbers.x, numbers.y);
+                words[at] = word_of(input[0], element, numbers.x);
+            }"
+            .into(),
+        ),
+        _ => shader::sources(name),
+    },
+    &[
+        bound(0, "input", Access::Read),
+        bound(1, "blocks", Access::Write),
+        bound(2, "words", Access::Write),
+    ],
 );
+
+const fn bound(number: u32, name: &'static str, access: Access) -> Binding {
+    Binding {
+        number,
+        name,
+        access,
+        bytes: 16,
+    }
+}
 
 #[test]
 fn random_numbers_and_sobol_points_have_the_bits_of_the_cpu() {
@@ -137,9 +159,8 @@ fn random_numbers_and_sobol_points_have_the_bits_of_the_cpu() {
     let num = 64 * draws.len();
     let blocks = device.buffer("blocks", 16 * num as u64).unwrap();
     let words = device.buffer("words", 4 * num as u64).unwrap();
-    let buffers = [(0, &input), (1, &blocks), (2, &words)];
-    let step = device.step(&DRAW, "draw", &buffers, draws.len() as u32);
-    device.run(&[step]).unwrap();
+    let pass = device.pass(&DRAW, &[&input, &blocks, &words], draws.len() as u32);
+    device.run(&[pass]).unwrap();
     let blocks: Vec<[f32; 4]> = device.read(&blocks, 0..num).unwrap();
     let words: Vec<u32> = device.read(&words, 0..num).unwrap();
     for (at, (got, word)) in blocks.iter().zip(words).enumerate() {

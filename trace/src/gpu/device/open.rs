@@ -127,7 +127,7 @@ impl Device {
             device,
             queue,
             failure,
-            kernels: Mutex::default(),
+            pipelines: Mutex::default(),
             recording: Mutex::default(),
         })
     }

@@ -234,9 +234,9 @@ impl GpuBackend {
         resident.begin();
         fit.forward(rays)?;
         let at = (&camera, &wanted);
-        device.run(&loss.steps(device, at, &options, (frame, resident.report())))?;
+        device.run(&loss.passes(device, at, &options, (frame, resident.report())))?;
         fit.backward(rays)?;
-        device.run(&resident.steps(fit, (frame, camera.origin()), &task.sizes))?;
+        device.run(&resident.passes(fit, (frame, camera.origin()), &task.sizes))?;
         resident.count(&task.sizes);
         let report = resident.read_report()?;
         self.under_way.push_back(UnderWay {

@@ -67,7 +67,9 @@ fn steps_of_adam_are_those_of_the_cpu() {
         cpu.step(&gaussians, eye, &gradients, &sizes).unwrap();
         cpu.write_gaussians(&mut gaussians);
         gpu.begin();
-        device.run(&gpu.steps(&fit, (&frame, eye), &sizes)).unwrap();
+        device
+            .run(&gpu.passes(&fit, (&frame, eye), &sizes))
+            .unwrap();
         gpu.count(&sizes);
         let report = reported(&device, &gpu);
         assert_eq!(gpu.bad_gradient(&report).unwrap(), None);
@@ -147,7 +149,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
         ..StepSizes::albedo(0.1)
     };
     device
-        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .run(&state.passes(&fit, (&frame, Vec3::ZERO), &sizes))
         .unwrap();
     let report = reported(&device, &state);
     let bad = state.bad_gradient(&report).unwrap().unwrap();
@@ -156,7 +158,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     device.write(&frame.gradients, &vec![0; 64 * before.len()]);
     state.begin();
     device
-        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .run(&state.passes(&fit, (&frame, Vec3::ZERO), &sizes))
         .unwrap();
     assert_eq!(reported(&device, &state).first_bad(), None);
     assert_eq!(state.state().unwrap(), before);

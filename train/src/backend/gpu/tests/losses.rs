@@ -65,8 +65,8 @@ fn compared(
     let on_device = TargetView::new(device, view, target).unwrap();
     let buffers = LossBuffers::new(device, num_pixels).unwrap();
     let at = (&view.camera, &on_device);
-    let steps = buffers.steps(device, at, options, (&frame, &report_buffer));
-    device.run(&steps).unwrap();
+    let passes = buffers.passes(device, at, options, (&frame, &report_buffer));
+    device.run(&passes).unwrap();
     let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_features, 0..num_pixels).unwrap();
     let words: Vec<u32> = device.read(&report_buffer, 0..report::NUM_WORDS).unwrap();
     let report = report::Report(words.try_into().unwrap());
