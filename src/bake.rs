@@ -1,6 +1,7 @@
 //! `eagpt bake`: radiance that fits the light after an edit.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
+use crate::command_line;
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
@@ -31,7 +32,7 @@ use std::process::ExitCode;
 /// Work is kept in a folder beside the result; the same command continues a bake that was stopped,
 /// to the same bits. That is, on the same device; another goes on as well, and ends elsewhere by
 /// rounding.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct BakeArgs {
     /// Scene whose light to bake, as `eagpt edit` writes it
@@ -41,10 +42,10 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "DATASET")]
     cameras: PathBuf,
     /// Views to bake for
-    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = cli::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = args::subset())]
     split: Subset,
     /// Rule that divides the views into training and test views
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
     split_rule: SplitRule,
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]
@@ -71,11 +72,13 @@ pub(crate) struct BakeArgs {
     /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it
     /// then puts the parts together. gaussians has no parts: what lights what is one matrix
     #[arg(long, value_name = "I/N")]
+    #[serde(serialize_with = "command_line::optional_text")]
     shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
     #[command(flatten)]
+    #[serde(flatten)]
     device: DeviceArgs,
     /// Folder for work under way; that of `gaussians` is removed at the end [default: BAKED.work
     /// beside BAKED.ply]
@@ -104,7 +107,8 @@ const EXAMPLES: &str = "Examples:
 /// moving Gaussians.
 const FIT_RATE: f32 = 0.02;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum MethodArg {
     /// In Gaussian space, from rays traced once for all bounces
     Gaussians,
@@ -132,7 +136,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
         bail!("--links: only --method gaussians has links");
     }
     let dataset = Dataset::open(&args.cameras)?;
-    let mut inputs = cli::dataset_files(&dataset);
+    let mut inputs = dataset.files();
     inputs.push(args.scene.clone());
     inputs.extend(args.links.clone());
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();

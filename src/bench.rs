@@ -9,7 +9,7 @@ mod sheet;
 mod stage;
 mod table;
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;

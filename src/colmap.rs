@@ -3,7 +3,7 @@
 mod import;
 mod run;
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::process::ExitCode;

@@ -4,7 +4,7 @@ mod check;
 mod export;
 mod import;
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::record::FILE_NAME;
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};

@@ -1,10 +1,10 @@
 //! `eagpt demo`: the whole chain on a simulated capture.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::device::{DeviceArgs, DeviceChoice};
 use crate::progress::Reporter;
 use crate::run;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::files;
 use std::path::{Path, PathBuf};
@@ -84,9 +84,26 @@ pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let report = args.out.join("run/report.html");
     Reporter::new(global).note(&format!("report: {}", report.display()));
     if args.open {
-        cli::open_file(&report)?;
+        open_file(&report)?;
     }
     Ok(code)
+}
+
+/// Shows a file with the program that the system has for its kind.
+///
+/// # Errors
+/// If there is no such program.
+fn open_file(path: &Path) -> Result<()> {
+    let program = match std::env::consts::OS {
+        "macos" => "open",
+        "windows" => "explorer",
+        _ => "xdg-open",
+    };
+    std::process::Command::new(program)
+        .arg(path)
+        .spawn()
+        .map(|_| ())
+        .with_context(|| format!("{program} {}", path.display()))
 }
 
 /// What a section of the project says about the device: nothing, unless something is asked for.

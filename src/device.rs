@@ -15,7 +15,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 /// The option of commands that compute.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 pub(crate) struct DeviceArgs {
     /// What computes: auto, cpu, gpu, gpu:INDEX or gpu:NAME
     ///

@@ -1,7 +1,7 @@
 //! `eagpt doctor`: what this machine can do.
 
+use crate::args::GlobalArgs;
 use crate::bench::{Unit, figure};
-use crate::cli::GlobalArgs;
 use crate::device::{DeviceArgs, Engine};
 use crate::progress::Reporter;
 use crate::terminal;

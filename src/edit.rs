@@ -1,6 +1,6 @@
 //! `eagpt edit`: a scene changed by a script.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
@@ -24,7 +24,7 @@ use std::process::ExitCode;
 ///
 /// After an edit the radiance that Gaussians carry is no longer what they would reflect: render
 /// with --mode path.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct EditArgs {
     /// Scene of 2D Gaussians, as `eagpt train` writes it

@@ -4,12 +4,13 @@ mod conditions;
 mod pair;
 mod table;
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use eagpt_eval::{FlipOptions, ToneMapper};
 use eagpt_scene::dataset::{SplitRule, Subset};
+use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -21,7 +22,7 @@ use std::process::ExitCode;
 /// Several DIRs and as many --reference are several conditions, as a room under its own and under a
 /// new light. An option that can be given for each condition is given once for all of them, or as
 /// often as --reference and in its order.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
@@ -29,6 +30,7 @@ use std::process::ExitCode;
 )]
 pub(crate) struct EvalArgs {
     #[command(subcommand)]
+    #[serde(skip)]
     command: Option<EvalCommand>,
     /// Folder of renderings, as `eagpt render` writes it; one for each condition
     #[arg(value_name = "DIR", required = true)]
@@ -45,10 +47,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME")]
     name: Vec<String>,
     /// Views to measure; for each condition
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = args::subset())]
     split: Vec<Subset>,
     /// Rule that divides the views into training and test views; for each condition
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
     split_rule: Vec<SplitRule>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2", required = true)]
@@ -57,6 +59,7 @@ pub(crate) struct EvalArgs {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
+    #[serde(flatten)]
     flip: FlipArgs,
 }
 
@@ -75,14 +78,14 @@ Examples:
   eagpt eval table eval/0 eval/both --out table
   eagpt eval pair photograph.exr rendering.exr --json";
 
-#[derive(Debug, Subcommand)]
+#[derive(Debug, Clone, Subcommand)]
 enum EvalCommand {
     Pair(pair::PairArgs),
     Table(table::TableArgs),
 }
 
 /// Settings of FLIP.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "FLIP options")]
 struct FlipArgs {
     /// Pixels per degree of vision, 1 to 10000

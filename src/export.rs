@@ -1,6 +1,6 @@
 //! `eagpt export`: a scene for other programs.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};

@@ -1,6 +1,7 @@
 //! `eagpt ingest`: RAW brackets to linear HDR images.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
+use crate::command_line;
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -14,6 +15,7 @@ use eagpt_ingest::{
 };
 use eagpt_scene::Shard;
 use eagpt_scene::exr::Precision;
+use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -33,7 +35,7 @@ use std::process::ExitCode;
 ///
 /// The same command goes on where it was stopped, and adds stacks that are new; what is done is
 /// known by its content.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct IngestArgs {
     /// Folder with the photographs: RAW of the camera, or linear EXR, TIFF (16 bits, float) or PNG
@@ -62,6 +64,7 @@ pub(crate) struct IngestArgs {
     /// Factors for the whole capture: `as-shot` (of the first shot), R,G,B, or a grey card in a
     /// stack, `STACK@LEFT,TOP,WIDTH,HEIGHT` in pixels of the sensor
     #[arg(long, value_name = "WHITE", default_value = "as-shot", value_parser = white_balance)]
+    #[serde(serialize_with = "command_line::text")]
     white_balance: WhiteBalance,
     /// Radiance of a sample at saturation in 1 s at ISO 100 and f/1, above 0 [default: the
     /// geometric mean of the capture's luminance becomes 0.18]
@@ -83,6 +86,7 @@ pub(crate) struct IngestArgs {
     /// Distortion to take out: a model of COLMAP and its parameters in pixels of the sensor,
     /// `OPENCV fx,fy,cx,cy,k1,k2,p1,p2`
     #[arg(long, value_name = "MODEL PARAMS", value_parser = lens)]
+    #[serde(serialize_with = "command_line::optional_text")]
     lens: Option<LensOption>,
     /// Longest side of the images, pixels, at least 16; larger ones are averaged [default: as the
     /// sensor has it]
@@ -98,6 +102,7 @@ pub(crate) struct IngestArgs {
     /// machines that share it; the same command without --shard then finishes: what is missing,
     /// reports, record
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
+    #[serde(serialize_with = "command_line::optional_text")]
     shard: Option<Shard>,
     /// Start over, replacing an earlier result of this command
     #[arg(long)]
@@ -117,7 +122,8 @@ capture.toml, in the folder of the capture:
   condition = \"front\"
   files = [\"front/DSC0001.ARW\", \"front/DSC0002.ARW\", \"front/DSC0003.ARW\"]";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum RatiosArg {
     /// Exposure time, ISO and aperture of the files
     Metadata,
@@ -125,7 +131,8 @@ enum RatiosArg {
     Estimate,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum DemosaicArg {
     /// Means of neighbours
     Bilinear,

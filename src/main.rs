@@ -1,28 +1,34 @@
 //! The program `eagpt`: parses arguments, shows progress, sets exit codes. The work itself is done
 //! by the libraries.
 //!
-//! - [`cli`]: the commands and the options they share; each command's own options are in its
-//!   module.
-//! - [`synth`], [`ingest`], [`mod@colmap`], [`dataset`], [`mod@masks`], [`normals`], [`train`],
-//!   [`edit`], [`render`], [`bake`], [`mod@eval`], [`export`]: the commands.
-//! - [`mod@demo`]: a simulated capture, and all that follows.
-//! - [`mod@run`]: all of them, one after the other; [`mod@report`]: what came of it, on one page.
-//! - [`mod@bench`]: how fast each stage is.
-//! - [`device`]: what computes, CPU or GPU.
+//! - [`cli`]: the program and its commands; each command's options are in its module.
+//! - [`command`]: the commands that do one job each: [`synth`], [`ingest`], [`mod@colmap`],
+//!   [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`],
+//!   [`mod@eval`], [`export`], [`mod@report`].
+//! - [`mod@run`]: a chain of them, described by a project file. [`mod@demo`] runs it on a simulated
+//!   capture, [`paper`] on the scenes of the paper.
+//! - [`mod@bench`]: measures the speed of each stage.
+//! - [`doctor`]: devices and libraries that the program finds.
+//! - [`args`]: arguments that commands share.
+//! - [`command_line`]: typed options printed as a command.
+//! - [`device`]: the compute device, CPU or GPU.
 //! - [`progress`]: bars, plain lines or JSON.
-//! - [`record`]: what is written beside every result.
-//! - [`output`]: folders and files that results go to.
-//! - [`interrupt`]: what Ctrl-C does.
+//! - [`record`]: the record.json beside every result.
+//! - [`output`]: folders and files for results.
+//! - [`interrupt`]: Ctrl-C.
 
 #![allow(
     rustdoc::invalid_html_tags,
     reason = "comments of options are their help, which names files as <view>.exr"
 )]
 
+mod args;
 mod bake;
 mod bench;
 mod cli;
 mod colmap;
+mod command;
+mod command_line;
 mod dataset;
 mod demo;
 mod device;
@@ -53,7 +59,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
     terminal::init(&cli.global);
-    match cli::start(&cli) {
+    match cli.run() {
         Ok(code) => code,
         Err(error) => {
             terminal::line(&format!("error: {}", terminal::one_line(&error)));

@@ -1,6 +1,7 @@
 //! `eagpt masks`: which pixels of a dataset's photographs show a light.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
+use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
@@ -26,7 +27,7 @@ use std::process::ExitCode;
 /// Writes Emissive-exr/<view>.exr (1 where there is a light, 0 elsewhere) and into masks/ overlays
 /// to look at, table.md, views.csv and report.json. A view of which nothing is known, without
 /// threshold or label, gets no mask: that is not an empty one.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct MasksArgs {
     /// Dataset: a folder with a transforms.json, or that file
@@ -38,6 +39,7 @@ pub(crate) struct MasksArgs {
     /// Threshold of linear radiance above 0; `auto` finds the gap between lit surfaces and lights
     /// in all views together, `none` takes labels alone
     #[arg(long, value_name = "RADIANCE|auto|none", default_value = "auto", value_parser = threshold)]
+    #[serde(serialize_with = "command_line::text")]
     threshold: Source,
     /// Value of a pixel that is compared with the threshold
     #[arg(long, value_enum, default_value = "any")]
@@ -89,7 +91,8 @@ const EXAMPLES: &str = "Examples:
   eagpt masks kitchen --labels sam/lamps --subtract sam/mirrors --scene runs/kitchen/scene.ply --inconsistent drop
   eagpt masks kitchen --threshold none --labels by-hand --out masks-by-hand";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum RuleArg {
     /// The largest channel
     Any,
@@ -101,7 +104,8 @@ enum RuleArg {
     Mean,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum BorderArg {
     /// If they are at least halfway between the light and what is beside it
     Half,
@@ -109,7 +113,8 @@ enum BorderArg {
     Full,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum InconsistentArg {
     /// They are listed
     Keep,
@@ -237,7 +242,7 @@ fn inputs(dataset: &Dataset, scene: Option<&PathBuf>) -> Vec<PathBuf> {
         .iter()
         .filter_map(|frame| frame.files.emission.as_ref())
         .collect();
-    let mut files = cli::dataset_files(dataset);
+    let mut files = dataset.files();
     files.retain(|file| !masks.contains(&file));
     files.extend(scene.cloned());
     files

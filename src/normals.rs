@@ -1,6 +1,6 @@
 //! `eagpt normals`: normal maps of any estimator for a dataset.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
@@ -26,7 +26,7 @@ use std::process::ExitCode;
 /// and into normals/ previews and report.json. The maps may also be made here, by a network in ONNX
 /// that you have (--onnx). Views without a map have no normals, which training makes up for by
 /// itself.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct NormalsArgs {
     /// Dataset: a folder with a transforms.json, or that file
@@ -42,6 +42,7 @@ pub(crate) struct NormalsArgs {
     )]
     maps: Option<PathBuf>,
     #[command(flatten)]
+    #[serde(flatten)]
     network: NetworkArgs,
     /// What follows the view's name in the names of maps, as _normal in 0001_normal.png
     #[arg(
@@ -71,7 +72,7 @@ pub(crate) struct NormalsArgs {
 }
 
 /// A network that makes the maps.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Network")]
 struct NetworkArgs {
     /// Network to make maps with: an ONNX model of one picture (1x3xHxW or 1xHxWx3) whose output
@@ -119,7 +120,8 @@ const EXAMPLES: &str = "Examples:
   eagpt normals kitchen --maps omnidata --out normals-omnidata
   eagpt normals kitchen --onnx dsine.onnx --onnxruntime /opt/onnxruntime/lib/libonnxruntime.so";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum SpaceArg {
     /// Found out
     Auto,
@@ -129,7 +131,8 @@ enum SpaceArg {
     World,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum EncodingArg {
     /// Found out: PNG from 0 to 1, EXR by its values
     Auto,
@@ -139,7 +142,8 @@ enum EncodingArg {
     ZeroToOne,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
 enum AxesArg {
     Auto,
     Given(Axes),
@@ -253,7 +257,7 @@ fn options(args: &NormalsArgs) -> NormalOptions {
 fn inputs(dataset: &Dataset, maps: Option<&Path>, suffix: &str) -> Vec<PathBuf> {
     let frames = dataset.frames().iter();
     let normals: Vec<&PathBuf> = frames.filter_map(|f| f.files.normal.as_ref()).collect();
-    let mut files = cli::dataset_files(dataset);
+    let mut files = dataset.files();
     files.retain(|file| !normals.contains(&file));
     let Some(maps) = maps else { return files };
     for frame in dataset.frames() {

@@ -11,7 +11,7 @@ mod jobs;
 mod published;
 mod rows;
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::parts::{self, Parts};
 use crate::progress::Reporter;

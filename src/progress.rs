@@ -1,6 +1,6 @@
 //! Progress of long jobs: a bar on a terminal, plain lines now and then elsewhere, or JSON.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::terminal::{self, BARS};
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};

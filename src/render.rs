@@ -7,7 +7,7 @@ mod display;
 mod files;
 mod shots;
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::parts::{self, Parts};
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let dataset = Dataset::open_cameras(&args.cameras)?;
     let shots = Shots::choose(args, &dataset, &mut builder.record.warnings)?;
     let outputs = files::all(args, &shots);
-    let mut inputs = cli::dataset_files(&dataset);
+    let mut inputs = dataset.files();
     let path_file = shots.path.as_ref().and_then(|path| path.file.clone());
     inputs.push(args.scene.clone());
     inputs.extend(path_file.clone());

@@ -1,10 +1,11 @@
 //! `eagpt report`: the results of a run on one page.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use clap::Args;
+use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -12,7 +13,7 @@ use std::process::ExitCode;
 ///
 /// The page is one HTML file with all pictures, tables and curves in it. It needs no network;
 /// sliders aside, it needs no JavaScript. `eagpt run` writes it as its last step.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = "Example:\n  eagpt report runs/kitchen --out kitchen.html")]
 pub(crate) struct ReportArgs {
     /// Folder of a run, as `eagpt run` leaves it

@@ -44,7 +44,7 @@ pub(crate) fn project(path: PathBuf, until: Option<&str>, global: &GlobalArgs) -
     run(&args, global)
 }
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;

@@ -1,12 +1,11 @@
-//! What shells and manuals want to know of the program: completions and man pages, made of the same
-//! description as `--help`.
+//! Completions for shells and man pages, generated from the same description as `--help`.
 
-use crate::cli::{Cli, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::output;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::{Result, bail};
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::Shell;
 use clap_mangen::Man;
 use eagpt_scene::files;
@@ -38,18 +37,17 @@ pub(crate) struct ManArgs {
     force: bool,
 }
 
-pub(crate) fn completions(args: &CompletionsArgs) -> Result<ExitCode> {
+pub(crate) fn completions(args: &CompletionsArgs, mut program: Command) -> Result<ExitCode> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "eagpt", &mut text);
+    clap_complete::generate(args.shell, &mut program, "eagpt", &mut text);
     terminal::print(&String::from_utf8_lossy(&text))?;
     Ok(ExitCode::SUCCESS)
 }
 
-pub(crate) fn man(args: &ManArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let mut command = Cli::command();
-    command.build();
+pub(crate) fn man(args: &ManArgs, mut program: Command, global: &GlobalArgs) -> Result<ExitCode> {
+    program.build();
     let mut pages = Vec::new();
-    collect(&command, &mut pages)?;
+    collect(&program, &mut pages)?;
     let paths: Vec<PathBuf> = pages
         .iter()
         .map(|(name, _)| args.dir.join(format!("{name}.1")))
@@ -69,7 +67,7 @@ pub(crate) fn man(args: &ManArgs, global: &GlobalArgs) -> Result<ExitCode> {
 }
 
 /// The pages of a command and of those below it, by their names, as `eagpt-train`.
-fn collect(command: &clap::Command, pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> {
+fn collect(command: &Command, pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> {
     for below in command.get_subcommands() {
         if below.get_name() != "help" {
             collect(below, pages)?;

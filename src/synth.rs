@@ -1,6 +1,6 @@
 //! `eagpt synth`: a virtual room, photographed.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
@@ -26,7 +26,7 @@ use std::process::ExitCode;
 /// together), truth/<condition>/ (a dataset without noise: radiance, emission masks, normals,
 /// depth, albedo, cameras, points), colmap/sparse/0 (the model COLMAP would give, in a frame of its
 /// own) and synth.json (everything that is true of it).
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct SynthArgs {
     /// Scene file, or the name of a scene that comes with the program
@@ -64,7 +64,7 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "N", default_value_t = SynthOptions::default().num_points, value_parser = clap::value_parser!(u32).range(..=100_000_000))]
     points: u32,
     /// Seed of the random numbers, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
     /// Replace an earlier result of this command
     #[arg(long)]
@@ -77,7 +77,8 @@ const EXAMPLES: &str = "Examples:
   eagpt synth furnished-room --print > my-room.toml
   eagpt synth my-room.toml --out captures/mine --size 540x360 --spp 256";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum PartsArg {
     /// The RAW capture and the truth
     All,
@@ -87,7 +88,8 @@ enum PartsArg {
     Truth,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum LightArg {
     /// By a final gather at every pixel, into light solved once for the room
     Cached,

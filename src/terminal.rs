@@ -1,6 +1,6 @@
 //! What goes to the terminal, without tearing a progress bar.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use anyhow::{Context, Result};
 use indicatif::MultiProgress;
 use std::io::{self, ErrorKind, Write};

@@ -2,7 +2,7 @@
 
 pub(crate) mod layers;
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
@@ -16,6 +16,7 @@ use eagpt_scene::dataset::{POINTS_FILE, SplitRule, Subset};
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::StageChoice;
 use eagpt_train::{Preset, TrainProgress, TrainRequest, TrainSummary};
+use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -32,7 +33,7 @@ use std::process::ExitCode;
 ///
 /// Ctrl-C ends a run after the current iteration with a checkpoint (exit code 130); a second one
 /// ends it at once.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct TrainArgs {
     /// Folder with a transforms.json, or that file
@@ -58,14 +59,14 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     gaussians: Option<u64>,
     /// Seed of all random numbers, 0 to 2^63 − 1 [default: 0]
-    #[arg(long, value_name = "S", value_parser = cli::seed())]
+    #[arg(long, value_name = "S", value_parser = args::seed())]
     seed: Option<u64>,
     /// Which views train and which test [default: every-8th]
     ///
     /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's
     /// train_filenames and test_filenames (or val_filenames) say. all: every view trains. paper: as
     /// the released code of EAG-PT divides them, which tests on some views it has trained on.
-    #[arg(long, value_name = "RULE", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", value_parser = args::split_rule())]
     split: Option<SplitRule>,
     /// TOML file of options, all or some, as --dump-config prints them
     #[arg(long, value_name = "FILE.toml")]
@@ -98,6 +99,7 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "DIR")]
     normals: Option<PathBuf>,
     #[command(flatten)]
+    #[serde(flatten)]
     device: DeviceArgs,
     /// Print the effective options as TOML and stop
     #[arg(long)]
@@ -120,7 +122,8 @@ Examples:
   eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum StageArg {
     /// Stage 0, then stage 1
     All,
@@ -130,7 +133,8 @@ enum StageArg {
     Albedo,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum PresetArg {
     /// A first look, in minutes on a CPU
     Draft,

@@ -1,5 +1,5 @@
-//! Writes a binary model of a large room, to see how long it takes to import: a million points,
-//! 2,000 images, ten million observations.
+//! Writes a binary model of a large room, to measure the time of an import: a million points, 2,000
+//! images, ten million observations.
 //!
 //!     cargo run --release -p eagpt-colmap --example large_model -- out/large
 //!     time eagpt colmap import out/large --out out/dataset

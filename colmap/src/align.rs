@@ -1,17 +1,16 @@
-//! Which way is up, where the floor is, which way the walls go: from a sparse model alone.
+//! Up direction, floor and direction of the walls, from a sparse model alone.
 //!
 //! 1. **Gravity** ([`gravity`]): cameras are held level, so the horizontal axes of their images lie
-//!    in one plane of the world; its normal is vertical. The tops of the images say which end is
-//!    up.
+//!    in one plane of the world, whose normal is vertical. The tops of the images decide its sign.
 //! 2. **Floor** ([`floor`]): horizontal planes among the points below the cameras, by RANSAC. The
-//!    lowest that has support, spread and no mirror above it is the floor; its normal, together
+//!    lowest one with support, extent and no mirror above it is the floor; its normal, together
 //!    with the cameras', is the final vertical.
-//! 3. **Walls** ([`walls`]): the yaw at which the points, seen from above, gather on the fewest
-//!    lines along two axes.
+//! 3. **Walls** ([`walls`]): the yaw at which the points, seen from above, concentrate on the
+//!    fewest lines along two axes.
 //!
 //! The aligned world has z up, the floor on z = 0, x along the longer side of the room, and its
 //! origin below the median of the cameras. Nothing depends on the unit of the model: lengths derive
-//! from its size. The result is a function of model and options, to the bit.
+//! from its size. The result is a bit-exact function of model and options.
 
 pub mod floor;
 pub mod gravity;
@@ -36,7 +35,7 @@ use gravity::{Gravity, GravityReport};
 use serde::{Deserialize, Serialize};
 use walls::WallReport;
 
-/// How to find the floor.
+/// Method of finding the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
@@ -45,9 +44,9 @@ pub enum Mode {
     Floor,
     /// From points or positions that the user names.
     Manual,
-    /// From cameras whose places are known: the world becomes theirs.
+    /// From cameras with known positions: the world becomes theirs.
     Reference,
-    /// Not at all: the world stays as it is.
+    /// No floor: the world is unchanged.
     None,
 }
 
@@ -55,15 +54,15 @@ pub enum Mode {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AlignOptions {
-    /// How to find the floor.
+    /// Method of finding the floor.
     pub mode: Mode,
-    /// What the user says.
+    /// The user's statements.
     pub manual: Manual,
-    /// Cameras whose places are known, for [`Mode::Reference`].
+    /// Cameras with known positions, for [`Mode::Reference`].
     pub known_cameras: Vec<KnownCamera>,
-    /// What makes the scene metric.
+    /// Source of the metric scale.
     pub scale: Option<Scale>,
-    /// Turn walls to the axes; else yaw stays as near to the model's as the floor permits.
+    /// Align walls with the axes; otherwise yaw stays as near to the model's as the floor permits.
     pub walls: bool,
     /// Least confidence of a floor that is accepted, 0 to 1.
     pub min_confidence: f64,
@@ -92,7 +91,7 @@ impl Default for AlignOptions {
 }
 
 impl AlignOptions {
-    /// Checks ranges, and that what goes together is together.
+    /// Checks ranges and combinations.
     ///
     /// # Errors
     /// The option and its value.
@@ -114,32 +113,32 @@ impl AlignOptions {
     }
 }
 
-/// What was found, and the transform.
+/// The result of alignment: findings and the transform.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Alignment {
-    /// How.
+    /// The mode used.
     pub mode: Mode,
     /// The world of the dataset from that of the model.
     pub aligned_from_model: Similarity,
-    /// The vertical before the floor was known; null if the user said what it is.
+    /// The vertical before the floor was known; null if the user gave it.
     pub gravity: Option<GravityReport>,
     /// The floor; null without one.
     pub floor: Option<FloorReport>,
-    /// The walls; null if they were not looked for or are not there.
+    /// The walls; null if they were not requested or not found.
     pub walls: Option<WallReport>,
     /// Fit to known cameras; null if there were none.
     pub reference: Option<ReferenceReport>,
-    /// 0 to 1: how sure the floor is; 1 if the user said where it is, null without one.
+    /// Confidence of the floor, 0 to 1; 1 if the user gave it, null without a floor.
     pub confidence: Option<f64>,
     /// Whether a unit of the aligned world is a metre.
     pub is_metric: bool,
     /// Median height of the cameras above the floor, aligned units; null without a floor.
     pub camera_height: Option<f64>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Points and cameras as far as alignment asks for them.
+/// The points and cameras that alignment uses.
 pub(crate) struct Evidence {
     /// Points seen often and well enough.
     pub(crate) points: Vec<DVec3>,
@@ -147,11 +146,12 @@ pub(crate) struct Evidence {
     pub(crate) centres: Vec<DVec3>,
     /// Axes of the cameras in the world: columns right, down, forward.
     pub(crate) axes: Vec<DMat3>,
-    /// Twice the distance from the median of the points within which nine tenths of them lie.
+    /// Scene size: twice the distance from the median of the points within which nine tenths of
+    /// them lie.
     pub(crate) size: f64,
 }
 
-/// Fewest points that a floor can be looked for among.
+/// Fewest points for a search of the floor.
 const MIN_POINTS: usize = 30;
 
 impl Evidence {
@@ -180,8 +180,8 @@ impl Evidence {
 /// Finds the transform to a world with z up and the floor on z = 0.
 ///
 /// # Errors
-/// [`ColmapError::Align`] with the reason where there is no floor to be sure of, and what to say
-/// instead; [`ColmapError::Option`].
+/// [`ColmapError::Align`] with the reason where no floor is found with sufficient confidence, and
+/// the options that help; [`ColmapError::Option`].
 pub fn align(model: &Model, options: &AlignOptions) -> Result<Alignment> {
     options.validate()?;
     let evidence = Evidence::new(model, options);
@@ -316,7 +316,7 @@ fn rotation(evidence: &Evidence, plane: Plane, walls: Option<&WallReport>) -> DQ
     if extent(across) > extent(along) {
         along = across;
     }
-    // Of the two ways that are left: the one in which cameras look to positive y on average.
+    // Of the two remaining rotations, the one in which cameras look towards positive y on average.
     let forward: DVec3 = evidence.axes.iter().map(|axes| axes.z_axis).sum();
     if plane.normal.cross(along).dot(forward) < 0.0 {
         along = -along;

@@ -16,7 +16,7 @@ pub enum ColmapError {
         path: PathBuf,
         /// Where the reader stood, bytes from the start.
         offset: u64,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
     /// A text file is wrong.
@@ -26,7 +26,7 @@ pub enum ColmapError {
         path: PathBuf,
         /// Line, counted from 1.
         line: u64,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
     /// A model as a whole, or a folder of images, is not what the job needs.
@@ -34,10 +34,10 @@ pub enum ColmapError {
     Invalid {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
-    /// No floor, or not one to be sure of.
+    /// No floor, or none of sufficient confidence.
     #[error("alignment: {0}")]
     Align(String),
     /// An option is out of its range or does not go with another one.
@@ -45,13 +45,13 @@ pub enum ColmapError {
     Option {
         /// Name of the option.
         option: &'static str,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
     /// The program `colmap` could not be run or did not do its work.
     #[error("colmap: {0}")]
     Program(String),
-    /// A file of another kind.
+    /// An error of the scene crate.
     #[error(transparent)]
     Scene(#[from] SceneError),
 }

@@ -1,12 +1,12 @@
 //! From a model and linear images to a dataset.
 //!
 //! [`ImportPlan::new`] reads the model, finds the images, aligns the world and chooses the pinhole
-//! cameras; whatever is wrong is found there, before anything is written. [`ImportPlan::run`]
-//! writes: images undistorted in linear light, cameras, points, a report.
+//! cameras; problems are found there, before anything is written. [`ImportPlan::run`] writes:
+//! images undistorted in linear light, cameras, points, a report.
 //!
-//! Pixels that a lens does not show are not known, which is neither black nor transparent: by
-//! default pinhole images are cut so that there are none. Where the user wants them, their radiance
-//! is 0 and `Valid-exr/` says which they are.
+//! Pixels outside of a lens's image are unknown, which is neither black nor transparent: by default
+//! pinhole images are cropped to avoid them. If the user keeps them, their radiance is 0 and
+//! `Valid-exr/` marks them.
 
 mod images;
 mod report;
@@ -44,9 +44,9 @@ pub struct ImportOptions {
     pub images: Option<PathBuf>,
     /// Folders in `images`, one for each lighting, that share the poses; a dataset is made of each.
     pub conditions: Vec<String>,
-    /// Whether 8-bit sRGB pictures may stand in for linear images.
+    /// Whether 8-bit sRGB pictures are accepted in place of linear images.
     pub srgb8: Srgb8,
-    /// What becomes of a registered image without a file.
+    /// Treatment of registered images without a file.
     pub missing: Missing,
     /// Which points are kept.
     pub points: PointFilter,
@@ -60,7 +60,7 @@ pub struct ImportOptions {
     pub precision: Depth,
 }
 
-/// Whether 8-bit sRGB pictures may stand in for linear images.
+/// Whether 8-bit sRGB pictures are accepted in place of linear images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Srgb8 {
@@ -71,7 +71,7 @@ pub enum Srgb8 {
     Decode,
 }
 
-/// What becomes of a registered image without a file.
+/// Treatment of registered images without a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Missing {
@@ -124,7 +124,7 @@ impl Default for PointFilter {
 }
 
 impl ImportOptions {
-    /// Checks ranges, and that what goes together is together.
+    /// Checks ranges and combinations.
     ///
     /// # Errors
     /// The option and its value.
@@ -147,7 +147,7 @@ impl ImportOptions {
                 && !name.starts_with('.')
                 && !name.contains(char::is_control);
             if !is_plain {
-                let problem = format!("`{}` is no name of a folder", name.escape_debug());
+                let problem = format!("`{}` is not a valid folder name", name.escape_debug());
                 return Err(ColmapError::option("conditions", problem));
             }
             if self.conditions[..at].contains(name) {
@@ -158,7 +158,7 @@ impl ImportOptions {
     }
 }
 
-/// What an import tells on its way.
+/// Progress messages of an import.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum ImportProgress {
@@ -170,30 +170,30 @@ pub enum ImportProgress {
         name: String,
         /// Images done.
         done: usize,
-        /// Images in all.
+        /// Total number of images.
         total: usize,
     },
-    /// Something to know.
+    /// A warning.
     Warning {
-        /// What.
+        /// The text.
         text: String,
     },
 }
 
-/// An import that can be done.
+/// An import that has been checked and is ready to run.
 #[derive(Debug)]
 pub struct ImportPlan {
     model_dir: PathBuf,
     form: Form,
     options: ImportOptions,
-    /// Of the dataset: images by name, aligned.
+    /// Model of the dataset: images by name, aligned.
     model: Model,
     alignment: Alignment,
     conditions: Vec<Condition>,
     warnings: Vec<String>,
 }
 
-/// A dataset to come.
+/// A dataset to be written.
 #[derive(Debug)]
 struct Condition {
     name: Option<String>,
@@ -215,7 +215,6 @@ impl ImportPlan {
             AlignedModel::Leave => Observations::Skip,
         };
         let mut model = Model::read(model_dir, observations)?;
-        // It was read, so it has a form.
         let form = Form::of(model_dir).unwrap_or(Form::Binary);
         if model.images.is_empty() {
             return Err(ColmapError::invalid(
@@ -240,12 +239,12 @@ impl ImportPlan {
         })
     }
 
-    /// The floor and what else was found.
+    /// Findings of the alignment.
     pub fn alignment(&self) -> &Alignment {
         &self.alignment
     }
 
-    /// What the user should know before anything is written.
+    /// Warnings known before anything is written.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -264,8 +263,8 @@ impl ImportPlan {
         photographs.flat_map(Photograph::sources).cloned().collect()
     }
 
-    /// Files that will be written, relative to the folder of results; images whose masks turn out
-    /// to be whole have fewer.
+    /// Files that will be written, relative to the folder of results; images without unknown pixels
+    /// have fewer.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut all = vec![PathBuf::from(REPORT_FILE)];
         if self.options.aligned_model == AlignedModel::Write {
@@ -286,7 +285,7 @@ impl ImportPlan {
         all
     }
 
-    /// Writes the datasets into `out`, and the aligned model if it is wanted. `progress` hears of
+    /// Writes the datasets into `out`, and the aligned model if requested. `progress` is called for
     /// every image.
     ///
     /// # Errors
@@ -390,7 +389,7 @@ pub fn import(
     ImportPlan::new(model_dir, options)?.run(out, progress)
 }
 
-/// The photographs of every condition. What is wrong with any of them comes in one error.
+/// Finds the photographs of every condition. All problems are collected in one error.
 fn find_conditions(
     model: &Model,
     names: &[String],
@@ -428,7 +427,7 @@ fn find_conditions(
     Ok(conditions)
 }
 
-/// Names of images for a message: all of a few, else some and how many more.
+/// Names of images for a message: all if few, else some and the number of the rest.
 fn listed(names: &[String]) -> String {
     const MAX: usize = 8;
     let shown: Vec<String> = names

@@ -1,13 +1,13 @@
-//! COLMAP: its models in and out, upright with the floor on z = 0, as datasets.
+//! COLMAP models: reading, writing, alignment to an upright world with the floor on z = 0, and
+//! import as datasets.
 //!
 //! - [`model`]: cameras, images, points, rigs and frames; reading and writing, text and binary.
-//! - [`mod@align`]: where the floor is and which way the walls go, from a model alone.
+//! - [`mod@align`]: floor and direction of the walls, from a model alone.
 //! - [`mod@import`]: a model and linear images become a dataset.
 //! - [`mod@run`]: drives an installed `colmap`.
 //!
-//! Poses are COLMAP's, camera from world with OpenCV axes, until [`mod@import`] writes them. What a
-//! file says is never trusted: counts are held against the bytes that are there before anything is
-//! allocated.
+//! Poses are COLMAP's, camera from world with OpenCV axes, until [`mod@import`] writes them. Files
+//! are not trusted: counts are checked against the number of bytes before anything is allocated.
 
 pub mod align;
 pub mod error;

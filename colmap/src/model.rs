@@ -1,4 +1,4 @@
-//! COLMAP's sparse models: nouns, and their text and binary files.
+//! COLMAP's sparse models: data types, and their text and binary files.
 //!
 //! [`Model::read`] takes a folder with `cameras`, `images` and `points3D`, and `rigs` and `frames`
 //! where they are (COLMAP 3.12 and later), as `.bin` or `.txt`; a folder with both is read as
@@ -123,7 +123,7 @@ pub struct TrackElement {
     pub observation: u32,
 }
 
-/// What a sensor is.
+/// Type of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(i8)]
 pub enum SensorType {
@@ -149,7 +149,7 @@ pub struct SensorId {
 pub struct Rig {
     /// Number.
     pub id: RigId,
-    /// The sensor that the rig's pose is that of; a rig without sensors has none.
+    /// The sensor whose pose is the rig's; a rig without sensors has none.
     pub reference: Option<SensorId>,
     /// The other sensors and their poses in the rig, where known.
     pub others: Vec<(SensorId, Option<Rigid>)>,
@@ -164,7 +164,7 @@ pub struct RigFrame {
     pub rig: RigId,
     /// Pose.
     pub rig_from_world: Rigid,
-    /// What was recorded: sensors and the numbers of their data, for cameras that of an image.
+    /// Recorded data: a sensor and the number of its datum, for cameras that of an image.
     pub data: Vec<(SensorId, u64)>,
 }
 
@@ -183,7 +183,7 @@ pub struct Model {
     pub frames: Option<Vec<RigFrame>>,
 }
 
-/// Whether to keep which feature shows which point.
+/// Whether to keep the observations of points by images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observations {
     /// Yes: the model can be written.
@@ -260,13 +260,13 @@ impl Model {
     ///
     /// # Errors
     /// [`crate::ColmapError`]: no model in the folder, or one line with file and byte or line of what is truncated, out of range, not
-    /// finite, there twice, or refers to what is not there.
+    /// finite, duplicated, or a dangling reference.
     pub fn read(dir: &Path, observations: Observations) -> Result<Self> {
         read::read(dir, observations)
     }
 
-    /// Writes the model into a folder, which is created; each file atomically. A `rigs` or `frames`
-    /// file in the other state than the model's is removed.
+    /// Writes the model into a folder, which is created; each file atomically. A stale `rigs` or
+    /// `frames` file, also of the other form, is removed.
     ///
     /// # Errors
     /// [`crate::ColmapError`] naming the file, or that the observations were skipped.
@@ -279,8 +279,8 @@ impl Model {
         self.cameras.iter().find(|camera| camera.id == id)
     }
 
-    /// Moves the world: positions, images, frames, and the sizes of rigs. Cameras see the same as
-    /// before.
+    /// Transforms the world: positions, images, frames, and the sizes of rigs. What cameras see is
+    /// unchanged.
     pub fn transform(&mut self, new_from_old: &Similarity) {
         for image in &mut self.images {
             image.camera_from_world = new_from_old.camera_from_new(&image.camera_from_world);

@@ -1,8 +1,8 @@
 //! Drives an installed `colmap`: features, matches, a sparse model; on the CPU, without a display.
 //!
-//! The steps are separate calls of the program. Its options have changed their names over the years
-//! (3.8 to 4.x); those that a step takes are read from its `--help`, so that one table of settings
-//! serves all versions.
+//! The steps are separate calls of the program. Options have been renamed between versions (3.8 to
+//! 4.x); those that a step accepts are read from its `--help`, so that one table of settings serves
+//! all versions.
 
 mod log;
 mod program;
@@ -20,9 +20,9 @@ use std::path::{Path, PathBuf};
 
 /// File of the report, in the folder of the model.
 pub const REPORT_FILE: &str = "run.json";
-/// File of what `colmap` said, in the folder of the model.
+/// File of `colmap`'s output, in the folder of the model.
 pub const LOG_FILE: &str = "colmap.log";
-/// Folder of work under way, in the folder of the model; removed at the end.
+/// Temporary folder, in the folder of the model; removed at the end.
 pub const WORK_DIR: &str = "work";
 
 /// Options of a run.
@@ -35,15 +35,15 @@ pub struct RunOptions {
     pub camera_model: String,
     /// Which images share a camera.
     pub cameras: Cameras,
-    /// Which images are compared.
+    /// Choice of the image pairs that are matched.
     pub matcher: Matcher,
-    /// Folder of masks, NAME.EXT.png for the image NAME.EXT: black is not looked at.
+    /// Folder of masks, NAME.EXT.png for the image NAME.EXT: black pixels are ignored.
     pub masks: Option<PathBuf>,
-    /// Images are made smaller than this for the search for features, pixels along the longer edge.
+    /// Longer edge of images for feature extraction, pixels; larger images are downsampled.
     pub max_image_size: u32,
     /// Most features of an image.
     pub max_features: u32,
-    /// Threads; all if none are said.
+    /// Number of threads; `None`: all.
     pub threads: Option<u32>,
 }
 
@@ -77,20 +77,20 @@ pub enum Cameras {
     PerImage,
 }
 
-/// Which images are compared.
+/// Choice of the image pairs that are matched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Matcher {
-    /// Each with each up to [`MAX_EXHAUSTIVE`] images, beyond that in sequence.
+    /// Exhaustive up to [`MAX_EXHAUSTIVE`] images, sequential beyond.
     #[default]
     Auto,
-    /// Each with each.
+    /// All pairs.
     Exhaustive,
-    /// Each with those that follow in the order of names.
+    /// Each with its successors in the order of names.
     Sequential,
 }
 
-/// Most images that [`Matcher::Auto`] compares each with each: an hour or two on a few cores.
+/// Most images that [`Matcher::Auto`] matches exhaustively: an hour or two on a few cores.
 pub const MAX_EXHAUSTIVE: usize = 400;
 
 impl RunOptions {
@@ -118,7 +118,7 @@ impl RunOptions {
     }
 }
 
-/// What a run tells on its way.
+/// Progress messages of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum RunProgress {
@@ -133,24 +133,24 @@ pub enum RunProgress {
         step: &'static str,
         /// The line.
         text: String,
-        /// How far the step is, if the line says so.
+        /// Progress of the step, if the line states it.
         done: Option<Done>,
     },
 }
 
-/// How far a step is.
+/// Progress of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Done {
     /// Parts done.
     pub done: u64,
-    /// Parts in all.
+    /// Total number of parts.
     pub total: u64,
 }
 
-/// What a run ended in; `run.json`.
+/// Report of a run, written as `run.json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct RunReport {
-    /// The program's own name and version.
+    /// Name and version that the program reports.
     pub version: String,
     /// Images with a pose, by name.
     pub registered: Vec<String>,
@@ -158,13 +158,13 @@ pub struct RunReport {
     pub lost: Vec<String>,
     /// Points.
     pub num_points: usize,
-    /// Models that the images fell into; the largest one was taken.
+    /// Number of models that COLMAP made; the largest one was taken.
     pub num_models: usize,
-    /// How images were compared.
+    /// Matcher that was used.
     pub matcher: Matcher,
 }
 
-/// Name and version of an installed COLMAP, as it tells them.
+/// Name and version of an installed COLMAP.
 ///
 /// # Errors
 /// [`ColmapError::Program`] if it cannot be started, with how to install it.
@@ -317,32 +317,32 @@ fn arguments(
                 Cameras::PerFolder => [false, true],
                 Cameras::PerImage => [false, false],
             };
-            call.needed(&["ImageReader.camera_model"], &options.camera_model)?;
+            call.required(&["ImageReader.camera_model"], &options.camera_model)?;
             call.flag(&["ImageReader.single_camera"], single);
             call.flag(&["ImageReader.single_camera_per_folder"], folder);
             if let Some(masks) = &options.masks {
                 call.path(&["ImageReader.mask_path"], masks)?;
             }
-            call.needed(
+            call.required(
                 &["FeatureExtraction.use_gpu", "SiftExtraction.use_gpu"],
                 "0",
             )?;
             let max_size = options.max_image_size.to_string();
-            call.wanted(
+            call.optional(
                 &[
                     "FeatureExtraction.max_image_size",
                     "SiftExtraction.max_image_size",
                 ],
                 &max_size,
             );
-            call.wanted(
+            call.optional(
                 &["SiftExtraction.max_num_features"],
                 &options.max_features.to_string(),
             );
             // Painted walls and doors: features of two thirds of the usual contrast still match.
-            call.wanted(&["SiftExtraction.peak_threshold"], "0.0045");
+            call.optional(&["SiftExtraction.peak_threshold"], "0.0045");
             if let Some(threads) = &threads {
-                call.wanted(
+                call.optional(
                     &[
                         "FeatureExtraction.num_threads",
                         "SiftExtraction.num_threads",
@@ -352,10 +352,10 @@ fn arguments(
             }
         }
         Step::Matches => {
-            call.needed(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], "0")?;
-            // Cupboards and chairs repeat: a second look along epipolar lines finds what the ratio
-            // test threw away.
-            call.wanted(
+            call.required(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], "0")?;
+            // Cupboards and chairs repeat: guided matching along epipolar lines recovers matches
+            // that the ratio test rejected.
+            call.optional(
                 &[
                     "FeatureMatching.guided_matching",
                     "SiftMatching.guided_matching",
@@ -363,10 +363,10 @@ fn arguments(
                 "1",
             );
             if matcher == Matcher::Sequential {
-                call.wanted(&["SequentialMatching.overlap"], "20");
+                call.optional(&["SequentialMatching.overlap"], "20");
             }
             if let Some(threads) = &threads {
-                call.wanted(
+                call.optional(
                     &["FeatureMatching.num_threads", "SiftMatching.num_threads"],
                     threads,
                 );
@@ -375,16 +375,16 @@ fn arguments(
         Step::Model => {
             call.path(&["output_path"], places.sparse)?;
             // In a small room most pairs see little in common.
-            call.wanted(&["Mapper.abs_pose_min_num_inliers"], "20");
+            call.optional(&["Mapper.abs_pose_min_num_inliers"], "20");
             if let Some(threads) = &threads {
-                call.wanted(&["Mapper.num_threads"], threads);
+                call.optional(&["Mapper.num_threads"], threads);
             }
         }
     }
     Ok(call.arguments)
 }
 
-/// The model with most images among those in `sparse`, and how many there are.
+/// The model with most images among those in `sparse`, and their number.
 fn largest(sparse: &Path, log: &Path) -> Result<(Model, usize)> {
     let io = |error| SceneError::io(sparse, "read", error);
     let mut dirs = Vec::new();
@@ -403,12 +403,14 @@ fn largest(sparse: &Path, log: &Path) -> Result<(Model, usize)> {
             best = Some(model);
         }
     }
-    let best = best.filter(|model| !model.images.is_empty()).ok_or_else(|| {
-        ColmapError::Program(format!(
-            "no images could be registered: they need texture and overlap; what it said is in {}",
-            log.display()
-        ))
-    })?;
+    let best = best
+        .filter(|model| !model.images.is_empty())
+        .ok_or_else(|| {
+            ColmapError::Program(format!(
+                "no images could be registered: they need texture and overlap; its output is in {}",
+                log.display()
+            ))
+        })?;
     Ok((best, dirs.len()))
 }
 

@@ -1,8 +1,8 @@
-//! What a dataset has, what it lacks, and what is wrong with it.
+//! The contents of a dataset, missing parts and problems.
 //!
-//! Broken is what training or evaluation would stop at: a frame without its image, a file that
-//! cannot be read or has another size, a value that cannot be. All else that looks wrong is a
-//! warning. Views are looked at one by one; every finding comes with the view's name.
+//! An error is anything training or evaluation would stop at: a frame without its image, a file
+//! that cannot be read or has another size, an impossible value. All other suspicious findings are
+//! warnings. Views are checked one by one; every finding names its view.
 
 mod cameras;
 mod images;
@@ -23,43 +23,42 @@ use std::collections::HashMap;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Angle between up axis and the cameras' mean upward direction from which on the axis is doubted,
-/// degrees: halfway to the next one.
+/// Angle between up axis and the cameras' mean upward direction above which a warning is given,
+/// degrees: halfway to the next axis.
 const MAX_UP_ANGLE_DEG: f64 = 45.0;
-/// Share of normals that have to be turned to the camera; maps of a network are wrong here and
-/// there, at grazing angles above all.
+/// Share of normals that have to be turned to the camera; maps of a network have errors, mostly at
+/// grazing angles.
 const MIN_FACING: f64 = 0.9;
-/// Median angle to the surface of the depths, degrees, from which on normals are doubted: networks
+/// Median angle to the surface of the depths, degrees, above which a warning is given: networks
 /// stay within some 20.
 const MAX_NORMAL_ANGLE_DEG: f64 = 35.0;
 /// Depths and points in the same unit differ by no more than this factor, occlusion included.
 const MAX_DEPTH_FACTOR: f64 = 3.0;
-/// Share of pixels at one largest value of at most 1 that a photograph has only where it was
-/// clipped.
+/// Share of pixels at one largest value of at most 1 above which a photograph counts as clipped.
 const MAX_CLIPPED: f64 = 1e-4;
 /// Fewer pixels than this may share a largest value by chance, in half precision above all.
 const MIN_CLIPPED: usize = 10;
-/// Share of points that no picture shows.
+/// Least share of points that some view shows.
 const MIN_IN_VIEW: f64 = 0.5;
 
-/// What the job tells as it goes.
+/// Progress messages of the job.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum CheckProgress {
-    /// So many views have been looked at.
+    /// Views are being checked.
     Checking {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
 }
 
-/// Looks a dataset through; as many views are in memory as there are threads.
+/// Checks a dataset; as many views are in memory as there are threads.
 ///
 /// # Errors
-/// [`crate::ConvertError::Scene`] if the file of cameras is wrong as a whole, or no frame of it can
-/// be used; all else is in the report.
+/// [`crate::ConvertError::Scene`] if the file of cameras is invalid as a whole, or none of its
+/// frames can be used; everything else is in the report.
 pub fn check(path: &Path, progress: &mut dyn FnMut(CheckProgress)) -> Result<CheckReport> {
     let (dataset, bad) = Dataset::survey(path)?;
     let mut problems: Vec<Problem> = bad
@@ -126,7 +125,7 @@ fn kinds(dataset: &Dataset, all: &[Looked]) -> Vec<KindReport> {
             KindReport {
                 kind,
                 num_present,
-                // Where nobody has one, nobody misses it.
+                // A kind that no view has is not missing.
                 missing: if num_present > 0 { missing } else { Vec::new() },
                 values: ranges.reduce(ValueRange::and),
                 coverage: (!shares.is_empty())
@@ -183,7 +182,7 @@ fn warnings(report: &CheckReport) -> Vec<String> {
     warn_of_images(report, &mut texts);
     warn_of_normals(report, &mut texts);
     for split in &report.splits {
-        // Of `all` everybody knows that nothing is held out.
+        // `all` obviously holds nothing out.
         if split.num_shared > 0 && split.rule != SplitRule::All {
             texts.push(format!(
                 "split {}: {} of {} test views are trained on: results by it do not show what new views look like",

@@ -58,7 +58,7 @@ impl Primaries {
     }
 }
 
-/// What turns a source's linear values into ours: white balance in the source's space, then its
+/// Transform from a source's linear values to ours: white balance in the source's space, then its
 /// primaries, then a scale.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ColorTransform {
@@ -87,7 +87,7 @@ impl ColorTransform {
         self.primaries.rec709_from_rgb() * gains * self.scale
     }
 
-    /// Whether values keep their bits.
+    /// Whether values are unchanged.
     pub fn is_identity(&self) -> bool {
         *self == Self::default()
     }
@@ -101,12 +101,12 @@ mod tests {
     fn p3_agrees_with_published_numbers_and_keeps_grey() {
         let matrix = Primaries::P3D65.rec709_from_rgb();
         // Apple's and the W3C's (CSS Color 4) linear display-p3 to linear sRGB, to six decimals.
-        let wanted = [
+        let expected = [
             [1.224_940, -0.224_940, 0.0],
             [-0.042_057, 1.042_057, 0.0],
             [-0.019_638, -0.078_636, 1.098_274],
         ];
-        for (r, row) in wanted.iter().enumerate() {
+        for (r, row) in expected.iter().enumerate() {
             for (c, value) in row.iter().enumerate() {
                 let own = matrix.col(c)[r];
                 assert!((own - value).abs() < 2e-6, "{r} {c}: {own} {value}");

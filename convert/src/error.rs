@@ -21,15 +21,15 @@ pub enum ConvertError {
     Option {
         /// Name of the option.
         field: &'static str,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
-    /// A folder has no layout that is known.
+    /// A folder has no known layout.
     #[error("{}: format auto: {problem}", path.display())]
     UnknownFormat {
         /// The folder or file.
         path: PathBuf,
-        /// What was looked for.
+        /// The files searched for.
         problem: String,
     },
     /// Frames that cannot be used, all of them.
@@ -37,9 +37,9 @@ pub enum ConvertError {
     BadFrames {
         /// The dataset.
         path: PathBuf,
-        /// Frames in all.
+        /// Total number of frames.
         num_frames: usize,
-        /// What is wrong with which.
+        /// The problem of each.
         problems: Vec<Problem>,
     },
     /// A network or the library that runs it.
@@ -47,25 +47,25 @@ pub enum ConvertError {
     Network {
         /// The model or the library.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
-    /// The axes of normal maps are neither given nor to be found out.
+    /// The axes of normal maps are neither given nor detectable.
     #[error("{}: axes auto: {problem}", path.display())]
     UnclearAxes {
         /// The folder of maps.
         path: PathBuf,
-        /// What the maps look like, and what to do.
+        /// The problem, and what to do about it.
         problem: String,
     },
 }
 
-/// What is wrong with a frame.
+/// A problem of one frame.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Problem {
     /// Name of the frame.
     pub view: String,
-    /// What is wrong, with file, field and value.
+    /// The problem, with file, field and value.
     pub problem: String,
 }
 
@@ -99,7 +99,7 @@ impl ConvertError {
     }
 }
 
-/// Problems in one line; progress messages have told those that do not fit.
+/// Problems in one line; progress messages list the rest.
 fn listed(problems: &[Problem]) -> String {
     const MAX_LISTED: usize = 8;
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! Our dataset for other programs.
+//! Our dataset in the layouts of other programs.
 //!
 //! | format | what is written | read by |
 //! |---|---|---|
@@ -8,8 +8,8 @@
 //!
 //! The world stays as it is: poses and points have the digits of the dataset, and a dataset that
 //! was imported goes back to the same cameras. Images are copied byte by byte. COLMAP and
-//! nerfstudio have no place for masks of lights, normals, depths and albedos; they are put into our
-//! own folders beside, where we find them again.
+//! nerfstudio have no place for emission masks, normals, depths and albedos; these are put into our
+//! own folders beside, where an import finds them.
 
 mod colmap;
 mod nerfstudio;
@@ -46,34 +46,34 @@ pub enum Images {
     /// All of them.
     #[default]
     Copy,
-    /// None: cameras and points alone. Paths in the files name what would be there.
+    /// None: cameras and points alone. Paths in the files name the images that would be there.
     None,
 }
 
-/// What the job tells as it goes.
+/// Progress messages of the job.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum ExportProgress {
-    /// So many views are copied.
+    /// Views are being copied.
     Exporting {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// What a reader of the result has to know.
+    /// A warning about the result.
     Warning {
-        /// In one line.
+        /// The text, one line.
         text: String,
     },
 }
 
-/// What became of it.
+/// Result of the job.
 #[derive(Debug, Clone)]
 pub struct ExportSummary {
     /// Files written, relative to the folder of results.
     pub outputs: Vec<PathBuf>,
-    /// Warnings told on the way.
+    /// Warnings that were reported.
     pub warnings: Vec<String>,
     /// Points written.
     pub num_points: usize,
@@ -182,7 +182,7 @@ pub fn export(
     })
 }
 
-/// What the other program will miss.
+/// Warnings about data that the target program cannot represent.
 fn cautions(dataset: &Dataset, format: ExportFormat, has_points: bool) -> Vec<String> {
     let mut texts = Vec::new();
     if !has_points {

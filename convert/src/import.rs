@@ -1,12 +1,12 @@
-//! A source becomes our dataset.
+//! Import of a source as our dataset.
 //!
 //! Light becomes linear Rec.709, cameras pinholes; images of a lens that distorts are resampled,
-//! others keep their pixels. Negative radiances, which a source's noise or its wider primaries
-//! leave behind, become 0 and are counted; what is not finite is a bad frame.
+//! others keep their pixels. Negative radiances, from a source's noise or its wider primaries,
+//! become 0 and are counted; values that are not finite make a bad frame.
 //!
-//! By default the pinhole image is a rectangle of known pixels. Where it is chosen to show more, or
-//! where the source has masks of pixels to use, [`VALID_DIR`] says which pixels are known: 1 known,
-//! 0 not. Opacity (`Alpha-exr`) says something else: how much of a known pixel there is.
+//! By default the pinhole image is a rectangle of known pixels. If it is chosen to show more, or if
+//! the source has masks of valid pixels, [`VALID_DIR`] marks known pixels: 1 known, 0 not. Opacity
+//! (`Alpha-exr`) is a different quantity: the coverage of a known pixel.
 
 mod options;
 mod report;
@@ -31,35 +31,35 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use view::Imported;
 
-/// What the job tells as it goes.
+/// Progress messages of the job.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum ImportProgress {
-    /// So many views are written.
+    /// Views are being written.
     Importing {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
     /// A frame that cannot be used.
     Bad(Problem),
-    /// What was found out or decided.
+    /// A finding or decision.
     Note {
-        /// In one line.
+        /// The text, one line.
         text: String,
     },
-    /// What a reader of the result has to know.
+    /// A warning about the result.
     Warning {
-        /// In one line.
+        /// The text, one line.
         text: String,
     },
 }
 
-/// What became of it.
+/// Result of the job.
 #[derive(Debug, Clone)]
 pub struct ImportSummary {
-    /// All that was found out and decided.
+    /// Report of the import.
     pub report: ImportReport,
     /// Files written, relative to the dataset's folder.
     pub outputs: Vec<PathBuf>,
@@ -75,7 +75,7 @@ pub fn planned_files(source: &Source) -> Vec<PathBuf> {
         let files = &frame.files;
         let kinds = [
             (RADIANCE_DIR, true),
-            // A PNG may turn out to have one.
+            // A PNG may have an alpha channel.
             (
                 ALPHA_DIR,
                 files.alpha.is_some() || !eagpt_scene::pictures::is_exr(&files.radiance),
@@ -99,8 +99,8 @@ fn image_file(folder: &str, name: &str) -> PathBuf {
 /// Imports a source into the folder `out`; as many views are in memory as there are threads.
 ///
 /// # Errors
-/// [`ConvertError::BadFrames`] with all frames that cannot be used, before anything is written if
-/// that shows without reading pixels; an option out of range; a file that cannot be written.
+/// [`ConvertError::BadFrames`] with all frames that cannot be used, before anything is written
+/// where no pixels are needed for that; an option out of range; a file that cannot be written.
 pub fn import(
     source: &Source,
     out: &Path,
@@ -207,7 +207,7 @@ fn points(source: &Source, new_from_source: DMat3) -> Result<Option<PointCloud>>
     Ok(Some(cloud))
 }
 
-/// Rows of a similarity into a world that was turned.
+/// Rows of a similarity into a rotated world.
 fn turned_rows(turn: DMat3, rows: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
     let mut new = *rows;
     for (r, row) in new.iter_mut().take(3).enumerate() {
@@ -218,7 +218,7 @@ fn turned_rows(turn: DMat3, rows: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
     new
 }
 
-/// Pinhole cameras for the lenses of a source, of which there are few.
+/// Pinhole cameras for the lenses of a source.
 struct Lenses {
     chosen: Vec<Undistortion>,
 }

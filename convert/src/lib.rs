@@ -1,13 +1,13 @@
-//! Datasets of the field in and out, what is in a dataset, and normal maps of any estimator.
+//! Import and export of datasets of other programs, checks of a dataset, and normal maps of any
+//! estimator.
 //!
 //! - [`source`]: layouts of other programs and datasets, read into one form: poses with OpenCV
 //!   axes, lenses, files, colour.
-//! - [`mod@import`]: a source becomes our dataset: linear Rec.709, pinhole cameras,
+//! - [`mod@import`]: conversion of a source into our dataset: linear Rec.709, pinhole cameras,
 //!   `transforms.json`.
-//! - [`mod@export`]: our dataset for other programs.
-//! - [`mod@check`]: what a dataset has, what it lacks, and what is wrong with it.
-//! - [`mod@normals`]: normal maps, in whatever axes and encoding, become world-space normals of the
-//!   views.
+//! - [`mod@export`]: our dataset in the layouts of other programs.
+//! - [`mod@check`]: contents of a dataset, missing parts and problems.
+//! - [`mod@normals`]: world-space normals of the views from normal maps in any axes and encoding.
 //!
 //! Conventions of colour are in [`color`] alone, conventions of poses in [`world`] and
 //! [`eagpt_scene::dataset::pose`].

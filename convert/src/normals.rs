@@ -1,15 +1,14 @@
-//! Normal maps of any estimator become the dataset's normals: world space, unit length, turned to
-//! the camera.
+//! Conversion of normal maps of any estimator to the dataset's normals: world space, unit length,
+//! facing the camera.
 //!
-//! Maps come in the camera's space or the world's, with axes that estimators choose each for
-//! themselves, as EXR or PNG of any size. How they are to be read is found out, or given and
-//! checked, by holding them against what the dataset knows otherwise: the surfaces that its depths
-//! span, or planes through neighbouring points of its cloud. Of the readings that exchange and flip
-//! axes, the right one has by far the largest mean cosine; where none stands out nothing is
-//! written.
+//! Maps come in the camera's space or the world's, with axes that differ between estimators, as EXR
+//! or PNG of any size. Their interpretation is detected, or given and checked, by comparison with
+//! reference normals of the dataset: of the surfaces spanned by its depths, or of planes through
+//! neighbouring points of its cloud. Of all permutations and flips of axes, the right one has by
+//! far the largest mean cosine; where none stands out nothing is written.
 //!
-//! A normal that is turned away from the camera by a little, as networks have it at grazing angles,
-//! is made perpendicular to the view; by more than [`MAX_AWAY_DEG`] it is unknown.
+//! A normal that faces slightly away from the camera, as happens at grazing angles, is made
+//! perpendicular to the view; beyond [`MAX_AWAY_DEG`] it counts as unknown.
 
 mod axes;
 mod maps;
@@ -38,17 +37,17 @@ use reference::{Oriented, Place};
 use std::path::{Path, PathBuf};
 use turn::{compare, world_normals};
 
-/// Folder of pictures and the report, inside of the folder of results.
+/// Folder of overlays and the report, inside of the folder of results.
 const REPORT_DIR: &str = "normals";
-/// Views that are looked at to find the axes.
+/// Views that are compared to find the axes.
 const NUM_PROBED: usize = 16;
-/// Least places that have to agree.
+/// Fewest places to compare.
 const MIN_PLACES: u64 = 100;
 /// Least mean cosine of the right reading: networks reach 0.9, a wrong axis loses a third.
 const MIN_COSINE: f64 = 0.5;
-/// By how much the right reading is better than any other.
+/// Least lead of the right reading over any other.
 const MIN_LEAD: f64 = 0.1;
-/// Mean angle to the reference, degrees, from which on a view is doubted.
+/// Mean angle to the reference, degrees, above which a view gets a warning.
 const MAX_ANGLE_DEG: f64 = 40.0;
 
 /// The files that a job may write, relative to its folder; views without a map have none.
@@ -146,7 +145,7 @@ impl Job<'_> {
         reference::places(frame, self.points.as_ref())
     }
 
-    /// Compares some views with the dataset and decides how maps are read.
+    /// Compares some views with the dataset and decides the interpretation of the maps.
     fn find_reading(&mut self, maps: &[Option<PathBuf>]) -> Result<Reading> {
         let with_map: Vec<(usize, &PathBuf)> = maps
             .iter()
@@ -198,7 +197,7 @@ impl Job<'_> {
                     "the dataset has neither depths nor enough points to find them out by: give --space and --axes".to_owned(),
                 ));
             };
-            // Against the direction to the camera a normal has a cosine above 0, whatever it is.
+            // The cosine with the direction to the camera is above 0 for any reading.
             let facing = visibility.mean_cosine(space, axes);
             if facing <= 0.0 {
                 return Err(unclear(format!(
@@ -223,7 +222,7 @@ impl Job<'_> {
             })
             .map(|(space, axes)| (space, axes, agreement.mean_cosine(space, axes)))
             .collect();
-        // A stable sort: camera space and plain axes first where two are equal.
+        // A stable sort: of equal readings, camera space and identity axes come first.
         all.sort_by(|a, b| b.2.total_cmp(&a.2));
         let is_allowed = |(space, axes, _): &&(Space, Axes, f64)| {
             options.space.is_none_or(|given| given == *space)

@@ -8,8 +8,8 @@
 //! | [`nerfstudio`] | `transforms.json` and what it names; of instant-NGP and Blender as well | z up |
 //! | [`eagpt`] | our own layout, that of EAG-PT | as stored |
 //!
-//! A reader looks at cameras and headers of images, not at pixels. It goes on after a frame that
-//! cannot be used and says what is wrong with it.
+//! A reader reads cameras and headers of images, not pixels. It continues after a frame that cannot
+//! be used and reports its problem.
 
 pub mod eagpt;
 pub mod eyeful;
@@ -65,8 +65,8 @@ impl SourceFormat {
         Self::ALL[self as usize].1
     }
 
-    /// Finds out which layout a folder, or a `transforms.json`, has: by the files that are there
-    /// and the keys in them, never by a name of the folder.
+    /// Detects the layout of a folder or a `transforms.json`: from its files and their keys, never
+    /// from the folder's name.
     ///
     /// # Errors
     /// [`ConvertError::UnknownFormat`], or a file that cannot be read.
@@ -133,9 +133,9 @@ pub struct Source {
     pub color: ColorTransform,
     /// Frames that cannot be used.
     pub problems: Vec<Problem>,
-    /// What a reader of the result has to know.
+    /// A warning about the result.
     pub warnings: Vec<String>,
-    /// What was found out and decided.
+    /// Findings and decisions.
     pub notes: Vec<String>,
 }
 
@@ -157,7 +157,7 @@ pub struct SourceFrame {
 pub struct SourceFiles {
     /// The photograph.
     pub radiance: PathBuf,
-    /// What shines.
+    /// Emission.
     pub emission: Option<Emission>,
     /// World-space normals.
     pub normal: Option<PathBuf>,
@@ -171,12 +171,12 @@ pub struct SourceFiles {
     pub valid: Option<PathBuf>,
 }
 
-/// What says which pixels shine.
+/// Source of a frame's emission mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Emission {
     /// A mask, 0 to 1.
     Mask(PathBuf),
-    /// Emitted radiance: what is above 0 shines.
+    /// Emitted radiance: pixels above 0 are emitters.
     Radiance(PathBuf),
 }
 
@@ -199,7 +199,7 @@ pub struct Depth {
 }
 
 impl Source {
-    /// Reads the cameras of a source and looks for its images. `format` absent: it is found out.
+    /// Reads the cameras of a source and finds its images. `format` absent: it is detected.
     ///
     /// # Errors
     /// [`ConvertError`]: a layout that is not there, a file that is wrong as a whole, no usable frame, an option that does not fit.
@@ -265,7 +265,7 @@ impl Source {
         all
     }
 
-    /// Puts a frame among those that can be used or the others.
+    /// Adds a frame, or its problem.
     fn add(&mut self, name: &str, frame: Result<SourceFrame>) {
         match frame {
             Ok(frame) => self.frames.push(frame),
@@ -273,7 +273,7 @@ impl Source {
         }
     }
 
-    /// What options say of every format, and what holds for every format.
+    /// Applies options and rules common to all formats.
     fn settle(&mut self, options: &ImportOptions) -> Result<()> {
         if let Some(gains) = options.white_balance {
             self.color.gains = gains;
@@ -297,11 +297,11 @@ impl Source {
                 let num_lost = before - listed.len();
                 if num_lost > 0 {
                     self.warnings.push(format!(
-                        "{num_lost} of {before} names in the split of {} are no usable frame",
+                        "{num_lost} of {before} names in the split of {} are not usable frames",
                         self.root.display()
                     ));
                 }
-                // A list without names is a rule that cannot be followed.
+                // An empty list is not a valid rule.
                 if listed.is_empty() {
                     *list = None;
                 }
@@ -325,7 +325,7 @@ impl Source {
         }
     }
 
-    /// Images of eight bits are no measurement of light: they come in only if someone has said so.
+    /// Eight-bit images are no measurement of light: they are imported only on request.
     fn set_aside_display_referred(&mut self, options: &ImportOptions) {
         let is_linear = |frame: &SourceFrame| pictures::is_exr(&frame.files.radiance);
         let num = self.frames.iter().filter(|frame| !is_linear(frame)).count();
@@ -362,7 +362,7 @@ impl Source {
     }
 }
 
-/// `path` if there is such a file.
+/// `path`, if the file exists.
 fn if_there(path: PathBuf) -> Option<PathBuf> {
     path.is_file().then_some(path)
 }
@@ -372,7 +372,7 @@ fn points_beside(root: &Path) -> Option<PathBuf> {
     if_there(root.join(POINTS_FILE))
 }
 
-/// The size of an image that has to be there.
+/// The size of an image that must exist.
 fn size_of(path: &Path) -> Result<(u32, u32)> {
     if !path.is_file() {
         return Err(ConvertError::invalid(path, "image", "is not there"));

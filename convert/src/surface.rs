@@ -1,4 +1,4 @@
-//! Normals that other data of a dataset imply: those of the surface that a depth map spans, and of
+//! Reference normals from other data of a dataset: of the surface that a depth map spans, and of
 //! the plane around a point.
 
 use eagpt_scene::plane::FittedPlane;
@@ -8,8 +8,8 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZeroUsize;
 
-/// How far a depth may be from the mean of its two neighbours, relative to itself, on one surface:
-/// an edge between two surfaces, and a crease, is further off.
+/// Tolerance between a depth and the mean of its two neighbours, relative to itself, on one
+/// surface: an edge between two surfaces, or a crease, exceeds it.
 const MAX_BEND: f32 = 0.01;
 /// Neighbours whose plane gives a point's normal.
 const PLANE_NEIGHBOURS: usize = 12;
@@ -63,11 +63,11 @@ pub fn normals_of_points(positions: &[Vec3]) -> Vec<Vec3> {
     }
     let coordinates: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
     let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&coordinates);
-    let wanted = NonZeroUsize::new(PLANE_NEIGHBOURS + 1).expect("a positive constant");
+    let expected = NonZeroUsize::new(PLANE_NEIGHBOURS + 1).expect("a positive constant");
     coordinates
         .par_iter()
         .map(|point| {
-            let near = tree.nearest_n::<SquaredEuclidean>(point, wanted);
+            let near = tree.nearest_n::<SquaredEuclidean>(point, expected);
             let near = near.iter().map(|n| positions[n.item as usize]);
             flat_normal(near).unwrap_or(Vec3::ZERO)
         })
@@ -112,7 +112,7 @@ mod tests {
                 pixel[0] *= 1.5;
             }
         }
-        let wanted = (camera.world_from_camera.matrix3 * normal).as_vec3();
+        let expected = (camera.world_from_camera.matrix3 * normal).as_vec3();
         let found = normals_from_depth(&depth, &camera);
         for x in 1..39 {
             let own = Vec3::from(found.get(x, 15));
@@ -120,7 +120,7 @@ mod tests {
                 assert_eq!(own, Vec3::ZERO, "{x}");
             } else {
                 // Single precision of depths, differences of some hundredths.
-                assert!(own.dot(wanted) > 0.9999, "{x}: {own} {wanted}");
+                assert!(own.dot(expected) > 0.9999, "{x}: {own} {expected}");
             }
         }
         assert_eq!(found.get(0, 15), [0.0; 3]);

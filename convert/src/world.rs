@@ -1,14 +1,13 @@
-//! Worlds and poses of sources: which way is up, and the conventions that `transforms.json` does
-//! not share.
+//! Worlds and poses of sources: up axis, and conventions that differ from `transforms.json`.
 
 use eagpt_scene::dataset::{UpAxis, pose};
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// How far an up vector may be from perpendicular to the viewing direction, as a cosine: FIPT's own
-/// loader allows this much.
+/// Tolerance of an up vector's perpendicularity to the viewing direction, as a cosine: that of
+/// FIPT's own loader.
 const MAX_UP_COSINE: f64 = 2e-3;
-/// How far an up vector may be from unit length.
+/// Tolerance of an up vector's length.
 const MAX_UP_LENGTH_ERROR: f64 = 1e-2;
 
 /// The world of an imported dataset.
@@ -18,7 +17,7 @@ pub enum World {
     /// That of the source; its up axis is stored.
     #[default]
     Keep,
-    /// Turned so that z points up; axes change places, coordinates keep their digits.
+    /// Rotated so that z points up; axes are permuted, coordinates keep their digits.
     ZUp,
 }
 
@@ -46,7 +45,7 @@ fn z_up_from(up: UpAxis) -> DMat3 {
     DMat3::from_cols(rows[0], rows[1], rows[2]).transpose()
 }
 
-/// A pose in a world that was turned.
+/// A pose in a rotated world.
 pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
     DAffine3 {
         matrix3: new_from_old * old_from_camera.matrix3,
@@ -54,18 +53,18 @@ pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
     }
 }
 
-/// The pose of a camera at `origin` that looks at `target` with `up` upwards in the image: columns
+/// The pose of a camera at `origin` facing `target` with `up` upwards in the image: columns
 /// up × forward, −up, forward.
 ///
 /// `up` is made perpendicular to the viewing direction, which files with few decimals miss by some
 /// 1e-3.
 ///
 /// # Errors
-/// What is wrong: origin and target coincide, `up` is not of unit length or not perpendicular.
+/// The problem: origin and target coincide, or `up` is not of unit length or not perpendicular.
 pub fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3, String> {
     let forward = (target - origin)
         .try_normalize()
-        .ok_or_else(|| format!("looks at its own place {origin}"))?;
+        .ok_or_else(|| format!("target equals the origin {origin}"))?;
     let length = up.length();
     if (length - 1.0).abs() > MAX_UP_LENGTH_ERROR {
         return Err(format!("up is {up}, of length {length:.6}, not 1"));
@@ -87,7 +86,7 @@ pub fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3,
 /// The pose of a camera from its column-major 4×4 matrix camera-from-world with OpenCV axes.
 ///
 /// # Errors
-/// What is wrong: the last row, or columns that are no rotation.
+/// The problem: the last row, or columns that are not a rotation.
 pub fn from_camera_from_world(columns: &[[f64; 4]; 4]) -> Result<DAffine3, String> {
     let last = columns.map(|column| column[3]);
     if last != [0.0, 0.0, 0.0, 1.0] {
@@ -135,9 +134,9 @@ mod tests {
             DVec3::Y,
         );
         let pose = pose.unwrap();
-        // Right of someone who looks along +x with y up is +z; down is −y.
-        let wanted = DMat3::from_cols(DVec3::Z, DVec3::NEG_Y, DVec3::X);
-        assert_eq!(pose.matrix3, wanted);
+        // For a camera that looks along +x with y up, right is +z and down is −y.
+        let expected = DMat3::from_cols(DVec3::Z, DVec3::NEG_Y, DVec3::X);
+        assert_eq!(pose.matrix3, expected);
         assert_eq!(pose.translation, DVec3::new(1.0, 2.0, 3.0));
         let slanted = from_look_at(DVec3::ZERO, DVec3::X, DVec3::new(0.1, 1.0, 0.0));
         assert!(slanted.unwrap_err().contains("perpendicular"));

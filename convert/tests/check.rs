@@ -75,7 +75,7 @@ fn a_sound_dataset() {
         text.contains("9 views; up axis z; scene unit 1 m"),
         "{text}"
     );
-    assert!(text.contains("nothing is broken, 0 warnings"), "{text}");
+    assert!(text.contains("no errors, 0 warnings"), "{text}");
 }
 
 #[test]

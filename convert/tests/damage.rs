@@ -34,7 +34,7 @@ fn damage(root: &Path, file: &str, format: SourceFormat) {
         let mut stream = key.stream(copy, 0);
         for _ in 0..=copy % 4 {
             let [place, value, kind, _] = stream.next_words();
-            // Bytes that mean something in numbers and JSON find more than others.
+            // Bytes with a meaning in numbers and JSON find more defects than others.
             let telling = b"0919eE-+.,:[]{}\"\n x";
             damaged[place as usize % bytes.len()] = match kind % 3 {
                 0 => value as u8,

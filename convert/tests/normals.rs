@@ -1,4 +1,4 @@
-//! The room's own normals, stored as estimators store theirs, come back.
+//! The room's own normals, stored as estimators do, are recovered.
 
 #![allow(
     clippy::unwrap_used,

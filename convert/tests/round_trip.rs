@@ -1,4 +1,4 @@
-//! A dataset written for another program comes back with the same cameras, points and light.
+//! A dataset exported for another program is imported with the same cameras, points and light.
 
 #![allow(
     clippy::unwrap_used,
@@ -65,8 +65,8 @@ fn imported(root: &Path) -> Dataset {
     Dataset::open(&back).unwrap()
 }
 
-/// All views in one folder, another axis up, a unit, a split, and pixels that are not known: what
-/// names and keys have to carry.
+/// All views in one folder, another axis up, a unit, a split, and pixels that are not known:
+/// everything that names and keys must preserve.
 #[test]
 fn a_folder_that_all_views_share_stays_in_their_names() {
     let dir = tempfile::tempdir().unwrap();
@@ -150,7 +150,7 @@ fn colmap_keeps_cameras_to_rounding() {
     }
 }
 
-/// Imported with a world that was kept, a source's own poses come back to the last bit.
+/// Imported without a change of world, a source's own poses are exported bit-identical.
 #[test]
 fn an_import_exports_to_the_cameras_it_came_from() {
     let dir = tempfile::tempdir().unwrap();

@@ -42,11 +42,11 @@ fn assert_cameras(source: &Source, name: &str, tolerance: f64) {
             .enumerate()
         {
             let row = numbers(row);
-            for (c, wanted) in row[..3].iter().enumerate() {
+            for (c, expected) in row[..3].iter().enumerate() {
                 let own = pose.matrix3.col(c)[r];
                 assert!(
-                    (own - wanted).abs() < tolerance,
-                    "{name} {r} {c}: {own} {wanted}"
+                    (own - expected).abs() < tolerance,
+                    "{name} {r} {c}: {own} {expected}"
                 );
             }
             assert!((pose.translation[r] - row[3]).abs() < tolerance);
@@ -57,10 +57,10 @@ fn assert_cameras(source: &Source, name: &str, tolerance: f64) {
                 .lens
                 .project(DVec3::from_slice(&numbers(point)))
                 .unwrap();
-            let wanted = DVec2::from_slice(&numbers(pixel));
+            let expected = DVec2::from_slice(&numbers(pixel));
             assert!(
-                (own - wanted).length() < TOLERANCE,
-                "{name}: {own} {wanted}"
+                (own - expected).length() < TOLERANCE,
+                "{name}: {own} {expected}"
             );
         }
     }
@@ -105,7 +105,7 @@ fn eyeful_rig_of_perspective_cameras() {
     assert_eq!(source.info.up_axis, Some(UpAxis::Y));
     assert_eq!(source.info.metres_per_unit, Some(1.0));
     assert_cameras(&source, "eyeful-2", TOLERANCE);
-    // One entry has no image; the split does not name it any more.
+    // One entry has no image; the split no longer names it.
     assert!(
         source.warnings[0].contains("1 of 4 cameras") && source.warnings[0].contains("31_DSC0009")
     );
@@ -133,17 +133,17 @@ fn light_of_eyeful_tower() {
         error.contains("`any-name`") && error.contains("--white-balance"),
         "{error}"
     );
-    // The reconstruction report tells the scene, whatever the folder is called.
+    // The reconstruction report names the scene, whatever the folder's name.
     std::fs::write(root.join("kitchen-final.pdf"), "").unwrap();
     let color = open(&root).color;
     let bytes = std::fs::read(common::data("expected.json")).unwrap();
     let all: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
     let light = &all["eyeful-kitchen-light"];
     let stored = light["stored"].as_array().unwrap().iter();
-    for (stored, wanted) in stored.zip(light["rec709"].as_array().unwrap()) {
+    for (stored, expected) in stored.zip(light["rec709"].as_array().unwrap()) {
         let own = color.matrix() * DVec3::from_slice(&numbers(stored));
-        let wanted = DVec3::from_slice(&numbers(wanted));
-        assert!((own - wanted).length() < 1e-12, "{own} {wanted}");
+        let expected = DVec3::from_slice(&numbers(expected));
+        assert!((own - expected).length() < 1e-12, "{own} {expected}");
     }
     let options = ImportOptions {
         white_balance: Some([2.0, 1.0, 0.5]),

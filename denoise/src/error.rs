@@ -8,34 +8,34 @@ pub type Result<T, E = DenoiseError> = std::result::Result<T, E>;
 /// Why an image could not be denoised. Every variant prints as one line.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
-    /// Open Image Denoise was asked for and is nowhere.
-    #[error("Open Image Denoise 2 is not installed where it was looked for: {}", looked.join(", "))]
+    /// Open Image Denoise was requested and not found.
+    #[error("Open Image Denoise 2 was not found in: {}", looked.join(", "))]
     NotFound {
-        /// Every place, with what was wrong there.
+        /// Every place searched, with the problem there.
         looked: Vec<String>,
     },
-    /// A library is there but cannot be used.
+    /// A library was found but cannot be used.
     #[error("{}: {problem}", path.display())]
     Unusable {
-        /// The library, or the folder it was looked for in.
+        /// The library, or the folder searched.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
-    /// Open Image Denoise gave up.
+    /// Open Image Denoise failed.
     #[error("Open Image Denoise: {problem}")]
     Failed {
-        /// What it said.
+        /// The library's message.
         problem: String,
     },
-    /// Images of a frame that differ in size.
-    #[error("{image}: {}x{} pixels instead of {}x{}", found.0, found.1, wanted.0, wanted.1)]
+    /// Images of a frame differ in size.
+    #[error("{image}: {}x{} pixels instead of {}x{}", found.0, found.1, expected.0, expected.1)]
     Size {
         /// Which image.
         image: &'static str,
         /// Its width and height.
         found: (u32, u32),
         /// Width and height of the others.
-        wanted: (u32, u32),
+        expected: (u32, u32),
     },
 }

@@ -1,22 +1,22 @@
-//! A denoiser of our own: local linear regression of the arriving light on what is known of every
-//! pixel.
+//! Our own denoiser: local linear regression of the irradiance on noise-free guides.
 //!
-//! Light is divided by the albedo first, so that textures need not survive the filter. What is
-//! left, the light that arrives, varies slowly but for shadows, and bends with the normal: about a
-//! point it is close to a linear function of the place on the image and of the normal. This
-//! function is fitted around every pixel to the noisy values, as in Moon et al. 2014 ("Adaptive
-//! rendering based on weighted local regression") and Bitterli et al. 2016 ("Nonlinearly weighted
-//! first-order regression for denoising Monte Carlo renderings"), where it beats weighted means:
-//! those flatten every gradient. Steps:
+//! Light is divided by the albedo first, so that textures need not survive the filter. The
+//! remaining irradiance varies slowly except at shadows, and with the normal: around a point it is
+//! close to a linear function of image position and normal. This function is fitted around every
+//! pixel to the noisy values, as in Moon et al. 2014 ("Adaptive rendering based on weighted local
+//! regression") and Bitterli et al. 2016 ("Nonlinearly weighted first-order regression for
+//! denoising Monte Carlo renderings"), which beats weighted means: those flatten every gradient.
+//! Steps:
 //!
-//! 1. `guides`: how far two pixels are apart as surfaces: plane distance and normal.
+//! 1. `guides`: distance between the surfaces of two pixels: plane distance and normal.
 //! 2. `outliers`: values far above their surroundings are lowered.
-//! 3. `regression` with weights by the guides alone: a first estimate, blind to shadows.
-//! 4. Values are lowered to the first estimate plus some standard deviations of their mean, known
+//! 3. `regression` with weights from the guides alone: a first estimate, blind to shadows.
+//! 4. Values are clamped to the first estimate plus some standard deviations of their mean, known
 //!    from the samples' second moment.
-//! 5. `regression` again, weights by the first estimate, too: edges of shadows stay.
-//! 6. `outliers`: the light cut off in 2 and 4 is spread widely and added, since it is as real as
-//!    the rest.
+//! 5. `regression` again, with weights from the first estimate as well: edges of shadows stay
+//!    sharp.
+//! 6. `outliers`: the light removed in 2 and 4 is spread widely and added back, which keeps the
+//!    filter unbiased in total.
 //!
 //! Sums run over a pixel's window in a fixed order: the result does not depend on the number of
 //! threads.
@@ -33,40 +33,39 @@ use guides::Guides;
 use rayon::prelude::*;
 use regression::Samples;
 
-/// Albedo below which light is not divided by it but by this: what arrives at black surfaces is not
-/// seen in them.
+/// Least albedo that light is divided by: irradiance at black surfaces is not visible in them.
 const MIN_ALBEDO: f32 = 1e-3;
 
-/// What decides how the filter works; the default was tuned on path-traced rooms with 16 samples.
+/// Parameters of the filter; the defaults were tuned on path-traced rooms with 16 samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Half the window of the regression, pixels.
     pub radius: i32,
-    /// The same for the first estimate.
+    /// The same, for the first estimate.
     pub first_radius: i32,
     /// Standard deviation of the weights over the image, in radii.
     pub spatial: f32,
-    /// Every so many pixels along each axis a function is fitted; a pixel takes the mean of those
+    /// Spacing of the fitted functions along each axis, pixels; a pixel takes the mean of those
     /// around it.
     pub stride: i32,
-    /// The same for the first estimate.
+    /// The same, for the first estimate.
     pub first_stride: i32,
     /// Difference of unit normals that counts as one standard deviation.
     pub normal: f32,
     /// Sine of the angle out of the tangent plane that counts as one standard deviation.
     pub plane: f32,
-    /// Share of a pixel's variance that is left in the first estimate, generously.
+    /// Share of a pixel's variance assumed to remain in the first estimate, a generous bound.
     pub left: f32,
     /// Relative difference of the first estimate that always counts as noise.
     pub relative: f32,
-    /// How strongly slopes are held to zero.
+    /// Ridge regularisation of slopes.
     pub ridge: f32,
     /// Standard deviations of the mean above the first estimate at which values are cut off.
     pub cut: f32,
 }
 
 impl Settings {
-    /// The default.
+    /// The default settings.
     pub const DEFAULT: Self = Self {
         radius: 10,
         first_radius: 7,
@@ -104,18 +103,18 @@ pub fn reflected(frame: &Frame, settings: &Settings) -> Image<3> {
     shaded(frame, &sum)
 }
 
-/// Reflected light without its fireflies, and what they brought, spread over the surfaces around:
-/// for another denoiser in the place of the second regression.
+/// Reflected light with its fireflies spread over the surrounding surfaces: input for another
+/// denoiser in place of the second regression.
 pub(crate) fn calmed(frame: &Frame, settings: &Settings) -> [Image<3>; 2] {
     let guides = Guides::new(frame, settings);
     let calm = Calm::new(frame, &guides, settings);
     [calm.light, calm.excess].map(|light| shaded(frame, &light))
 }
 
-/// Arriving light after the steps 2 to 4 and 6.
+/// Irradiance after the steps 2 to 4 and 6.
 struct Calm {
     first: Vec<Vec3>,
-    /// Of the mean of each pixel before anything was cut off.
+    /// Standard deviation of each pixel's mean before clamping.
     deviation: Vec<f32>,
     light: Vec<Vec3>,
     excess: Vec<Vec3>,
@@ -143,7 +142,7 @@ impl Calm {
     }
 }
 
-/// What surfaces reflect of the light that arrives.
+/// Reflected radiance: albedo times irradiance over π.
 fn shaded(frame: &Frame, incoming: &[Vec3]) -> Image<3> {
     let pixels = incoming.iter().zip(frame.albedo.pixels());
     let light =
@@ -152,7 +151,7 @@ fn shaded(frame: &Frame, incoming: &[Vec3]) -> Image<3> {
     Image::from_pixels(width, height, light.collect()).expect("a value for each pixel")
 }
 
-/// The light that arrives, over π.
+/// Irradiance over π.
 fn incoming(frame: &Frame) -> Vec<Vec3> {
     let pixels = frame.reflected.pixels().iter().zip(frame.albedo.pixels());
     pixels
@@ -168,7 +167,7 @@ fn deviations(frame: &Frame, incoming: &[Vec3]) -> Vec<f32> {
     let pixels = moments.zip(frame.coverage.pixels()).zip(incoming);
     pixels
         .map(|(([moment], [coverage]), mean)| {
-            // One sample says nothing of the scatter: its own size stands for it.
+            // One sample has no scatter: its own value is used instead.
             let num_samples = coverage * frame.num_samples as f32;
             let variance = if num_samples >= 2.0 {
                 (moment - luminance(mean.to_array()).powi(2)) / (num_samples - 1.0)

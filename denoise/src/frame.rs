@@ -1,14 +1,14 @@
-//! What a denoiser gets to see.
+//! Input of a denoiser.
 
 use crate::error::{DenoiseError, Result};
 use eagpt_scene::Image;
 
-/// A rendering, its exact and its noisy part apart, with guides free of noise. All images have one
+/// A rendering, its exact and its noisy part separate, with noise-free guides. All images have one
 /// size.
 ///
 /// A pixel is the mean of its rays' light. Rays that meet an emitter bring light known exactly; the
-/// others bring albedo times sampled light. Apart, a lamp neither needs denoising nor bleeds into
-/// the wall behind it, even in pixels that show both.
+/// others bring albedo times sampled light. Kept apart, a lamp neither needs denoising nor bleeds
+/// into the wall behind it, even in pixels that show both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// Light of the rays that meet emitters, linear radiance, its share of the pixel; never
@@ -16,8 +16,8 @@ pub struct Frame {
     pub emitted: Image<3>,
     /// Light of all other rays, linear radiance, its share of the pixel.
     pub reflected: Image<3>,
-    /// Albedo of those other rays, its share of the pixel: `reflected / albedo` is the light that
-    /// arrives.
+    /// Albedo of those other rays, its share of the pixel: `reflected / albedo` is the irradiance
+    /// over π.
     pub albedo: Image<3>,
     /// Mean unit normal of those other rays, world space; zero where unknown.
     pub normal: Image<3>,
@@ -25,7 +25,7 @@ pub struct Frame {
     pub position: Image<3>,
     /// Share of those other rays that meet a surface, 0 to 1.
     pub coverage: Image<1>,
-    /// Mean squared luminance of the samples of arriving light, over those same rays.
+    /// Mean squared luminance of the irradiance samples, over those same rays.
     pub second_moment: Image<1>,
     /// Samples of a pixel without emitters.
     pub num_samples: u32,
@@ -40,7 +40,7 @@ impl Frame {
     /// # Errors
     /// [`DenoiseError::Size`] if the images differ in size.
     pub(crate) fn check(&self) -> Result<()> {
-        let wanted = self.emitted.size();
+        let expected = self.emitted.size();
         let sizes = [
             ("reflected", self.reflected.size()),
             ("albedo", self.albedo.size()),
@@ -49,18 +49,18 @@ impl Frame {
             ("coverage", self.coverage.size()),
             ("second_moment", self.second_moment.size()),
         ];
-        match sizes.into_iter().find(|(_, size)| *size != wanted) {
+        match sizes.into_iter().find(|(_, size)| *size != expected) {
             Some((image, found)) => Err(DenoiseError::Size {
                 image,
                 found,
-                wanted,
+                expected,
             }),
             None => Ok(()),
         }
     }
 
-    /// The same frame without values that are no numbers: one of them would spread over its whole
-    /// neighbourhood. What such a pixel reflects counts as unknown, and black.
+    /// The same frame without NaN and infinite values: one of them would spread over its whole
+    /// neighbourhood. The reflected light of such a pixel counts as unknown, and black.
     pub(crate) fn repaired(&self) -> Self {
         let mut frame = self.clone();
         for i in 0..frame.coverage.pixels().len() {

@@ -1,13 +1,12 @@
-//! Takes the noise of sampled light out of renderings.
+//! Denoising of rendered light.
 //!
-//! - [`frame`]: what a denoiser gets to see: the exact and the noisy part of the light, and guides
-//!   free of noise.
-//! - [`filter`]: a filter of our own, local regression on the guides.
+//! - [`frame`]: the input of a denoiser: the exact and the noisy part of the light, and noise-free
+//!   guides.
+//! - [`filter`]: our own filter, local regression on the guides.
 //! - [`oidn`]: Open Image Denoise, loaded at run time where the machine has it.
 //!
 //! [`Denoiser`] is the one interface of both. Light is linear and may be of any scale; nothing is
-//! clipped. Light of emitters is known exactly and comes out with the bits it went in with, and it
-//! does not bleed into its surroundings.
+//! clipped. Light of emitters is exact: it keeps its bits and does not bleed into its surroundings.
 
 pub mod error;
 pub mod filter;
@@ -23,7 +22,7 @@ use filter::Settings;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Something that denoises.
+/// A denoiser.
 #[derive(Debug)]
 pub enum Denoiser {
     /// Open Image Denoise.
@@ -32,7 +31,7 @@ pub enum Denoiser {
     Filter,
 }
 
-/// Which denoiser it is: recorded beside every result.
+/// Identity of a denoiser, recorded beside every result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Identity {
     /// `oidn` or `filter`.
@@ -74,7 +73,7 @@ impl Denoiser {
         Self::Filter
     }
 
-    /// Which denoiser this is.
+    /// Identity of this denoiser.
     pub fn identity(&self) -> Identity {
         match self {
             Self::Oidn(oidn) => Identity {

@@ -1,9 +1,9 @@
 //! Open Image Denoise (Áfra 2019–, <https://www.openimagedenoise.org>), version 2, where the
 //! machine has it.
 //!
-//! The library is looked for and loaded at run time, never linked and never downloaded. Its network
-//! sees the reflected light with albedo and normals as guides, after [`crate::filter`] took out the
-//! fireflies, and runs on the CPU, where its results do not depend on the number of threads.
+//! The library is located and loaded at run time, never linked and never downloaded. Its network
+//! gets the reflected light with albedo and normals as guides, after [`crate::filter`] has removed
+//! the fireflies, and runs on the CPU, where its results do not depend on the number of threads.
 
 mod library;
 mod search;
@@ -31,8 +31,8 @@ pub struct Oidn {
 
 impl Oidn {
     /// Finds the library: at `path` (a file, or a folder it lies in) if there is one, and nowhere
-    /// else; otherwise where the environment variable [`ENVIRONMENT`] says, where the dynamic
-    /// loader looks, and in the usual places.
+    /// else; otherwise at the environment variable [`ENVIRONMENT`], on the dynamic loader's path,
+    /// and in the usual places.
     ///
     /// # Errors
     /// [`DenoiseError::NotFound`] with all places and what was wrong there.
@@ -48,7 +48,7 @@ impl Oidn {
         }
         if path.is_none() {
             for name in search::NAMES {
-                // The loader's own words say no more than the name.
+                // The loader's message says no more than the name.
                 match Self::load(Path::new(name)) {
                     Ok(found) => return Ok(found),
                     Err(error) => tracing::debug!("{error}"),
@@ -66,7 +66,7 @@ impl Oidn {
         Err(DenoiseError::NotFound { looked })
     }
 
-    /// The library at `path`, or what is wrong there.
+    /// Loads the library at `path`.
     fn at(path: &Path, looked: &mut Vec<String>) -> Option<Self> {
         let files = search::within(path);
         if files.is_empty() {
@@ -115,12 +115,12 @@ impl Oidn {
     /// Denoises the reflected light of a frame.
     ///
     /// # Errors
-    /// [`DenoiseError::Failed`] with what the library says.
+    /// [`DenoiseError::Failed`] with the library's message.
     pub(crate) fn reflected(&self, frame: &Frame) -> Result<Image<3>> {
         let device = self.library.open(rayon::current_num_threads())?;
-        // Around a hole with an emitter in it the network darkens the wall, and at its edge
-        // whatever is there only in part. What is left of fireflies are blotches; the filter's
-        // first steps know the samples' scatter, the network does not.
+        // Around a hole with an emitter the network darkens the wall, and at its edge partly
+        // covered pixels. Fireflies would leave blotches: the filter's first steps know the
+        // samples' variance, the network does not.
         let [calm, excess] = filter::calmed(frame, &Settings::default());
         let color = whole(&calm, &frame.coverage);
         let guides = GuideImages {
@@ -139,7 +139,7 @@ impl Oidn {
     }
 }
 
-/// What pixels show as if all of their rays had met a surface, holes filled.
+/// Pixel values divided by their coverage, with holes filled.
 fn whole(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
     let mut image = image.clone();
     for (pixel, [coverage]) in image.pixels_mut().iter_mut().zip(coverage.pixels()) {
@@ -150,11 +150,11 @@ fn whole(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
     filled(&image, coverage)
 }
 
-/// The image with holes, where nothing is covered, filled from their edges inwards by means of what
-/// is there.
+/// The image with its uncovered holes filled from their edges inwards by means of covered
+/// neighbours.
 fn filled(image: &Image<3>, coverage: &Image<1>) -> Image<3> {
-    /// Width of the rim that is filled: beyond it a hole is black, which the network does not mind
-    /// so far from the wall.
+    /// Width of the rim that is filled: beyond it a hole is black, too far from the wall to affect
+    /// the network's output.
     const RIM: usize = 8;
     let (width, height) = image.size();
     let mut known: Vec<bool> = coverage.pixels().iter().map(|[c]| *c > 0.0).collect();

@@ -60,7 +60,7 @@ fn noise_goes_and_energy_stays() {
     let before = relative_rmse(&known, &known.frame.noisy());
     let after = relative_rmse(&known, &filtered(&known.frame));
     assert!(after * LEAST_GAIN < before, "{before} to {after}");
-    // Rare samples carry a fifth of this light: a filter that cuts them off loses it.
+    // Rare samples carry a fifth of this light: a filter that clamps them loses it.
     let known = picture(Noise::HeavyTailed, wall);
     let (noisy, clean) = (
         mean_red(&known.frame.noisy()),
@@ -100,8 +100,8 @@ fn emitters_keep_their_bits_and_do_not_bleed() {
             assert_eq!(pixel, [LAMP; 3]);
             num += 1;
         } else if *coverage < 1.0 {
-            // What such a pixel reflects is less than 1: nothing of the lamp's light is gone or
-            // doubled.
+            // The reflected part of such a pixel is less than 1: none of the lamp's light is lost
+            // or doubled.
             assert!((pixel[0] - truth[0]).abs() < 1.0, "{pixel:?} {truth:?}");
         } else {
             assert!(pixel[0] < 3.0, "{pixel:?}");
@@ -139,7 +139,7 @@ fn what_is_no_number_stays_where_it_is() {
             .iter()
             .all(|v| v.is_finite())
     );
-    // Nothing at all: no surface, no light.
+    // An empty frame: no surface, no light.
     let empty = picture(Noise::None, |_, _| Pixel::default());
     assert!(filtered(&empty.frame).values().iter().all(|v| *v == 0.0));
 }

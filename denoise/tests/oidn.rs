@@ -1,4 +1,4 @@
-//! Open Image Denoise: what is said where it is missing, and what it does where it is there.
+//! Open Image Denoise: the error where it is missing, and its results where it is installed.
 
 #![allow(
     clippy::unwrap_used,
@@ -32,7 +32,7 @@ fn a_missing_library_is_named() {
         let said = Denoiser::oidn(Some(path)).unwrap_err().to_string();
         assert!(said.contains(path.to_str().unwrap()), "{said}");
         assert_eq!(said.lines().count(), 1, "{said}");
-        // A place that was named is not passed over in silence.
+        // An explicitly named place must not be skipped silently.
         Denoiser::auto(Some(path)).unwrap_err();
     }
 }

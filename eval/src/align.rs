@@ -1,8 +1,8 @@
-//! Exposure alignment: how good renders are once their overall brightness does not count.
+//! Exposure alignment: metrics that do not depend on the overall brightness of renders.
 //!
-//! After an edit of the lighting the overall brightness hangs on one number, the radiance that was
-//! given to the new light. One factor for all views of a condition takes it out; what is left are
-//! errors of where the light goes.
+//! After an edit of the lighting the overall brightness depends on one number, the radiance given
+//! to the new light. One factor for all views of a condition removes it; the remaining errors are
+//! those of the distribution of light.
 
 use crate::encode::{assert_comparable, pq_encoded, srgb_clipped};
 use crate::error::Result;
@@ -17,10 +17,9 @@ use serde::{Deserialize, Serialize};
 /// Finds the factor: the ratio of the sums of reference and test over the pixels that do not emit
 /// and whose reference is at most 1 in every channel, the white of a display.
 ///
-/// Emitters are left out because an edit sets them and everything else follows. Least squares would
-/// be the other choice; but noise adds to the squares in its denominator, so that the more a render
-/// is noisy the darker it would be made. A sum has no such bias, and which pixels count is decided
-/// by the reference alone.
+/// Emitters are left out because an edit sets them directly. Least squares would be biased: noise
+/// adds to the squares in its denominator, so that noisier renders would be made darker. A sum has
+/// no such bias, and the reference alone decides which pixels count.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ExposureFit {
     reference: f64,
@@ -44,15 +43,13 @@ impl ExposureFit {
         }
     }
 
-    /// What the test has to be multiplied by, above 0; `None` if no pixel counts or one of the sums
-    /// is black.
+    /// Factor of the test images, above 0; `None` if no pixel counts or one of the sums is black.
     pub fn scale(&self) -> Option<f64> {
         (self.reference > 0.0 && self.test > 0.0).then(|| self.reference / self.test)
     }
 }
 
-/// How close a test image is to its reference after it was multiplied by the factor of its
-/// condition.
+/// Image metrics of a test image multiplied by the factor of its condition.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AlignedMetrics {
     /// See [`crate::psnr_srgb`]; infinite for equal images, which is `null` in JSON.

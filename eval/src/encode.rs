@@ -1,4 +1,4 @@
-//! Whole images in the display encodings in which metrics are defined.
+//! Images in the display encodings in which metrics are defined.
 
 use eagpt_scene::{Image, color};
 use rayon::prelude::*;
@@ -24,7 +24,7 @@ fn encoded(linear: &Image<3>, encode: impl Fn(f32) -> f32 + Sync) -> Image<3> {
     image
 }
 
-/// Checks what every metric of two images needs.
+/// Checks that two images are comparable.
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.

@@ -13,14 +13,14 @@ pub enum EvalError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// An option is out of its range.
-    #[error("option {field}: {value}, must be {wanted}")]
+    #[error("option {field}: {value}, must be {expected}")]
     Option {
         /// Name of the option.
         field: &'static str,
         /// Its value.
         value: String,
         /// The range.
-        wanted: &'static str,
+        expected: &'static str,
     },
     /// HDR-FLIP would start at a longer exposure than it stops at.
     #[error("start_exposure {start} is above stop_exposure {stop}")]
@@ -45,7 +45,7 @@ pub enum EvalError {
     Render {
         /// The file.
         path: PathBuf,
-        /// What is wrong, with the values.
+        /// The problem, with the values.
         problem: String,
     },
     /// Two evaluations are of the same mode under the same condition.

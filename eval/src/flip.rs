@@ -1,4 +1,4 @@
-//! FLIP: how different two images look to a person who alternates between them.
+//! FLIP: the perceived difference of two images when alternating between them.
 //!
 //! LDR-FLIP (Andersson et al. 2020, "FLIP: A difference evaluator for alternating images") blurs
 //! both images as the eye does at a viewing distance, takes a colour distance, and sharpens it
@@ -8,7 +8,8 @@
 //!
 //! Agrees with NVIDIA's flip-evaluator 1.7, whose own values differ in the last digits between
 //! systems. The border repeats the outermost pixels. All work is done in bands of rows, so memory
-//! is that of the error map and a few rows, and no bit depends on the number of threads.
+//! is that of the error map and a few rows, and the result is bit-identical for any number of
+//! threads.
 
 mod band;
 mod color;
@@ -97,7 +98,7 @@ pub fn flip_ldr(reference_srgb: &Image<3>, test_srgb: &Image<3>, ppd: f32) -> Re
     })
 }
 
-/// The largest error of each pixel over the ways in which the images are `shown`.
+/// The largest error of each pixel over all display mappings `shown`.
 fn error_map(reference: &Image<3>, test: &Image<3>, ppd: f32, shown: &[Shown]) -> Image<1> {
     let pair = Pair {
         filters: &Filters::new(ppd),
@@ -105,8 +106,8 @@ fn error_map(reference: &Image<3>, test: &Image<3>, ppd: f32, shown: &[Shown]) -
         height: reference.height() as usize,
         images: [reference.pixels(), test.pixels()],
     };
-    // Bands share no sums, so their height is free: low enough to feed all threads, high enough
-    // that the rows around a band, which are computed again, do not dominate.
+    // Bands share no sums, so their height is free: low enough to occupy all threads, high enough
+    // that the rows recomputed around a band do not dominate.
     let num_rows = (pair.height / (2 * rayon::current_num_threads())).clamp(32, 256);
     let mut error = Image::filled(reference.width(), reference.height(), [0.0]);
     error

@@ -11,7 +11,7 @@
 //! | `table.md`, `table.tex` | the same for people, with means |
 //! | `flip/<view>.png` | HDR-FLIP error, magma from 0 to 1 |
 //!
-//! One view is in memory at a time. `metrics.json` is written last: where it is, the other files
+//! One view is in memory at a time. `metrics.json` is written last: if it exists, the other files
 //! are complete.
 
 //! [`evaluate_conditions`] does so for several pairs of renders and references: several lightings
@@ -41,11 +41,11 @@ use eagpt_scene::dataset::{SplitRule, Subset};
 use prepared::Prepared;
 use serde::Serialize;
 
-/// What an evaluation tells while it goes on.
+/// Progress messages of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "message")]
 pub enum EvalProgress {
-    /// All files are there; views will now be compared.
+    /// All files exist; the comparison begins.
     Started {
         /// Number of views.
         total: usize,
@@ -54,14 +54,14 @@ pub enum EvalProgress {
     View {
         /// Its name.
         name: String,
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// Something the user should know; also in `metrics.json`.
+    /// A warning; also in `metrics.json`.
     Warning {
-        /// One line.
+        /// The text, one line.
         text: String,
     },
 }
@@ -82,11 +82,11 @@ pub struct Mean {
 pub struct Evaluation {
     /// Name of the condition.
     pub name: String,
-    /// How the renders came about.
+    /// Provenance of the renders.
     pub provenance: Provenance,
     /// Means of the metrics that at least one view has, in the order of [`METRICS`].
     pub means: Vec<Mean>,
-    /// What the renders were multiplied by for the aligned metrics: see
+    /// Factor applied to the renders for the aligned metrics: see
     /// [`ExposureFit`](crate::align::ExposureFit).
     pub exposure_scale: Option<f64>,
     /// Light after over light before: see [`LightChange`](crate::regions::LightChange).
@@ -95,11 +95,11 @@ pub struct Evaluation {
     pub regions: Regions,
     /// The views, in the order of the dataset.
     pub views: Vec<ViewMetrics>,
-    /// How views were divided.
+    /// Split of the views.
     pub split: SplitRule,
     /// The views that were evaluated.
     pub subset: Subset,
-    /// What a reader of the numbers has to know.
+    /// Warnings about the numbers.
     pub warnings: Vec<String>,
 }
 

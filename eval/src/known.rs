@@ -1,9 +1,9 @@
-//! Comparisons of images that are not known everywhere.
+//! Comparison of images with unknown pixels.
 //!
-//! What is a sum over pixels is taken of the known ones, packed into an image of one row. What
-//! looks at neighbours, SSIM and FLIP, needs the image as it is: SSIM counts the windows in which
-//! all is known, and FLIP gets the reference in place of what a render has where the reference is
-//! not known, and is averaged over known pixels.
+//! Per-pixel metrics are computed over the known pixels, packed into an image of one row. SSIM and
+//! FLIP depend on neighbourhoods and need the whole image: SSIM counts the windows without unknown
+//! pixels, and FLIP replaces the render by the reference where that is unknown, and is averaged
+//! over known pixels.
 
 use crate::window::RADIUS;
 use eagpt_scene::Image;
@@ -115,10 +115,10 @@ impl KnownPixels {
     }
 }
 
-/// For each of `num` places whether all within [`RADIUS`] are set; beyond the ends is nothing that
-/// could fail to be.
+/// For each of `num` places whether all within [`RADIUS`] are set; places beyond the ends count as
+/// set.
 fn all_around(num: usize, is_set: impl Fn(usize) -> bool) -> impl Iterator<Item = bool> {
-    // The last place before each that is not set, and one more: 0 if there is none.
+    // One past the last place before each that is not set: 0 if there is none.
     let mut last = 0;
     let upto: Vec<usize> = (0..num)
         .map(|i| {
@@ -131,7 +131,7 @@ fn all_around(num: usize, is_set: impl Fn(usize) -> bool) -> impl Iterator<Item 
     (0..num).map(move |i| upto[(i + RADIUS).min(num - 1)] <= i.saturating_sub(RADIUS))
 }
 
-/// The known pixels of an image, or all of it where nothing is said.
+/// The known pixels of an image, or the whole image without a mask.
 ///
 /// # Panics
 /// If none is known.

@@ -7,8 +7,8 @@
 //! - [`scene_metrics`]: albedo, normals, depth and emission;
 //! - [`pair`]: all image metrics of one pair;
 //! - [`align`]: the same after one factor for the exposure of all views;
-//! - [`regions`]: the error of emitters, of what a new light reaches and of its shadows;
-//! - [`known`]: what becomes of these where a reference is not known everywhere.
+//! - [`regions`]: the error of emitters, lit surfaces and shadows;
+//! - [`known`]: the same with partly unknown references.
 //!
 //! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes
 //! tables and error maps, [`evaluate_conditions`] does so for several lightings of a room, and

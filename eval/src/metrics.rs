@@ -1,18 +1,18 @@
-//! The table of all metrics: one row says everything that outputs need to know of a metric.
+//! The table of all metrics: one row has everything that outputs need about a metric.
 
 use crate::job::ViewMetrics;
 use crate::scene_metrics::Overlap;
 
-/// Which values of a metric are good.
+/// Direction in which a metric improves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Better {
-    /// Larger ones.
+    /// Larger values.
     Higher,
-    /// Smaller ones.
+    /// Smaller values.
     Lower,
 }
 
-/// What the mean of a metric is taken over.
+/// Population over which the mean of a metric is taken.
 #[derive(Debug, Clone, Copy)]
 pub enum MeanOf {
     /// The values of the views that have one.
@@ -28,13 +28,13 @@ pub struct Metric {
     pub key: &'static str,
     /// Heading in tables.
     pub heading: &'static str,
-    /// Which values are good.
+    /// Direction of improvement.
     pub better: Better,
     /// Decimals in tables.
     pub num_decimals: usize,
-    /// What is measured, for whoever reads only the output.
+    /// Definition, as written into the outputs.
     pub definition: &'static str,
-    /// What the mean is taken over.
+    /// Population of the mean.
     pub mean: MeanOf,
     /// The value of a view; `None` if it could not be measured.
     pub of: fn(&ViewMetrics) -> Option<f64>,

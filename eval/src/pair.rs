@@ -9,7 +9,7 @@ use crate::ssim::ssim_in;
 use eagpt_scene::Image;
 use serde::{Deserialize, Serialize};
 
-/// How close a test image is to its reference. The keys are the same in every output.
+/// Image metrics of one pair. The keys are the same in every output.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ImageMetrics {
     /// See [`crate::psnr_srgb`]; infinite for equal images, which is `null` in JSON.
@@ -27,7 +27,7 @@ pub struct ImageMetrics {
     pub flip_hdr: f64,
     /// Mean of [`flip_ldr`] in sRGB clipped to [0, 1]; 0 for equal images.
     pub flip_ldr_srgb: f64,
-    /// What `flip_hdr` was computed with.
+    /// Parameters of `flip_hdr`.
     pub flip_hdr_parameters: FlipParameters,
 }
 

@@ -1,9 +1,9 @@
 //! Peak signal-to-noise ratio as EAG-PT reports it: the mean over R, G, B of each channel's own
 //! decibels.
 //!
-//! This is not the ratio of the error pooled over channels; by Jensen's inequality it is never
-//! smaller. The peak is 1 in every space. Equal images give [`f64::INFINITY`]; one equal channel is
-//! enough. JSON has no infinity, so outputs hold `null` there and tables print `inf`.
+//! This differs from the ratio of the error pooled over channels; by Jensen's inequality it is
+//! never smaller. The peak is 1 in every space. Equal images give [`f64::INFINITY`]; one equal
+//! channel is enough. JSON has no infinity, so outputs hold `null` there and tables print `inf`.
 
 use crate::encode::{assert_comparable, pq_encoded, srgb_clipped};
 use eagpt_scene::Image;

@@ -1,6 +1,6 @@
-//! The error of relit renders by region: the emitters, what the new light reaches, and its shadows.
+//! The error of relit renders by region: emitters, lit surfaces, and shadows.
 //!
-//! The references decide. A pixel belongs to
+//! The references define the regions. A pixel belongs to
 //!
 //! | region | if |
 //! |---|---|
@@ -9,10 +9,10 @@
 //! | `shadow` | else |
 //! | `surface` | it does not emit, and the earlier light is not known |
 //!
-//! The quotient of two lights does not depend on albedo, as a threshold on brightness would: a
-//! white wall in the shadow stays shadow. And it is compared with the change of the whole, since a
-//! new light may be weaker than the earlier one everywhere; exposures of the two references need
-//! not agree either.
+//! Unlike a threshold on brightness, the ratio of two lightings does not depend on albedo: a white
+//! wall in the shadow stays shadow. It is compared with the overall change, since a new light may
+//! be weaker than the earlier one everywhere; the exposures of the two references need not agree
+//! either.
 
 use crate::encode::assert_comparable;
 use crate::pair::decibels;
@@ -29,11 +29,11 @@ use std::collections::BTreeMap;
 pub enum Region {
     /// Light sources.
     Emitter,
-    /// Surfaces that have gained light, or lost less of it than the whole.
+    /// Surfaces that have gained light relative to the whole condition.
     Lit,
-    /// Surfaces that have lost more light than the whole.
+    /// Surfaces that have lost light relative to the whole condition.
     Shadow,
-    /// Surfaces of which nothing more is known.
+    /// Surfaces without an earlier light to compare with.
     Surface,
 }
 
@@ -49,7 +49,7 @@ impl Region {
     }
 }
 
-/// A reference under the new light and what is known beside it, all of one size.
+/// A reference under the new light and its optional companions, all of one size.
 #[derive(Debug, Clone, Copy)]
 pub struct Lights<'a> {
     /// Linear radiance under the new light.
@@ -69,8 +69,8 @@ pub struct Before<'a> {
     pub emission: Option<&'a Image<1>>,
 }
 
-/// How the light of a condition has changed: sums of luminance over the pixels of all views that
-/// emit neither before nor after.
+/// Change of light of a condition: sums of luminance over the pixels of all views that emit neither
+/// before nor after.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LightChange {
     before: f64,
@@ -125,7 +125,7 @@ pub struct RegionMetrics {
     pub luminance_render: f64,
 }
 
-/// What regions are measured by, added up over pixels.
+/// Sums over the pixels of a region.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     num_pixels: u64,
@@ -209,7 +209,7 @@ fn region(lights: &Lights<'_>, pixel: usize, change: Option<f64>) -> Region {
         return Region::Surface;
     };
     let of = |image: &Image<3>| f64::from(luminance(image.pixels()[pixel]));
-    // Not as a quotient: what was black before and is no more is lit.
+    // Compared without a division: a surface that was black before and is no longer is lit.
     if of(lights.after) > change * of(before.radiance) {
         Region::Lit
     } else {

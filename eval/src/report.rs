@@ -1,4 +1,4 @@
-//! The files that an evaluation leaves.
+//! The files of an evaluation.
 
 pub(crate) mod grid;
 mod tables;
@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What an evaluation leaves for programs: means, views, definitions.
+/// File of an evaluation for programs: means, views, definitions.
 pub const METRICS_FILE: &str = "metrics.json";
 const CSV: &str = "metrics.csv";
 const MARKDOWN: &str = "table.md";
@@ -19,7 +19,7 @@ const LATEX: &str = "table.tex";
 /// Names of all files of an evaluation.
 pub const RESULT_FILES: [&str; 4] = [METRICS_FILE, CSV, MARKDOWN, LATEX];
 
-/// What else `metrics.json` holds, beside metrics.
+/// Definitions of the other fields of `metrics.json`.
 const MORE_DEFINITIONS: [(&str, &str); 4] = [
     (
         "exposure_scale",

@@ -1,5 +1,5 @@
-//! What the other channels of a render are worth: albedo, normals, depth and emission against
-//! ground truth.
+//! Metrics of the other channels of a render: albedo, normals, depth and emission against ground
+//! truth.
 //!
 //! Each of these is `None` where no pixel can be compared, never NaN.
 
@@ -8,12 +8,12 @@ use crate::psnr::mean_db;
 use eagpt_scene::{Image, color::srgb_from_linear};
 use serde::{Deserialize, Serialize};
 
-/// A reference emission above this marks an emitter, whose albedo means nothing (τ_E of EAG-PT).
+/// A reference emission above this marks an emitter, whose albedo is undefined (τ_E of EAG-PT).
 pub const EMITTER_THRESHOLD: f32 = 0.1;
 /// Emission above this is an emitter for [`emission_overlap`]: the middle of a mask's range.
 pub const IOU_THRESHOLD: f32 = 0.5;
 
-/// Closeness of diffuse albedos.
+/// PSNR of diffuse albedos.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AlbedoPsnr {
     /// Mean over R, G, B of each channel's decibels, sRGB clipped to [0, 1]; infinite for equal
@@ -26,7 +26,7 @@ pub struct AlbedoPsnr {
     pub scale: f64,
 }
 
-/// Whether a pixel is above [`EMITTER_THRESHOLD`]; none is where emission is not known.
+/// Whether a pixel is above [`EMITTER_THRESHOLD`]; false where emission is unknown.
 pub(crate) fn emits(emission: Option<&Image<1>>, pixel: usize) -> bool {
     emission.is_some_and(|emission| emission.pixels()[pixel][0] > EMITTER_THRESHOLD)
 }
@@ -124,7 +124,7 @@ pub fn depth_mae(reference: &Image<1>, test: &Image<1>) -> Option<f64> {
     mean(errors)
 }
 
-/// How two sets of pixels overlap.
+/// Overlap of two sets of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Overlap {
     /// Pixels in both.
@@ -164,7 +164,7 @@ pub fn emission_overlap(reference: &Image<1>, test: &Image<1>) -> Overlap {
     }))
 }
 
-/// Mean in the order given; `None` of nothing.
+/// Mean in the order given; `None` if empty.
 pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, num) = values.fold((0.0, 0_u64), |(sum, num), value| (sum + value, num + 1));
     (num > 0).then(|| sum / num as f64)

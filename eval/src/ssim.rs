@@ -46,7 +46,7 @@ pub fn ssim(reference: &Image<3>, test: &Image<3>) -> f64 {
     ssim_in(reference, test, None)
 }
 
-/// [`ssim`] over the windows that count, if it is said which; 1 if none does.
+/// [`ssim`] over the windows that count (`None`: all); 1 if none does.
 ///
 /// # Panics
 /// As [`ssim`], and if `windows` are those of images of another size.
@@ -341,8 +341,7 @@ fn row_similarity_and_partials(
             [d_mean[x], d_q[x], d_p[x], values[x]] = [0.0; NUM_MOMENTS];
         }
     }
-    // Apart from the loop above, so that the compiler vectorises that one in spite of the ordered
-    // sum.
+    // A loop of its own, so that the compiler vectorises the one above in spite of the ordered sum.
     values.iter().map(|value| f64::from(*value)).sum()
 }
 

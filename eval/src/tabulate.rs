@@ -1,4 +1,4 @@
-//! The table of the paper: modes of rendering down, lightings of the room across.
+//! The table of the paper: rendering modes as rows, lightings of the room as columns.
 //!
 //! Reads the `metrics.json` of evaluations, of one condition each or of several, and puts the means
 //! of each condition into the row of its mode of rendering. Its files are `table.md`, `table.tex`,
@@ -16,6 +16,7 @@ use crate::job::Provenance;
 use crate::metrics::{METRICS, Metric};
 use crate::scene_metrics::mean;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::path::PathBuf;
 
 /// Modes in the order of the paper; others come after them.
@@ -25,7 +26,7 @@ pub const FILES: [&str; 4] = ["table.md", "table.tex", "table.csv", "table.json"
 /// Metrics of the table unless others are asked for.
 pub const DEFAULT_METRICS: [&str; 3] = ["psnr_srgb_db", "ssim_srgb", "flip_hdr"];
 
-/// What goes into the table.
+/// Options of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableOptions {
@@ -46,14 +47,23 @@ pub struct TableFolder {
     pub row: Option<String>,
 }
 
+impl fmt::Display for TableFolder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.row {
+            Some(row) => write!(f, "{row}={}", self.folder.display()),
+            None => write!(f, "{}", self.folder.display()),
+        }
+    }
+}
+
 /// A table of means.
 #[derive(Debug, Clone)]
 pub struct ModeTable {
-    /// Names of the conditions, in the order in which they were met.
+    /// Names of the conditions, in the order of appearance.
     pub conditions: Vec<String>,
     /// The metrics of each condition.
     pub metrics: Vec<&'static Metric>,
-    /// The modes: those of the paper in its order, then others as they were met.
+    /// The modes: those of the paper in its order, then others in the order of appearance.
     pub rows: Vec<TableRow>,
 }
 
@@ -69,17 +79,17 @@ pub struct TableRow {
 /// A mode of rendering under one condition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableCell {
-    /// Where it was read.
+    /// Folder it was read from.
     pub folder: PathBuf,
     /// Mean of each metric of the table; `None` where the evaluation lacks it, infinite for equal
     /// images.
     pub values: Vec<Option<f64>>,
-    /// How the renders came about.
+    /// Provenance of the renders.
     pub provenance: Provenance,
 }
 
 impl TableRow {
-    /// Seconds for a frame: the mean over the conditions that tell.
+    /// Seconds per frame: the mean over the conditions that have it.
     pub fn seconds_per_frame(&self) -> Option<f64> {
         let cells = self.cells.iter().flatten();
         mean(cells.filter_map(|cell| cell.provenance.seconds_per_frame))
@@ -124,7 +134,7 @@ fn metric(key: &str) -> Result<&'static Metric> {
     found.ok_or_else(|| EvalError::Option {
         field: "metrics",
         value: key.to_owned(),
-        wanted: "a key of `mean` in metrics.json, as psnr_srgb_db",
+        expected: "a key of `mean` in metrics.json, as psnr_srgb_db",
     })
 }
 

@@ -40,17 +40,17 @@ fn all_pairs_agree_with_the_official_tools() {
             let difference = found[*key].as_f64().unwrap() - pair[*key].as_f64().unwrap();
             *largest = largest.max(difference.abs());
         }
-        let (found, wanted) = (&found["flip_hdr_parameters"], &pair["flip_hdr_parameters"]);
+        let (found, expected) = (&found["flip_hdr_parameters"], &pair["flip_hdr_parameters"]);
         for (key, official) in [
             ("ppd", "ppd"),
             ("start_exposure", "startExposure"),
             ("stop_exposure", "stopExposure"),
             ("num_exposures", "numExposures"),
         ] {
-            let difference = found[key].as_f64().unwrap() - wanted[official].as_f64().unwrap();
-            assert!(difference.abs() < 1e-5, "{key}: {found} {wanted}");
+            let difference = found[key].as_f64().unwrap() - expected[official].as_f64().unwrap();
+            assert!(difference.abs() < 1e-5, "{key}: {found} {expected}");
         }
-        assert_eq!(found["tonemapper"], wanted["tonemapper"]);
+        assert_eq!(found["tonemapper"], expected["tonemapper"]);
     }
     println!("largest deviations: {columns:?}");
     for (key, tolerance, largest) in columns {

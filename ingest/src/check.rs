@@ -6,7 +6,7 @@ use crate::problem::{Problem, Remedy, counted};
 use crate::stack::{Photograph, Stack};
 use std::collections::{BTreeMap, HashMap};
 
-/// Adds what is wrong with stacks that can be read each.
+/// Adds problems of readable stacks that do not fit together.
 pub(crate) fn check(gathered: &mut Gathered, max_pause_s: f64) {
     let mut problems = Vec::new();
     double_files(gathered, &mut problems);
@@ -22,7 +22,7 @@ fn double_files(gathered: &Gathered, problems: &mut Vec<Problem>) {
     let mut seen: HashMap<&str, &str> = HashMap::new();
     for shot in gathered.stacks.iter().flat_map(|stack| &stack.shots) {
         if let Some(first) = seen.get(shot.blake3.as_str()) {
-            // Where both are in one stack, the exposure is double and has its line.
+            // If both are in one stack, the duplicate exposure is reported already.
             if !gathered.problems.iter().any(|p| p.subject == shot.name) {
                 problems.push(Problem::new(
                     &shot.name,
@@ -55,7 +55,7 @@ fn double_names(stacks: &[Stack], problems: &mut Vec<Problem>) {
 /// A property of a photograph, as people read it.
 type Property = fn(&Photograph) -> String;
 
-/// What is not as in most stacks: camera, focal length, size and layout.
+/// Stacks that deviate from the majority in camera, focal length, size or layout.
 fn deviating(stacks: &[Stack], problems: &mut Vec<Problem>) {
     let shots = || {
         stacks
@@ -175,7 +175,7 @@ fn apertures(stacks: &[Stack], problems: &mut Vec<Problem>) {
     }
 }
 
-/// A long pause within a condition: two rooms, or two days, in one folder.
+/// A long pause within a condition: probably two rooms, or two days, in one folder.
 fn pauses(stacks: &[Stack], max_pause_s: f64, problems: &mut Vec<Problem>) {
     let mut conditions: BTreeMap<&str, Vec<(f64, f64, usize)>> = BTreeMap::new();
     for (index, stack) in stacks.iter().enumerate() {

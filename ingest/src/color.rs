@@ -1,13 +1,14 @@
 //! From the camera's colours to linear Rec.709.
 //!
-//! As the DNG specification (1.7, chapter 6) maps colours without a forward matrix: the camera's
-//! neutral is taken back to XYZ by the colour matrix, which gives the white of the scene; from
-//! there, the linear Bradford transform adapts to D65, the white of Rec.709. Of two matrices for
-//! two illuminants, a mixture by the inverse of the white's colour temperature is taken.
+//! Follows the DNG specification (1.7, chapter 6) for files without a forward matrix: the colour
+//! matrix maps the camera's neutral to XYZ, which gives the white of the scene; from there, the
+//! linear Bradford transform adapts to D65, the white of Rec.709. Matrices for two illuminants are
+//! interpolated by the inverse of the white's colour temperature.
 
 use crate::raw::CameraColor;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// XYZ of Rec.709 primaries with their white D65, columns R, G, B (IEC 61966-2-1).
 const XYZ_FROM_REC709: DMat3 = DMat3::from_cols(
@@ -23,10 +24,10 @@ const BRADFORD: DMat3 = DMat3::from_cols(
 );
 /// EXIF's number of the illuminant D65.
 const D65: u16 = 21;
-/// Rounds of looking for white and mixture together; ten change nothing that a float can hold.
+/// Iterations for white point and mixture together; after ten the result no longer changes in f32.
 const MIXTURE_ROUNDS: usize = 20;
 
-/// What is done to colours, for a whole capture.
+/// Colour transform of a whole capture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ColorTransform {
     /// Factors of R, G, B of the camera; green is 1.
@@ -136,7 +137,7 @@ fn temperature_of(white: DVec3) -> f64 {
     437.0 * n.powi(3) + 3601.0 * n.powi(2) + 6861.0 * n + 5517.0
 }
 
-/// How the factors of white balance are found.
+/// Source of the white balance factors.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum WhiteBalance {
@@ -152,6 +153,19 @@ pub enum WhiteBalance {
         /// Left, top, width and height in pixels of the sensor's image.
         rectangle: [u32; 4],
     },
+}
+
+impl fmt::Display for WhiteBalance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::AsShot => f.write_str("as-shot"),
+            Self::Factors([r, g, b]) => write!(f, "{r},{g},{b}"),
+            Self::GreyCard { stack, rectangle } => {
+                let [left, top, width, height] = rectangle;
+                write!(f, "{stack}@{left},{top},{width},{height}")
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! Colours between the samples of a colour filter array.
 //!
 //! The methods are those of the crate `demosaic`. A lamp is a thousand times as bright as the wall
-//! beside it, and filters with negative lobes draw dark or coloured rims around it; so they work on
-//! the fourth root of the signal, where the lamp is six times as bright. That also turns
-//! differences of colours into something like quotients, which change less from pixel to pixel.
-//! Noise is not biased by more than rounding: where it matters, near black, the scale is linear.
-//! What is left at steep edges is the task of `steep`.
+//! beside it, and filters with negative lobes cause dark or coloured rims around it; so they are
+//! applied to the fourth root of the signal, where the lamp is six times as bright. That also turns
+//! differences of colours into approximate quotients, which vary less from pixel to pixel. Noise is
+//! not biased by more than rounding: where it matters, near black, the scale is linear. `steep`
+//! handles the remaining artefacts at steep edges.
 
 mod steep;
 
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use steep::Strip;
 
-/// How colours are interpolated.
+/// Demosaicing method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Demosaic {
@@ -37,11 +37,11 @@ const STRIP_ROWS: usize = 96;
 /// Rows beside a strip that its pixels depend on at most, a multiple of every pattern.
 const MARGIN_ROWS: usize = 24;
 
-/// What the crate is asked for.
+/// Algorithms of the crate for a method.
 struct Plan {
     pattern: CfaPattern,
     algorithm: Algorithm,
-    /// The method for steep edges: one that looks along them, as linear filters do not.
+    /// The method for steep edges: one that adapts to their direction, unlike linear filters.
     at_edges: Algorithm,
 }
 

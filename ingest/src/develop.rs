@@ -11,7 +11,7 @@ use eagpt_scene::Image;
 use eagpt_scene::lens::Undistortion;
 use rayon::prelude::*;
 
-/// What is decided for a whole capture.
+/// Parameters shared by a whole capture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recipe {
     pub(crate) color: ColorTransform,
@@ -46,7 +46,7 @@ const BAND_ROWS: usize = 16;
 /// Standard deviations of read noise where the scale of the interpolation becomes linear.
 const FLOOR_SIGMAS: f32 = 4.0;
 
-/// Develops shots sorted by exposure; `frames` are used up, since they are most of the memory.
+/// Develops shots sorted by exposure; `frames` are consumed, since they are most of the memory.
 pub(crate) fn develop(
     frames: Vec<RawFrame>,
     exposures: &[f64],
@@ -147,8 +147,7 @@ pub(crate) fn develop(
     }
 }
 
-/// The image of the pinhole camera; a pixel has the flags of what it was taken from, in whatever
-/// share.
+/// The image of the pinhole camera; a pixel has the flags of all pixels it was resampled from.
 fn undistorted(
     undistortion: &Undistortion,
     image: Image<3>,
@@ -176,8 +175,8 @@ fn undistorted(
     )
 }
 
-/// Flags of pixels: those of their samples, and clipped where a neighbour is, since colours are
-/// interpolated from it.
+/// Flags of pixels: those of their samples, and clipped where a neighbour is clipped, since colours
+/// are interpolated from it.
 fn pixel_flags(flags: &[u8], width: usize, height: usize, layout: &Layout) -> Vec<u8> {
     if *layout == Layout::Rgb {
         return flags
@@ -191,7 +190,7 @@ fn pixel_flags(flags: &[u8], width: usize, height: usize, layout: &Layout) -> Ve
         .for_each(|(row, line)| {
             let rows = row.saturating_sub(1)..(row + 2).min(height);
             for near in rows.map(|row| &flags[row * width..][..width]) {
-                // Most rows hold nothing that is clipped.
+                // Most rows have no clipped samples.
                 if near.iter().all(|flags| flags & CLIPPED == 0) {
                     continue;
                 }

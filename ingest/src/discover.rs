@@ -1,4 +1,4 @@
-//! Finding the photographs of a capture: which folders are conditions, which stacks.
+//! Finding the photographs of a capture: folders are conditions or stacks.
 
 use crate::error::Result;
 use crate::problem::{Problem, Remedy, counted, listed};
@@ -18,23 +18,23 @@ pub(crate) struct Folder {
     pub(crate) files: Vec<PathBuf>,
 }
 
-/// What lies in a capture.
+/// Contents of a capture.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Found {
     pub(crate) folders: Vec<Folder>,
     pub(crate) problems: Vec<Problem>,
-    /// What was left aside, for people to know.
+    /// Notes about files that were ignored.
     pub(crate) notes: Vec<String>,
 }
 
-/// What a folder contains, sorted by name.
+/// Contents of a folder, sorted by name.
 struct Listing {
     files: Vec<PathBuf>,
     folders: Vec<PathBuf>,
 }
 
-/// Looks into a capture. With `stacks_in_folders`, a folder with photographs is a stack, else a
-/// condition.
+/// Lists the photographs of a capture. With `stacks_in_folders`, a folder with photographs is a
+/// stack, else a condition.
 ///
 /// # Errors
 /// If a folder cannot be read.

@@ -29,11 +29,11 @@ pub enum IngestError {
         path: PathBuf,
         /// Which property of it.
         field: &'static str,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
     /// The capture has problems, each of which was reported.
-    #[error("{}: {num_problems} in the way of {num_stacks} stacks, see above; --skip-bad goes on without what they concern", capture.display())]
+    #[error("{}: {num_problems} in the way of {num_stacks} stacks, see above; --skip-bad continues without the files or stacks concerned", capture.display())]
     BadCapture {
         /// The capture.
         capture: PathBuf,
@@ -59,7 +59,7 @@ pub enum IngestError {
         stack: String,
         /// Estimate.
         needed_mib: u64,
-        /// What the system says.
+        /// The system's message.
         available_mib: u64,
     },
     /// The output holds stacks of other options or other photographs.

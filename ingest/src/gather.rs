@@ -37,7 +37,7 @@ pub(crate) fn gather(
     if !capture.is_dir() {
         return Err(IngestError::Empty {
             capture: capture.to_owned(),
-            problem: "is no folder of photographs".to_owned(),
+            problem: "is not a folder of photographs".to_owned(),
         });
     }
     let manifest_path = capture.join(manifest::FILE_NAME);
@@ -280,7 +280,7 @@ fn report(
             &stack.shots[*extra].name,
             Remedy::LeaveOutFile,
             format!(
-                "one too many in {name}: {} is no exposure of the bracket",
+                "one too many in {name}: {} is not an exposure of the bracket",
                 times(stack.shots[*extra].exposure())
             ),
         ));

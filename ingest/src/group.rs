@@ -8,7 +8,7 @@
 use crate::stack::natural;
 use std::collections::BTreeMap;
 
-/// What grouping knows of a shot.
+/// Properties of a shot used for grouping.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Key {
     /// File name without folder and extension.

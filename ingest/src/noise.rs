@@ -17,11 +17,11 @@ pub struct Noise {
     pub gain: f32,
     /// Variance without light.
     pub read: f32,
-    /// Where the numbers are from.
+    /// Source of the numbers.
     pub source: NoiseSource,
 }
 
-/// Where the numbers of a noise model are from.
+/// Source of a noise model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseSource {
@@ -29,7 +29,7 @@ pub enum NoiseSource {
     Metadata,
     /// The shots of the stack.
     Stack,
-    /// Neither tells: those of an ordinary sensor.
+    /// Assumed values of an ordinary sensor.
     Assumed,
 }
 
@@ -57,8 +57,8 @@ impl Noise {
     }
 }
 
-/// What no sensor goes below or above: the quantisation of 16 bits, a full well of ten million
-/// electrons or of twenty.
+/// Physical limits of a sensor: the quantisation of 16 bits, a full well of ten million electrons
+/// or of twenty.
 const MIN_READ: f32 = 1.0 / (65_535.0 * 65_535.0 * 12.0);
 const MAX_READ: f32 = 1e-2;
 const MIN_GAIN: f32 = 1e-7;
@@ -67,7 +67,7 @@ const MAX_GAIN: f32 = 0.05;
 const SAMPLES_PER_PAIR: usize = 400_000;
 /// Bins of the signal, spread evenly over its logarithm.
 const NUM_BINS: usize = 24;
-/// Bins with fewer samples tell nothing.
+/// Fewest samples of a bin.
 const MIN_IN_BIN: usize = 200;
 /// Standard deviation of normal numbers over their median absolute deviation.
 const SIGMA_OF_MAD: f64 = 1.482_602_2;
@@ -83,8 +83,8 @@ struct Point {
 /// Estimates the noise from shots of one scene, sorted by exposure; `None` if they overlap too
 /// little.
 ///
-/// Variances are taken from medians, so that what moved between two shots and what is not quite as
-/// long as it says counts little.
+/// Variances are computed from medians, so that motion between shots and inexact exposures count
+/// little.
 pub fn estimate(shots: &[Shot<'_>], clip: f32) -> Option<Noise> {
     let mut points = Vec::new();
     for pair in shots.windows(2) {
@@ -110,7 +110,7 @@ fn pair_points(short: &Shot<'_>, long: &Shot<'_>, clip: f32) -> Vec<Point> {
         long.frame.scaled_row(row, &mut b);
         for (&x_short, &x_long) in a.iter().zip(&b) {
             if x_short < clip && x_long < clip {
-                // By the longer shot, which knows the signal better.
+                // By the longer shot, whose signal is more exact.
                 let bin = bin_of(x_long);
                 bins[bin].push((x_long, x_long - ratio as f32 * x_short));
             }
@@ -141,7 +141,7 @@ fn bin_of(x: f32) -> usize {
     ((position * NUM_BINS as f32).max(0.0) as usize).min(NUM_BINS - 1)
 }
 
-/// The median; reorders the numbers. 0 of none.
+/// The median; reorders the numbers. 0 if empty.
 pub(crate) fn median(values: &mut [f32]) -> f32 {
     let middle = values.len() / 2;
     if values.is_empty() {
@@ -174,7 +174,7 @@ fn fit(points: &[Point]) -> Option<(f64, f64)> {
             sxy += w * p.signal * p.variance;
         }
         let determinant = s * sxx - sx * sx;
-        // A single level of signal cannot tell two numbers apart.
+        // A single level of signal does not determine two numbers.
         if determinant.is_nan() || determinant <= 1e-9 * s * sxx {
             return None;
         }

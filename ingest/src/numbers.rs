@@ -1,6 +1,6 @@
 //! Numbers in JSON.
 
-/// Infinite levels as `null`: JSON has no infinity.
+/// Infinite levels as `null`, as JSON has no infinity.
 pub(crate) mod or_null {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

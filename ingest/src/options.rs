@@ -8,8 +8,9 @@ use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::undistort::UndistortOptions;
 use eagpt_scene::lens::{Lens, LensModel, Undistortion};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
-/// Where exposure ratios come from.
+/// Source of exposure ratios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureRatios {
@@ -28,6 +29,13 @@ pub struct LensOption {
     pub model: String,
     /// Its parameters in COLMAP's order, as fx, fy, cx, cy, k1, k2, p1, p2.
     pub params: Vec<f64>,
+}
+
+impl fmt::Display for LensOption {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let params: Vec<String> = self.params.iter().map(f64::to_string).collect();
+        write!(f, "{} {}", self.model, params.join(","))
+    }
 }
 
 impl LensOption {
@@ -51,7 +59,7 @@ impl LensOption {
     }
 }
 
-/// What decides the result, beside the photographs.
+/// Options of [`crate::ingest`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IngestOptions {
@@ -63,18 +71,18 @@ pub struct IngestOptions {
     /// Longest pause between two shots of a capture, in seconds, above 0; a longer one means two
     /// captures in one folder.
     pub max_pause_s: f64,
-    /// Where exposure ratios come from.
+    /// Source of exposure ratios.
     pub exposure_ratios: ExposureRatios,
     /// Share of the range below white that counts as clipped already, 0 to 0.5.
     pub clip_margin: f32,
-    /// How the factors of white balance are found.
+    /// Source of the white balance factors.
     pub white_balance: WhiteBalance,
     /// Radiance of a sample at saturation in a shot of 1 s at ISO 100 and f/1; `None`: the
     /// geometric mean of the capture's luminance becomes 0.18.
     pub scale: Option<f64>,
-    /// How colours are interpolated.
+    /// Demosaicing method.
     pub demosaic: Demosaic,
-    /// Where the falloff of the lens is from.
+    /// Source of the lens's falloff.
     pub vignetting: Vignetting,
     /// Lens whose distortion is taken out; `None`: images stay as they are.
     pub lens: Option<LensOption>,
@@ -82,7 +90,7 @@ pub struct IngestOptions {
     pub long_side: Option<u32>,
     /// Sample type of the EXR files.
     pub precision: Precision,
-    /// Go on without what is bad.
+    /// Continue without the files that have problems.
     pub skip_bad: bool,
 }
 

@@ -1,4 +1,5 @@
-//! What is decided once for a capture, before anything is merged: colours, falloff, scale, memory.
+//! Parameters decided once for a capture, before anything is merged: colours, falloff, scale,
+//! memory.
 
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::error::{IngestError, Result};
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Luminance that the geometric mean of a capture gets: middle grey.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// What is decided once.
+/// Parameters decided once for a capture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Decisions {
     pub(crate) color: ColorTransform,
@@ -25,7 +26,7 @@ pub(crate) struct Decisions {
     pub(crate) undistortion: Option<Undistortion>,
 }
 
-/// Refuses an output inside of the capture: the next run would take it for photographs.
+/// Rejects an output inside of the capture: the next run would take it for photographs.
 ///
 /// # Errors
 /// [`IngestError::Option`] if it is.
@@ -33,7 +34,7 @@ pub fn check_places(capture: &Path, out: &Path) -> Result<()> {
     let capture = capture
         .canonicalize()
         .unwrap_or_else(|_| capture.to_owned());
-    // The output need not be there yet: the nearest folder that is decides.
+    // The output need not exist yet: its nearest existing ancestor decides.
     let existing = out.ancestors().find_map(|place| {
         let place = if place.as_os_str().is_empty() {
             Path::new(".")
@@ -123,7 +124,7 @@ fn transform(color: &CameraColor, layout: &Layout, factors: [f32; 3]) -> ColorTr
 fn as_shot(first: &Photograph) -> Result<[f32; 3]> {
     match (first.header.color.as_shot, kind_of(&first.path)) {
         (Some(factors), _) => Ok(factors),
-        // Linear files are taken for what they are: colours that someone else has made.
+        // Linear files are used unchanged: their colours are already converted.
         (None, Some(Kind::Linear)) => Ok([1.0; 3]),
         (None, _) => Err(IngestError::photograph(
             &first.path,
@@ -194,7 +195,7 @@ fn card_factors(
     Ok(means.map(|mean| (means[1] / mean) as f32))
 }
 
-/// Whether the white balance is one that a stack has to be read for.
+/// Whether the white balance needs a stack to be read.
 fn grey_card(options: &IngestOptions) -> Option<(&str, [u32; 4])> {
     match &options.white_balance {
         WhiteBalance::GreyCard { stack, rectangle } => Some((stack, *rectangle)),
@@ -268,7 +269,7 @@ pub(crate) fn scales(given: Option<f64>, surveys: &[Survey]) -> (f64, f64) {
 
 /// Digest of what decides something.
 pub(crate) fn digest(value: &impl Serialize) -> String {
-    // What cannot be put into JSON gets a key that fits nothing.
+    // A value that cannot be serialised gets a key that matches nothing.
     let text = serde_json::to_string(value).unwrap_or_default();
     let mut hasher = blake3::Hasher::new();
     hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
@@ -276,7 +277,7 @@ pub(crate) fn digest(value: &impl Serialize) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// What is known of the shots of a stack before they are decoded.
+/// Digest key of the shots of a stack before they are decoded.
 pub(crate) fn shots_key(stack: &Stack) -> Vec<(String, f64)> {
     stack
         .shots

@@ -1,22 +1,22 @@
-//! What is wrong with a capture, one line each.
+//! Problems of a capture, one line each.
 
 use serde::Serialize;
 use std::fmt;
 
-/// What cannot be used as it is.
+/// A problem of the capture.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Problem {
     /// A file, a stack as `condition/position`, or the capture.
     pub subject: String,
-    /// What is wrong with it, with the values, and what helps.
+    /// The problem, with the values, and the remedy.
     pub problem: String,
-    /// What `--skip-bad` does about it.
+    /// Effect of `--skip-bad`.
     pub remedy: Remedy,
     /// Files or stacks that it concerns, by name.
     pub concerns: Vec<String>,
 }
 
-/// What going on without something means.
+/// Effect of `--skip-bad` on a problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Remedy {
@@ -24,7 +24,7 @@ pub enum Remedy {
     LeaveOutFile,
     /// The whole stack is left out.
     LeaveOutStack,
-    /// Nothing is there to be left out, or too much: the capture has to be mended.
+    /// Cannot be skipped: the capture has to be fixed.
     None,
 }
 
@@ -43,7 +43,7 @@ impl Problem {
         }
     }
 
-    /// With other files or stacks than the subject that it concerns.
+    /// Sets the files or stacks concerned, if other than the subject.
     pub(crate) fn concerning(mut self, names: Vec<String>) -> Self {
         self.concerns = names;
         self
@@ -62,7 +62,7 @@ pub(crate) fn counted(num: usize, noun: &str) -> String {
     format!("{num} {noun}{plural}")
 }
 
-/// At most `most` names, and how many more there are.
+/// At most `most` names, and the number of the rest.
 pub(crate) fn listed(names: &[String], most: usize) -> String {
     let shown = names
         .iter()

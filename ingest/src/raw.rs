@@ -1,9 +1,9 @@
-//! Photographs as the sensor saw them: one seam between decoders and everything else.
+//! Undeveloped photographs: the interface between decoders and everything else.
 //!
-//! [`inspect`] tells what a file says about itself, [`read`] decodes its samples. Nothing is
-//! scaled, clipped or balanced here: samples below the black level stay, since the mean of a dark
-//! shot would be too bright without them. Which decoder reads RAW files is decided by the features
-//! `rawler` and `rawloader`; with both, `rawloader` is asked for what `rawler` cannot read.
+//! [`inspect`] reads the header of a file, [`read`] decodes its samples. Nothing is scaled, clipped
+//! or balanced here: samples below the black level stay, since the mean of a dark shot would be too
+//! bright without them. The features `rawler` and `rawloader` select the decoder of RAW files; with
+//! both, `rawloader` reads files that `rawler` cannot.
 
 mod exif;
 mod kinds;
@@ -36,7 +36,7 @@ const MAX_PERIOD: usize = 36;
 /// A decoded photograph.
 #[derive(Debug, Clone)]
 pub struct RawFrame {
-    /// What the file says about itself.
+    /// Metadata stated by the file.
     pub header: Header,
     /// `[height, width]` for a mosaic, `[height, width, 3]` for linear RGB.
     pub samples: Samples,
@@ -51,27 +51,27 @@ pub enum Samples {
     Float(Vec<f32>),
 }
 
-/// What a file says about itself.
+/// Metadata stated by a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Width in pixels, borders cut off.
     pub width: u32,
     /// Height in pixels, borders cut off.
     pub height: u32,
-    /// How colours are laid out.
+    /// Layout of colours.
     pub layout: Layout,
     /// Black level at the positions of a repeating block.
     pub black: Black,
     /// Value at which a channel saturates, R, G, B; infinite where the format has none.
     #[serde(with = "crate::numbers::or_null")]
     pub white: [f32; 3],
-    /// What the camera knows of colour.
+    /// Colour calibration of the camera.
     pub color: CameraColor,
     /// Exposure, camera, lens, time.
     pub metadata: Metadata,
 }
 
-/// How colours are laid out on the sensor or in the file.
+/// Layout of colours on the sensor or in the file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
@@ -100,7 +100,7 @@ pub struct Black {
     pub levels: Vec<f32>,
 }
 
-/// What the camera knows of colour.
+/// Colour calibration of the camera.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct CameraColor {
     /// Factors that make a neutral surface equal in all channels, as the camera chose them; green
@@ -133,14 +133,14 @@ pub struct Metadata {
     pub noise: Option<[f64; 2]>,
     /// EXIF orientation, 1 to 8. Images stay as the sensor has them.
     pub orientation: Option<u16>,
-    /// What read the file.
+    /// Decoder that read the file.
     pub decoder: String,
 }
 
 impl Metadata {
     /// Exposure that ratios come from: seconds at ISO 100 and f/1; `None` if the time is unknown.
-    /// What a whole capture has in common and does not say, as the aperture of an adapted lens,
-    /// counts as 1.
+    /// Factors common to a capture that are not stated, as the aperture of an adapted lens, count
+    /// as 1.
     pub fn exposure(&self) -> Option<f64> {
         let gain = self.iso.unwrap_or(100.0) / 100.0;
         let stop = self.f_number.unwrap_or(1.0);
@@ -202,8 +202,7 @@ impl Header {
         }
     }
 
-    /// Refuses what no image can be: sizes of 0 or beyond [`MAX_PIXELS`], levels that leave no
-    /// range.
+    /// Rejects impossible headers: sizes of 0 or beyond [`MAX_PIXELS`], levels that leave no range.
     pub(crate) fn check(self, path: &Path) -> Result<Self> {
         let error = |field, problem: String| Err(IngestError::photograph(path, field, problem));
         let pixels = u64::from(self.width) * u64::from(self.height);
@@ -296,8 +295,7 @@ impl RawFrame {
     }
 }
 
-/// What a file says about itself, without its samples, and the BLAKE3 digest of all of it,
-/// hexadecimal.
+/// Header of a file, without its samples, and the BLAKE3 digest of the whole file, hexadecimal.
 ///
 /// # Errors
 /// [`IngestError::Photograph`] if the file is no photograph that can be used: 8 bits, a reduced RAW
@@ -317,7 +315,7 @@ pub fn read(path: &Path) -> Result<RawFrame> {
     decode(path, &Arc::new(files::read(path)?), Want::Samples)
 }
 
-/// Whether samples are wanted or the header alone.
+/// Whether to decode the samples or the header alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Want {
     Header,
@@ -363,7 +361,7 @@ fn decode_raw(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawFrame>
     #[cfg(feature = "rawler")]
     let first = with_rawler::read(path, bytes, want);
     #[cfg(all(feature = "rawler", feature = "rawloader"))]
-    // The message of the decoder that knows more cameras is the one to show.
+    // The message of the decoder with more cameras is the more useful one.
     let first = first.or_else(|error| with_rawloader::read(path, bytes, want).map_err(|_| error));
     #[cfg(not(feature = "rawler"))]
     let first = with_rawloader::read(path, bytes, want);

@@ -1,4 +1,4 @@
-//! The report: what to take again, for people (`report.html`) and machines (`report.json`).
+//! The report of stacks to take again, for people (`report.html`) and programs (`report.json`).
 //!
 //! The page is one file that needs no script and no network: pictures are embedded, charts are
 //! inline SVG.
@@ -15,7 +15,7 @@ use std::path::Path;
 
 const TEMPLATE: &str = include_str!("report.html");
 
-/// What the template fills in.
+/// Values of the template.
 #[derive(Debug, Serialize)]
 struct Page<'a> {
     capture_path: String,
@@ -33,7 +33,7 @@ struct Page<'a> {
     chart_height: f64,
 }
 
-/// The measures of one stack, by their names.
+/// Measures of one stack, by name.
 #[derive(Debug, Serialize)]
 struct Row<'a> {
     name: String,
@@ -136,7 +136,7 @@ const MEASURES: [Measure; 8] = [
     },
 ];
 
-/// `report.json`: the verdicts without the decisions.
+/// `report.json`: the quality measures without the decisions.
 #[derive(Debug, Serialize)]
 struct JsonReport<'a> {
     num_stacks: usize,

@@ -1,4 +1,4 @@
-//! Smaller images: means over areas, which keep the light and draw no rims around lamps.
+//! Downsampling: means over areas, which keep the light and cause no rims around lamps.
 
 use eagpt_scene::Image;
 use rayon::prelude::*;

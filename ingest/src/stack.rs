@@ -14,7 +14,7 @@ pub struct Photograph {
     pub path: PathBuf,
     /// Its name relative to the capture, with "/" between folders.
     pub name: String,
-    /// What it says about itself, exposures stated elsewhere put in.
+    /// Its header, with exposures stated elsewhere filled in.
     pub header: Header,
     /// BLAKE3 digest of the file, hexadecimal.
     pub blake3: String,

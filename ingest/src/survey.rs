@@ -1,8 +1,8 @@
-//! A first look at the light of a stack: whether it can be decoded, how noisy it is, whether
-//! exposures are what they say.
+//! Survey of a stack's light: whether it can be decoded, its noise, and the accuracy of stated
+//! exposures.
 //!
-//! All stacks are surveyed before any is merged, so that what is wrong comes to light at once, and
-//! because the scale of the images is one for the whole capture.
+//! All stacks are surveyed before any is merged, so that all problems are reported at once, and
+//! because the scale of the images is shared by the whole capture.
 
 use crate::color::ColorTransform;
 use crate::error::IngestError;
@@ -15,7 +15,7 @@ use eagpt_scene::color::luminance;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What a first look tells about a stack.
+/// Results of the survey of a stack.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Survey {
     /// Noise of the sensor.
@@ -32,7 +32,7 @@ pub(crate) struct Survey {
     pub(crate) log_luminance: f64,
 }
 
-/// Why a stack cannot be surveyed: the shot, and what is wrong with it.
+/// The reason why a stack cannot be surveyed: the shot and its problem.
 pub(crate) struct Unreadable {
     pub(crate) shot: usize,
     pub(crate) error: IngestError,
@@ -143,8 +143,8 @@ fn log_luminance(thumbs: &[Thumb], exposures: &[f64], color: &ColorTransform, cl
 }
 
 /// Exposures of the shots of a stack by what was measured; ratios that are unknown are taken as
-/// stated. The factor that ratios do not tell leaves the median of the shots where it was, so that
-/// one wrong shot moves no other.
+/// stated. The factor that ratios leave open keeps the median of the shots in place, so that one
+/// wrong shot moves no other.
 pub(crate) fn estimated(stated: &[f64], ratios: &[Option<f64>]) -> Vec<f64> {
     let mut exposures = stated.to_vec();
     for index in 1..stated.len() {

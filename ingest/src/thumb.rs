@@ -1,4 +1,4 @@
-//! What a survey keeps of a shot: means over blocks, by which shots of a stack are compared.
+//! Block means of a shot, by which shots of a stack are compared.
 
 use crate::noise::{Noise, median};
 use crate::raw::RawFrame;
@@ -17,17 +17,17 @@ pub(crate) struct Thumb {
 
 /// Blocks along the longer side.
 const BLOCKS: usize = 96;
-/// Blocks whose mean is known worse than this share say nothing about a ratio.
+/// Blocks with a larger relative noise of their mean are not used for ratios.
 const MAX_RELATIVE_NOISE: f32 = 0.05;
-/// Least blocks that a ratio is taken from.
+/// Fewest blocks for a ratio.
 const MIN_BLOCKS: usize = 12;
-/// Change of a block between two shots, as a share, from which on something moved there; noise has
-/// to be passed as well.
+/// Change of a block between two shots, as a share, above which it counts as moved; it must exceed
+/// the noise as well.
 const MOVED_SHARE: f32 = 0.05;
 const MOVED_SIGMAS: f32 = 6.0;
 
 impl Thumb {
-    /// Looks at a shot.
+    /// Block means of a shot.
     pub(crate) fn new(frame: &RawFrame) -> Self {
         let header = &frame.header;
         let (width, height, row_len) = (
@@ -87,7 +87,7 @@ impl Thumb {
     }
 }
 
-/// How two shots compare.
+/// Comparison of two shots.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Comparison {
     /// Exposure of the longer over that of the shorter, measured; `None` if too little of the scene

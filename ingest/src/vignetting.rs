@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Where the falloff of the lens is from.
+/// Source of the lens's falloff.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Vignetting {
@@ -22,12 +22,12 @@ pub enum Vignetting {
     /// A folder with one stack of an evenly lit surface, taken with the lens and aperture of the
     /// capture.
     FlatField(PathBuf),
-    /// As `FlatField`, but only a, b and c are taken from it: what is uneven about the surface
-    /// itself counts less.
+    /// As `FlatField`, but only a, b and c are taken from it: unevenness of the surface itself
+    /// counts less.
     Fit(PathBuf),
 }
 
-/// The share of light that arrives, 1 in the middle.
+/// Relative illumination, 1 in the middle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Falloff {
@@ -48,14 +48,14 @@ pub struct Grid {
     pub cells: Vec<[f32; 3]>,
 }
 
-/// Cells of a measured falloff along the longer side: a lens changes slowly, dust is not its
-/// business.
+/// Cells of a measured falloff along the longer side: falloff is smooth, and dust is not part of
+/// it.
 const GRID_CELLS: usize = 48;
-/// Least share of light that a falloff may leave: below, noise would be all there is to see.
+/// Least relative illumination of a falloff: below it, only noise would be visible.
 const LEAST: f32 = 0.02;
 
 impl Falloff {
-    /// Whether light is left everywhere.
+    /// Whether the falloff stays above the least everywhere.
     pub(crate) fn is_usable(&self) -> bool {
         match self {
             Self::Polynomial(abc) => (0..=64).all(|i| polynomial(abc, i as f32 / 64.0) > LEAST),
@@ -150,8 +150,8 @@ impl Grid {
         })
     }
 
-    /// The polynomial that is nearest to the green of the cells, up to one factor; `None` if they
-    /// determine none.
+    /// The polynomial fitted to the green of the cells, up to one factor; `None` if it is
+    /// undetermined.
     pub(crate) fn fit(&self, width: usize, height: usize) -> Option<[f32; 3]> {
         // share = s (1 + a r² + b r⁴ + c r⁶) is linear in (s, s a, s b, s c). s is taken out first:
         // the share where r is least is 1 by construction, but noisy, so the constant is fitted by

@@ -1,13 +1,13 @@
-//! Which stacks a person should look at, or take again.
+//! Warnings about stacks that should be checked or taken again.
 
 use crate::capture::{Quality, ShotReport, StackReport};
 use crate::noise::median;
 
-/// Where a measure becomes a warning, as shares.
+/// Limits of measures above which a warning is given, as shares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limits {
-    /// Error of a stated exposure: more shows as bands of brightness. Cameras round 1/32 to 1/30,
-    /// which is 6.7 %.
+    /// Error of a stated exposure: larger errors show as bands of brightness. Cameras round 1/32 to
+    /// 1/30, which is 6.7 %.
     pub(crate) exposure_error: f64,
     /// Blocks that differ between two shots: people breathe, screens flicker.
     pub(crate) moved: f64,
@@ -29,7 +29,7 @@ const SOFT: f64 = 0.5;
 /// Fewer stacks have no usual sharpness.
 const MIN_FOR_MEDIAN: usize = 5;
 
-/// What is to be said about a stack by itself.
+/// Warnings about a single stack.
 pub(crate) fn of_stack(
     name: &str,
     shots: &[ShotReport],
@@ -40,7 +40,7 @@ pub(crate) fn of_stack(
     let wrong = |shot: &&ShotReport| shot.exposure_error.abs() > LIMITS.exposure_error;
     for shot in shots.iter().filter(wrong).filter(|_| !estimated) {
         warnings.push(format!(
-            "{}: the exposure is {:+.1} % off what the file says, by the other shots: --exposure-ratios estimate corrects that",
+            "{}: the exposure is {:+.1} % off the stated value, by the other shots: --exposure-ratios estimate corrects that",
             shot.file,
             100.0 * shot.exposure_error
         ));
@@ -66,7 +66,7 @@ pub(crate) fn of_stack(
     warnings
 }
 
-/// Adds what shows only beside other stacks.
+/// Adds warnings that follow from a comparison with other stacks.
 pub(crate) fn compare<'a>(reports: impl Iterator<Item = &'a mut StackReport>) {
     let reports: Vec<&mut StackReport> = reports.collect();
     if reports.len() < MIN_FOR_MEDIAN {

@@ -1,4 +1,4 @@
-//! Captures with something wrong, and captures that are gone on with.
+//! Captures with problems, and captures that are resumed.
 
 #![allow(
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Brackets by another program's writer, against the light that went into them.
+//! Brackets written by another program, against the true light.
 
 #![allow(
     clippy::unwrap_used,

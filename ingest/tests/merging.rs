@@ -12,8 +12,8 @@ use common::*;
 use eagpt_ingest::{Demosaic, ExposureRatios, IngestOptions, LensOption, Vignetting, WhiteBalance};
 use eagpt_scene::{Image, exr};
 
-/// The bounds of a good merge: what the noise of this camera and the interpolation of its colours
-/// leave, by a factor of two.
+/// Bounds of a good merge: twice the errors from the noise of this camera and the interpolation of
+/// its colours.
 #[track_caller]
 fn assert_good(image: &Image<3>, num: usize) -> Agreement {
     let truth = room(num).truth();
@@ -186,8 +186,8 @@ fn what_clips_in_all_shots_is_marked_and_stays_neutral() {
             (r / g - 1.0).abs() < 0.02 && (b / g - 1.0).abs() < 0.02,
             "{r} {g} {b}"
         );
-        // At least what the sensor could still tell: its range over the shortest exposure, 0.4 s /
-        // 0.04 s.
+        // At least the radiance that the sensor can measure: its range over the shortest exposure,
+        // 0.4 s / 0.04 s.
         assert!(g / scale > 8.0, "{g}");
     }
     assert_eq!(mask.get_pixel(150, 100).0[0], 0);
@@ -253,7 +253,7 @@ fn a_lens_is_taken_out() {
     let place = Place::new();
     place.capture("c", 1);
     let options = IngestOptions {
-        // Light from a barrel: the truth through the same resampling is what has to come out.
+        // Barrel distortion: the result must equal the truth resampled in the same way.
         lens: Some(LensOption {
             model: "OPENCV".to_owned(),
             params: vec![200.0, 200.0, 120.0, 80.0, -0.1, 0.01, 0.0, 0.0],

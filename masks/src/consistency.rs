@@ -1,18 +1,16 @@
 //! Masks compared between views.
 //!
-//! A lamp shines from wherever it is looked at; a reflection of it, however bright, moves over its
-//! surface with the viewer. The surface points of each masked region are looked at from all other
-//! views that see them: if most of those views do not mask them, the region is no lamp. The other
-//! way round, where a view sees points of confirmed regions and masks none of them, its own mask
-//! lacks a lamp.
+//! A lamp emits in all directions; a reflection of it, however bright, moves over its surface with
+//! the viewer. The surface points of each masked region are projected into all other views that see
+//! them: if most of those views do not mask them, the region is not a lamp. Conversely, a view that
+//! sees points of confirmed regions and masks none of them lacks a lamp in its own mask.
 //!
-//! A view is asked only about what it can show: places well inside of a region, that it does not
-//! see from behind or at so grazing an angle that nothing is left of them. Lamps a pixel or two
-//! thin are not judged.
+//! Only places that a view can show are compared: well inside of a region, and seen neither from
+//! behind nor at a grazing angle. Lamps a pixel or two thin are not judged.
 //!
-//! Points come from depth, so this tells nothing about regions without one (a window onto the sky),
-//! and depths of a trained scene may put the image of a lamp behind the mirror, where all views
-//! agree on it.
+//! Points come from depth, so regions without depth (a window onto the sky) are not judged, and
+//! depths of a trained scene may place the image of a lamp behind the mirror, where all views agree
+//! on it.
 
 use crate::mask::{Mask, Region};
 use eagpt_scene::{Camera, Image};
@@ -25,13 +23,12 @@ use serde::Serialize;
 pub const MAX_SIDE: u32 = 540;
 /// Most places of a region.
 const MAX_PLACES: usize = 64;
-/// Least area, pixels, that a pixel's surface has in another view for that view to say something
-/// about it.
+/// Least projected area, pixels, of a pixel's surface in another view for that view to count.
 const MIN_AREA: f32 = 0.25;
-/// How far a point may be from the depth of a view that sees it, relative to its own: noise of
-/// depths. More would take a bulb for seen through the rim of its shade.
+/// Tolerance between a point and the depth of a view, relative to its own depth: noise of depths. A
+/// larger one would make a bulb visible through the rim of its shade.
 const DEPTH_TOLERANCE: f32 = 0.01;
-/// Fewest views that have to see a region's surface before they may overrule it.
+/// Fewest views that must see a region's surface before they can reject it.
 const MIN_VIEWS: usize = 2;
 /// Share of a view's places in confirmed regions that it does not mask, above which it lacks a
 /// lamp.
@@ -39,7 +36,7 @@ const MAX_MISSED: f64 = 0.5;
 /// Fewest such places.
 const MIN_MISSED: u32 = 16;
 
-/// What the comparison knows of a view.
+/// A view as the comparison needs it.
 #[derive(Debug, Clone)]
 pub struct Sight {
     /// Camera at the size of the comparison.
@@ -55,13 +52,14 @@ pub struct Sight {
 /// The surface that a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Where it is, world.
+    /// Position, world space.
     point: Vec3,
-    /// Where the neighbours of the pixel to the right and below look.
+    /// Points where the rays of the neighbouring pixels to the right and below meet the surface's
+    /// depth.
     neighbours: [Vec3; 2],
 }
 
-/// What other views see of a region.
+/// Visibility of a region in other views.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Support {
     /// Views that see its surface.
@@ -72,15 +70,15 @@ pub struct Support {
     pub num_masked: u32,
 }
 
-/// Whether other views confirm a region.
+/// Verdict of other views on a region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// They mask it as well.
+    /// Other views mask it as well.
     Confirmed,
     /// They see its surface and do not mask it: likely a reflection.
     Inconsistent,
-    /// Too few see it.
+    /// Too few other views see it.
     Unseen,
 }
 
@@ -115,7 +113,7 @@ pub struct Comparison {
     pub missed: Vec<Option<f64>>,
 }
 
-/// What one view sees of a region of another.
+/// Visibility of a region of one view in another view.
 struct Sighting {
     view: usize,
     num_seen: u32,
@@ -173,12 +171,12 @@ pub fn places(
         })
         .collect();
     inside.dedup();
-    // Beyond the image's edge a lamp may go on: what is outside does not count against a pixel.
+    // A lamp may continue beyond the image's edge: pixels outside do not count against it.
     let is_masked = |[x, y]: [u32; 2]| x >= camera.width || y >= camera.height || mask.has(x, y);
     inside.retain(|&pixel| around(pixel).all(is_masked));
     let num = inside.len().min(MAX_PLACES);
     let chosen = (0..num).filter_map(|i| {
-        // In the middle of each of equal parts.
+        // The middle of each of equal parts.
         let pixel = inside[(2 * i + 1) * inside.len() / (2 * num)];
         let [x, y] = pixel;
         Some(Place {
@@ -235,8 +233,8 @@ fn sum(seen: &[Sighting]) -> Support {
     }
 }
 
-/// What all views but `own` see of places; those that see none and those without a mask are left
-/// out.
+/// Visibility of places in all views but `own`; views that see none and those without a mask are
+/// left out.
 fn seen_from(places: &[Place], own: usize, sights: &[Sight]) -> Vec<Sighting> {
     let mut seen = Vec::new();
     for (view, sight) in sights.iter().enumerate() {
@@ -262,8 +260,7 @@ fn seen_from(places: &[Place], own: usize, sights: &[Sight]) -> Vec<Sighting> {
 }
 
 impl Sight {
-    /// The pixel that shows a place, if the place is in the picture, large enough, and nothing is
-    /// in front of it.
+    /// The pixel that shows a place, if the place is in the image, large enough and not occluded.
     fn pixel_of(&self, place: &Place) -> Option<[u32; 2]> {
         let seen = self.camera.project(place.point);
         let (width, height) = (self.camera.width, self.camera.height);
@@ -413,8 +410,8 @@ mod tests {
         let found = places(region, (40, 30), &mask, &camera, &depth);
         // The middle column, and the top row, whose lamp may go on beyond the picture.
         assert_eq!(found.len(), 2);
-        let wanted = Vec3::new(2.0 * -8.5 / 40.0, 2.0 * -14.5 / 40.0, 2.0);
-        assert!((found[0].point - wanted).length() < 1e-6, "{found:?}");
+        let expected = Vec3::new(2.0 * -8.5 / 40.0, 2.0 * -14.5 / 40.0, 2.0);
+        assert!((found[0].point - expected).length() < 1e-6, "{found:?}");
         let step = found[0].neighbours[0] - found[0].point;
         assert!((step - Vec3::X * 0.05).length() < 1e-6);
         let unknown = Image::filled(40, 30, [0.0]);

@@ -17,25 +17,25 @@ pub enum MaskError {
     #[error(transparent)]
     Trace(#[from] TraceError),
     /// An option is out of its range.
-    #[error("option {field}: {value}, must be {wanted}")]
+    #[error("option {field}: {value}, must be {expected}")]
     Option {
         /// Name of the option.
         field: &'static str,
         /// Its value.
         value: String,
         /// The range.
-        wanted: &'static str,
+        expected: &'static str,
     },
     /// No level separates lights from lit surfaces.
     #[error("{}: threshold auto: {problem}; give a level of linear radiance, or labels", path.display())]
     NoLevel {
         /// The dataset.
         path: PathBuf,
-        /// What the radiances of all views look like.
+        /// The problem with the histogram of all views.
         problem: String,
     },
     /// A folder of labels has none for any view.
-    #[error("{}: no label image is called like a view: the {num_views} views are called like `{example}`, labels `{example}.png`", path.display())]
+    #[error("{}: no label image is named like a view: the {num_views} views are named like `{example}`, labels `{example}.png`", path.display())]
     NoLabels {
         /// The folder.
         path: PathBuf,

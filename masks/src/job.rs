@@ -17,80 +17,80 @@ use eagpt_trace::cpu::CpuScene;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Folder of pictures and the report, inside of the folder of results.
+/// Folder of overlays and the report, inside of the folder of results.
 const REPORT_DIR: &str = "masks";
 
-/// What to make masks of.
+/// Request of [`make_masks`].
 #[derive(Debug, Clone)]
 pub struct MaskRequest<'a> {
     /// The dataset.
     pub dataset: &'a Dataset,
     /// Where `Emissive-exr/` and `masks/` go: the dataset's folder or another.
     pub out: PathBuf,
-    /// What decides the masks.
+    /// The options.
     pub options: MaskOptions,
     /// Folder of labels of lamps.
     pub labels: Option<PathBuf>,
-    /// Folder of labels of what is no lamp.
+    /// Folder of labels of reflections.
     pub reflections: Option<PathBuf>,
     /// Trained scene that gives depth, where the dataset has none, and emission for
     /// [`Source::Emission`].
     pub scene: Option<PathBuf>,
 }
 
-/// What the job tells as it goes.
+/// Progress messages of the job.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum MaskProgress {
-    /// Radiances of so many views are counted.
+    /// Radiances of views are being counted.
     Measuring {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// A level was found.
+    /// A level has been found.
     Level(Level),
-    /// So many views have their mask.
+    /// Masks are being made.
     Masking {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// So many pictures are drawn.
+    /// Overlays are being written.
     Drawing {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// What a reader of the result has to know.
+    /// A warning about the result.
     Warning {
-        /// In one line.
+        /// The text, one line.
         text: String,
     },
 }
 
-/// What became of it.
+/// Result of the job.
 #[derive(Debug, Clone)]
 pub struct MaskSummary {
     /// All numbers.
     pub report: MaskReport,
     /// Files written, relative to the folder of results.
     pub outputs: Vec<PathBuf>,
-    /// Warnings told on the way.
+    /// Warnings that were reported.
     pub warnings: Vec<String>,
 }
 
-/// Views on their way, in the order of the dataset.
+/// Intermediate results of the views, in the order of the dataset.
 #[derive(Default)]
 struct Masked {
     /// Whether there is a mask.
     is_known: Vec<bool>,
-    /// What the comparison needs; `None` if there is nothing to compare or to compare by.
+    /// Data for the comparison; `None` without a mask to compare or depth to compare with.
     sights: Vec<Option<Sight>>,
-    /// For the brightness of the pictures.
+    /// Exposure meter of the overlays.
     meter: ExposureMeter,
 }
 
@@ -113,8 +113,8 @@ fn overlay_file(name: &str) -> PathBuf {
         .join(format!("{name}.png"))
 }
 
-/// Makes, compares, draws and writes masks; views are in memory one at a time, and of each a
-/// reduced copy for the comparison.
+/// Makes, compares and writes masks and their overlays. One view is in memory at a time, and of
+/// each a reduced copy for the comparison.
 ///
 /// # Errors
 /// [`crate::MaskError`]: an option out of range, a folder of labels that fits no view, no level between surfaces and lights, or a file.
@@ -191,7 +191,7 @@ impl<'a> Job<'a> {
         if let Some(first) = strangers.first() {
             let num = strangers.len();
             job.warn(format!(
-                "{num} label images are called like no view, {first} for one"
+                "{num} label images match no view, for example {first}"
             ));
         }
         Ok(job)
@@ -298,7 +298,8 @@ impl<'a> Job<'a> {
         Ok(path)
     }
 
-    /// What the comparison needs of a view; `None` if there is nothing to compare or to compare by.
+    /// Data of a view for the comparison; `None` without a mask to compare or depth to compare
+    /// with.
     fn sight(&self, view: &View, mask: Option<Mask>) -> Result<Option<Sight>> {
         if self.request.options.check.inconsistent.is_none() {
             return Ok(None);
@@ -339,7 +340,7 @@ impl<'a> Job<'a> {
         Some(consistency::compare(&sights, check.min_support))
     }
 
-    /// Draws pictures, drops what has to be dropped, and features up.
+    /// Writes overlays, drops inconsistent regions if asked to, and reports on all views.
     fn finish_views(
         &mut self,
         masked: &Masked,

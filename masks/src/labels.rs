@@ -1,8 +1,8 @@
-//! Label images: what a person, or a network such as SAM, has marked.
+//! Label images: marks by a person or by a network such as SAM.
 //!
-//! A label of a view is the PNG `<view>.png` in a folder of labels, of any size; what is not black
-//! and not transparent is marked. A folder may have labels for some views only: the others are
-//! unlabelled, which says nothing about them.
+//! A label of a view is the PNG `<view>.png` in a folder of labels, of any size; pixels neither
+//! black nor transparent are marked. A folder may have labels for some views only; the others
+//! remain unlabelled.
 
 use crate::error::{MaskError, Result};
 use crate::mask::Mask;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const MAX_SIDE: u32 = 1 << 16;
 /// Most memory that decoding may take, bytes.
 const MAX_BYTES: u64 = 4 << 30;
-/// Places a side at which a pixel of the view looks at the label.
+/// Subsamples a side of a pixel of the view at which the label is sampled.
 const SUBPIXELS: u32 = 4;
 
 /// The label images of a folder.
@@ -23,7 +23,7 @@ const SUBPIXELS: u32 = 4;
 pub struct Labels {
     /// For each view of the dataset, its label if there is one.
     pub files: Vec<Option<PathBuf>>,
-    /// PNG files that are called like no view.
+    /// PNG files whose names match no view.
     pub strangers: Vec<PathBuf>,
 }
 
@@ -34,10 +34,10 @@ impl Labels {
     }
 }
 
-/// Looks a folder through for labels of the views of a dataset.
+/// Finds the labels of a dataset's views in a folder.
 ///
 /// # Errors
-/// [`MaskError::NoLabels`] if no file is called like a view, or what the system says of the folder.
+/// [`MaskError::NoLabels`] if no file is named like a view, or an I/O error of the folder.
 pub fn find(folder: &Path, dataset: &Dataset) -> Result<Labels> {
     let files: Vec<Option<PathBuf>> = dataset
         .frames()

@@ -1,21 +1,21 @@
 //! A level of radiance between lit surfaces and lights, found in all views of a scene together.
 //!
-//! Light that surfaces reflect is spread over a wide range of radiances, light that lamps emit is
-//! far above it and concentrated: in the histogram of log radiance over all pixels of all views,
-//! lamps are peaks at the bright end, with little but borders and glossy reflections between them
-//! and the rest. The level lies in the valley below the dimmest peak that counts as a lamp's:
+//! Reflected light spans a wide range of radiances; emitted light lies far above it and is
+//! concentrated. In the histogram of log radiance over all pixels of all views, lamps are peaks at
+//! the bright end, separated from the rest by little but borders and glossy reflections. The level
+//! lies in the valley below the dimmest peak that counts as a lamp's:
 //!
 //! 1. The histogram, sixteen bins a stop, is smoothed by a Gaussian of a quarter of a stop.
 //! 2. A peak counts if the deepest valley on either side, up to a higher peak, is at most a quarter
 //!    as high, if it is at least two stops above the median, and if at most three tenths of all
 //!    pixels lie above the valley below it.
 //! 3. The level is half the lamp's peak, kept within that part of the valley where the histogram is
-//!    at most twice its minimum: a pixel that shows a lamp by less than half is no lamp, nor is
-//!    what a lamp lights up close by.
+//!    at most twice its minimum: a pixel less than half covered by a lamp is not a lamp, nor is a
+//!    surface lit by a lamp close by.
 //!
-//! One level serves a whole scene: exposures are aligned, and a lamp that is behind the camera in
-//! one view is the reason for the next view's reflections. The level says what is an emitter, not
-//! where it ends: that is for [`crate::Border`].
+//! One level serves a whole scene: exposures are aligned, and a lamp behind the camera of one view
+//! causes the reflections of the next. The level decides which pixels are emitters; their borders
+//! follow [`crate::Border`].
 
 /// Bins a stop.
 const BINS_PER_STOP: usize = 16;
@@ -32,10 +32,10 @@ const MIN_PROMINENCE: f64 = 4.0;
 const MIN_ABOVE_MEDIAN: usize = 2 * BINS_PER_STOP;
 /// Largest share of pixels that are lamps.
 const MAX_SHARE: f64 = 0.3;
-/// How much higher than its lowest point the bottom of a valley is.
+/// Height of a valley's bottom relative to its lowest point.
 const BOTTOM: f64 = 2.0;
-/// Pixels added to every bin, so that an empty one has a logarithm; a peak needs several times as
-/// many to count.
+/// Pixels added to every bin, so that the ratio of heights is finite; a peak needs several times as
+/// many.
 const FLOOR: f64 = 0.5;
 
 /// A histogram of log radiance.
@@ -81,7 +81,7 @@ impl Histogram {
     /// The level between lit surfaces and lights.
     ///
     /// # Errors
-    /// What the histogram looks like if there is none.
+    /// The problem with the histogram if there is no level.
     pub fn level(&self) -> Result<Level, String> {
         let total: u64 = self.counts.iter().sum();
         let median = self.first_bin_with_share_above(total, 0.5);
@@ -163,8 +163,8 @@ fn lamps(smooth: &[f64], median: usize) -> Vec<Lamp> {
     };
     let stands_out = |peak: usize| {
         let height = smooth[peak];
-        // The way from a peak to a higher one leads through its valley; beyond the last bin there
-        // is nothing.
+        // The valley of a peak lies between it and a higher peak; beyond the last bin there is
+        // none.
         let below = (median..peak).rev();
         let below = below.take_while(|&bin| smooth[bin] <= height);
         let above = (peak + 1..smooth.len()).take_while(|&bin| smooth[bin] <= height);
@@ -236,7 +236,7 @@ mod tests {
         let problem = walls().level().unwrap_err();
         assert!(problem.contains("no gap"), "{problem}");
         assert!(Histogram::default().level().is_err());
-        // A bright wall is not a lamp: more than three tenths of what is seen.
+        // A bright wall is not a lamp: it covers more than three tenths of the pixels.
         let mut bright = walls();
         bright.add([12.0; 1600].into_iter());
         assert!(bright.level().is_err());

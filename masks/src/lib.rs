@@ -1,12 +1,13 @@
 //! Emission masks: which pixels of a photograph show a light rather than a lit surface.
 //!
-//! A mask is what exceeds a level of linear radiance, given or [found in the scene](level),
-//! together with what a person or a network has labelled, less what is labelled as reflection,
-//! tidied up: [`mod@mask`]. As a lamp shines from wherever it is looked at and a reflection does
-//! not, masks of posed views are then [compared with each other](consistency). A view of which
-//! nothing is known gets no mask, which is not the same as one without emitters.
+//! A mask contains the pixels above a level of linear radiance, given or [found in the
+//! scene](level), plus the pixels labelled by a person or a network, minus those labelled as
+//! reflections, followed by morphological clean-up: [`mod@mask`]. A lamp emits in all directions
+//! and a reflection does not, so masks of posed views are then [compared with each
+//! other](consistency). A view without any information gets no mask, which differs from an empty
+//! mask.
 //!
-//! [`make_masks`] does all of it for a dataset, with overlays to look at and a [`report`].
+//! [`make_masks`] does all of it for a dataset, with overlays and a [`report`].
 //!
 //! Emission-aware Gaussians are trained on these masks (EAG-PT, arXiv 2601.23065, section 3).
 

@@ -7,8 +7,8 @@ use imageproc::distance_transform::Norm;
 use imageproc::morphology;
 use imageproc::region_labelling::{Connectivity, connected_components};
 
-/// How far from its border a lamp is looked for, pixels: as far as demosaicing and optics spread an
-/// edge.
+/// Reach of the search for a lamp from its border, pixels: as far as demosaicing and optics spread
+/// an edge.
 const BORDER_REACH: u32 = 2;
 /// Least share of lamp in a border pixel.
 const BORDER_SHARE: f32 = 0.5;
@@ -40,14 +40,14 @@ impl Region {
 }
 
 impl Mask {
-    /// No pixel.
+    /// An empty mask.
     pub fn empty(width: u32, height: u32) -> Self {
         Self {
             pixels: GrayImage::new(width, height),
         }
     }
 
-    /// The pixels (column, row) that `is_in` says.
+    /// The mask of the pixels (column, row) for which `is_in` is true.
     pub fn from_fn(width: u32, height: u32, is_in: impl Fn(u32, u32) -> bool) -> Self {
         let pixels = GrayImage::from_fn(width, height, |x, y| if is_in(x, y) { ON } else { OFF });
         Self { pixels }
@@ -78,19 +78,19 @@ impl Mask {
         self.count() as f64 / (f64::from(self.width()) * f64::from(self.height()))
     }
 
-    /// The mask as it is stored: 1 where it is, 0 elsewhere.
+    /// The mask as an image: 1 inside, 0 elsewhere.
     pub fn image(&self) -> Image<1> {
         let values = self.pixels.pixels().map(|&p| [f32::from(p == ON)]);
         Image::from_pixels(self.width(), self.height(), values.collect())
             .expect("one value for each pixel")
     }
 
-    /// Pixels of either.
+    /// Adds the pixels of `other`.
     pub fn add(&mut self, other: &Self) {
         self.combine(other, |mine, its| mine | its);
     }
 
-    /// Pixels that are not in `other`.
+    /// Removes the pixels of `other`.
     pub fn subtract(&mut self, other: &Self) {
         self.combine(other, |mine, its| mine & !its);
     }
@@ -102,7 +102,7 @@ impl Mask {
         }
     }
 
-    /// Takes the pixels of a region out.
+    /// Removes the pixels of a region.
     pub fn remove(&mut self, region: &Region) {
         for &[x, y] in &region.pixels {
             self.pixels.put_pixel(x, y, OFF);
@@ -165,7 +165,7 @@ impl Mask {
 }
 
 /// Pixels whose value is at least `level`; with [`Border::Half`], the border of each lamp is where
-/// pixels are half lamp and half what is beside it.
+/// pixels are half lamp and half surroundings.
 pub fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     let (width, height) = values.size();
     let value = |x: u32, y: u32| values.get(x, y)[0];

@@ -1,7 +1,8 @@
-//! What decides how masks are made.
+//! Options of masks.
 
 use crate::error::{MaskError, Result};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Options of [`crate::make_masks`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -9,15 +10,16 @@ use serde::{Deserialize, Serialize};
 pub struct MaskOptions {
     /// Where masks come from before labels.
     pub source: Source,
+
     /// Which value of a pixel is compared with the level.
     pub rule: Rule,
-    /// What becomes of the border of a lamp.
+    /// Treatment of the border of a lamp.
     pub border: Border,
-    /// Closes gaps up to twice as wide, pixels; 0 closes none.
+    /// Radius of the closing, pixels: gaps up to twice as wide are closed; 0 closes none.
     pub closing_radius: u8,
-    /// Drops connected regions of fewer pixels, before growing.
+    /// Smallest connected region that is kept, pixels, before growing.
     pub min_pixels: u32,
-    /// Grows regions by so many pixels.
+    /// Radius by which regions are grown, pixels.
     pub grow_radius: u8,
     /// Comparison between views.
     pub check: CheckOptions,
@@ -35,6 +37,16 @@ pub enum Source {
     Emission(f32),
     /// Labels alone: a view without label has no mask.
     None,
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Level(value) | Self::Emission(value) => write!(f, "{value}"),
+            Self::None => f.write_str("none"),
+        }
+    }
 }
 
 /// Which value of a pixel is compared with the level.
@@ -64,15 +76,15 @@ impl Rule {
     }
 }
 
-/// What becomes of the border of a lamp, where a pixel shows the lamp in part.
+/// Treatment of the border of a lamp, where a pixel shows the lamp in part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Border {
-    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and what
-    /// is beside it, both within two pixels: where the lamp covers half of it, however bright it is
-    /// and however the optics blur it.
+    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and its
+    /// surroundings, both within two pixels: where the lamp covers half of it, at any brightness
+    /// and blur of the optics.
     Half,
-    /// All that is at the level belongs to the lamp: bright lamps gain a rim.
+    /// All pixels at the level belong to the lamp: bright lamps gain a rim.
     Full,
 }
 
@@ -80,15 +92,14 @@ pub enum Border {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckOptions {
-    /// What becomes of regions that other views do not confirm; nothing is compared if this is
-    /// absent.
+    /// Treatment of regions that other views do not confirm; nothing is compared if this is absent.
     pub inconsistent: Option<Inconsistent>,
     /// Least share, among the places where other views see a region's surface, that are masked
     /// there, too; 0 to 1.
     pub min_support: f32,
 }
 
-/// What becomes of regions that other views do not confirm.
+/// Treatment of regions that other views do not confirm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inconsistent {
@@ -127,12 +138,12 @@ impl MaskOptions {
     /// # Errors
     /// [`MaskError::Option`] with the option's name, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        let wrong = |field, value: f32, wanted| {
+        let wrong = |field, value: f32, expected| {
             let value = value.to_string();
             Err(MaskError::Option {
                 field,
                 value,
-                wanted,
+                expected,
             })
         };
         match self.source {

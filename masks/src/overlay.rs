@@ -1,4 +1,4 @@
-//! Pictures of masks on photographs.
+//! Overlays of masks on photographs.
 
 use crate::consistency::Verdict;
 use crate::error::Result;
@@ -10,14 +10,14 @@ use std::path::Path;
 
 /// Longest side of a picture, pixels.
 const MAX_SIDE: u32 = 1080;
-/// Colour of what is masked, sRGB.
+/// Colour of masked regions, sRGB.
 const MASKED: [u8; 3] = [40, 220, 90];
 /// Colour of regions that other views do not confirm.
 const INCONSISTENT: [u8; 3] = [255, 50, 60];
-/// How much of the colour lies on the inside of a region: what shines should still be seen.
+/// Opacity of the tint inside a region, so that the emitter stays visible.
 const INSIDE: f32 = 0.3;
 
-/// Draws the regions of a view, each with its verdict if there was one, on its photograph.
+/// Writes the photograph of a view with its regions tinted by their verdicts.
 pub(crate) fn write(
     path: &Path,
     radiance: &Image<3>,
@@ -56,7 +56,7 @@ pub(crate) fn write(
     )?)
 }
 
-/// The pixels of a picture, `factor` times smaller than the view, that show a region.
+/// The pixels of an overlay, `factor` times smaller than the view, that show a region.
 fn mask_of(region: &Region, factor: u32, (width, height): (u32, u32)) -> Mask {
     let mut pixels = vec![false; width as usize * height as usize];
     for [x, y] in region

@@ -1,4 +1,4 @@
-//! What was found, for people and for machines.
+//! The report, for people and for programs.
 
 use crate::consistency::{Support, Verdict};
 use crate::level::Level;
@@ -8,14 +8,14 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// All that was found.
+/// Report of all views.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MaskReport {
     /// Effective options.
     pub options: MaskOptions,
     /// The level of linear radiance that was used, if there was one.
     pub threshold: Option<f32>,
-    /// How it was found, if it was.
+    /// Details of the level, if it was found automatically.
     pub level: Option<Level>,
     /// Each view, in the order of the dataset.
     pub views: Vec<ViewReport>,
@@ -28,7 +28,7 @@ pub struct MaskReport {
 pub struct ViewReport {
     /// Its name.
     pub name: String,
-    /// What to make of it.
+    /// Verdict on its mask.
     pub verdict: ViewVerdict,
     /// Pixels in its mask; null without a mask.
     pub num_pixels: Option<u64>,
@@ -36,16 +36,16 @@ pub struct ViewReport {
     pub coverage: Option<f64>,
     /// Regions in its mask, those that were dropped left out.
     pub num_regions: usize,
-    /// Whether there was a label for it.
+    /// Whether it has a label.
     pub labelled: bool,
     /// Regions that other views do not confirm.
     pub num_inconsistent: usize,
-    /// Where it sees regions that others confirm, the share that it does not mask; null if that is
-    /// nothing to speak of.
+    /// Share of the places in confirmed regions that it sees and does not mask; null if below the
+    /// limit.
     pub missed: Option<f64>,
 }
 
-/// What to make of a view's mask.
+/// Verdict on a view's mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewVerdict {
@@ -62,7 +62,7 @@ pub enum ViewVerdict {
 }
 
 impl ViewVerdict {
-    /// As in files.
+    /// The name used in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Good => "good",
@@ -103,9 +103,9 @@ pub struct RegionReport {
     pub centre: [f64; 2],
     /// Number of its pixels.
     pub num_pixels: usize,
-    /// What other views say; null if they were not asked.
+    /// Verdict of other views; null if views were not compared.
     pub verdict: Option<Verdict>,
-    /// What they see.
+    /// Visibility in other views.
     #[serde(flatten)]
     pub support: Support,
     /// Whether it left the mask.

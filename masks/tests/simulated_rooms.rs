@@ -1,4 +1,4 @@
-//! Masks of simulated rooms against what shines in them.
+//! Masks of simulated rooms against their true emitters.
 
 #![allow(
     clippy::unwrap_used,
@@ -59,7 +59,7 @@ impl Case {
         make_masks(&request, &mut |_| ()).unwrap()
     }
 
-    /// Intersection over union of mask and truth, for each view in which anything shines.
+    /// Intersection over union of mask and truth, for each view that shows an emitter.
     fn overlaps(&self) -> Vec<(String, f64)> {
         let views = (0..self.dataset.len()).map(|index| self.dataset.load_view(index).unwrap());
         let overlap = |mask: &Image<1>, truth: &Image<1>| {
@@ -74,9 +74,9 @@ impl Case {
         views
             .filter_map(|view| {
                 let truth = view.emission?;
-                let shines = truth.values().contains(&1.0);
+                let emits = truth.values().contains(&1.0);
                 let path = self.out.join(format!("Emissive-exr/{}.exr", view.name));
-                shines.then(|| {
+                emits.then(|| {
                     (
                         view.name,
                         overlap(&exr::read_single(&path).unwrap(), &truth),

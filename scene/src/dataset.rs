@@ -289,6 +289,27 @@ impl Dataset {
         self.points.as_deref()
     }
 
+    /// All files of the dataset that are there: the cameras, the points and the images of all views.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut all = vec![self.transforms.clone()];
+        all.extend(self.points.clone());
+        for frame in &self.frames {
+            let ViewFiles {
+                radiance,
+                emission,
+                normal,
+                alpha,
+                depth,
+                albedo,
+                valid,
+            } = &frame.files;
+            all.push(radiance.clone());
+            let others = [emission, normal, alpha, depth, albedo, valid];
+            all.extend(others.into_iter().flatten().cloned());
+        }
+        all
+    }
+
     /// The point cloud of the dataset, if it has one.
     ///
     /// # Errors

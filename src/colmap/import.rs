@@ -1,6 +1,7 @@
 //! `eagpt colmap import`: a COLMAP model and linear images become a dataset.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::{self, GlobalArgs};
+use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
@@ -30,7 +31,7 @@ use std::process::ExitCode;
 /// NAME is that of the image in the model, without its extension. Emission masks and opacities in
 /// DIR/Emissive-exr and DIR/Alpha-exr come along. Images may be of another size than those COLMAP
 /// saw, if they show the same.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct ImportArgs {
     /// Folder of the model: cameras, images, points3D, and rigs and frames if there are, .bin or
@@ -72,13 +73,15 @@ pub(crate) struct ImportArgs {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
+    #[serde(flatten)]
     align: AlignArgs,
     #[command(flatten)]
+    #[serde(flatten)]
     undistort: UndistortArgs,
 }
 
 /// The floor.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Alignment options")]
 struct AlignArgs {
     /// How to find the floor
@@ -108,16 +111,18 @@ struct AlignArgs {
     /// Make the scene metric by a known distance: two images of the model or points of it, as
     /// point:17, and metres
     #[arg(long, value_name = "FROM,TO,METRES", value_parser = known_distance, conflicts_with = "camera_height")]
+    #[serde(serialize_with = "command_line::optional_text")]
     known_distance: Option<Scale>,
     /// Make the scene metric by the median height of the cameras above the floor, metres
     #[arg(long, value_name = "METRES")]
     camera_height: Option<f64>,
     /// Seed of the search for planes, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum AlignArg {
     /// From cameras and points
     Floor,
@@ -130,7 +135,7 @@ enum AlignArg {
 }
 
 /// The pinhole cameras.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Undistortion options")]
 struct UndistortArgs {
     /// What pinhole images show of those of the lens
@@ -141,7 +146,8 @@ struct UndistortArgs {
     max_fov: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum FieldArg {
     /// A rectangle in which every pixel is known
     Inside,

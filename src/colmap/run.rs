@@ -1,6 +1,6 @@
 //! `eagpt colmap run`: drives an installed COLMAP.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};
@@ -22,7 +22,7 @@ use std::process::ExitCode;
 ///
 /// COLMAP looks at 8-bit pictures; give it the pictures that were developed beside the linear
 /// images, under the same names. It is not repeatable to the bit.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct RunArgs {
     /// Folder of pictures (JPEG, PNG, TIFF)
@@ -57,7 +57,8 @@ pub(crate) struct RunArgs {
     force: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum CamerasArg {
     /// Those of a folder if all are in folders, else all
     Auto,
@@ -69,7 +70,8 @@ enum CamerasArg {
     PerImage,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum MatcherArg {
     /// Each with each up to 400 images, beyond that in sequence
     Auto,

@@ -1,6 +1,6 @@
 //! `eagpt dataset check`: what a dataset has, what it lacks, what is wrong with it.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::Result;

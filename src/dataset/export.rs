@@ -1,6 +1,6 @@
 //! `eagpt dataset export`: a dataset for other programs.
 
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
@@ -84,7 +84,7 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     let mut builder = RecordBuilder::begin("dataset export", &recorded)?;
     let dataset = Dataset::open(&args.dataset)?;
-    let mut inputs = cli::dataset_files(&dataset);
+    let mut inputs = dataset.files();
     inputs.extend(dataset.points_file().map(Path::to_owned));
     let target = Target {
         dir: &args.out,

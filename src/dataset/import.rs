@@ -1,6 +1,6 @@
 //! `eagpt dataset import`: a dataset of another program becomes ours.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};

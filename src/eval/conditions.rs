@@ -1,7 +1,7 @@
 //! `eagpt eval DIR… --reference DATASET…`: renderings of one condition or of several.
 
 use super::{COLUMN_WIDTH, EvalArgs, table};
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
@@ -218,12 +218,12 @@ fn files(job: &Job, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
         files.outputs.extend(outputs.map(|file| folder.join(file)));
         let renders = dataset.frames().iter();
         let renders = renders.map(|frame| condition.renders.join(format!("{}.exr", frame.name)));
-        files.inputs.extend(cli::dataset_files(&dataset));
+        files.inputs.extend(dataset.files());
         files.inputs.extend(renders);
         if let Some(before) = &condition.before {
             let before = Dataset::open(before)?;
             builder.record.inputs.push(Input::of_cameras(&before)?);
-            files.inputs.extend(cli::dataset_files(&before));
+            files.inputs.extend(before.files());
         }
     }
     Ok(files)

@@ -1,7 +1,7 @@
 //! `eagpt eval pair`: one image against another.
 
 use super::{COLUMN_WIDTH, FlipArgs, table};
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::terminal;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -15,7 +15,7 @@ use std::process::ExitCode;
 /// Both are linear Rec.709 EXR images of the same size. The metrics go to standard output, with
 /// --json under the keys of metrics.json; the PSNR of equal images is infinite, which JSON shows as
 /// null.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct PairArgs {
     /// The reference
     #[arg(value_name = "REFERENCE.exr")]

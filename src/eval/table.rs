@@ -1,6 +1,7 @@
 //! `eagpt eval table`: evaluations of several modes of rendering in one table.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
+use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
@@ -9,6 +10,7 @@ use anyhow::Result;
 use clap::Args;
 use eagpt_eval::tabulate::{DEFAULT_METRICS, FILES};
 use eagpt_eval::{METRICS_FILE, TableFolder, TableOptions};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -17,11 +19,12 @@ use std::process::ExitCode;
 /// Reads DIR/metrics.json of `eagpt eval`, of one condition or of several. A row is the mode of the
 /// renderings, as their own record told `eagpt eval`, or ROW; a column is a metric of a condition;
 /// the last one is the seconds that a frame took.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLE)]
 pub(crate) struct TableArgs {
     /// Evaluations; ROW= before one gives its row a name
     #[arg(value_name = "[ROW=]DIR", required = true, value_parser = folder)]
+    #[serde(serialize_with = "command_line::texts")]
     folders: Vec<TableFolder>,
     /// Metrics of each condition, separated by commas: keys of `mean` in metrics.json
     #[arg(long, value_name = "KEY,…", value_delimiter = ',', default_values = DEFAULT_METRICS)]

@@ -4,13 +4,15 @@ use super::aov::Aov;
 use super::denoise::Choice;
 use super::display::DisplayArgs;
 use super::shots::PathArgs;
-use crate::cli;
+use crate::args;
+use crate::command_line;
 use crate::device::DeviceArgs;
 use clap::{Args, ValueEnum};
 use eagpt_scene::Shard;
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
 use eagpt_trace::{Integrator, LightOptions};
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Render a scene from the cameras of a dataset, or along a path between them
@@ -27,7 +29,7 @@ use std::path::PathBuf;
 ///
 /// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w
 /// and h.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct RenderArgs {
     /// Scene of 2D Gaussians, as `eagpt train` writes it
@@ -37,11 +39,11 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DATASET")]
     pub(crate) cameras: PathBuf,
     /// Views to render
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = cli::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = args::subset())]
     pub(crate) split: Subset,
     /// Rule that divides the views into training and test views; that of the training, if the
     /// result is to be measured
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = cli::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
     pub(crate) split_rule: SplitRule,
     /// Names of the views to render, separated by commas, instead of a subset
     #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["split", "split_rule"])]
@@ -74,7 +76,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, default_value = "blended")]
     hits: HitsArg,
     /// Seed of the random numbers, 0 to 2^63 − 1
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = cli::seed())]
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
     /// Also write these quantities of the camera rays, separated by commas
     #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
@@ -94,15 +96,19 @@ pub(crate) struct RenderArgs {
     /// machines that share it; when all are there, the same command without --shard puts them
     /// together, to the bits of an undivided run
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
+    #[serde(serialize_with = "command_line::optional_text")]
     pub(super) shard: Option<Shard>,
     /// Replace an earlier result in DIR, or unfinished work on another
     #[arg(long)]
     pub(super) force: bool,
     #[command(flatten)]
+    #[serde(flatten)]
     pub(super) device: DeviceArgs,
     #[command(flatten)]
+    #[serde(flatten)]
     pub(super) path: PathArgs,
     #[command(flatten)]
+    #[serde(flatten)]
     pub(super) display: DisplayArgs,
 }
 
@@ -116,20 +122,24 @@ const EXAMPLES: &str = "Examples:
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --camera-path turntable --exposure auto \\
       --tone-map agx --out turn";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum Mode {
     /// The radiance that the Gaussians carry
     #[value(name = "0-bounce")]
+    #[serde(rename = "0-bounce")]
     ZeroBounce,
     /// One bounce into the radiance that the Gaussians carry; emitters show their own. Of a baked
     /// scene it is a final gather, and may be called that
     #[value(name = "1-bounce", alias = "gather")]
+    #[serde(rename = "1-bounce")]
     OneBounce,
     /// Path tracing from the emitters alone
     Path,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum SamplingArg {
     /// In directions about the normal only, as in the paper
     Cosine,
@@ -137,7 +147,8 @@ enum SamplingArg {
     NextEvent,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum HitsArg {
     /// The blend of all is one surface, as in the paper
     Blended,

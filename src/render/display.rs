@@ -1,11 +1,14 @@
 //! How pictures are shown: exposure and tone map of the PNGs.
 
 use super::shots::Shot;
+use crate::command_line;
 use anyhow::Result;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use eagpt_scene::tonemap::{Display, ExposureMeter, ToneMap};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
+use serde::Serialize;
+use std::fmt;
 use std::str::FromStr;
 
 /// Exposures that a person may ask for, in stops either way.
@@ -16,7 +19,7 @@ const MAX_METERED: usize = 16;
 const METER_REDUCTION: u32 = 4;
 
 /// How PNGs show light; EXR files never change.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Pictures")]
 pub(super) struct DisplayArgs {
     /// Exposure of the PNGs in stops, or `auto`: one for all, from a first look at up to 16 of
@@ -27,6 +30,7 @@ pub(super) struct DisplayArgs {
         default_value = "0",
         allow_negative_numbers = true
     )]
+    #[serde(serialize_with = "command_line::text")]
     exposure: Exposure,
     /// What the PNGs show of light that is brighter than the display: srgb cuts it off
     #[arg(long, value_name = "CURVE", default_value = "srgb", value_parser = tone_map())]
@@ -37,6 +41,15 @@ pub(super) struct DisplayArgs {
 enum Exposure {
     Stops(f32),
     Auto,
+}
+
+impl fmt::Display for Exposure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stops(stops) => write!(f, "{stops}"),
+            Self::Auto => f.write_str("auto"),
+        }
+    }
 }
 
 impl FromStr for Exposure {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::path::Path;
 
 /// Frames along a path instead of views.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Camera path")]
 pub(super) struct PathArgs {
     /// Path of a camera instead of views: fly:A,B,… through views (A again at the end closes it),

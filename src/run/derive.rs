@@ -2,9 +2,8 @@
 
 use super::plan::Plan;
 use super::project::{self, Project, SECTIONS};
-use crate::cli::Cli;
+use crate::command::JobCommand;
 use anyhow::{Context, Result};
-use clap::CommandFactory;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -49,7 +48,7 @@ pub(crate) fn steps(path: &Path, text: &str) -> Result<Vec<PlannedStep>> {
 
 /// Calls `visit` with every path that a project file names.
 fn for_each_path(root: &mut Table, visit: &mut dyn FnMut(&mut String)) {
-    let command = Cli::command();
+    let command = JobCommand::program();
     for (section, name, _) in SECTIONS {
         let of = project::command(&command, name);
         let is_path = |key: &str| {

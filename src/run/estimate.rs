@@ -6,7 +6,7 @@
 
 use super::step::{Step, parse};
 use crate::bake::{BakeArgs, MethodArg};
-use crate::cli::Command;
+use crate::command::JobCommand;
 use crate::render::{Mode, RenderArgs};
 use crate::train::{TrainArgs, layers};
 use eagpt_scene::Dataset;
@@ -64,24 +64,24 @@ impl Outlook {
     pub(super) fn of(&mut self, step: &Step) -> Option<Estimate> {
         let mut bytes = None;
         let core_seconds = match parse(&step.arguments).ok()? {
-            Command::Train(args) => {
+            JobCommand::Train(args) => {
                 let (seconds, memory) = self.train(&args)?;
                 bytes = Some(memory);
                 seconds
             }
-            Command::Masks(args) => {
+            JobCommand::Masks(args) => {
                 MASK_PIXEL_S * num_pixels(&args.dataset, SplitRule::All, Subset::All)?
             }
-            Command::Render(args) => render(&args)?,
-            Command::Bake(args) => self.bake(&args)?,
-            Command::Eval(args) => match args.reference.first() {
+            JobCommand::Render(args) => render(&args)?,
+            JobCommand::Bake(args) => self.bake(&args)?,
+            JobCommand::Eval(args) => match args.reference.first() {
                 Some(reference) => {
                     COMPARED_PIXEL_S * num_pixels(reference, SplitRule::Every8th, Subset::Test)?
                 }
                 // A table of numbers that are there.
                 None => BRIEF_S,
             },
-            Command::Edit(_) | Command::Report(_) => BRIEF_S,
+            JobCommand::Edit(_) | JobCommand::Report(_) => BRIEF_S,
             _ => return None,
         };
         Some(Estimate {

@@ -4,7 +4,7 @@ use super::estimate::Outlook;
 use super::plan::Plan;
 use super::state::Folder;
 use super::step::{Restart, Step, parse};
-use crate::cli::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use crate::output;
 use crate::progress::{Reporter, duration};
 use crate::record;
@@ -204,7 +204,7 @@ pub(super) fn dispatch(arguments: Vec<String>, global: &GlobalArgs) -> Result<(E
     record::forget_peak_memory();
     let started = Instant::now();
     let command = parse(&arguments)?;
-    let code = record::with_arguments(arguments, || cli::dispatch(&command, global))?;
+    let code = record::with_arguments(arguments, || command.run(global))?;
     Ok((code, started.elapsed().as_secs_f64()))
 }
 

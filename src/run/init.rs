@@ -1,6 +1,6 @@
 //! `eagpt init`: a project file to fill in.
 
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::output;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};

@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::project::Project;
 use super::state::{Folder, Patience};
 use super::step::Step;
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::{Context, Result, bail};

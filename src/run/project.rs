@@ -2,9 +2,9 @@
 
 mod reader;
 
-use crate::cli::Cli;
+use crate::command::JobCommand;
 use anyhow::Result;
-use clap::{Arg, Command, CommandFactory};
+use clap::{Arg, Command};
 use eagpt_scene::files;
 use eagpt_scene::script::{Node, Text};
 use reader::Reader;
@@ -187,7 +187,7 @@ impl Project {
         let root = Node::root(text, &value).table(&keys)?;
         let here = path.parent().unwrap_or(Path::new(""));
         let at = |node: Node<'_>| -> Result<PathBuf> { Ok(here.join(node.string()?)) };
-        let command = Cli::command();
+        let command = JobCommand::program();
         let reader = Reader {
             command: &command,
             here,

@@ -1,9 +1,9 @@
 //! A command of the chain, with what it reads and makes.
 
-use crate::cli::{Cli, Command};
+use crate::command::JobCommand;
+use crate::command_line;
 use crate::output;
 use anyhow::{Result, anyhow};
-use clap::Parser;
 use eagpt_scene::files;
 use std::path::PathBuf;
 
@@ -65,24 +65,15 @@ impl Step {
 
     /// The command as one would type it.
     pub(super) fn shown(&self) -> String {
-        let quoted = self.arguments.iter().map(|word| {
-            let is_plain = |c: char| c.is_alphanumeric() || "-_./,=:+%@".contains(c);
-            match !word.is_empty() && word.chars().all(is_plain) {
-                true => word.clone(),
-                false => format!("'{}'", word.replace('\'', "'\\''")),
-            }
-        });
-        format!("eagpt {}", quoted.collect::<Vec<_>>().join(" "))
+        command_line::shown(&self.arguments)
     }
 }
 
 /// The command of arguments, checked.
-pub(super) fn parse(arguments: &[String]) -> Result<Command> {
-    let words = std::iter::once("eagpt").chain(arguments.iter().map(String::as_str));
-    let cli = Cli::try_parse_from(words).map_err(|error| {
+pub(super) fn parse(arguments: &[String]) -> Result<JobCommand> {
+    JobCommand::parse(arguments.iter().map(String::as_str)).map_err(|error| {
         let text = error.to_string();
         let first = text.lines().next().unwrap_or_default();
         anyhow!("{}", first.trim_start_matches("error: ").to_owned())
-    })?;
-    Ok(cli.command)
+    })
 }

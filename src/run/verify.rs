@@ -4,7 +4,7 @@ use super::execute::{self, Range, Status};
 use super::plan::Plan;
 use super::project::Project;
 use super::state::{Folder, Patience};
-use crate::cli::GlobalArgs;
+use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::{Context, Result, bail};

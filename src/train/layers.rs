@@ -140,18 +140,20 @@ fn insert(table: &mut Table, key: &str, value: Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::{Cli, Command};
     use crate::terminal::one_line;
     use clap::Parser;
 
+    #[derive(Debug, Parser)]
+    struct Alone {
+        #[command(flatten)]
+        train: TrainArgs,
+    }
+
     fn layered(arguments: &[&str]) -> Result<TrainOptions> {
-        let all = ["eagpt", "train", "data", "--out", "no-such-run"]
+        let all = ["train", "data", "--out", "no-such-run"]
             .into_iter()
             .chain(arguments.iter().copied());
-        match Cli::try_parse_from(all).unwrap().command {
-            Command::Train(args) => options(&args),
-            other => panic!("{other:?}"),
-        }
+        options(&Alone::try_parse_from(all).unwrap().train)
     }
 
     #[test]

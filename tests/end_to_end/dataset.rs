@@ -107,7 +107,7 @@ fn a_check_prints_a_report_and_its_exit_code_tells() {
     let place = Workplace::new();
     let text = place.succeeds("dataset check room");
     assert!(
-        text.contains("12 views") && text.contains("nothing is broken"),
+        text.contains("12 views") && text.contains("no errors"),
         "{text}"
     );
     let lines = place.succeeds("dataset check room --json");
@@ -141,6 +141,6 @@ fn normals_of_an_estimator_come_in() {
     place.succeeds("normals room --maps maps --space world --axes opencv --force");
     place.fails_cleanly(
         "normals room --maps room --out elsewhere",
-        &["no map is called like a view"],
+        &["no map is named like a view"],
     );
 }

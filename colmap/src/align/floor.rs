@@ -2,9 +2,8 @@
 //!
 //! Horizontal planes are found one after the other by RANSAC (Fischler and Bolles, CACM 1981) with
 //! a truncated squared loss and a fit to the inliers of every better hypothesis. Tables, seats and
-//! sills are planes as well, but the floor lies below them; a polished floor shows the room once
-//! more upside down, and the mirrored ceiling lies lower still, but what is seen in it stands above
-//! the floor as well.
+//! sills are planes as well, but the floor lies below them. A polished floor reflects the room, and
+//! the mirrored ceiling lies lower still; but each mirrored point has its original above the floor.
 
 use super::gravity::{Gravity, shown};
 use super::{AlignOptions, Evidence, Plane, numeric};
@@ -14,24 +13,24 @@ use glam::DVec3;
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// What is known of the floor.
+/// Findings about the floor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FloorReport {
     /// Points on it.
     pub num_inliers: usize,
-    /// Points that were looked at.
+    /// Points that were considered.
     pub num_points: usize,
     /// Root mean square distance of the inliers, model units.
     pub residual: f64,
     /// Largest distance of an inlier, model units.
     pub tolerance: f64,
-    /// Angle between the floor and what the cameras call level, degrees.
+    /// Angle between the floor and the cameras' level, degrees.
     pub tilt_from_gravity_deg: f64,
     /// Standard deviation of the floor's tilt, from residuals and spread, degrees.
     pub residual_tilt_deg: f64,
     /// Standard deviation of its height, model units.
     pub height_std: f64,
-    /// Share of the room, seen from above, in which the floor was seen.
+    /// Share of the room's area in which the floor was seen.
     pub coverage: f64,
     /// Points below the floor that are not seen in it as in a mirror.
     pub num_below: usize,
@@ -45,12 +44,12 @@ pub struct FloorReport {
 
 /// Half the thickness of a plane, in sizes of the scene.
 const TOLERANCE: f64 = 0.005;
-/// Largest angle between a plane and what cameras call level, radians.
+/// Largest angle between a plane and the cameras' level, radians.
 const MAX_TILT: f64 = 12.0 / 180.0 * std::f64::consts::PI;
 /// Points of one hypothesis lie in a layer of this thickness, in sizes of the scene: 6° over half
-/// of it.
+/// the size.
 const LAYER: f64 = 0.05;
-/// Points that hypotheses are judged by.
+/// Most points used to score hypotheses.
 const MAX_POINTS: usize = 20_000;
 const NUM_HYPOTHESES: u32 = 1500;
 const MAX_PLANES: usize = 12;
@@ -60,18 +59,17 @@ const MIN_INLIERS: usize = 12;
 const MIN_SHARE: f64 = 0.01;
 /// Smaller standard deviation of a plane's points along it, in sizes of the scene.
 const MIN_EXTENT: f64 = 0.03;
-/// A plane has so many times the points of a layer right above it.
+/// Least ratio of a plane's points to those of a layer right above it.
 const MIN_CONTRAST: f64 = 2.5;
 /// Share of a plane's points that are seen higher up as well if it is a mirror image.
 const MIRRORED_SHARE: f64 = 0.6;
 /// Cells along each axis of the map that coverage is measured on.
 const NUM_CELLS: usize = 12;
-/// Coverage that is as good as any: furniture stands on the rest.
+/// Coverage that counts as full: furniture covers the rest.
 const FULL_COVERAGE: f64 = 0.2;
-/// Share of points below a plane that makes it no floor.
+/// Share of points below a plane that rules it out as floor.
 const MAX_BELOW: f64 = 0.125;
-/// Roll that photographers do not notice, radians: cameras are not taken for better levels than
-/// that.
+/// Roll that photographers do not notice, radians: cameras are not taken as more level than that.
 const MIN_ROLL: f64 = 1.0 / 180.0 * std::f64::consts::PI;
 /// Share of cameras that have to be above the floor.
 const CAMERAS_ABOVE: f64 = 0.95;
@@ -81,7 +79,7 @@ struct Candidate {
     inliers: Vec<DVec3>,
 }
 
-/// Finds the floor and tells how sure it is.
+/// Finds the floor and its confidence.
 ///
 /// # Errors
 /// [`ColmapError::Align`] if no plane can be it.
@@ -226,7 +224,7 @@ fn extent(candidate: &Candidate) -> f64 {
     (minor / num).sqrt()
 }
 
-/// Whether a candidate has more points than the space right above it: walls have as many at every
+/// Whether a candidate has more points than the layer right above it: walls have as many at every
 /// height.
 fn stands_out(candidate: &Candidate, below: &[DVec3], tolerance: f64) -> bool {
     let heights = below.iter().map(|p| candidate.plane.height(*p) / tolerance);
@@ -238,7 +236,7 @@ fn stands_out(candidate: &Candidate, below: &[DVec3], tolerance: f64) -> bool {
 /// The candidate that is the floor.
 struct Chosen {
     index: usize,
-    /// Whether a lower candidate is something seen in it.
+    /// Whether a lower candidate is a mirror image in it.
     is_mirror: bool,
 }
 
@@ -285,7 +283,7 @@ struct Points {
 
 impl Points {
     fn above(evidence: &Evidence, plane: &Plane, tolerance: f64) -> Self {
-        // Mirrored points are as inexact as the plane, and twice as far from it.
+        // Mirrored points double the error of the plane.
         let cell = 3.0 * tolerance;
         let above = evidence
             .points
@@ -327,8 +325,8 @@ struct Refined {
     tolerance: f64,
 }
 
-/// Fits the plane to all of its points and to the cameras' level axes together, each weighed by
-/// what it scatters.
+/// Fits the plane to all of its points and to the cameras' level axes together, each weighted by
+/// its variance.
 fn refine(evidence: &Evidence, gravity: &Gravity, start: &Plane, tolerance: f64) -> Refined {
     const NUM_ROUNDS: usize = 8;
     let mut plane = *start;
@@ -369,7 +367,7 @@ fn refine(evidence: &Evidence, gravity: &Gravity, start: &Plane, tolerance: f64)
             (3.0 * residual).clamp(0.2 * TOLERANCE * evidence.size, TOLERANCE * evidence.size);
     }
     let inliers = inliers_of(&plane, tolerance);
-    // The median is what few points above and below do not move.
+    // The median is robust against few points above and below.
     let height = numeric::median(inliers.iter().map(|p| p.dot(plane.normal)).collect());
     plane.point += (height - plane.point.dot(plane.normal)) * plane.normal;
     Refined {

@@ -1,25 +1,25 @@
-//! The vertical, from how cameras are held.
+//! The vertical, from the orientation of cameras.
 
 use super::{Evidence, numeric};
 use crate::error::{ColmapError, Result};
 use glam::{DMat3, DVec3};
 use serde::Serialize;
 
-/// The vertical as cameras tell it.
+/// The vertical as estimated from cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gravity {
     /// Unit length, in the model's world.
     pub up: DVec3,
-    /// For each camera its axis that should be level; none if the user said what is up.
+    /// The axis of each camera that should be level; empty if the user gave the vertical.
     pub(super) level: Vec<DVec3>,
     /// Standard deviation of the cameras' roll, radians.
     pub(super) roll_std: f64,
-    /// What was told.
+    /// Findings as reported.
     pub report: GravityReport,
     pub(super) warning: Option<String>,
 }
 
-/// What cameras tell of the vertical.
+/// The vertical as estimated from the cameras.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GravityReport {
     /// Up, in the model's world.
@@ -36,10 +36,10 @@ pub struct GravityReport {
 
 /// Roll beyond which a camera counts little, radians.
 const ROLL_SCALE: f64 = 0.1;
-/// If the second smallest mean square is below this, all cameras look the same way and any roll
-/// axis would do.
+/// If the second smallest mean square is below this, all cameras look the same way and the roll
+/// axis is undetermined.
 const MIN_TURN: f64 = 0.01;
-/// Images are taken to lie on their side only if that explains the poses so many times better.
+/// Images count as sideways only if that reduces the mean square to this share.
 const SIDEWAYS_FACTOR: f64 = 0.25;
 /// Mean cosine between up and the images' tops from which the cameras decide.
 const MIN_COSINE: f64 = 0.3;
@@ -52,7 +52,7 @@ const CONTRADICTION: f64 = -0.5;
 const LEVEL_BAND: f64 = 0.02;
 
 impl Gravity {
-    /// What the user says.
+    /// The user's statements.
     pub(super) fn said(up: DVec3) -> Self {
         Self {
             up,
@@ -73,7 +73,8 @@ impl Gravity {
 /// Finds the vertical.
 ///
 /// # Errors
-/// [`ColmapError::Align`] if cameras and points do not tell, or contradict each other.
+/// [`ColmapError::Align`] if cameras and points leave the vertical undetermined, or contradict each
+/// other.
 pub(crate) fn find(evidence: &Evidence) -> Result<Gravity> {
     if evidence.axes.is_empty() {
         return Err(ColmapError::Align("the model has no images".to_owned()));
@@ -99,7 +100,7 @@ pub(crate) fn find(evidence: &Evidence) -> Result<Gravity> {
     } else if is_turned {
         (upright.axis, upright)
     } else {
-        // Cameras that look one way: the mean of their tops, pitched as they are.
+        // Cameras that look one way: the mean of their up vectors, including their pitch.
         let mean: DVec3 = evidence.axes.iter().map(|axes| -axes.y_axis).sum();
         let axis = mean
             .try_normalize()
@@ -117,7 +118,7 @@ pub(crate) fn find(evidence: &Evidence) -> Result<Gravity> {
     let mut below = imbalance(evidence, up);
     let mut warning = None;
     if is_sideways || cosine.abs() < MIN_COSINE {
-        // The images' tops point to all sides: what stands on the floor has to tell.
+        // The images' tops point to all sides: the points decide.
         if below.abs() < MIN_IMBALANCE {
             return Err(undecided(up, below));
         }
@@ -174,7 +175,7 @@ pub(super) fn shown(v: DVec3) -> String {
     format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z)
 }
 
-/// The direction that is most nearly at right angles to all of some axes.
+/// The direction most nearly perpendicular to some axes.
 struct Fit {
     axis: DVec3,
     level: Vec<DVec3>,

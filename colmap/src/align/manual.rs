@@ -1,4 +1,4 @@
-//! What the user says of up and floor.
+//! Up direction and floor as given by the user.
 
 use super::gravity::{self, Gravity};
 use super::{Evidence, Mode, Plane, numeric};
@@ -15,11 +15,11 @@ pub struct Manual {
     pub up: Option<[f64; 3]>,
     /// Points of the floor by their numbers, three or more.
     pub floor_points: Vec<PointId>,
-    /// Positions on the floor, three or more; one does if up is said too.
+    /// Positions on the floor, three or more; one if up is given too.
     pub floor_positions: Vec<[f64; 3]>,
 }
 
-/// Floors whose points are this near to a line, as a share of its length, have no normal.
+/// Floor points this near to a line, as a share of its length, determine no normal.
 const MIN_WIDTH: f64 = 1e-3;
 
 impl Manual {
@@ -49,17 +49,17 @@ impl Manual {
         let problem = match mode {
             Mode::Manual if num >= 3 || (num >= 1 && self.up.is_some()) => return Ok(()),
             Mode::Manual => {
-                "manual alignment needs three points or positions of the floor, or one and what is up"
+                "manual alignment needs three points or positions of the floor, or one and the up direction"
             }
             _ if num > 0 => "points of the floor are for manual alignment",
-            Mode::None if self.up.is_some() => "without alignment nothing is turned up",
+            Mode::None if self.up.is_some() => "without alignment the up direction has no effect",
             _ => return Ok(()),
         };
         Err(ColmapError::option("align", problem))
     }
 }
 
-/// The plane that the user names. Its normal points to what was said to be up, else to the cameras.
+/// The plane that the user gives. Its normal points to the given up direction, else to the cameras.
 pub(super) fn plane(
     model: &Model,
     evidence: &Evidence,

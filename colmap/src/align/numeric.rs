@@ -3,12 +3,12 @@
 use glam::DVec3;
 use nalgebra::Matrix3;
 
-/// The median; 0 of nothing.
+/// The median; 0 if empty.
 pub(super) fn median(values: Vec<f64>) -> f64 {
     quantile(values, 0.5)
 }
 
-/// The value below which a share of the values lies; 0 of nothing.
+/// The value below which a share of the values lies; 0 if empty.
 pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     if values.is_empty() {
         return 0.0;

@@ -1,4 +1,4 @@
-//! The world of cameras that are known already, as of an earlier capture of the same room.
+//! Alignment to known cameras, as of an earlier capture of the same room.
 
 use super::{Alignment, Evidence, Mode, numeric};
 use crate::error::{ColmapError, Result};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// A camera whose place is known.
+/// A camera with a known position.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownCamera {
@@ -19,22 +19,22 @@ pub struct KnownCamera {
     pub centre: [f64; 3],
 }
 
-/// How well the model fits the known cameras.
+/// Fit of the model to the known cameras.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReferenceReport {
     /// Cameras that both have.
     pub num_cameras: usize,
     /// Known units for one unit of the model.
     pub scale: f64,
-    /// Median distance between a camera and where it is known to be, known units.
+    /// Median distance between a camera and its known position, known units.
     pub median_error: f64,
     /// Largest distance.
     pub largest_error: f64,
 }
 
-/// Fewest cameras that make a world.
+/// Fewest cameras that determine a world.
 const MIN_CAMERAS: usize = 3;
-/// Largest median error, relative to the spread of the cameras: more, and the cameras are not the
+/// Largest median error, relative to the spread of the cameras: beyond it, the cameras are not the
 /// same.
 const MAX_ERROR: f64 = 0.1;
 
@@ -48,25 +48,25 @@ pub(super) fn align(
         .iter()
         .map(|camera| (camera.name.as_str(), DVec3::from_array(camera.centre)))
         .collect();
-    let (mut own, mut wanted) = (Vec::new(), Vec::new());
+    let (mut own, mut expected) = (Vec::new(), Vec::new());
     for (image, centre) in model.images.iter().zip(&evidence.centres) {
         let stem = Path::new(&image.name).with_extension("");
         if let Some(place) = stem.to_str().and_then(|stem| known.get(stem)) {
             own.push(*centre);
-            wanted.push(*place);
+            expected.push(*place);
         }
     }
-    let found = (own.len() >= MIN_CAMERAS).then(|| similarity(&own, &wanted));
+    let found = (own.len() >= MIN_CAMERAS).then(|| similarity(&own, &expected));
     let Some(aligned_from_model) = found.flatten() else {
         return Err(ColmapError::Align(format!(
-            "{} images of the model are called like known cameras; {MIN_CAMERAS} that are not in one line are needed",
+            "{} images of the model are named like known cameras; {MIN_CAMERAS} that are not in one line are needed",
             own.len()
         )));
     };
     let errors: Vec<f64> = own
         .iter()
-        .zip(&wanted)
-        .map(|(own, wanted)| (aligned_from_model.apply(*own) - *wanted).length())
+        .zip(&expected)
+        .map(|(own, expected)| (aligned_from_model.apply(*own) - *expected).length())
         .collect();
     let report = ReferenceReport {
         num_cameras: own.len(),
@@ -74,7 +74,7 @@ pub(super) fn align(
         largest_error: errors.iter().copied().fold(0.0, f64::max),
         median_error: numeric::median(errors),
     };
-    let spread = numeric::size(&wanted);
+    let spread = numeric::size(&expected);
     if report.median_error > MAX_ERROR * spread {
         return Err(ColmapError::Align(format!(
             "cameras of the model lie {:.3} from where cameras of their names are known to be, which are {spread:.3} apart: \
@@ -110,8 +110,8 @@ pub fn similarity(from: &[DVec3], to: &[DVec3]) -> Option<Similarity> {
     }
     let svd = covariance.svd(true, true);
     let (u, vt) = (svd.u?, svd.v_t?);
-    // Singular values come in descending order: without the second there is no plane, and the
-    // rotation is anything.
+    // Singular values come in descending order: without the second the points lie in a line and the
+    // rotation is undetermined.
     if svd.singular_values[1] <= 1e-9 * svd.singular_values[0] {
         return None;
     }

@@ -1,12 +1,13 @@
-//! A metric scale from something known.
+//! Metric scale from a known length.
 
 use super::{AlignOptions, Alignment, Mode};
 use crate::error::{ColmapError, Result};
 use crate::model::{Model, PointId, Similarity};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
-/// What makes a scene metric.
+/// Source of a metric scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Scale {
@@ -36,6 +37,24 @@ pub enum Anchor {
     Point(PointId),
 }
 
+impl fmt::Display for Scale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Distance { from, to, metres } => write!(f, "{from},{to},{metres}"),
+            Self::CameraHeight { metres } => write!(f, "{metres}"),
+        }
+    }
+}
+
+impl fmt::Display for Anchor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Image(name) => f.write_str(name),
+            Self::Point(id) => write!(f, "point:{}", id.0),
+        }
+    }
+}
+
 impl std::str::FromStr for Anchor {
     type Err = String;
 
@@ -47,7 +66,7 @@ impl std::str::FromStr for Anchor {
             Some(number) => number
                 .parse()
                 .map(|id| Self::Point(PointId(id)))
-                .map_err(|_| format!("`{number}` is no number of a point")),
+                .map_err(|_| format!("`{number}` is not the number of a point")),
         }
     }
 }
@@ -113,7 +132,7 @@ impl Scale {
     }
 }
 
-/// The world as it is, but for the scale.
+/// The unchanged world, except for the scale.
 pub(super) fn without_floor(model: &Model, options: &AlignOptions) -> Result<Alignment> {
     let metric = options
         .scale

@@ -1,14 +1,14 @@
 //! The yaw of the walls.
 //!
 //! Seen from above, the points of walls and of furniture along them lie on lines of two directions.
-//! Turned to the right angle, their coordinates gather in few bins: the sum of squared counts has
-//! its maximum there. Lines through the fullest bins then say it exactly.
+//! At the right yaw, their coordinates concentrate in few bins: the sum of squared counts is
+//! maximal. Lines fitted to the fullest bins refine the yaw.
 
 use super::{Evidence, Plane, numeric};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-/// What is known of the walls.
+/// Findings about the walls.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WallReport {
     /// Direction along a wall, in the model's world, unit length, level.
@@ -27,13 +27,13 @@ const BIN: f64 = 0.005;
 const MAX_POINTS: usize = 20_000;
 /// Points lower than this above the floor, in sizes of the scene, belong to it.
 const MIN_HEIGHT: f64 = 0.01;
-/// Concentration below which there are no walls. Points without any order reach 1.1.
+/// Concentration below which there are no walls. Unstructured points reach 1.1.
 const MIN_CONTRAST: f64 = 1.2;
 const NUM_COARSE: u32 = 180;
 /// Share of all points that a bin needs to count as a line.
 const LINE_SHARE: f64 = 0.01;
 
-/// Finds the direction of the walls; `None` if the points gather on no lines.
+/// Finds the direction of the walls; `None` if the points concentrate on no lines.
 pub(super) fn find(evidence: &Evidence, floor: Plane) -> Option<WallReport> {
     let [a, b] = numeric::tangents(floor.normal);
     let standing: Vec<DVec3> = evidence
@@ -46,7 +46,7 @@ pub(super) fn find(evidence: &Evidence, floor: Plane) -> Option<WallReport> {
     let flat: Vec<DVec2> = numeric::thinned(&standing, MAX_POINTS)
         .into_iter()
         .map(|p| DVec2::new((p - centre).dot(a), (p - centre).dot(b)))
-        // What is far outside is seen through windows, and its depth is a guess.
+        // Points far outside are seen through windows, and their depth is unreliable.
         .filter(|p| p.length() < evidence.size)
         .collect();
     if flat.len() < super::MIN_POINTS {
@@ -125,13 +125,13 @@ struct Lines {
     num: usize,
 }
 
-/// The turn that makes the points of the fullest bins level: least squares over all lines at once.
+/// The rotation that aligns the points of the fullest bins: least squares over all lines at once.
 fn fit_lines(points: &[DVec2], yaw: f64, bin: f64) -> Option<Lines> {
     let (mut moment, mut weight, mut squares, mut num_points) = (0.0, 0.0, 0.0, 0.0);
     let mut num = 0;
     for axis in 0..2 {
-        // Lines along `axis`: their offset is the other coordinate, and an offset that falls along
-        // them turns them back.
+        // Lines along `axis`: their offset is the other coordinate, and its slope along them is the
+        // correction.
         let sign = if axis == 0 { 1.0 } else { -1.0 };
         let pairs: Vec<[f64; 2]> = points
             .iter()

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Folders within folders that are looked into.
+/// Depth of nested folders that are searched.
 const MAX_DEPTH: usize = 8;
 
 /// An image file.
@@ -47,7 +47,7 @@ impl Source {
 }
 
 impl Folder {
-    /// Looks for images in `dir`, or in its folder `Radiance-exr` if it has one.
+    /// Finds the images in `dir`, or in its folder `Radiance-exr` if it has one.
     ///
     /// # Errors
     /// If a folder cannot be read, holds no images, or holds two of one name.
@@ -75,7 +75,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Collects images and returns how many 8-bit pictures were passed over.
+    /// Collects images and returns the number of 8-bit pictures skipped.
     fn collect(&mut self, dir: &Path, prefix: &str, depth: usize, srgb8: Srgb8) -> Result<usize> {
         let io = |error| SceneError::io(dir, "read", error);
         let mut num_pictures = 0;
@@ -126,20 +126,20 @@ impl Folder {
         self.images.keys().map(String::as_str)
     }
 
-    /// The image of a view, and the name it has here: its own, or the last part of it if no other
-    /// image ends so.
+    /// The image of a view and its name in this folder: the full name, or its last component if
+    /// that is unique.
     pub(super) fn find(&self, name: &str) -> Option<(&str, &Source)> {
         if let Some((own, source)) = self.images.get_key_value(name) {
             return Some((own, source));
         }
         let last = |name: &str| name.rsplit('/').next().unwrap_or_default().to_owned();
-        let wanted = last(name);
-        let mut ending = self.images.iter().filter(|(own, _)| last(own) == wanted);
+        let expected = last(name);
+        let mut ending = self.images.iter().filter(|(own, _)| last(own) == expected);
         let (own, source) = ending.next()?;
         ending.next().is_none().then_some((own.as_str(), source))
     }
 
-    /// The emission mask and the opacity of an image of this folder, where they are.
+    /// The emission mask and the opacity of an image of this folder, if present.
     pub(super) fn beside(&self, own_name: &str) -> [Option<PathBuf>; 2] {
         [EMISSION_DIR, ALPHA_DIR].map(|folder| {
             let path = self.dir.join(folder).join(format!("{own_name}.exr"));

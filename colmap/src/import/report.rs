@@ -1,11 +1,11 @@
-//! What an import did, for people and for machines.
+//! The report of an import, for people and for programs.
 
 use super::{ImportPlan, ImportProgress, listed};
 use crate::align::Alignment;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What an import did; `import.json`.
+/// Report of an import, written as `import.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImportReport {
     /// Folder of the model.
@@ -20,7 +20,7 @@ pub struct ImportReport {
     pub points: PointReport,
     /// Datasets.
     pub conditions: Vec<ConditionReport>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -59,18 +59,18 @@ pub struct ConditionReport {
     pub name: Option<String>,
     /// Views written.
     pub registered: Vec<String>,
-    /// Images that the model has no pose of.
+    /// Images without a pose in the model.
     pub unregistered: Vec<String>,
     /// Images of the model that have no file.
     pub missing: Vec<String>,
-    /// Pixels that a lens did not show, in all views.
+    /// Pixels outside of a lens's image, in all views.
     pub num_unknown_pixels: u64,
-    /// Pixels of negative light, which became 0.
+    /// Pixels of negative radiance, clamped to 0.
     pub num_negative_pixels: u64,
 }
 
 impl ImportReport {
-    /// Tells warnings and keeps them.
+    /// Reports warnings and keeps them.
     pub(super) fn warn(
         &mut self,
         warnings: &mut Vec<String>,
@@ -137,7 +137,7 @@ pub(super) fn begin(plan: &ImportPlan, num_kept: usize) -> ImportReport {
     }
 }
 
-/// What only the images told, and who is not there.
+/// Warnings that follow from the images read, and from cameras without views.
 pub(super) fn late_warnings(report: &ImportReport) -> Vec<String> {
     let mut warnings = Vec::new();
     for condition in &report.conditions {
@@ -166,7 +166,7 @@ pub(super) fn late_warnings(report: &ImportReport) -> Vec<String> {
         if condition.num_unknown_pixels > 0 {
             let num = condition.num_unknown_pixels;
             warnings.push(format!(
-                "{of}{num} pixels are beyond what the lens shows: Valid-exr/ says which, and training leaves them out"
+                "{of}{num} pixels are outside of the lens's image: Valid-exr/ marks them, and training leaves them out"
             ));
         }
     }

@@ -142,14 +142,20 @@ fn images_are_undistorted_whatever_their_size() {
         for y in 1..camera.height - 1 {
             for x in 1..camera.width - 1 {
                 let [u, v, one] = view.radiance.get(x, y);
-                let wanted = [
+                let expected = [
                     1.0 + (f64::from(x) + 0.5 - camera.cx) / camera.fx,
                     1.0 + (f64::from(y) + 0.5 - camera.cy) / camera.fy,
                 ];
                 // A nearly linear picture through Catmull-Rom: curvature of 0.3 over pixels of
                 // 1/30.
-                assert!((f64::from(u) - wanted[0]).abs() < 2e-3, "{u} {wanted:?}");
-                assert!((f64::from(v) - wanted[1]).abs() < 2e-3, "{v} {wanted:?}");
+                assert!(
+                    (f64::from(u) - expected[0]).abs() < 2e-3,
+                    "{u} {expected:?}"
+                );
+                assert!(
+                    (f64::from(v) - expected[1]).abs() < 2e-3,
+                    "{v} {expected:?}"
+                );
                 assert!((one - 1.0).abs() < 1e-6);
             }
         }

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
-/// How far the shape of an image may be from that of its camera: sizes are rounded to whole pixels.
+/// Tolerance between the aspect ratios of an image and its camera: sizes are rounded to whole
+/// pixels.
 const MAX_ASPECT_ERROR: f64 = 0.01;
 
 /// A view to be written.
@@ -98,7 +99,7 @@ pub(super) fn names(path: &Path, model: &Model) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Finds photographs; collects what is wrong with them.
+/// Finds photographs and collects their problems.
 pub(super) struct Finder<'a> {
     pub(super) model: &'a Model,
     pub(super) names: &'a [String],
@@ -178,7 +179,7 @@ impl Finder<'_> {
     }
 
     /// # Errors
-    /// Everything that was wrong, in one line.
+    /// All problems, in one line.
     pub(super) fn finish(&self, root: &Path) -> Result<()> {
         const MAX_SHOWN: usize = 5;
         if self.problems.is_empty() {
@@ -246,14 +247,14 @@ impl Finder<'_> {
     }
 }
 
-/// What writing images found.
+/// Counts gathered while writing images.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) num_unknown: u64,
     pub(super) num_negative: u64,
 }
 
-/// Images of a condition on their way into its dataset.
+/// Writer of a condition's images.
 pub(super) struct Job<'a> {
     pub(super) writer: DatasetWriter,
     pub(super) condition: Option<&'a str>,
@@ -334,8 +335,8 @@ fn write_one(writer: &DatasetWriter, photograph: &Photograph) -> Result<Outcome>
     })
 }
 
-/// Takes negative light, noise about a black level, to 0 and counts its pixels; light that is not
-/// finite is an error.
+/// Clamps negative radiance, noise about a black level, to 0 and counts its pixels; values that are
+/// not finite are an error.
 fn clean(path: &Path, image: &mut Image<3>) -> Result<u64> {
     let width = image.width() as usize;
     let mut num_negative = 0;

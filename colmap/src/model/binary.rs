@@ -124,7 +124,7 @@ impl<R: BufRead> Source for BinarySource<'_, R> {
     fn model(&mut self) -> Result<LensModel> {
         let id = self.bytes("the camera model").map(i32::from_le_bytes)?;
         LensModel::from_id(id)
-            .ok_or_else(|| self.error(format!("{id} is no camera model of COLMAP")))
+            .ok_or_else(|| self.error(format!("{id} is not a camera model of COLMAP")))
     }
 
     fn sensor_type(&mut self) -> Result<SensorType> {
@@ -133,7 +133,7 @@ impl<R: BufRead> Source for BinarySource<'_, R> {
             .into_iter()
             .find(|(kind, _)| *kind as i32 == id)
             .map(|(kind, _)| kind)
-            .ok_or_else(|| self.error(format!("{id} is no sensor type")))
+            .ok_or_else(|| self.error(format!("{id} is not a sensor type")))
     }
 
     fn name(&mut self) -> Result<String> {
@@ -150,7 +150,7 @@ impl<R: BufRead> Source for BinarySource<'_, R> {
             }
         }
         String::from_utf8(name)
-            .map_err(|error| self.error(format!("the name of an image is no UTF-8: {error}")))
+            .map_err(|error| self.error(format!("the name of an image is not UTF-8: {error}")))
     }
 
     fn point_or_none(&mut self) -> Result<Option<u64>> {

@@ -1,4 +1,4 @@
-//! What the two forms of a file have in common: records of named fields, one after the other.
+//! Common interface of the two forms of a file: records of named fields, one after the other.
 //!
 //! The records themselves are described once, in `records`; `binary` and `text` say how a field is
 //! read and written.
@@ -7,7 +7,7 @@ use super::SensorType;
 use crate::error::{ColmapError, Result};
 use eagpt_scene::lens::LensModel;
 
-/// What writing a field may end in: the system's refusal.
+/// Result of writing a field.
 pub(super) type Written = eagpt_scene::Result<()>;
 
 /// A file to read fields from.
@@ -15,7 +15,7 @@ pub(super) trait Source {
     /// Goes to the next record; false at the end. `min_bytes` is the least that a record takes in
     /// the binary form.
     fn next_record(&mut self, min_bytes: u64) -> Result<bool>;
-    /// How many records there are at most; for reserving memory.
+    /// Upper bound of the number of records, for reserving memory.
     fn num_records_hint(&self) -> usize;
     /// Ends a record: everything on its line has to be read.
     fn end_record(&mut self) -> Result<()>;

@@ -1,4 +1,4 @@
-//! Reading a model: its files, then whether they fit each other.
+//! Reading a model: its files, then their consistency.
 
 use super::binary::BinarySource;
 use super::fields::Source;
@@ -42,11 +42,10 @@ pub(super) fn read(dir: &Path, observations: Observations) -> Result<Model> {
     Ok(model)
 }
 
-/// Reads one file of a model from bytes: for who has them in memory, and for tests that damage
-/// them.
+/// Reads one file of a model from bytes in memory, as tests of damaged files do.
 ///
 /// # Errors
-/// As [`Model::read`], but what refers to other files is not looked up.
+/// As [`Model::read`], but references to other files are not checked.
 pub fn read_part(part: Part, form: Form, path: &Path, bytes: &[u8]) -> Result<Model> {
     let mut model = Model::default();
     let input = Input {
@@ -120,7 +119,7 @@ fn records<T: Record>(mut source: impl Source, observations: Observations) -> Re
     Ok(list)
 }
 
-/// Whether the files fit each other.
+/// Checks references between the files.
 fn check(dir: &Path, form: Form, model: &Model) -> Result<()> {
     let invalid =
         |part: Part, problem: String| Err(ColmapError::invalid(&part.path(dir, form), problem));

@@ -11,7 +11,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 /// Quaternions shorter than this have no direction.
 const MIN_QUATERNION: f64 = 1e-6;
-/// Quaternions nearer than this to unit length stay as they are: a model that is read and written
+/// Quaternions nearer than this to unit length are not normalised: a model that is read and written
 /// keeps its bits.
 const QUATERNION_TOLERANCE: f64 = 1e-12;
 /// Bytes of a pose: a quaternion and a translation.
@@ -30,7 +30,7 @@ impl SensorType {
 pub(super) trait Record: Sized {
     /// Its first field, which no other record may share.
     type Id: Copy + Eq + std::hash::Hash + std::fmt::Display;
-    /// What messages call it.
+    /// Name in error messages.
     const NAME: &'static str;
     /// Comment in text files.
     const HEADER: &'static str;

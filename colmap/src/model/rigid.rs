@@ -18,7 +18,7 @@ impl Rigid {
         self.rotation * point + self.translation
     }
 
-    /// The other way round.
+    /// The inverse transform.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
         Self {
@@ -35,8 +35,7 @@ impl Rigid {
         }
     }
 
-    /// Where the origin of the target lies in the source: for a camera from world, the camera's
-    /// centre.
+    /// The origin of the target in the source: for a camera from world, the camera's centre.
     pub fn centre(&self) -> DVec3 {
         self.inverse().translation
     }
@@ -59,7 +58,7 @@ fn w_first<S: serde::Serializer>(rotation: &DQuat, serializer: S) -> Result<S::O
 }
 
 impl Similarity {
-    /// Changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self {
         scale: 1.0,
         rotation: DQuat::IDENTITY,

@@ -1,4 +1,4 @@
-//! Models in both forms: round trips, and files that lie.
+//! Models in both forms: round trips, and corrupt files.
 
 use super::records::Record;
 use super::write::to_bytes;
@@ -227,7 +227,11 @@ fn lies_are_told_with_their_place() {
     );
     let mut bytes = to_bytes(Form::Binary, &model.cameras);
     bytes[12..16].copy_from_slice(&99_i32.to_le_bytes());
-    bin(Part::Cameras, &bytes, &["byte 16", "99 is no camera model"]);
+    bin(
+        Part::Cameras,
+        &bytes,
+        &["byte 16", "99 is not a camera model"],
+    );
     let pose = [1.0_f64, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0].map(f64::to_le_bytes);
     let start = [
         &1_u64.to_le_bytes()[..],
@@ -296,7 +300,7 @@ fn part_bytes(model: &Model, part: Part, form: Form) -> Vec<u8> {
     }
 }
 
-/// Reads `num` damaged copies of every file. Whatever comes is a model or an error of one line.
+/// Reads `num` damaged copies of every file. The result is a model or an error of one line.
 fn damage(num: u32, seed: u64) {
     let model = small_model();
     let key = RandomKey::new(seed, Purpose::Initialise, 0);

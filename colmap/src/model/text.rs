@@ -15,7 +15,7 @@ pub(super) struct TextSource<'a, R> {
     reader: R,
     line: Vec<u8>,
     line_number: u64,
-    /// Where in the line the next field is looked for.
+    /// Position in the line of the next field.
     at: usize,
 }
 
@@ -59,7 +59,7 @@ impl<'a, R: BufRead> TextSource<'a, R> {
         let Some(token) = self.token() else {
             return Err(missing);
         };
-        // What is no UTF-8 is no number either.
+        // Bytes that are not UTF-8 are not a number either.
         Ok(std::str::from_utf8(token).unwrap_or("\u{fffd}"))
     }
 
@@ -138,7 +138,10 @@ impl<R: BufRead> Source for TextSource<'_, R> {
     fn model(&mut self) -> Result<LensModel> {
         let name = self.text("the camera model")?.to_owned();
         name.parse().map_err(|_: String| {
-            self.error(format!("`{}` is no camera model of COLMAP", excerpt(&name)))
+            self.error(format!(
+                "`{}` is not a camera model of COLMAP",
+                excerpt(&name)
+            ))
         })
     }
 
@@ -148,7 +151,7 @@ impl<R: BufRead> Source for TextSource<'_, R> {
             .into_iter()
             .find(|(_, own)| *own == name)
             .map(|(kind, _)| kind)
-            .ok_or_else(|| self.error(format!("`{}` is no sensor type", excerpt(&name))))
+            .ok_or_else(|| self.error(format!("`{}` is not a sensor type", excerpt(&name))))
     }
 
     fn name(&mut self) -> Result<String> {
@@ -157,7 +160,7 @@ impl<R: BufRead> Source for TextSource<'_, R> {
             Ok("") => return Err(self.error("the name of an image is missing".to_owned())),
             Ok(name) => name.to_owned(),
             Err(error) => {
-                return Err(self.error(format!("the name of an image is no UTF-8: {error}")));
+                return Err(self.error(format!("the name of an image is not UTF-8: {error}")));
             }
         };
         self.at = self.line.len();
@@ -209,7 +212,7 @@ impl<R: BufRead> Source for TextSource<'_, R> {
     }
 }
 
-/// Writes a text file; numbers with as many digits as it takes to read the same back.
+/// Writes a text file; numbers with enough digits to read the same value back.
 pub(super) struct TextSink<'a, W> {
     pub(super) path: &'a Path,
     pub(super) writer: W,

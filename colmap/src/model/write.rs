@@ -26,7 +26,7 @@ pub(super) fn write(model: &Model, dir: &Path, form: Form) -> Result<()> {
     }
     match &model.frames {
         Some(frames) => write_part(&path(Part::Frames), form, frames)?,
-        // Poses of another world would be taken for this one's.
+        // Stale poses of another world would be taken for this one's.
         None => files::remove_if_there(&path(Part::Frames))?,
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! What COLMAP's log says of how far it is.
+//! Progress parsed from COLMAP's log.
 
 use super::Done;
 
@@ -19,8 +19,7 @@ impl Step {
         }
     }
 
-    /// How far a line says that the step is; versions before 3.9 have no prefix, later ones that of
-    /// glog.
+    /// Progress stated by a line; versions before 3.9 have no prefix, later ones that of glog.
     pub(super) fn done(self, line: &str) -> Option<Done> {
         let after = |marker: &str| line.split_once(marker).map(|(_, rest)| rest);
         match self {

@@ -1,4 +1,4 @@
-//! The program `colmap`: what it takes, and running it.
+//! The program `colmap`: its options, and running it.
 
 use super::log::{self, Step};
 use super::{Done, RunProgress};
@@ -47,7 +47,7 @@ impl Program {
     fn command(&self) -> Command {
         let mut command = Command::new(&self.path);
         command.stdin(Stdio::null());
-        // Its widgets are linked in, and ask for a display where nothing is shown.
+        // COLMAP's widgets ask for a display even where nothing is shown.
         command.env("QT_QPA_PLATFORM", "offscreen");
         command
     }
@@ -63,7 +63,7 @@ impl Program {
         })
     }
 
-    /// What a short call says.
+    /// Output of a short call.
     fn output(&self, arguments: &[&str]) -> Result<String> {
         let output = self
             .command()
@@ -92,7 +92,7 @@ impl Program {
     /// Runs a call to its end. Its lines go to the log and to `progress`.
     ///
     /// # Errors
-    /// If it fails, with the last it said.
+    /// If it fails, with the end of its output.
     pub(super) fn run(
         &self,
         step: Step,
@@ -134,7 +134,7 @@ impl Program {
             }
             drop(sender);
             let mut written = Ok(());
-            // Lines are read to the end whatever happens: a full pipe would stop the program.
+            // Lines are read to the end even after an error: a full pipe would block the program.
             for text in lines {
                 if written.is_ok() {
                     written = writeln!(log, "{text}");
@@ -176,7 +176,7 @@ fn send_lines(pipe: impl Read, sender: &mpsc::Sender<String>) {
     loop {
         line.clear();
         match reader.read_until(b'\n', &mut line) {
-            // A pipe that breaks has ended.
+            // A broken pipe counts as ended.
             Ok(0) | Err(_) => return,
             Ok(_) => {}
         }
@@ -188,12 +188,12 @@ fn send_lines(pipe: impl Read, sender: &mpsc::Sender<String>) {
 }
 
 impl Call {
-    /// Adds an option under the first of its names that the command takes.
+    /// Adds an option under the first of its names that the command accepts.
     ///
     /// # Errors
-    /// If it takes none of them.
-    pub(super) fn needed(&mut self, names: &[&str], value: &str) -> Result<()> {
-        if self.wanted(names, value) {
+    /// If it accepts none of them.
+    pub(super) fn required(&mut self, names: &[&str], value: &str) -> Result<()> {
+        if self.optional(names, value) {
             return Ok(());
         }
         Err(ColmapError::Program(format!(
@@ -203,8 +203,8 @@ impl Call {
         )))
     }
 
-    /// As [`Self::needed`] for what may be left out; returns whether it is in.
-    pub(super) fn wanted(&mut self, names: &[&str], value: &str) -> bool {
+    /// As [`Self::required`] for optional settings; returns whether it was added.
+    pub(super) fn optional(&mut self, names: &[&str], value: &str) -> bool {
         let Some(name) = names.iter().find(|name| self.known.contains(**name)) else {
             return false;
         };
@@ -214,15 +214,15 @@ impl Call {
     }
 
     pub(super) fn flag(&mut self, names: &[&str], value: bool) {
-        self.wanted(names, if value { "1" } else { "0" });
+        self.optional(names, if value { "1" } else { "0" });
     }
 
     /// # Errors
-    /// As [`Self::needed`], or for a path that is no UTF-8.
+    /// As [`Self::required`], or for a path that is not UTF-8.
     pub(super) fn path(&mut self, names: &[&str], path: &Path) -> Result<()> {
         let text = path
             .to_str()
             .ok_or_else(|| ColmapError::invalid(path, "a path that COLMAP cannot be told"))?;
-        self.needed(names, text)
+        self.required(names, text)
     }
 }

@@ -1,4 +1,4 @@
-//! Where the cameras of a dataset are, and what they are.
+//! Checks of poses, intrinsics and points.
 
 use super::images::median;
 use super::report::{CameraReport, IntrinsicsReport, PointsReport};
@@ -8,7 +8,7 @@ use eagpt_scene::{Camera, Dataset};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Most points that are looked at one by one.
+/// Most points that are checked.
 const MAX_POINTS: usize = 10_000;
 /// Cosine of the angle between viewing directions below which cameras at one place are different
 /// views.

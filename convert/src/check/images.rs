@@ -1,4 +1,4 @@
-//! What the images of a view hold.
+//! Checks of the images of one view.
 
 use super::report::{Kind, ValueRange, ViewCheck};
 use crate::error::Problem;
@@ -8,14 +8,14 @@ use eagpt_scene::{Frame, Image, Result, exr};
 use glam::Vec3;
 use std::path::Path;
 
-/// How far masks may leave 0 to 1: half precision and resampling overshoot this much.
+/// Tolerance of masks beyond 0 to 1: half precision and resampling overshoot this much.
 const MASK_TOLERANCE: f32 = 1e-3;
 /// Normals shorter than this are unknown.
 const MIN_NORMAL_LENGTH: f32 = 1e-3;
-/// How far known normals may be from unit length before it is told.
+/// Tolerance of the length of known normals before a warning.
 const MAX_LENGTH_ERROR: f32 = 0.05;
 
-/// What was seen of a view: its numbers, its ranges by kind, what is broken.
+/// Findings about one view: statistics, value ranges by kind, errors.
 pub(super) struct Looked {
     pub(super) view: ViewCheck,
     pub(super) ranges: Vec<(Kind, ValueRange)>,
@@ -24,8 +24,7 @@ pub(super) struct Looked {
     pub(super) depth_over_points: Option<f64>,
 }
 
-/// Reads all images of a view, whatever is wrong with some of them. `points` is a sample of the
-/// cloud.
+/// Checks all images of a view, even if some are bad. `points` is a sample of the cloud.
 pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
     let mut looked = Looked {
         view: ViewCheck {
@@ -101,21 +100,21 @@ impl Looked {
             }
         };
         self.ranges.push((kind, ValueRange::of(image.values())));
-        let wanted = (frame.camera.width, frame.camera.height);
-        if image.size() == wanted {
+        let expected = (frame.camera.width, frame.camera.height);
+        if image.size() == expected {
             return Some(image);
         }
         let (width, height) = image.size();
         self.problem(format!(
             "{}: size: {width}x{height}, but the radiance is {}x{}",
             path.display(),
-            wanted.0,
-            wanted.1
+            expected.0,
+            expected.1
         ));
         None
     }
 
-    /// Notes pixels with a channel that `is_bad`, all of them in one line.
+    /// Reports the pixels with a channel that `is_bad`, in one line.
     fn refuse<const C: usize>(
         &mut self,
         path: &Path,
@@ -207,7 +206,8 @@ fn share(values: &[f32], is: impl Fn(f32) -> bool) -> f64 {
     num as f64 / values.len().max(1) as f64
 }
 
-/// How depths compare with those of points in the picture; occluded points make it smaller than 1.
+/// Median ratio of depths to those of points in the picture; occluded points make it smaller than
+/// 1.
 fn depth_over_points(depth: &Image<1>, frame: &Frame, points: &[Vec3]) -> Option<f64> {
     let ratios = points.iter().filter_map(|point| {
         let at = frame.camera.project(*point);
@@ -221,7 +221,7 @@ fn depth_over_points(depth: &Image<1>, frame: &Frame, points: &[Vec3]) -> Option
     median(ratios.collect())
 }
 
-/// The median; `None` of nothing.
+/// The median; `None` if empty.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied()

@@ -1,4 +1,4 @@
-//! The findings about a dataset, for machines and as text.
+//! The findings about a dataset, for programs and as text.
 
 use crate::error::Problem;
 use eagpt_scene::dataset::{SplitRule, UpAxis};
@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Names listed of what is missing.
+/// Most missing names that are listed.
 const MAX_LISTED: usize = 6;
 
 /// A kind of image.
@@ -29,7 +29,7 @@ pub enum Kind {
     Valid,
 }
 
-/// All that was found.
+/// Report of all views.
 #[derive(Debug, Clone, Serialize)]
 pub struct CheckReport {
     /// The file of cameras.
@@ -55,9 +55,9 @@ pub struct CheckReport {
     pub splits: Vec<SplitReport>,
     /// Views.
     pub views: Vec<ViewCheck>,
-    /// What is broken, by view.
+    /// Errors, by view.
     pub problems: Vec<Problem>,
-    /// What to look at.
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
@@ -170,7 +170,7 @@ pub struct PointsReport {
     pub low: [f32; 3],
     /// Upper corner.
     pub high: [f32; 3],
-    /// Share, of an even sample, that lies in the picture of some view.
+    /// Share, of an even sample, that projects into some view.
     pub share_in_view: f64,
 }
 
@@ -185,9 +185,9 @@ pub struct SplitReport {
     pub num_test: usize,
     /// Test views that are trained on.
     pub num_shared: usize,
-    /// Why the rule cannot be followed, if it cannot.
+    /// The reason why the rule cannot be applied, if it cannot.
     pub problem: Option<String>,
-    /// What a reader of results has to know.
+    /// Warnings for readers of results.
     pub warnings: Vec<String>,
 }
 
@@ -225,7 +225,7 @@ pub struct ViewCheck {
 }
 
 impl CheckReport {
-    /// Whether nothing is broken.
+    /// Whether there are no errors.
     pub fn is_sound(&self) -> bool {
         self.problems.is_empty()
     }
@@ -286,7 +286,7 @@ impl CheckReport {
             writeln!(out, "  broken: {view}: {problem}")?;
         }
         let verdict = match self.problems.len() {
-            0 => "nothing is broken".to_owned(),
+            0 => "no errors".to_owned(),
             num => format!("{num} problems"),
         };
         writeln!(out, "\n  {verdict}, {} warnings", self.warnings.len())

@@ -12,7 +12,7 @@ use eagpt_scene::{Camera, Dataset, Lens, SceneError};
 use glam::DQuat;
 use std::path::{Path, PathBuf};
 
-/// Where programs look for the model.
+/// Folder in which programs expect the model.
 const MODEL_DIR: &str = "sparse/0";
 
 pub(super) fn model_files() -> Vec<PathBuf> {
@@ -31,7 +31,7 @@ fn model(dataset: &Dataset, points: Option<&PointCloud>) -> Result<Model> {
         let lens = lens(&frame.camera).map_err(|problem| {
             SceneError::invalid(dataset.transforms(), frame.name.as_str(), problem)
         })?;
-        // Few lenses take many pictures.
+        // Many pictures share few lenses.
         let camera = match model.cameras.iter().find(|camera| camera.lens == lens) {
             Some(camera) => camera.id,
             None => {

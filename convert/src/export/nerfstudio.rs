@@ -1,8 +1,8 @@
 //! nerfstudio's `transforms.json`.
 //!
 //! `applied_transform` is the identity: the world of the file is that of the dataset. It is written
-//! because nerfstudio assumes another one where a COLMAP model lies beside. `up_axis` and the like
-//! are ours; other programs pass over them.
+//! because nerfstudio assumes another one beside a COLMAP model. `up_axis` and similar keys are
+//! ours; other programs ignore them.
 
 use super::IMAGES_DIR;
 use crate::error::{ConvertError, Result};
@@ -37,7 +37,7 @@ pub(super) fn write(dataset: &Dataset, points: Option<&PointCloud>, out: &Path) 
     if let Some(axis) = info.up_axis {
         top.insert("up_axis".to_owned(), json!(axis.name()));
         if axis != UpAxis::Z {
-            // Otherwise nerfstudio would take z for up where it is told not to look for itself.
+            // Otherwise nerfstudio would take z for up when told not to estimate it.
             top.insert("orientation_override".to_owned(), json!("up"));
         }
     }

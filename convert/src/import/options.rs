@@ -1,4 +1,4 @@
-//! What decides how a source becomes a dataset.
+//! Options of an import.
 
 use crate::error::{ConvertError, Result};
 use crate::world::World;
@@ -7,7 +7,7 @@ use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::{MAX_SIZE, UndistortOptions};
 use serde::{Deserialize, Serialize};
 
-/// What becomes of PNG and JPEG photographs.
+/// Treatment of PNG and JPEG photographs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ldr {
@@ -18,7 +18,7 @@ pub enum Ldr {
     Srgb,
 }
 
-/// What becomes of frames that cannot be used.
+/// Treatment of frames that cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BadFrames {
@@ -39,11 +39,11 @@ pub struct ImportOptions {
     pub bad_frames: BadFrames,
     /// The world of the dataset.
     pub world: World,
-    /// The source's up axis, where its format says something else or nothing.
+    /// The source's up axis, overriding its format.
     pub up_axis: Option<UpAxis>,
-    /// Length of a scene unit in metres, where the format does not tell; above 0.
+    /// Length of a scene unit in metres, where the format lacks it; above 0.
     pub metres_per_unit: Option<f64>,
-    /// How pinhole cameras are chosen for lenses that distort.
+    /// Choice of pinhole cameras for lenses with distortion.
     pub undistort: UndistortOptions,
     /// Longest edge of the images, pixels: larger ones are shrunk.
     pub max_edge: Option<u32>,

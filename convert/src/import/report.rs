@@ -1,4 +1,4 @@
-//! What an import has found out and decided, as `import.json`.
+//! The report of an import, written as `import.json`.
 
 use super::ImportOptions;
 use crate::color::ColorTransform;
@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 
 /// Its file, in the dataset's folder.
 pub const REPORT_FILE: &str = "import.json";
-/// Share of negative pixels in a view from which on it is warned of.
+/// Share of negative pixels in a view above which a warning is given.
 const MAX_NEGATIVE: f64 = 0.01;
 
-/// All that an import has found out and decided.
+/// Report of an import.
 #[derive(Debug, Clone, Serialize)]
 pub struct ImportReport {
     /// The source's folder.
@@ -27,7 +27,7 @@ pub struct ImportReport {
     pub source_up_axis: Option<UpAxis>,
     /// Rows of the rotation from the source's world into the dataset's.
     pub world_from_source: [[f64; 3]; 3],
-    /// What colours went through.
+    /// Colour transform that was applied.
     pub color: ColorTransform,
     /// Rows of the matrix from the source's values to linear Rec.709.
     pub rec709_from_source: [[f64; 3]; 3],
@@ -41,9 +41,9 @@ pub struct ImportReport {
     pub views: Vec<ViewReport>,
     /// Frames that were left out.
     pub left_out: Vec<Problem>,
-    /// What was found out and decided.
+    /// Findings and decisions.
     pub notes: Vec<String>,
-    /// What a reader of the dataset has to know.
+    /// Warnings about the dataset.
     pub warnings: Vec<String>,
 }
 
@@ -107,7 +107,7 @@ impl ImportReport {
         }
     }
 
-    /// What the views say together.
+    /// Adds warnings that follow from all views together.
     pub(super) fn warn_of_views(&mut self) {
         let is_negative =
             |v: &&ViewReport| v.num_negative as f64 > MAX_NEGATIVE * v.num_pixels as f64;

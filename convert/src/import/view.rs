@@ -1,4 +1,4 @@
-//! The images of one frame: read, turned into ours, resampled.
+//! The images of one frame: read, converted, resampled.
 
 use super::report::ViewReport;
 use crate::error::{ConvertError, Result};
@@ -10,17 +10,16 @@ use eagpt_scene::{Camera, Image, View, exr};
 use glam::{DMat3, DVec3, Vec3};
 use std::path::Path;
 
-/// Vectors shorter than this after resampling are taken as unknown: a mean of normals that point
-/// every way.
+/// Vectors shorter than this after resampling are taken as unknown: a mean of opposing normals.
 const MIN_NORMAL_LENGTH: f32 = 0.1;
 
-/// What remains of a view when its images are written.
+/// Bookkeeping of a view whose images have been written.
 pub(super) struct Imported {
     pub(super) camera: Camera,
     pub(super) report: ViewReport,
 }
 
-/// The view, and what to remember of it.
+/// Converts and writes the images of a frame.
 pub(super) fn convert(
     frame: &SourceFrame,
     undistortion: &Undistortion,
@@ -28,9 +27,9 @@ pub(super) fn convert(
     new_from_source: DMat3,
 ) -> Result<(View, Imported)> {
     let files = &frame.files;
-    let wanted = frame.lens.size();
+    let expected = frame.lens.size();
     let mut light = pictures::read_light(&files.radiance)?;
-    check(&files.radiance, &light.radiance, wanted)?;
+    check(&files.radiance, &light.radiance, expected)?;
     let num_negative = to_rec709(&mut light.radiance, color);
     let resample = |path: &Path, problem: String| ConvertError::invalid(path, "size", problem);
     let remapped = undistortion
@@ -38,13 +37,13 @@ pub(super) fn convert(
         .map_err(|problem| resample(&files.radiance, problem))?;
 
     let single = |path: &Path, image: Image<1>| -> Result<Image<1>> {
-        check(path, &image, wanted)?;
+        check(path, &image, expected)?;
         let picked = undistortion.apply_nearest(&image);
         picked.map_err(|problem| resample(path, problem))
     };
     let colour = |path: &Path| -> Result<Image<3>> {
         let image = exr::read_rgb(path)?;
-        check(path, &image, wanted)?;
+        check(path, &image, expected)?;
         let smooth = undistortion.apply(&image);
         Ok(smooth.map_err(|problem| resample(path, problem))?.image)
     };
@@ -52,9 +51,9 @@ pub(super) fn convert(
         None => None,
         Some(Emission::Mask(path)) => Some(single(path, pictures::read_mask(path)?)?),
         Some(Emission::Radiance(path)) => {
-            let shines =
+            let emitting =
                 exr::read_rgb(path)?.map(|rgb| [f32::from(u8::from(rgb.iter().any(|v| *v > 0.0)))]);
-            Some(single(path, shines)?)
+            Some(single(path, emitting)?)
         }
     };
     let alpha = match (&files.alpha, light.alpha) {
@@ -66,9 +65,9 @@ pub(super) fn convert(
         None => None,
         Some(depth) => {
             let stored = pictures::read_depth(&depth.path)?;
-            check_size(&depth.path, stored.size(), wanted)?;
+            check_size(&depth.path, stored.size(), expected)?;
             let unit = depth.unit as f32;
-            // NaN and negative depths are how some writers say that they do not know.
+            // Some writers use NaN and negative depths for unknown.
             let scaled = stored.map(|[d]| [if *d > 0.0 { d * unit } else { 0.0 }]);
             let picked = undistortion.apply_nearest(&scaled);
             Some(picked.map_err(|problem| resample(&depth.path, problem))?)
@@ -111,7 +110,7 @@ pub(super) fn convert(
     Ok((view, Imported { camera, report }))
 }
 
-/// The mask to write: none if all is known and nobody has said otherwise.
+/// The mask to write: none if all pixels are known and the source has no mask.
 fn known(remapped: Image<1>, source: Option<Image<1>>, num_unknown: usize) -> Option<Image<1>> {
     match source {
         None => (num_unknown > 0).then_some(remapped),
@@ -124,8 +123,8 @@ fn known(remapped: Image<1>, source: Option<Image<1>>, num_unknown: usize) -> Op
     }
 }
 
-/// Light into linear Rec.709 by a matrix, if it is not; negative values become 0. The number of
-/// pixels that had one.
+/// Converts radiance to linear Rec.709 by a matrix, if needed; negative values become 0. Returns
+/// the number of pixels that had one.
 fn to_rec709(image: &mut Image<3>, matrix: Option<&DMat3>) -> usize {
     let mut num_negative = 0;
     for pixel in image.pixels_mut() {
@@ -155,9 +154,9 @@ fn turn_normals(mut normals: Image<3>, new_from_old: DMat3) -> Image<3> {
     normals
 }
 
-/// The size that the cameras were read for, and finite values.
-fn check<const C: usize>(path: &Path, image: &Image<C>, wanted: (u32, u32)) -> Result<()> {
-    check_size(path, image.size(), wanted)?;
+/// Checks the size of an image and that its values are finite.
+fn check<const C: usize>(path: &Path, image: &Image<C>, expected: (u32, u32)) -> Result<()> {
+    check_size(path, image.size(), expected)?;
     let is_bad = |pixel: &[f32; C]| pixel.iter().any(|value| !value.is_finite());
     let Some(first) = image.pixels().iter().position(is_bad) else {
         return Ok(());
@@ -173,13 +172,13 @@ fn check<const C: usize>(path: &Path, image: &Image<C>, wanted: (u32, u32)) -> R
     Err(ConvertError::invalid(path, field, problem))
 }
 
-fn check_size(path: &Path, size: (u32, u32), wanted: (u32, u32)) -> Result<()> {
-    if size == wanted {
+fn check_size(path: &Path, size: (u32, u32), expected: (u32, u32)) -> Result<()> {
+    if size == expected {
         return Ok(());
     }
     let problem = format!(
         "{}x{}, but the photograph is {}x{}",
-        size.0, size.1, wanted.0, wanted.1
+        size.0, size.1, expected.0, expected.1
     );
     Err(ConvertError::invalid(path, "size", problem))
 }

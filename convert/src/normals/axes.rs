@@ -1,4 +1,4 @@
-//! Axes of normal maps: how a stored vector is read, and which reading fits.
+//! Axes of normal maps: interpretation of a stored vector, and the best one.
 
 use super::Space;
 use glam::{DMat3, DVec3};
@@ -37,8 +37,8 @@ impl Axes {
         DMat3::from_cols(x, y, z).transpose()
     }
 
-    /// The readings to be told apart: in camera space any signs, for estimators disagree about
-    /// each; in the world any rotation that exchanges axes, for worlds are turned but not mirrored.
+    /// The candidate readings: in camera space any signs, as estimators disagree about each; in the
+    /// world any rotation that permutes axes, as worlds are rotated but not mirrored.
     pub(super) fn candidates(space: Space) -> Vec<Self> {
         let orders: &[[usize; 3]] = match space {
             Space::Camera => &[[0, 1, 2]],

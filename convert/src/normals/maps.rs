@@ -1,4 +1,4 @@
-//! Normal maps on disk: which belong to which view, and what their values mean.
+//! Normal maps on disk: their views and the encoding of their values.
 
 use super::Encoding;
 use crate::error::{ConvertError, Result};
@@ -16,7 +16,7 @@ const MIN_LENGTH: f32 = 0.1;
 /// Means of unit vectors shorter than this after resizing lie across an edge; nothing is known
 /// there.
 const MIN_MEAN_LENGTH: f32 = 0.5;
-/// Values below this are negative on purpose, not by rounding.
+/// Values below this count as negative beyond rounding.
 const NEGATIVE: f32 = -0.01;
 
 /// For each view of a dataset its map, if there is one: `<view><suffix>.exr`, or `.png`.
@@ -34,7 +34,7 @@ pub(super) fn find(folder: &Path, dataset: &Dataset, suffix: &str) -> Result<Vec
         return Ok(maps);
     }
     let problem = format!(
-        "no map is called like a view: the {} views are called like `{}`, their maps `{}{suffix}.exr` or .png",
+        "no map is named like a view: the {} views are named like `{}`, their maps `{}{suffix}.exr` or .png",
         frames.len(),
         frames[0].name,
         frames[0].name
@@ -42,8 +42,8 @@ pub(super) fn find(folder: &Path, dataset: &Dataset, suffix: &str) -> Result<Vec
     Err(ConvertError::invalid(folder, "maps", problem))
 }
 
-/// What the values of a map are: signed ones are components; others are from 0 to 1 if that makes
-/// them unit vectors.
+/// Detects the encoding of a map: signed values are components; others are from 0 to 1 if that
+/// makes them unit vectors.
 pub(super) fn encoding(path: &Path, stored: &Image<3>) -> Encoding {
     if !is_exr(path) {
         return Encoding::ZeroToOne;
@@ -137,7 +137,7 @@ mod tests {
         assert_eq!(encoding(exr, &positive), Encoding::Unit);
         assert_eq!(encoding(exr, &packed), Encoding::ZeroToOne);
         assert_eq!(encoding(png, &packed), Encoding::ZeroToOne);
-        // Black in a packed map is no vector.
+        // Black in a packed map is not a vector.
         assert_eq!(decode(Vec3::ZERO, Encoding::ZeroToOne), Vec3::ZERO);
         assert_eq!(decode(2.0 * normal, Encoding::Unit), normal);
     }

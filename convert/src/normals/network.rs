@@ -1,8 +1,8 @@
-//! Normal maps by a network that the user has: any ONNX model of one picture in, vectors out.
+//! Normal maps by a network of the user: any ONNX model with one image in and vectors out.
 //!
-//! ONNX Runtime is loaded at run time and never downloaded. The network sees what a person would:
-//! linear light at an exposure that fits the view, cut at white, sRGB-encoded, less a mean, over a
-//! deviation. Its maps are written as they come out, to be read like those of any other estimator.
+//! ONNX Runtime is loaded at run time and never downloaded. The network gets display-referred
+//! input: linear light at the exposure of the view, clipped at white, sRGB-encoded, minus a mean,
+//! over a deviation. Its maps are written unchanged, to be read like those of any other estimator.
 
 use super::NormalProgress;
 use crate::error::{ConvertError, Result};
@@ -19,28 +19,28 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// The variable that says where the library is.
+/// Environment variable with the path of the library.
 pub const LIBRARY_VARIABLE: &str = "EAGPT_ONNXRUNTIME";
 /// Longest side of a network's picture, pixels.
 const MAX_SIDE: u32 = 8192;
 
-/// Which network, and what it wants to see.
+/// A network and its expected input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkOptions {
     /// The model.
     pub model: PathBuf,
-    /// The library of ONNX Runtime; absent: [`LIBRARY_VARIABLE`], else where the dynamic loader
-    /// looks.
+    /// The library of ONNX Runtime; absent: [`LIBRARY_VARIABLE`], else the dynamic loader's search
+    /// path.
     pub library: Option<PathBuf>,
-    /// Width and height of the network's picture; absent: what the model says, else the view's,
-    /// each rounded to a multiple of [`Self::multiple`].
+    /// Width and height of the network's picture; absent: that of the model, else the view's, each
+    /// rounded to a multiple of [`Self::multiple`].
     pub size: Option<[u32; 2]>,
     /// Sides of the picture are multiples of this, 1 to 1024.
     pub multiple: u32,
     /// Taken from sRGB values, by channel.
     pub mean: [f32; 3],
-    /// What the rest is divided by, by channel; each above 0.
+    /// Divisor after subtracting the mean, by channel; each above 0.
     pub deviation: [f32; 3],
 }
 
@@ -273,8 +273,7 @@ impl<'a> Network<'a> {
     }
 }
 
-/// The library to load: as it is named, as [`LIBRARY_VARIABLE`] says, or for the dynamic loader to
-/// find.
+/// The library to load: as named, from [`LIBRARY_VARIABLE`], or for the dynamic loader to find.
 fn library_file(named: Option<&Path>) -> PathBuf {
     use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
     let named = named.map(Path::to_owned);
@@ -282,17 +281,17 @@ fn library_file(named: Option<&Path>) -> PathBuf {
     named.unwrap_or_else(|| format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}").into())
 }
 
-/// Loads ONNX Runtime from where networks take it if they are told nothing else; returns the
-/// library's file, as the loader was asked for it.
+/// Loads ONNX Runtime from its default location; returns the library's file, as passed to the
+/// loader.
 ///
 /// # Errors
-/// Why it cannot be loaded, and how to name it.
+/// The reason why it cannot be loaded, and how to name it.
 pub fn find_runtime() -> std::result::Result<PathBuf, String> {
     let library = library_file(None);
     environment(&library).map(|_| library)
 }
 
-/// ONNX Runtime, of which a process has one: the library that was named first stays.
+/// The ONNX Runtime environment, one per process: the library named first is kept.
 fn environment(library: &Path) -> std::result::Result<Environment, String> {
     static LOADED: Mutex<Option<Environment>> = Mutex::new(None);
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -310,7 +309,7 @@ fn environment(library: &Path) -> std::result::Result<Environment, String> {
     Ok(environment)
 }
 
-/// What a network sees of a view: sRGB values, 0 to 1.
+/// Input of the network for a view: sRGB values, 0 to 1.
 fn picture(radiance: &Image<3>, size: (u32, u32)) -> Image<3> {
     let mut meter = ExposureMeter::default();
     meter.add(radiance);
@@ -399,7 +398,7 @@ mod tests {
         }
     }
 
-    /// `data/models.py` wrote the models: what goes in comes out, whatever the layout.
+    /// `data/models.py` wrote the models: the output equals the input in every layout.
     #[test]
     fn pictures_go_in_and_maps_come_out() {
         if std::env::var_os(LIBRARY_VARIABLE).is_none() {
@@ -423,13 +422,13 @@ mod tests {
         room::write(dir.path(), &options, |_| ()).unwrap();
         let dataset = Dataset::open(dir.path()).unwrap();
         let radiance = dataset.load_view(0).unwrap().radiance;
-        // Rounded to a multiple of 8; as the model has it; as it was asked for.
+        // Rounded to a multiple of 8; that of the model; that requested.
         let cases = [
             ("identity.onnx", None, (24, 16)),
             ("channels-last.onnx", None, (24, 16)),
             ("identity.onnx", Some([10, 6]), (10, 6)),
         ];
-        for (name, size, wanted) in cases {
+        for (name, size, expected) in cases {
             let options = NetworkOptions {
                 size,
                 multiple: 8,
@@ -440,7 +439,7 @@ mod tests {
             let out = dir.path().join("maps");
             run_network(&dataset, &options, &out, &mut |_| ()).unwrap();
             let map = exr::read_rgb(&out.join("000.exr")).unwrap();
-            let seen = picture(&radiance, wanted);
+            let seen = picture(&radiance, expected);
             let expected = seen.map(|[r, g, b]| [(r - 0.5) / 0.5, (g - 0.5) / 0.25, b - 0.5]);
             assert_eq!(map, expected, "{name}");
         }

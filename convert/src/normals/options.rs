@@ -1,4 +1,4 @@
-//! What normals are made of, and how maps are read.
+//! Options of normal maps.
 
 use super::Axes;
 use eagpt_scene::Dataset;
@@ -15,7 +15,7 @@ pub enum Space {
     World,
 }
 
-/// How a map stores components.
+/// Encoding of a map's components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Encoding {
@@ -25,7 +25,7 @@ pub enum Encoding {
     ZeroToOne,
 }
 
-/// How maps are read; what is absent is found out.
+/// Interpretation of maps; absent fields are detected.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct NormalOptions {
     /// Space of the vectors.
@@ -34,11 +34,11 @@ pub struct NormalOptions {
     pub axes: Option<Axes>,
     /// Their encoding.
     pub encoding: Option<Encoding>,
-    /// What follows the view's name in the name of a map, ahead of the extension.
+    /// Suffix of a map's file name, between the view's name and the extension.
     pub suffix: String,
 }
 
-/// What to make normals of.
+/// Request of [`crate::normals::make_normals`].
 #[derive(Debug, Clone)]
 pub struct NormalRequest<'a> {
     /// The dataset.
@@ -47,6 +47,6 @@ pub struct NormalRequest<'a> {
     pub maps: PathBuf,
     /// Where `Normal-exr/` and `normals/` go: the dataset's folder or another.
     pub out: PathBuf,
-    /// How maps are read.
+    /// Interpretation of the maps.
     pub options: NormalOptions,
 }

@@ -1,4 +1,4 @@
-//! What the depths or the points of a dataset say of normals, to hold maps against.
+//! Reference normals from the depths or the points of a dataset.
 
 use crate::surface::{normals_from_depth, normals_of_points};
 use eagpt_scene::ply::PointCloud;

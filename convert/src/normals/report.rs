@@ -1,51 +1,51 @@
-//! What the job tells, on its way and in the end.
+//! Progress messages and report of the job.
 
 use super::{Axes, Reference, Space};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What the job tells as it goes.
+/// Progress messages of the job.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum NormalProgress {
-    /// A network has looked at so many views.
+    /// The network is being run on views.
     Estimating {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// So many views were compared with the dataset.
+    /// Views are being compared with the dataset.
     Comparing {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// How maps are read.
+    /// Interpretation of the maps.
     Reading(Reading),
-    /// So many views have their normals.
+    /// Normals are being written.
     Writing {
-        /// Views done.
+        /// Number of views done.
         done: usize,
-        /// Views in all.
+        /// Total number of views.
         total: usize,
     },
-    /// What a reader of the result has to know.
+    /// A warning about the result.
     Warning {
-        /// In one line.
+        /// The text, one line.
         text: String,
     },
 }
 
-/// How maps are read, and how sure that is.
+/// Interpretation of maps, and its confidence.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reading {
     /// Space of the vectors.
     pub space: Space,
     /// Their axes.
     pub axes: Axes,
-    /// What they were held against.
+    /// The reference they were compared with.
     pub reference: Reference,
     /// Mean cosine to the reference, if there is one.
     pub mean_cosine: Option<f64>,
@@ -71,7 +71,7 @@ pub struct NormalView {
 /// All numbers.
 #[derive(Debug, Clone, Serialize)]
 pub struct NormalReport {
-    /// How maps were read.
+    /// Interpretation of the maps.
     pub reading: Reading,
     /// Views with a map.
     pub views: Vec<NormalView>,
@@ -79,13 +79,13 @@ pub struct NormalReport {
     pub missing: Vec<String>,
 }
 
-/// What became of it.
+/// Result of the job.
 #[derive(Debug, Clone)]
 pub struct NormalSummary {
     /// All numbers.
     pub report: NormalReport,
     /// Files written, relative to the folder of results.
     pub outputs: Vec<PathBuf>,
-    /// Warnings told on the way.
+    /// Warnings that were reported.
     pub warnings: Vec<String>,
 }

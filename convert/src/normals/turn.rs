@@ -1,4 +1,4 @@
-//! From the vectors of a map to normals of the world.
+//! Conversion of a map's vectors to world-space normals.
 
 use super::axes::Agreement;
 use super::reference::Place;
@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3, Vec3};
 /// Normals turned away from the camera by more than this, degrees, are unknown.
 pub const MAX_AWAY_DEG: f64 = 25.0;
 
-/// How stored vectors go with references, and with the directions to the camera.
+/// Compares stored vectors with references and with the directions to the camera.
 pub(super) fn compare(
     stored: &Image<3>,
     camera: &Camera,
@@ -37,7 +37,7 @@ pub(super) fn compare(
     (agreement, visibility)
 }
 
-/// Normals in the world, turned to the camera; and the share of known vectors that were.
+/// World-space normals facing the camera, and the share of known vectors that faced it.
 pub(super) fn world_normals(
     stored: &Image<3>,
     camera: &Camera,

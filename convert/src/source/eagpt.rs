@@ -1,4 +1,4 @@
-//! Our own datasets, those of EAG-PT among them: to be turned, shrunk or written anew.
+//! Our own datasets, those of EAG-PT among them: to be rotated, downsampled or rewritten.
 
 use super::{Depth, Emission, Source, SourceFiles, SourceFormat, SourceFrame};
 use crate::error::{Problem, Result};

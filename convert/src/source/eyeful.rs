@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 pub const CAMERAS_FILE: &str = "cameras.json";
 const SPLITS_FILE: &str = "splits.json";
 const LIST: &str = "KRT";
-/// Folders of images with their extension, the ones to take first.
+/// Folders of images with their extension, the preferred ones first.
 const FOLDERS: [(&str, &str); 6] = [
     ("images-2k", "exr"),
     ("images-1k", "exr"),
@@ -40,7 +40,7 @@ const FOLDERS: [(&str, &str); 6] = [
     ("images-jpeg-4k", "jpg"),
     ("images-jpeg", "jpg"),
 ];
-/// Ending of the file that is called like the scene.
+/// Ending of the file named after the scene.
 const REPORT: &str = "-final.pdf";
 /// White balance of the scenes, factors of R, G, B from a colour chart: the README of the dataset,
 /// and for the two rooms of the Real Acoustic Fields dataset, taken with the same rig, its own.
@@ -89,7 +89,7 @@ pub(super) fn read(root: &Path, options: &ImportOptions) -> Result<Source> {
             }
         };
         let image = folder.join(format!("{name}.{extension}"));
-        // Blurred images and those that show the operator were taken out of the dataset.
+        // The dataset lacks blurred images and those that show the operator.
         if !image.is_file() {
             missing.push(name.to_owned());
             continue;
@@ -124,15 +124,15 @@ fn image_folder(root: &Path, options: &ImportOptions) -> Result<(PathBuf, &'stat
         Some(images) => images == name,
         None => *extension == "exr" || options.ldr == Ldr::Srgb,
     };
-    let mut wanted = FOLDERS.iter().filter(is_wanted).peekable();
-    if wanted.peek().is_none() {
+    let mut expected = FOLDERS.iter().filter(is_wanted).peekable();
+    if expected.peek().is_none() {
         let names = FOLDERS.map(|(name, _)| name).join(", ");
         let given = options.images.as_deref().unwrap_or_default();
         let problem = format!("`{}` is none of {names}", given.escape_debug());
         return Err(ConvertError::option("images", problem));
     }
-    let tried: Vec<&str> = wanted.clone().map(|(name, _)| *name).collect();
-    let found = wanted.find(|(name, _)| root.join(name).is_dir());
+    let tried: Vec<&str> = expected.clone().map(|(name, _)| *name).collect();
+    let found = expected.find(|(name, _)| root.join(name).is_dir());
     let (name, extension) = found.ok_or_else(|| {
         let problem = format!("there is none of {}", tried.join(", "));
         ConvertError::invalid(root, "images", problem)
@@ -169,8 +169,8 @@ fn white_balance(root: &Path, options: &ImportOptions) -> Result<(String, [f64; 
     }
 }
 
-/// The scene that a folder has: as its reconstruction report is called, or else as the folder is,
-/// in full.
+/// The scene that a folder has: the name of its reconstruction report, or else the full name of the
+/// folder.
 fn scene_name(root: &Path) -> Result<Option<String>> {
     let entries = std::fs::read_dir(root)
         .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
@@ -276,7 +276,7 @@ fn coefficients(entry: &Object<'_>) -> Result<Vec<f64>> {
     let values = entry
         .array(key)?
         .ok_or_else(|| entry.invalid(key, "missing"))?;
-    // Slots without a meaning may hold anything, null among it.
+    // Unused slots may hold anything, including null.
     let numbers = values
         .iter()
         .map(|value| value.as_f64().or(value.is_null().then_some(0.0)));
@@ -314,7 +314,7 @@ fn matrix<const N: usize>(entry: &Object<'_>, key: &str) -> Result<[[f64; N]; N]
     Ok(matrix)
 }
 
-/// The lists of `splits.json`; images that are not there were told of already.
+/// The lists of `splits.json`; missing images have been reported already.
 fn read_split(source: &mut Source, root: &Path, missing: &[String]) -> Result<()> {
     let Some(path) = if_there(root.join(SPLITS_FILE)) else {
         let text = format!("there is no {SPLITS_FILE}: no split of its own");

@@ -45,11 +45,11 @@ pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<Source> {
         let mut read = || -> Result<SourceFrame> {
             let radiance = root.join("Image").join(format!("{name}_0001.exr"));
             let size = size_of(&radiance)?;
-            let wanted = *common_size.get_or_insert(size);
-            if size != wanted {
+            let expected = *common_size.get_or_insert(size);
+            if size != expected {
                 let problem = format!(
                     "{}x{}, but the first image is {}x{}",
-                    size.0, size.1, wanted.0, wanted.1
+                    size.0, size.1, expected.0, expected.1
                 );
                 return Err(ConvertError::invalid(&radiance, "size", problem));
             }
@@ -117,7 +117,7 @@ impl<'a> Table<'a> {
             let text: String = count.chars().take(40).collect();
             invalid(
                 first,
-                format!("`{}` is no number of cameras", text.escape_debug()),
+                format!("`{}` is not a number of cameras", text.escape_debug()),
             )
         })? as usize;
         let mut lines = Vec::new();

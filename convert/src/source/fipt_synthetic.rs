@@ -1,9 +1,9 @@
-//! Synthetic scenes of FIPT: rendered with Blender, with what is known of every pixel.
+//! Synthetic scenes of FIPT: rendered with Blender, with ground truth for every pixel.
 //!
 //! `train/` and `val/` each have a `transforms.json` (`camera_angle_x`, Blender's axes) and, for
 //! frame i of it, `Image/`, `DiffCol/` and `Emit/` as `{i:03}_0001.exr`. `DiffCol/` is the diffuse
-//! albedo, `albedo/{i:03}.exr` in its place where that is missing; what is above 0 in `Emit/`
-//! shines. Frames are called `train_000` and `val_000`, and the dataset's own split is that.
+//! albedo, `albedo/{i:03}.exr` in its place where that is missing; pixels above 0 in `Emit/` are
+//! emitters. Frames are called `train_000` and `val_000`, and the dataset's own split is that.
 //!
 //! `Roughness/`, `IndexMA/` and `segmentation/` are not read.
 

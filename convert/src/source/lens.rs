@@ -10,7 +10,7 @@
 //! | `OPENCV_FISHEYE`, or instant-NGP's `is_fisheye` | equidistant |
 //! | `FISHEYE624` | that of Project Aria |
 //!
-//! Panoramas and orthographic pictures have no pinhole to become.
+//! Panoramas and orthographic images have no pinhole equivalent.
 
 use crate::error::Result;
 use eagpt_scene::Lens;
@@ -35,7 +35,7 @@ enum Family {
 /// are scaled along each axis.
 ///
 /// # Errors
-/// A key that is missing or out of range, or a camera model that cannot be a pinhole.
+/// A missing key, a value out of range, or a camera model without pinhole equivalent.
 pub(super) fn from_json(top: &Object<'_>, frame: &Object<'_>, size: (u32, u32)) -> Result<Lens> {
     let stated =
         |key: &str| Ok::<_, eagpt_scene::SceneError>(frame.pixels(key)?.or(top.pixels(key)?));
@@ -96,8 +96,8 @@ fn family(top: &Object<'_>, frame: &Object<'_>) -> Result<Family> {
     Ok(Family::Perspective)
 }
 
-/// The model with two focal lengths that has the frame's distortion, and what follows focal lengths
-/// and principal point in its parameters.
+/// The model with two focal lengths that has the frame's distortion, and its parameters after focal
+/// lengths and principal point.
 fn distortion(top: &Object<'_>, frame: &Object<'_>) -> Result<(LensModel, Vec<f64>)> {
     let family = family(top, frame)?;
     let listed = listed(top, frame)?;

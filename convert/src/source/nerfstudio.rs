@@ -2,20 +2,20 @@
 //!
 //! Poses are camera to world with OpenGL axes in a world with z up, as they stand in the file: an
 //! `applied_transform` or `applied_scale` that nerfstudio has put in is kept, so that
-//! `ply_file_path` and everything else made beside the file fits; it is told in a note. What
-//! nerfstudio does when it trains (recentre, turn, scale) is not in the file.
+//! `ply_file_path` and other data beside the file fit; a note reports it. The transforms that
+//! nerfstudio applies in training (recentring, rotation, scaling) are not in the file.
 //!
 //! | key | becomes |
 //! |---|---|
-//! | `file_path` | the photograph; without an extension `.exr`, `.png`, `.jpg` are looked for |
+//! | `file_path` | the photograph; without an extension `.exr`, `.png`, `.jpg` are tried |
 //! | `mask_path` | pixels to use, black are not: [`eagpt_scene::dataset::VALID_DIR`] |
 //! | `depth_file_path` | depth, in units of `--depth-unit` (nerfstudio: millimetres) times `applied_scale` |
 //! | `ply_file_path` | the point cloud |
 //! | `up_axis`, `metres_per_unit`, `aligned_from_model` | the same: our exports write them |
 //! | `train_filenames`, `val_filenames`, `test_filenames` | the dataset's own split |
 //!
-//! Frames are named by what follows `images/`; images of ours of that name beside,
-//! `Emissive-exr/NAME.exr` and so on, come along.
+//! Frames are named by their path below `images/`; our images of that name beside,
+//! `Emissive-exr/NAME.exr` and so on, are imported too.
 //!
 //! A folder with `transforms_train.json`, and `transforms_val.json` or `transforms_test.json`
 //! beside it, is one dataset with that split.
@@ -51,7 +51,7 @@ enum Subset {
     Test,
 }
 
-/// Whose `transforms.json` it is, by the keys in it.
+/// Detects the writer of a `transforms.json` by its keys.
 pub(super) fn dialect(path: &Path) -> Result<SourceFormat> {
     let file = file_of(path);
     let value = read_json(&file)?;
@@ -202,7 +202,7 @@ fn frame(
                 .into()),
         }
     };
-    // What an export of ours has left beside the keys of nerfstudio.
+    // Keys that our own export writes beside those of nerfstudio.
     let own = |folder: &str| if_there(root.join(folder).join(format!("{name}.exr")));
     let depth = match beside("depth_file_path")? {
         Some(path) => Some(Depth {
@@ -237,8 +237,8 @@ fn with_extension(path: &Path) -> PathBuf {
     there.unwrap_or_else(|| path.with_extension(EXTENSIONS[0]))
 }
 
-/// Names of frames: paths within the folder of the images, without extension; `None` for what
-/// cannot name a file.
+/// Names of frames: paths within the folder of the images, without extension; `None` if it cannot
+/// name a file.
 fn names(paths: &[Option<&str>]) -> Vec<Option<String>> {
     let mut names: Vec<Option<String>> = paths.iter().map(|path| stem((*path)?)).collect();
     let mut there: Vec<&mut String> = names.iter_mut().flatten().collect();
@@ -246,7 +246,7 @@ fn names(paths: &[Option<&str>]) -> Vec<Option<String>> {
     names
 }
 
-/// A path without extension; parts that lead upwards are left out of names.
+/// A path without extension; parent components are dropped from names.
 fn stem(path: &str) -> Option<String> {
     if path.contains(|c: char| c == '\\' || c.is_control()) || path.ends_with('/') {
         return None;
@@ -279,7 +279,7 @@ fn read_split(
             match value.as_str().and_then(|path| name_by_path.get(path)) {
                 Some(name) => names.push((*name).to_owned()),
                 None => source.warnings.push(format!(
-                    "{}: {key}: {} is no frame",
+                    "{}: {key}: {} is not a frame",
                     top.path.display(),
                     excerpt(value)
                 )),

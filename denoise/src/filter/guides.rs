@@ -1,30 +1,30 @@
-//! How far two pixels are apart as surfaces.
+//! Distance between the surfaces of two pixels.
 
 use super::{Grid, Settings};
 use crate::frame::Frame;
 
-/// Half the window in which a pixel looks for others like it.
+/// Half the window searched for similar pixels.
 const NEAR: i32 = 2;
-/// So many of them, at least, must be alike.
+/// Least number of similar pixels.
 const MIN_ALIKE: usize = 6;
 /// Share of the distance to the next pixel by which a surface may always be off its plane: surfaces
 /// of Gaussians are rough.
 const ROUGHNESS: f32 = 0.5;
 
-/// What is known of a pixel without noise.
+/// Noise-free guide values of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Guide {
     pub(super) position: [f32; 3],
     pub(super) normal: [f32; 3],
-    /// Share of the pixel that reflects; 0: the pixel has nothing to say.
+    /// Share of the pixel that reflects; 0: the pixel carries no information.
     pub(super) coverage: f32,
     /// Square of the distance from the plane that is always allowed, in units of `plane²`.
     slack: f32,
-    /// At most 1: less where nothing around the pixel is like it, as at the edge of a leaf.
+    /// At most 1: less where no pixel around is similar, as at the edge of a leaf.
     strictness: f32,
 }
 
-/// What is known of all pixels.
+/// Guide values of all pixels.
 pub(super) struct Guides {
     pub(super) grid: Grid,
     pub(super) pixels: Vec<Guide>,
@@ -63,7 +63,7 @@ impl Guides {
         guides
     }
 
-    /// How unlike `other` is to `center`, as the exponent of a Gaussian weight: 0 is alike.
+    /// Dissimilarity of `other` and `center`, as the exponent of a Gaussian weight: 0 is equal.
     #[inline(always)]
     pub(super) fn distance(&self, center: &Guide, other: &Guide) -> f32 {
         let offset = difference(other.position, center.position);
@@ -74,7 +74,7 @@ impl Guides {
         (off_plane + dot(turn, turn) * self.per_normal) * center.strictness
     }
 
-    /// Weighted means of `values` over the pixels around each that are like it.
+    /// Weighted means of `values` over the similar pixels around each.
     pub(super) fn blurred(&self, values: &[f32]) -> Vec<f32> {
         const RADIUS: i32 = 3;
         self.grid.map(|x, y| {

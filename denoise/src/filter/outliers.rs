@@ -32,7 +32,7 @@ pub(super) fn despeckled(guides: &Guides, values: &[Vec3]) -> Vec<Vec3> {
                 squares += weight * light;
             }
         }
-        // Less than half a pixel is no surroundings.
+        // Less than half a pixel of weight does not count.
         if weights < 0.5 {
             return values[here];
         }
@@ -42,8 +42,8 @@ pub(super) fn despeckled(guides: &Guides, values: &[Vec3]) -> Vec<Vec3> {
     })
 }
 
-/// Deviations of at most the estimate itself: a firefly has one far above, and lends it to its
-/// surroundings.
+/// Deviations clamped to the estimate itself: that of a firefly is far above and would spread to
+/// its surroundings.
 pub(super) fn plausible(deviation: &[f32], estimate: &[Vec3]) -> Vec<f32> {
     let pixels = deviation.iter().zip(estimate);
     pixels
@@ -66,8 +66,8 @@ pub(super) fn cut(
         .collect()
 }
 
-/// What was cut off `values` to leave `kept`, spread over the surfaces around: an à-trous
-/// transform's smoothing (Dammertz et al. 2010).
+/// The light removed between `values` and `kept`, spread over the surrounding surfaces by the
+/// smoothing of an à-trous transform (Dammertz et al. 2010).
 pub(super) fn spread(
     guides: &Guides,
     values: &[Vec3],

@@ -10,11 +10,10 @@ use rayon::prelude::*;
 const NUM_TERMS: usize = 6;
 /// Terms and light, padded to whole SIMD registers.
 const WIDTH: usize = 12;
-/// Added to what holds slopes to zero, in pixels: a window with little weight in it knows no
-/// slopes.
+/// Added to the ridge, in pixels: a window with little weight does not determine slopes.
 const MIN_SUPPORT: f32 = 0.3;
 
-/// One pixel as the regression sees it.
+/// One pixel of the regression.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(16))]
 struct Sample {
@@ -94,7 +93,7 @@ impl<'a> Samples<'a> {
                     let (dx, dy) = (x - column * stride, y - row * stride);
                     let center = &self.pixels[grid.index(column * stride, row * stride)];
                     let weight = self.weight(center, here, (dx, dy), settings);
-                    // The least keeps pixels defined that are like none of the fitted.
+                    // The lower bound keeps pixels defined that are similar to none of the fitted.
                     let weight = weight.max(1e-6);
                     sum += value(fit, &terms(center, here, (dx, dy), settings)) * weight;
                     weights += weight;
@@ -161,7 +160,7 @@ fn terms(center: &Sample, other: &Sample, offset: (i32, i32), s: &Settings) -> [
     [1.0, dx, dy, turn[0], turn[1], turn[2]]
 }
 
-/// Light is never negative, which a slope does not know.
+/// Clamped at 0, as slopes may become negative.
 fn value(fit: &Fit, terms: &[f32; NUM_TERMS]) -> Vec3 {
     let sum: Vec3 = fit.iter().zip(terms).map(|(f, term)| *f * *term).sum();
     sum.max(Vec3::ZERO)
@@ -186,8 +185,8 @@ fn solved(products: &[[f32; WIDTH]; NUM_TERMS]) -> Fit {
                 rest -= lower[i][k] * lower[j][k];
             }
             lower[i][j] = if i == j {
-                // Rounding may leave nothing of a term that repeats others; the ridge keeps it from
-                // mattering.
+                // Rounding may leave nothing of a linearly dependent term; the ridge makes it
+                // harmless.
                 rest.max(f32::EPSILON * products[i][i] + f32::MIN_POSITIVE)
                     .sqrt()
             } else {
@@ -220,7 +219,7 @@ mod tests {
     #[test]
     fn equations_are_solved() {
         // A matrix with 2 on its diagonal and 1 beside it, times (1, −1, 2, 0, 1, 3).
-        let wanted = [1.0, -1.0, 2.0, 0.0, 1.0, 3.0];
+        let expected = [1.0, -1.0, 2.0, 0.0, 1.0, 3.0];
         let sums = [1.0, 1.0, 3.0, 3.0, 5.0, 7.0];
         let mut products = [[0.0; WIDTH]; NUM_TERMS];
         for i in 0..NUM_TERMS {
@@ -232,7 +231,7 @@ mod tests {
             let light = [sums[i], 2.0 * sums[i], -sums[i]];
             products[i][NUM_TERMS..NUM_TERMS + 3].copy_from_slice(&light);
         }
-        for (found, x) in solved(&products).iter().zip(wanted) {
+        for (found, x) in solved(&products).iter().zip(expected) {
             assert!(
                 found.abs_diff_eq(Vec3::new(x, 2.0 * x, -x), 1e-5),
                 "{found}"

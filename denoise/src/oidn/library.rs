@@ -63,7 +63,7 @@ pub(super) struct Library {
     functions: Functions,
     /// Keeps the functions' code in memory.
     _library: libloading::Library,
-    /// What the library loads on its own later needs these.
+    /// Dependencies of what the library loads later on its own.
     _beside: Vec<libloading::Library>,
 }
 
@@ -132,7 +132,7 @@ pub(super) struct OpenDevice<'a> {
     device: Device,
 }
 
-/// Images that the network looks at besides the colour.
+/// Auxiliary images of the network besides the colour.
 pub(super) struct GuideImages<'a> {
     pub(super) albedo: &'a Image<3>,
     pub(super) normal: &'a Image<3>,
@@ -148,7 +148,7 @@ impl OpenDevice<'_> {
     /// Denoises an HDR colour image with guides free of noise; all images have the size of `color`.
     ///
     /// # Errors
-    /// [`DenoiseError::Failed`] with what the library says.
+    /// [`DenoiseError::Failed`] with the library's message.
     pub(super) fn denoise(&self, color: &Image<3>, guides: &GuideImages<'_>) -> Result<Image<3>> {
         let f = self.functions;
         let (width, height) = color.size();

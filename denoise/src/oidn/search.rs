@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(within(dir.path()), std::slice::from_ref(&file));
         assert_eq!(within(&lib), std::slice::from_ref(&file));
         assert_eq!(within(&file), [file]);
-        // A name that is not there stands for itself: the error has to name it.
+        // A missing path is kept, so that the error names it.
         let absent = dir.path().join("absent.so");
         assert_eq!(within(&absent), [absent]);
     }

@@ -19,7 +19,7 @@ pub(crate) struct Known {
     pub(crate) truth: Image<3>,
 }
 
-/// What is known of a pixel: all but the noise.
+/// Noise-free values of a pixel.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Pixel {
     pub(crate) emitted: f32,
@@ -30,7 +30,7 @@ pub(crate) struct Pixel {
     pub(crate) coverage: f32,
 }
 
-/// How samples scatter about the light that arrives.
+/// Distribution of samples about the irradiance.
 #[derive(Clone, Copy)]
 pub(crate) enum Noise {
     #[allow(

@@ -1,9 +1,9 @@
 //! FLIP of a band of rows, from two linear images to errors.
 //!
-//! A band is cut into strips, so that what a strip needs stays in the cache of a core: the rows
-//! that the filters reach, filtered along x, as a ring that goes down the strip. Values lie in
-//! planes, and loops run over blocks of [`LANES`] of them, of which the compiler makes vector
-//! instructions. No sum depends on how an image is cut, and no bit on which instructions there are.
+//! A band is divided into strips, so that the working set of a strip stays in the cache of a core:
+//! a ring buffer of the rows within reach of the filters, filtered along x. Values are planar, and
+//! loops run over blocks of [`LANES`] values, which the compiler vectorises. Results do not depend
+//! on the division of the image or on the instruction set.
 
 use super::color::{hunt_lab_from_rgb, hyab, rgb_from_ycxcz, ycxcz_from_rgb};
 use super::filters::{Filters, GROUP};
@@ -43,7 +43,7 @@ static LARGEST_DISTANCE: LazyLock<f32> = LazyLock::new(|| {
     pow(hyab(green, blue), COLOR_EXPONENT)
 });
 
-/// Two images of one size, and the filters of the distance that they are seen from.
+/// Two images of one size, and the filters for their viewing distance.
 pub(super) struct Pair<'a> {
     pub(super) filters: &'a Filters,
     pub(super) width: usize,
@@ -57,18 +57,17 @@ pub(super) struct Pair<'a> {
 pub(super) struct BandScratch {
     /// A row from [`Filters::margin`] columns left of the strip to as many or more right of it.
     pixels: Vec<[f32; 3]>,
-    /// The same as it is shown, `[NUM_SHOWN, pixels]`.
+    /// The same after the display mapping, `[NUM_SHOWN, pixels]`.
     planes: Vec<f32>,
     /// Of the reference and the test: the rows that the filters reach, `[ring rows, NUM_ALONG_X,
     /// stride]`.
     rings: [Vec<f32>; 2],
-    /// Where in a ring the rows at each distance begin, above and below.
+    /// Offsets in a ring of the rows at each distance, above and below.
     reached: Vec<[usize; 2]>,
 }
 
 impl Pair<'_> {
-    /// Raises `errors`, `[rows, width]`, to the largest of those between the images as each of
-    /// `shown` shows them.
+    /// Raises `errors`, `[rows, width]`, to the maximum over the display mappings `shown`.
     pub(super) fn raise_errors(
         &self,
         rows: &Range<usize>,
@@ -91,7 +90,7 @@ impl Pair<'_> {
     }
 }
 
-/// Pixels whose errors are wanted.
+/// The pixels of a strip whose errors are computed.
 struct Strip<'a> {
     pair: &'a Pair<'a>,
     rows: Range<usize>,
@@ -141,7 +140,7 @@ fn raise_errors_of_strip(
         }
         reached.clear();
         for distance in 0..=filters.margin() {
-            // Weights beyond the radius are 0: any row will do.
+            // Weights beyond the radius are 0: any valid row serves.
             let distance = distance.min(radius);
             let below = (row + distance).min(pair.height - 1);
             reached.push([slot(row.saturating_sub(distance)), slot(below)]);
@@ -175,10 +174,10 @@ fn copy_row(strip: &Strip<'_>, image: usize, row: usize, out: &mut [[f32; 3]]) {
     out[end..].fill(right);
 }
 
-/// Writes the planes, `[NUM_SHOWN, pixels]`, of what is shown of `pixels`.
+/// Writes the planes `[NUM_SHOWN, pixels]` of the displayed `pixels`.
 #[inline(always)]
 fn show_row(pixels: &[[f32; 3]], shown: Shown, out: &mut [f32]) {
-    // Each curve has a loop of its own, in which nothing is decided.
+    // Each curve has its own loop, free of branches.
     match shown {
         Shown::Srgb => show_row_by(pixels, out, shown::of_srgb),
         Shown::Exposed { tonemapper, factor } => match tonemapper {
@@ -255,7 +254,7 @@ fn filter_along_x(filters: &Filters, shown: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Filters a block of a ring, which begins there, around the row whose neighbours are `reached`.
+/// Filters a block of a ring around the row whose neighbours are `reached`.
 #[inline(always)]
 fn filter_along_y(
     filters: &Filters,
@@ -297,13 +296,13 @@ fn filter_along_y(
 
 #[inline(always)]
 fn block(values: &[f32], first: usize) -> &Block {
-    // Buffers are whole blocks long beyond where any filter reaches.
+    // Buffers extend by whole blocks beyond the reach of any filter.
     values[first..].first_chunk().unwrap_or(&[0.0; LANES])
 }
 
 /// An even filter of the values that `at` gives at a distance to both sides.
 ///
-/// Distances come in groups: sums wait for each other, products of a group do not.
+/// Distances are processed in groups: sums are sequential, products of a group are independent.
 #[inline(always)]
 fn even<'a>(weights: &[f32], at: impl Fn(usize) -> [&'a Block; 2], out: &mut Block) {
     let [middle, _] = at(0);

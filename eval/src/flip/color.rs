@@ -42,8 +42,8 @@ fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| xyz[i] * INVERSE_WHITE[i])
 }
 
-/// The opponent space in which eyes blur: luminance, red against green, yellow against blue. Linear
-/// in the colour.
+/// The opponent space of contrast sensitivity: luminance, red-green, yellow-blue. Linear in the
+/// colour.
 #[inline(always)]
 pub(super) fn ycxcz_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = relative_xyz(rgb);
@@ -65,7 +65,7 @@ pub(super) fn hunt_lab_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     const CUBE: f32 = DELTA * DELTA * DELTA;
     let [x, y, z] = relative_xyz(rgb).map(|v| {
-        // Both, so that there is nothing to branch on.
+        // Both, to avoid a branch.
         let (root, line) = (
             cbrt(v.max(CUBE)),
             v * (1.0 / (3.0 * DELTA * DELTA)) + 4.0 / 29.0,

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// Settings of HDR-FLIP. What is `None` is derived from the reference.
 ///
-/// For numbers that are to be compared with each other, tests of one reference need equal
-/// exposures: those of the reference are, as long as it stays the same.
+/// Numbers are comparable only at equal exposures; those derived from one reference are equal for
+/// all its tests.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlipOptions {
@@ -56,11 +56,11 @@ impl FlipOptions {
     /// # Errors
     /// [`EvalError::Option`] with the field and its value, or [`EvalError::Exposures`].
     pub fn validate(&self) -> Result<()> {
-        let invalid = |field, value: String, wanted| {
+        let invalid = |field, value: String, expected| {
             Err(EvalError::Option {
                 field,
                 value,
-                wanted,
+                expected,
             })
         };
         if !PPD_LIMITS.contains(&self.ppd) {
@@ -207,7 +207,8 @@ mod tests {
         assert!((factors[0] * 32.0 / light - 1.0).abs() < 1e-5);
         assert!((factors[2] * 7.0 / light - 1.0).abs() < 1e-5);
         assert!((factors[1] / (factors[0] * factors[2]).sqrt() - 1.0).abs() < 1e-5);
-        // A grey card has a range of nothing, and two equal exposures as the official tool.
+        // A uniform grey image has a range of zero, and two equal exposures as in the official
+        // tool.
         assert_eq!(automatic(&[0.5; 4]).num_exposures, 2);
         assert_eq!(automatic(&[0.5]).num_exposures, 2);
     }

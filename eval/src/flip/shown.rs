@@ -1,4 +1,4 @@
-//! What a display shows of the pixels of an image.
+//! Pixels as a display shows them.
 
 use super::math::pow;
 use eagpt_scene::tonemap::ToneMapper;

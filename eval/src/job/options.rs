@@ -1,4 +1,4 @@
-//! What evaluations take.
+//! Options of evaluations.
 
 use crate::error::{EvalError, Result};
 use crate::flip::FlipOptions;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
-/// What to evaluate and how: renders of one condition, that is, of one lighting.
+/// Options of [`crate::evaluate`]: renders of one condition, that is, of one lighting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvalOptions {
@@ -16,7 +16,7 @@ pub struct EvalOptions {
     /// Dataset with the references: a folder or its `transforms.json`.
     pub dataset: PathBuf,
     /// Dataset with the same views under an earlier light, which tells [lit from
-    /// shadow](crate::regions). One that is `dataset` itself tells nothing.
+    /// shadow](crate::regions). `dataset` itself gives no change of light.
     #[serde(default)]
     pub before: Option<PathBuf>,
     /// Name of the condition in tables and files; by default that of the dataset's folder.
@@ -24,7 +24,7 @@ pub struct EvalOptions {
     pub name: Option<String>,
     /// Output folder; created.
     pub out: PathBuf,
-    /// How views are divided.
+    /// Split of the views.
     #[serde(default)]
     pub split: SplitRule,
     /// The views to evaluate.
@@ -61,8 +61,8 @@ impl EvalOptions {
     /// Name of the condition: `name`, or that of the dataset's folder.
     pub fn condition(&self) -> String {
         let folder = || {
-            // Resolved, for the sake of `.` and links; what does not exist is told of when it is
-            // opened.
+            // Canonicalised, for the sake of `.` and symbolic links; a missing folder is reported
+            // when it is opened.
             let path = self.dataset.canonicalize().ok()?;
             let folder = if path.is_file() {
                 path.parent()?
@@ -88,26 +88,26 @@ pub struct ConditionsOptions {
 }
 
 impl ConditionsOptions {
-    /// Puts the results of each condition into a folder of `out` that is called like it.
+    /// Puts the results of each condition into a folder of `out` named after it.
     ///
     /// # Errors
-    /// [`EvalError::Option`] if two conditions have one name, or a name is none for a folder.
+    /// [`EvalError::Option`] if two conditions have one name, or a name cannot be a folder's.
     pub fn new(mut conditions: Vec<EvalOptions>, out: &Path) -> Result<Self> {
         let mut seen = HashSet::new();
         for condition in &mut conditions {
             let name = condition.condition();
             let mut parts = Path::new(&name).components();
-            let wanted = match (parts.next(), parts.next()) {
+            let expected = match (parts.next(), parts.next()) {
                 (Some(Component::Normal(part)), None) if part == name.as_str() => {
                     "another for each condition"
                 }
                 _ => "a name for a folder",
             };
-            if wanted == "a name for a folder" || !seen.insert(name.clone()) {
+            if expected == "a name for a folder" || !seen.insert(name.clone()) {
                 return Err(EvalError::Option {
                     field: "name",
                     value: name,
-                    wanted,
+                    expected,
                 });
             }
             condition.out = out.join(&name);

@@ -17,7 +17,7 @@ use eagpt_scene::{Dataset, Image, SceneError, View, files, png};
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// A condition all of whose files are there.
+/// A condition all of whose files exist.
 pub(super) struct Prepared<'a> {
     options: &'a EvalOptions,
     dataset: Dataset,
@@ -25,7 +25,7 @@ pub(super) struct Prepared<'a> {
     renders: Renders,
     before: Option<Earlier>,
     provenance: Provenance,
-    /// What a reader of the numbers has to know.
+    /// Warnings about the numbers.
     pub(super) warnings: Vec<String>,
 }
 
@@ -35,18 +35,18 @@ struct Earlier {
     indices: Vec<usize>,
 }
 
-/// What is compared in one view.
+/// Images of one view to be compared.
 struct Loaded {
     view: View,
     render: Image<3>,
-    /// Emission from wherever it is known, reference first.
+    /// Emission and its source, the reference preferred.
     emission: Option<(EmittersFrom, Image<1>)>,
     before: Option<View>,
-    /// Pixels that the reference, and the earlier one, know; `None` if that is all.
+    /// Pixels known in the reference and the earlier reference; `None`: all.
     known: Option<KnownPixels>,
 }
 
-/// The known pixels of a view, for what is measured pixel by pixel.
+/// The known pixels of a view, for per-pixel metrics.
 struct Known<'a> {
     reference: Cow<'a, Image<3>>,
     render: Cow<'a, Image<3>>,
@@ -83,7 +83,7 @@ impl Known<'_> {
     }
 }
 
-/// What takes all views of a condition.
+/// Statistics over all views of a condition.
 #[derive(Default)]
 struct Survey {
     exposure: ExposureFit,
@@ -266,8 +266,8 @@ impl Earlier {
             let mut frames = before.frames().iter();
             let found = frames.position(|earlier| earlier.name == frame.name);
             let found = found.ok_or_else(|| {
-                let wanted = dataset.transforms().display();
-                invalid(format!("no such view, but {wanted} has it"))
+                let expected = dataset.transforms().display();
+                invalid(format!("no such view, but {expected} has it"))
             })?;
             let camera = &before.frames()[found].camera;
             if (camera.width, camera.height) != (frame.camera.width, frame.camera.height) {

@@ -1,4 +1,4 @@
-//! How renders came about, from the `record.json` that `eagpt render` leaves beside them.
+//! Provenance of renders, from the `record.json` that `eagpt render` writes beside them.
 
 use crate::error::Result;
 use crate::scene_metrics::mean;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// How renders came about. Each part is `None` where the record does not tell, as renders of other
+/// Provenance of renders. Each part is `None` where the record lacks it, as for renders of other
 /// programs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Provenance {

@@ -116,15 +116,15 @@ impl Renders {
 
 fn check_size(path: &Path, frame: &Frame) -> Result<()> {
     let size = exr::read_size(path)?;
-    let wanted = (frame.camera.width, frame.camera.height);
-    if size == wanted {
+    let expected = (frame.camera.width, frame.camera.height);
+    if size == expected {
         return Ok(());
     }
     Err(EvalError::Render {
         path: path.to_owned(),
         problem: format!(
             "{}x{} pixels, the view has {}x{}",
-            size.0, size.1, wanted.0, wanted.1
+            size.0, size.1, expected.0, expected.1
         ),
     })
 }

@@ -195,15 +195,15 @@ fn what_the_reference_does_not_know_is_not_measured() {
         };
         let (a, b) = (right(&radiance(index)), right(&render));
         // Sums of the same numbers, by other rows.
-        for (own, wanted) in [
+        for (own, expected) in [
             (view.image.psnr_srgb_db, crate::psnr_srgb(&a, &b)),
             (view.image.psnr_linear_db, crate::psnr_linear(&a, &b)),
             (view.image.psnr_pq_db, crate::psnr_pq(&a, &b)),
         ] {
-            assert!((own - wanted).abs() < 1e-9, "{own} {wanted}");
+            assert!((own - expected).abs() < 1e-9, "{own} {expected}");
         }
-        let wanted = crate::FlipParameters::for_reference(&case.options.flip, &a).unwrap();
-        assert_eq!(view.image.flip_hdr_parameters, wanted);
+        let expected = crate::FlipParameters::for_reference(&case.options.flip, &a).unwrap();
+        assert_eq!(view.image.flip_hdr_parameters, expected);
         assert!(view.image.ssim_srgb < 1.0 && view.image.flip_hdr > 0.0);
     }
     // Of the 8 columns that emit in view 0, 4 are known; the render says that all 16 do.

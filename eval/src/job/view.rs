@@ -43,7 +43,7 @@ pub struct SceneMetrics {
     pub emission_iou: Option<f64>,
 }
 
-/// Where the emitters of a view are known from.
+/// Source of the emitters of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EmittersFrom {
@@ -68,7 +68,7 @@ pub struct ViewMetrics {
     /// Metrics of the other channels.
     #[serde(flatten)]
     pub scene: SceneMetrics,
-    /// Where emitters are known from; `None` if they are not.
+    /// Source of the emitters; `None` if they are unknown.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub emitters_from: Option<EmittersFrom>,
     /// The error by region, as far as regions are known.

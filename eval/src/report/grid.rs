@@ -14,7 +14,7 @@ pub(crate) struct Grid {
     pub(crate) rows: Vec<(String, Vec<String>)>,
     /// Cells of a last row of means.
     pub(crate) mean: Option<Vec<String>>,
-    /// What has to be known to compare the numbers with others.
+    /// Notes needed to compare the numbers with others.
     pub(crate) notes: Vec<String>,
 }
 
@@ -153,12 +153,12 @@ fn capitalised(word: &str) -> String {
     first.into_iter().chain(letters).collect()
 }
 
-/// Text that does not end a Markdown cell.
+/// Text escaped for a Markdown cell.
 fn piped(text: &str) -> String {
     text.replace('|', "\\|")
 }
 
-/// Text with LaTeX's own characters made harmless.
+/// Text escaped for LaTeX.
 fn escaped(text: &str) -> String {
     text.chars()
         .map(|c| match c {

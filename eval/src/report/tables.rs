@@ -112,7 +112,7 @@ fn mean_row(means: &[Mean]) -> Vec<String> {
         .collect()
 }
 
-/// What has to be known to compare the numbers with others.
+/// Notes needed to compare the numbers with others.
 fn notes(evaluation: &Evaluation) -> Vec<String> {
     let num_views = evaluation.views.len();
     let mut notes = vec![format!(

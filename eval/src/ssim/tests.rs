@@ -172,7 +172,7 @@ fn windows_that_do_not_count_take_no_part() {
         assert!((sum - all * num[2] as f32).abs() < 1e-5 * scale);
     }
 
-    // What is not known is of no consequence, and is not moved.
+    // Unknown pixels have no effect and no gradient.
     let garbage = Image::filled(width, height, [0.7, 30.0, 0.0]);
     let other = known.with_reference(&garbage, &reference);
     let again = ssim_with_gradient(&other, &test, Some(&windows));

@@ -23,7 +23,7 @@ impl ModeTable {
         write_all(out, texts, (json, self.json()))
     }
 
-    /// The table as Markdown, with notes on where each number is from.
+    /// The table as Markdown, with notes on the provenance of each number.
     pub fn markdown(&self) -> String {
         self.grid().markdown()
     }
@@ -64,7 +64,7 @@ impl ModeTable {
             .collect()
     }
 
-    /// How each number came about.
+    /// Notes on the provenance of each number.
     fn notes(&self) -> Vec<String> {
         let mut notes = vec!["s/frame: mean over the conditions of a row".to_owned()];
         for (row, condition, cell) in self.cells() {

@@ -9,7 +9,7 @@ use eagpt_scene::{SceneError, files};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// What the table takes from a `metrics.json`, of one condition or of several.
+/// The fields of a `metrics.json` that the table needs, of one condition or of several.
 #[derive(Deserialize)]
 struct Evaluated {
     name: Option<String>,

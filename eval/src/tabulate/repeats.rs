@@ -1,7 +1,7 @@
 //! Evaluations of several seeds in one table: mean and standard deviation, and published values
 //! beside them.
 //!
-//! A cell is a row under a condition, with an evaluation for each seed. The files are those of the
+//! A cell is a row and a condition, with an evaluation for each seed. The files are those of the
 //! table of modes, `table.md`, `table.tex`, `table.csv` (one line for each cell) and, last,
 //! `table.json`.
 
@@ -21,11 +21,11 @@ pub const SECONDS: &str = "seconds_per_frame";
 /// Decimals of seconds in tables: images without bounces take hundredths.
 const SECONDS_DECIMALS: usize = 3;
 
-/// What goes into the table.
+/// Options of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RepeatOptions {
-    /// Cells in the order of their rows; conditions stand in the order in which they are met.
+    /// Cells in the order of their rows; conditions are in the order of appearance.
     pub cells: Vec<RepeatCell>,
     /// Keys of [`crate::METRICS`], at least one.
     pub metrics: Vec<String>,
@@ -41,8 +41,8 @@ pub struct RepeatCell {
     pub condition: String,
     /// Folders with a `metrics.json` of this condition, one for each seed, at least one.
     pub folders: Vec<PathBuf>,
-    /// Values to compare with, by key: those of metrics and [`SECONDS`], and others, which stand in
-    /// the JSON alone.
+    /// Values to compare with, by key: those of metrics and [`SECONDS`], and others, which are only
+    /// in the JSON.
     #[serde(default)]
     pub published: BTreeMap<String, f64>,
 }

@@ -1,20 +1,20 @@
 //! Colours where light changes steeply from pixel to pixel.
 //!
-//! A detail as thin as a pixel before a window or beside a lamp is seen by one channel of the
-//! mosaic, its neighbours look past it, and any interpolation makes it magenta, blue or green.
-//! Brightness is what a pixel has measured itself; its colour is what most pixels around it have
-//! (the median of the differences of channels: Freeman, "Median filter for reconstructing missing
-//! color samples", US patent 4,724,395, 1988). On the compressed scale of the interpolation
-//! differences stand for quotients of channels, so that a lamp and the wall beside it are asked
-//! alike. A coloured line that is thin and steep becomes as grey as what it lies on.
+//! A detail as thin as a pixel before a window or beside a lamp is sampled by one channel of the
+//! mosaic and missed by its neighbours, so that any interpolation makes it magenta, blue or green.
+//! The pixel's own sample gives the brightness; the colour is the most common one around it (the
+//! median of the differences of channels: Freeman, "Median filter for reconstructing missing color
+//! samples", US patent 4,724,395, 1988). On the compressed scale of the interpolation differences
+//! correspond to quotients of channels, so that a lamp and the wall beside it have equal weight. A
+//! thin coloured line of high contrast takes the colour of its surroundings.
 
 use crate::raw::Header;
 
-/// How many times as bright as its darkest the brightest sample around a pixel is where colours are
-/// steadied. Measured on rendered kitchens: 2 to 12 are alike beside lamps; noise and plain
-/// textures stay as they are from 3 on, and 6 asks half as many pixels as 3 does.
+/// Ratio of the brightest to the darkest sample around a pixel from which on colours are median
+/// filtered. Measured on rendered kitchens: 2 to 12 are alike beside lamps; noise and even textures
+/// are unchanged from 3 on, and 6 filters half as many pixels as 3 does.
 const STEEP: f32 = 6.0;
-/// Pixels to each side that count for that, and that are asked for their colour.
+/// Half the window of that ratio and of the median, pixels.
 const REACH: usize = 2;
 /// Of these, every other one: as good as all 25, at half the work.
 const NUM_ASKED: usize = 13;
@@ -31,7 +31,8 @@ pub(super) struct Strip<'a> {
     pub(super) planes: [&'a [f32]; 3],
     /// The same by the method for steep edges.
     pub(super) at_edges: [&'a [f32]; 3],
-    /// What zero is short of the root of the floor: the scale is a root of signal plus floor.
+    /// Offset of zero on the compressed scale: the root of the floor, as the scale is a root of
+    /// signal plus floor.
     pub(super) root: f32,
 }
 
@@ -74,12 +75,12 @@ impl Strip<'_> {
         [widened(&low, f32::min), widened(&high, f32::max)]
     }
 
-    /// The pixel's own sample in the colour of its surroundings.
+    /// The pixel's own sample with the median colour of its surroundings.
     fn steadied(&self, row: usize, column: usize, width: usize) -> [f32; 3] {
         let rows = self.samples.len() / width;
         let mut differences = [[0.0_f32; 2]; NUM_ASKED];
         let mut num = 0;
-        // Beyond the border the pixels at the border stand in.
+        // Beyond the border the pixels at the border are repeated.
         let inside = |at: usize, offset: usize, size: usize| {
             (at + offset).saturating_sub(REACH).min(size - 1)
         };
@@ -115,9 +116,9 @@ fn widened(values: &[f32], extreme: impl Fn(f32, f32) -> f32) -> Vec<f32> {
     out
 }
 
-/// The middle of the first and of the second numbers. The least and the largest of just over half
-/// of them cannot be it; they leave, the next one comes in, until the middle is left. Without
-/// branches, which would go either way.
+/// Medians of the first and of the second numbers. The minimum and the maximum of just over half of
+/// the numbers cannot be the median; they are dropped and the next number is taken in, until the
+/// median is left. Branch-free, as branches would be unpredictable.
 fn medians(mut values: [[f32; 2]; NUM_ASKED]) -> [f32; 2] {
     const LAST: usize = NUM_ASKED / 2 + 1;
     let order = |values: &mut [[f32; 2]; NUM_ASKED], low: usize, high: usize| {

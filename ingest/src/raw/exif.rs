@@ -7,15 +7,14 @@ use std::io::Cursor;
 /// DNG's NoiseProfile.
 const NOISE_PROFILE: Tag = Tag(Context::Tiff, 51041);
 
-/// Adds what the EXIF of a file says to what is known already.
+/// Adds the EXIF of a file to the metadata.
 pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
     let mut reader = Reader::new();
     reader.continue_on_error(true);
     let read = reader
         .read_from_container(&mut Cursor::new(bytes))
         .or_else(|error| error.distill_partial_result(|_| ()));
-    // A file without EXIF has none to tell; whether that is too little is decided where it is
-    // needed.
+    // A file without EXIF adds nothing; missing values are reported where they are needed.
     let Ok(found) = read else { return };
     let text = |tag| text(&found, tag).unwrap_or_default();
     if metadata.make.is_empty() {
@@ -32,13 +31,13 @@ pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
             Tag::ISOSpeed,
             Tag::RecommendedExposureIndex,
         ];
-        // 65535 says that the number stands elsewhere.
+        // 65535 means that the number is elsewhere.
         tags.into_iter()
             .filter_map(number)
             .find(|iso| *iso > 0.0 && *iso < 65535.0)
     });
     metadata.f_number = metadata.f_number.or_else(|| number(Tag::FNumber));
-    // 0 is what a camera writes that does not know its lens.
+    // Cameras write 0 for an unknown lens.
     metadata.f_number = metadata.f_number.filter(|value| *value > 0.0);
     metadata.focal_mm = metadata.focal_mm.or_else(|| number(Tag::FocalLength));
     metadata.focal_mm = metadata.focal_mm.filter(|value| *value > 0.0);
@@ -56,7 +55,7 @@ pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
 }
 
 fn field(exif: &Exif, tag: Tag) -> Option<&Value> {
-    // The same number in whichever directory it stands.
+    // The same tag in either directory.
     let elsewhere = Tag(
         if tag.context() == Context::Exif {
             Context::Tiff

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-/// What a file is, by its extension.
+/// Kind of a file, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// A camera's RAW file.
     Raw,
     /// TIFF, PNG or EXR with light in linear numbers.
     Linear,
-    /// A picture for the display, of no use here.
+    /// A display-referred picture, which cannot be used.
     Display,
 }
 
@@ -21,7 +21,7 @@ const RAW: [&str; 36] = [
 const LINEAR: [&str; 4] = ["exr", "png", "tif", "tiff"];
 const DISPLAY: [&str; 8] = ["avif", "bmp", "gif", "heic", "heif", "jpeg", "jpg", "webp"];
 
-/// What a file is, by its extension; `None` for what is no image.
+/// Kind of a file, by its extension; `None` if it is not an image.
 pub fn kind_of(path: &Path) -> Option<Kind> {
     let extension = path.extension()?.to_str()?.to_ascii_lowercase();
     let is_in = |list: &[&str]| list.contains(&extension.as_str());

@@ -1,5 +1,5 @@
-//! Decoders that panic on damaged files, as both of them may: an error here, and nothing on the
-//! terminal.
+//! Decoders that panic on damaged files, as both of them may: turned into errors, with nothing
+//! printed.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,7 +12,7 @@ thread_local! {
 /// Runs a decoder; `None` if it panicked.
 ///
 /// The decoders catch most panics themselves, but only after the hook has printed them; so the hook
-/// keeps quiet on a thread that decodes.
+/// is silenced on a thread that decodes.
 pub(super) fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

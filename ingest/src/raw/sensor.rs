@@ -1,4 +1,4 @@
-//! What the decoders of RAW files have in common: a sensor, of which a window is image.
+//! Shared by the decoders of RAW files: a sensor, of which a window is image.
 
 use super::{Header, Layout, RawFrame, Samples, Want};
 use crate::error::{IngestError, Result};
@@ -6,13 +6,13 @@ use std::path::Path;
 
 /// A decoded sensor.
 pub(super) struct Sensor {
-    /// What becomes the frame's.
+    /// Header of the frame.
     pub(super) header: Header,
     /// Where the image is.
     pub(super) window: Window,
     /// Pixels in a row of `samples`.
     pub(super) stride: usize,
-    /// All samples, borders included; whatever the decoder has where only the header is wanted.
+    /// All samples, borders included; unspecified where only the header is requested.
     pub(super) samples: Samples,
 }
 
@@ -73,7 +73,7 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Width and height; what is beyond any camera is refused by its size later.
+    /// Width and height; excessive sizes are rejected later.
     pub(super) fn size(self) -> (u32, u32) {
         let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
         (side(self.width), side(self.height))

@@ -16,7 +16,7 @@ pub(super) fn read(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawF
     let decoded = guarded(|| {
         let params = RawDecodeParams::default();
         let decoder = rawler::get_decoder(&source)?;
-        // What stands in the metadata of a camera is a bonus: the samples count.
+        // Metadata of a camera is optional: the samples count.
         let metadata = decoder.raw_metadata(&source, &params).ok();
         let image = decoder.raw_image(&source, &params, want == Want::Header)?;
         Ok::<_, rawler::RawlerError>((image, metadata))
@@ -186,7 +186,7 @@ fn color(image: &RawImage) -> CameraColor {
             Some((u16::from(*illuminant), [row(0), row(1), row(2)]))
         })
         .collect();
-    // A map has no order of its own.
+    // Sorted, as a map has no order.
     matrices.sort_by_key(|(illuminant, _)| *illuminant);
     CameraColor {
         as_shot: as_shot(image.wb_coeffs),

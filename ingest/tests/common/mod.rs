@@ -1,4 +1,4 @@
-//! A camera that takes brackets of a computed scene, so that the answer is known.
+//! A virtual camera that takes brackets of a computed scene with known radiance.
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -46,7 +46,7 @@ pub(crate) fn neutral() -> [f64; 3] {
     [r / g, 1.0, b / g]
 }
 
-/// What the camera takes.
+/// Subject of the virtual camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Subject {
     /// Soft coloured waves, and a lamp a thousand times as bright with a hard edge.
@@ -89,9 +89,9 @@ impl Subject {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Shot {
     pub(crate) subject: Subject,
-    /// How long the shutter is really open.
+    /// True exposure time.
     pub(crate) exposure_s: f64,
-    /// What the file says about that.
+    /// Exposure time stated by the file.
     pub(crate) stated_s: Option<f64>,
     pub(crate) taken_ms: u64,
     pub(crate) model: &'static str,
@@ -229,7 +229,7 @@ impl Place {
         }
     }
 
-    /// Ingests; returns the outcome and the problems that were told.
+    /// Ingests; returns the result and the reported problems.
     pub(crate) fn ingest(
         &self,
         capture: &str,
@@ -268,7 +268,7 @@ pub(crate) fn options() -> IngestOptions {
     }
 }
 
-/// How an image compares with the truth after one factor.
+/// Agreement of an image with the truth after one factor.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Agreement {
     /// The factor.

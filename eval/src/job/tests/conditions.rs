@@ -107,7 +107,7 @@ fn regions_come_from_masks_and_the_earlier_light() {
     let table = case.output("table.md");
     assert!(table.contains("| shadow | 37.50 | inf |"), "{table}");
 
-    // The references' own light tells nothing.
+    // The references' own light gives no change.
     case.options.before = Some(case.options.dataset.join("transforms.json"));
     let found = case.run().unwrap();
     assert!(found.regions.contains_key(&Region::Surface));

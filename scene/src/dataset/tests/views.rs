@@ -42,6 +42,35 @@ fn a_written_dataset_reads_back_the_same() {
 }
 
 #[test]
+fn files_are_all_that_a_dataset_consists_of() {
+    let folder = Folder::new();
+    let mut view = some_view("10/a", 0.0);
+    view.valid = view.alpha.clone();
+    let mut writer = DatasetWriter::create(folder.root(), Precision::Float).unwrap();
+    writer.write_view(&view).unwrap();
+    writer.write_points(&PointCloud::default()).unwrap();
+    writer.finish(&DatasetInfo::default()).unwrap();
+
+    let mut written = Vec::new();
+    let mut folders = vec![folder.root().to_owned()];
+    while let Some(inner) = folders.pop() {
+        for entry in std::fs::read_dir(inner).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                written.push(path);
+            }
+        }
+    }
+    let mut files = folder.open().unwrap().files();
+    files.sort();
+    written.sort();
+    assert_eq!(files, written);
+    assert_eq!(files.len(), 9);
+}
+
+#[test]
 fn cameras_that_differ_are_written_each_with_its_own_intrinsics() {
     let folder = Folder::new();
     let mut views = [some_view("a", 0.0), some_view("b", 0.25)];

@@ -1,0 +1,67 @@
+//! The commands that do one job each. `eagpt run` chains them.
+
+use crate::args::GlobalArgs;
+use crate::{
+    bake, colmap, dataset, edit, eval, export, ingest, masks, normals, render, report, synth, train,
+};
+use anyhow::Result;
+use clap::{FromArgMatches, Subcommand};
+use std::process::ExitCode;
+
+/// A command that does one job.
+#[derive(Debug, Subcommand)]
+pub(crate) enum JobCommand {
+    Report(report::ReportArgs),
+    Masks(masks::MasksArgs),
+    Colmap(colmap::ColmapArgs),
+    Ingest(ingest::IngestArgs),
+    Dataset(dataset::DatasetArgs),
+    Normals(normals::NormalsArgs),
+    Train(train::TrainArgs),
+    Edit(edit::EditArgs),
+    Render(render::RenderArgs),
+    Bake(bake::BakeArgs),
+    Eval(eval::EvalArgs),
+    Export(export::ExportArgs),
+    Synth(synth::SynthArgs),
+}
+
+impl JobCommand {
+    /// All of them, as subcommands of the program.
+    pub(crate) fn program() -> clap::Command {
+        Self::augment_subcommands(clap::Command::new("eagpt"))
+    }
+
+    /// Parses the arguments of a job, the command's name first.
+    ///
+    /// # Errors
+    /// Of clap.
+    pub(crate) fn parse<'a>(
+        arguments: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Self, clap::Error> {
+        let words = std::iter::once("eagpt").chain(arguments);
+        Self::from_arg_matches(&Self::program().try_get_matches_from(words)?)
+    }
+
+    /// Runs the job.
+    ///
+    /// # Errors
+    /// The job's.
+    pub(crate) fn run(&self, global: &GlobalArgs) -> Result<ExitCode> {
+        match self {
+            Self::Report(args) => report::run(args, global),
+            Self::Masks(args) => masks::run(args, global),
+            Self::Colmap(args) => colmap::run(args, global),
+            Self::Ingest(args) => ingest::run(args, global),
+            Self::Dataset(args) => dataset::run(args, global),
+            Self::Normals(args) => normals::run(args, global),
+            Self::Train(args) => train::run(args, global),
+            Self::Edit(args) => edit::run(args, global),
+            Self::Render(args) => render::run(args, global),
+            Self::Bake(args) => bake::run(args, global),
+            Self::Eval(args) => eval::run(args, global),
+            Self::Export(args) => export::run(args, global),
+            Self::Synth(args) => synth::run(args, global),
+        }
+    }
+}
