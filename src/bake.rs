@@ -144,7 +144,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     output::check_file(&args.out, "bake", &inputs, replace)?;
     output::create_parent(&args.out)?;
     let mut reporter = Reporter::new(global);
-    let engine = args.device.device.open(&mut reporter)?;
+    let device = args.device.open(&mut reporter)?;
     let request = BakeRequest {
         scene: args.scene.clone(),
         cameras: args.cameras.clone(),
@@ -155,7 +155,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .unwrap_or_else(|| args.out.with_extension("work")),
         matrix: args.links.clone(),
         options,
-        device: engine.for_training(),
+        device,
         start_over: args.force,
         stop: interrupt::stop_flag()?,
     };

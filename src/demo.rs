@@ -1,12 +1,13 @@
 //! `eagpt demo`: the whole chain on a simulated capture.
 
 use crate::args::GlobalArgs;
-use crate::device::{DeviceArgs, DeviceChoice};
+use crate::device::DeviceArgs;
 use crate::progress::Reporter;
 use crate::run;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::files;
+use eagpt_trace::DeviceSelector;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -106,10 +107,10 @@ fn open_file(path: &Path) -> Result<()> {
         .with_context(|| format!("{program} {}", path.display()))
 }
 
-/// What a section of the project says about the device: nothing, unless something is asked for.
-fn device_line(device: &DeviceChoice) -> String {
+/// Line of a project section about the device: empty, unless one is asked for.
+fn device_line(device: &DeviceSelector) -> String {
     match device {
-        DeviceChoice::Auto => String::new(),
+        DeviceSelector::Auto => String::new(),
         device => format!("\ndevice = {}", toml::Value::String(device.to_string())),
     }
 }

@@ -2,16 +2,16 @@
 
 use crate::args::GlobalArgs;
 use crate::bench::{Unit, figure};
-use crate::device::{DeviceArgs, Engine};
+use crate::device::DeviceArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use eagpt_denoise::Oidn;
 use eagpt_scene::machine;
-use eagpt_trace::TraceError;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::parity::{self, PARITY_TOLERANCE, Parity};
+use eagpt_trace::{Device, TraceError};
 use serde::Serialize;
 use std::path::Path;
 use std::process::ExitCode;
@@ -94,14 +94,14 @@ impl Finding {
 }
 
 pub(crate) fn run(args: &DoctorArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let engine = args.device.device.open(&mut Reporter::new(global))?;
+    let device = args.device.open(&mut Reporter::new(global))?;
     let mut findings = vec![program(), processor(), memory()];
     findings.extend(gpus());
     findings.extend([denoiser(), colmap(), normals()]);
     findings.push(self_test(parity::compare(|gaussians| {
         Ok(CpuScene::new(gaussians))
     })));
-    findings.extend(device_test(&engine));
+    findings.extend(device_test(&device));
     for finding in &findings {
         let text = if global.json {
             let mut value = serde_json::to_value(finding)?;
@@ -266,19 +266,19 @@ fn normals() -> Finding {
     )
 }
 
-/// What the self-test says of a device that is not the CPU.
+/// Self-test of a device that is not the CPU.
 #[cfg(feature = "gpu")]
-fn device_test(engine: &Engine) -> Option<Finding> {
-    match engine {
-        Engine::Cpu => None,
-        Engine::Gpu(device) => Some(self_test(parity::compare(|gaussians| {
+fn device_test(device: &Device) -> Option<Finding> {
+    match device {
+        Device::Cpu => None,
+        Device::Gpu(device) => Some(self_test(parity::compare(|gaussians| {
             Ok(eagpt_trace::gpu::GpuScene::new(device, gaussians)?)
         }))),
     }
 }
 
 #[cfg(not(feature = "gpu"))]
-fn device_test(_: &Engine) -> Option<Finding> {
+fn device_test(_: &Device) -> Option<Finding> {
     None
 }
 

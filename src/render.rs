@@ -78,8 +78,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         builder.record.inputs.push(Input::of(file)?);
     }
     let mut reporter = Reporter::new(global);
-    let engine = args.device.device.open(&mut reporter)?;
-    let scene = engine.tracer(&gaussians)?;
+    let device = args.device.open(&mut reporter)?;
+    let scene = device.scene(&gaussians)?;
     let display = args
         .display
         .resolve(scene.as_ref(), &shots.list, &integrator, &light)?;
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
             ran: denoiser.as_ref().map(Denoiser::identity),
         },
         camera_path: shots.path_record(),
-        device: scene.device(),
+        device: device.name(),
     })?;
     target(Replace::from_flag(args.force)).prepare()?;
     if args.force {
@@ -137,7 +137,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     shots.write_cameras(&args.out, &dataset)?;
     let record = &mut builder.record;
     record.seed = Some(light.seed);
-    record.device = Some(scene.device());
+    record.device = Some(device.name());
     record.split = shots.split.clone();
     record.outputs = outputs
         .iter()

@@ -174,7 +174,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let dataset = args.dataset.clone().unwrap_or_default();
     let out = args.out.clone().unwrap_or_default();
     let mut reporter = Reporter::new(global);
-    let engine = args.device.device.open(&mut reporter)?;
+    let device = args.device.open(&mut reporter)?;
     let request = TrainRequest {
         dataset,
         masks: args.masks.clone(),
@@ -194,7 +194,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         image_budget: args
             .memory
             .map(|mib| usize::try_from(mib.saturating_mul(1 << 20)).unwrap_or(usize::MAX)),
-        device: engine.for_training(),
+        device,
         stop: interrupt::stop_flag()?,
     };
     check_target(&request)?;

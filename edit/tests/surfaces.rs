@@ -6,7 +6,6 @@ use eagpt_edit::insert::{Material, Solid, Surface};
 use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::Features;
-use eagpt_trace::transport::RayTracer;
 use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 

@@ -1,7 +1,7 @@
 //! The error of this crate.
 
 use eagpt_scene::SceneError;
-use eagpt_trace::engine::TraceError;
+use eagpt_trace::TraceError;
 use std::path::PathBuf;
 
 /// Result with [`MaskError`].

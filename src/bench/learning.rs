@@ -5,7 +5,7 @@ use super::stage::Bench;
 use anyhow::{Context, Result, anyhow};
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::{Camera, files, ply};
-use eagpt_train::backend::{Backend, CpuBackend, RadianceStep, TrainDevice, TrainingView};
+use eagpt_train::backend::{Backend, CpuBackend, RadianceStep, TrainingView};
 use eagpt_train::bake::gaussians::GaussianBake;
 use eagpt_train::bake::{BakeMethod, BakeOptions, BakeRequest, bake};
 use eagpt_train::loss::NormalTerms;
@@ -99,7 +99,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
             split: SplitRule::default(),
             subset: Subset::All,
         },
-        device: TrainDevice::Cpu,
+        device: eagpt_trace::Device::Cpu,
         start_over: true,
         stop: Arc::new(AtomicBool::new(false)),
     };

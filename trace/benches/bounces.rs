@@ -15,7 +15,6 @@ use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::cpu::bvh::RayScratch;
 use eagpt_trace::cpu::realizations::Realizations;
-use eagpt_trace::transport::RayTracer;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
 use glam::Vec3;

@@ -8,7 +8,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use eagpt_scene::{Camera, Dataset, Gaussians, ply};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
-use eagpt_trace::cpu::GradientMask;
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
 use eagpt_trace::cpu::{CameraRecord, CpuScene};
 use eagpt_trace::transport::Sampling;

@@ -206,6 +206,15 @@ pub fn features_of_one(t: f32, attributes: &Attributes, direction: [f32; 3]) -> 
     features
 }
 
+/// Parameters with respect to which a gradient is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GradientMask {
+    /// All parameters.
+    Everything,
+    /// Radiance, emission and albedo only, others are zero: several times as fast on the CPU.
+    LightAndMaterial,
+}
+
 /// Lanes of a [`LocalGradient`].
 pub mod grad_lane {
     /// Position, in the Gaussian's frame (t_u, t_v, n): three lanes.

@@ -36,7 +36,7 @@ mod bvh;
 mod camera;
 mod device;
 mod error;
-mod fit;
+mod frame;
 mod kernels;
 mod layout;
 mod light;
@@ -52,9 +52,9 @@ mod tests;
 mod views;
 
 pub use adapter::{Adapter, Kind, adapters};
-pub use device::{Device, DeviceSelector, Profile, Reading, StageTime, Tier};
+pub use device::{Device, Profile, Reading, StageTime, Tier};
 pub use error::GpuError;
-pub use fit::{Frame, FrameRoom, GpuFit};
+pub use frame::{Frame, FrameRoom};
 pub use scene::GpuScene;
 
 /// Kernels of other crates.

@@ -12,16 +12,19 @@
 //! - [`blend`]: blending of ordered hits, shared by every way of finding them.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
+//! - [`weights`]: the blends of a camera's pixels as a sparse matrix.
 //! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays,
 //!   whose adjoint is there, too.
 //! - `gpu` (feature `gpu`): the same on devices that wgpu finds.
-//! - [`transport`]: `0-bounce`, `1-bounce` and `path` renderings on any [`Tracer`].
+//! - [`transport`]: options of the `0-bounce`, `1-bounce` and `path` integrators, light sampling
+//!   and the transport matrix.
 //!
-//! [`Tracer`] is the seam between engines and the code above them.
+//! [`Device`] names and opens a device, [`Device::scene`] brings Gaussians to it, and [`Tracer`] is
+//! the interface of that scene: the only one the code above this crate knows.
 
 pub mod blend;
 pub mod cpu;
-pub mod engine;
+mod device;
 pub mod features;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -30,10 +33,13 @@ pub mod oracle;
 pub mod parity;
 pub mod ray;
 pub mod surfel;
+mod tracer;
 pub mod transport;
 mod tree;
+pub mod weights;
 
-pub use engine::{RenderedView, TraceError, Tracer};
+pub use device::{Device, DeviceSelector};
 pub use features::{Features, GBuffer};
 pub use ray::Ray;
+pub use tracer::{RenderedView, TraceError, Tracer};
 pub use transport::{Integrator, LightOptions};

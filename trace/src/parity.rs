@@ -1,8 +1,8 @@
 //! How far an engine is from the model: a scene that is known everywhere, traced by the engine and
 //! by the oracle.
 
-use crate::engine::{TraceError, Tracer};
 use crate::oracle::{self, OracleGaussian};
+use crate::tracer::{TraceError, Tracer};
 use eagpt_scene::{Camera, Gaussians, random_cloud};
 use glam::DAffine3;
 use serde::Serialize;
@@ -53,7 +53,7 @@ pub fn compare<T: Tracer>(
         .num_threads(1)
         .build()
         .map_err(|error| TraceError::Device {
-            device: engine.device(),
+            device: engine.device().name(),
             problem: error.to_string(),
         })?;
     let alone = one.install(|| new(&cloud)?.gbuffer(&camera))?;
@@ -80,7 +80,7 @@ pub fn compare<T: Tracer>(
 
     let large = new(&random_cloud(50_000, 5))?;
     Ok(Parity {
-        device: engine.device(),
+        device: engine.device().name(),
         num_compared,
         worst,
         is_repeatable: alone == seen,
@@ -122,14 +122,17 @@ fn camera(width: u32, height: u32) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blend::{Contribution, PixelValue};
+    use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
     use crate::cpu::CpuScene;
-    use crate::engine::RenderedView;
+    use crate::device::Device;
     use crate::features::{Features, GBuffer};
     use crate::ray::Ray;
+    use crate::tracer::RenderedView;
     use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
     use crate::transport::{Integrator, LightOptions};
+    use crate::weights::BlendWeights;
     use eagpt_scene::rng::RandomKey;
+    use glam::Vec3;
 
     #[test]
     fn the_cpu_engine_is_right() {
@@ -145,12 +148,37 @@ mod tests {
     struct Wrong(CpuScene);
 
     impl Tracer for Wrong {
-        fn device(&self) -> String {
-            "wrong".to_owned()
+        fn device(&self) -> Device {
+            self.0.device()
         }
 
         fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
             self.0.update(gaussians)
+        }
+
+        fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError> {
+            self.0.set_albedos(albedos)
+        }
+
+        fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
+            self.0.record(camera)
+        }
+
+        fn adjoint(
+            &mut self,
+            camera: &Camera,
+            d_features: &[Features],
+            mask: GradientMask,
+        ) -> Result<Vec<LocalGradient>, TraceError> {
+            self.0.adjoint(camera, d_features, mask)
+        }
+
+        fn weights(
+            &mut self,
+            camera: &Camera,
+            least: f32,
+        ) -> Result<Option<BlendWeights>, TraceError> {
+            self.0.weights(camera, least)
         }
 
         fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {

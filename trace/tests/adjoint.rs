@@ -4,8 +4,8 @@
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Features;
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::blend::{LocalGradient, grad_lane};
-use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::features::lane;
 use eagpt_trace::oracle::{self, OracleGaussian};

@@ -2,13 +2,13 @@
 
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{HitSearch, Keep};
-use eagpt_trace::cpu::{CameraRecord, CpuScene, GradientMask};
+use eagpt_trace::cpu::{CameraRecord, CpuScene};
 use eagpt_trace::features::NUM_LANES;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::RayTracer;
 use eagpt_trace::{Features, Tracer};
 use glam::{DVec3, Vec3};
 

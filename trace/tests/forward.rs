@@ -4,10 +4,11 @@
 use eagpt_scene::Gaussians;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::blend::Contribution;
+use eagpt_trace::blend::GradientMask;
+use eagpt_trace::cpu::CameraRecord;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::cpu::realizations::Realizations;
-use eagpt_trace::cpu::{CameraRecord, GradientMask};
 use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::parity::PARITY_TOLERANCE;

@@ -6,11 +6,11 @@ mod gpu;
 use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::Contribution;
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::CpuScene;
-use eagpt_trace::cpu::GradientMask;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::features::{NUM_LANES, lane};
-use eagpt_trace::gpu::{GpuFit, GpuScene};
+use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::{Features, GBuffer, Tracer};
@@ -175,7 +175,7 @@ fn contributions_are_those_of_the_cpu() {
     };
     let gaussians = random_cloud(700, 3);
     let set = SurfelSet::new(&gaussians);
-    let fit = GpuFit::new(&device, &set).unwrap();
+    let fit = GpuScene::new(&device, &gaussians).unwrap();
     for camera in cameras() {
         let value = |pixel: usize, features: &Features| weight(pixel, 0) * features.alpha();
         let (_, record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
@@ -224,7 +224,7 @@ fn gradients_are_those_of_the_cpu() {
     };
     let gaussians = directional(random_cloud(700, 3), 5);
     let set = SurfelSet::new(&gaussians);
-    let gpu = GpuScene::new(&device, &gaussians).unwrap();
+    let mut gpu = GpuScene::new(&device, &gaussians).unwrap();
     for camera in cameras() {
         let mut d_features = vec![Features::default(); camera.num_pixels()];
         for pixel in steady_pixels(&gaussians, &camera) {
@@ -234,8 +234,9 @@ fn gradients_are_those_of_the_cpu() {
         }
         let (_, mut record) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Record);
         let wanted = record.adjoint(&set, &d_features, GradientMask::Everything);
-        let got = gpu.camera_adjoint(&camera, &d_features).unwrap();
-        let again = gpu.camera_adjoint(&camera, &d_features).unwrap();
+        let mask = GradientMask::Everything;
+        let got = gpu.adjoint(&camera, &d_features, mask).unwrap();
+        let again = gpu.adjoint(&camera, &d_features, mask).unwrap();
         assert!(got == again, "the same device gives the same bits");
         let mut failures = Vec::new();
         for k in 0..NUM_LANES {

@@ -9,7 +9,6 @@ use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::ray::Ray;
-use eagpt_trace::transport::RayTracer;
 use eagpt_trace::{Features, Tracer};
 use glam::{DVec3, Quat, Vec2, Vec3};
 

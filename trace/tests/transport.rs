@@ -10,7 +10,7 @@ use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use eagpt_trace::transport::points::Points;
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, RayTracer, Sampling};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
 use eagpt_trace::{Features, Integrator, LightOptions, Tracer};
 use glam::{DVec3, Vec3};
 
@@ -328,14 +328,8 @@ fn light_reaches_into_corners() {
         let origin = Vec3::new(0.0, 1.0 - distance, 0.5);
         let features = scene.trace(&Ray::free(origin.to_array(), direction.to_array()));
         let surface = Surface::at(origin, direction, &features).unwrap();
-        let light = eagpt_trace::transport::irradiance_over_pi(
-            &scene,
-            &BounceSampler::new(None, 0.0),
-            &surface,
-            4000,
-            &Points::new(key, 0),
-        )
-        .x;
+        let (sampler, points) = (BounceSampler::new(None, 0.0), Points::new(key, 0));
+        let light = scene.irradiance_at(&surface, &sampler, 4000, &points).x;
         // A strip of height 2 at the distance d, wide compared with it: (1 − cos θ)/2 with tan θ =
         // 2/d.
         let expected = 0.5 * (1.0 - distance / (distance * distance + 4.0).sqrt());

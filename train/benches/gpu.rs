@@ -11,15 +11,16 @@
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Image, View};
 use eagpt_testkit::gaussians::{cube, look_at, material, rectangle, sphere};
+use eagpt_trace::DeviceSelector;
+use eagpt_trace::blend::GradientMask;
 use eagpt_trace::features::GBuffer;
-use eagpt_trace::gpu::{Device, DeviceSelector, Frame, FrameRoom, GpuFit, GpuScene, Kind};
+use eagpt_trace::gpu::{Device, Frame, FrameRoom, GpuScene, Kind};
 use eagpt_trace::ray::Ray;
-use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::{Directions, Receiver};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Integrator, LightOptions, Tracer};
-use eagpt_train::backend::{AlbedoStep, Backend, RadianceStep, Taken, TrainDevice, TrainingView};
+use eagpt_train::backend::{self, AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use eagpt_train::loss::NormalTerms;
 use eagpt_train::params::{ParameterState, StepSizes};
 use eagpt_train::{Preset, TrainOptions};
@@ -206,7 +207,7 @@ fn training_view(camera: Camera, seen: &GBuffer) -> Outcome<TrainingView> {
 fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<GBuffer> {
     let device = Arc::clone(&table.device);
     let num_pixels = camera.num_pixels() as f64;
-    let scene = GpuScene::new(&device, gaussians)?;
+    let mut scene = GpuScene::new(&device, gaussians)?;
     let features = scene.gbuffer(&camera)?;
     table.row(
         "camera rays, forward, read back",
@@ -222,13 +223,13 @@ fn looking(table: &mut Table, gaussians: &Gaussians, camera: Camera) -> Outcome<
         (num_pixels, "rays"),
         "",
         || {
-            black_box(scene.camera_adjoint(&camera, &features.pixels)?);
+            black_box(scene.adjoint(&camera, &features.pixels, GradientMask::Everything)?);
             Ok(())
         },
     )?;
     drop(scene);
 
-    let fit = GpuFit::new(&device, &SurfelSet::new(gaussians))?;
+    let fit = GpuScene::new(&device, gaussians)?;
     let forward = || -> Outcome<()> { Ok(fit.forward(&camera)?) };
     let both = || -> Outcome<()> {
         forward()?;
@@ -298,8 +299,8 @@ fn training(
         sizes: StepSizes::radiance(&options.rates, 1.0, 1.0),
     };
     let view = training_view(camera, seen)?;
-    let on = TrainDevice::Gpu(Arc::clone(&device));
-    let mut backend = on.backend(ParameterState::new(gaussians), 1 << 30)?;
+    let on = eagpt_trace::Device::Gpu(Arc::clone(&device));
+    let mut backend = backend::new(&on, ParameterState::new(gaussians), 1 << 30)?;
     let take = |backend: &mut dyn Backend, step: &RadianceStep<'_>| -> Outcome<()> {
         check(backend.radiance_step(&view, step)?)
     };
@@ -414,9 +415,7 @@ fn main() -> Outcome<()> {
     if !std::env::args().any(|argument| argument == "--bench") {
         return Ok(());
     }
-    let opened =
-        Device::open(&DeviceSelector::Hardware).or_else(|_| Device::open(&DeviceSelector::Any));
-    let device = match opened {
+    let device = match Device::open(&DeviceSelector::Gpu) {
         Ok(device) => device,
         Err(error) => {
             println!("skipped: {error}");

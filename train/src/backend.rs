@@ -1,15 +1,14 @@
 //! One training step on a device.
 //!
-//! The loop above decides what to do next; a [`Backend`] owns everything that changes at every step
-//! — parameters, moments, prepared images — for the whole run, and hands back scalars. Full state
-//! crosses the seam only for checkpoints.
+//! The training loop decides on the next step; a [`Backend`] owns everything that changes at every
+//! step — parameters, moments, prepared images — for the whole run, and returns scalars. The full
+//! state is read back only for checkpoints.
 
 mod cpu;
-mod engine;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod irradiance;
-mod lit;
+mod irradiance_cache;
 mod trainer;
 
 pub use cpu::CpuBackend;
@@ -21,59 +20,26 @@ use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms};
 use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::{BadGradient, ParameterState, StepSizes};
-use eagpt_scene::{Camera, Gaussians, View};
-use eagpt_trace::Tracer;
-use eagpt_trace::cpu::CpuScene;
+use eagpt_scene::{Camera, View};
+use eagpt_trace::Device;
 use eagpt_trace::features::GBuffer;
-#[cfg(feature = "gpu")]
-use eagpt_trace::gpu::GpuScene;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Where a run or a bake computes.
-#[derive(Debug, Clone, Default)]
-pub enum TrainDevice {
-    /// All threads of the current rayon pool.
-    #[default]
-    Cpu,
-    /// A device that wgpu has opened.
-    #[cfg(feature = "gpu")]
-    Gpu(Arc<eagpt_trace::gpu::Device>),
-}
-
-impl TrainDevice {
-    /// What computes: recorded beside results.
-    pub fn name(&self) -> String {
-        match self {
-            Self::Cpu => "cpu".to_owned(),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device) => format!("gpu: {}", device.adapter().name),
-        }
-    }
-
-    /// A backend there that starts from `state`; prepared images may take `target_budget` bytes.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn backend(&self, state: ParameterState, target_budget: usize) -> Result<Box<dyn Backend>> {
-        Ok(match self {
-            Self::Cpu => Box::new(CpuBackend::new(state, target_budget)),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device) => Box::new(GpuBackend::new(device, state, target_budget)?),
-        })
-    }
-
-    /// A scene there, to be looked at.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
-        Ok(match self {
-            Self::Cpu => Box::new(CpuScene::new(gaussians)),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device) => Box::new(GpuScene::new(device, gaussians)?),
-        })
-    }
+/// A backend on `device` that starts from `state`; prepared images may take `target_budget` bytes.
+///
+/// # Errors
+/// If the device fails or has not enough memory.
+pub fn new(
+    device: &Device,
+    state: ParameterState,
+    target_budget: usize,
+) -> Result<Box<dyn Backend>> {
+    Ok(match device {
+        Device::Cpu => Box::new(CpuBackend::new(state, target_budget)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(device) => Box::new(GpuBackend::new(device, state, target_budget)?),
+    })
 }
 
 /// A training view with the index by which a backend may keep prepared copies.
@@ -135,9 +101,6 @@ pub struct Taken {
 /// A step may still be under way when the call that begins it returns: each call returns those that
 /// are over by then, and [`Self::finish`] the rest, in the order in which they were begun.
 pub trait Backend {
-    /// What computes: recorded beside the result.
-    fn device(&self) -> String;
-
     /// From here on radiance may differ with the direction: coefficients are there, all zero.
     /// Nothing happens where they are there already.
     ///

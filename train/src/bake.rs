@@ -9,10 +9,10 @@ pub mod gaussians;
 mod relink;
 pub mod views;
 
-use crate::backend::TrainDevice;
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, files, ply};
+use eagpt_trace::Device;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use gaussians::GaussianBake;
 use glam::Vec3;
@@ -66,7 +66,7 @@ pub struct BakeRequest {
     /// Options.
     pub options: BakeOptions,
     /// What traces rays and, with [`BakeMethod::Views`], fits.
-    pub device: TrainDevice,
+    pub device: Device,
     /// Whether the work of another bake may go from the work folder.
     pub start_over: bool,
     /// Set from outside to stop soon, with the work so far on disk.

@@ -7,7 +7,7 @@ pub(crate) mod views;
 
 pub use plan::{Memory, memory};
 
-use crate::backend::{Backend, Taken, TrainDevice};
+use crate::backend::{self, Backend, Taken};
 use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
@@ -19,6 +19,7 @@ use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::{Split, Subset};
 use eagpt_scene::{Dataset, SceneError, files, ply};
+use eagpt_trace::Device;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -64,8 +65,8 @@ pub struct TrainRequest {
     pub bad_views: BadViews,
     /// Bytes that images may take in memory; without it, half of what is free.
     pub image_budget: Option<usize>,
-    /// Where it is computed.
-    pub device: TrainDevice,
+    /// Compute device.
+    pub device: Device,
     /// Set from outside to stop after the current iteration with a checkpoint.
     pub stop: Arc<AtomicBool>,
 }
@@ -77,7 +78,7 @@ pub struct TrainSummary {
     pub scene: Option<PathBuf>,
     /// Number of Gaussians.
     pub num_gaussians: usize,
-    /// What computed.
+    /// Compute device.
     pub device: String,
     /// How the views were divided.
     pub split: Split,
@@ -147,7 +148,7 @@ pub fn train(
         }
         None => initial_checkpoint(&dataset, &mut views, fingerprint.clone(), &mut run)?,
     };
-    let mut backend = request.device.backend(start.state.clone(), budget / 2)?;
+    let mut backend = backend::new(&request.device, start.state.clone(), budget / 2)?;
     let mut position = start;
     position.state = ParameterState::default();
     let finished = run.stages(backend.as_mut(), &views, &mut position)?;
@@ -159,7 +160,7 @@ pub fn train(
     Ok(TrainSummary {
         scene: finished.then_some(scene),
         num_gaussians: state.len(),
-        device: backend.device(),
+        device: request.device.name(),
         split,
         fingerprint,
         extent: position.extent,

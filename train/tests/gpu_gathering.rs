@@ -14,7 +14,8 @@ mod gpu;
 mod room;
 
 use eagpt_testkit::gaussians::look_at;
-use eagpt_train::backend::TrainDevice;
+use eagpt_trace::Device;
+use eagpt_train::backend;
 use eagpt_train::params::ParameterState;
 use glam::DVec3;
 
@@ -37,8 +38,8 @@ fn albedos_to_start_from_are_those_of_the_cpu() {
         look_at(DVec3::ZERO, DVec3::new(0.2, -1.0, -0.6), 24, 24),
         look_at(DVec3::ZERO, DVec3::new(-1.0, 0.3, 0.1), 24, 24),
     ];
-    let [cpu, on_device] = [TrainDevice::Cpu, TrainDevice::Gpu(device)].map(|device| {
-        let mut backend = device.backend(state.clone(), 0).unwrap();
+    let [cpu, on_device] = [Device::Cpu, Device::Gpu(device)].map(|device| {
+        let mut backend = backend::new(&device, state.clone(), 0).unwrap();
         let num = backend.begin_gathering(&cameras).unwrap();
         for start in (0..num).step_by(100) {
             let range = start..num.min(start + 100);

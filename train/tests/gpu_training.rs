@@ -13,7 +13,7 @@
 mod gpu;
 
 use eagpt_testkit::room;
-use eagpt_train::backend::TrainDevice;
+use eagpt_trace::Device;
 use eagpt_train::checkpoint::{self, Checkpoint};
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::{Stage, StageChoice};
@@ -38,7 +38,7 @@ fn dataset(dir: &Path) -> PathBuf {
     path
 }
 
-fn request(dir: &Path, out: &str, device: &TrainDevice) -> TrainRequest {
+fn request(dir: &Path, out: &str, device: &Device) -> TrainRequest {
     let mut options = TrainOptions::preset(Preset::Draft);
     options.stage = StageChoice::Radiance;
     options.num_gaussians = Some(400);
@@ -88,8 +88,8 @@ fn a_step_is_that_of_the_cpu() {
     let mut failures = Vec::new();
     // Early, with one ray for each pixel; and late, with four of them and all terms.
     for (name, late) in [("early", false), ("late", true)] {
-        let ends = [TrainDevice::Cpu, TrainDevice::Gpu(Arc::clone(&device))].map(|device| {
-            let kind = matches!(device, TrainDevice::Cpu);
+        let ends = [Device::Cpu, Device::Gpu(Arc::clone(&device))].map(|device| {
+            let kind = matches!(device, Device::Cpu);
             let mut request = request(dir.path(), &format!("{name}-{kind}"), &device);
             request.options.radiance.iterations = 1;
             if late {
@@ -153,8 +153,8 @@ fn the_loss_falls_as_on_the_cpu() {
     };
     let dir = tempfile::tempdir().unwrap();
     dataset(dir.path());
-    let [cpu, gpu] = [TrainDevice::Cpu, TrainDevice::Gpu(device)].map(|device| {
-        let kind = matches!(device, TrainDevice::Cpu);
+    let [cpu, gpu] = [Device::Cpu, Device::Gpu(device)].map(|device| {
+        let kind = matches!(device, Device::Cpu);
         let mut request = request(dir.path(), &format!("run-{kind}"), &device);
         request.options.radiance.iterations = 50;
         request.options.radiance.normals_from = 0.3;
@@ -186,8 +186,8 @@ fn the_loss_of_albedos_falls_as_on_the_cpu() {
     };
     let dir = tempfile::tempdir().unwrap();
     dataset(dir.path());
-    let [cpu, gpu] = [TrainDevice::Cpu, TrainDevice::Gpu(device)].map(|device| {
-        let kind = matches!(device, TrainDevice::Cpu);
+    let [cpu, gpu] = [Device::Cpu, Device::Gpu(device)].map(|device| {
+        let kind = matches!(device, Device::Cpu);
         let mut request = request(dir.path(), &format!("both-{kind}"), &device);
         request.options.stage = StageChoice::All;
         request.options.radiance.iterations = 30;
@@ -215,7 +215,7 @@ fn a_stopped_run_ends_in_the_same_bits() {
     let Some(device) = gpu::device("a stopped training run") else {
         return;
     };
-    let device = TrainDevice::Gpu(device);
+    let device = Device::Gpu(device);
     let dir = tempfile::tempdir().unwrap();
     dataset(dir.path());
     let make = |out: &str| {

@@ -10,7 +10,7 @@ use eagpt_scene::dataset::{DatasetInfo, DatasetWriter};
 use eagpt_scene::exr::Precision;
 use eagpt_scene::{Dataset, Image, View};
 use eagpt_testkit::room;
-use eagpt_train::backend::TrainDevice;
+use eagpt_trace::Device;
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::{Preset, TrainOptions, TrainRequest, train};
 use std::path::{Path, PathBuf};
@@ -101,7 +101,7 @@ fn trained(dir: &Path, unknown: Unknown) -> Vec<u8> {
         existing: Existing::Refuse,
         bad_views: BadViews::Refuse,
         image_budget: None,
-        device: TrainDevice::Cpu,
+        device: Device::Cpu,
         stop: Arc::new(AtomicBool::new(false)),
     };
     let summary = train(&request, &mut |_| ()).unwrap();

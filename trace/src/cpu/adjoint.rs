@@ -17,7 +17,7 @@
 
 use super::camera::{BlendedHit, CameraRecord, TileRecord};
 use super::tile::pixels_of_tile;
-use crate::blend::{Face, LocalGradient, grad_lane};
+use crate::blend::{Face, GradientMask, LocalGradient, grad_lane};
 use crate::features::{Features, NUM_LANES, lane};
 use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, SurfelSet};
 use eagpt_scene::Camera;
@@ -25,15 +25,6 @@ use glam::Vec3;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
-
-/// The derivatives that are wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum GradientMask {
-    /// With respect to all parameters.
-    Everything,
-    /// With respect to radiance, emission and albedo only, others are zero: several times as fast.
-    LightAndMaterial,
-}
 
 /// Moments of the hits of a Gaussian in a tile: lanes of `Moments::shape`.
 mod moment {
@@ -79,7 +70,7 @@ impl CameraRecord {
         &mut self,
         set: &SurfelSet,
         d_features: &[Features],
-        wanted: GradientMask,
+        mask: GradientMask,
     ) -> Vec<LocalGradient> {
         let Some(camera) = &self.camera else {
             return vec![LocalGradient::default(); set.len()];
@@ -87,7 +78,7 @@ impl CameraRecord {
         let loss = Loss {
             set: set.as_seen(&self.seen),
             d_features,
-            wanted,
+            mask,
         };
         self.tiles
             .par_iter_mut()
@@ -156,7 +147,7 @@ impl RowPlaces {
 struct Loss<'a> {
     set: SeenSet<'a>,
     d_features: &'a [Features],
-    wanted: GradientMask,
+    mask: GradientMask,
 }
 
 #[multiversion(targets(
@@ -193,7 +184,7 @@ fn adjoint_of_tile(
     // The record is longer than the caches: it is read as one stream, from its end.
     for (p, pixel) in pixels_of_tile(camera, tile).rev() {
         let (hits, d_features) = (record.hits_of(p), &loss.d_features[pixel]);
-        match loss.wanted {
+        match loss.mask {
             GradientMask::LightAndMaterial => {
                 for hit in hits {
                     rows[record.row_of(hit)].moments.add_light(hit, d_features);
@@ -206,7 +197,7 @@ fn adjoint_of_tile(
     let gradients = rows.iter().zip(surfels.iter());
     record
         .gradients
-        .extend(gradients.map(|(row, surfel)| match loss.wanted {
+        .extend(gradients.map(|(row, surfel)| match loss.mask {
             GradientMask::LightAndMaterial => row.moments.light_gradient(),
             GradientMask::Everything => row.moments.gradient(&surfel.seen_from(origin)),
         }));

@@ -16,9 +16,9 @@
 //! but with the number of discs that light comes from.
 
 use super::bvh::{DiscTree, RayScratch, uniform_of};
+use super::scene::SampledHit;
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
-use crate::transport::SampledHit;
 use crate::transport::matrix::NUM_REALIZATIONS;
 
 /// Seed of an engine's realizations: scenes of the same Gaussians have the same ones.

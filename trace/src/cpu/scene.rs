@@ -1,18 +1,22 @@
-//! The CPU engine behind [`Tracer`].
+//! A scene on the CPU.
 
 use super::bvh::{Bvh, RayScratch};
-use super::camera::{self, HitSearch, Keep};
+use super::camera::{self, CameraRecord, HitSearch, Keep};
+use super::integrate;
 use super::realizations::{Realizations, SCENE_SEED};
-use crate::blend::{Contribution, PixelValue};
-use crate::engine::{RenderedView, TraceError, Tracer};
+use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::device::Device;
 use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, SurfelSet};
-use crate::transport::lights::Lights;
+use crate::tracer::{RenderedView, TraceError, Tracer};
+use crate::transport::lights::{self, Lights};
 use crate::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
-use crate::transport::{self, Integrator, LightOptions, RayTracer, SampledHit};
+use crate::transport::{Integrator, LightOptions};
+use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
+use glam::Vec3;
 use rayon::prelude::*;
 use std::cell::RefCell;
 use std::sync::OnceLock;
@@ -21,26 +25,40 @@ thread_local! {
     static SCRATCH: RefCell<RayScratch> = RefCell::default();
 }
 
-/// Gaussians with their acceleration structure, traced by all threads of the current rayon pool.
+/// The hit that stands for all of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampledHit {
+    /// Index of the Gaussian.
+    pub index: u32,
+    /// Distance along the ray.
+    pub t: f32,
+}
+
+/// Gaussians traced by all threads of the current rayon pool. Structures for single rays are made
+/// when the first ray needs them: cameras do without.
 #[derive(Debug, Clone)]
 pub struct CpuScene {
     set: SurfelSet,
-    bvh: Bvh,
-    lights: Option<Lights>,
-    /// Made when they are first needed.
+    bvh: OnceLock<Bvh>,
+    /// The Gaussians that emit.
+    emissive: Gaussians,
+    lights: OnceLock<Option<Lights>>,
     realizations: OnceLock<Realizations>,
+    /// Blended hits of the camera that was recorded last; without a camera where Gaussians have
+    /// changed since.
+    record: CameraRecord,
 }
 
 impl CpuScene {
     /// Prepares a scene.
     pub fn new(gaussians: &Gaussians) -> Self {
-        let set = SurfelSet::new(gaussians);
-        let bvh = Bvh::new(&set);
         Self {
-            set,
-            bvh,
-            lights: Lights::new(gaussians),
+            set: SurfelSet::new(gaussians),
+            bvh: OnceLock::new(),
+            emissive: lights::emissive(gaussians),
+            lights: OnceLock::new(),
             realizations: OnceLock::new(),
+            record: CameraRecord::default(),
         }
     }
 
@@ -56,54 +74,107 @@ impl CpuScene {
 
     /// The acceleration structure.
     pub fn bvh(&self) -> &Bvh {
-        &self.bvh
-    }
-}
-
-impl RayTracer for CpuScene {
-    fn trace(&self, ray: &Ray) -> Features {
-        SCRATCH.with_borrow_mut(|scratch| self.bvh.trace(&self.set, ray, scratch))
+        self.bvh.get_or_init(|| Bvh::new(&self.set))
     }
 
-    fn sample_hit(&self, ray: &Ray, seed: u32) -> Option<SampledHit> {
-        let hit = SCRATCH.with_borrow_mut(|scratch| self.bvh.sample_hit(ray, seed, scratch))?;
+    /// Composited features along `ray`.
+    pub fn trace(&self, ray: &Ray) -> Features {
+        SCRATCH.with_borrow_mut(|scratch| self.bvh().trace(&self.set, ray, scratch))
+    }
+
+    /// One hit of `ray`, chosen by its weight: over all values of `seed`, the mean of the
+    /// attributes of hits is the blended sum of [`Self::trace`], at a fraction of the cost. For
+    /// sums over many rays whose mean alone matters.
+    pub fn sample_hit(&self, ray: &Ray, seed: u32) -> Option<SampledHit> {
+        let hit = SCRATCH.with_borrow_mut(|scratch| self.bvh().sample_hit(ray, seed, scratch))?;
         Some(SampledHit {
             index: hit.index(),
             t: hit.t(),
         })
     }
 
-    fn realization_hit(&self, ray: &Ray, realization: u32) -> Option<SampledHit> {
+    /// As [`Self::sample_hit`], with random choices shared by all rays of the same `realization`
+    /// (modulo [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS)): more rays through
+    /// the same Gaussians do not improve a mean over few realizations, but rays that take turns in
+    /// the realizations together are cheaper still.
+    pub fn realization_hit(&self, ray: &Ray, realization: u32) -> Option<SampledHit> {
         SCRATCH.with_borrow_mut(|scratch| self.realizations().nearest(ray, realization, scratch))
     }
 
-    fn attributes(&self, index: u32) -> &Attributes {
+    /// Light and material of a Gaussian.
+    pub fn attributes(&self, index: u32) -> &Attributes {
         &self.set.attributes[index as usize]
     }
 
-    fn lights(&self) -> Option<&Lights> {
-        self.lights.as_ref()
+    /// The scene's emitters, if it has any.
+    pub fn lights(&self) -> Option<&Lights> {
+        self.lights
+            .get_or_init(|| Lights::new(&self.emissive))
+            .as_ref()
+    }
+
+    /// Records `camera` if it is not the one recorded last.
+    fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
+        if self.record.camera.as_ref() != Some(camera) {
+            let search = HitSearch::Tiles;
+            self.record.trace(&self.set, camera, search, Keep::Record);
+        }
+        &mut self.record
     }
 }
 
 impl Tracer for CpuScene {
-    fn device(&self) -> String {
-        "cpu".to_owned()
+    fn device(&self) -> Device {
+        Device::Cpu
     }
 
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
-        let before = std::mem::take(&mut self.set.surfels);
-        self.set.update(gaussians);
-        if before != self.set.surfels {
-            self.realizations.take();
+        if self.bvh.get().is_none() && self.realizations.get().is_none() {
+            self.set.update(gaussians);
+        } else {
+            let before = std::mem::take(&mut self.set.surfels);
+            self.set.update(gaussians);
+            if before != self.set.surfels {
+                self.realizations.take();
+                if let Some(bvh) = self.bvh.get_mut() {
+                    bvh.update(&self.set);
+                }
+            }
         }
-        self.bvh.update(&self.set);
-        self.lights = Lights::new(gaussians);
+        self.emissive = lights::emissive(gaussians);
+        self.lights.take();
+        self.record.camera = None;
+        Ok(())
+    }
+
+    fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError> {
+        self.set.set_albedos(albedos);
+        self.record.camera = None;
         Ok(())
     }
 
     fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
         Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
+    }
+
+    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
+        Ok(self
+            .record
+            .trace(&self.set, camera, HitSearch::Tiles, Keep::Record))
+    }
+
+    fn adjoint(
+        &mut self,
+        camera: &Camera,
+        d_features: &[Features],
+        mask: GradientMask,
+    ) -> Result<Vec<LocalGradient>, TraceError> {
+        self.recorded(camera);
+        Ok(self.record.adjoint(&self.set, d_features, mask))
+    }
+
+    fn weights(&mut self, camera: &Camera, least: f32) -> Result<Option<BlendWeights>, TraceError> {
+        Ok(Some(self.recorded(camera).weights(least)))
     }
 
     fn contributions(
@@ -126,13 +197,9 @@ impl Tracer for CpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
         let features = self.gbuffer(camera)?;
-        let light = transport::render(self, camera, &features, integrator, options);
-        Ok(RenderedView {
-            radiance: light.radiance,
-            second_moment: light.second_moment,
-            features,
-            num_rays: light.num_rays,
-        })
+        Ok(integrate::render(
+            self, camera, features, integrator, options,
+        ))
     }
 
     fn trace_transport(

@@ -8,7 +8,7 @@ mod work;
 use super::adapter::Adapter;
 use super::error::{GpuError, one_line};
 pub use memory::Reading;
-pub use open::{DeviceSelector, Tier};
+pub use open::Tier;
 use profile::Recording;
 pub use profile::{Profile, StageTime};
 use std::collections::HashMap;

@@ -1,6 +1,6 @@
 //! What may go wrong on a device.
 
-use crate::engine::TraceError;
+use crate::tracer::TraceError;
 
 /// Why a device could not do its work. Each message is one line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -64,6 +64,12 @@ pub enum GpuError {
         /// Pixels that a side may have.
         limit: u32,
     },
+    /// Single rays of a scene whose Gaussians were moved by kernels of the caller.
+    #[error("device {device}: the Gaussians were moved on the device and not updated since")]
+    Moved {
+        /// Name of the device.
+        device: String,
+    },
     /// The driver or wgpu rejects a kernel or how it is called: a defect of this program or of the
     /// driver.
     #[error("device {device}: kernel rejected: {problem}")]
@@ -84,6 +90,7 @@ impl GpuError {
             | Self::Lost { device, .. }
             | Self::Limit { device, .. }
             | Self::Image { device, .. }
+            | Self::Moved { device }
             | Self::Rejected { device, .. } => device,
         }
     }

@@ -1,4 +1,4 @@
-//! Gaussians on a device, behind [`Tracer`].
+//! A scene on a device that wgpu has opened.
 
 use super::bvh::NO_NODE;
 use super::camera::CameraTracer;
@@ -8,14 +8,15 @@ use super::light::{Gathered, LightGatherer, TreeBuffers};
 use super::matrix::{TransportBuffers, TransportRays};
 use super::rays::{RayQuery, Rays};
 use super::views::Views;
-use crate::blend::{Contribution, LocalGradient, PixelValue};
-use crate::engine::{RenderedView, TraceError, Tracer};
+use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
 use crate::features::{Features, GBuffer, NUM_LANES};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, Surfel, SurfelSet};
-use crate::transport::lights::Lights;
+use crate::tracer::{RenderedView, TraceError, Tracer};
+use crate::transport::lights::{self, Lights};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
+use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Harmonics};
 use glam::Vec3;
@@ -84,51 +85,59 @@ impl SceneBuffers {
     }
 }
 
-/// Gaussians on a device.
+/// Gaussians on a device. The structures for single rays are built on the host when the first ray
+/// needs them. Kernels of the caller may move the Gaussians on the device: see
+/// [`Self::release_host_copy`] and [`super::Frame`].
 #[derive(Debug)]
 pub struct GpuScene {
-    device: Arc<Device>,
-    set: SurfelSet,
-    lights: Option<Lights>,
-    buffers: SceneBuffers,
+    pub(super) device: Arc<Device>,
+    pub(super) buffers: SceneBuffers,
+    /// None where Gaussians are moved on the device.
+    host: Option<HostCopy>,
     light: Mutex<Option<Arc<TreeBuffers>>>,
     matrix: Mutex<Option<Arc<TransportBuffers>>>,
     views: Mutex<Views>,
 }
 
+/// The host's copy of the Gaussians, for the structures that are built from it.
+#[derive(Debug, Default)]
+struct HostCopy {
+    set: SurfelSet,
+    /// The Gaussians that emit.
+    emissive: Gaussians,
+}
+
 impl GpuScene {
-    /// Brings a scene to `device`.
+    /// Uploads a scene to `device`.
     ///
     /// # Errors
-    /// If the device gives up, or has not enough memory.
+    /// If the device fails or has not enough memory.
     pub fn new(device: &Arc<Device>, gaussians: &Gaussians) -> Result<Self, GpuError> {
         let set = SurfelSet::new(gaussians);
+        let emissive = lights::emissive(gaussians);
         Ok(Self {
             device: Arc::clone(device),
             buffers: SceneBuffers::new(device, &set)?,
-            set,
-            lights: Lights::new(gaussians),
+            host: Some(HostCopy { set, emissive }),
             light: Mutex::default(),
             matrix: Mutex::default(),
             views: Mutex::default(),
         })
     }
 
-    /// Gradient of the loss with respect to every Gaussian, given `d_features` = dL/dV for every
-    /// pixel of `camera`, row by row: that of [`crate::cpu::camera::CameraRecord::adjoint`].
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    ///
-    /// # Panics
-    /// If `d_features` are not as many as the camera has pixels.
-    pub fn camera_adjoint(
-        &self,
-        camera: &Camera,
-        d_features: &[Features],
-    ) -> Result<Vec<LocalGradient>, GpuError> {
-        self.views()
-            .adjoint(&self.device, &self.buffers, camera, d_features)
+    /// Leaves the Gaussians to kernels of the caller, which move them in the buffers of the device.
+    /// From here on cameras see them as they are there, and single rays fail until
+    /// [`Tracer::update`] replaces them.
+    pub fn release_host_copy(&mut self) {
+        self.host = None;
+        self.light = Mutex::default();
+        self.matrix = Mutex::default();
+    }
+
+    fn host(&self) -> Result<&HostCopy, GpuError> {
+        self.host.as_ref().ok_or_else(|| GpuError::Moved {
+            device: self.device.adapter().name.clone(),
+        })
     }
 
     /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of
@@ -181,14 +190,16 @@ impl GpuScene {
     /// What single rays need, made when first asked for.
     fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
         made_once(&self.light, || {
-            TreeBuffers::new(&self.device, &self.set.surfels, self.lights.as_ref())
+            let HostCopy { set, emissive } = self.host()?;
+            TreeBuffers::new(&self.device, &set.surfels, Lights::new(emissive).as_ref())
         })
     }
 
     /// What matrix need, made when first asked for.
     fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
         made_once(&self.matrix, || {
-            TransportBuffers::new(&self.device, &self.set, self.lights.as_ref())
+            let HostCopy { set, emissive } = self.host()?;
+            TransportBuffers::new(&self.device, set, Lights::new(emissive).as_ref())
         })
     }
 
@@ -233,7 +244,7 @@ impl GpuScene {
         Ok(finished(features, &gathered, num_samples, options))
     }
 
-    fn views(&self) -> MutexGuard<'_, Views> {
+    pub(super) fn views(&self) -> MutexGuard<'_, Views> {
         Views::lock(&self.views)
     }
 }
@@ -290,26 +301,57 @@ fn finished(
 }
 
 impl Tracer for GpuScene {
-    fn device(&self) -> String {
-        format!("gpu: {}", self.device.adapter().name)
+    fn device(&self) -> crate::Device {
+        crate::Device::Gpu(Arc::clone(&self.device))
     }
 
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
-        self.set.update(gaussians);
-        if !self.buffers.fit(&self.set) {
-            *self = Self::new(&self.device, gaussians)?;
-            return Ok(());
+        let mut host = self.host.take().unwrap_or_default();
+        host.set.update(gaussians);
+        host.emissive = lights::emissive(gaussians);
+        if self.buffers.fit(&host.set) {
+            // Structures that depend on the number of Gaussians alone stay as they are.
+            self.buffers.write(&self.device, &host.set);
+        } else {
+            // The old buffers' memory goes first.
+            self.views().clear();
+            self.buffers = SceneBuffers::new(&self.device, &host.set)?;
         }
-        // What depends on their number stays as it is.
-        self.lights = Lights::new(gaussians);
-        self.buffers.write(&self.device, &self.set);
+        self.host = Some(host);
         self.light = Mutex::default();
         self.matrix = Mutex::default();
         Ok(self.device.check()?)
     }
 
+    fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError> {
+        self.host()?;
+        if let Some(host) = &mut self.host {
+            host.set.set_albedos(albedos);
+            self.buffers.write(&self.device, &host.set);
+        }
+        Ok(self.device.check()?)
+    }
+
     fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
         Ok(self.views().features(&self.device, &self.buffers, camera)?)
+    }
+
+    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
+        self.gbuffer(camera)
+    }
+
+    fn adjoint(
+        &mut self,
+        camera: &Camera,
+        d_features: &[Features],
+        _: GradientMask,
+    ) -> Result<Vec<LocalGradient>, TraceError> {
+        let mut views = self.views();
+        Ok(views.adjoint(&self.device, &self.buffers, camera, d_features)?)
+    }
+
+    fn weights(&mut self, _: &Camera, _: f32) -> Result<Option<BlendWeights>, TraceError> {
+        Ok(None)
     }
 
     fn contributions(

@@ -1,12 +1,14 @@
 //! Kernels against the CPU, stage by stage, on whatever device there is.
 
 use super::GpuScene;
-use super::device::{Device, DeviceSelector};
+use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{Access, Binding, Kernel};
 use super::scan::scan;
 use super::shader;
 use super::sort::Sorter;
+use crate::blend::GradientMask;
+use crate::device::DeviceSelector;
 use crate::parity;
 use crate::transport::matrix::{Directions, Receiver};
 use crate::transport::points::Points;
@@ -20,7 +22,7 @@ use std::sync::{Arc, OnceLock};
 /// Any device; `None`, with a line that names `what`, where there is none.
 fn device(what: &str) -> Option<Arc<Device>> {
     static DEVICE: OnceLock<Result<Arc<Device>, GpuError>> = OnceLock::new();
-    let opened = DEVICE.get_or_init(|| Device::open(&DeviceSelector::Any));
+    let opened = DEVICE.get_or_init(|| Device::open(&DeviceSelector::Gpu));
     eagpt_testkit::opened_device(what, opened.as_ref()).map(Arc::clone)
 }
 
@@ -231,7 +233,7 @@ fn steps_are_timed_where_the_device_can() {
         return;
     }
     // One that no other test works with: all that a device does is timed.
-    let device = Device::open(&DeviceSelector::Any).unwrap();
+    let device = Device::open(&DeviceSelector::Gpu).unwrap();
     let values = device.buffer("values", 4 * 5000).unwrap();
     let steps = scan(&device, &values, 5000).unwrap();
     let (_, profile) = device.profile(|| device.run(&steps)).unwrap();
@@ -258,7 +260,7 @@ fn work_in_parts_gives_the_same_bits() {
     let Some(whole) = device("work in parts") else {
         return;
     };
-    let parts = Device::open_limited(&DeviceSelector::Any, 400 << 10).unwrap();
+    let parts = Device::open_limited(&DeviceSelector::Gpu, 400 << 10).unwrap();
     // Features of 465 KB, and records of hits of some 3 MB.
     let camera = Camera {
         width: 97,
@@ -271,7 +273,7 @@ fn work_in_parts_gives_the_same_bits() {
     };
     let cloud = random_cloud(300, 9);
     let [whole, parts] = [whole, parts].map(|device| {
-        let scene = GpuScene::new(&device, &cloud).unwrap();
+        let mut scene = GpuScene::new(&device, &cloud).unwrap();
         let view = scene
             .render(
                 &camera,
@@ -280,7 +282,7 @@ fn work_in_parts_gives_the_same_bits() {
             )
             .unwrap();
         let gradients = scene
-            .camera_adjoint(&camera, &view.features.pixels)
+            .adjoint(&camera, &view.features.pixels, GradientMask::Everything)
             .unwrap();
         // 38,400 directions about the normal, of which 25,600 fit.
         let receivers: Vec<Receiver> = (0..).zip(cloud.iter()).map(receiver).collect();

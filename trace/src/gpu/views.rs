@@ -112,7 +112,7 @@ impl Views {
         })
     }
 
-    /// See [`super::GpuFit::camera_adjoint`].
+    /// See [`crate::Tracer::adjoint`].
     pub(super) fn adjoint(
         &mut self,
         device: &Device,

@@ -63,16 +63,19 @@ pub fn power(g: &Gaussian) -> f64 {
     f64::from(luminance(g.radiance.to_array()) * area * g.opacity * g.emission)
 }
 
+/// The Gaussians that emit.
+pub(crate) fn emissive(gaussians: &Gaussians) -> Gaussians {
+    (0..gaussians.len())
+        .filter(|&i| gaussians.emissions[i] > EMISSION_THRESHOLD)
+        .map(|i| gaussians.get(i))
+        .filter(|g| crate::model::cut_radius_squared(g.opacity) > 0.0 && power(g) > 0.0)
+        .collect()
+}
+
 impl Lights {
     /// The lights among `gaussians`, or `None` if nothing emits.
     pub fn new(gaussians: &Gaussians) -> Option<Self> {
-        let emissive: Gaussians = gaussians
-            .iter()
-            .filter(|g| {
-                g.emission > EMISSION_THRESHOLD && crate::model::cut_radius_squared(g.opacity) > 0.0
-            })
-            .filter(|g| power(g) > 0.0)
-            .collect();
+        let emissive = emissive(gaussians);
         let total: f64 = emissive.iter().map(|g| power(&g)).sum();
         if emissive.is_empty() || !total.is_normal() {
             return None;

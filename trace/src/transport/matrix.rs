@@ -15,11 +15,12 @@
 
 pub mod known;
 
+use super::EMISSION_THRESHOLD;
 use super::lights::Lights;
 use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
-use super::{EMISSION_THRESHOLD, RayTracer};
+use crate::cpu::CpuScene;
 use crate::features::lane;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -77,7 +78,7 @@ impl TransportMatrix {
     /// Traces `directions` for some `receivers`, each with random numbers of its own among those of
     /// `key`.
     pub fn trace(
-        scene: &impl RayTracer,
+        scene: &CpuScene,
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
@@ -180,13 +181,13 @@ impl Sampler<'_> {
     }
 }
 
-struct Tracing<'a, T> {
-    scene: &'a T,
+struct Tracing<'a> {
+    scene: &'a CpuScene,
     sampler: Sampler<'a>,
     num_rays: u64,
 }
 
-impl<T: RayTracer> Tracing<'_, T> {
+impl Tracing<'_> {
     /// Light of emitters at each of `receivers`; fills in their `targets`.
     fn together(&mut self, receivers: &[Receiver], targets: &mut [u32]) -> Vec<Vec3> {
         let mut direct = vec![Vec3::ZERO; receivers.len()];

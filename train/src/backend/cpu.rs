@@ -1,80 +1,82 @@
 //! Training on the CPU.
 
-use super::TrainDevice;
-use super::engine::Engine;
-use super::trainer::Trainer;
+use super::trainer::{HostParameters, Trainer};
+use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
+use crate::densify::Densified;
 use crate::error::Result;
 use crate::params::ParameterState;
-use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::Tracer;
-use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
-use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::cpu::{CameraRecord, GradientMask};
-use eagpt_trace::features::{Features, GBuffer};
-use eagpt_trace::surfel::SurfelSet;
-
-/// The rays of the CPU engine.
-#[derive(Default)]
-pub struct CpuEngine {
-    /// Of the view that was traced last: memory for the next.
-    record: CameraRecord,
-}
+use eagpt_scene::Camera;
+use eagpt_trace::Tracer as _;
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::features::GBuffer;
+use std::ops::Range;
 
 /// Training on the CPU, with all threads of the current rayon pool.
-pub type CpuBackend = Trainer<CpuEngine>;
+pub struct CpuBackend {
+    parameters: HostParameters,
+    trainer: Trainer<CpuScene>,
+}
 
 impl CpuBackend {
     /// A backend that starts from `state`; prepared images may take `target_budget` bytes.
     pub fn new(state: ParameterState, target_budget: usize) -> Self {
-        Self::with_engine(state, target_budget, CpuEngine::default())
+        let parameters = HostParameters::new(state);
+        let scene = CpuScene::new(&parameters.gaussians);
+        Self {
+            parameters,
+            trainer: Trainer::new(scene, target_budget),
+        }
     }
 }
 
-impl Engine for CpuEngine {
-    fn device(&self) -> String {
-        TrainDevice::Cpu.name()
+impl Backend for CpuBackend {
+    fn begin_harmonics(&mut self) -> Result<()> {
+        self.trainer.begin_harmonics(&mut self.parameters)
     }
 
-    fn update(&mut self, _: &SurfelSet) -> Result<()> {
-        Ok(())
-    }
-
-    fn trace(&mut self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
-        Ok(self
-            .record
-            .trace(set, camera, HitSearch::Tiles, Keep::Record))
-    }
-
-    fn adjoint(
+    fn radiance_step(
         &mut self,
-        set: &SurfelSet,
-        _: &Camera,
-        d_features: &[Features],
-        wanted: GradientMask,
-    ) -> Result<Vec<LocalGradient>> {
-        Ok(self.record.adjoint(set, d_features, wanted))
+        view: &TrainingView,
+        step: &RadianceStep<'_>,
+    ) -> Result<Vec<Taken>> {
+        let taken = (self.trainer).radiance_step(&mut self.parameters, view, step)?;
+        Ok(vec![taken])
     }
 
-    fn contributions(
-        &mut self,
-        set: &SurfelSet,
-        camera: &Camera,
-        value: PixelValue<'_>,
-    ) -> Result<Vec<Contribution>> {
-        self.trace(set, camera)?;
-        Ok(self.record.contributions(value))
+    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>> {
+        let taken = (self.trainer).albedo_step(&mut self.parameters, view, step)?;
+        Ok(vec![taken])
     }
 
-    fn weights(&self, least: f32) -> Option<BlendWeights> {
-        Some(self.record.weights(least))
+    fn finish(&mut self) -> Result<Vec<Taken>> {
+        Ok(Vec::new())
     }
 
-    fn gbuffer(&self, set: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
-        Ok(camera::trace(set, camera, HitSearch::Tiles, Keep::Nothing).0)
+    fn attribute(&mut self, view: &TrainingView) -> Result<()> {
+        self.trainer.attribute(&self.parameters, view)
     }
 
-    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
-        TrainDevice::Cpu.tracer(gaussians)
+    fn densify(&mut self, target: usize) -> Result<Densified> {
+        self.trainer.densify(&mut self.parameters, target)
+    }
+
+    fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
+        self.trainer.begin_gathering(&self.parameters, cameras)
+    }
+
+    fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
+        (self.trainer).gather(&self.parameters, range, num_samples, seed)
+    }
+
+    fn begin_albedo(&mut self) -> Result<()> {
+        self.trainer.begin_albedo(&mut self.parameters)
+    }
+
+    fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {
+        Ok(self.trainer.scene.gbuffer(camera)?)
+    }
+
+    fn state(&mut self) -> Result<ParameterState> {
+        Ok(self.parameters.state.clone())
     }
 }

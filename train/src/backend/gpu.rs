@@ -15,23 +15,18 @@ mod report;
 mod steps;
 mod target;
 
-use super::engine::Engine;
-use super::trainer::Trainer;
-use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainDevice, TrainingView};
+use super::trainer::{HostParameters, Trainer};
+use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
 use crate::loss::target::Target;
 use crate::options::Gather;
 use crate::params::ParameterState;
-use eagpt_scene::{Camera, Gaussians};
-use eagpt_trace::Tracer;
-use eagpt_trace::blend::{Contribution, LocalGradient, PixelValue};
-use eagpt_trace::cpu::GradientMask;
-use eagpt_trace::cpu::weights::BlendWeights;
-use eagpt_trace::features::{Features, GBuffer};
+use eagpt_scene::Camera;
+use eagpt_trace::Tracer as _;
+use eagpt_trace::features::GBuffer;
 use eagpt_trace::gpu::kernel::Buffer;
-use eagpt_trace::gpu::{Device, GpuFit};
-use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::gpu::{Device, GpuScene};
 use loss::LossBuffers;
 use params::ResidentState;
 use std::collections::{HashMap, VecDeque};
@@ -40,84 +35,35 @@ use std::sync::Arc;
 use steps::{Kind, Task, UnderWay};
 use target::TargetView;
 
-/// The rays of a device.
-struct GpuEngine {
-    fit: GpuFit,
-}
-
-impl GpuEngine {
-    fn place(&self) -> TrainDevice {
-        TrainDevice::Gpu(Arc::clone(self.fit.device()))
-    }
-}
-
-impl Engine for GpuEngine {
-    fn device(&self) -> String {
-        self.place().name()
-    }
-
-    fn update(&mut self, set: &SurfelSet) -> Result<()> {
-        Ok(self.fit.update(set)?)
-    }
-
-    fn trace(&mut self, _: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
-        Ok(self.fit.gbuffer(camera)?)
-    }
-
-    fn adjoint(
-        &mut self,
-        _: &SurfelSet,
-        camera: &Camera,
-        d_features: &[Features],
-        _: GradientMask,
-    ) -> Result<Vec<LocalGradient>> {
-        Ok(self.fit.camera_adjoint(camera, d_features)?)
-    }
-
-    fn contributions(
-        &mut self,
-        _: &SurfelSet,
-        camera: &Camera,
-        value: PixelValue<'_>,
-    ) -> Result<Vec<Contribution>> {
-        Ok(self.fit.contributions(camera, value)?.1)
-    }
-
-    fn weights(&self, _: f32) -> Option<BlendWeights> {
-        None
-    }
-
-    fn gbuffer(&self, _: &SurfelSet, camera: &Camera) -> Result<GBuffer> {
-        Ok(self.fit.gbuffer(camera)?)
-    }
-
-    fn tracer(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>> {
-        self.place().tracer(gaussians)
-    }
-}
-
 /// Views that stay on the device take at most so much of its memory, which nothing tells the size
 /// of; others come anew each time.
 const MOST_VIEW_BYTES: usize = 1 << 30;
 
-/// Training on a device. A step passes through the host with its report alone. What comes once in a
-/// while is traced on the device and decided on the host: which Gaussians are split, where each is
-/// seen best, and what light the pixels of a view receive in stage 1. Where light is gathered anew
-/// for every pixel ([`Gather::Pixels`]), that is done on the CPU.
+/// The parameters, in one place at a time.
+enum Parameters {
+    /// On the host, whose Gaussians the scene has.
+    Host(HostParameters),
+    /// On the device, where kernels move them together with the Gaussians of the scene.
+    Device(ResidentState),
+}
+
+/// Training on a GPU. Of a step the host reads the report alone. Rare work is traced on the device
+/// and decided on the host: the choice of Gaussians to split, the view that shows each Gaussian
+/// best, and the irradiance of the pixels of a view in stage 1. With [`Gather::Pixels`], irradiance
+/// is sampled on the CPU.
 pub struct GpuBackend {
     device: Arc<Device>,
-    /// The rays; while a [`ResidentState`] is there, its other parts are behind.
-    host: Trainer<GpuEngine>,
-    resident: Option<ResidentState>,
-    /// Steps that the device has been given, in order.
+    parameters: Parameters,
+    trainer: Trainer<GpuScene>,
+    /// Steps submitted to the device, in order.
     under_way: VecDeque<UnderWay>,
-    /// Steps that are over and that nobody has been told of.
+    /// Steps that are finished and not reported yet.
     over: Vec<Taken>,
     loss: Option<LossBuffers>,
     views: HashMap<usize, TargetView>,
-    /// The light of views in stage 1.
+    /// Irradiance of views in stage 1.
     lit: HashMap<usize, Buffer>,
-    /// Bytes that views and their light may still take.
+    /// Bytes that further views and their irradiance may take.
     view_budget: usize,
 }
 
@@ -126,15 +72,14 @@ impl GpuBackend {
     /// host's memory, and as much of the device's, but no more than 1 GiB.
     ///
     /// # Errors
-    /// If the device gives up, or has not enough memory.
+    /// If the device fails or has not enough memory.
     pub fn new(device: &Arc<Device>, state: ParameterState, target_budget: usize) -> Result<Self> {
-        let set = SurfelSet::new(&state.gaussians());
-        let fit = GpuFit::new(device, &set)?;
-        let engine = GpuEngine { fit };
+        let parameters = HostParameters::new(state);
+        let scene = GpuScene::new(device, &parameters.gaussians)?;
         Ok(Self {
             device: Arc::clone(device),
-            host: Trainer::with_engine(state, target_budget, engine),
-            resident: None,
+            parameters: Parameters::Host(parameters),
+            trainer: Trainer::new(scene, target_budget),
             under_way: VecDeque::new(),
             over: Vec::new(),
             loss: None,
@@ -144,13 +89,18 @@ impl GpuBackend {
         })
     }
 
-    /// The host's trainer, with the state that the device has.
-    fn host(&mut self) -> Result<&mut Trainer<GpuEngine>> {
+    /// The trainer of the host with the parameters, brought there when all steps are finished.
+    fn host(&mut self) -> Result<(&mut Trainer<GpuScene>, &mut HostParameters)> {
         self.catch_up(0)?;
-        if let Some(resident) = self.resident.take() {
-            self.host.take_back(resident.state()?);
+        if let Parameters::Device(resident) = &self.parameters {
+            let parameters = HostParameters::new(resident.state()?);
+            self.trainer.scene.update(&parameters.gaussians)?;
+            self.parameters = Parameters::Host(parameters);
         }
-        Ok(&mut self.host)
+        match &mut self.parameters {
+            Parameters::Host(parameters) => Ok((&mut self.trainer, parameters)),
+            Parameters::Device(_) => unreachable!("brought to the host above"),
+        }
     }
 
     fn wanted(&mut self, view: &TrainingView) -> Result<TargetView> {
@@ -159,7 +109,7 @@ impl GpuBackend {
         }
         let size = TargetView::num_bytes(view.view.camera.num_pixels());
         let Some(left) = self.view_budget.checked_sub(size) else {
-            let target = self.host.target(view);
+            let target = self.trainer.target(view);
             return TargetView::new(&self.device, &view.view, &target);
         };
         let wanted = TargetView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
@@ -168,16 +118,24 @@ impl GpuBackend {
         Ok(wanted)
     }
 
-    /// The light of a view in stage 1; emission beyond `threshold` is an emitter's.
+    /// The irradiance of a view in stage 1; emission beyond `threshold` is an emitter's.
     fn lit(&mut self, view: &TrainingView, threshold: f32) -> Result<Buffer> {
         if let Some(lit) = self.lit.get(&view.index) {
             return Ok(lit.clone());
         }
-        // Views are traced as steps have put the Gaussians, in the first step of a run as in all
-        // others.
-        resident(&mut self.resident, &self.host)?;
-        let known = self.host.lit_view(view, threshold)?;
-        let lit = loss::lit_pixels(&self.device, &known.light)?;
+        let mut cache = match self.trainer.cache.take() {
+            Some(cache) => cache,
+            None => {
+                let (trainer, parameters) = self.host()?;
+                trainer.new_cache(&parameters.gaussians)?
+            }
+        };
+        // Views are traced with the Gaussians as the device computes them, in the first step of a
+        // run as in all others.
+        resident(&mut self.parameters, &mut self.trainer.scene)?;
+        let cached = cache.view(view, &mut self.trainer.scene, threshold)?;
+        self.trainer.cache = Some(cache);
+        let lit = loss::lit_pixels(&self.device, &cached.light)?;
         if let Some(left) = self.view_budget.checked_sub(lit.size() as usize) {
             self.view_budget = left;
             self.lit.insert(view.index, lit.clone());
@@ -186,25 +144,26 @@ impl GpuBackend {
     }
 }
 
-/// The state on the device, brought there from the `host` if it is not there yet.
+/// The state on the device, brought there with the Gaussians of `scene` if it is not there yet.
 fn resident<'a>(
-    place: &'a mut Option<ResidentState>,
-    host: &Trainer<GpuEngine>,
+    parameters: &'a mut Parameters,
+    scene: &mut GpuScene,
 ) -> Result<&'a mut ResidentState> {
-    let fit = &host.engine.fit;
-    Ok(match place {
-        Some(resident) => resident,
-        none => none.insert(ResidentState::new(fit.device(), &host.state, fit)?),
-    })
+    if let Parameters::Host(host) = parameters {
+        let state = ResidentState::new(scene.gpu_device(), &host.state, scene)?;
+        scene.release_host_copy();
+        *parameters = Parameters::Device(state);
+    }
+    match parameters {
+        Parameters::Device(state) => Ok(state),
+        Parameters::Host(_) => unreachable!("brought to the device above"),
+    }
 }
 
 impl Backend for GpuBackend {
-    fn device(&self) -> String {
-        self.host.device()
-    }
-
     fn begin_harmonics(&mut self) -> Result<()> {
-        self.host()?.begin_harmonics()
+        let (trainer, parameters) = self.host()?;
+        trainer.begin_harmonics(parameters)
     }
 
     fn radiance_step(
@@ -226,7 +185,8 @@ impl Backend for GpuBackend {
 
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>> {
         if step.options.gather == Gather::Pixels {
-            return self.host()?.albedo_step(view, step);
+            let (trainer, parameters) = self.host()?;
+            return Ok(vec![trainer.albedo_step(parameters, view, step)?]);
         }
         let lit = self.lit(view, step.options.emission_threshold)?;
         self.begin(Task {
@@ -248,37 +208,42 @@ impl Backend for GpuBackend {
     }
 
     fn attribute(&mut self, view: &TrainingView) -> Result<()> {
-        self.host()?.attribute(view)
+        let (trainer, parameters) = self.host()?;
+        trainer.attribute(parameters, view)
     }
 
     fn densify(&mut self, target: usize) -> Result<Densified> {
-        self.host()?.densify(target)
+        let (trainer, parameters) = self.host()?;
+        trainer.densify(parameters, target)
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
         let freed = self.lit.drain().map(|(_, lit)| lit.size() as usize);
         self.view_budget += freed.sum::<usize>();
-        self.host()?.begin_gathering(cameras)
+        let (trainer, parameters) = self.host()?;
+        trainer.begin_gathering(parameters, cameras)
     }
 
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
-        self.host()?.gather(range, num_samples, seed)
+        let (trainer, parameters) = self.host()?;
+        trainer.gather(parameters, range, num_samples, seed)
     }
 
     fn begin_albedo(&mut self) -> Result<()> {
-        self.host()?.begin_albedo()
+        let (trainer, parameters) = self.host()?;
+        trainer.begin_albedo(parameters)
     }
 
     fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {
         self.catch_up(0)?;
-        self.host.gbuffer(camera)
+        Ok(self.trainer.scene.gbuffer(camera)?)
     }
 
     fn state(&mut self) -> Result<ParameterState> {
         self.catch_up(0)?;
-        match &self.resident {
-            Some(resident) => resident.state(),
-            None => self.host.state(),
+        match &self.parameters {
+            Parameters::Device(resident) => resident.state(),
+            Parameters::Host(parameters) => Ok(parameters.state.clone()),
         }
     }
 }

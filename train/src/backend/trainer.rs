@@ -1,10 +1,9 @@
-//! Training, whatever blends the rays: parameters, targets, losses and what the stages remember are
-//! on the host.
+//! Steps of training on the host, for a scene on any device: targets, losses and the parameters are
+//! on the host; rays and their adjoint are the scene's.
 
-use super::engine::Engine;
 use super::irradiance::GaussianIrradiance;
-use super::lit::{self, LitView, LitViews};
-use super::{AlbedoStep, Backend, RadianceStep, StepOutcome, Taken, TrainingView};
+use super::irradiance_cache::{CachedView, IrradianceCache};
+use super::{AlbedoStep, RadianceStep, StepOutcome, Taken, TrainingView};
 use crate::densify::{self, Attribution, Densified};
 use crate::error::Result;
 use crate::loss::target::Target;
@@ -16,10 +15,9 @@ use eagpt_scene::color::pq_from_linear;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::blend::{LocalGradient, grad_lane};
-use eagpt_trace::cpu::{CpuScene, GradientMask};
-use eagpt_trace::features::{Features, GBuffer, lane};
-use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::blend::{GradientMask, LocalGradient, grad_lane};
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::features::{Features, lane};
 use eagpt_trace::transport::matrix::Directions;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -27,42 +25,57 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Training with the rays of an [`Engine`]; all else by all threads of the current rayon pool.
-pub struct Trainer<E> {
-    pub(super) engine: E,
+/// The parameters while they are on the host.
+pub(super) struct HostParameters {
     pub(super) state: ParameterState,
-    gaussians: Gaussians,
-    set: SurfelSet,
-    /// What views said since Gaussians were last split.
+    /// The Gaussians that follow from `state`.
+    pub(super) gaussians: Gaussians,
+}
+
+impl HostParameters {
+    pub(super) fn new(state: ParameterState) -> Self {
+        let gaussians = state.gaussians();
+        Self { state, gaussians }
+    }
+
+    /// Makes the Gaussians follow changed parameters.
+    fn refresh(&mut self) {
+        if self.gaussians.len() == self.state.len() {
+            self.state.write_gaussians(&mut self.gaussians);
+        } else {
+            self.gaussians = self.state.gaussians();
+        }
+    }
+}
+
+/// Everything of a run but the parameters: the scene with their Gaussians, and data that is
+/// prepared once. Host code runs on all threads of the current rayon pool.
+pub(super) struct Trainer<S> {
+    pub(super) scene: S,
+    /// Errors of views since Gaussians were last split.
     attribution: Option<Attribution>,
-    /// Built when stage 1 first gathers for pixels; geometry does not move from then on.
-    scene: Option<CpuScene>,
-    /// What light is gathered with for Gaussians, until stage 1 takes its first step.
-    tracer: Option<Box<dyn Tracer>>,
-    gathered: Option<GaussianIrradiance>,
-    /// Views with that light, made when one is first needed.
-    lit: Option<LitViews>,
+    /// For stage 1 with [`Gather::Pixels`], whose single rays are the CPU's; geometry and light do
+    /// not change from its first step on.
+    pixel_gathering: Option<CpuScene>,
+    /// For gathering the irradiance of Gaussians, until stage 1 takes its first step.
+    gathering: Option<Box<dyn Tracer>>,
+    irradiance: Option<GaussianIrradiance>,
+    pub(super) cache: Option<IrradianceCache>,
     targets: HashMap<usize, Arc<Target>>,
-    /// Bytes that prepared targets may still take.
+    /// Bytes that further prepared targets may take.
     target_budget: usize,
 }
 
-impl<E: Engine> Trainer<E> {
-    /// A backend that starts from `state`, whose Gaussians `engine` has; prepared images may take
-    /// `target_budget` bytes.
-    pub(super) fn with_engine(state: ParameterState, target_budget: usize, engine: E) -> Self {
-        let gaussians = state.gaussians();
-        let set = SurfelSet::new(&gaussians);
+impl<S: Tracer> Trainer<S> {
+    /// Training of the Gaussians of `scene`; prepared images may take `target_budget` bytes.
+    pub(super) fn new(scene: S, target_budget: usize) -> Self {
         Self {
-            engine,
-            state,
-            gaussians,
-            set,
+            scene,
             attribution: None,
-            scene: None,
-            tracer: None,
-            gathered: None,
-            lit: None,
+            pixel_gathering: None,
+            gathering: None,
+            irradiance: None,
+            cache: None,
             targets: HashMap::new(),
             target_budget,
         }
@@ -80,99 +93,78 @@ impl<E: Engine> Trainer<E> {
         target
     }
 
-    /// Goes on from other parameters, those of the Gaussians that the engine has.
-    #[cfg(feature = "gpu")]
-    pub(super) fn take_back(&mut self, state: ParameterState) {
-        self.state = state;
-        self.prepare();
+    /// Brings changed parameters to the scene.
+    fn refresh(&mut self, parameters: &mut HostParameters) -> Result<()> {
+        parameters.refresh();
+        Ok(self.scene.update(&parameters.gaussians)?)
     }
 
-    /// Prepares the Gaussians of the parameters.
-    fn prepare(&mut self) {
-        if self.gaussians.len() == self.state.len() {
-            self.state.write_gaussians(&mut self.gaussians);
-        } else {
-            self.gaussians = self.state.gaussians();
-        }
-        self.set.update(&self.gaussians);
-    }
-
-    fn scene(&mut self) -> &CpuScene {
-        self.scene
-            .get_or_insert_with(|| CpuScene::new(&self.gaussians))
-    }
-
-    /// `view` with the light that was gathered; emission beyond `threshold` is an emitter's.
-    pub(super) fn lit_view(&mut self, view: &TrainingView, threshold: f32) -> Result<Arc<LitView>> {
-        // Not when the stage begins: a resumed run gathers as well, and then goes on in the middle.
-        let lit = match &mut self.lit {
-            Some(lit) => lit,
-            none => {
-                self.tracer = None;
-                let num = self.set.len();
-                let gathered = self.gathered.as_ref();
-                let lights = gathered.map(|gathered| gathered.by_gaussian(num));
-                none.insert(LitViews::new(lights.unwrap_or(vec![Vec4::ZERO; num])))
-            }
+    /// The cache of stage 1, empty, with the irradiance gathered for `gaussians`. Made by the first
+    /// step, not when the stage begins: a resumed run gathers as well, and continues in the middle.
+    pub(super) fn new_cache(&mut self, gaussians: &Gaussians) -> Result<IrradianceCache> {
+        self.gathering = None;
+        let num = gaussians.len();
+        let by_gaussian = match &self.irradiance {
+            Some(gathered) => gathered.by_gaussian(num),
+            None => vec![Vec4::ZERO; num],
         };
-        let scene = (&self.gaussians, &self.set);
-        lit.view(view, &mut self.engine, scene, threshold)
+        IrradianceCache::new(&self.scene.device(), gaussians, by_gaussian)
     }
 
     /// A step of stage 0.
-    fn fit_radiance(
+    pub(super) fn radiance_step(
         &mut self,
+        parameters: &mut HostParameters,
         view: &TrainingView,
         step: &RadianceStep<'_>,
-    ) -> Result<StepOutcome> {
+    ) -> Result<Taken> {
         let target = self.target(view).pq();
         let factor = step.rays_per_axis;
         let camera = view.view.camera.magnified(factor);
-        let mut features = self.engine.trace(&self.set, &camera)?;
+        let mut features = self.scene.record(&camera)?;
         if factor > 1 {
             features = features.averaged(factor);
         }
         let (terms, d_features) =
             radiance_loss(&features, &view.view, &target, step.weights, step.normals);
         let d_rays = adjoint_of_mean(d_features, features.width, factor);
-        let wanted = if step.sizes.move_geometry() {
+        let mask = if step.sizes.move_geometry() {
             GradientMask::Everything
         } else {
             GradientMask::LightAndMaterial
         };
-        let gradients = self.engine.adjoint(&self.set, &camera, &d_rays, wanted)?;
-        let eye = camera.origin();
-        if let Err(bad) = self
-            .state
-            .step(&self.gaussians, eye, &gradients, &step.sizes)
-        {
-            return Ok(Err(bad));
+        let gradients = self.scene.adjoint(&camera, &d_rays, mask)?;
+        let HostParameters { state, gaussians } = parameters;
+        let moved = state.step(gaussians, camera.origin(), &gradients, &step.sizes);
+        if moved.is_ok() {
+            self.refresh(parameters)?;
         }
-        self.prepare();
-        self.engine.update(&self.set)?;
-        Ok(Ok(terms))
+        Ok(taken(step.iteration, view, moved.map(|()| terms)))
     }
 
     /// A step of stage 1.
-    fn fit_albedos(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<StepOutcome> {
-        let (terms, gradients) = self.albedo_gradient(view, step)?;
+    pub(super) fn albedo_step(
+        &mut self,
+        parameters: &mut HostParameters,
+        view: &TrainingView,
+        step: &AlbedoStep<'_>,
+    ) -> Result<Taken> {
+        let (terms, gradients) = self.albedo_gradient(parameters, view, step)?;
+        let HostParameters { state, gaussians } = parameters;
         let eye = view.view.camera.origin();
-        if let Err(bad) = self
-            .state
-            .step(&self.gaussians, eye, &gradients, &step.sizes)
-        {
-            return Ok(Err(bad));
+        let moved = state.step(gaussians, eye, &gradients, &step.sizes);
+        if moved.is_ok() {
+            state.write_albedos(&mut gaussians.albedos);
+            self.scene.set_albedos(&gaussians.albedos)?;
         }
-        self.state.write_albedos(&mut self.gaussians.albedos);
-        self.set.set_albedos(&self.gaussians.albedos);
-        self.engine.update(&self.set)?;
-        Ok(Ok(terms))
+        Ok(taken(step.iteration, view, moved.map(|()| terms)))
     }
 
     /// Loss of stage 1, and its gradient with respect to the albedo of each Gaussian, `[n]`, in a
     /// gradient of everything.
     fn albedo_gradient(
         &mut self,
+        parameters: &HostParameters,
         view: &TrainingView,
         step: &AlbedoStep<'_>,
     ) -> Result<(LossTerms, Vec<LocalGradient>)> {
@@ -183,12 +175,19 @@ impl<E: Engine> Trainer<E> {
         };
         let threshold = step.options.emission_threshold;
         let camera = &view.view.camera;
-        let (features, lit) = match step.options.gather {
+        let gaussians = &parameters.gaussians;
+        let (features, cached) = match step.options.gather {
             Gather::Gaussians => {
-                let lit = self.lit_view(view, threshold)?;
-                if let Some(weights) = &lit.weights {
-                    let own = &self.gaussians.albedos;
-                    let (terms, d_pixels) = loss(&weights.blend(|i| own[i as usize]), &lit.light);
+                let mut cache = match self.cache.take() {
+                    Some(cache) => cache,
+                    None => self.new_cache(gaussians)?,
+                };
+                let cached = cache.view(view, &mut self.scene, threshold)?;
+                self.cache = Some(cache);
+                if let Some(weights) = &cached.weights {
+                    let own = &gaussians.albedos;
+                    let (terms, d_pixels) =
+                        loss(&weights.blend(|i| own[i as usize]), &cached.light);
                     let d_albedos = weights.adjoint(&d_pixels, own.len());
                     let gradient = |d: Vec3| {
                         let mut lanes = LocalGradient::default();
@@ -197,35 +196,140 @@ impl<E: Engine> Trainer<E> {
                     };
                     return Ok((terms, d_albedos.into_iter().map(gradient).collect()));
                 }
-                (self.engine.trace(&self.set, camera)?, lit)
+                (self.scene.record(camera)?, cached)
             }
             Gather::Pixels => {
-                let features = self.engine.trace(&self.set, camera)?;
+                let features = self.scene.record(camera)?;
                 let key = RandomKey::new(step.seed, Purpose::Albedo, step.iteration);
-                let arriving =
-                    lit::gather_pixels(self.scene(), camera, &features, step.options, key);
-                let light = PixelLight::new(&features, arriving, threshold);
+                let scene = (self.pixel_gathering).get_or_insert_with(|| CpuScene::new(gaussians));
+                let num_samples = step.options.num_samples;
+                let irradiance = scene.irradiance(camera, &features, threshold, num_samples, key);
+                let light = PixelLight::new(&features, irradiance, threshold);
                 let weights = None;
-                (features, Arc::new(LitView { weights, light }))
+                (features, Arc::new(CachedView { weights, light }))
             }
         };
         let albedos: Vec<Vec3> = features.pixels.iter().map(Features::albedo).collect();
-        let (terms, d_pixels) = loss(&albedos, &lit.light);
+        let (terms, d_pixels) = loss(&albedos, &cached.light);
         let of_albedo = |d: &Vec3| {
             let mut lanes = Features::default();
             lanes.0[lane::ALBEDO..][..3].copy_from_slice(&d.to_array());
             lanes
         };
         let d_features: Vec<Features> = d_pixels.iter().map(of_albedo).collect();
-        let wanted = GradientMask::LightAndMaterial;
-        let gradients = (self.engine).adjoint(&self.set, camera, &d_features, wanted)?;
-        Ok((terms, gradients))
+        let mask = GradientMask::LightAndMaterial;
+        Ok((terms, self.scene.adjoint(camera, &d_features, mask)?))
+    }
+
+    /// See [`super::Backend::begin_harmonics`].
+    pub(super) fn begin_harmonics(&mut self, parameters: &mut HostParameters) -> Result<()> {
+        parameters.state.begin_harmonics();
+        self.refresh(parameters)
+    }
+
+    /// See [`super::Backend::attribute`].
+    pub(super) fn attribute(
+        &mut self,
+        parameters: &HostParameters,
+        view: &TrainingView,
+    ) -> Result<()> {
+        let target = self.target(view).pq();
+        let camera = &view.view.camera;
+        let known = view.view.valid.as_ref().map(KnownPixels::new);
+        let mask = view.view.emission.as_ref();
+        let error = |pixel: usize, features: &Features| {
+            if known.as_ref().is_some_and(|known| !known.has(pixel)) {
+                return 0.0;
+            }
+            let shown = features.radiance().to_array().map(pq_from_linear);
+            let wanted = target.pixels()[pixel];
+            let color: f32 = (0..3).map(|c| (shown[c] - wanted[c]).abs()).sum();
+            let emission = mask.map_or(0.0, |mask| {
+                (features.emission() - mask.pixels()[pixel][0]).abs()
+            });
+            color + emission
+        };
+        let (_, contributions) = self.scene.contributions(camera, &error)?;
+        self.attribution
+            .get_or_insert_with(|| Attribution::new(parameters.state.len()))
+            .add(&contributions);
+        Ok(())
+    }
+
+    /// See [`super::Backend::densify`].
+    pub(super) fn densify(
+        &mut self,
+        parameters: &mut HostParameters,
+        target: usize,
+    ) -> Result<Densified> {
+        let HostParameters { state, gaussians } = parameters;
+        let seen = self.attribution.take();
+        let seen = seen.unwrap_or_else(|| Attribution::new(state.len()));
+        let densified = densify::densify(state, gaussians, &seen, target);
+        state.sort_in_space();
+        self.refresh(parameters)?;
+        Ok(densified)
+    }
+
+    /// See [`super::Backend::begin_gathering`].
+    pub(super) fn begin_gathering(
+        &mut self,
+        parameters: &HostParameters,
+        cameras: &[Camera],
+    ) -> Result<usize> {
+        let gaussians = &parameters.gaussians;
+        let scene = (self.gathering).insert(self.scene.device().scene(gaussians)?);
+        let irradiance = GaussianIrradiance::new(&**scene, gaussians.len(), cameras)?;
+        let num = irradiance.len();
+        self.cache = None;
+        self.irradiance = Some(irradiance);
+        Ok(num)
+    }
+
+    /// See [`super::Backend::gather`].
+    pub(super) fn gather(
+        &mut self,
+        parameters: &HostParameters,
+        range: Range<usize>,
+        num_samples: u32,
+        seed: u64,
+    ) -> Result<()> {
+        let (Some(irradiance), Some(scene)) = (&mut self.irradiance, &self.gathering) else {
+            return Ok(());
+        };
+        let radiances = &parameters.gaussians.radiances;
+        let directions = Directions::divided(num_samples, LIGHTS_EVERY);
+        let key = RandomKey::new(seed, Purpose::Albedo, 0);
+        irradiance.gather(&**scene, radiances, range, directions, key)
+    }
+
+    /// See [`super::Backend::begin_albedo`].
+    pub(super) fn begin_albedo(&mut self, parameters: &mut HostParameters) -> Result<()> {
+        let HostParameters { state, gaussians } = parameters;
+        state.reset_moments();
+        let albedos = match &self.irradiance {
+            Some(irradiance) => irradiance.albedos(gaussians),
+            None => gaussians
+                .radiances
+                .iter()
+                .map(|r| reference_albedo(*r))
+                .collect(),
+        };
+        state.set_albedos(&albedos);
+        self.refresh(parameters)
     }
 }
 
-/// One in so many directions looks for emitters. Measured on a room lit through a window: with half
-/// of the directions the light that arrives is noisier by an eighth, for most of it comes from
-/// walls.
+fn taken(iteration: u32, view: &TrainingView, outcome: StepOutcome) -> Taken {
+    Taken {
+        iteration,
+        view: view.clone(),
+        outcome,
+    }
+}
+
+/// One in so many directions goes towards an emitter. Measured on a room lit through a window: with
+/// half of the directions irradiance is noisier by an eighth, for most of it comes from walls.
 const LIGHTS_EVERY: u32 = 4;
 
 /// Gradient of every ray's features, given those of the means over `factor` × `factor` rays;
@@ -254,127 +358,10 @@ fn reference_albedo(radiance: Vec3) -> Vec3 {
         .normalize()
 }
 
-impl<E: Engine> Backend for Trainer<E> {
-    fn device(&self) -> String {
-        self.engine.device()
-    }
-
-    fn begin_harmonics(&mut self) -> Result<()> {
-        self.state.begin_harmonics();
-        self.prepare();
-        self.engine.update(&self.set)
-    }
-
-    fn radiance_step(
-        &mut self,
-        view: &TrainingView,
-        step: &RadianceStep<'_>,
-    ) -> Result<Vec<Taken>> {
-        let outcome = self.fit_radiance(view, step)?;
-        Ok(vec![Taken {
-            iteration: step.iteration,
-            view: view.clone(),
-            outcome,
-        }])
-    }
-
-    fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>> {
-        let outcome = self.fit_albedos(view, step)?;
-        Ok(vec![Taken {
-            iteration: step.iteration,
-            view: view.clone(),
-            outcome,
-        }])
-    }
-
-    fn finish(&mut self) -> Result<Vec<Taken>> {
-        Ok(Vec::new())
-    }
-
-    fn attribute(&mut self, view: &TrainingView) -> Result<()> {
-        let target = self.target(view).pq();
-        let camera = &view.view.camera;
-        let known = view.view.valid.as_ref().map(KnownPixels::new);
-        let mask = view.view.emission.as_ref();
-        let error = |pixel: usize, features: &Features| {
-            if known.as_ref().is_some_and(|known| !known.has(pixel)) {
-                return 0.0;
-            }
-            let shown = features.radiance().to_array().map(pq_from_linear);
-            let wanted = target.pixels()[pixel];
-            let color: f32 = (0..3).map(|c| (shown[c] - wanted[c]).abs()).sum();
-            let emission = mask.map_or(0.0, |mask| {
-                (features.emission() - mask.pixels()[pixel][0]).abs()
-            });
-            color + emission
-        };
-        let contributions = self.engine.contributions(&self.set, camera, &error)?;
-        self.attribution
-            .get_or_insert_with(|| Attribution::new(self.state.len()))
-            .add(&contributions);
-        Ok(())
-    }
-
-    fn densify(&mut self, target: usize) -> Result<Densified> {
-        let seen = self
-            .attribution
-            .take()
-            .unwrap_or_else(|| Attribution::new(self.state.len()));
-        let outcome = densify::densify(&mut self.state, &self.gaussians, &seen, target);
-        self.state.sort_in_space();
-        self.prepare();
-        self.engine.update(&self.set)?;
-        Ok(outcome)
-    }
-
-    fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
-        let tracer = self.tracer.insert(self.engine.tracer(&self.gaussians)?);
-        let gathered = GaussianIrradiance::new(&**tracer, self.gaussians.len(), cameras)?;
-        let num = gathered.len();
-        self.lit = None;
-        self.gathered = Some(gathered);
-        Ok(num)
-    }
-
-    fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()> {
-        let (Some(gathered), Some(tracer)) = (&mut self.gathered, &self.tracer) else {
-            return Ok(());
-        };
-        let radiances = &self.gaussians.radiances;
-        let directions = Directions::divided(num_samples, LIGHTS_EVERY);
-        let key = RandomKey::new(seed, Purpose::Albedo, 0);
-        gathered.gather(&**tracer, radiances, range, directions, key)
-    }
-
-    fn begin_albedo(&mut self) -> Result<()> {
-        self.state.reset_moments();
-        let albedos = match &self.gathered {
-            Some(gathered) => gathered.albedos(&self.gaussians),
-            None => self
-                .gaussians
-                .radiances
-                .iter()
-                .map(|r| reference_albedo(*r))
-                .collect(),
-        };
-        self.state.set_albedos(&albedos);
-        self.prepare();
-        self.engine.update(&self.set)?;
-        Ok(())
-    }
-
-    fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {
-        self.engine.gbuffer(&self.set, camera)
-    }
-
-    fn state(&mut self) -> Result<ParameterState> {
-        Ok(self.state.clone())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eagpt_trace::features::GBuffer;
 
     /// ⟨d, mean(x)⟩ = ⟨adjoint(d), x⟩, which defines the adjoint of a linear map.
     #[test]

@@ -114,7 +114,7 @@ impl Bake<'_> {
     pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
         let rays = method.directions();
         self.check_memory(rays)?;
-        let tracer = self.request.device.tracer(&self.scene)?;
+        let tracer = self.request.device.scene(&self.scene)?;
         let found = match &self.request.matrix {
             Some(path) => self.relink(&*tracer, rays, path)?,
             None => self.link(&*tracer, rays)?,

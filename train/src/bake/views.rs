@@ -5,7 +5,7 @@
 //! are there, radiance is fitted to them by iterations of stage 0 with everything else held.
 
 use super::{Bake, BakeProgress};
-use crate::backend::RadianceStep;
+use crate::backend::{self, RadianceStep};
 use crate::error::{Result, TrainError};
 use crate::job::views::Views;
 use crate::loss::NormalTerms;
@@ -75,7 +75,7 @@ impl Bake<'_> {
             .collect();
         let found = total - missing.len();
         (self.progress)(BakeProgress::Rendering { done: found, total });
-        let engine = self.request.device.tracer(&self.scene)?;
+        let engine = self.request.device.scene(&self.scene)?;
         let options = self.request.options;
         let integrator = Integrator::Path {
             num_samples: method.num_samples,
@@ -111,7 +111,7 @@ impl Bake<'_> {
         let all = (0..images.len()).collect();
         let views = Views::new(images, all, IMAGE_BUDGET, self.request.options.seed);
         let state = ParameterState::new(&self.scene);
-        let mut backend = self.request.device.backend(state, IMAGE_BUDGET / 2)?;
+        let mut backend = backend::new(&self.request.device, state, IMAGE_BUDGET / 2)?;
         let total = method.iterations;
         let rates = LearningRates {
             position: 0.0,

@@ -1,22 +1,10 @@
 //! Which device is opened, and what it can do.
 
 use super::{Device, note};
+use crate::device::DeviceSelector;
 use crate::gpu::adapter::{self, Adapter, Kind};
 use crate::gpu::error::{GpuError, one_line};
 use std::sync::{Arc, Mutex};
-
-/// Which device is meant.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum DeviceSelector {
-    /// The first that is no program on the processor.
-    Hardware,
-    /// The first there is, programs on the processor included.
-    Any,
-    /// The one at this place of [`crate::gpu::adapters`].
-    Index(usize),
-    /// The first whose name contains this, in any case.
-    Name(String),
-}
 
 /// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what
 /// WebGPU guarantees; what a device accumulates beyond makes buffers larger, and tells where faster
@@ -70,25 +58,25 @@ impl Device {
     ///
     /// # Errors
     /// [`GpuError::NotFound`] if it does not exist, [`GpuError::Open`] if its driver refuses.
-    pub fn open(wanted: &DeviceSelector) -> Result<Arc<Self>, GpuError> {
-        Self::open_one(wanted).map(Arc::new)
+    pub fn open(selector: &DeviceSelector) -> Result<Arc<Self>, GpuError> {
+        Self::open_one(selector).map(Arc::new)
     }
 
     /// The same with smaller buffers than the device could have.
     #[cfg(test)]
     pub(in crate::gpu) fn open_limited(
-        wanted: &DeviceSelector,
+        selector: &DeviceSelector,
         max_bytes: u64,
     ) -> Result<Arc<Self>, GpuError> {
-        let mut device = Self::open_one(wanted)?;
+        let mut device = Self::open_one(selector)?;
         device.tier.max_binding = max_bytes;
         Ok(Arc::new(device))
     }
 
-    fn open_one(wanted: &DeviceSelector) -> Result<Self, GpuError> {
+    fn open_one(selector: &DeviceSelector) -> Result<Self, GpuError> {
         let mut found = adapter::found();
         let described: Vec<Adapter> = found.iter().map(adapter::describe).collect();
-        let at = choose(wanted, &described)?;
+        let at = choose(selector, &described)?;
         Self::open_adapter(&found.swap_remove(at), described[at].clone())
     }
 
@@ -142,21 +130,24 @@ fn failure_of(device: &str, error: &wgpu::Error) -> GpuError {
     }
 }
 
-fn choose(wanted: &DeviceSelector, found: &[Adapter]) -> Result<usize, GpuError> {
-    let at = match wanted {
-        DeviceSelector::Hardware => found.iter().position(|a| a.kind != Kind::Software),
-        DeviceSelector::Any => (!found.is_empty()).then_some(0),
+fn choose(selector: &DeviceSelector, found: &[Adapter]) -> Result<usize, GpuError> {
+    let hardware = || found.iter().position(|a| a.kind != Kind::Software);
+    let any = (!found.is_empty()).then_some(0);
+    let at = match selector {
+        DeviceSelector::Cpu => None,
+        DeviceSelector::Auto => hardware(),
+        DeviceSelector::Gpu => hardware().or(any),
         DeviceSelector::Index(index) => (*index < found.len()).then_some(*index),
         DeviceSelector::Name(name) => found
             .iter()
             .position(|a| a.name.to_lowercase().contains(&name.to_lowercase())),
     };
     at.ok_or_else(|| GpuError::NotFound {
-        wanted: match wanted {
-            DeviceSelector::Hardware => "gpu".to_owned(),
-            DeviceSelector::Any => "any".to_owned(),
+        wanted: match selector {
+            DeviceSelector::Auto => "gpu".to_owned(),
             DeviceSelector::Index(index) => format!("number {index}"),
             DeviceSelector::Name(name) => name.clone(),
+            selector => selector.to_string(),
         },
         found: match found {
             [] => "none".to_owned(),
@@ -193,8 +184,9 @@ mod tests {
             adapter("llvmpipe (LLVM)", Kind::Software),
             adapter("Radeon 780M", Kind::Integrated),
         ];
-        assert_eq!(choose(&DeviceSelector::Hardware, &found), Ok(1));
-        assert_eq!(choose(&DeviceSelector::Any, &found), Ok(0));
+        assert_eq!(choose(&DeviceSelector::Auto, &found), Ok(1));
+        assert_eq!(choose(&DeviceSelector::Gpu, &found), Ok(1));
+        assert_eq!(choose(&DeviceSelector::Gpu, &found[..1]), Ok(0));
         assert_eq!(choose(&DeviceSelector::Index(1), &found), Ok(1));
         assert_eq!(
             choose(&DeviceSelector::Name("LLVMPipe".to_owned()), &found),
@@ -205,7 +197,7 @@ mod tests {
             missing.to_string(),
             "device number 2: not found; there is llvmpipe (LLVM), Radeon 780M"
         );
-        let none = choose(&DeviceSelector::Hardware, &found[..1]).unwrap_err();
+        let none = choose(&DeviceSelector::Auto, &found[..1]).unwrap_err();
         assert_eq!(
             none.to_string(),
             "device gpu: not found; there is llvmpipe (LLVM)"

@@ -9,8 +9,8 @@
 //! that go with them, as long as what is looked for is not far from what there is.
 
 use super::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, Sampler, TOGETHER, TransportMatrix};
-use crate::engine::{TraceError, Tracer};
 use crate::ray::Ray;
+use crate::tracer::{TraceError, Tracer};
 use crate::transport::lights::Lights;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
-use eagpt_trace::gpu::{Device, Frame, GpuFit, Reading};
+use eagpt_trace::gpu::{Device, Frame, GpuScene, Reading};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -102,7 +102,11 @@ pub(super) struct ResidentState {
 impl ResidentState {
     /// Brings `state` to the device, where `fit` has its Gaussians. They are put there again as
     /// steps put them: what a run goes on with has the bits of what it stopped with.
-    pub(super) fn new(device: &Arc<Device>, state: &ParameterState, fit: &GpuFit) -> Result<Self> {
+    pub(super) fn new(
+        device: &Arc<Device>,
+        state: &ParameterState,
+        fit: &GpuScene,
+    ) -> Result<Self> {
         let values = device.upload("parameters", &bytes(&state.raw.values))?;
         let harmonics = fit.harmonics().cloned();
         let harmonics = harmonics.map(|values| ResidentRows::new(device, &state.harmonics, values));
@@ -169,7 +173,7 @@ impl ResidentState {
     /// the Gaussians of `fit`.
     pub(super) fn passes(
         &self,
-        fit: &GpuFit,
+        fit: &GpuScene,
         (frame, eye): (&Frame, Vec3),
         sizes: &StepSizes,
     ) -> Vec<Pass> {

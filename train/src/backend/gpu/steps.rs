@@ -8,8 +8,8 @@
 use super::loss::{self, LossBuffers, LossOptions};
 use super::report::{NUM_WORDS, Report};
 use super::target::TargetView;
-use super::{GpuBackend, resident};
-use crate::backend::{AlbedoStep, Backend as _, RadianceStep, Taken, TrainingView};
+use super::{GpuBackend, Parameters, resident};
+use crate::backend::{AlbedoStep, RadianceStep, Taken, TrainingView};
 use crate::error::Result;
 use crate::loss::NormalTerms;
 use crate::options::{AlbedoOptions, LossWeights};
@@ -137,9 +137,9 @@ impl GpuBackend {
                 continue;
             }
             let terms = loss::terms(&report, &first.wanted, &first.options);
-            let bad = match &self.resident {
-                Some(resident) => resident.bad_gradient(&report)?,
-                None => None,
+            let bad = match &self.parameters {
+                Parameters::Device(resident) => resident.bad_gradient(&report)?,
+                Parameters::Host(_) => None,
             };
             if bad.is_some() {
                 self.under_way.clear();
@@ -160,11 +160,11 @@ impl GpuBackend {
         needed: FrameRoom,
         num_steps: [u32; 2],
     ) -> Result<()> {
-        if let Some(resident) = &mut self.resident {
+        if let Parameters::Device(resident) = &mut self.parameters {
             resident.go_back(num_steps);
         }
         if let Some(first) = tasks.first() {
-            self.host.engine.fit.make_room(&first.rays(), needed)?;
+            self.trainer.scene.make_room(&first.rays(), needed)?;
         }
         for task in tasks {
             self.submit_or_take(task)?;
@@ -175,10 +175,10 @@ impl GpuBackend {
     /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host.
     fn submit_or_take(&mut self, task: Task) -> Result<()> {
         let rays = task.rays();
-        if let Some(frame) = self.host.engine.fit.frame(&rays)? {
+        if let Some(frame) = self.trainer.scene.frame(&rays)? {
             return self.submit(task, &rays, &frame);
         }
-        let host = self.host()?;
+        let (trainer, parameters) = self.host()?;
         let taken = match &task.kind {
             Kind::Radiance {
                 weights,
@@ -192,7 +192,7 @@ impl GpuBackend {
                     rays_per_axis: *rays_per_axis,
                     sizes: task.sizes,
                 };
-                host.radiance_step(&task.view, &step)?
+                trainer.radiance_step(parameters, &task.view, &step)?
             }
             Kind::Albedo {
                 options,
@@ -207,10 +207,10 @@ impl GpuBackend {
                     iteration: task.iteration,
                     sizes: task.sizes,
                 };
-                host.albedo_step(&task.view, &step)?
+                trainer.albedo_step(parameters, &task.view, &step)?
             }
         };
-        self.over.extend(taken);
+        self.over.push(taken);
         Ok(())
     }
 
@@ -220,8 +220,8 @@ impl GpuBackend {
         let wanted = self.wanted(&task.view)?;
         let options = task.loss_options();
         let device = &*self.device;
-        let fit = &self.host.engine.fit;
-        let resident = resident(&mut self.resident, &self.host)?;
+        let resident = resident(&mut self.parameters, &mut self.trainer.scene)?;
+        let fit = &self.trainer.scene;
         if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
             // The old one's memory goes first.
             self.loss = None;

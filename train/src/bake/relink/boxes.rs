@@ -137,7 +137,6 @@ mod tests {
     use eagpt_testkit::gaussians::look_at;
     use eagpt_trace::Tracer as _;
     use eagpt_trace::cpu::CpuScene;
-    use eagpt_trace::transport::RayTracer as _;
     use glam::DVec3;
 
     /// What a ray meets is inside a box that it crosses.

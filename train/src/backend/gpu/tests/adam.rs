@@ -7,10 +7,11 @@ use crate::options::{HarmonicsOptions, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
+use eagpt_trace::Tracer as _;
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
 use eagpt_trace::features::{NUM_LANES, lane};
-use eagpt_trace::gpu::{Device, GpuFit};
+use eagpt_trace::gpu::{Device, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
 
@@ -40,7 +41,7 @@ fn steps_of_adam_are_those_of_the_cpu() {
     }
     let mut gaussians = cpu.gaussians();
     let mut set = SurfelSet::new(&gaussians);
-    let fit = GpuFit::new(&device, &set).unwrap();
+    let fit = GpuScene::new(&device, &gaussians).unwrap();
     let mut gpu = ResidentState::new(&device, &cpu, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
     let eye = camera.origin();
@@ -134,8 +135,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
         return;
     };
     let before = ParameterState::new(&random_cloud(70, 4));
-    let set = SurfelSet::new(&before.gaussians());
-    let fit = GpuFit::new(&device, &set).unwrap();
+    let fit = GpuScene::new(&device, &before.gaussians()).unwrap();
     let state = ResidentState::new(&device, &before, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
     let frame = fit.frame(&camera).unwrap().unwrap();

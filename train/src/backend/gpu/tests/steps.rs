@@ -9,8 +9,9 @@ use crate::options::{Preset, TrainOptions};
 use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::Camera;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
+use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::gpu::{FrameRoom, GpuFit};
+use eagpt_trace::gpu::{FrameRoom, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
 use glam::DVec3;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ fn room_is_made_for_what_is_needed_and_kept() {
         return;
     };
     let cloud = random_cloud(400, 4);
-    let mut fit = GpuFit::new(&device, &SurfelSet::new(&cloud)).unwrap();
+    let mut fit = GpuScene::new(&device, &cloud).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 37, 29);
     let small = fit.frame(&camera).unwrap().unwrap();
     let more = FrameRoom {
@@ -40,7 +41,7 @@ fn room_is_made_for_what_is_needed_and_kept() {
     assert!(chunks.room.chunks > entries.room.chunks);
     assert!(!fit.make_room(&camera, chunks.room).unwrap());
     // It is kept when the number of Gaussians changes.
-    fit.update(&SurfelSet::new(&random_cloud(401, 4))).unwrap();
+    fit.update(&random_cloud(401, 4)).unwrap();
     let later = fit.frame(&camera).unwrap().unwrap();
     assert!(later != chunks && chunks.room.is_within(&later.room));
 }
@@ -111,6 +112,6 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
 }
 
 fn frame_room(backend: &GpuBackend, camera: &Camera) -> FrameRoom {
-    let frame = backend.host.engine.fit.frame(camera).unwrap();
+    let frame = backend.trainer.scene.frame(camera).unwrap();
     frame.unwrap().room
 }

@@ -1,40 +1,26 @@
-//! Gaussians that change while they are looked at: what training on a device needs of the rays.
-//!
-//! Unlike [`super::GpuScene`], whose Gaussians come from the host, the buffers are open to kernels
-//! of others: those read the features of a [`Frame`], write the derivatives by them, and move the
-//! Gaussians along the gradients, without anything passing through the host.
+//! The buffers of a camera's rays, for kernels of the caller: those read the features of a
+//! [`Frame`], write the derivatives by them, and move the Gaussians of a [`GpuScene`] along the
+//! gradients, without anything passing through the host.
 
 use super::adjoint::TOTAL_CHUNKS;
 use super::bins::TOTAL_ENTRIES;
 use super::device::Device;
 use super::error::GpuError;
-use super::scene::SceneBuffers;
-use super::views::Views;
-use crate::blend::{Contribution, LocalGradient, PixelValue};
-use crate::features::{Features, GBuffer};
-use crate::surfel::SurfelSet;
+use super::scene::GpuScene;
 use eagpt_scene::Camera;
-use std::sync::{Arc, Mutex, MutexGuard};
-
-/// Gaussians in training on a device.
-#[derive(Debug)]
-pub struct GpuFit {
-    device: Arc<Device>,
-    scene: SceneBuffers,
-    views: Mutex<Views>,
-}
+use std::sync::Arc;
 
 /// Buffers of a camera's rays, until a camera of another size or one that needs more room comes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// [`Features`] of every pixel, row by row: written by [`GpuFit::forward`].
+    /// [`Features`] of every pixel, row by row: written by [`GpuScene::forward`].
     pub features: wgpu::Buffer,
-    /// Derivatives of the loss by them: read by [`GpuFit::backward`].
+    /// Derivatives of the loss by them: read by [`GpuScene::backward`].
     pub d_features: wgpu::Buffer,
-    /// [`LocalGradient`], `[n]`: written by [`GpuFit::backward`].
+    /// [`LocalGradient`], `[n]`: written by [`GpuScene::backward`].
     pub gradients: wgpu::Buffer,
     /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by
-    /// [`GpuFit::forward`].
+    /// [`GpuScene::forward`].
     pub attributes: wgpu::Buffer,
     /// Numbers of what the rays needed room for, at [`Frame::ENTRIES`] and [`Frame::CHUNKS`].
     pub totals: wgpu::Buffer,
@@ -65,94 +51,31 @@ impl Frame {
     pub const CHUNKS: u32 = TOTAL_CHUNKS;
 }
 
-impl GpuFit {
-    /// Brings Gaussians to `device`.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn new(device: &Arc<Device>, set: &SurfelSet) -> Result<Self, GpuError> {
-        Ok(Self {
-            device: Arc::clone(device),
-            scene: SceneBuffers::new(device, set)?,
-            views: Mutex::default(),
-        })
-    }
-
-    /// The device.
-    pub fn device(&self) -> &Arc<Device> {
+impl GpuScene {
+    /// The device, for kernels of the caller.
+    pub fn gpu_device(&self) -> &Arc<Device> {
         &self.device
-    }
-
-    /// Replaces the Gaussians; where there are as many as before, in the same buffers.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn update(&mut self, set: &SurfelSet) -> Result<(), GpuError> {
-        if self.scene.fit(set) {
-            self.scene.write(&self.device, set);
-            return Ok(());
-        }
-        // The old buffers' memory goes first.
-        self.views().clear();
-        self.scene = SceneBuffers::new(&self.device, set)?;
-        Ok(())
     }
 
     /// [`crate::surfel::Surfel`], `[n]`.
     pub fn surfels(&self) -> &wgpu::Buffer {
-        &self.scene.surfels
+        &self.buffers.surfels
     }
 
     /// [`crate::surfel::Attributes`], `[n]`.
     pub fn attributes(&self) -> &wgpu::Buffer {
-        &self.scene.attributes
+        &self.buffers.attributes
     }
 
     /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the
     /// direction.
     pub fn harmonics(&self) -> Option<&wgpu::Buffer> {
-        self.scene.harmonics.as_ref()
+        self.buffers.harmonics.as_ref()
     }
 
     /// Number of Gaussians.
     pub fn num_gaussians(&self) -> u32 {
-        self.scene.num_surfels()
-    }
-
-    /// composited features of one ray through every pixel centre, read back.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, GpuError> {
-        self.views().features(&self.device, &self.scene, camera)
-    }
-
-    /// Gradients by all Gaussians, read back; see [`super::GpuScene::camera_adjoint`].
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn camera_adjoint(
-        &self,
-        camera: &Camera,
-        d_features: &[Features],
-    ) -> Result<Vec<LocalGradient>, GpuError> {
-        let mut views = self.views();
-        views.adjoint(&self.device, &self.scene, camera, d_features)
-    }
-
-    /// composited features of one ray through every pixel centre, and what each Gaussian
-    /// contributes to them, read back: the twin of [`crate::cpu::CameraRecord::contributions`], but
-    /// for a Gaussian coming once.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn contributions(
-        &self,
-        camera: &Camera,
-        value: PixelValue<'_>,
-    ) -> Result<(GBuffer, Vec<Contribution>), GpuError> {
-        self.views()
-            .contributions(&self.device, &self.scene, camera, value)
+        self.buffers.num_surfels()
     }
 
     /// The buffers for cameras of the size of `camera`; `None` where one buffer does not hold all
@@ -162,7 +85,7 @@ impl GpuFit {
     /// If the device gives up, or has not enough memory.
     pub fn frame(&self, camera: &Camera) -> Result<Option<Frame>, GpuError> {
         let mut views = self.views();
-        let (tracer, adjoint) = views.both(&self.device, &self.scene, camera)?;
+        let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
         Ok(adjoint.whole().map(|image| Frame {
             features: tracer.features.clone(),
             d_features: image.d_features().clone(),
@@ -182,7 +105,7 @@ impl GpuFit {
     /// # Errors
     /// If the device has not enough memory.
     pub fn make_room(&self, camera: &Camera, needed: FrameRoom) -> Result<bool, GpuError> {
-        let (device, scene) = (&*self.device, &self.scene);
+        let (device, scene) = (&*self.device, &self.buffers);
         let mut views = self.views();
         let (tracer, adjoint) = views.both(device, scene, camera)?;
         // Lists that are incomplete say nothing about the hits on them.
@@ -208,7 +131,7 @@ impl GpuFit {
     /// If the device gives up.
     pub fn forward(&self, camera: &Camera) -> Result<(), GpuError> {
         let mut views = self.views();
-        let (tracer, adjoint) = views.both(&self.device, &self.scene, camera)?;
+        let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
         match adjoint.whole() {
             Some(image) => image.forward(&self.device, tracer, camera),
             None => Ok(()),
@@ -222,14 +145,10 @@ impl GpuFit {
     /// If the device gives up.
     pub fn backward(&self, camera: &Camera) -> Result<(), GpuError> {
         let mut views = self.views();
-        let (_, adjoint) = views.both(&self.device, &self.scene, camera)?;
+        let (_, adjoint) = views.both(&self.device, &self.buffers, camera)?;
         match adjoint.whole() {
             Some(image) => image.backward(&self.device),
             None => Ok(()),
         }
-    }
-
-    fn views(&self) -> MutexGuard<'_, Views> {
-        Views::lock(&self.views)
     }
 }

@@ -25,7 +25,7 @@ pub struct BlendWeights {
 impl BlendWeights {
     /// Adds a pixel with its hits: index and weight in the blend. Those that weigh less than
     /// `least` are left out and their weight is given to the others in proportion.
-    pub(super) fn push(&mut self, pixel: u32, hits: impl Iterator<Item = (u32, f32)>, least: f32) {
+    pub(crate) fn push(&mut self, pixel: u32, hits: impl Iterator<Item = (u32, f32)>, least: f32) {
         let start = self.entries.len();
         let (mut kept, mut all) = (0.0, 0.0);
         for (gaussian, weight) in hits {
@@ -44,7 +44,7 @@ impl BlendWeights {
 
     /// The pixels of all `parts`, in as much memory as they need: a training run keeps one of these
     /// for each view.
-    pub(super) fn joined(parts: &[Self]) -> Self {
+    pub(crate) fn joined(parts: &[Self]) -> Self {
         let num_pixels = parts.iter().map(|part| part.pixels.len()).sum();
         let num_entries = parts.iter().map(|part| part.entries.len()).sum();
         let mut all = Self {

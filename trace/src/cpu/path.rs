@@ -1,24 +1,25 @@
 //! Paths from a surface to the emitters.
 
-use super::lights::Lights;
-use super::points::Points;
-use super::sampling::cosine_direction;
-use super::start::Surface;
-use super::{Hits, RayTracer};
+use super::CpuScene;
 use crate::blend::features_of_one;
 use crate::features::Features;
 use crate::ray::Ray;
+use crate::transport::Hits;
+use crate::transport::lights::Lights;
+use crate::transport::points::Points;
+use crate::transport::sampling::cosine_direction;
+use crate::transport::start::Surface;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// Blocks of numbers that a bounce draws: one for the bounce, one for the light.
+/// Blocks of random numbers of a bounce: one for the bounce, one for the light.
 const BLOCKS: u32 = 2;
 
 /// Paths through a scene, and when they end.
-pub(super) struct Paths<'a, T> {
-    pub(super) scene: &'a T,
-    /// Emitters that every bounce looks at besides, for next-event estimation; `None`: light is
-    /// found by luck.
+pub(super) struct Paths<'a> {
+    pub(super) scene: &'a CpuScene,
+    /// Emitters sampled at every bounce besides, for next-event estimation; `None`: BSDF sampling
+    /// only.
     pub(super) lights: Option<&'a Lights>,
     pub(super) max_bounces: u32,
     pub(super) roulette_from: Option<u32>,
@@ -27,21 +28,20 @@ pub(super) struct Paths<'a, T> {
     pub(super) hits: Hits,
 }
 
-/// What a path brought, and what it cost.
+/// Light of a path, and the rays traced for it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct PathLight {
     pub(super) light: Vec3,
     pub(super) num_rays: u32,
 }
 
-impl<T: RayTracer> Paths<'_, T> {
-    /// Light that one path brings to `start`, not yet multiplied by the albedo there.
+impl Paths<'_> {
+    /// Incident light of one path at `start`, not yet multiplied by the albedo there.
     ///
-    /// What a direction brings is R where E > τ_E, nothing elsewhere. With next-event estimation
-    /// every bounce takes a direction towards an emitter (density p) and one about the normal
-    /// (density q = cos θ/π), and both count with q/(p + q): the balance heuristic of multiple
-    /// importance sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of
-    /// q alone.
+    /// A direction contributes R where E > τ_E, nothing elsewhere. With next-event estimation every
+    /// bounce samples a direction towards an emitter (density p) and one from the BSDF (density q =
+    /// cos θ/π), and both are weighted by q/(p + q): the balance heuristic of multiple importance
+    /// sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of q alone.
     pub(super) fn sample(&self, start: &Surface, points: &Points, sample: u32) -> PathLight {
         let mut surface = *start;
         let mut throughput = Vec3::ONE;
@@ -61,8 +61,8 @@ impl<T: RayTracer> Paths<'_, T> {
             path.num_rays += 1;
             if met.emission() > self.threshold {
                 let weight = self.lights.map_or(1.0, |lights| {
-                    let plain = direction.dot(surface.normal) * FRAC_1_PI;
-                    plain / (plain + lights.density(surface.position, direction))
+                    let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
+                    bsdf / (bsdf + lights.density(surface.position, direction))
                 });
                 path.light += throughput * met.radiance() * weight;
                 return path;
@@ -83,7 +83,7 @@ impl<T: RayTracer> Paths<'_, T> {
         path
     }
 
-    /// What a ray meets; `choice` is the random number of the hit that stands for all.
+    /// Features of the surface a ray meets; `choice` is the random number of a sampled hit.
     fn meet(&self, ray: &Ray, choice: f32) -> Features {
         match self.hits {
             Hits::Blended => self.scene.trace(ray),
@@ -96,7 +96,7 @@ impl<T: RayTracer> Paths<'_, T> {
         }
     }
 
-    /// What a direction towards a random emitter brings, weighted; `None` if that is below the
+    /// Light from a direction towards a random emitter, weighted; `None` if that is below the
     /// surface and no ray was traced.
     fn towards_light(
         &self,
@@ -105,15 +105,15 @@ impl<T: RayTracer> Paths<'_, T> {
         [pick, a, b, choice]: [f32; 4],
     ) -> Option<Vec3> {
         let direction = lights.sample(surface.position, pick, a, b)?;
-        let plain = direction.dot(surface.normal) * FRAC_1_PI;
-        if plain <= 0.0 {
+        let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
+        if bsdf <= 0.0 {
             return None;
         }
         let met = self.meet(&surface.ray(direction), choice);
         if met.emission() <= self.threshold {
             return Some(Vec3::ZERO);
         }
-        let weight = plain / (plain + lights.density(surface.position, direction));
+        let weight = bsdf / (bsdf + lights.density(surface.position, direction));
         Some(met.radiance() * weight)
     }
 }

@@ -1,14 +1,17 @@
-//! The seam between ray tracing engines and everything above them.
+//! The interface of a scene on a compute device, the same for the CPU and GPUs.
 
-use crate::blend::{Contribution, PixelValue};
+use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::device::Device;
 use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
+use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Image};
+use glam::Vec3;
 
-/// Why an engine could not do its work. The CPU engine never fails.
+/// Failure of a device. The CPU never fails.
 #[derive(Debug, thiserror::Error)]
 pub enum TraceError {
     /// A device is lost, out of memory or lacks a feature.
@@ -16,7 +19,7 @@ pub enum TraceError {
     Device {
         /// Name of the device.
         device: String,
-        /// What happened.
+        /// Description of the failure.
         problem: String,
     },
 }
@@ -27,9 +30,9 @@ pub struct RenderedView {
     /// Linear radiance, premultiplied by the opacity.
     pub radiance: Image<3>,
     /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no
-    /// light is sampled.
+    /// light is sampled. With the mean it gives the variance of a pixel.
     pub second_moment: Image<1>,
-    /// composited features of the camera rays.
+    /// Composited features of the camera rays.
     pub features: GBuffer,
     /// Rays traced beside those of the camera.
     pub num_rays: u64,
@@ -47,47 +50,81 @@ impl RenderedView {
     }
 }
 
-/// A scene that lives on a device and can be looked at.
+/// A scene of Gaussians on a device.
 ///
-/// Gaussians go to the device with [`Tracer::update`] and stay there; calls move only what they
-/// return. Everything above this trait is the same for every engine.
+/// Gaussians go to the device with [`Tracer::update`] and stay there; calls transfer only what they
+/// return. Every method fails with [`TraceError::Device`] if the device fails or has not enough
+/// memory.
 pub trait Tracer: Send + Sync {
-    /// What computes: recorded beside every result.
-    fn device(&self) -> String;
+    /// The device.
+    fn device(&self) -> Device;
 
-    /// Replaces the Gaussians, refitting where that is enough.
+    /// Replaces the Gaussians, refitting acceleration structures where that is enough.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError>;
 
-    /// composited features of one ray through every pixel centre.
+    /// Replaces the albedos alone, `[n]`: geometry and emitted light stay.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
+    fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError>;
+
+    /// Composited features of one ray through every pixel centre.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
     fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError>;
 
-    /// The same, and what each Gaussian contributes to it. A Gaussian may come more than once, with
-    /// different pixels.
+    /// As [`Self::gbuffer`], with a record of the blended hits for [`Self::adjoint`] and
+    /// [`Self::weights`] of the same camera, which trace again without one.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
+    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError>;
+
+    /// Gradient of a loss with respect to every Gaussian, given `d_features` = dL/dV for every
+    /// pixel of `camera`, row by row. Gaussians that no ray hits get zeros. The spread, size and
+    /// first-hit lanes are not differentiated.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn adjoint(
+        &mut self,
+        camera: &Camera,
+        d_features: &[Features],
+        mask: GradientMask,
+    ) -> Result<Vec<LocalGradient>, TraceError>;
+
+    /// Blending weights in every pixel of `camera`, without those below `least`; `None` on devices
+    /// that do not keep them in the host's memory.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn weights(&mut self, camera: &Camera, least: f32) -> Result<Option<BlendWeights>, TraceError>;
+
+    /// As [`Self::gbuffer`], with the contribution of each Gaussian to it. A Gaussian may come more
+    /// than once, with different pixels.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
     fn contributions(
         &self,
         camera: &Camera,
         value: PixelValue<'_>,
     ) -> Result<(GBuffer, Vec<Contribution>), TraceError>;
 
-    /// composited features along each of `rays`.
+    /// Composited features along each of `rays`.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError>;
 
     /// Renders `camera` with `integrator`.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
     fn render(
         &self,
         camera: &Camera,
@@ -95,12 +132,12 @@ pub trait Tracer: Send + Sync {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError>;
 
-    /// Light of emitters at `receivers`, and matrix to what else they see in `directions`; each has
-    /// random numbers of its own among those of `key`. Which receivers are traced together makes no
-    /// difference.
+    /// Irradiance from emitters at `receivers`, and the entries of the transport matrix: the
+    /// Gaussians seen from them in `directions`. Each receiver has random numbers of its own among
+    /// those of `key`: results do not depend on which receivers are traced together.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
     fn trace_transport(
         &self,
         receivers: &[Receiver],
@@ -114,6 +151,6 @@ pub trait Tracer: Send + Sync {
     /// follow each other share a realization and are near each other.
     ///
     /// # Errors
-    /// [`TraceError::Device`] if the device gives up.
+    /// See [`Tracer`].
     fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError>;
 }
