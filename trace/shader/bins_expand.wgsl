@@ -26,7 +26,7 @@ fn count_entries(
     }
 }
 
-@group(0) @binding(4) var<storage, read_write> totals: array<u32>;
+@group(0) @binding(4) var<storage, read_write> counters: array<u32>;
 @group(0) @binding(5) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> values: array<u32>;
 @group(0) @binding(7) var<storage, read_write> entry_surfels: array<u32>;
@@ -38,8 +38,12 @@ fn expand(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let at = invocation_number(workgroup, workgroups, thread);
+    let capacity = min(arrayLength(&keys), arrayLength(&entry_surfels));
     if at == view.num_surfels {
-        totals[TOTAL_ENTRIES] = starts[at];
+        counters[COUNTER_ENTRIES] = starts[at];
+        if starts[at] > capacity {
+            counters[COUNTER_FAILED] = 1u;
+        }
     }
     if at >= view.num_surfels {
         return;
@@ -50,7 +54,6 @@ fn expand(
         return;
     }
     let rect = unpack_rect(packed);
-    let capacity = min(arrayLength(&keys), arrayLength(&entry_surfels));
     var entry = starts[at];
     for (var row = rect.rows.x; row <= rect.rows.y; row++) {
         for (var column = rect.columns.x; column <= rect.columns.y; column++) {

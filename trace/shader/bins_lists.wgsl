@@ -4,7 +4,7 @@
 #import workgroup
 #import view
 
-@group(0) @binding(1) var<storage, read> totals: array<u32>;
+@group(0) @binding(1) var<storage, read> counters: array<u32>;
 @group(0) @binding(2) var<storage, read> sorted_tiles: array<u32>;
 @group(0) @binding(3) var<storage, read> sorted_entries: array<u32>;
 @group(0) @binding(4) var<storage, read> entry_surfels: array<u32>;
@@ -22,7 +22,7 @@ fn list(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let place = invocation_number(workgroup, workgroups, thread);
-    let num_entries = min(totals[TOTAL_ENTRIES], arrayLength(&listed));
+    let num_entries = min(counters[COUNTER_ENTRIES], arrayLength(&listed));
     if place >= num_entries {
         return;
     }

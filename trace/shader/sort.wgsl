@@ -7,8 +7,8 @@
 #import prefix_sum
 
 @group(0) @binding(0) var<uniform> sort: SortParameters;
-// How many elements there are stands on the device.
-@group(0) @binding(1) var<storage, read> totals: array<u32>;
+// The number of elements is one of these.
+@group(0) @binding(1) var<storage, read> counts: array<u32>;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read> values: array<u32>;
 // Elements of each digit in each block, digits one after the other; then, added up, where they go.
@@ -19,7 +19,7 @@
 var<workgroup> counters: array<u32, SORT_COUNTERS>;
 
 fn num_elements() -> u32 {
-    return min(totals[sort.total], sort.capacity);
+    return min(counts[sort.count], sort.capacity);
 }
 
 fn digit_of(key: u32) -> u32 {

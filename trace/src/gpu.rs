@@ -34,6 +34,7 @@ mod adjoint;
 mod bins;
 mod bvh;
 mod camera;
+mod capacity;
 mod device;
 mod error;
 mod frame;
@@ -52,9 +53,10 @@ mod tests;
 mod views;
 
 pub use adapter::{Adapter, Kind, adapters};
+pub use capacity::{Capacity, Counters};
 pub use device::{Device, Profile, Reading, StageTime, Tier};
 pub use error::GpuError;
-pub use frame::{Frame, FrameRoom};
+pub use frame::Frame;
 pub use scene::GpuScene;
 
 /// Kernels of other crates.

@@ -48,8 +48,8 @@ fn derivative(pixel: u32) -> Lanes {
         d_alpha = loss.alpha * sign(alpha_of_features(features) - opacity_wanted(pixel));
     }
     if loss.has_normals != 0u {
-        let num_map = bitcast<f32>(report[REPORT_TERMS + 5u]);
-        let num_spanned = bitcast<f32>(report[REPORT_TERMS + 7u]);
+        let num_map = bitcast<f32>(report[REPORT_NUM_MAP]);
+        let num_spanned = bitcast<f32>(report[REPORT_NUM_SPANNED]);
         if num_map > 0.0 && terms[pixel].surface.y > 0.0 {
             d_normal += loss.normal / num_map * one_minus_cosine(normal_of(features), normal_wanted(pixel)).xyz;
         }

@@ -20,7 +20,8 @@
 @group(0) @binding(7) var<storage, read_write> surfels: array<Surfel>;
 // In `chain_rule` as the camera sees them.
 @group(0) @binding(8) var<storage, read_write> attributes: array<Lanes>;
-@group(0) @binding(9) var<storage, read> totals: array<u32>;
+// Of the rays.
+@group(0) @binding(9) var<storage, read_write> counters: array<atomic<u32>>;
 
 struct Activated {
     position: vec3f,
@@ -39,18 +40,28 @@ fn sigmoid(x: f32) -> f32 {
     return 1.0 / (1.0 + exp_of(-x));
 }
 
+fn value3(at: u32) -> vec3f {
+    return vec3f(values[at], values[at + 1u], values[at + 2u]);
+}
+
+fn exp3(x: vec3f) -> vec3f {
+    return vec3f(exp_of(x.x), exp_of(x.y), exp_of(x.z));
+}
+
 fn activated(at: u32) -> Activated {
-    let raw = vec4f(values[at + 6u], values[at + 7u], values[at + 8u], values[at + 5u]);
+    // w x y z
+    let raw = vec4f(value3(at + ROTATION + 1u), values[at + ROTATION]);
     let norm = length(raw);
+    let albedo = value3(at + ALBEDO);
     return Activated(
-        vec3f(values[at], values[at + 1u], values[at + 2u]),
-        vec2f(exp_of(values[at + 3u]), exp_of(values[at + 4u])),
+        value3(at + POSITION),
+        vec2f(exp_of(values[at + SCALE]), exp_of(values[at + SCALE + 1u])),
         raw / norm,
         norm,
-        sigmoid(values[at + 9u]),
-        vec3f(exp_of(values[at + 10u]), exp_of(values[at + 11u]), exp_of(values[at + 12u])),
-        sigmoid(values[at + 13u]),
-        vec3f(sigmoid(values[at + 14u]), sigmoid(values[at + 15u]), sigmoid(values[at + 16u])),
+        sigmoid(values[at + OPACITY]),
+        exp3(value3(at + RADIANCE)),
+        sigmoid(values[at + EMISSION]),
+        vec3f(sigmoid(albedo.x), sigmoid(albedo.y), sigmoid(albedo.z)),
     );
 }
 
@@ -92,25 +103,25 @@ fn chain_rule(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let index = invocation_number(workgroup, workgroups, thread);
-    // The gradients of a step that is stuck are still to be looked at.
-    if index >= adam.num_gaussians || atomicLoad(&report[REPORT_STUCK]) != 0u {
+    // The gradients of the step that failed are still to be read.
+    if index >= adam.num_gaussians || has_failed() {
         return;
     }
     let at = index * NUM_PARAMETERS;
     let g = activated(at);
     let d = gradients[index];
-    var sum = put3(at, frame_of(g.rotation) * d.a.xyz);
-    sum += put(at + 3u, d.a.w * g.scale.x) + put(at + 4u, d.b.x * g.scale.y);
+    var sum = put3(at + POSITION, frame_of(g.rotation) * d.a.xyz);
+    sum += put(at + SCALE, d.a.w * g.scale.x) + put(at + SCALE + 1u, d.b.x * g.scale.y);
     // q⊗(0, turn) is tangent to the sphere: normalisation only divides by the length.
     let turn = d.b.yzw;
     let q = g.rotation;
     let factor = 2.0 / g.length;
-    sum += put(at + 5u, -dot(q.xyz, turn) * factor);
-    sum += put3(at + 6u, (q.w * turn + cross(q.xyz, turn)) * factor);
-    sum += put(at + 9u, d.c.x * g.opacity * (1.0 - g.opacity));
-    sum += put3(at + 10u, d.c.yzw * attributes[index].a.xyz);
-    sum += put(at + 13u, d.d.x * g.emission * (1.0 - g.emission));
-    sum += put3(at + 14u, d.d.yzw * g.albedo * (1.0 - g.albedo));
+    sum += put(at + ROTATION, -dot(q.xyz, turn) * factor);
+    sum += put3(at + ROTATION + 1u, (q.w * turn + cross(q.xyz, turn)) * factor);
+    sum += put(at + OPACITY, d.c.x * g.opacity * (1.0 - g.opacity));
+    sum += put3(at + RADIANCE, d.c.yzw * attributes[index].a.xyz);
+    sum += put(at + EMISSION, d.d.x * g.emission * (1.0 - g.emission));
+    sum += put3(at + ALBEDO, d.d.yzw * g.albedo * (1.0 - g.albedo));
     // A sum is not finite if one of its terms is not.
     if !is_finite(sum) {
         atomicMin(&report[REPORT_BAD], index);
@@ -130,12 +141,14 @@ fn surfel_of(g: Activated, frame: mat3x3f) -> Surfel {
     );
 }
 
-// Nothing changes if a gradient is not a number, or if there was no room for all that it is made
-// of; nor behind a step for which this was so.
+// Whether this step or one before it did not fit, or one before it had a gradient that is no number.
+fn has_failed() -> bool {
+    return atomicLoad(&counters[COUNTER_FAILED]) != 0u;
+}
+
+// Otherwise nothing changes.
 fn gradients_are_good() -> bool {
-    let has_room = totals[TOTAL_ENTRIES] <= adam.entries && totals[TOTAL_CHUNKS] <= adam.chunks;
-    let is_stuck = atomicLoad(&report[REPORT_STUCK]) != 0u;
-    return has_room && !is_stuck && atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD;
+    return !has_failed() && atomicLoad(&report[REPORT_BAD]) == NOTHING_BAD;
 }
 
 fn move_value(at: u32, gradient: f32, size: f32, decay: f32, corrections: vec2f) {
@@ -165,7 +178,7 @@ fn harmonics_step(
         let size = adam.harmonics[k / 4u][k % 4u];
         for (var channel = 0u; channel < 3u; channel++) {
             // By the logarithm of radiance.
-            let gradient = raw_gradients[index * NUM_PARAMETERS + 10u + channel];
+            let gradient = raw_gradients[index * NUM_PARAMETERS + RADIANCE + channel];
             let at = (index * NUM_FUNCTIONS + k) * 3u + channel;
             move_value(at, gradient * functions[k], size, adam.harmonics_decay, corrections);
         }
@@ -194,11 +207,12 @@ fn adam_step(
 ) {
     let index = invocation_number(workgroup, workgroups, thread);
     if index == 0u {
-        atomicStore(&report[REPORT_ENTRIES], totals[TOTAL_ENTRIES]);
-        atomicStore(&report[REPORT_CHUNKS], totals[TOTAL_CHUNKS]);
-        if !gradients_are_good() {
-            // To the others of this step it makes no difference.
-            atomicStore(&report[REPORT_STUCK], 1u);
+        if atomicLoad(&report[REPORT_BAD]) != NOTHING_BAD {
+            // The steps behind this one move nothing; to this one it makes no difference.
+            atomicStore(&counters[COUNTER_FAILED], 1u);
+        }
+        for (var k = 0u; k < NUM_COUNTERS; k++) {
+            atomicStore(&report[REPORT_NEEDED + k], atomicLoad(&counters[k]));
         }
     }
     if index >= adam.num_gaussians || !gradients_are_good() {

@@ -11,7 +11,7 @@
 @group(0) @binding(7) var<storage, read_write> record: array<u32>;
 // Pixels of a tile that blended the Gaussian at each place in the lists, one bit each in two words.
 @group(0) @binding(8) var<storage, read_write> masks: array<atomic<u32>>;
-@group(0) @binding(9) var<storage, read_write> totals: array<atomic<u32>>;
+@group(0) @binding(9) var<storage, read_write> counters: array<atomic<u32>>;
 
 struct Recorder {
     pixel: u32,
@@ -31,9 +31,10 @@ fn record_hit(recorder: ptr<function, Recorder>, place: u32, alpha: f32, before:
     }
     let within = (*recorder).num_hits % CHUNK_HITS;
     if within == 0u {
-        let chunk = band.first_chunk + atomicAdd(&totals[TOTAL_CHUNKS], 1u) * CHUNK_WORDS;
+        let chunk = band.first_chunk + atomicAdd(&counters[COUNTER_CHUNKS], 1u) * CHUNK_WORDS;
         if chunk + CHUNK_WORDS > arrayLength(&record) {
             (*recorder).is_full = true;
+            atomicStore(&counters[COUNTER_FAILED], 1u);
             return;
         }
         record[chunk] = (*recorder).last_chunk;

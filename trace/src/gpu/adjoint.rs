@@ -6,8 +6,9 @@
 //! tiles. Every sum has a fixed order and nothing is added atomically, so that the same device
 //! gives the same bits in every run, and the rounding is that of the CPU.
 
-use super::bins::{TILE, and_half_more};
+use super::bins::TILE;
 use super::camera::{Band, CameraTracer};
+use super::capacity::{Capacity, Incomplete};
 use super::device::Device;
 use super::error::GpuError;
 use super::passes::{self, RecordedBand};
@@ -17,92 +18,15 @@ use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use rayon::prelude::*;
 
-/// Place of the number of chunks in the totals.
-pub(super) const TOTAL_CHUNKS: u32 = 2;
 /// Hits of a chunk of the record.
 pub(super) const CHUNK_HITS: u32 = 16;
 /// Words of a chunk: a link, and three for each hit.
 pub(super) const CHUNK_WORDS: u32 = 1 + 3 * CHUNK_HITS;
 /// Words of the record for each pixel beside its chunks.
-const PIXEL_WORDS: u32 = 2;
-
-/// Chunks that are made room for at first, for each pixel.
-const CHUNKS_PER_PIXEL: u32 = 2;
+pub(super) const PIXEL_WORDS: u32 = 2;
 
 /// Bytes of one row of gradients.
 const ROW_BYTES: u64 = (NUM_LANES * size_of::<f32>()) as u64;
-
-/// Room for the record: what is traced at once, and how much of it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Room {
-    /// Rows of pixels, whole rows of tiles.
-    rows: u32,
-    /// Chunks of the record.
-    chunks: u32,
-}
-
-impl Room {
-    /// What is usual for cameras of `size` pixels.
-    pub(super) fn usual(device: &Device, size: (u32, u32)) -> Result<Self, GpuError> {
-        let (width, height) = size;
-        let all = Self {
-            rows: height.next_multiple_of(TILE),
-            chunks: width
-                .saturating_mul(height)
-                .saturating_mul(CHUNKS_PER_PIXEL),
-        };
-        all.within(device, size)
-    }
-
-    /// More, after a band has asked for `needed` chunks.
-    fn grown(&self, device: &Device, size: (u32, u32), needed: u32) -> Result<Self, GpuError> {
-        let more = Self {
-            chunks: and_half_more(needed),
-            ..*self
-        };
-        more.within(device, size)
-    }
-
-    /// Fewer rows, as many as fit into a buffer of `device` if they need as many chunks each.
-    fn within(mut self, device: &Device, (width, _): (u32, u32)) -> Result<Self, GpuError> {
-        let limit = device.tier().max_bytes();
-        while self.bytes(width) > limit {
-            if self.rows == TILE {
-                return Err(GpuError::Limit {
-                    device: device.adapter().name.clone(),
-                    what: format!("hits of {TILE} rows of {width} pixels"),
-                    needed: self.bytes(width),
-                    limit,
-                });
-            }
-            let rows = (self.rows / 2).next_multiple_of(TILE);
-            let chunks = u64::from(self.chunks) * u64::from(rows) / u64::from(self.rows);
-            self = Self {
-                rows,
-                chunks: u32::try_from(chunks).unwrap_or(u32::MAX),
-            };
-        }
-        Ok(self)
-    }
-
-    fn first_chunk(&self, width: u32) -> u32 {
-        PIXEL_WORDS * width * self.rows
-    }
-
-    fn bytes(&self, width: u32) -> u64 {
-        let pixels = u64::from(width) * u64::from(self.rows) * u64::from(PIXEL_WORDS);
-        4 * (pixels + u64::from(self.chunks) * u64::from(CHUNK_WORDS))
-    }
-}
-
-/// What has come out, if there was room.
-#[derive(Debug)]
-pub(super) enum Outcome<T> {
-    Done(T),
-    /// Lists of tiles need room for this many entries.
-    MoreEntries(u32),
-    MoreRoom(Room),
-}
 
 /// The record of the blended hits of a band of rows, and what is made of it.
 #[derive(Debug)]
@@ -133,8 +57,7 @@ pub(super) struct RecordBuffers {
 /// from call to call.
 #[derive(Debug)]
 pub(super) struct Adjoint {
-    room: Room,
-    size: (u32, u32),
+    capacity: Capacity,
     record: RecordBuffers,
     num_surfels: u32,
     bands: Vec<RecordedBand>,
@@ -145,22 +68,23 @@ impl Adjoint {
         device: &Device,
         scene: &SceneBuffers,
         tracer: &CameraTracer,
-        room: Room,
+        capacity: Capacity,
     ) -> Result<Self, GpuError> {
         let bins = &tracer.bins;
         let (width, height) = bins.size();
-        let room = Room {
-            rows: room.rows.min(tracer.rows()),
-            ..room
+        let capacity = Capacity {
+            entries: bins.capacity,
+            rows: capacity.rows.min(tracer.rows()),
+            ..capacity
         };
         let num_surfels = scene.num_surfels();
         let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
-        let num_hits = u64::from(room.chunks) * u64::from(CHUNK_HITS);
-        let num_pixels = u64::from(width) * u64::from(room.rows.min(height));
+        let num_hits = u64::from(capacity.chunks) * u64::from(CHUNK_HITS);
+        let num_pixels = u64::from(width) * u64::from(capacity.rows.min(height));
         let of_places = |what, size: u64| device.buffer(what, size * u64::from(bins.capacity));
         let of_gaussians = |what, size: u64| device.buffer(what, size * u64::from(num_surfels));
         let record = RecordBuffers {
-            chunks: device.buffer("record of hits", room.bytes(width))?,
+            chunks: device.buffer("record of hits", capacity.record_bytes(width))?,
             masks: of_places("pixels of hits", 8)?,
             hit_starts: of_places("starts of hits", 4)?,
             hits: device.buffer("hits", 8 * num_hits)?,
@@ -172,24 +96,25 @@ impl Adjoint {
             contributions: of_gaussians("contributions", size_of::<Contribution>() as u64)?,
         };
         let tiles_x = width.div_ceil(TILE);
-        let bands = (0..height).step_by(room.rows as usize).map(|first_row| {
-            let end_row = (first_row + room.rows).min(height);
-            let band = Band {
-                first_tile: first_row / TILE * tiles_x,
-                end_tile: end_row.div_ceil(TILE) * tiles_x,
-                first_pixel: first_row * width,
-                first_chunk: room.first_chunk(width),
-                ..Band::default()
-            };
-            let pixels = (first_row * width) as usize..(end_row * width) as usize;
-            let at = (pixels, band);
-            passes::trace_and_go_back(device, scene, bins, &tracer.features, &record, at)
-        });
+        let bands = (0..height)
+            .step_by(capacity.rows as usize)
+            .map(|first_row| {
+                let end_row = (first_row + capacity.rows).min(height);
+                let band = Band {
+                    first_tile: first_row / TILE * tiles_x,
+                    end_tile: end_row.div_ceil(TILE) * tiles_x,
+                    first_pixel: first_row * width,
+                    first_chunk: capacity.first_chunk(width),
+                    ..Band::default()
+                };
+                let pixels = (first_row * width) as usize..(end_row * width) as usize;
+                let at = (pixels, band);
+                passes::trace_and_go_back(device, scene, bins, &tracer.features, &record, at)
+            });
         let bands = bands.collect::<Result<_, _>>()?;
         device.check()?;
         Ok(Self {
-            room,
-            size: (width, height),
+            capacity,
             record,
             num_surfels,
             bands,
@@ -204,7 +129,7 @@ impl Adjoint {
         tracer: &CameraTracer,
         camera: &Camera,
         d_features: &[Features],
-    ) -> Result<Outcome<Vec<LocalGradient>>, GpuError> {
+    ) -> Result<Vec<LocalGradient>, Incomplete> {
         assert_eq!(d_features.len(), camera.num_pixels(), "one for each pixel");
         let back = |band: &RecordedBand| {
             let d_features = d_features[band.pixels.clone()].iter();
@@ -228,7 +153,7 @@ impl Adjoint {
         camera: &Camera,
         value: PixelValue<'_>,
         pixels: &mut Vec<Features>,
-    ) -> Result<Outcome<Vec<Contribution>>, GpuError> {
+    ) -> Result<Vec<Contribution>, Incomplete> {
         pixels.clear();
         let back = |band: &RecordedBand| {
             let lanes = device.read::<[f32; NUM_LANES]>(&tracer.features, 0..band.pixels.len())?;
@@ -255,27 +180,29 @@ impl Adjoint {
         camera: &Camera,
         mut back: impl FnMut(&RecordedBand) -> Result<(), GpuError>,
         read: impl FnOnce() -> Result<T, GpuError>,
-    ) -> Result<Outcome<T>, GpuError> {
-        let bins = &tracer.bins;
+    ) -> Result<T, Incomplete> {
         let mut commands = device.commands();
         tracer.record_binning(device, camera, &mut commands);
         commands.clear_buffer(&self.record.gradients, 0, None);
         commands.clear_buffer(&self.record.contributions, 0, None);
         device.submit(commands)?;
-        let needed = bins.num_entries(device)?;
-        if needed > bins.capacity {
-            return Ok(Outcome::MoreEntries(needed));
-        }
+        // Lists that are incomplete say nothing about the hits on them.
+        self.check(device, tracer)?;
         for band in &self.bands {
             self.forward(device, tracer, band)?;
             back(band)?;
-            let needed = bins.total(device, TOTAL_CHUNKS)?;
-            if needed > self.room.chunks {
-                let room = self.room.grown(device, self.size, needed)?;
-                return Ok(Outcome::MoreRoom(room));
-            }
+            self.check(device, tracer)?;
         }
-        Ok(Outcome::Done(read()?))
+        Ok(read()?)
+    }
+
+    /// Whether all of the last band has fitted. Waits for the device.
+    fn check(&self, device: &Device, tracer: &CameraTracer) -> Result<(), Incomplete> {
+        let needed = tracer.bins.counters(device)?;
+        match self.capacity.holds(&needed) {
+            true => Ok(()),
+            false => Err(Incomplete::Overflow(needed)),
+        }
     }
 
     fn forward(
@@ -286,7 +213,7 @@ impl Adjoint {
     ) -> Result<(), GpuError> {
         let mut commands = device.commands();
         commands.clear_buffer(&self.record.masks, 0, None);
-        commands.clear_buffer(&tracer.bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
+        tracer.bins.clear_chunks(&mut commands);
         device.submit(commands)?;
         device.run(&band.forward)
     }
@@ -301,11 +228,6 @@ impl Adjoint {
             _ => None,
         }
     }
-
-    /// Room for `needed` chunks of the record, and some more.
-    pub(super) fn more_room(&self, device: &Device, needed: u32) -> Result<Room, GpuError> {
-        self.room.grown(device, self.size, needed)
-    }
 }
 
 /// An image that is traced at once: its features, their derivatives and the gradients are on the
@@ -317,22 +239,22 @@ pub(super) struct WholeImage<'a> {
 }
 
 impl WholeImage<'_> {
-    /// Where derivatives by the features are looked for, `[pixels]`.
+    /// Derivatives by the features, `[pixels]`.
     pub(super) fn d_features(&self) -> &wgpu::Buffer {
         &self.adjoint.record.d_features
     }
 
-    /// Where gradients are put, `[n]`.
+    /// Gradients, `[n]`.
     pub(super) fn gradients(&self) -> &wgpu::Buffer {
         &self.adjoint.record.gradients
     }
 
-    /// Chunks of the record that there is room for.
-    pub(super) fn num_chunks(&self) -> u32 {
-        self.adjoint.room.chunks
+    /// What fits.
+    pub(super) fn capacity(&self) -> Capacity {
+        self.adjoint.capacity
     }
 
-    /// Bins and traces `camera`; nobody has looked yet whether there was room.
+    /// Bins and traces `camera`; the counters tell whether all of it has fitted.
     pub(super) fn forward(
         &self,
         device: &Device,

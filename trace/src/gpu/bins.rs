@@ -4,6 +4,7 @@
 //! tiles that they may cover, and these entries are sorted by tile; both sorts are stable, so that
 //! lists come out nearest first, and the same in every run.
 
+use super::capacity::{self, Counters};
 use super::device::Device;
 use super::error::GpuError;
 use super::layout::{Layout, layout};
@@ -11,6 +12,7 @@ use super::scene::SceneBuffers;
 use super::sort::Sorter;
 use crate::cpu::bins::Projector;
 use eagpt_scene::Camera;
+use std::mem::offset_of;
 
 /// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as
 /// many as run in step on any device.
@@ -26,24 +28,12 @@ const KEY_BITS: u32 = 31 - KEY_SHIFT;
 /// Key of what nobody sees: above that of every finite distance.
 pub(super) const FARTHEST_KEY: u32 = (1 << KEY_BITS) - 1;
 
-/// Place of the number of Gaussians in the totals.
-const TOTAL_SURFELS: u32 = 0;
-/// Place of the number of entries of all lists.
-pub(super) const TOTAL_ENTRIES: u32 = 1;
-/// Numbers that kernels hand on to others.
-const NUM_TOTALS: u64 = 4;
-
 /// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows
 /// of tiles in 16.
 const MAX_SIDE: u32 = 65_535;
 
-/// Entries that are made room for at first, for each Gaussian.
+/// Entries of the lists for each Gaussian, at first.
 const ENTRIES_PER_SURFEL: u32 = 4;
-
-/// Room to make where `needed` was needed: the next view needs another number.
-pub(super) fn and_half_more(needed: u32) -> u32 {
-    needed.saturating_add(needed / 2)
-}
 
 /// A Gaussian relative to the camera, as [`crate::surfel::SeenSurfel`].
 #[derive(Debug, Clone, Copy)]
@@ -159,7 +149,8 @@ pub(super) struct BinBuffers {
     pub(super) rects: wgpu::Buffer,
     /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`.
     pub(super) attributes: wgpu::Buffer,
-    pub(super) totals: wgpu::Buffer,
+    /// [`Counters`].
+    pub(super) counters: wgpu::Buffer,
     pub(super) by_distance: Sorter,
     /// First entry of each Gaussian of [`Self::order`], and the end, `[n + 1]`.
     pub(super) entry_starts: wgpu::Buffer,
@@ -204,9 +195,7 @@ impl BinBuffers {
         let of_gaussians = |what, size| device.buffer(what, bytes(n, size));
         let of_entries = |what, size| device.buffer(what, bytes(capacity, size));
         let view: View = bytemuck::Zeroable::zeroed();
-        let mut totals = [0_u32; NUM_TOTALS as usize];
-        totals[TOTAL_SURFELS as usize] = n;
-        let totals = device.upload("totals", bytemuck::cast_slice(&totals))?;
+        let counters = device.buffer("counters", size_of::<Counters>() as u64)?;
         let bins = Self {
             view: device.uniform("view", &view),
             seen: of_gaussians("Gaussians as seen", size_of::<Seen>())?,
@@ -215,18 +204,19 @@ impl BinBuffers {
                 None => scene.attributes.clone(),
                 Some(_) => device.buffer("attributes as seen", scene.attributes.size())?,
             },
-            by_distance: Sorter::new(device, n, KEY_BITS, (&totals, TOTAL_SURFELS))?,
+            by_distance: Sorter::new(device, n, KEY_BITS, (&counters, capacity::GAUSSIANS))?,
             entry_starts: device.buffer("starts of entries", bytes(n + 1, 4))?,
             entry_surfels: of_entries("Gaussians of entries", 4)?,
-            by_tile: Sorter::new(device, capacity, tile_bits, (&totals, TOTAL_ENTRIES))?,
+            by_tile: Sorter::new(device, capacity, tile_bits, (&counters, capacity::ENTRIES))?,
             places: of_entries("places of entries", 4)?,
             listed: of_entries("lists of tiles", size_of::<[u32; 2]>())?,
             list_starts: device.buffer("starts of lists", bytes(num_tiles + 1, 4))?,
-            totals,
+            counters,
             capacity,
             num_surfels: n,
             size: (width, height),
         };
+        bins.restart(device);
         device.check()?;
         Ok(bins)
     }
@@ -253,17 +243,25 @@ impl BinBuffers {
         commands.clear_buffer(&self.list_starts, 0, None);
     }
 
-    /// Number of entries that the last binning needed. More than [`Self::capacity`]: lists are
-    /// incomplete, and have to be made anew with that many. Waits for the device.
-    pub(super) fn num_entries(&self, device: &Device) -> Result<u32, GpuError> {
-        self.total(device, TOTAL_ENTRIES)
+    /// Sets the counters to where they begin, the overflow flag among them.
+    pub(super) fn restart(&self, device: &Device) {
+        let counters = Counters {
+            num_gaussians: self.num_surfels,
+            ..Counters::default()
+        };
+        device.write(&self.counters, bytemuck::bytes_of(&counters));
     }
 
-    /// One of the totals. Waits for the device.
-    pub(super) fn total(&self, device: &Device, which: u32) -> Result<u32, GpuError> {
-        let at = which as usize;
-        let read = device.read::<u32>(&self.totals, at..at + 1)?;
-        Ok(read.first().copied().unwrap_or(0))
+    /// Counts chunks from 0 again.
+    pub(super) fn clear_chunks(&self, commands: &mut wgpu::CommandEncoder) {
+        let offset = offset_of!(Counters, chunks) as u64;
+        commands.clear_buffer(&self.counters, offset, Some(size_of::<u32>() as u64));
+    }
+
+    /// What the work submitted so far has counted. Waits for the device.
+    pub(super) fn counters(&self, device: &Device) -> Result<Counters, GpuError> {
+        let read = device.read::<Counters>(&self.counters, 0..1)?;
+        Ok(read.first().copied().unwrap_or_default())
     }
 
     /// Pixels of its cameras.

@@ -1,6 +1,7 @@
 //! Composited features of all pixels of a camera on the device.
 
 use super::bins::{BinBuffers, TILE};
+use super::capacity::Incomplete;
 use super::device::{Device, Pass};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
@@ -10,8 +11,8 @@ use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use std::ops::Range;
 
-/// Hits that wait in the memory of a pixel until they can be blended. More than are usually met on
-/// a surface within the size of one Gaussian; a longer list costs registers, a shorter one more
+/// Hits that wait in the registers of a pixel until they can be blended. More than are usually met
+/// on a surface within the size of one Gaussian; a longer list costs registers, a shorter one more
 /// searches.
 pub(super) const PENDING: u32 = 16;
 
@@ -47,14 +48,6 @@ fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {
     let rows = device.tier().max_bytes() / row_bytes.max(1);
     let rows = u32::try_from(rows).unwrap_or(u32::MAX) / TILE * TILE;
     rows.clamp(TILE, height.next_multiple_of(TILE))
-}
-
-/// Whether there was room.
-#[derive(Debug)]
-pub(super) enum Binned {
-    Done,
-    /// Lists of tiles need room for this many entries.
-    MoreEntries(u32),
 }
 
 /// Camera rays of a scene, for cameras of one size. Buffers stay on the device from call to call.
@@ -142,18 +135,16 @@ impl CameraTracer {
         }
     }
 
-    /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room
-    /// for.
-    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<Binned, GpuError> {
+    /// Brings `camera`'s lists of Gaussians to the device. Waits for it.
+    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<(), Incomplete> {
         let mut commands = device.commands();
         self.record_binning(device, camera, &mut commands);
         device.submit(commands)?;
-        let needed = self.bins.num_entries(device)?;
-        Ok(if needed > self.bins.capacity {
-            Binned::MoreEntries(needed)
-        } else {
-            Binned::Done
-        })
+        let needed = self.bins.counters(device)?;
+        if needed.entries > self.bins.capacity {
+            return Err(Incomplete::Overflow(needed));
+        }
+        Ok(())
     }
 
     /// Traces the camera that was binned last, and hands each band of pixels with their features to

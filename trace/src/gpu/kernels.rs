@@ -129,10 +129,10 @@ kernels! { shader::sources;
         0 scan: Uniform ScanParameters, 1 values: Write u32, 2 block_sums: Write u32,
     }
     SORT_COUNT = "sort" sort_count [] {
-        0 sort: Uniform SortParameters, 1 totals: Read u32, 2 keys: Read u32, 4 places: Write u32,
+        0 sort: Uniform SortParameters, 1 counts: Read u32, 2 keys: Read u32, 4 places: Write u32,
     }
     SORT_SCATTER = "sort" sort_scatter [] {
-        0 sort: Uniform SortParameters, 1 totals: Read u32, 2 keys: Read u32, 3 values: Read u32,
+        0 sort: Uniform SortParameters, 1 counts: Read u32, 2 keys: Read u32, 3 values: Read u32,
         4 places: Write u32, 5 sorted_keys: Write u32, 6 sorted_values: Write u32,
     }
 
@@ -149,10 +149,10 @@ kernels! { shader::sources;
     }
     EXPAND = "bins_expand" expand [] {
         0 view: Uniform View, 1 order: Read u32, 2 rects: Read [u32; 2], 3 starts: Write u32,
-        4 totals: Write u32, 5 keys: Write u32, 6 values: Write u32, 7 entry_surfels: Write u32,
+        4 counters: Write u32, 5 keys: Write u32, 6 values: Write u32, 7 entry_surfels: Write u32,
     }
     LIST = "bins_lists" list [] {
-        0 view: Uniform View, 1 totals: Read u32, 2 sorted_tiles: Read u32,
+        0 view: Uniform View, 1 counters: Read u32, 2 sorted_tiles: Read u32,
         3 sorted_entries: Read u32, 4 entry_surfels: Read u32, 5 listed: Write [u32; 2],
         6 places: Write u32, 7 list_starts: Write u32,
     }
@@ -165,7 +165,7 @@ kernels! { shader::sources;
     TRACE_AND_RECORD_TILES = "camera" trace_tiles ["tile_lists", "record"] {
         0 view: Uniform View, 1 band: Uniform Band, 2 list_starts: Read u32,
         3 listed: Read [u32; 2], 4 seen_surfels: Read Seen, 5 attributes: Read Attributes,
-        6 features: Write Features, 7 record: Write u32, 8 masks: Write u32, 9 totals: Write u32,
+        6 features: Write Features, 7 record: Write u32, 8 masks: Write u32, 9 counters: Write u32,
     }
 
     COUNT_HITS = "adjoint_count" count_hits [] {

@@ -3,7 +3,7 @@
 
 use super::bins::{self, Seen, View};
 use super::kernels::GROUP_SIZE;
-use super::{adjoint, bvh, camera, light, matrix, rays, scan, sort};
+use super::{adjoint, bvh, camera, capacity, light, matrix, rays, scan, sort};
 use crate::blend::Contribution;
 use crate::cpu::bins::MARGIN_PIXELS;
 use crate::features::lane;
@@ -196,8 +196,6 @@ pub(super) fn declarations() -> String {
         ("PENDING", camera::PENDING),
         ("KEY_SHIFT", bins::KEY_SHIFT),
         ("FARTHEST_KEY", bins::FARTHEST_KEY),
-        ("TOTAL_ENTRIES", bins::TOTAL_ENTRIES),
-        ("TOTAL_CHUNKS", adjoint::TOTAL_CHUNKS),
         ("CHUNK_HITS", adjoint::CHUNK_HITS),
         ("CHUNK_WORDS", adjoint::CHUNK_WORDS),
         ("FIRST_RAY", light::FIRST_RAY),
@@ -217,7 +215,10 @@ pub(super) fn declarations() -> String {
         ("SORT_BLOCK", sort::BLOCK),
         ("SORT_DIGITS", sort::DIGITS),
         ("SORT_COUNTERS", sort::DIGITS * sort::THREADS),
-    ] {
+    ]
+    .into_iter()
+    .chain(capacity::PLACES)
+    {
         write_line(&mut text, format_args!("const {name}: u32 = {value}u;"));
     }
     text

@@ -29,7 +29,7 @@ pub(super) fn bin(
         view,
         seen,
         rects,
-        totals,
+        counters,
         entry_starts,
         entry_surfels,
         places,
@@ -83,7 +83,7 @@ pub(super) fn bin(
             order,
             rects,
             entry_starts,
-            totals,
+            counters,
             tiles,
             entries,
             entry_surfels,
@@ -97,7 +97,7 @@ pub(super) fn bin(
         &kernels::LIST,
         &[
             view,
-            totals,
+            counters,
             tiles,
             entries,
             entry_surfels,
@@ -158,7 +158,7 @@ pub(super) fn trace_and_go_back(
         seen,
         listed,
         attributes,
-        totals,
+        counters,
         places,
         ..
     } = bins;
@@ -177,7 +177,7 @@ pub(super) fn trace_and_go_back(
     // Forward: every pixel keeps its blended hits, and every list the pixels that blended them.
     let trace = |band: &wgpu::Buffer, num_tiles| {
         let lists = [view, band, &bins.list_starts, listed, seen, attributes];
-        let buffers = [&lists[..], &[features, chunks, masks, totals]].concat();
+        let buffers = [&lists[..], &[features, chunks, masks, counters]].concat();
         device.pass(&kernels::TRACE_AND_RECORD_TILES, &buffers, num_tiles)
     };
     let mut forward = each_tile(device, band, trace);

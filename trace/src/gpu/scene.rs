@@ -130,6 +130,7 @@ impl GpuScene {
     /// [`Tracer::update`] replaces them.
     pub fn release_host_copy(&mut self) {
         self.host = None;
+        self.views().restart(&self.device);
         self.light = Mutex::default();
         self.matrix = Mutex::default();
     }

@@ -27,7 +27,7 @@ pub(super) struct SortParameters {
     shift: u32,
     num_blocks: u32,
     capacity: u32,
-    total: u32,
+    count: u32,
 }
 
 impl SortParameters {
@@ -36,7 +36,7 @@ impl SortParameters {
             shift: "u32",
             num_blocks: "u32",
             capacity: "u32",
-            total: "u32",
+            count: "u32",
         })
     }
 }
@@ -52,12 +52,12 @@ pub(super) struct Sorter {
 
 impl Sorter {
     /// Sorts at most `capacity` pairs by the lower `num_bits` of their keys. Their number is read
-    /// from `totals[total]` on the device.
+    /// from `counts[count]` on the device.
     pub(super) fn new(
         device: &Device,
         capacity: u32,
         num_bits: u32,
-        (totals, total): (&wgpu::Buffer, u32),
+        (counts, count): (&wgpu::Buffer, u32),
     ) -> Result<Self, GpuError> {
         let buffer = |what| device.buffer(what, 4 * u64::from(capacity));
         let keys = [buffer("sort keys")?, buffer("sort keys")?];
@@ -76,15 +76,15 @@ impl Sorter {
                     shift: pass * DIGIT_BITS,
                     num_blocks,
                     capacity,
-                    total,
+                    count,
                 },
             );
-            let count = [&parameters, totals, &keys[from], &places];
-            passes.push(device.pass(&kernels::SORT_COUNT, &count, num_blocks));
+            let count_digits = [&parameters, counts, &keys[from], &places];
+            passes.push(device.pass(&kernels::SORT_COUNT, &count_digits, num_blocks));
             passes.extend(add_up.iter().cloned());
             let scatter = [
                 &parameters,
-                totals,
+                counts,
                 &keys[from],
                 &values[from],
                 &places,

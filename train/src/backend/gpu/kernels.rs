@@ -7,7 +7,7 @@ use super::report;
 use super::target::{self, TargetPixel};
 use crate::loss::MIN_NORMAL_ALPHA;
 use crate::loss::target::PQ_RANGE;
-use crate::params::{BETA_1, BETA_2, EPSILON, NUM_PARAMETERS};
+use crate::params::{BETA_1, BETA_2, CLASSES, EPSILON, NUM_PARAMETERS};
 use eagpt_eval::ssim;
 use eagpt_eval::window::{RADIUS, WEIGHTS};
 use eagpt_scene::color::PQ_CONSTANTS;
@@ -79,16 +79,17 @@ kernels! { sources;
     CHAIN_RULE = "params" chain_rule [] {
         0 adam: Uniform AdamParameters, 1 values: Write f32, 4 gradients: Read LocalGradient,
         5 raw_gradients: Write f32, 6 report: Write u32, 8 attributes: Write Attributes,
+        9 counters: Write u32,
     }
     HARMONICS_STEP = "params" harmonics_step [] {
         0 adam: Uniform AdamParameters, 1 values: Write f32, 2 first: Write f32,
         3 second: Write f32, 5 raw_gradients: Write f32, 6 report: Write u32,
-        7 surfels: Write Surfel, 9 totals: Read u32,
+        7 surfels: Write Surfel, 9 counters: Write u32,
     }
     ADAM_STEP = "params" adam_step [] {
         0 adam: Uniform AdamParameters, 1 values: Write f32, 2 first: Write f32,
         3 second: Write f32, 5 raw_gradients: Write f32, 6 report: Write u32,
-        7 surfels: Write Surfel, 8 attributes: Write Attributes, 9 totals: Read u32,
+        7 surfels: Write Surfel, 8 attributes: Write Attributes, 9 counters: Write u32,
     }
 }
 
@@ -120,20 +121,21 @@ fn declarations() -> String {
     }
     for (name, value) in [
         ("NUM_PARAMETERS", NUM_PARAMETERS as u32),
-        ("REPORT_BAD", report::BAD),
-        ("REPORT_ENTRIES", report::ENTRIES),
-        ("REPORT_CHUNKS", report::CHUNKS),
-        ("REPORT_TERMS", report::TERMS),
-        ("REPORT_STUCK", report::STUCK),
-        ("NOTHING_BAD", report::NOTHING_BAD),
         ("ADD_THREADS", loss::ADD_THREADS),
         ("ADD_PER_THREAD", loss::ADD_PER_THREAD),
         ("KNOWN", target::KNOWN),
         ("WINDOW", target::WINDOW),
         ("FLAG_BITS", target::FLAG_BITS),
         ("FULL_OPACITY", target::FULL_OPACITY),
-    ] {
+    ]
+    .into_iter()
+    .chain(report::PLACES)
+    {
         text.push_str(&format!("const {name}: u32 = {value}u;\n"));
+    }
+    for (class, range) in CLASSES {
+        let (name, start) = (class.to_uppercase(), range.start);
+        text.push_str(&format!("const {name}: u32 = {start}u;\n"));
     }
     let weights: Vec<String> = WEIGHTS.iter().map(|w| format!("{w:?}")).collect();
     text.push_str(&format!(

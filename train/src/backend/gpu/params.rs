@@ -2,7 +2,7 @@
 //! moves on the host: the same formulas in single precision.
 
 use super::kernels;
-use super::report::{self, Report};
+use super::report::Report;
 use crate::error::Result;
 use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
@@ -26,10 +26,7 @@ pub(super) struct AdamParameters {
     harmonics_correction_1: f32,
     harmonics_correction_2: f32,
     num_gaussians: u32,
-    /// Room for entries and chunks: with more of them, gradients are worth nothing.
-    entries: u32,
-    chunks: u32,
-    padding: u32,
+    padding: [u32; 3],
 }
 
 impl AdamParameters {
@@ -44,9 +41,7 @@ impl AdamParameters {
             harmonics_correction_1: "f32",
             harmonics_correction_2: "f32",
             num_gaussians: "u32",
-            entries: "u32",
-            chunks: "u32",
-            padding: "u32",
+            padding: "array<u32, 3>",
         })
     }
 }
@@ -115,7 +110,7 @@ impl ResidentState {
             raw: ResidentRows::new(device, &state.raw, values)?,
             raw_gradients: device.buffer("gradients by parameters", size)?,
             harmonics: harmonics.transpose()?,
-            report: device.buffer("report", 4 * report::NUM_WORDS as u64)?,
+            report: device.buffer("report", size_of::<Report>() as u64)?,
             num_gaussians: state.len(),
             device: Arc::clone(device),
         };
@@ -139,16 +134,14 @@ impl ResidentState {
         &self.report
     }
 
-    /// Empties the report, before the first kernel of a step; one that is stuck stays so.
+    /// Empties the report, before the first kernel of a step.
     pub(super) fn begin(&self) {
-        let words = &report::EMPTY[..report::STUCK as usize];
-        self.device.write(&self.report, bytemuck::cast_slice(words));
+        let empty = bytemuck::bytes_of(&Report::EMPTY);
+        self.device.write(&self.report, empty);
     }
 
-    /// After a step that was stuck: goes on from where it was, `num_steps` as they were before it.
+    /// After a step that moved nothing: `num_steps` as they were before it.
     pub(super) fn go_back(&mut self, [raw, of_harmonics]: [u32; 2]) {
-        self.device
-            .write(&self.report, bytemuck::cast_slice(&report::EMPTY));
         self.raw.num_steps = raw;
         if let Some(harmonics) = &mut self.harmonics {
             harmonics.num_steps = of_harmonics;
@@ -195,13 +188,11 @@ impl ResidentState {
             harmonics_correction_1: of_harmonics.correction_1,
             harmonics_correction_2: of_harmonics.correction_2,
             num_gaussians: self.num_gaussians as u32,
-            entries: frame.room.entries,
-            chunks: frame.room.chunks,
             ..bytemuck::Zeroable::zeroed()
         };
         let parameters = &self.device.uniform("Adam", &parameters);
         let (device, report, gradients) = (&self.device, &self.report, &self.raw_gradients);
-        let (surfels, attributes, totals) = (fit.surfels(), fit.attributes(), &frame.totals);
+        let (surfels, attributes, counters) = (fit.surfels(), fit.attributes(), &frame.counters);
         let each_gaussian = groups(self.num_gaussians as u32);
         let mut passes = Vec::with_capacity(3);
         // From gradients in the frame of each Gaussian to those by the raw parameters.
@@ -219,6 +210,7 @@ impl ResidentState {
             gradients,
             report,
             seen,
+            counters,
         ];
         passes.push(device.pass(&kernels::CHAIN_RULE, &buffers, each_gaussian));
         // Before the Gaussians move: directions are those they were seen from.
@@ -230,23 +222,23 @@ impl ResidentState {
         }) = moving
         {
             let buffers = [
-                parameters, values, first, second, gradients, report, surfels, totals,
+                parameters, values, first, second, gradients, report, surfels, counters,
             ];
             passes.push(device.pass(&kernels::HARMONICS_STEP, &buffers, each_gaussian));
         }
         let buffers = [
-            parameters, values, first, second, gradients, report, surfels, attributes, totals,
+            parameters, values, first, second, gradients, report, surfels, attributes, counters,
         ];
         passes.push(device.pass(&kernels::ADAM_STEP, &buffers, each_gaussian));
         passes
     }
 
     /// The report of the step that was submitted last, when it is done.
-    pub(super) fn read_report(&self) -> Result<Reading<u32>> {
-        Ok(self.device.read_later(&self.report, 0..report::NUM_WORDS)?)
+    pub(super) fn read_report(&self) -> Result<Reading<Report>> {
+        Ok(self.device.read_later(&self.report, 0..1)?)
     }
 
-    /// Why the device is stuck since the step of `report`, if it is.
+    /// The first gradient of the step of `report` that is not finite: nothing moved then.
     pub(super) fn bad_gradient(&self, report: &Report) -> Result<Option<BadGradient>> {
         let Some(index) = report.first_bad() else {
             return Ok(None);

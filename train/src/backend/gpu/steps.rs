@@ -1,12 +1,12 @@
 //! Steps on the device, a few of which are under way at once: the host prepares the next ones while
 //! the device computes, and looks at the report of a step when others are queued behind it.
 //!
-//! A step for whose hits there is no room, or whose gradients are no numbers, moves nothing, and
-//! nor do those behind it until the host has looked. Then it makes room and takes them again: what
-//! comes out has the bits of steps taken one by one.
+//! A step that overflows its buffers, or whose gradients are no numbers, moves nothing, and nor do
+//! those behind it until the host has read its report. Then the host grows the buffers and records
+//! all of them again: the results are bit-identical to those of steps taken one by one.
 
 use super::loss::{self, LossBuffers, LossOptions};
-use super::report::{NUM_WORDS, Report};
+use super::report::Report;
 use super::target::TargetView;
 use super::{GpuBackend, Parameters, resident};
 use crate::backend::{AlbedoStep, RadianceStep, Taken, TrainingView};
@@ -16,7 +16,7 @@ use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::StepSizes;
 use eagpt_scene::Camera;
 use eagpt_trace::gpu::kernel::Buffer;
-use eagpt_trace::gpu::{Frame, FrameRoom, Reading};
+use eagpt_trace::gpu::{Capacity, Counters, Frame, Reading};
 
 /// Steps that may be under way when the next one has been begun.
 const MOST_AHEAD: usize = 3;
@@ -95,11 +95,11 @@ pub(super) struct UnderWay {
     task: Task,
     wanted: TargetView,
     options: LossOptions,
-    /// What its rays have room for.
-    room: FrameRoom,
+    /// What its rays have memory for.
+    capacity: Capacity,
     /// Steps of the parameters and of the harmonics before it.
     num_steps: [u32; 2],
-    report: Reading<u32>,
+    report: Reading<Report>,
 }
 
 fn size(camera: &Camera) -> (u32, u32) {
@@ -126,14 +126,13 @@ impl GpuBackend {
             let Some(first) = self.under_way.pop_front() else {
                 break;
             };
-            let mut words = [0; NUM_WORDS];
-            words.copy_from_slice(&first.report.wait(&self.device)?);
-            let report = Report(words);
-            if !report.needed().is_within(&first.room) {
+            let read = first.report.wait(&self.device)?;
+            let report = read.first().copied().unwrap_or(Report::EMPTY);
+            if !first.capacity.holds(&report.needed) {
                 let again = std::iter::once(first.task)
                     .chain(self.under_way.drain(..).map(|behind| behind.task))
                     .collect();
-                self.take_again(again, report.needed(), first.num_steps)?;
+                self.record_again(again, &report.needed, first.num_steps)?;
                 continue;
             }
             let terms = loss::terms(&report, &first.wanted, &first.options);
@@ -153,18 +152,18 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Takes steps again, of which the first lacked room.
-    fn take_again(
+    /// Records steps again after the first has overflowed its buffers.
+    fn record_again(
         &mut self,
         tasks: Vec<Task>,
-        needed: FrameRoom,
+        needed: &Counters,
         num_steps: [u32; 2],
     ) -> Result<()> {
         if let Parameters::Device(resident) = &mut self.parameters {
             resident.go_back(num_steps);
         }
         if let Some(first) = tasks.first() {
-            self.trainer.scene.make_room(&first.rays(), needed)?;
+            self.trainer.scene.grow(&first.rays(), needed);
         }
         for task in tasks {
             self.submit_or_take(task)?;
@@ -243,7 +242,7 @@ impl GpuBackend {
             task,
             wanted,
             options,
-            room: frame.room,
+            capacity: frame.capacity,
             num_steps,
             report,
         });

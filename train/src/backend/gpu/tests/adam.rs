@@ -2,7 +2,7 @@
 
 use super::{gpu, off};
 use crate::backend::gpu::params::ResidentState;
-use crate::backend::gpu::report;
+use crate::backend::gpu::report::Report;
 use crate::options::{HarmonicsOptions, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
@@ -20,9 +20,8 @@ use glam::{DVec3, Vec3};
 const STEP_TOLERANCE: f32 = 3e-6;
 
 /// The report of the step that was submitted last.
-fn reported(device: &Device, state: &ResidentState) -> report::Report {
-    let words = state.read_report().unwrap().wait(device).unwrap();
-    report::Report(words.try_into().unwrap())
+fn reported(device: &Device, state: &ResidentState) -> Report {
+    state.read_report().unwrap().wait(device).unwrap()[0]
 }
 
 /// Four steps with other gradients each: moments, corrections and everything that follows from
