@@ -21,7 +21,7 @@ doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 
 bench:
-    cargo bench -p eagpt-trace
+    cargo run --release -- bench
 
 # Licences, sources and spelling; need cargo-deny and typos
 hygiene:

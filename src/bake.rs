@@ -29,8 +29,8 @@ use std::process::ExitCode;
 /// bounces: no image is made. Method `views` is the paper's: it path-traces the views of the
 /// dataset and fits radiance to them.
 ///
-/// Work is kept in a folder beside the result; the same command continues a bake that was stopped,
-/// to the same bits. That is, on the same device; another goes on as well, and ends elsewhere by
+/// Work is kept in a folder beside the result; the same command resumes a bake that was stopped,
+/// bit-identical on the same device; another device resumes it as well, and ends elsewhere by
 /// rounding.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
@@ -50,13 +50,13 @@ pub(crate) struct BakeArgs {
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]
     out: PathBuf,
-    /// How light is baked
+    /// Method of baking
     #[arg(long, value_enum, default_value = "gaussians")]
     pub(crate) method: MethodArg,
-    /// Most bounces of light, at least 1
+    /// Maximum path depth: bounces of light, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     bounces: u32,
-    /// gaussians: directions traced at each Gaussian, at least 1; half of them look for emitters,
+    /// gaussians: directions traced at each Gaussian, at least 1; half of them are light samples,
     /// the others serve all bounces
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: u32,
@@ -84,12 +84,11 @@ pub(crate) struct BakeArgs {
     /// beside BAKED.ply]
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
-    /// gaussians: keep what was traced in FILE, and take up what an earlier bake has left there, as
-    /// far as the scene is the same: new light of lamps and other albedos cost no ray, what was
-    /// moved costs the rays in its way. Nothing is then kept in --work, and a bake that was stopped
-    /// begins again
+    /// gaussians: sparse light-transport matrix kept between bakes. While the geometry, cameras,
+    /// --samples and --seed are the same, other light of the same lamps and other albedos cost no
+    /// ray; else all rays are traced anew. Takes the place of --work
     #[arg(long, value_name = "FILE")]
-    links: Option<PathBuf>,
+    transport: Option<PathBuf>,
     /// Replace an earlier result of this command, and the work of another bake
     #[arg(long)]
     force: bool,
@@ -98,7 +97,7 @@ pub(crate) struct BakeArgs {
 const EXAMPLES: &str = "Examples:
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply --device gpu
-  eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply --links kitchen.links   (again after each edit, faster)
+  eagpt bake edits/ball.ply --cameras kitchen --out bakes/ball.ply --transport kitchen.transport   (again after each edit of light or albedo, faster)
   eagpt render bakes/ball.ply --cameras kitchen --mode 0-bounce --out renders/baked
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views --shard 1/4   (and 2/4 … on other machines)
   eagpt bake edits/ball.ply --cameras kitchen --out bakes/views.ply --method views";
@@ -132,13 +131,13 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if args.shard.is_some() && args.method == MethodArg::Gaussians {
         bail!("--shard: only --method views has parts");
     }
-    if args.links.is_some() && args.method == MethodArg::Views {
-        bail!("--links: only --method gaussians has links");
+    if args.transport.is_some() && args.method == MethodArg::Views {
+        bail!("--transport: only --method gaussians has a transport matrix");
     }
     let dataset = Dataset::open(&args.cameras)?;
     let mut inputs = dataset.files();
     inputs.push(args.scene.clone());
-    inputs.extend(args.links.clone());
+    inputs.extend(args.transport.clone());
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let replace = Replace::from_flag(args.force);
     output::check_file(&args.out, "bake", &inputs, replace)?;
@@ -153,15 +152,15 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .work
             .clone()
             .unwrap_or_else(|| args.out.with_extension("work")),
-        matrix: args.links.clone(),
+        transport: args.transport.clone(),
         options,
         device,
         start_over: args.force,
         stop: interrupt::stop_flag()?,
     };
     let mut builder = RecordBuilder::begin("bake", &options)?;
-    let links = args.links.as_ref().filter(|path| path.exists());
-    let earlier_links = links.map(|path| Input::of(path)).transpose()?;
+    let transport = args.transport.as_ref().filter(|path| path.exists());
+    let transport = transport.map(|path| Input::of(path)).transpose()?;
     let mut warnings = Vec::new();
     let listen = |reporter: &mut Reporter, message: &BakeProgress| {
         if let BakeProgress::Warning { text } = message {
@@ -181,7 +180,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     })?;
     let record = &mut builder.record;
     record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
-    record.inputs.extend(earlier_links);
+    record.inputs.extend(transport);
     record.seed = Some(args.seed);
     record.device = Some(summary.device.clone());
     record.split = Some(SplitRecord::new(&summary.split, args.split));
@@ -234,7 +233,7 @@ fn unfinished(
     reporter.message(&serde_json::json!({
         "message": "done",
         "complete": false,
-        "path": args.links.is_none().then_some(&request.work),
+        "path": args.transport.as_ref().unwrap_or(&request.work),
         "num_rays": summary.num_rays,
     }))?;
     let work = request.work.display();
@@ -247,11 +246,8 @@ fn unfinished(
             Ok(ExitCode::SUCCESS)
         }
         _ => {
-            let next = match args.links {
-                None => format!("continues from {work}"),
-                Some(_) => "begins again".to_owned(),
-            };
-            reporter.note(&format!("stopped: the same command {next}"));
+            let state = args.transport.as_ref().unwrap_or(&request.work).display();
+            reporter.note(&format!("stopped: the same command continues from {state}"));
             Ok(interrupt::exit_code())
         }
     }

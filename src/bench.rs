@@ -10,6 +10,7 @@ mod stage;
 mod table;
 
 use crate::args::GlobalArgs;
+use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
 use crate::progress::Reporter;
@@ -18,6 +19,7 @@ use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::{Gaussians, files};
+use eagpt_trace::Device;
 use results::{Change, Machine, Measured, Results};
 use scene::Subject;
 use serde::Serialize;
@@ -31,12 +33,13 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 pub(crate) use table::figure;
 
-/// Measure how fast each stage is, here
+/// Measure the speed of each stage on this machine
 ///
 /// Every figure is the median of several runs, with the smallest and the largest, and the peak
-/// memory of the process during them. Four views of the dataset are looked at; without one, of a
-/// room that comes with the program. Without a scene, Gaussians are those that training would start
-/// from: figures of a trained scene differ, --scene gives them.
+/// memory of the process during them. Four views of the dataset are rendered; without a dataset,
+/// four of a room that comes with the program. Without a scene, Gaussians are those that training
+/// would start from: figures of a trained scene differ, --scene gives them. On a GPU, rows named
+/// after kernels are times by the device's timestamps.
 ///
 /// --baseline compares with an earlier result: old figure, ratio (2 is twice as fast), and `faster`
 /// or `SLOWER` where all runs of one lie beyond all runs of the other. Measure on a machine that
@@ -51,6 +54,8 @@ pub(crate) struct BenchArgs {
     /// Scene to measure on [default: what training would start from]
     #[arg(long, value_name = "SCENE.ply")]
     scene: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Stages to measure, divided by commas [default: all]
     #[arg(long, value_name = "STAGE", value_enum, value_delimiter = ',')]
     stage: Vec<Stage>,
@@ -58,7 +63,7 @@ pub(crate) struct BenchArgs {
     /// or split [default: as it is]
     #[arg(long, value_name = "N", value_delimiter = ',', value_parser = count)]
     gaussians: Vec<usize>,
-    /// Numbers of threads, divided by commas [default: one, and all]
+    /// Numbers of threads, divided by commas [default: one, and all; on a GPU, all]
     #[arg(long, value_name = "N", value_delimiter = ',')]
     thread_counts: Vec<NonZeroUsize>,
     /// Seconds for each figure, 0 to 3600; there are three runs and one to warm up however long
@@ -68,6 +73,10 @@ pub(crate) struct BenchArgs {
     /// Size of the images of metrics and EXR files, pixels, 16x16 to 16384x16384
     #[arg(long, value_name = "WxH", default_value = "3000x2000", value_parser = size)]
     image: ImageSize,
+    /// Samples for each pixel of path-traced frames, 1 to 65536
+    #[arg(long, value_name = "N", default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    spp: u32,
     /// File for the figures, JSON
     #[arg(long, value_name = "BENCH.json")]
     out: Option<PathBuf>,
@@ -86,7 +95,8 @@ const EXAMPLES: &str = "Examples:
   eagpt bench
   eagpt bench kitchen --scene runs/kitchen/scene.ply --out bench.json
   eagpt bench kitchen --scene runs/kitchen/scene.ply --baseline bench.json
-  eagpt bench --stage bounce-rays,paths --gaussians 25k,60k,250k,1M --thread-counts 1,2,4";
+  eagpt bench --stage bounce-rays,paths --gaussians 25k,60k,250k,1M --thread-counts 1,2,4
+  eagpt bench --device gpu --gaussians 500k --spp 64";
 
 /// Width and height in pixels.
 type ImageSize = [u32; 2];
@@ -124,10 +134,10 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// Progress for machines.
 #[derive(Debug, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
-enum Told<'a> {
+enum BenchMessage<'a> {
     /// A stage is done.
     Stage {
-        stage: &'static str,
+        stage: &'a str,
         gaussians: Option<usize>,
         threads: usize,
         rows: Vec<Change<'a>>,
@@ -135,7 +145,7 @@ enum Told<'a> {
 }
 
 /// A stage on a scene with so many threads.
-struct Task {
+struct StageRun {
     stage: Stage,
     /// Index of the scene; `None` for a stage of images.
     scene: Option<usize>,
@@ -145,8 +155,10 @@ struct Task {
 pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let baseline = args.baseline.as_deref().map(Results::read).transpose()?;
     let mut reporter = Reporter::new(global);
+    let device = args.device.open(&mut reporter)?;
+    let device_name = device.name();
     if let (Some(path), Some(baseline)) = (&args.baseline, &baseline) {
-        check_machine(path, baseline, args.any_machine, &reporter)?;
+        check_machine(path, baseline, &device_name, args.any_machine, &reporter)?;
     }
     let inputs: Vec<&Path> = [&args.dataset, &args.scene, &args.baseline]
         .into_iter()
@@ -159,10 +171,10 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let stop = interrupt::stop_flag()?;
     let work = tempfile::tempdir().context("temporary folder")?;
     let subject = Subject::prepare(args.dataset.as_deref(), args.scene.as_deref(), work.path())?;
-    let measured = measured(args, &subject);
+    let measured = measured(args, device_name.clone(), &subject);
     let mut builder = RecordBuilder::begin("bench", &measured)?;
     let scenes = scenes(args, &subject.gaussians);
-    let tasks = tasks(&measured.stages, &scenes, &thread_counts(args));
+    let tasks = tasks(&measured.stages, &scenes, &thread_counts(args, &device));
     let mut results = Results::begin(measured);
     reporter.begin("bench", "stages", 0, tasks.len() as u64);
     for (done, task) in tasks.iter().enumerate() {
@@ -172,24 +184,29 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         }
         let gaussians = &scenes[task.scene.unwrap_or(0)];
         let first = results.rows.len();
+        let name = task.stage.name();
         if task.stage.needs_emitters() && !emits(gaussians) {
-            reporter.warning(&format!("{}: left out, nothing emits", task.stage.name()));
+            reporter.warning(&format!("{name}: left out, nothing emits"));
+        } else if task.stage.needs_cpu() && !matches!(device, Device::Cpu) {
+            reporter.note(&format!("{name}: left out, it needs --device cpu"));
         } else {
             let bench = Bench {
+                device: &device,
                 cameras_at: &subject.cameras,
                 views: &subject.views,
                 gaussians,
                 extent: subject.extent,
                 image: args.image,
+                num_samples: args.spp,
                 work: work.path(),
             };
             measure(task, &bench, args.seconds, &mut results.rows)?;
         }
         let done = done as u64 + 1;
-        reporter.advance(done, || task.stage.name().to_owned());
+        reporter.advance(done, || name.clone());
         let rows = results.rows[first..].iter();
-        reporter.message(&Told::Stage {
-            stage: task.stage.name(),
+        reporter.message(&BenchMessage::Stage {
+            stage: &name,
             gaussians: task.scene.map(|_| gaussians.len()),
             threads: task.threads,
             rows: rows.map(|row| change(row, baseline.as_ref())).collect(),
@@ -202,16 +219,17 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         files::write_bytes_atomic(out, text.as_bytes())?;
         let scene = args.scene.iter().map(|path| Input::of(path));
         builder.record.inputs = scene.collect::<Result<_>>()?;
-        builder.record.device = Some("cpu".to_owned());
+        builder.record.device = Some(device_name);
         let name = out.file_name().unwrap_or_default().to_string_lossy();
         builder.record.outputs = vec![name.into_owned()];
         builder.write_to(&output::record_path(out))?;
     }
     if !global.json {
         let heading = format!(
-            "eagpt {}, {}\n{}: {}x{}, {}\n\n",
+            "eagpt {}, {}\n{}; {}: {}x{}, {}\n\n",
             results.built(),
             results.machine.line(),
+            results.options.device,
             results.options.dataset,
             results.options.view[0],
             results.options.view[1],
@@ -232,10 +250,14 @@ fn change<'a>(row: &'a Row, baseline: Option<&Results>) -> Change<'a> {
 fn check_machine(
     path: &Path,
     baseline: &Results,
+    device: &str,
     any_machine: bool,
     reporter: &Reporter,
 ) -> Result<()> {
-    let differs = baseline.machine.differences(&Machine::here());
+    let mut differs = baseline.machine.differences(&Machine::here());
+    if baseline.options.device != device {
+        differs.push("device");
+    }
     if differs.is_empty() {
         return Ok(());
     }
@@ -252,15 +274,17 @@ fn check_machine(
     Ok(())
 }
 
-fn measured(args: &BenchArgs, subject: &Subject) -> Measured {
+fn measured(args: &BenchArgs, device: String, subject: &Subject) -> Measured {
     let camera = &subject.views[0].camera;
     Measured {
+        device,
         dataset: subject.dataset.clone(),
         scene: args.scene.as_ref().map(|path| path.display().to_string()),
         view: [camera.width, camera.height],
         image: args.image,
+        num_samples: args.spp,
         stages: if args.stage.is_empty() {
-            Stage::ALL.to_vec()
+            Stage::all().to_vec()
         } else {
             args.stage.clone()
         },
@@ -279,10 +303,13 @@ fn scenes(args: &BenchArgs, gaussians: &Gaussians) -> Vec<Gaussians> {
         .collect()
 }
 
-fn thread_counts(args: &BenchArgs) -> Vec<usize> {
+fn thread_counts(args: &BenchArgs, device: &Device) -> Vec<usize> {
     let mut counts: Vec<usize> = args.thread_counts.iter().map(|num| num.get()).collect();
     if counts.is_empty() {
-        counts = vec![1, rayon::current_num_threads()];
+        counts = vec![rayon::current_num_threads()];
+        if matches!(device, Device::Cpu) {
+            counts.push(1);
+        }
     }
     counts.sort_unstable();
     counts.dedup();
@@ -290,7 +317,7 @@ fn thread_counts(args: &BenchArgs) -> Vec<usize> {
 }
 
 /// Stage by stage, scene by scene, so that figures to compare are neighbours.
-fn tasks(stages: &[Stage], scenes: &[Gaussians], threads: &[usize]) -> Vec<Task> {
+fn tasks(stages: &[Stage], scenes: &[Gaussians], threads: &[usize]) -> Vec<StageRun> {
     let mut tasks = Vec::new();
     for &stage in stages {
         let scenes = if stage.is_of_images() {
@@ -299,7 +326,7 @@ fn tasks(stages: &[Stage], scenes: &[Gaussians], threads: &[usize]) -> Vec<Task>
             (0..scenes.len()).map(Some).collect()
         };
         for scene in scenes {
-            tasks.extend(threads.iter().map(|&threads| Task {
+            tasks.extend(threads.iter().map(|&threads| StageRun {
                 stage,
                 scene,
                 threads,
@@ -315,13 +342,14 @@ fn emits(gaussians: &Gaussians) -> bool {
 }
 
 /// Measures one task in a pool of its threads.
-fn measure(task: &Task, bench: &Bench<'_>, seconds: f64, rows: &mut Vec<Row>) -> Result<()> {
+fn measure(task: &StageRun, bench: &Bench<'_>, seconds: f64, rows: &mut Vec<Row>) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(task.threads)
         .build()
         .context("threads")?;
     let mut sheet = Sheet {
         rows,
+        device: bench.device,
         stage: task.stage.name(),
         gaussians: task.scene.map(|_| bench.gaussians.len()),
         threads: task.threads,

@@ -36,6 +36,7 @@ mod doctor;
 mod edit;
 mod eval;
 mod export;
+mod failpoint;
 mod ingest;
 mod interrupt;
 mod masks;

@@ -1,6 +1,7 @@
 //! Progress of long jobs: a bar on a terminal, plain lines now and then elsewhere, or JSON.
 
 use crate::args::GlobalArgs;
+use crate::failpoint;
 use crate::terminal::{self, BARS};
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -108,6 +109,7 @@ impl Reporter {
     /// Notes that `done` steps are done; `note` says how it goes.
     pub(crate) fn advance(&mut self, done: u64, note: impl FnOnce() -> String) {
         let Some(task) = &mut self.task else { return };
+        failpoint::pass(&task.name);
         if let Some(bar) = &task.bar {
             bar.set_position(done);
             bar.set_message(note());

@@ -1,4 +1,4 @@
-//! What the fuzz targets feed: readers of files, as programs call them.
+//! Readers of files, as programs call them, for the fuzz target.
 //!
 //! A reader may refuse whatever it is given, in one line; it may not panic, hang, or take memory
 //! that the file does not account for. Readers that take a path get it in a folder that lives as
@@ -22,6 +22,46 @@ use std::sync::{LazyLock, Once};
 /// Stands between the files of an input.
 pub const SEPARATOR: &[u8] = b"\n#---\n";
 
+/// A reader of an input.
+pub type Reader = fn(&[u8]);
+
+/// All readers by their names, which are those of the folders of their corpora.
+pub const READERS: [(&str, Reader); 18] = [
+    ("camera_path", camera_path),
+    ("colmap_cameras", |data| colmap_part(Part::Cameras, data)),
+    ("colmap_frames", |data| colmap_part(Part::Frames, data)),
+    ("colmap_images", |data| colmap_part(Part::Images, data)),
+    ("colmap_model", colmap_model),
+    ("colmap_points3d", |data| colmap_part(Part::Points, data)),
+    ("colmap_rigs", |data| colmap_part(Part::Rigs, data)),
+    ("dataset", dataset),
+    ("edit_script", edit_script),
+    ("exr", exr),
+    ("eyeful", |data| source(SourceFormat::Eyeful, data)),
+    ("fipt", |data| source(SourceFormat::Fipt, data)),
+    ("fipt_synthetic", |data| source(SourceFormat::FiptSynthetic, data)),
+    ("instant_ngp", |data| source(SourceFormat::InstantNgp, data)),
+    ("nerfstudio", |data| source(SourceFormat::Nerfstudio, data)),
+    ("picture", picture),
+    ("ply", ply),
+    ("scene_script", scene_script),
+];
+
+/// The reader called `name`.
+///
+/// # Panics
+/// If there is none, with the names of all.
+pub fn reader(name: &str) -> Reader {
+    if name == "exr" {
+        // The reader of EXR turns panics of the decoder into errors: those it catches are no
+        // findings, those that get past it still are.
+        std::panic::set_hook(Box::new(|_| ()));
+    }
+    let found = READERS.iter().find(|(known, _)| *known == name);
+    let names = READERS.map(|(name, _)| name).join(", ");
+    found.unwrap_or_else(|| panic!("READER is `{name}`, not one of {names}")).1
+}
+
 /// The folder of this process, in memory where the system has such a place.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let memory = Path::new("/dev/shm");
@@ -30,10 +70,9 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     } else {
         std::env::temp_dir()
     };
-    // The process is killed, not ended: the next one of this target clears the folder away.
-    let target = std::env::current_exe().expect("a process has a program");
-    let name = target.file_stem().expect("a program has a name");
-    let folder = parent.join("eagpt-fuzz").join(name);
+    // The process is killed, not ended: the next one of this reader clears the folder away.
+    let reader = std::env::var("READER").unwrap_or_default();
+    let folder = parent.join("eagpt-fuzz").join(reader);
     files::remove_if_there(&folder).expect("the folder of an earlier run can be removed");
     fs::create_dir_all(&folder).expect("a folder can be made");
     folder
@@ -76,7 +115,7 @@ fn image(relative: &str) {
 }
 
 /// One file of a COLMAP model, in both forms.
-pub fn colmap_part(part: Part, data: &[u8]) {
+fn colmap_part(part: Part, data: &[u8]) {
     for form in [Form::Binary, Form::Text] {
         let path = part.path(Path::new("model"), form);
         check(read_part(part, form, &path, data));
@@ -84,7 +123,7 @@ pub fn colmap_part(part: Part, data: &[u8]) {
 }
 
 /// A whole text model: cameras, images, points, rigs, frames; the last may be absent.
-pub fn colmap_model(data: &[u8]) {
+fn colmap_model(data: &[u8]) {
     let parts = split(data);
     for (index, part) in Part::ALL.into_iter().enumerate() {
         let path = part.path(&FOLDER, Form::Text);
@@ -99,7 +138,7 @@ pub fn colmap_model(data: &[u8]) {
 }
 
 /// Our own `transforms.json`, and nerfstudio's as a dataset.
-pub fn dataset(data: &[u8]) {
+fn dataset(data: &[u8]) {
     static IMAGES: Once = Once::new();
     IMAGES.call_once(|| {
         for name in ["a", "b", "CAM/c"] {
@@ -114,7 +153,7 @@ pub fn dataset(data: &[u8]) {
 }
 
 /// The cameras of another program's dataset.
-pub fn source(format: SourceFormat, data: &[u8]) {
+fn source(format: SourceFormat, data: &[u8]) {
     let (names, images): (&[&str], &[&str]) = match format {
         SourceFormat::Fipt => (
             &["cam.txt", "K_list.txt"],
@@ -165,28 +204,22 @@ pub fn source(format: SourceFormat, data: &[u8]) {
 }
 
 /// EXR: the header alone, colour, one channel.
-pub fn exr(data: &[u8]) {
+fn exr(data: &[u8]) {
     let path = file("a.exr", data);
     check(eagpt_scene::exr::read_size(&path));
     check(eagpt_scene::exr::read_rgb(&path));
     check(eagpt_scene::exr::read_single(&path));
 }
 
-/// The reader of EXR turns panics of the decoder into errors: those it catches are no findings,
-/// those that get past it still are.
-pub fn allow_caught_panics() {
-    std::panic::set_hook(Box::new(|_| ()));
-}
-
 /// PLY: point clouds and Gaussians.
-pub fn ply(data: &[u8]) {
+fn ply(data: &[u8]) {
     let path = file("a.ply", data);
     check(ply::read_points(&path));
     check(ply::read_gaussians(&path));
 }
 
 /// PNG and JPEG, in all that is read from them.
-pub fn picture(data: &[u8]) {
+fn picture(data: &[u8]) {
     let path = file("a.png", data);
     check(pictures::size(&path));
     check(pictures::read_light(&path));
@@ -195,17 +228,17 @@ pub fn picture(data: &[u8]) {
 }
 
 /// Edit scripts.
-pub fn edit_script(data: &[u8]) {
+fn edit_script(data: &[u8]) {
     check(Script::read(&file("edit.toml", data)));
 }
 
 /// Files of virtual rooms.
-pub fn scene_script(data: &[u8]) {
+fn scene_script(data: &[u8]) {
     check(SceneScript::parse(Path::new("room.toml"), data));
 }
 
 /// Camera paths, in TOML and in the JSON of nerfstudio's viewer.
-pub fn camera_path(data: &[u8]) {
+fn camera_path(data: &[u8]) {
     static DATASET: LazyLock<Dataset> = LazyLock::new(|| {
         image(&format!("{RADIANCE_DIR}/a.exr"));
         image(&format!("{RADIANCE_DIR}/b.exr"));

@@ -4,7 +4,7 @@ use super::scene;
 use super::sheet::{Sheet, Unit};
 use super::stage::Bench;
 use anyhow::{Context, Result};
-use eagpt_eval::{FlipOptions, flip_hdr, flip_ldr, pq_encoded, psnr, srgb_clipped, ssim};
+use eagpt_eval::{FlipOptions, flip_hdr, flip_ldr, psnr_pq, psnr_srgb, srgb_clipped, ssim};
 use eagpt_ingest::{IngestOptions, IngestRequest, ingest};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Image, Shard, files, ply};
@@ -63,7 +63,11 @@ pub(super) fn metrics(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
         Ok(())
     })?;
     sheet.measure("PSNR, PQ", Unit::Pixels, pixels, || {
-        black_box(psnr(&pq_encoded(&reference), &pq_encoded(&test)));
+        black_box(psnr_pq(&reference, &test));
+        Ok(())
+    })?;
+    sheet.measure("PSNR, sRGB", Unit::Pixels, pixels, || {
+        black_box(psnr_srgb(&reference, &test));
         Ok(())
     })
 }

@@ -2,10 +2,10 @@
 
 use super::sheet::{Sheet, Unit};
 use super::stage::Bench;
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, bail};
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::{Camera, files, ply};
-use eagpt_train::backend::{Backend, CpuBackend, RadianceStep, TrainingView};
+use eagpt_train::backend::{self, AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use eagpt_train::bake::gaussians::GaussianBake;
 use eagpt_train::bake::{BakeMethod, BakeOptions, BakeRequest, bake};
 use eagpt_train::loss::NormalTerms;
@@ -23,43 +23,80 @@ const SWEEP_DIRECTIONS: u32 = 16;
 /// Bytes that prepared images may take: all of the few views.
 const TARGET_BUDGET: usize = 1 << 30;
 
-fn backend(bench: &Bench<'_>) -> CpuBackend {
-    CpuBackend::new(ParameterState::new(bench.gaussians), TARGET_BUDGET)
+fn backend(bench: &Bench<'_>) -> Result<Box<dyn Backend>> {
+    let state = ParameterState::new(bench.gaussians);
+    Ok(backend::new(bench.device, state, TARGET_BUDGET)?)
 }
 
-/// Iterations of stage 0, one view each, with one ray for a pixel.
+/// Iterations of both stages, one view each, with one ray for a pixel.
 pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
-    let options = TrainOptions::preset(Preset::Fast).radiance;
+    let options = TrainOptions::preset(Preset::Fast);
     let views: Vec<TrainingView> = (bench.views.iter().enumerate())
         .map(|(index, view)| TrainingView {
             index,
             view: Arc::clone(view),
         })
         .collect();
-    let mut backend = backend(bench);
-    let step = RadianceStep {
+    let num_steps = views.len() as f64;
+    let mut backend = backend(bench)?;
+    let mut step = RadianceStep {
         iteration: 1,
-        weights: &options.weights,
+        weights: &options.radiance.weights,
         normals: NormalTerms::On,
         rays_per_axis: 1,
         // The end of the schedule: the scene stays what it is.
-        sizes: StepSizes::radiance(&options.rates, bench.extent, 1.0),
+        sizes: StepSizes::radiance(&options.radiance.rates, bench.extent, 1.0),
     };
-    let num_steps = views.len() as f64;
-    sheet.measure("stage 0", Unit::Iterations, num_steps, || {
-        for view in &views {
-            for taken in backend.radiance_step(view, &step)? {
-                let outcome = taken.outcome;
-                outcome.map_err(|bad| anyhow!("{}: {bad}", view.view.name))?;
+    let mut stage_0 = |backend: &mut dyn Backend, step: &RadianceStep<'_>, what: &str| {
+        let mut all = || -> Result<()> {
+            for view in &views {
+                check(&backend.radiance_step(view, step)?)?;
             }
+            check(&backend.finish()?)
+        };
+        sheet.measure(what, Unit::Iterations, num_steps, &mut all)?;
+        sheet.measure_kernels(what, all)
+    };
+    stage_0(&mut *backend, &step, "stage 0")?;
+    backend.begin_harmonics()?;
+    step.sizes = step.sizes.with_harmonics(&options.radiance.harmonics, 1.0);
+    stage_0(&mut *backend, &step, "stage 0 with harmonics")?;
+
+    // Light for some of the Gaussians: how much there is makes no difference to a step.
+    let cameras: Vec<Camera> = bench.cameras().copied().collect();
+    let num_seen = backend.begin_gathering(&cameras)?;
+    backend.gather(0..num_seen.min(GATHERED), 16, 0)?;
+    backend.begin_albedo()?;
+    let step = AlbedoStep {
+        options: &options.albedo,
+        ssim_share: 0.2,
+        seed: 0,
+        iteration: 1,
+        sizes: StepSizes::albedo(1e-3),
+    };
+    let mut stage_1 = || -> Result<()> {
+        for view in &views {
+            check(&backend.albedo_step(view, &step)?)?;
         }
-        Ok(())
-    })
+        check(&backend.finish()?)
+    };
+    sheet.measure("stage 1", Unit::Iterations, num_steps, &mut stage_1)?;
+    sheet.measure_kernels("stage 1", stage_1)
 }
 
-/// Gathering of the light that arrives at Gaussians.
+/// Steps count if their gradients are finite.
+fn check(taken: &[Taken]) -> Result<()> {
+    for step in taken {
+        if let Err(bad) = &step.outcome {
+            bail!("{}: {bad}", step.view.view.name);
+        }
+    }
+    Ok(())
+}
+
+/// Gathering of the irradiance of Gaussians.
 pub(super) fn gathering(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
-    let mut backend = backend(bench);
+    let mut backend = backend(bench)?;
     let cameras: Vec<Camera> = bench.cameras().copied().collect();
     let total = backend.begin_gathering(&cameras)?;
     // The structure that rays are traced against is built by the first.
@@ -89,7 +126,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
         cameras: bench.cameras_at.to_owned(),
         out: folder.join("baked.ply"),
         work: folder.join("work"),
-        matrix: None,
+        transport: None,
         options: BakeOptions {
             method: BakeMethod::Gaussians(GaussianBake {
                 num_samples: SWEEP_DIRECTIONS,
@@ -99,7 +136,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
             split: SplitRule::default(),
             subset: Subset::All,
         },
-        device: eagpt_trace::Device::Cpu,
+        device: bench.device.clone(),
         start_over: true,
         stop: Arc::new(AtomicBool::new(false)),
     };

@@ -1,4 +1,4 @@
-//! What `eagpt bench` writes, and how it compares with what it wrote before.
+//! Results files of `eagpt bench`, and how results compare with earlier ones.
 
 use super::sheet::Row;
 use super::stage::Stage;
@@ -48,7 +48,7 @@ impl Machine {
         format!("{name}, {} cores{memory}, {}", self.cores, self.system)
     }
 
-    /// In what `other` differs, in words; nothing if it is the same machine.
+    /// Names of the fields in which `other` differs; none if it is the same machine.
     pub(super) fn differences(&self, other: &Self) -> Vec<&'static str> {
         let memory = match (self.memory_mib, other.memory_mib) {
             (Some(a), Some(b)) => a.abs_diff(b) as f64 > MEMORY_TOLERANCE * a as f64,
@@ -72,9 +72,12 @@ impl Machine {
     }
 }
 
-/// What decides the figures, beside program and machine.
+/// Options that decide the figures, beside program and machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Measured {
+    /// Compute device.
+    #[serde(default = "cpu")]
+    pub(super) device: String,
     /// The dataset, or the name of the embedded room.
     pub(super) dataset: String,
     /// The scene; null: what training would start from.
@@ -83,10 +86,23 @@ pub(super) struct Measured {
     pub(super) view: [u32; 2],
     /// Size of the image of metrics and files, pixels.
     pub(super) image: [u32; 2],
+    /// Samples for each pixel of path-traced frames.
+    #[serde(default = "one")]
+    pub(super) num_samples: u32,
     /// Stages that were measured.
     pub(super) stages: Vec<Stage>,
     /// Seconds for each figure.
     pub(super) seconds: f64,
+}
+
+/// Device of results that do not name one: GPUs were not measured then.
+fn cpu() -> String {
+    "cpu".to_owned()
+}
+
+/// Number of samples of results that do not say it.
+fn one() -> u32 {
+    1
 }
 
 /// The content of a results file.
@@ -100,7 +116,7 @@ pub(super) struct Results {
     pub(super) commit: Option<String>,
     /// The machine.
     pub(super) machine: Machine,
-    /// What was measured.
+    /// Options of the measurement.
     pub(super) options: Measured,
     /// The figures.
     pub(super) rows: Vec<Row>,
@@ -215,10 +231,12 @@ mod tests {
 
     fn results(median: f64, spread: f64, unit: Unit) -> Results {
         let mut results = Results::begin(Measured {
+            device: cpu(),
             dataset: "room".to_owned(),
             scene: None,
             view: [48, 32],
             image: [64, 48],
+            num_samples: 1,
             stages: vec![Stage::Ply],
             seconds: 1.0,
         });
@@ -233,6 +251,7 @@ mod tests {
             max: median + spread,
             runs: 3,
             peak_memory_mib: None,
+            device_memory_mib: None,
         });
         results
     }

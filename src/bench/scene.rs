@@ -1,4 +1,4 @@
-//! What is measured on: views, and Gaussians in any number.
+//! The measured scene: views, and Gaussians in any number.
 
 use anyhow::{Result, bail};
 use eagpt_scene::dataset::{SplitRule, Subset};
@@ -11,7 +11,7 @@ use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Views that are looked at: few enough that a run is short, from all over the room.
+/// Views that are rendered: few enough that a run is short, from all over the room.
 const NUM_VIEWS: usize = 4;
 /// The room that comes with the program, and how it is photographed where there is no dataset.
 const ROOM: &str = "small-room";
@@ -23,7 +23,7 @@ const OPACITY: f32 = 0.7;
 
 /// A dataset and a scene of it.
 pub(super) struct Subject {
-    /// What the dataset is called in results.
+    /// Name of the dataset in results.
     pub(super) dataset: String,
     /// Where its cameras are.
     pub(super) cameras: PathBuf,

@@ -1,7 +1,8 @@
-//! Measuring: the same work again and again for a while, and what came of it.
+//! Measuring: the same work repeated for a while, and the figures of its runs.
 
 use crate::record;
 use anyhow::Result;
+use eagpt_trace::Device;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -10,7 +11,7 @@ const MIN_RUNS: usize = 3;
 /// Most runs of a measurement.
 const MAX_RUNS: usize = 10_000;
 
-/// What a figure counts.
+/// Quantity that a figure counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Unit {
     #[serde(rename = "rays/s")]
@@ -54,13 +55,13 @@ impl Unit {
 pub(super) struct Row {
     /// Name of the stage.
     pub(super) stage: String,
-    /// What of the stage.
+    /// Case of the stage.
     pub(super) what: String,
     /// Gaussians of the scene, where it has a part in it.
     pub(super) gaussians: Option<usize>,
-    /// Threads that computed.
+    /// Threads of the CPU.
     pub(super) threads: usize,
-    /// What the figures count.
+    /// Quantity that the figures count.
     pub(super) unit: Unit,
     /// Median of the runs.
     pub(super) median: f64,
@@ -73,6 +74,9 @@ pub(super) struct Row {
     /// Largest resident memory of the process during the runs, MiB; null where the system does not
     /// tell.
     pub(super) peak_memory_mib: Option<f64>,
+    /// Memory allocated on the GPU after the runs, MiB; null on the CPU.
+    #[serde(default)]
+    pub(super) device_memory_mib: Option<f64>,
 }
 
 impl Row {
@@ -91,7 +95,8 @@ impl Row {
 /// The rows of a stage under way.
 pub(super) struct Sheet<'a> {
     pub(super) rows: &'a mut Vec<Row>,
-    pub(super) stage: &'static str,
+    pub(super) device: &'a Device,
+    pub(super) stage: String,
     pub(super) gaussians: Option<usize>,
     pub(super) threads: usize,
     /// How long a measurement takes, once the fewest runs are done.
@@ -140,10 +145,56 @@ impl Sheet<'_> {
                 work / seconds
             });
         }
+        self.record(what, unit, figures);
+        Ok(())
+    }
+
+    /// Measures each kernel of `run` by timestamps, where the engine is a GPU that has them.
+    ///
+    /// # Errors
+    /// The first of `run`, or of the device.
+    #[cfg(feature = "gpu")]
+    pub(super) fn measure_kernels(
+        &mut self,
+        what: &str,
+        mut run: impl FnMut() -> Result<()>,
+    ) -> Result<()> {
+        let Device::Gpu(device) = self.device else {
+            return Ok(());
+        };
+        let mut kernels: Vec<(&str, Vec<f64>)> = Vec::new();
+        for _ in 0..MIN_RUNS {
+            let (done, profile) = device.profile(&mut run)?;
+            done?;
+            for stage in profile.into_iter().flat_map(|profile| profile.stages) {
+                let seconds = stage.seconds.max(1e-9);
+                match kernels.iter_mut().find(|(name, _)| *name == stage.name) {
+                    Some((_, figures)) => figures.push(seconds),
+                    None => kernels.push((stage.name, vec![seconds])),
+                }
+            }
+        }
+        for (name, figures) in kernels {
+            self.record(&format!("{what}: {name}"), Unit::Seconds, figures);
+        }
+        Ok(())
+    }
+
+    /// Kernels are those of a GPU.
+    ///
+    /// # Errors
+    /// None.
+    #[cfg(not(feature = "gpu"))]
+    pub(super) fn measure_kernels(&mut self, _: &str, _: impl FnMut() -> Result<()>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Adds the row of the `figures` of some runs, at least one.
+    fn record(&mut self, what: &str, unit: Unit, mut figures: Vec<f64>) {
         figures.sort_by(f64::total_cmp);
         let last = figures.len() - 1;
         self.rows.push(Row {
-            stage: self.stage.to_owned(),
+            stage: self.stage.clone(),
             what: what.to_owned(),
             gaussians: self.gaussians,
             threads: self.threads,
@@ -153,8 +204,20 @@ impl Sheet<'_> {
             max: figures[last],
             runs: figures.len(),
             peak_memory_mib: record::peak_memory_mib(),
+            device_memory_mib: device_memory_mib(self.device),
         });
-        Ok(())
+    }
+}
+
+/// Memory allocated on a GPU, MiB, where its backend tells.
+fn device_memory_mib(device: &Device) -> Option<f64> {
+    match device {
+        Device::Cpu => None,
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => {
+            let bytes = gpu.memory_bytes()?;
+            Some(bytes as f64 / f64::from(1 << 20))
+        }
     }
 }
 
@@ -167,7 +230,8 @@ mod tests {
         let mut rows = Vec::new();
         let mut sheet = Sheet {
             rows: &mut rows,
-            stage: "files",
+            device: &Device::Cpu,
+            stage: "files".to_owned(),
             gaussians: None,
             threads: 1,
             budget: Duration::ZERO,

@@ -1,17 +1,19 @@
-//! The stages: one table of everything that can be measured.
+//! The stages: the one list of everything that can be measured.
 
 use super::sheet::Sheet;
 use super::{images, learning, rays};
 use anyhow::Result;
 use clap::ValueEnum;
 use eagpt_scene::{Camera, Gaussians, View};
+use eagpt_trace::{Device, Tracer};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What a stage is measured on.
+/// Inputs of all stages.
 pub(super) struct Bench<'a> {
-    /// Where the cameras of the dataset are.
+    pub(super) device: &'a Device,
+    /// Dataset that bakes take their cameras from.
     pub(super) cameras_at: &'a Path,
     pub(super) views: &'a [Arc<View>],
     pub(super) gaussians: &'a Gaussians,
@@ -19,6 +21,8 @@ pub(super) struct Bench<'a> {
     pub(super) extent: f32,
     /// Size of images for metrics and files, pixels.
     pub(super) image: [u32; 2],
+    /// Samples for each pixel of path-traced frames.
+    pub(super) num_samples: u32,
     /// Folder for files.
     pub(super) work: &'a Path,
 }
@@ -32,27 +36,41 @@ impl Bench<'_> {
     pub(super) fn num_pixels(&self) -> usize {
         self.cameras().map(Camera::num_pixels).sum()
     }
+
+    pub(super) fn is_on_cpu(&self) -> bool {
+        matches!(self.device, Device::Cpu)
+    }
+
+    /// The scene on the device.
+    ///
+    /// # Errors
+    /// If the device gives up.
+    pub(super) fn tracer(&self) -> Result<Box<dyn Tracer>> {
+        Ok(self.device.scene(self.gaussians)?)
+    }
 }
 
 /// A part of the program whose speed is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Stage {
-    /// Building and refitting what rays are traced against
+    /// The scene on the device: building what rays are traced against, and refitting it
     Structure,
-    /// Camera rays in tiles, forward, and with the adjoint
+    /// Camera rays of whole images: forward, adjoint, and contributions of Gaussians
     CameraRays,
-    /// The same rays, one at a time
+    /// The same rays, one at a time (CPU)
     SingleRays,
     /// Rays from surfaces in all directions: all hits blended, and one hit
     BounceRays,
-    /// Rays from surfaces towards emitters
+    /// Rays from surfaces towards emitters (CPU)
     ShadowRays,
-    /// Iterations of training's stage 0
+    /// Entries of the light-transport matrix
+    Transport,
+    /// Iterations of training: stage 0 without and with harmonics, and stage 1
     Training,
-    /// Light gathered at Gaussians, as stage 1 does once
+    /// Irradiance gathered at Gaussians, as stage 1 does once
     Gathering,
-    /// Multi-bounce path tracing
+    /// Path-traced frames
     Paths,
     /// A sweep of light baking
     LightSolve,
@@ -67,40 +85,15 @@ pub(super) enum Stage {
 }
 
 impl Stage {
-    /// All of them.
-    pub(super) const ALL: [Self; 13] = [
-        Self::Structure,
-        Self::CameraRays,
-        Self::SingleRays,
-        Self::BounceRays,
-        Self::ShadowRays,
-        Self::Training,
-        Self::Gathering,
-        Self::Paths,
-        Self::LightSolve,
-        Self::Ply,
-        Self::Metrics,
-        Self::Exr,
-        Self::Merging,
-    ];
+    /// All of them, in the order of the list.
+    pub(super) fn all() -> &'static [Self] {
+        Self::value_variants()
+    }
 
     /// The name on the command line and in files.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Structure => "structure",
-            Self::CameraRays => "camera-rays",
-            Self::SingleRays => "single-rays",
-            Self::BounceRays => "bounce-rays",
-            Self::ShadowRays => "shadow-rays",
-            Self::Training => "training",
-            Self::Gathering => "gathering",
-            Self::Paths => "paths",
-            Self::LightSolve => "light-solve",
-            Self::Ply => "ply",
-            Self::Metrics => "metrics",
-            Self::Exr => "exr",
-            Self::Merging => "merging",
-        }
+    pub(super) fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
     /// Whether the scene has no part in it.
@@ -111,6 +104,11 @@ impl Stage {
     /// Whether it means nothing where nothing emits.
     pub(super) fn needs_emitters(self) -> bool {
         matches!(self, Self::ShadowRays | Self::LightSolve)
+    }
+
+    /// Whether only the CPU engine has it.
+    pub(super) fn needs_cpu(self) -> bool {
+        matches!(self, Self::SingleRays | Self::ShadowRays)
     }
 
     /// Measures it.
@@ -124,6 +122,7 @@ impl Stage {
             Self::SingleRays => rays::single_rays(bench, sheet),
             Self::BounceRays => rays::bounce_rays(bench, sheet),
             Self::ShadowRays => rays::shadow_rays(bench, sheet),
+            Self::Transport => rays::transport(bench, sheet),
             Self::Training => learning::training(bench, sheet),
             Self::Gathering => learning::gathering(bench, sheet),
             Self::Paths => rays::paths(bench, sheet),

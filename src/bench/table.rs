@@ -18,6 +18,10 @@ pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
         "runs",
         "MiB",
     ];
+    let has_device = rows.iter().any(|row| row.device_memory_mib.is_some());
+    if has_device {
+        heading.push("GPU MiB");
+    }
     if scales {
         heading.push("by threads");
     }
@@ -27,6 +31,7 @@ pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
     let mut lines = vec![heading.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     for row in rows {
         let figure = |value: f64| figure(row.unit, value);
+        let memory = |mib: Option<f64>| mib.map_or_else(String::new, |mib| format!("{mib:.0}"));
         let mut line = vec![
             row.stage.clone(),
             row.what.clone(),
@@ -37,9 +42,11 @@ pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
             figure(row.min),
             figure(row.max),
             row.runs.to_string(),
-            row.peak_memory_mib
-                .map_or_else(String::new, |mib| format!("{mib:.0}")),
+            memory(row.peak_memory_mib),
         ];
+        if has_device {
+            line.push(memory(row.device_memory_mib));
+        }
         if scales {
             line.push(scaling(row, rows));
         }

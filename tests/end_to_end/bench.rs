@@ -4,7 +4,7 @@ use crate::support::Workplace;
 use serde_json::Value;
 
 /// Everything on a tiny room, as short as it gets.
-const TINY: &str = "bench room --seconds 0 --image 64x48 --thread-counts 1,2";
+const TINY: &str = "bench room --device cpu --seconds 0 --image 64x48 --thread-counts 1,2";
 
 #[test]
 fn every_stage_is_measured_and_compared() {
@@ -19,16 +19,17 @@ fn every_stage_is_measured_and_compared() {
     // of threads.
     for (stage, num) in [
         ("structure", 2 * 4),
-        ("camera-rays", 2 * 4),
-        ("single-rays", 2 * 4),
-        ("bounce-rays", 3 * 4),
+        ("camera-rays", 4 * 4),
+        ("single-rays", 3 * 4),
+        ("bounce-rays", 4 * 4),
         ("shadow-rays", 2 * 4),
-        ("training", 4),
+        ("transport", 4),
+        ("training", 3 * 4),
         ("gathering", 4),
-        ("paths", 4),
+        ("paths", 3 * 4),
         ("light-solve", 4),
         ("ply", 2 * 4),
-        ("metrics", 4 * 2),
+        ("metrics", 5 * 2),
         ("exr", 2 * 2),
         ("merging", 2),
     ] {
@@ -81,6 +82,44 @@ fn every_stage_is_measured_and_compared() {
     let other = format!("{TINY} --stage exr --baseline other.json");
     place.fails_cleanly(&other, &["other.json: machine", "another", "--any-machine"]);
     place.succeeds(&format!("{other} --any-machine"));
+}
+
+#[test]
+fn a_gpu_is_measured_by_the_same_cases() {
+    let place = Workplace::new();
+    if !crate::device::has_device(&place, "measuring by the program") {
+        return;
+    }
+    let gpu = "bench room --device gpu:0 --seconds 0 --gaussians 500 --out gpu.json";
+    place.succeeds(&format!(
+        "{gpu} --stage structure,camera-rays,single-rays,bounce-rays,transport,training"
+    ));
+    let results = place.json("gpu.json");
+    let device = results["options"]["device"].as_str().unwrap();
+    assert!(device.starts_with("gpu: "), "{device}");
+    let rows = results["rows"].as_array().unwrap();
+    let named = |stage: &str, what: &str| {
+        rows.iter()
+            .filter(|row| row["stage"] == stage && row["what"] == what)
+            .count()
+    };
+    for (stage, what) in [
+        ("structure", "update and refit"),
+        ("camera-rays", "forward and adjoint"),
+        ("camera-rays", "contributions of Gaussians"),
+        ("bounce-rays", "all hits, blended"),
+        ("transport", "64 directions"),
+        ("training", "stage 0 with harmonics"),
+        ("training", "stage 1"),
+    ] {
+        assert_eq!(named(stage, what), 1, "{stage}: {what}");
+    }
+    assert!(rows.iter().all(|row| row["stage"] != "single-rays"));
+    // Figures of a GPU are not those of the CPU.
+    place.fails_cleanly(
+        &format!("{TINY} --stage structure --baseline gpu.json"),
+        &["gpu.json: machine", "device", "--any-machine"],
+    );
 }
 
 #[test]

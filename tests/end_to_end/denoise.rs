@@ -40,8 +40,7 @@ fn error(image: &Image<3>, reference: &Image<3>) -> f64 {
 
 #[test]
 fn the_filter_denoises_all_but_emitters() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let view = view_with_a_lamp(&place);
     for (out, arguments) in [
         ("noisy", "--spp 8 --seed 1 --aov emission"),
@@ -84,8 +83,7 @@ fn the_filter_denoises_all_but_emitters() {
 
 #[test]
 fn auto_runs_something_and_threads_do_not_matter() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     for (threads, denoise) in [(1, "auto"), (2, "auto"), (1, "filter"), (2, "filter")] {
         place.succeeds(&format!(
             "{RENDER} --spp 4 --denoise {denoise} --threads {threads} --out {denoise}{threads}"
@@ -107,8 +105,7 @@ fn auto_runs_something_and_threads_do_not_matter() {
 
 #[test]
 fn one_bounce_is_denoised_and_zero_bounces_are_not() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let render = "render run/scene.ply --cameras room --views 000 --spp 4";
     for mode in ["0-bounce", "1-bounce"] {
         place.succeeds(&format!("{render} --mode {mode} --out {mode}"));
@@ -128,8 +125,7 @@ fn one_bounce_is_denoised_and_zero_bounces_are_not() {
 
 #[test]
 fn a_missing_library_is_one_line() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     place.write("text.so", "no library");
     std::fs::create_dir(place.path("empty")).unwrap();
     for denoise in ["oidn", "auto"] {

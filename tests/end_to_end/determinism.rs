@@ -1,21 +1,30 @@
 //! The same seed gives the same bits: for any number of threads, and for a run that was killed.
 
 use crate::support::Workplace;
-use std::path::Path;
+#[cfg(unix)]
 use std::process::{Child, Stdio};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+#[cfg(unix)]
+use std::time::{Duration, Instant};
 
 /// Small enough to run several times, with checkpoints close enough together to be killed between
 /// them.
 const RUN: &str = "--preset draft --iterations 120 --albedo-iterations 40 --gaussians 800 --set output.checkpoint_every=8 --set radiance.harmonics.degree=2";
 
+/// A room with `whole`: [`RUN`] without interruption.
+fn place() -> Workplace {
+    Workplace::shared("uninterrupted", || {
+        let place = Workplace::new();
+        place.succeeds(&format!("train room --out whole {RUN} --threads 1"));
+        place
+    })
+}
+
 #[test]
 fn one_and_two_threads_give_the_same_bits() {
-    let place = Workplace::new();
+    let place = place();
+    std::fs::rename(place.path("whole"), place.path("run1")).unwrap();
+    place.succeeds(&format!("train room --out run2 {RUN} --threads 2"));
     for threads in [1, 2] {
-        place.succeeds(&format!(
-            "train room --out run{threads} {RUN} --seed 5 --threads {threads}"
-        ));
         place.succeeds(&format!(
             "render run{threads}/scene.ply --cameras room --mode path --spp 3 --seed 9 --views 000 --out out{threads} --threads {threads}"
         ));
@@ -31,24 +40,20 @@ fn one_and_two_threads_give_the_same_bits() {
 }
 
 #[test]
+#[cfg(debug_assertions)]
 fn a_killed_run_resumes_to_the_same_bits() {
-    let place = Workplace::new();
-    place.succeeds(&format!("train room --out whole {RUN}"));
+    let place = place();
     let train = format!("train room --out run {RUN}");
-    // Once in each stage.
-    for (arguments, checkpoint) in [
-        (train.clone(), "radiance"),
-        (format!("{train} --resume"), "albedo"),
+    // Once in each stage, between two checkpoints.
+    for (failpoint, arguments, checkpoint) in [
+        ("radiance=13", train.clone(), "radiance"),
+        ("albedo=13", format!("{train} --resume"), "albedo"),
     ] {
-        let mut child = start(&place, &arguments);
-        wait_for_checkpoint(&mut child, &place.path("run/checkpoints"), checkpoint);
-        std::thread::sleep(random_delay());
-        child.kill().unwrap();
-        child.wait().unwrap();
-        assert!(
-            !place.path("run/scene.ply").exists(),
-            "it was over before it could be killed"
-        );
+        place.is_killed_at(failpoint, &arguments);
+        let checkpoints = place.names("run/checkpoints");
+        let is_there = |name: &String| name.starts_with(checkpoint) && name.ends_with(".ckpt");
+        assert!(checkpoints.iter().any(is_there), "{checkpoints:?}");
+        assert!(!place.path("run/scene.ply").exists());
     }
     place.fails(&train, &["run", "--resume"]);
     // The options come from the run itself.
@@ -64,10 +69,9 @@ fn a_killed_run_resumes_to_the_same_bits() {
 #[test]
 #[cfg(unix)]
 fn ctrl_c_ends_a_run_with_a_checkpoint() {
-    let place = Workplace::new();
-    let whole = RUN.replace("checkpoint_every=8", "checkpoint_every=100000");
-    place.succeeds(&format!("train room --out whole {whole}"));
-    let mut child = start(&place, &format!("train room --out run {whole}"));
+    let place = place();
+    let seldom = RUN.replace("checkpoint_every=8", "checkpoint_every=100000");
+    let mut child = start(&place, &format!("train room --out run {seldom}"));
     // No checkpoint comes by itself, so wait for the first line of the log.
     wait_for(&mut child, || {
         std::fs::metadata(place.path("run/log.jsonl")).is_ok_and(|file| file.len() > 0)
@@ -85,6 +89,7 @@ fn ctrl_c_ends_a_run_with_a_checkpoint() {
     assert_eq!(place.bytes("run/scene.ply"), place.bytes("whole/scene.ply"));
 }
 
+#[cfg(unix)]
 fn start(place: &Workplace, arguments: &str) -> Child {
     place
         .command(arguments)
@@ -94,17 +99,7 @@ fn start(place: &Workplace, arguments: &str) -> Child {
         .unwrap()
 }
 
-fn wait_for_checkpoint(child: &mut Child, dir: &Path, stage: &str) {
-    wait_for(child, || {
-        std::fs::read_dir(dir).is_ok_and(|mut entries| {
-            entries.any(|entry| {
-                let name = entry.unwrap().file_name().into_string().unwrap();
-                name.starts_with(stage) && name.ends_with(".ckpt")
-            })
-        })
-    });
-}
-
+#[cfg(unix)]
 #[track_caller]
 fn wait_for(child: &mut Child, mut holds: impl FnMut() -> bool) {
     let started = Instant::now();
@@ -116,10 +111,4 @@ fn wait_for(child: &mut Child, mut holds: impl FnMut() -> bool) {
         );
         std::thread::sleep(Duration::from_millis(2));
     }
-}
-
-/// Up to 40 milliseconds, other ones in every run: a few iterations.
-fn random_delay() -> Duration {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
-    Duration::from_millis(u64::from(now.subsec_nanos()) / 1000 % 40)
 }

@@ -1,4 +1,4 @@
-//! `--device`: the same results from whatever computes, and clear words where it cannot.
+//! `--device`: the same results on every compute device, and clear words where there is none.
 
 use crate::support::Workplace;
 use eagpt_scene::{exr, ply};
@@ -13,9 +13,8 @@ fn findings(place: &Workplace, arguments: &str, topic: &str) -> Vec<Value> {
         .collect()
 }
 
-/// Whether there is a device, a program that stands in for one included; says so where there is
-/// none.
-fn has_device(place: &Workplace, what: &str) -> bool {
+/// Asks for a device, be it a software adapter; says so where there is none.
+pub(crate) fn has_device(place: &Workplace, what: &str) -> bool {
     let found = findings(place, "", "gpu");
     let missing = found.iter().find(|one| one["state"] != "good");
     let opened = missing.map_or(Ok(()), |one| Err(&one["text"]));
@@ -72,17 +71,16 @@ fn difference_of_light(place: &Workplace, [a, b]: [&str; 2]) -> f32 {
 
 #[test]
 fn a_gpu_bakes_what_the_cpu_does() {
-    let place = Workplace::new();
+    let place = Workplace::trained();
     if !has_device(&place, "baking by the program") {
         return;
     }
-    place.train("run");
-    // The same rays are traced: 7e-7 were seen on lavapipe, and a single link that rounding decides
+    // The same rays are traced: 7e-7 were seen on lavapipe, and a single entry that rounding decides
     // otherwise may make 1e-5. Views are fitted by steps of training, which rounding lets drift
     // apart: 5e-4 were seen.
     for (method, options, tolerance) in [
         ("gaussians", "--samples 32", 1e-4),
-        ("gaussians", "--samples 32 --links OUT.links", 1e-4),
+        ("gaussians", "--samples 32 --transport OUT.transport", 1e-4),
         ("views", "--spp 1 --bounces 2 --iterations 4", 5e-3),
     ] {
         let bake = format!("bake run/scene.ply --cameras room --method {method} {options}");

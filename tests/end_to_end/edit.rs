@@ -10,8 +10,7 @@ const BALL: &str = "kitchen-light-ball.toml";
 
 /// A room with a trained scene `run/scene.ply` and the example scripts in `scripts`.
 fn workplace() -> Workplace {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     std::fs::create_dir(place.path("scripts")).unwrap();
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("edit/examples");
     for entry in std::fs::read_dir(examples).unwrap() {

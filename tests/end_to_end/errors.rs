@@ -185,8 +185,7 @@ fn gaussians_that_cannot_be() {
 
 #[test]
 fn unwritable_output() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let scene = "render run/scene.ply --cameras room --mode 0-bounce";
     place.succeeds(&format!("{scene} --out renders"));
     place.write("file", "");
@@ -205,8 +204,7 @@ fn unwritable_output() {
 
 #[test]
 fn renderings_that_do_not_fit() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     place.succeeds("render run/scene.ply --cameras room --mode 0-bounce --views 000 --out out");
     let eval = "eval out --reference room --out eval";
     place.fails_cleanly(eval, &["out", "008"]);

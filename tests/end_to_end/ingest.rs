@@ -82,7 +82,7 @@ fn a_capture_becomes_images_a_record_and_a_report() {
 
 #[test]
 fn the_same_command_goes_on_and_force_starts_over() {
-    let place = Workplace::new();
+    let place = Workplace::trained();
     capture(&place, 2);
     place.succeeds("ingest c --out out --scale 0.01");
     let before = place.contents("out");
@@ -106,7 +106,6 @@ fn the_same_command_goes_on_and_force_starts_over() {
             .contains(&"Radiance-exr/p2.exr".to_owned())
     );
     // What another command has made is not touched.
-    place.train("run");
     place.fails_cleanly("ingest c --out run --force", &["`train`"]);
 }
 

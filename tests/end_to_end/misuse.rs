@@ -90,8 +90,7 @@ fn dumped_options_read_back() {
 
 #[test]
 fn views_that_are_not_there() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let render = "render run/scene.ply --cameras room --mode 0-bounce --out out";
     place.fails_cleanly(
         &format!("{render} --views 000,0012"),
@@ -102,8 +101,7 @@ fn views_that_are_not_there() {
 
 #[test]
 fn no_command_removes_what_another_made() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let render = "render run/scene.ply --cameras room --mode 0-bounce";
     place.fails_cleanly(&format!("{render} --out run"), &["run", "record.json"]);
     place.fails_cleanly(

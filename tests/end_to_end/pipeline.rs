@@ -130,8 +130,7 @@ fn check_rendering(place: &Workplace, mode: &str) {
 
 #[test]
 fn views_by_name_subset_and_force() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let render = "render run/scene.ply --cameras room --mode 0-bounce --out out";
     place.succeeds(&format!("{render} --views 003,001"));
     assert_eq!(
@@ -158,8 +157,7 @@ fn views_by_name_subset_and_force() {
 
 #[test]
 fn names_with_folders_keep_them() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     std::fs::create_dir(place.path("room/Radiance-exr/10")).unwrap();
     let from = place.path("room/Radiance-exr/002.exr");
     std::fs::rename(from, place.path("room/Radiance-exr/10/b.2.exr")).unwrap();
@@ -178,8 +176,7 @@ fn names_with_folders_keep_them() {
 
 #[test]
 fn export_writes_previews_and_the_scene_itself() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     for format in ["2dgs", "3dgs", "eagpt"] {
         place.succeeds(&format!(
             "export run/scene.ply --format {format} --out sub/{format}.ply"

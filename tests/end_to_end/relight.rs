@@ -7,7 +7,11 @@ use serde_json::{Value, json};
 /// A room, `relit` with half of its light in the upper halves of the pictures and without masks,
 /// and renderings in two modes.
 fn place() -> Workplace {
-    let place = Workplace::new();
+    Workplace::shared("relit", make_place)
+}
+
+fn make_place() -> Workplace {
+    let place = Workplace::trained();
     for (name, bytes) in place.contents("room") {
         if name.starts_with("Radiance-exr") || !name.contains('/') {
             let path = place.path("relit").join(&name);
@@ -24,7 +28,6 @@ fn place() -> Workplace {
         }
         exr::write_rgb(&path, &image, Precision::Float).unwrap();
     }
-    place.train("run");
     for mode in ["0-bounce", "1-bounce"] {
         place.succeeds(&format!(
             "render run/scene.ply --cameras room --mode {mode} --spp 4 --aov emission --out {mode}"

@@ -1,4 +1,4 @@
-//! Work in parts, `--shard I/N`, comes together to the bits of an undivided run.
+//! Work in parts, `--shard I/N`: bit-identical to an undivided run.
 
 use crate::support::Workplace;
 use serde_json::Value;
@@ -54,8 +54,7 @@ fn start(place: &Workplace, command: &str, parts: &[&str]) -> Vec<Child> {
 
 #[test]
 fn renderings_in_parts_are_those_of_one_process() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let render = "render run/scene.ply --cameras room --split all --mode path --spp 4 \
                   --aov albedo --denoise filter --exposure auto";
     place.succeeds(&format!("{render} --out whole"));
@@ -95,12 +94,11 @@ fn renderings_in_parts_are_those_of_one_process() {
     assert_eq!(lasting(whole), lasting(parts));
 
     // All at once, one of them killed and started again.
-    let mut killed = start(&place, &format!("{render} --out at-once"), &["2/3"]);
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    for child in &mut killed {
-        child.kill().unwrap();
-        child.wait().unwrap();
-    }
+    #[cfg(debug_assertions)]
+    place.is_killed_at(
+        "rendering=2",
+        &format!("{render} --out at-once --shard 2/3"),
+    );
     finish(start(
         &place,
         &format!("{render} --out at-once"),
@@ -118,8 +116,7 @@ fn renderings_in_parts_are_those_of_one_process() {
 
 #[test]
 fn frames_of_a_path_in_parts_keep_their_own_noise() {
-    let place = Workplace::new();
-    place.train("run");
+    let place = Workplace::trained();
     let render = "render run/scene.ply --cameras room --mode path --spp 1 --antialias 1 \
                   --camera-path turntable --frames 5 --size 24x16 --exr";
     place.succeeds(&format!("{render} --out whole"));

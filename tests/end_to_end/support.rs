@@ -3,9 +3,62 @@
 use eagpt_testkit::room::{self, RoomOptions};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
+use std::time::{Duration, SystemTime};
 use tempfile::TempDir;
+
+/// Exit code of the program at a failpoint.
+#[cfg(debug_assertions)]
+const FAILPOINT_EXIT_CODE: i32 = 86;
+/// Shared folders of builds that were made so long ago are removed.
+const SHARED_FOR: Duration = Duration::from_secs(24 * 3600);
+
+/// Folder of what tests share, of this build of program and tests alone. Tests may run in one
+/// process or in one each.
+static SHARED: LazyLock<PathBuf> = LazyLock::new(|| {
+    let built = [
+        env!("CARGO_BIN_EXE_eagpt").into(),
+        std::env::current_exe().unwrap(),
+    ]
+    .map(|path| fs::metadata(path).unwrap().modified().unwrap())
+    .map(|time| {
+        time.duration_since(SystemTime::UNIX_EPOCH)
+            .unwrap()
+            .as_nanos()
+    });
+    let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("end_to_end");
+    let shared = root.join(format!("{:x}-{:x}", built[0], built[1]));
+    fs::create_dir_all(&shared).unwrap();
+    for other in fs::read_dir(&root).unwrap().flatten() {
+        let made = other.metadata().and_then(|folder| folder.modified());
+        if made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > SHARED_FOR)) {
+            // Another process may be removing it as well.
+            fs::remove_dir_all(other.path()).ok();
+        }
+    }
+    shared
+});
+
+/// The shared folder `name`, which `make` makes at first use. Tests copy it, and leave it as it is.
+fn shared(name: &'static str, make: impl FnOnce() -> Workplace) -> PathBuf {
+    static MADE: Mutex<BTreeMap<&str, Arc<OnceLock<PathBuf>>>> = Mutex::new(BTreeMap::new());
+    let made = Arc::clone(MADE.lock().unwrap().entry(name).or_default());
+    let folder = made.get_or_init(|| {
+        let folder = SHARED.join(name);
+        if !folder.is_dir() {
+            // Renamed whole: another process may be making the same.
+            let partial = tempfile::tempdir_in(&*SHARED).unwrap();
+            copy(make().dir.path(), partial.path());
+            let renamed = fs::rename(partial.path(), &folder);
+            assert!(renamed.is_ok() || folder.is_dir(), "{name}: {renamed:?}");
+        }
+        folder
+    });
+    folder.clone()
+}
 
 /// A folder, removed at the end of the test.
 pub(crate) struct Workplace {
@@ -13,20 +66,38 @@ pub(crate) struct Workplace {
 }
 
 impl Workplace {
+    /// A copy of what `make` has made for all tests that share `name`.
+    pub(crate) fn shared(name: &'static str, make: impl FnOnce() -> Self) -> Self {
+        let place = Self::empty();
+        copy(&shared(name, make), place.dir.path());
+        place
+    }
+
     /// With a dataset `room` in it, a room of 12 views of 48x32 pixels: two test views, ten
     /// training views.
     pub(crate) fn new() -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        let options = RoomOptions {
-            num_views: 12,
-            width: 48,
-            height: 32,
-            num_samples: 16,
-            num_points: 1500,
-            seed: 1,
-        };
-        room::write(&dir.path().join("room"), &options, |_| ()).unwrap();
-        Self { dir }
+        Self::shared("room", || {
+            let place = Self::empty();
+            let options = RoomOptions {
+                num_views: 12,
+                width: 48,
+                height: 32,
+                num_samples: 16,
+                num_points: 1500,
+                seed: 1,
+            };
+            room::write(&place.path("room"), &options, |_| ()).unwrap();
+            place
+        })
+    }
+
+    /// With the same dataset, and `run`: [`SHORT`] training on it.
+    pub(crate) fn trained() -> Self {
+        Self::shared("trained", || {
+            let place = Self::new();
+            place.succeeds(&format!("train room --out run {SHORT}"));
+            place
+        })
     }
 
     /// A folder with nothing in it.
@@ -46,6 +117,7 @@ impl Workplace {
             .args(arguments.split_whitespace())
             .current_dir(self.dir.path())
             .env_remove("EAGPT_LOG")
+            .env_remove("EAGPT_FAILPOINT")
             // Mesa's layer that puts devices in order complains of a missing display on standard
             // error.
             .env("NODEVICE_SELECT", "1")
@@ -65,6 +137,21 @@ impl Workplace {
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "eagpt {arguments}\n{stderr}");
         String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// Runs the program up to a failpoint, `TASK=N`: when that task of its progress has advanced N
+    /// times it ends as if it was killed. Asserts that it did.
+    #[cfg(debug_assertions)]
+    #[track_caller]
+    pub(crate) fn is_killed_at(&self, failpoint: &str, arguments: &str) {
+        let mut command = self.command(arguments);
+        let output = command.env("EAGPT_FAILPOINT", failpoint).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(
+            output.status.code(),
+            Some(FAILPOINT_EXIT_CODE),
+            "eagpt {arguments}: {failpoint} was not reached\n{stderr}"
+        );
     }
 
     /// Runs the program and asserts that it refuses with exit code 1 and one line with all of
@@ -96,12 +183,6 @@ impl Workplace {
             .find(|&(name, bytes)| before.get(name) != Some(bytes));
         assert_eq!(changed.map(|(name, _)| name), None, "eagpt {arguments}");
         assert_eq!(before.len(), after.len(), "eagpt {arguments} removed files");
-    }
-
-    /// Trains a scene that shows the room roughly.
-    #[track_caller]
-    pub(crate) fn train(&self, out: &str) {
-        self.succeeds(&format!("train room --out {out} {SHORT}"));
     }
 
     /// All files below a folder by their relative names, with their bytes.
@@ -138,9 +219,23 @@ impl Workplace {
     }
 }
 
-/// A training run of a second or two.
+/// Options of a training run of a second or two, which shows the room roughly.
 pub(crate) const SHORT: &str =
     "--preset draft --iterations 150 --albedo-iterations 30 --set output.checkpoint_every=50";
+
+/// Copies a folder's content.
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
 
 fn collect(root: &Path, dir: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
     let Ok(entries) = std::fs::read_dir(dir) else {

@@ -27,8 +27,6 @@
 @group(0) @binding(10) var<storage, read_write> targets: array<u32>;
 // [receivers].
 @group(0) @binding(11) var<storage, read_write> direct: array<DirectLight>;
-// As many as there are receivers; the seed of each is its realization.
-@group(0) @binding(12) var<storage, read> rays: array<RayQuery>;
 
 // The nearest disc of a realization, NO_NODE if there is none.
 fn realization_hit(ray: Ray, realization: u32) -> u32 {
@@ -58,12 +56,12 @@ fn realization_hit(ray: Ray, realization: u32) -> u32 {
     return nearest;
 }
 
-// What a direction that found an emitter adds: L q / (n q + m p), for n directions of density q and
-// m of density p.
+// Light of an emitter that a direction found: L q / (n q + m p), for n BSDF samples of density q
+// and m light samples of density p.
 fn light_of(emitter: u32, surface: Surface, direction: vec3f) -> vec3f {
     let q = dot(direction, surface.normal) / PI;
     let p = light_density(light.light_root, surface.position, direction);
-    let all = f32(light.num_cosine) * q + f32(light.num_to_lights) * p;
+    let all = f32(light.num_bsdf) * q + f32(light.num_to_lights) * p;
     return attributes[emitter].a.xyz * (q / all);
 }
 
@@ -87,7 +85,7 @@ fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundEntry {
         return FoundEntry(vec3f(), NOTHING);
     }
     if attributes[hit].a.w > light.emission_threshold {
-        return FoundEntry(light_of(hit, surface, direction), NOTHING);
+        return FoundEntry(light_of(hit, surface, direction), hit | EMITTER);
     }
     return FoundEntry(vec3f(), hit);
 }
@@ -124,21 +122,7 @@ fn add_up(
         let one = found[number];
         total.light += one.light;
         total.num_rays += u32(one.gaussian != NO_NODE);
-        targets[number] = one.gaussian;
+        targets[number] = select(one.gaussian, NOTHING, one.gaussian == NO_NODE);
     }
     direct[receiver] = total;
-}
-
-@compute @workgroup_size(GROUP_SIZE)
-fn first_hits(
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) workgroups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let number = invocation_number(workgroup, workgroups, thread);
-    if number >= light.num_receivers {
-        return;
-    }
-    let hit = realization_hit(ray_of(rays[number]), rays[number].seed % NUM_REALIZATIONS);
-    targets[number] = select(hit, NOTHING, hit == NO_NODE);
 }

@@ -218,14 +218,6 @@ mod tests {
         ) -> Result<TransportMatrix, TraceError> {
             self.0.trace_transport(receivers, directions, key)
         }
-
-        fn realization_hits(
-            &self,
-            rays: &[Ray],
-            realizations: &[u32],
-        ) -> Result<Vec<u32>, TraceError> {
-            self.0.realization_hits(rays, realizations)
-        }
     }
 
     #[test]

@@ -132,9 +132,9 @@ pub trait Tracer: Send + Sync {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError>;
 
-    /// Irradiance from emitters at `receivers`, and the entries of the transport matrix: the
-    /// Gaussians seen from them in `directions`. Each receiver has random numbers of its own among
-    /// those of `key`: results do not depend on which receivers are traced together.
+    /// Rows of the light-transport matrix of `receivers`, traced in `directions`. Each receiver has
+    /// random numbers of its own among those of `key`: results do not depend on which receivers are
+    /// traced together.
     ///
     /// # Errors
     /// See [`Tracer`].
@@ -144,13 +144,4 @@ pub trait Tracer: Send + Sync {
         directions: Directions,
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError>;
-
-    /// The Gaussian that each of `rays` meets first in its realization, of `realizations` modulo
-    /// [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS);
-    /// [`NOTHING`](crate::transport::matrix::NOTHING) where there is none. Fast where rays that
-    /// follow each other share a realization and are near each other.
-    ///
-    /// # Errors
-    /// See [`Tracer`].
-    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError>;
 }

@@ -1,4 +1,4 @@
-//! TransportMatrix traced on a device against those of the CPU engine.
+//! The transport matrix traced on a device against that of the CPU engine.
 
 mod gpu;
 #[path = "gpu/receivers.rs"]
@@ -9,10 +9,10 @@ mod room;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussian, Gaussians, random_cloud};
 use eagpt_testkit::gaussians::{material, sphere};
+use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
-use eagpt_trace::{Ray, Tracer};
 use glam::{EulerRot, Quat, Vec3};
 use receivers::receivers;
 use room::lit_room;
@@ -60,7 +60,9 @@ fn compare(what: &str, got: &TransportMatrix, wanted: &TransportMatrix, toleranc
     assert_eq!(got.targets.len(), wanted.targets.len(), "{what}");
     assert_eq!(got.direct.len(), wanted.direct.len(), "{what}");
     let most = |num: usize| 1.0 + MOST_FLIPPED * num as f64;
-    let pairs = got.targets.iter().zip(&wanted.targets);
+    assert_eq!(got.light_targets.len(), wanted.light_targets.len());
+    let targets = got.targets.iter().chain(&got.light_targets);
+    let pairs = targets.zip(wanted.targets.iter().chain(&wanted.light_targets));
     let num_flipped = pairs.filter(|(a, b)| a != b).count();
 
     let light = wanted.direct.iter().map(|light| light.max_element());
@@ -83,7 +85,7 @@ fn compare(what: &str, got: &TransportMatrix, wanted: &TransportMatrix, toleranc
 
 /// The same random numbers, directions and discs: what differs is rounding.
 #[test]
-fn links_and_light_are_those_of_the_cpu() {
+fn entries_and_light_are_those_of_the_cpu() {
     let Some(device) = gpu::device("matrix") else {
         return;
     };
@@ -111,7 +113,7 @@ fn any_number_of_directions_is_followed() {
     let scene = uneven(&lit_room());
     let receivers = &receivers(&scene)[..2];
     let directions = Directions {
-        plain: 17_000,
+        bsdf: 17_000,
         to_lights: 16_500,
     };
     let on_device = GpuScene::new(&device, &scene).unwrap();
@@ -123,7 +125,7 @@ fn any_number_of_directions_is_followed() {
 /// The same bits in every run, with whatever receivers are traced together, and after the scene was
 /// another one.
 #[test]
-fn links_are_repeatable() {
+fn entries_are_repeatable() {
     let Some(device) = gpu::device("repeatable matrix") else {
         return;
     };
@@ -145,45 +147,9 @@ fn links_are_repeatable() {
     assert_eq!(trace(&other, &[], directions), TransportMatrix::default());
 }
 
-/// Single rays through realizations: the first disc that the CPU finds, too.
-#[test]
-fn first_hits_are_those_of_the_cpu() {
-    let Some(device) = gpu::device("first hits") else {
-        return;
-    };
-    let scene = random_cloud(700, 3);
-    let receivers = receivers(&scene);
-    let rays = (0_u32..).zip(&receivers).map(|(i, (_, surface))| {
-        let (sin, cos) = (i as f32).sin_cos();
-        let tangent = surface.normal.any_orthonormal_vector();
-        let bitangent = surface.normal.cross(tangent);
-        let direction = surface.normal + 0.8 * (cos * tangent + sin * bitangent);
-        surface.ray(direction.normalize())
-    });
-    let rays: Vec<Ray> = rays.collect();
-    // More than there are realizations: they are taken modulo their number.
-    let realizations: Vec<u32> = (0..rays.len() as u32).map(|i| i % 37).collect();
-    let on_device = GpuScene::new(&device, &scene).unwrap();
-    let got = on_device.realization_hits(&rays, &realizations).unwrap();
-    let wanted = CpuScene::new(&scene)
-        .realization_hits(&rays, &realizations)
-        .unwrap();
-    let num_met = wanted.iter().filter(|&&hit| hit != NOTHING).count();
-    assert!(
-        num_met > rays.len() / 2 && num_met < rays.len(),
-        "{num_met}"
-    );
-    let num_flipped = got.iter().zip(&wanted).filter(|(a, b)| a != b).count();
-    assert!(
-        num_flipped as f64 <= 1.0 + MOST_FLIPPED * rays.len() as f64,
-        "{num_flipped}"
-    );
-    assert!(on_device.realization_hits(&[], &[]).unwrap().is_empty());
-}
-
 /// Without emitters there is no light, and no direction towards any is followed.
 #[test]
-fn what_nothing_lights_has_links_all_the_same() {
+fn what_nothing_lights_has_entries_all_the_same() {
     let Some(device) = gpu::device("matrix in the dark") else {
         return;
     };

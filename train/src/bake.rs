@@ -6,7 +6,7 @@
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
-mod relink;
+mod transport;
 pub mod views;
 
 use crate::error::{Result, TrainError};
@@ -59,10 +59,9 @@ pub struct BakeRequest {
     pub out: PathBuf,
     /// Folder for the state of the work: a bake that was stopped goes on from there.
     pub work: PathBuf,
-    /// File of matrix for [`BakeMethod::Gaussians`]: what an earlier bake has left there is taken
-    /// up as far as the scene is the same, and what is known at the end is left there. Nothing is
-    /// kept in the work folder then.
-    pub matrix: Option<PathBuf>,
+    /// File for the traced transport matrix of [`BakeMethod::Gaussians`], in place of the work
+    /// folder: kept for later bakes, which reuse it if the geometry is the same.
+    pub transport: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,
     /// What traces rays and, with [`BakeMethod::Views`], fits.
@@ -76,7 +75,7 @@ pub struct BakeRequest {
 impl BakeRequest {
     /// Whether the work folder is used.
     fn has_work(&self) -> bool {
-        self.matrix.is_none() || matches!(self.options.method, BakeMethod::Views(_))
+        self.transport.is_none() || matches!(self.options.method, BakeMethod::Views(_))
     }
 }
 
@@ -184,7 +183,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
             };
             ply::write_gaussians(&request.out, &baked)?;
             if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.has_work() {
-                // Path-traced views are worth keeping, matrix are not.
+                // Path-traced views are worth keeping, the rows of a matrix are not.
                 clear(&request.work)?;
             }
             Some(request.out.clone())

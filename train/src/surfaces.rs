@@ -19,25 +19,14 @@ const RAYS_AT_ONCE: usize = 1 << 18;
 
 /// The best-seen surfaces so far.
 pub(crate) struct BestSeen {
-    num_cameras: u32,
-    best: Vec<Option<Seen>>,
-}
-
-/// A surface as the camera sees it that sees it best.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Seen {
-    pub(crate) surface: Surface,
-    /// Weight of the Gaussian in its best pixel, 0 to 1.
-    pub(crate) weight: f32,
-    /// Number of the camera, in the order in which they have looked.
-    pub(crate) camera: u32,
+    /// Weight of each Gaussian in its best pixel, 0 to 1, and the surface there.
+    best: Vec<Option<(f32, Surface)>>,
 }
 
 impl BestSeen {
     /// Nothing seen of `num` Gaussians.
     pub(crate) fn new(num: usize) -> Self {
         Self {
-            num_cameras: 0,
             best: vec![None; num],
         }
     }
@@ -49,13 +38,11 @@ impl BestSeen {
     /// If the device of the `scene` gives up.
     pub(crate) fn look(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
         let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
-        let number = self.num_cameras;
-        self.num_cameras += 1;
         let frame = camera.ray_frame();
         for found in contributions {
             let best = &mut self.best[found.gaussian as usize];
             let (weight, pixel) = (found.largest_weight, found.pixel);
-            if best.is_some_and(|best| weight <= best.weight) {
+            if best.is_some_and(|(most, _)| weight <= most) {
                 continue;
             }
             let (x, y) = (pixel % camera.width, pixel / camera.width);
@@ -63,19 +50,16 @@ impl BestSeen {
             if let Some(surface) =
                 Surface::at(frame.origin, direction, &features.pixels[pixel as usize])
             {
-                *best = Some(Seen {
-                    surface,
-                    weight,
-                    camera: number,
-                });
+                *best = Some((weight, surface));
             }
         }
         Ok(())
     }
 
     /// Each Gaussian as it is seen best; `None` where no camera saw it.
-    pub(crate) fn finish(self) -> Vec<Option<Seen>> {
-        self.best
+    pub(crate) fn finish(self) -> Vec<Option<Surface>> {
+        let surface = |best: Option<(f32, Surface)>| Some(best?.1);
+        self.best.into_iter().map(surface).collect()
     }
 }
 

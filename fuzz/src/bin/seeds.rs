@@ -1,4 +1,4 @@
-//! Writes what fuzzing starts from into `corpus/`: one or a few small sound files for each reader.
+//! Writes the seeds of fuzzing into `corpus/`: one or a few small sound files for each reader.
 //!
 //! `cargo run --bin seeds` in the folder `fuzz`.
 

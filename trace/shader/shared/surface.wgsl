@@ -27,8 +27,8 @@ fn surface_at(origin: vec3f, direction: vec3f, met: Lanes) -> Surface {
     let mean_distance = met.c.w / alpha;
     // Moments about the first hit, not about zero: with the latter the digits cancel for distant
     // surfaces.
-    let offset = mean_distance - met.d.z;
-    let deviation = sqrt(max(met.d.x / alpha - offset * offset, 0.0));
+    let difference = mean_distance - met.d.z;
+    let deviation = sqrt(max(met.d.x / alpha - difference * difference, 0.0));
     let size = met.d.y / alpha;
     let spread = deviation * abs(dot(direction, normal));
     let offset = clamp(OFFSET_DEVIATIONS * spread, MIN_OFFSET_SIZES * size, MAX_OFFSET_SIZES * size);

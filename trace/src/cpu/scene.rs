@@ -11,7 +11,7 @@ use crate::ray::Ray;
 use crate::surfel::{Attributes, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
 use crate::transport::lights::{self, Lights};
-use crate::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
+use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
@@ -209,13 +209,5 @@ impl Tracer for CpuScene {
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError> {
         Ok(TransportMatrix::trace(self, receivers, directions, key))
-    }
-
-    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError> {
-        let first = |(ray, realization): (&Ray, &u32)| self.realization_hit(ray, *realization);
-        let pairs = rays.par_iter().zip(realizations).with_min_len(256);
-        Ok(pairs
-            .map(|pair| first(pair).map_or(NOTHING, |hit| hit.index))
-            .collect())
     }
 }

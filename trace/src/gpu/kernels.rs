@@ -237,10 +237,6 @@ kernels! { shader::sources;
         1 light: Uniform TransportParameters, 9 found: Write FoundEntry, 10 targets: Write u32,
         11 direct: Write DirectLight,
     }
-    FIRST_HITS = "matrix" first_hits [] {
-        1 light: Uniform TransportParameters, 2 surfels: Read Surfel, 4 nodes: Read HalfNode,
-        5 leaf_indices: Read u32, 7 radii: Read f32, 10 targets: Write u32, 12 rays: Read RayQuery,
-    }
 }
 
 /// Workgroups in which each of `num_invocations` has a place.

@@ -9,7 +9,7 @@ use crate::cpu::bins::MARGIN_PIXELS;
 use crate::features::lane;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::surfel::Surfel;
-use crate::transport::matrix::{NOTHING, NUM_REALIZATIONS};
+use crate::transport::matrix::{EMITTER, NOTHING, NUM_REALIZATIONS};
 use crate::transport::start;
 use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use std::fmt::Write as _;
@@ -205,6 +205,7 @@ pub(super) fn declarations() -> String {
         ("NUM_REALIZATIONS", NUM_REALIZATIONS),
         ("NUM_FUNCTIONS", NUM_FUNCTIONS as u32),
         ("NOTHING", NOTHING),
+        ("EMITTER", EMITTER),
         ("STACK", bvh::STACK),
         ("NO_NODE", bvh::NO_NODE),
         ("SCAN_THREADS", scan::THREADS),

@@ -1,24 +1,23 @@
-//! Entries of the light-transport matrix on the device; [`TransportRays::trace`] is all of it, from
-//! receivers to entries.
+//! The light-transport matrix on a device; [`TransportRays::trace`] is all of it, from receivers to
+//! rows.
 //!
-//! A pass follows one direction of one receiver in each invocation, another one adds up the light
-//! they have found. Light is added in the order of samples, those towards emitters first, so that
-//! the bits depend neither on the size of dispatches nor on which receivers are traced together. The
-//! CPU has a tree for each realization and takes receivers in groups; here one tree serves all
-//! realizations.
+//! A pass follows one direction of one receiver in each invocation; another one adds up their light.
+//! It is added in the order of samples, light samples first, so that the bits depend neither on the
+//! size of dispatches nor on which receivers are traced together. The CPU
+//! ([`crate::transport::matrix`]) adds light in the order of realizations, of which each has a tree;
+//! here one tree serves all.
 
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{self, groups};
 use super::layout::{Layout, layout};
 use super::light::TreeBuffers;
-use super::rays::RayQuery;
 use super::scene::SceneBuffers;
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
 use crate::transport::lights::Lights;
-use crate::transport::matrix::{Directions, NUM_REALIZATIONS, Receiver, TransportMatrix};
+use crate::transport::matrix::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, TransportMatrix};
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -32,9 +31,6 @@ const DIRECTIONS_PER_DISPATCH: u32 = 1 << 18;
 /// of an invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 1 << 14;
 
-/// Dispatches that are under way at once.
-const DISPATCHES_AHEAD: u32 = 16;
-
 /// Parameters of the kernels.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -45,12 +41,12 @@ pub(super) struct TransportParameters {
     num_emitters: u32,
     scene_root: u32,
     light_root: u32,
-    /// Cosine samples of each receiver, in all.
-    num_cosine: u32,
-    /// Directions towards emitters of each receiver, in all.
+    /// BSDF samples of each receiver, in all.
+    num_bsdf: u32,
+    /// Light samples of each receiver, in all.
     num_to_lights: u32,
     num_receivers: u32,
-    /// 1 for directions towards emitters, 0 for cosine samples.
+    /// 1 for light samples, 0 for BSDF samples.
     is_towards_lights: u32,
     first_sample: u32,
     end_sample: u32,
@@ -65,7 +61,7 @@ impl TransportParameters {
             num_emitters: "u32",
             scene_root: "u32",
             light_root: "u32",
-            num_cosine: "u32",
+            num_bsdf: "u32",
             num_to_lights: "u32",
             num_receivers: "u32",
             is_towards_lights: "u32",
@@ -106,15 +102,14 @@ impl ReceiverOnDevice {
     }
 }
 
-/// The entry of one direction.
+/// Result of one direction.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
 pub(super) struct FoundEntry {
     /// Of an emitter, weighted.
     light: [f32; 3],
-    /// A Gaussian, [`crate::transport::matrix::NOTHING`], or [`super::bvh::NO_NODE`] where no ray
-    /// was traced.
+    /// Entry of the matrix, or [`super::bvh::NO_NODE`] where no ray was traced.
     gaussian: u32,
 }
 
@@ -127,7 +122,7 @@ impl FoundEntry {
     }
 }
 
-/// Light of emitters that the directions of a receiver have found.
+/// Light that the directions of a receiver have found.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct DirectLight {
@@ -144,7 +139,7 @@ impl DirectLight {
     }
 }
 
-/// Buffers of a scene for transport, beside its Gaussians.
+/// Buffers of a scene that tracing needs, beside its Gaussians.
 #[derive(Debug)]
 pub(super) struct TransportBuffers {
     /// Of discs that are as large as the largest of all realizations.
@@ -189,7 +184,7 @@ impl TransportBuffers {
     }
 }
 
-/// Traces matrix entries through a scene on a device.
+/// Traces rows of the matrix through a scene on a device.
 pub(super) struct TransportRays<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
@@ -220,7 +215,7 @@ impl Piece {
         })
     }
 
-    /// `num` samples, as many in a dispatch as the buffers hold.
+    /// `num` samples, as many in a dispatch as fit.
     fn samples(&self, num: u32) -> impl Iterator<Item = Range<u32>> {
         let at_once = self.samples_at_once;
         (0..num)
@@ -230,7 +225,7 @@ impl Piece {
 }
 
 impl TransportRays<'_> {
-    /// The matrix entries of `receivers`; see [`TransportMatrix::trace`].
+    /// Rows of `receivers`; see [`TransportMatrix::trace`].
     pub(super) fn trace(
         &self,
         receivers: &[Receiver],
@@ -241,86 +236,16 @@ impl TransportRays<'_> {
         if receivers.is_empty() {
             return Ok(matrix);
         }
-        let device = self.device;
-        // As many receivers and samples at once as one buffer holds entries.
-        let samples = directions.plain.max(directions.to_lights);
+        let TransportBuffers { trees, radii } = self.matrix;
+        let (device, scene) = (self.device, self.scene);
+        // As many receivers and samples at once as a buffer holds entries.
+        let samples = directions.bsdf.max(directions.to_lights);
         let max_entries = device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
         let directions_at_once = max_entries.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
         let samples_at_once = samples.clamp(1, SAMPLES_PER_DISPATCH.min(directions_at_once));
         let receivers_at_once = (directions_at_once / samples_at_once) as usize;
         let num_receivers = receivers_at_once.min(receivers.len());
         let piece = Piece::new(device, num_receivers, samples_at_once)?;
-        let trees = &self.matrix.trees;
-        let num_to_lights = match trees.num_emitters {
-            0 => 0,
-            _ => directions.to_lights,
-        };
-        let num_cosine = directions.plain as usize;
-        for some in receivers.chunks(receivers_at_once) {
-            let parameters = TransportParameters {
-                key: key.words(),
-                emission_threshold: EMISSION_THRESHOLD,
-                num_emitters: trees.num_emitters,
-                scene_root: trees.scene_root,
-                light_root: trees.light_root,
-                num_cosine: directions.plain,
-                num_to_lights: directions.to_lights,
-                num_receivers: some.len() as u32,
-                ..TransportParameters::zeroed()
-            };
-            let on_device: Vec<ReceiverOnDevice> = some.iter().map(ReceiverOnDevice::new).collect();
-            device.write(&piece.receivers, bytemuck::cast_slice(&on_device));
-            let dark = vec![DirectLight::zeroed(); some.len()];
-            device.write(&piece.direct, bytemuck::cast_slice(&dark));
-            // Towards emitters, whose light is all that counts.
-            for (number, samples) in (1_u32..).zip(piece.samples(num_to_lights)) {
-                let parameters = TransportParameters {
-                    is_towards_lights: 1,
-                    ..parameters
-                };
-                self.follow(&piece, parameters, samples)?;
-                if number.is_multiple_of(DISPATCHES_AHEAD) {
-                    device.wait()?;
-                }
-            }
-            // Cosine samples: an entry each, or light where an emitter was met.
-            let start = matrix.targets.len();
-            matrix.targets.resize(start + some.len() * num_cosine, 0);
-            for samples in piece.samples(directions.plain) {
-                self.follow(&piece, parameters, samples.clone())?;
-                let num_entries = some.len() * samples.len();
-                let found: Vec<u32> = device.read(&piece.targets, 0..num_entries)?;
-                let (first, end) = (samples.start as usize, samples.end as usize);
-                let rows = matrix.targets[start..].chunks_exact_mut(num_cosine);
-                for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
-                    row[first..end].copy_from_slice(found);
-                }
-            }
-            for one in device.read::<DirectLight>(&piece.direct, 0..some.len())? {
-                matrix.direct.push(Vec3::from_array(one.light));
-                matrix.num_rays += u64::from(one.num_rays);
-            }
-        }
-        Ok(matrix)
-    }
-
-    /// Follows `samples` of all receivers of `piece`: their entries, and the light of emitters.
-    fn follow(
-        &self,
-        piece: &Piece,
-        parameters: TransportParameters,
-        samples: Range<u32>,
-    ) -> Result<(), GpuError> {
-        let TransportBuffers { trees, radii } = self.matrix;
-        let (device, scene) = (self.device, self.scene);
-        let num_receivers = parameters.num_receivers;
-        let num_directions = num_receivers * samples.len() as u32;
-        let parameters = TransportParameters {
-            first_sample: samples.start,
-            end_sample: samples.end,
-            ..parameters
-        };
-        device.write(&piece.uniform, bytemuck::bytes_of(&parameters));
         let follow = [
             &piece.uniform,
             &scene.surfels,
@@ -333,41 +258,59 @@ impl TransportRays<'_> {
             &piece.found,
         ];
         let add = [&piece.uniform, &piece.found, &piece.targets, &piece.direct];
-        device.run(&[
-            device.pass(&kernels::FOLLOW_DIRECTIONS, &follow, groups(num_directions)),
-            device.pass(&kernels::ADD_UP, &add, groups(num_receivers)),
-        ])
-    }
-
-    /// What each ray meets first in the realization that is its seed; see
-    /// [`crate::Tracer::realization_hits`].
-    pub(super) fn first_hits(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
-        let mut hits = Vec::with_capacity(queries.len());
-        let max_rays = self.device.tier().max_bytes() / size_of::<RayQuery>() as u64;
-        let at_once = max_rays.min(u64::from(DIRECTIONS_PER_DISPATCH)) as usize;
-        let device = self.device;
-        for some in queries.chunks(at_once) {
-            let rays = device.upload("rays", bytemuck::cast_slice(some))?;
-            let found = device.buffer("first hits", (some.len() * size_of::<u32>()) as u64)?;
-            let parameters = TransportParameters {
-                scene_root: self.matrix.trees.scene_root,
-                num_receivers: some.len() as u32,
-                ..TransportParameters::zeroed()
-            };
-            let uniform = device.uniform("matrix", &parameters);
-            let buffers = [
-                &uniform,
-                &self.scene.surfels,
-                &self.matrix.trees.nodes,
-                &self.matrix.trees.leaf_indices,
-                &self.matrix.radii,
-                &found,
-                &rays,
-            ];
-            let groups = groups(some.len() as u32);
-            device.run(&[device.pass(&kernels::FIRST_HITS, &buffers, groups)])?;
-            hits.extend(device.read::<u32>(&found, 0..some.len())?);
+        for some in receivers.chunks(receivers_at_once) {
+            let on_device: Vec<ReceiverOnDevice> = some.iter().map(ReceiverOnDevice::new).collect();
+            device.write(&piece.receivers, bytemuck::cast_slice(&on_device));
+            let dark = vec![DirectLight::zeroed(); some.len()];
+            device.write(&piece.direct, bytemuck::cast_slice(&dark));
+            // Light samples, then BSDF samples.
+            for (is_towards_lights, num_samples, targets) in [
+                (1, directions.to_lights, &mut matrix.light_targets),
+                (0, directions.bsdf, &mut matrix.targets),
+            ] {
+                let start = targets.len();
+                targets.resize(start + some.len() * num_samples as usize, NOTHING);
+                if is_towards_lights == 1 && trees.num_emitters == 0 {
+                    continue;
+                }
+                for samples in piece.samples(num_samples) {
+                    let parameters = TransportParameters {
+                        key: key.words(),
+                        emission_threshold: EMISSION_THRESHOLD,
+                        num_emitters: trees.num_emitters,
+                        scene_root: trees.scene_root,
+                        light_root: trees.light_root,
+                        num_bsdf: directions.bsdf,
+                        num_to_lights: directions.to_lights,
+                        num_receivers: some.len() as u32,
+                        is_towards_lights,
+                        first_sample: samples.start,
+                        end_sample: samples.end,
+                        ..TransportParameters::zeroed()
+                    };
+                    device.write(&piece.uniform, bytemuck::bytes_of(&parameters));
+                    let num_entries = some.len() * samples.len();
+                    let (each_entry, each_receiver) =
+                        (groups(num_entries as u32), groups(some.len() as u32));
+                    device.run(&[
+                        // What each direction meets first, and the light of emitters.
+                        device.pass(&kernels::FOLLOW_DIRECTIONS, &follow, each_entry),
+                        // The light of each receiver.
+                        device.pass(&kernels::ADD_UP, &add, each_receiver),
+                    ])?;
+                    let found: Vec<u32> = device.read(&piece.targets, 0..num_entries)?;
+                    let (first, end) = (samples.start as usize, samples.end as usize);
+                    let rows = targets[start..].chunks_exact_mut(num_samples as usize);
+                    for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
+                        row[first..end].copy_from_slice(found);
+                    }
+                }
+            }
+            for one in device.read::<DirectLight>(&piece.direct, 0..some.len())? {
+                matrix.direct.push(Vec3::from_array(one.light));
+                matrix.num_rays += u64::from(one.num_rays);
+            }
         }
-        Ok(hits)
+        Ok(matrix)
     }
 }

@@ -390,12 +390,4 @@ impl Tracer for GpuScene {
             .transport_rays(&matrix)
             .trace(receivers, directions, key)?)
     }
-
-    fn realization_hits(&self, rays: &[Ray], realizations: &[u32]) -> Result<Vec<u32>, TraceError> {
-        let queries = (rays.iter().zip(realizations))
-            .map(|(ray, realization)| RayQuery::new(ray, *realization));
-        let queries: Vec<RayQuery> = queries.collect();
-        let matrix = self.matrix()?;
-        Ok(self.transport_rays(&matrix).first_hits(&queries)?)
-    }
 }

@@ -1,19 +1,16 @@
-//! Which surfaces light each other: rays traced once, for light that goes back and forth many
-//! times.
+//! Sparse light-transport matrix: rays traced once, for light that is exchanged many times.
 //!
-//! Light that arrives at a point is `E/π = 1/π ∫ L cos θ dω`. The integral is taken apart by what a
-//! direction meets. Emitters are looked for by two kinds of directions, towards them with density p
-//! and about the normal with density q = cos θ/π, and what either finds counts with the balance
-//! heuristic over both (Veach 1997, section 9.2). All other surfaces are met by the directions
-//! about the normal alone; of each only the Gaussian is kept, which is a link. Whatever light the
-//! Gaussians carry, `E/π` is then the emitters' part plus the mean of the light of the matrix:
-//! further bounces, or other albedos, cost a look-up for each link and no ray.
+//! The irradiance over π of a point is `1/π ∫ L cos θ dω`. The integral is split by what a direction
+//! meets. Emitters are sampled by two kinds of directions, towards them with density p (light
+//! samples) and about the normal with density q = cos θ/π (BSDF samples), combined by the balance
+//! heuristic (Veach 1997, section 9.2). All other surfaces are met by BSDF samples alone. An entry
+//! of the matrix is the Gaussian that a direction meets first. Whatever light the Gaussians carry,
+//! `E/π` is then the emitters' part plus the mean light of the entries: further bounces, or other
+//! albedos, cost a look-up for each entry and no ray. Nor does other light of the same emitters,
+//! whose entries are kept, too ([`TransportMatrix::relight`]).
 //!
-//! [`TransportMatrix::trace`] is the plain way, for whatever traces single rays;
-//! [`crate::Tracer::trace_transport`] is that of an engine. [`known`] has the directions one by
-//! one, for scenes of which only a part has changed.
-
-pub mod known;
+//! [`TransportMatrix::trace`] is the CPU's way; [`crate::Tracer::trace_transport`] is that of any
+//! device.
 
 use super::EMISSION_THRESHOLD;
 use super::lights::Lights;
@@ -27,49 +24,54 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
-/// Target of a link that meets nothing, or an emitter. It is no index, and a finite float to those
-/// who store matrix as such.
+/// Entry of a direction that meets nothing, or that was not traced. It is no index.
 pub const NOTHING: u32 = 0x7f7f_ffff;
+
+/// Set in entries of emitters, beside the index of the Gaussian.
+pub const EMITTER: u32 = 1 << 31;
 
 /// Number of realizations: a power of two. What is left of the noise of a single edge is a
 /// sixteenth of a step at most; the trees of all realizations together take some 1 KiB for each
 /// Gaussian.
 pub const NUM_REALIZATIONS: u32 = 16;
 
-/// Points that are gathered for together: their rays take turns in the realizations of the scene,
-/// so that a realization's tree stays in a near cache.
+/// Receivers that are traced together: their rays take turns in the realizations of the scene, so
+/// that a realization's tree stays in a near cache.
 const TOGETHER: usize = 256;
 
-/// A Gaussian for which light is gathered, and where it arrives.
+/// A Gaussian whose irradiance is gathered, and where.
 pub type Receiver = (u32, Surface);
 
-/// How many directions are traced for each receiver.
+/// Numbers of directions traced for each receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Directions {
-    /// About the normal, at least 1.
-    pub plain: u32,
-    /// Towards emitters.
+    /// BSDF (cosine) samples, at least 1.
+    pub bsdf: u32,
+    /// Light samples.
     pub to_lights: u32,
 }
 
 impl Directions {
-    /// `num` directions, at least 1, one in `every` (at least 2) towards emitters.
+    /// `num` directions, at least 1, of which one in `every` (at least 2) is a light sample.
     pub fn divided(num: u32, every: u32) -> Self {
         let to_lights = num / every.max(2);
         Self {
-            plain: (num - to_lights).max(1),
+            bsdf: (num - to_lights).max(1),
             to_lights,
         }
     }
 }
 
-/// Light of emitters at receivers, and matrix to what else they see.
+/// Rows of a light-transport matrix, of some receivers.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TransportMatrix {
     /// Irradiance over π that comes from emitters, `[receivers]`.
     pub direct: Vec<Vec3>,
-    /// Indices of Gaussians, or [`NOTHING`], `[receivers, directions.plain]`.
+    /// Entries of BSDF samples, `[receivers, directions.bsdf]`: index of the Gaussian met first,
+    /// with [`EMITTER`] set if it emits, or [`NOTHING`].
     pub targets: Vec<u32>,
+    /// Entries of light samples, `[receivers, directions.to_lights]`.
+    pub light_targets: Vec<u32>,
     /// Rays traced.
     pub num_rays: u64,
 }
@@ -83,57 +85,137 @@ impl TransportMatrix {
         directions: Directions,
         key: RandomKey,
     ) -> Self {
-        let plain = directions.plain as usize;
-        let mut matrix = Self {
-            targets: vec![NOTHING; plain * receivers.len()],
-            ..Self::default()
+        let sampler = Sampler {
+            lights: scene.lights(),
+            directions,
+            key,
         };
-        let found: Vec<(Vec<Vec3>, u64)> = (matrix.targets)
-            .par_chunks_mut(plain * TOGETHER)
-            .zip(receivers.par_chunks(TOGETHER))
-            .map(|(targets, receivers)| {
-                let mut tracing = Tracing {
-                    scene,
-                    sampler: Sampler {
-                        lights: scene.lights(),
-                        directions,
-                        key,
-                    },
-                    num_rays: 0,
-                };
-                let direct = tracing.together(receivers, targets);
-                (direct, tracing.num_rays)
-            })
+        let groups: Vec<Self> = receivers
+            .par_chunks(TOGETHER)
+            .map(|receivers| Self::trace_group(scene, &sampler, receivers))
             .collect();
-        for (direct, num_rays) in found {
-            matrix.direct.extend(direct);
-            matrix.num_rays += num_rays;
+        let mut matrix = Self::default();
+        groups.into_iter().for_each(|group| matrix.append(group));
+        matrix
+    }
+
+    fn trace_group(scene: &CpuScene, sampler: &Sampler<'_>, receivers: &[Receiver]) -> Self {
+        let Directions { bsdf, to_lights } = sampler.directions;
+        let mut matrix = Self {
+            direct: vec![Vec3::ZERO; receivers.len()],
+            targets: vec![NOTHING; bsdf as usize * receivers.len()],
+            light_targets: vec![NOTHING; to_lights as usize * receivers.len()],
+            num_rays: 0,
+        };
+        for realization in 0..NUM_REALIZATIONS {
+            for (at, receiver) in receivers.iter().enumerate() {
+                for sample in sampler.samples(receiver, realization) {
+                    let Some(direction) = sampler.direction(receiver, sample) else {
+                        continue;
+                    };
+                    matrix.num_rays += 1;
+                    let surface = &receiver.1;
+                    let ray = surface.ray(direction);
+                    let Some(hit) = scene.realization_hit(&ray, realization) else {
+                        continue;
+                    };
+                    let attributes = scene.attributes(hit.index);
+                    let emits = attributes.0[lane::EMISSION] > EMISSION_THRESHOLD;
+                    *matrix.entry(at, sample, sampler.directions) = if emits {
+                        matrix.direct[at] +=
+                            attributes.radiance() * sampler.weight(surface, direction);
+                        hit.index | EMITTER
+                    } else {
+                        hit.index
+                    };
+                }
+            }
         }
         matrix
+    }
+
+    fn entry(&mut self, row: usize, sample: Sample, directions: Directions) -> &mut u32 {
+        match sample {
+            Sample::Bsdf(i) => &mut self.targets[row * directions.bsdf as usize + i as usize],
+            Sample::Light(i) => {
+                &mut self.light_targets[row * directions.to_lights as usize + i as usize]
+            }
+        }
     }
 
     /// Adds those of more receivers, traced in as many directions.
     pub fn append(&mut self, mut more: Self) {
         self.direct.append(&mut more.direct);
         self.targets.append(&mut more.targets);
+        self.light_targets.append(&mut more.light_targets);
         self.num_rays += more.num_rays;
     }
 
     /// Irradiance over π that reaches each receiver from the others alone, of the light that all
     /// Gaussians carry: `radiances`, `[n]`; that of emitters does not count.
     pub fn from_others(&self, directions: Directions, radiances: &[Vec3]) -> Vec<Vec3> {
-        let plain = directions.plain as usize;
+        let bsdf = directions.bsdf as usize;
+        // Neither `NOTHING` nor what has `EMITTER` is an index.
         let light = |target: &u32| radiances.get(*target as usize).copied();
         self.targets
-            .par_chunks_exact(plain)
+            .par_chunks_exact(bsdf)
             .with_min_len(1024)
-            .map(|matrix| matrix.iter().filter_map(light).sum::<Vec3>() / plain as f32)
+            .map(|targets| targets.iter().filter_map(light).sum::<Vec3>() / bsdf as f32)
             .collect()
+    }
+
+    /// Replaces [`Self::direct`] by that of emitters with other light, `radiances`, `[n]`. The
+    /// matrix has been traced for `receivers` in `directions` with random numbers of `key` and
+    /// `lights`, which still decide the weights: the mean is right, and the noise that of sampling
+    /// those lights. As [`Self::trace`] has it to the bit, if all lights have changed alike.
+    pub fn relight(
+        &mut self,
+        receivers: &[Receiver],
+        directions: Directions,
+        key: RandomKey,
+        lights: Option<&Lights>,
+        radiances: &[Vec3],
+    ) {
+        let sampler = Sampler {
+            lights,
+            directions,
+            key,
+        };
+        let (bsdf, to_lights) = (directions.bsdf as usize, directions.to_lights as usize);
+        let direct = receivers.par_iter().enumerate().with_min_len(64);
+        self.direct = direct
+            .map(|(at, receiver)| {
+                let targets = &self.targets[at * bsdf..][..bsdf];
+                let light_targets = &self.light_targets[at * to_lights..][..to_lights];
+                let mut direct = Vec3::ZERO;
+                for realization in 0..NUM_REALIZATIONS {
+                    for sample in sampler.samples(receiver, realization) {
+                        let target = match sample {
+                            Sample::Bsdf(i) => targets[i as usize],
+                            Sample::Light(i) => light_targets[i as usize],
+                        };
+                        if target & EMITTER != 0
+                            && let Some(direction) = sampler.direction(receiver, sample)
+                        {
+                            direct += radiances[(target & !EMITTER) as usize]
+                                * sampler.weight(&receiver.1, direction);
+                        }
+                    }
+                }
+                direct
+            })
+            .collect();
     }
 }
 
-/// What decides the directions of receivers, and what the light of an emitter that they find
-/// counts.
+/// Number of a direction among those of its kind.
+#[derive(Debug, Clone, Copy)]
+enum Sample {
+    Bsdf(u32),
+    Light(u32),
+}
+
+/// Directions of receivers, and weights of emitters that they meet.
 #[derive(Debug, Clone, Copy)]
 struct Sampler<'a> {
     lights: Option<&'a Lights>,
@@ -143,89 +225,50 @@ struct Sampler<'a> {
 
 impl Sampler<'_> {
     /// Random numbers of a receiver.
-    fn points(&self, element: u32) -> Points {
-        Points::new(self.key, element)
+    fn points(&self, (element, _): &Receiver) -> Points {
+        Points::new(self.key, *element)
     }
 
-    /// The samples of `num` that meet `realization`: those of a receiver take turns in the
-    /// realizations, and receivers begin with different ones.
-    fn turn(points: &Points, realization: u32, num: u32) -> impl Iterator<Item = u32> + use<> {
-        let first = realization.wrapping_sub(points.word(0)) % NUM_REALIZATIONS;
-        (first..num).step_by(NUM_REALIZATIONS as usize)
+    /// Samples of a receiver that meet `realization`: they take turns in the realizations, and
+    /// receivers begin with different ones.
+    fn samples(
+        &self,
+        receiver: &Receiver,
+        realization: u32,
+    ) -> impl Iterator<Item = Sample> + use<> {
+        let first = realization.wrapping_sub(self.points(receiver).word(0)) % NUM_REALIZATIONS;
+        let turn = move |num: u32| (first..num).step_by(NUM_REALIZATIONS as usize);
+        let Directions { bsdf, to_lights } = self.directions;
+        (turn(bsdf).map(Sample::Bsdf)).chain(turn(to_lights).map(Sample::Light))
     }
 
-    /// A direction about the normal.
-    fn plain(&self, surface: &Surface, points: &Points, sample: u32) -> Vec3 {
-        let [a, b, ..] = points.block(sample, 0);
-        cosine_direction(surface.normal, a, b)
+    /// A direction; `None` for a light sample below the surface, or without lights.
+    fn direction(&self, receiver: &Receiver, sample: Sample) -> Option<Vec3> {
+        let surface = &receiver.1;
+        let points = self.points(receiver);
+        match sample {
+            Sample::Bsdf(i) => {
+                let [a, b, ..] = points.block(i, 0);
+                Some(cosine_direction(surface.normal, a, b))
+            }
+            Sample::Light(i) => {
+                let [pick, a, b, _] = points.block(i, 1);
+                (self.lights)
+                    .and_then(|lights| lights.sample(surface.position, pick, a, b))
+                    .filter(|direction| direction.dot(surface.normal) > 0.0)
+            }
+        }
     }
 
-    /// A direction towards an emitter, if there is one and it is above the surface.
-    fn towards_light(&self, surface: &Surface, points: &Points, sample: u32) -> Option<Vec3> {
-        let [pick, a, b, _] = points.block(sample, 1);
-        (self.lights)
-            .and_then(|lights| lights.sample(surface.position, pick, a, b))
-            .filter(|direction| direction.dot(surface.normal) > 0.0)
-    }
-
-    /// What radiance counts that a direction found at an emitter: q / (n q + m p), for n directions
-    /// of density q and m of density p.
+    /// Weight of an emitter's radiance that a direction found: q / (n q + m p), for n BSDF samples
+    /// of density q and m light samples of density p.
     fn weight(&self, surface: &Surface, direction: Vec3) -> f32 {
         let density = |lights: &Lights| lights.density(surface.position, direction);
         let (q, p) = (
             direction.dot(surface.normal) * FRAC_1_PI,
             self.lights.map_or(0.0, density),
         );
-        let all = self.directions.plain as f32 * q + self.directions.to_lights as f32 * p;
+        let all = self.directions.bsdf as f32 * q + self.directions.to_lights as f32 * p;
         q / all
-    }
-}
-
-struct Tracing<'a> {
-    scene: &'a CpuScene,
-    sampler: Sampler<'a>,
-    num_rays: u64,
-}
-
-impl Tracing<'_> {
-    /// Light of emitters at each of `receivers`; fills in their `targets`.
-    fn together(&mut self, receivers: &[Receiver], targets: &mut [u32]) -> Vec<Vec3> {
-        let mut direct = vec![Vec3::ZERO; receivers.len()];
-        let Directions { plain, to_lights } = self.sampler.directions;
-        for realization in 0..NUM_REALIZATIONS {
-            for (at, (element, surface)) in receivers.iter().enumerate() {
-                let points = self.sampler.points(*element);
-                for sample in Sampler::turn(&points, realization, plain) {
-                    let direction = self.sampler.plain(surface, &points, sample);
-                    let (target, light) = self.follow(surface, direction, realization);
-                    targets[at * plain as usize + sample as usize] = target;
-                    direct[at] += light;
-                }
-                for sample in Sampler::turn(&points, realization, to_lights) {
-                    let direction = self.sampler.towards_light(surface, &points, sample);
-                    if let Some(direction) = direction {
-                        direct[at] += self.follow(surface, direction, realization).1;
-                    }
-                }
-            }
-        }
-        direct
-    }
-
-    /// Follows a direction: the target of a link, or the light of an emitter.
-    fn follow(&mut self, surface: &Surface, direction: Vec3, realization: u32) -> (u32, Vec3) {
-        self.num_rays += 1;
-        let Some(hit) = self
-            .scene
-            .realization_hit(&surface.ray(direction), realization)
-        else {
-            return (NOTHING, Vec3::ZERO);
-        };
-        let attributes = self.scene.attributes(hit.index);
-        if attributes.0[lane::EMISSION] <= EMISSION_THRESHOLD {
-            return (hit.index, Vec3::ZERO);
-        }
-        let weight = self.sampler.weight(surface, direction);
-        (NOTHING, attributes.radiance() * weight)
     }
 }

@@ -43,7 +43,7 @@ impl GaussianIrradiance {
         }
         let seen = (0..)
             .zip(best.finish())
-            .filter_map(|(i, found)| Some((i, found?.surface)))
+            .filter_map(|(i, found)| Some((i, found?)))
             .collect();
         Ok(Self {
             seen,

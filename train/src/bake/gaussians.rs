@@ -2,36 +2,34 @@
 //!
 //! The light of a scene of diffuse surfaces solves `L = L_e + ρ/π ∫ L cos θ dω`. Its Neumann series
 //! is light sorted by bounces, `L = L_e + T L_e + T² L_e + …` (Kajiya 1986, section 3), and here
-//! every term is kept where light lives anyway, on the Gaussians. Rays are traced once: they say
-//! how much light of emitters reaches each Gaussian, and which other Gaussians it sees
-//! ([`eagpt_trace::transport::matrix`]). That is the first term, and the matrix T of all further
-//! ones: a bounce more is a product of it with a vector. After b bounces the scene carries the
-//! light of paths of at most b bounces.
+//! every term is kept on the Gaussians. Rays are traced once: they give the light of emitters that
+//! reaches each Gaussian, and which other Gaussians it sees ([`eagpt_trace::transport::matrix`]).
+//! That is the first term, and the matrix T of all further ones: a bounce more is a product of it
+//! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 
-use super::{Bake, BakeProgress, with_emitters};
+use super::transport::{self, TracedTransport, TransportKey};
+use super::{Bake, BakeProgress, digest, with_emitters};
 use crate::error::{Result, TrainError};
-use crate::sealed::Kind;
-use crate::surfaces::{self, BestSeen, Seen};
+use crate::surfaces::{self, BestSeen};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, SceneError};
+use eagpt_scene::{SceneError, files};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
+use eagpt_trace::transport::matrix::{Directions, Receiver, TransportMatrix};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Gaussians gathered for between two looks at whether the work shall stop.
-pub(super) const AT_ONCE: usize = 4096;
-/// In place of a camera's number: none sees it.
-pub(super) const LONE: u32 = NOTHING;
+/// Receivers traced between two looks at whether the work shall stop.
+const PIECE: usize = 4096;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
 
 /// Options of [`super::BakeMethod::Gaussians`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GaussianBake {
-    /// Directions traced at each Gaussian, at least 1: half of them look for emitters, the others
+    /// Directions traced at each Gaussian, at least 1: half of them are light samples, the others
     /// serve all bounces.
     pub num_samples: u32,
 }
@@ -69,17 +67,17 @@ impl Series {
         albedos: &[Vec3],
         receivers: &[Receiver],
         matrix: &TransportMatrix,
-        rays: Directions,
+        directions: Directions,
     ) {
         let gathered;
-        let arriving = if self.bounce == 0 {
+        let irradiance = if self.bounce == 0 {
             &matrix.direct
         } else {
-            gathered = matrix.from_others(rays, &self.last);
+            gathered = matrix.from_others(directions, &self.last);
             &gathered
         };
         self.last.fill(Vec3::ZERO);
-        for ((i, _), light) in receivers.iter().zip(arriving) {
+        for ((i, _), light) in receivers.iter().zip(irradiance) {
             let i = *i as usize;
             self.last[i] = albedos[i] * *light;
             self.total[i] += self.last[i];
@@ -94,37 +92,26 @@ impl Series {
     }
 }
 
-/// File of the state in the work folder.
-pub(super) const STATE: &str = "matrix.state";
-
-const KIND: Kind = Kind {
-    magic: b"EAGPTBAK",
-    version: 2,
-    noun: "state",
-};
-
-#[derive(Serialize, Deserialize)]
-struct Header {
-    num_receivers: usize,
-    directions: u32,
-}
+/// File of the traced rows in the work folder.
+pub(super) const STATE: &str = "transport.state";
 
 impl Bake<'_> {
     /// Radiances of all Gaussians, or `None` if it was stopped from outside.
     pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
-        let rays = method.directions();
-        self.check_memory(rays)?;
+        let directions = method.directions();
+        self.check_memory(directions)?;
         let tracer = self.request.device.scene(&self.scene)?;
-        let found = match &self.request.matrix {
-            Some(path) => self.relink(&*tracer, rays, path)?,
-            None => self.link(&*tracer, rays)?,
-        };
-        let Some((receivers, matrix)) = found else {
+        let Some(traced) = self.trace(&*tracer, directions)? else {
             return Ok(None);
         };
         let mut series = Series::new(self.scene.len());
         while series.bounce < self.request.options.max_bounces {
-            series.add(&self.scene.albedos, &receivers, &matrix, rays);
+            series.add(
+                &self.scene.albedos,
+                &traced.receivers,
+                &traced.matrix,
+                directions,
+            );
             (self.progress)(BakeProgress::Bounced {
                 bounce: series.bounce,
                 share: series.share(),
@@ -133,31 +120,15 @@ impl Bake<'_> {
         Ok(Some(with_emitters(&self.scene, &series.total)))
     }
 
-    /// All receivers and their matrix; `None` if it was stopped.
-    fn link(
-        &mut self,
-        tracer: &dyn Tracer,
-        rays: Directions,
-    ) -> Result<Option<(Vec<Receiver>, TransportMatrix)>> {
-        let reflecting: Vec<u32> = self.reflecting().collect();
-        let Some(seen) = self.look(tracer, &self.cameras())? else {
-            return Ok(None);
+    fn check_memory(&self, directions: Directions) -> Result<()> {
+        // Beside the entries, a copy and the bytes of a file that is written.
+        let copies = if self.request.transport.is_some() {
+            3
+        } else {
+            1
         };
-        let places = self.places(tracer, &reflecting, &seen)?;
-        let receivers = places.into_iter().map(|(i, seen)| (i, seen.surface));
-        let receivers: Vec<Receiver> = receivers.collect();
-        let matrix = self.trace_transport(tracer, &receivers, rays)?;
-        Ok(matrix.map(|matrix| (receivers, matrix)))
-    }
-
-    fn check_memory(&self, rays: Directions) -> Result<()> {
-        // TransportMatrix that are kept have targets and weights of all directions, which are
-        // copied on the way to their file.
-        let num_values = match self.request.matrix {
-            Some(_) => 5 * (rays.plain + rays.to_lights),
-            None => rays.plain,
-        };
-        let needed = self.scene.len() as u64 * u64::from(num_values) * 4;
+        let entries = u64::from(directions.bsdf + directions.to_lights);
+        let needed = copies * self.scene.len() as u64 * entries * 4;
         match available_memory() {
             Some(available) if needed > available / 2 => Err(TrainError::Memory {
                 needed_mib: needed >> 20,
@@ -168,128 +139,126 @@ impl Bake<'_> {
         }
     }
 
-    /// The matrix of all `receivers`, piece by piece; `None` if it was stopped.
-    fn trace_transport(
+    /// All rows of the transport matrix, traced here or in an earlier process; `None` if it was
+    /// stopped.
+    fn trace(
         &mut self,
         tracer: &dyn Tracer,
-        receivers: &[Receiver],
-        rays: Directions,
-    ) -> Result<Option<TransportMatrix>> {
-        let mut matrix = self.taken_up(receivers.len(), rays)?;
+        directions: Directions,
+    ) -> Result<Option<TracedTransport>> {
+        let path = match &self.request.transport {
+            Some(path) => path.clone(),
+            None => self.request.work.join(STATE),
+        };
+        let cameras = files::read(self.dataset.transforms())?;
+        let key = TransportKey {
+            geometry: transport::geometry(&self.scene),
+            cameras: digest(&cameras),
+            views: self.frames.clone(),
+            directions: [directions.bsdf, directions.to_lights],
+            seed: self.request.options.seed,
+        };
+        let traced = match self.traced_before(&path, &key)? {
+            Some(traced) => traced,
+            None => match self.receivers(tracer)? {
+                Some(receivers) => TracedTransport::new(key, &self.scene, receivers),
+                None => return Ok(None),
+            },
+        };
+        self.trace_rows(tracer, traced, directions, &path)
+    }
+
+    /// Rows that an earlier bake has left at `path`, if they are of use for this one; all of them
+    /// with the light of the emitters as they are now.
+    fn traced_before(
+        &mut self,
+        path: &Path,
+        key: &TransportKey,
+    ) -> Result<Option<TracedTransport>> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let mut traced = TracedTransport::read(path)?;
+        let problem = if traced.key != *key {
+            format!("rays of {}", traced.key.differences(key))
+        } else if !traced.fits(&self.scene) {
+            return Err(SceneError::invalid(path, "entries", "the file is damaged").into());
+        } else if traced.relight(&self.scene, self.key()) {
+            return Ok(Some(traced));
+        } else {
+            "light samples of emitters with another light".to_owned()
+        };
+        let text = format!("{}: {problem}: all are traced anew", path.display());
+        (self.progress)(BakeProgress::Warning { text });
+        Ok(None)
+    }
+
+    /// Traces the rows that are not in `traced`, piece by piece; `None` if it was stopped.
+    fn trace_rows(
+        &mut self,
+        tracer: &dyn Tracer,
+        mut traced: TracedTransport,
+        directions: Directions,
+        path: &Path,
+    ) -> Result<Option<TracedTransport>> {
         let key = self.key();
-        let total = receivers.len();
+        let total = traced.receivers.len();
+        let num_before = traced.num_rows();
         let mut stored = Instant::now();
         loop {
-            let done = matrix.direct.len();
+            let done = traced.num_rows();
             (self.progress)(BakeProgress::Gathering { done, total });
-            if done == total {
-                self.num_rays += matrix.num_rays;
-                return Ok(Some(matrix));
+            let is_whole = done == total;
+            if is_whole && (done == num_before || self.request.transport.is_none()) {
+                break;
             }
-            if self.stopped() {
-                self.store(&matrix, rays)?;
-                return Ok(None);
-            }
-            if stored.elapsed() > STORE_EVERY {
-                self.store(&matrix, rays)?;
+            if is_whole || self.stopped() || stored.elapsed() > STORE_EVERY {
+                traced.write(path)?;
                 stored = Instant::now();
             }
-            let piece = &receivers[done..total.min(done + AT_ONCE)];
-            match tracer.trace_transport(piece, rays, key) {
-                Ok(more) => matrix.append(more),
+            if is_whole {
+                break;
+            }
+            if self.stopped() {
+                return Ok(None);
+            }
+            let piece = &traced.receivers[done..total.min(done + PIECE)];
+            match tracer.trace_transport(piece, directions, key) {
+                Ok(more) => traced.matrix.append(more),
                 Err(error) => {
-                    self.store(&matrix, rays)?;
+                    traced.write(path)?;
                     return Err(error.into());
                 }
             }
         }
+        self.num_rays += traced.matrix.num_rays;
+        Ok(Some(traced))
     }
 
-    /// Of the random numbers of all directions.
-    pub(super) fn key(&self) -> RandomKey {
+    /// Key of the random numbers of all directions.
+    fn key(&self) -> RandomKey {
         RandomKey::new(self.request.options.seed, Purpose::Bake, 1)
     }
 
-    /// Cameras of the views to bake for.
-    pub(super) fn cameras(&self) -> Vec<Camera> {
-        let frames = self.dataset.frames();
-        self.frames.iter().map(|&i| frames[i].camera).collect()
-    }
-
-    /// Each Gaussian as one of `cameras` sees it best; `None` if it was stopped.
-    pub(super) fn look(
-        &mut self,
-        tracer: &dyn Tracer,
-        cameras: &[Camera],
-    ) -> Result<Option<Vec<Option<Seen>>>> {
-        let total = cameras.len();
+    /// All Gaussians that reflect, and where light is gathered for them: where a camera sees them
+    /// best, or, of those that no camera sees, which still light others, on their own plane. `None`
+    /// if it was stopped.
+    fn receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Vec<Receiver>>> {
+        let total = self.frames.len();
         let mut best = BestSeen::new(self.scene.len());
-        for (done, camera) in (1..).zip(cameras) {
+        for (done, &frame) in (1..).zip(&self.frames) {
             if self.stopped() {
                 return Ok(None);
             }
-            best.look(tracer, camera)?;
+            best.look(tracer, &self.dataset.frames()[frame].camera)?;
             (self.progress)(BakeProgress::Looking { done, total });
         }
-        Ok(Some(best.finish()))
-    }
-
-    /// Where light arrives for the Gaussians `wanted`: where they are `seen`, or, of those that no
-    /// camera sees, which still light others, on their own plane. Camera [`LONE`] sees these, with
-    /// no weight.
-    pub(super) fn places(
-        &self,
-        tracer: &dyn Tracer,
-        wanted: &[u32],
-        seen: &[Option<Seen>],
-    ) -> Result<Vec<(u32, Seen)>> {
-        let wanted = wanted.iter().map(|&i| (i, seen[i as usize]));
-        let unseen = wanted.clone().filter(|(_, seen)| seen.is_none());
-        let unseen = unseen.map(|(i, _)| self.scene.get(i as usize));
+        let seen = best.finish();
+        let unseen = self.reflecting().filter(|&i| seen[i as usize].is_none());
+        let unseen = unseen.map(|i| self.scene.get(i as usize));
         let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
-        let mut alone = || Seen {
-            surface: lone.next().expect("one for each that is not seen"),
-            weight: 0.0,
-            camera: LONE,
-        };
-        Ok(wanted
-            .map(|(i, seen)| (i, seen.unwrap_or_else(&mut alone)))
-            .collect())
-    }
-
-    fn store(&self, matrix: &TransportMatrix, rays: Directions) -> Result<()> {
-        let header = Header {
-            num_receivers: matrix.direct.len(),
-            directions: rays.plain,
-        };
-        let direct: Vec<f32> = matrix.direct.iter().flat_map(Vec3::to_array).collect();
-        let targets: Vec<f32> = matrix.targets.iter().map(|&i| f32::from_bits(i)).collect();
-        let path = self.request.work.join(STATE);
-        KIND.write(&path, &header, &[&direct, &targets])
-    }
-
-    /// The matrix that an earlier process left, or none.
-    fn taken_up(&self, num_receivers: usize, rays: Directions) -> Result<TransportMatrix> {
-        let path = self.request.work.join(STATE);
-        if !path.exists() {
-            return Ok(TransportMatrix::default());
-        }
-        let (header, values): (Header, _) = KIND.read(&path)?;
-        let num = header.num_receivers;
-        let num_direct = 3 * num;
-        let fits = num <= num_receivers
-            && header.directions == rays.plain
-            && values.len() == num_direct + num * rays.plain as usize;
-        if !fits {
-            return Err(SceneError::invalid(&path, "arrays", "the state is damaged").into());
-        }
-        let (direct, targets) = values.split_at(num_direct);
-        let (triples, _) = direct.as_chunks::<3>();
-        Ok(TransportMatrix {
-            direct: triples.iter().map(|t| Vec3::from_array(*t)).collect(),
-            targets: targets.iter().map(|i| i.to_bits()).collect(),
-            num_rays: 0,
-        })
+        let surface = |i: u32| seen[i as usize].or_else(|| lone.next()).map(|s| (i, s));
+        Ok(Some(self.reflecting().filter_map(surface).collect()))
     }
 }
 
@@ -329,7 +298,7 @@ mod tests {
             })
             .collect();
         let rays = Directions {
-            plain: 32,
+            bsdf: 32,
             to_lights: 16,
         };
         let key = RandomKey::new(1, Purpose::Bake, 1);

@@ -1,0 +1,278 @@
+//! The traced part of a bake, kept on disk: receivers and their rows of the transport matrix.
+//!
+//! One rule says what a file is good for. Rays depend on the geometry (positions, scales,
+//! rotations, opacities), on which Gaussians emit, and on cameras, samples and seed. As long as all
+//! of these are the same to the bit, the rays are; everything else is traced anew. Albedos are not
+//! among them, nor is the light of emitters: new light of the same emitters is weighted as light of
+//! those that directions were chosen for ([`TransportMatrix::relight`]). Light samples are shared
+//! among emitters by their power, so that an emitter that has become much brighter beside others
+//! would be sampled too little: then, too, all is traced anew.
+//!
+//! The same file holds a bake under way, with the rows done so far.
+
+use super::{digest, emits};
+use crate::error::Result;
+use crate::sealed::Kind;
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Gaussian, Gaussians, SceneError};
+use eagpt_trace::transport::lights::{self, Lights};
+use eagpt_trace::transport::matrix::{Directions, EMITTER, NOTHING, Receiver, TransportMatrix};
+use eagpt_trace::transport::start::Surface;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Light samples are kept as long as no emitter has more than this times the share of the light
+/// that it had when they were chosen. The noise that it adds is at most that of as many times fewer
+/// samples.
+const MAX_UNDERRATED: f64 = 4.0;
+
+const KIND: Kind = Kind {
+    magic: b"EAGPTTRA",
+    version: 1,
+    noun: "transport matrix",
+};
+
+/// Everything that decides rays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct TransportKey {
+    /// Digest of the geometry and of which Gaussians emit.
+    pub(super) geometry: String,
+    /// Digest of the cameras' file.
+    pub(super) cameras: String,
+    /// Indices of its views.
+    pub(super) views: Vec<usize>,
+    /// BSDF samples and light samples.
+    pub(super) directions: [u32; 2],
+    /// Seed of the random numbers.
+    pub(super) seed: u64,
+}
+
+impl TransportKey {
+    /// In what `other` differs, in words; empty if in nothing.
+    pub(super) fn differences(&self, other: &Self) -> String {
+        let differs = [
+            (self.geometry != other.geometry).then_some("another geometry"),
+            ((&self.cameras, &self.views) != (&other.cameras, &other.views))
+                .then_some("other cameras"),
+            (self.directions != other.directions).then_some("other samples"),
+            (self.seed != other.seed).then_some("another seed"),
+        ];
+        let differs: Vec<&str> = differs.into_iter().flatten().collect();
+        differs.join(" and ")
+    }
+}
+
+/// Digest of all that rays meet: positions, scales, rotations, opacities, and what emits.
+pub(super) fn geometry(scene: &Gaussians) -> String {
+    let mut bytes = Vec::with_capacity(41 * scene.len());
+    for g in scene.iter() {
+        let numbers = g.position.to_array().into_iter().chain(g.scale.to_array());
+        let numbers = numbers.chain(g.rotation.to_array()).chain([g.opacity]);
+        numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+        bytes.push(u8::from(emits(g.emission)));
+    }
+    digest(&bytes)
+}
+
+/// Radiance and emission of an emitter.
+type EmitterLight = [f32; 4];
+
+/// Receivers, and as many rows of their matrix as are traced.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct TracedTransport {
+    pub(super) key: TransportKey,
+    /// Light of the emitters that light samples were chosen for, in the order of their indices.
+    lights: Vec<EmitterLight>,
+    pub(super) receivers: Vec<Receiver>,
+    pub(super) matrix: TransportMatrix,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    key: TransportKey,
+    num_lights: usize,
+    num_receivers: usize,
+    num_rows: usize,
+}
+
+/// Values of a receiver: index, position, normal, offset.
+const RECEIVER: usize = 8;
+
+impl TracedTransport {
+    /// Nothing traced yet for `receivers` of `scene`.
+    pub(super) fn new(key: TransportKey, scene: &Gaussians, receivers: Vec<Receiver>) -> Self {
+        Self {
+            key,
+            lights: emitters(scene).map(|g| light(&g)).collect(),
+            receivers,
+            matrix: TransportMatrix::default(),
+        }
+    }
+
+    pub(super) fn num_rows(&self) -> usize {
+        self.matrix.direct.len()
+    }
+
+    fn directions(&self) -> Directions {
+        let [bsdf, to_lights] = self.key.directions;
+        Directions { bsdf, to_lights }
+    }
+
+    /// Whether light samples suit the light of the emitters of `scene`, whose geometry is the same.
+    fn suits(&self, scene: &Gaussians) -> bool {
+        let now: Vec<f64> = emitters(scene).map(|g| lights::power(&g)).collect();
+        let then: Vec<f64> = self.sampled(scene).map(|g| lights::power(&g)).collect();
+        let (total_now, total_then) = (now.iter().sum::<f64>(), then.iter().sum::<f64>());
+        (now.iter().zip(&then))
+            .all(|(now, then)| now / total_now <= MAX_UNDERRATED * (then / total_then))
+    }
+
+    /// Gives the rows, traced with random numbers of `key`, the light of the emitters of `scene`,
+    /// whose geometry is the same; `false` if they are of no use for that light. Rows that are not
+    /// all there are only for the light that they were begun with.
+    pub(super) fn relight(&mut self, scene: &Gaussians, key: RandomKey) -> bool {
+        if emitters(scene)
+            .map(|g| light(&g))
+            .eq(self.lights.iter().copied())
+        {
+            return true;
+        }
+        if self.num_rows() < self.receivers.len() || !self.suits(scene) {
+            return false;
+        }
+        let sampled: Gaussians = self.sampled(scene).collect();
+        self.matrix.relight(
+            &self.receivers,
+            self.directions(),
+            key,
+            Lights::new(&sampled).as_ref(),
+            &scene.radiances,
+        );
+        true
+    }
+
+    /// The emitters of `scene` with the light that light samples were chosen for.
+    fn sampled(&self, scene: &Gaussians) -> impl Iterator<Item = Gaussian> {
+        emitters(scene)
+            .zip(&self.lights)
+            .map(|(g, &[r, green, b, emission])| Gaussian {
+                radiance: Vec3::new(r, green, b),
+                emission,
+                ..g
+            })
+    }
+
+    /// Writes the file at `path`.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(super) fn write(&self, path: &Path) -> Result<()> {
+        let header = Header {
+            key: self.key.clone(),
+            num_lights: self.lights.len(),
+            num_receivers: self.receivers.len(),
+            num_rows: self.num_rows(),
+        };
+        let receivers: Vec<f32> = (self.receivers.iter())
+            .flat_map(|(index, surface)| {
+                let [x, y, z] = surface.position.to_array();
+                let [u, v, w] = surface.normal.to_array();
+                [f32::from_bits(*index), x, y, z, u, v, w, surface.offset]
+            })
+            .collect();
+        let direct: Vec<f32> = self.matrix.direct.iter().flat_map(Vec3::to_array).collect();
+        let floats = |of: &[u32]| of.iter().map(|&i| f32::from_bits(i)).collect::<Vec<f32>>();
+        let targets = floats(&self.matrix.targets);
+        let light_targets = floats(&self.matrix.light_targets);
+        KIND.write(
+            path,
+            &header,
+            &[
+                self.lights.as_flattened(),
+                &receivers,
+                &direct,
+                &targets,
+                &light_targets,
+            ],
+        )
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let (header, values): (Header, _) = KIND.read(path)?;
+        let damaged = || SceneError::invalid(path, "arrays", "the transport matrix is damaged");
+        let [bsdf, to_lights] = header.key.directions.map(|num| num as usize);
+        let lengths = [
+            header.num_lights.checked_mul(4),
+            header.num_receivers.checked_mul(RECEIVER),
+            header.num_rows.checked_mul(3),
+            header.num_rows.checked_mul(bsdf),
+            header.num_rows.checked_mul(to_lights),
+        ];
+        let mut rest = values.as_slice();
+        let mut arrays = [&rest[..0]; 5];
+        for (array, length) in arrays.iter_mut().zip(lengths) {
+            (*array, rest) = length
+                .and_then(|length| rest.split_at_checked(length))
+                .ok_or_else(damaged)?;
+        }
+        let [lights, receivers, direct, targets, light_targets] = arrays;
+        let bits = |of: &[f32]| of.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
+        let traced = Self {
+            key: header.key,
+            lights: lights.as_chunks().0.to_vec(),
+            receivers: receivers.as_chunks().0.iter().map(receiver).collect(),
+            matrix: TransportMatrix {
+                direct: direct
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|l| Vec3::from_array(*l))
+                    .collect(),
+                targets: bits(targets),
+                light_targets: bits(light_targets),
+                num_rays: 0,
+            },
+        };
+        if !rest.is_empty() || header.num_rows > header.num_receivers {
+            return Err(damaged().into());
+        }
+        Ok(traced)
+    }
+
+    /// Whether all indices are of Gaussians of `scene`, and there is light for each emitter.
+    pub(super) fn fits(&self, scene: &Gaussians) -> bool {
+        let is_index = |i: u32| (i as usize) < scene.len();
+        let is_emitter = |i: u32| is_index(i) && emits(scene.emissions[i as usize]);
+        let is_target = |&target: &u32| match target & EMITTER {
+            0 => target == NOTHING || is_index(target),
+            _ => is_emitter(target & !EMITTER),
+        };
+        self.lights.len() == emitters(scene).count()
+            && self.receivers.iter().all(|(index, _)| is_index(*index))
+            && self.matrix.targets.iter().all(is_target)
+            && self.matrix.light_targets.iter().all(is_target)
+    }
+}
+
+fn receiver(&[index, x, y, z, u, v, w, offset]: &[f32; RECEIVER]) -> Receiver {
+    let surface = Surface {
+        position: Vec3::new(x, y, z),
+        normal: Vec3::new(u, v, w),
+        offset,
+    };
+    (index.to_bits(), surface)
+}
+
+fn emitters(scene: &Gaussians) -> impl Iterator<Item = Gaussian> {
+    scene.iter().filter(|g| emits(g.emission))
+}
+
+fn light(g: &Gaussian) -> EmitterLight {
+    let [r, green, b] = g.radiance.to_array();
+    [r, green, b, g.emission]
+}
