@@ -8,7 +8,6 @@
 @group(0) @binding(1) var<uniform> light: LightParameters;
 @group(0) @binding(6) var<storage, read> rays: array<RayQuery>;
 @group(0) @binding(7) var<storage, read_write> ray_features: array<Lanes>;
-@group(0) @binding(8) var<storage, read_write> chosen: array<u32>;
 
 @compute @workgroup_size(GROUP_SIZE)
 fn blend_rays(
@@ -31,17 +30,5 @@ fn sample_rays(
     let number = light.start_pixel + invocation_number(workgroup, workgroups, thread);
     if number < light.end_pixel && rays[number].is_idle == 0u {
         ray_features[number] = sample_ray(light.scene_root, ray_of(rays[number]), rays[number].seed);
-    }
-}
-
-@compute @workgroup_size(GROUP_SIZE)
-fn choose_hits(
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) workgroups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let number = light.start_pixel + invocation_number(workgroup, workgroups, thread);
-    if number < light.end_pixel {
-        chosen[number] = sample_hit(light.scene_root, ray_of(rays[number]), rays[number].seed);
     }
 }

@@ -18,7 +18,7 @@ fn inside_view() -> Camera {
     look_at(DVec3::ZERO, DVec3::new(0.2, -1.0, -0.6), 12, 12)
 }
 
-/// What is used where nothing is said.
+/// The default options.
 const PLAIN: (Sampling, Hits) = (Sampling::NextEvent, Hits::Blended);
 
 fn path(num_samples: u32, max_bounces: u32) -> Integrator {
@@ -70,7 +70,7 @@ fn one_bounce_in_a_furnace_shows_the_albedo() {
     assert_eq!(view.num_rays, 8 * 144);
 }
 
-/// What several renderings of one scene say together.
+/// Mean and error of several renderings of one scene.
 struct Runs {
     /// Mean of the green channel, `[pixels]`.
     means: Vec<f64>,

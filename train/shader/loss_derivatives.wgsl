@@ -72,7 +72,7 @@ fn derivative(pixel: u32) -> Lanes {
     );
 }
 
-// What is a derivative by the mean of a pixel's rays, by each of them.
+// Turns a derivative by the mean of a pixel's rays into one by each of them.
 fn share_out(pixel: u32, d: Lanes) {
     let n = loss.rays_per_axis;
     let num = f32(n * n);

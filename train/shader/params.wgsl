@@ -226,8 +226,8 @@ fn adam_step(
     put_gaussian(index);
 }
 
-// What is traced, before the first step: as every step leaves it, to the bit, not as the host would
-// put it.
+// The Gaussians before the first step, bit-identical to those that steps leave; the host would round
+// otherwise.
 @compute @workgroup_size(GROUP_SIZE)
 fn activate(
     @builtin(workgroup_id) workgroup: vec3u,

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 /// Hits of a chunk of the record.
 pub(super) const CHUNK_HITS: u32 = 16;
-/// Words of a chunk: a link, and three for each hit.
+/// Words of a chunk: the place of the one before it, and three for each hit.
 pub(super) const CHUNK_WORDS: u32 = 1 + 3 * CHUNK_HITS;
 /// Words of the record for each pixel beside its chunks.
 pub(super) const PIXEL_WORDS: u32 = 2;
@@ -78,7 +78,7 @@ impl Adjoint {
             ..capacity
         };
         let num_surfels = scene.num_surfels();
-        let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
+        let num_rows = u64::from(bins.capacity).min(device.max_bytes() / ROW_BYTES);
         let num_hits = u64::from(capacity.chunks) * u64::from(CHUNK_HITS);
         let num_pixels = u64::from(width) * u64::from(capacity.rows.min(height));
         let of_places = |what, size: u64| device.buffer(what, size * u64::from(bins.capacity));
@@ -144,7 +144,7 @@ impl Adjoint {
         })
     }
 
-    /// What Gaussians contribute, read back, without those that contribute nothing; the features of
+    /// Contributions of Gaussians, read back, without those that contribute nothing; the features of
     /// each pixel, row by row, go to `pixels`.
     pub(super) fn contributions(
         &self,
@@ -249,7 +249,7 @@ impl WholeImage<'_> {
         &self.adjoint.record.gradients
     }
 
-    /// What fits.
+    /// Capacities of its buffers.
     pub(super) fn capacity(&self) -> Capacity {
         self.adjoint.capacity
     }

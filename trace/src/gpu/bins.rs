@@ -226,7 +226,7 @@ impl BinBuffers {
         self.by_distance.sorted().1
     }
 
-    /// Whether it is for cameras of the size of `camera` and this many Gaussians.
+    /// True for cameras of the size of `camera` and this many Gaussians.
     pub(super) fn fits(&self, camera: &Camera, num_surfels: u32) -> bool {
         self.size == (camera.width, camera.height) && self.num_surfels == num_surfels
     }
@@ -258,7 +258,7 @@ impl BinBuffers {
         commands.clear_buffer(&self.counters, offset, Some(size_of::<u32>() as u64));
     }
 
-    /// What the work submitted so far has counted. Waits for the device.
+    /// Counters after the work submitted so far. Waits for the device.
     pub(super) fn counters(&self, device: &Device) -> Result<Counters, GpuError> {
         let read = device.read::<Counters>(&self.counters, 0..1)?;
         Ok(read.first().copied().unwrap_or_default())

@@ -45,7 +45,7 @@ impl Band {
 /// Rows of pixels whose features fit into one buffer, whole rows of tiles.
 fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {
     let row_bytes = u64::from(width) * size_of::<Features>() as u64;
-    let rows = device.tier().max_bytes() / row_bytes.max(1);
+    let rows = device.max_bytes() / row_bytes.max(1);
     let rows = u32::try_from(rows).unwrap_or(u32::MAX) / TILE * TILE;
     rows.clamp(TILE, height.next_multiple_of(TILE))
 }

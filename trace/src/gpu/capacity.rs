@@ -90,7 +90,7 @@ impl Capacity {
 
     /// Fewer rows, as many as fit into a buffer of `device` if they need as many chunks each.
     pub(super) fn within(mut self, device: &Device, width: u32) -> Result<Self, GpuError> {
-        let limit = device.tier().max_bytes();
+        let limit = device.max_bytes();
         while self.record_bytes(width) > limit {
             if self.rows == TILE {
                 return Err(GpuError::Limit {

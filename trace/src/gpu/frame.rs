@@ -21,9 +21,9 @@ pub struct Frame {
     /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by
     /// [`GpuScene::forward`].
     pub attributes: wgpu::Buffer,
-    /// [`Counters`]: where more was needed than fits, what was traced is worth nothing.
+    /// [`Counters`]: where more was needed than fits, the results are worth nothing.
     pub counters: wgpu::Buffer,
-    /// What fits.
+    /// Capacities of its buffers.
     pub capacity: Capacity,
 }
 
@@ -58,7 +58,7 @@ impl GpuScene {
     /// of its pixels.
     ///
     /// # Errors
-    /// If the device gives up, or has not enough memory.
+    /// If the device fails, or has not enough memory.
     pub fn frame(&self, camera: &Camera) -> Result<Option<Frame>, GpuError> {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
@@ -81,7 +81,7 @@ impl GpuScene {
     /// Traces `camera` into its [`Frame`], without waiting. Nothing happens where it has none.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn forward(&self, camera: &Camera) -> Result<(), GpuError> {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
@@ -95,7 +95,7 @@ impl GpuScene {
     /// without waiting.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn backward(&self, camera: &Camera) -> Result<(), GpuError> {
         let mut views = self.views();
         let (_, adjoint) = views.both(&self.device, &self.buffers, camera)?;

@@ -34,13 +34,13 @@ pub struct Binding {
     pub number: u32,
     /// Its variable.
     pub name: &'static str,
-    /// How it is bound.
+    /// Its kind of memory.
     pub access: Access,
     /// Bytes of the structure of a uniform, or of an element of an array.
     pub bytes: usize,
 }
 
-/// How a buffer is bound.
+/// Kind of memory of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// Parameters.
@@ -206,10 +206,6 @@ kernels! { shader::sources;
         1 light: Uniform LightParameters, 2 surfels: Read Surfel, 3 attributes: Read Attributes,
         4 nodes: Read HalfNode, 5 leaf_indices: Read u32, 6 rays: Read RayQuery,
         7 ray_features: Write Features,
-    }
-    CHOOSE_HITS = "rays" choose_hits [] {
-        1 light: Uniform LightParameters, 2 surfels: Read Surfel, 4 nodes: Read HalfNode,
-        5 leaf_indices: Read u32, 6 rays: Read RayQuery, 8 chosen: Write u32,
     }
     GATHER_BOUNCES = "bounce" gather_bounces [] {
         0 view: Uniform View, 1 light: Uniform LightParameters, 2 surfels: Read Surfel,

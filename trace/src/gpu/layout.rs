@@ -1,4 +1,4 @@
-//! What kernels and Rust share: structures and constants, written down once, in Rust, and declared
+//! Structures and constants that kernels and Rust share: written down once, in Rust, and declared
 //! in WGSL from there.
 
 use super::bins::{self, Seen, View};

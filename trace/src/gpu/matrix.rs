@@ -240,7 +240,7 @@ impl TransportRays<'_> {
         let (device, scene) = (self.device, self.scene);
         // As many receivers and samples at once as a buffer holds entries.
         let samples = directions.bsdf.max(directions.to_lights);
-        let max_entries = device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
+        let max_entries = device.max_bytes() / size_of::<FoundEntry>() as u64;
         let directions_at_once = max_entries.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
         let samples_at_once = samples.clamp(1, SAMPLES_PER_DISPATCH.min(directions_at_once));
         let receivers_at_once = (directions_at_once / samples_at_once) as usize;

@@ -2,7 +2,7 @@
 
 use super::device::Device;
 use super::error::GpuError;
-use super::kernels::{self, Kernel, groups};
+use super::kernels::{Kernel, groups};
 use super::layout::{Layout, layout};
 use super::light::{LightParameters, TreeBuffers};
 use super::scene::SceneBuffers;
@@ -58,55 +58,39 @@ pub(super) struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// Composited features along each ray.
-    pub(super) fn blend(&self, queries: &[RayQuery]) -> Result<Vec<Features>, GpuError> {
-        let size = (queries.len() * size_of::<Features>()) as u64;
-        let features = self.device.buffer("features of rays", size)?;
-        self.run(
-            &kernels::BLEND_RAYS,
-            queries,
-            Some(&self.scene.attributes),
-            &features,
-        )?;
-        let lanes = self
-            .device
-            .read::<[f32; NUM_LANES]>(&features, 0..queries.len())?;
-        Ok(lanes.into_iter().map(Features).collect())
-    }
-
-    /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where
-    /// nothing is met.
-    pub(super) fn choose(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
-        let size = (queries.len() * size_of::<u32>()) as u64;
-        let chosen = self.device.buffer("chosen hits", size)?;
-        self.run(&kernels::CHOOSE_HITS, queries, None, &chosen)?;
-        self.device.read(&chosen, 0..queries.len())
-    }
-
-    fn run(
+    /// Features along each ray: of all its hits, blended, or of one that is chosen by its weight,
+    /// as `kernel` says.
+    pub(super) fn trace(
         &self,
         kernel: &'static Kernel,
         queries: &[RayQuery],
-        attributes: Option<&wgpu::Buffer>,
-        results: &wgpu::Buffer,
-    ) -> Result<(), GpuError> {
+    ) -> Result<Vec<Features>, GpuError> {
         let Self {
             device,
             scene,
             light,
         } = self;
         let num_rays = queries.len() as u32;
+        let size = (queries.len() * size_of::<Features>()) as u64;
+        let features = device.buffer("features of rays", size)?;
         let queries = device.upload("rays", bytemuck::cast_slice(queries))?;
         let mut passes = Vec::new();
         for first in (0..num_rays).step_by(RAYS_PER_DISPATCH as usize) {
             let end = first.saturating_add(RAYS_PER_DISPATCH).min(num_rays);
             let uniform = device.uniform("light", &LightParameters::of_rays(light, first..end));
-            let tree = [&light.nodes, &light.leaf_indices, &queries, results];
-            let mut buffers = vec![&uniform, &scene.surfels];
-            buffers.extend(attributes);
-            buffers.extend_from_slice(&tree);
+            let buffers = [
+                &uniform,
+                &scene.surfels,
+                &scene.attributes,
+                &light.nodes,
+                &light.leaf_indices,
+                &queries,
+                &features,
+            ];
             passes.push(device.pass(kernel, &buffers, groups(end - first)));
         }
-        device.run(&passes)
+        device.run(&passes)?;
+        let lanes = device.read::<[f32; NUM_LANES]>(&features, 0..num_rays as usize)?;
+        Ok(lanes.into_iter().map(Features).collect())
     }
 }

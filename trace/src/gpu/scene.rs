@@ -1,9 +1,9 @@
 //! A scene on a device that wgpu has opened.
 
-use super::bvh::NO_NODE;
 use super::camera::CameraTracer;
 use super::device::Device;
 use super::error::GpuError;
+use super::kernels;
 use super::light::{Gathered, LightGatherer, TreeBuffers};
 use super::matrix::{TransportBuffers, TransportRays};
 use super::rays::{RayQuery, Rays};
@@ -38,7 +38,7 @@ pub(super) struct SceneBuffers {
 
 impl SceneBuffers {
     pub(super) fn new(device: &Device, set: &SurfelSet) -> Result<Self, GpuError> {
-        let limit = device.tier().max_bytes();
+        let limit = device.max_bytes();
         let num_surfels = u32::try_from(set.len()).map_err(|_| GpuError::Limit {
             device: device.adapter().name.clone(),
             what: "Gaussians".to_owned(),
@@ -59,13 +59,13 @@ impl SceneBuffers {
         Ok(buffers)
     }
 
-    /// Whether there is room for `set`, and not for others.
+    /// Whether the buffers are of the size of `set`.
     pub(super) fn fit(&self, set: &SurfelSet) -> bool {
         set.len() == self.num_surfels as usize
             && set.harmonics.is_empty() == self.harmonics.is_none()
     }
 
-    /// Replaces the Gaussians by others, for which there is room.
+    /// Replaces the Gaussians by others of the same number.
     pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
         let lanes: Vec<[f32; NUM_LANES]> = set
             .attributes
@@ -141,22 +141,7 @@ impl GpuScene {
         })
     }
 
-    /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of
-    /// meeting nothing. The number beside a ray makes the choice.
-    ///
-    /// # Errors
-    /// If the device gives up, or has not enough memory.
-    pub fn choose_hits(&self, rays: &[(Ray, u32)]) -> Result<Vec<Option<u32>>, GpuError> {
-        let queries: Vec<RayQuery> = rays
-            .iter()
-            .map(|(ray, seed)| RayQuery::new(ray, *seed))
-            .collect();
-        let chosen = self.rays(&*self.light()?).choose(&queries)?;
-        let hit = |index| (index != NO_NODE).then_some(index);
-        Ok(chosen.into_iter().map(hit).collect())
-    }
-
-    fn rays<'a>(&'a self, light: &'a TreeBuffers) -> Rays<'a> {
+    pub(super) fn rays<'a>(&'a self, light: &'a TreeBuffers) -> Rays<'a> {
         Rays {
             device: &self.device,
             scene: &self.buffers,
@@ -188,15 +173,15 @@ impl GpuScene {
         tracer.trace(device, make_finish(tracer)?)
     }
 
-    /// What single rays need, made when first asked for.
-    fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
+    /// Trees for single rays, made when first asked for.
+    pub(super) fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
         made_once(&self.light, || {
             let HostCopy { set, emissive } = self.host()?;
             TreeBuffers::new(&self.device, &set.surfels, Lights::new(emissive).as_ref())
         })
     }
 
-    /// What matrix need, made when first asked for.
+    /// Buffers of light transport, made when first asked for.
     fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
         made_once(&self.matrix, || {
             let HostCopy { set, emissive } = self.host()?;
@@ -250,7 +235,7 @@ impl GpuScene {
     }
 }
 
-/// What `place` holds, or else what `make` makes for it.
+/// The content of `place`, or else what `make` makes for it.
 fn made_once<T>(
     place: &Mutex<Option<Arc<T>>>,
     make: impl FnOnce() -> Result<T, GpuError>,
@@ -262,7 +247,7 @@ fn made_once<T>(
     Ok(Arc::clone(place.insert(Arc::new(make()?))))
 }
 
-/// The frame of features and of the light that `num_samples` samples of each pixel have brought.
+/// The view of features and of the light that `num_samples` samples of each pixel have brought.
 fn finished(
     features: GBuffer,
     gathered: &[Gathered],
@@ -367,7 +352,9 @@ impl Tracer for GpuScene {
 
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
         let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
-        Ok(self.rays(&*self.light()?).blend(&queries)?)
+        Ok(self
+            .rays(&*self.light()?)
+            .trace(&kernels::BLEND_RAYS, &queries)?)
     }
 
     fn render(

@@ -101,12 +101,12 @@ impl Sorter {
         })
     }
 
-    /// Where keys and values are put.
+    /// Keys and values before sorting.
     pub(super) fn unsorted(&self) -> (&wgpu::Buffer, &wgpu::Buffer) {
         (&self.keys[0], &self.values[0])
     }
 
-    /// Where they are when [`Self::passes`] have run.
+    /// Keys and values after [`Self::passes`].
     pub(super) fn sorted(&self) -> (&wgpu::Buffer, &wgpu::Buffer) {
         (&self.keys[self.sorted], &self.values[self.sorted])
     }

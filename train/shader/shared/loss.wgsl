@@ -14,7 +14,7 @@
 @group(0) @binding(5) var<storage, read_write> blurred: array<Moments>;
 @group(0) @binding(6) var<storage, read_write> partials: array<Moments>;
 @group(0) @binding(7) var<storage, read_write> terms: array<Terms>;
-// Of stage 1: the light that arrives at each pixel, or with 1 beside it the light of an emitter.
+// Of stage 1: the irradiance of each pixel, or with 1 beside it the light of an emitter.
 @group(0) @binding(11) var<storage, read> lit: array<vec4f>;
 
 // PQ values and their slopes.
@@ -102,7 +102,7 @@ fn one_minus_cosine(n: vec3f, m: vec3f) -> vec4f {
     return vec4f((unit * cosine - m) / norm, 1.0 - cosine);
 }
 
-// What is blurred along x, blurred along y as well.
+// Moments blurred along x, blurred along y as well.
 fn window_of(pixel: u32) -> Moments {
     let x = pixel % loss.width;
     let row = i32(pixel / loss.width);

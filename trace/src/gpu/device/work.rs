@@ -99,7 +99,7 @@ impl Device {
     /// Hands commands to the device and returns at once.
     ///
     /// # Errors
-    /// What went wrong so far.
+    /// The first failure so far.
     pub fn submit(&self, commands: wgpu::CommandEncoder) -> Result<(), GpuError> {
         self.queue.submit([commands.finish()]);
         self.check()
@@ -109,7 +109,7 @@ impl Device {
     /// the driver.
     ///
     /// # Errors
-    /// What went wrong so far.
+    /// The first failure so far.
     pub fn run(&self, passes: &[Pass]) -> Result<(), GpuError> {
         for some in passes.chunks(PASSES_PER_SUBMISSION) {
             let mut commands = self.commands();
@@ -124,7 +124,7 @@ impl Device {
     /// Waits until all work is done.
     ///
     /// # Errors
-    /// What went wrong so far.
+    /// The first failure so far.
     pub fn wait(&self) -> Result<(), GpuError> {
         self.poll(wgpu::PollType::wait_indefinitely())
     }

@@ -17,7 +17,7 @@ pub(super) const ADD_THREADS: u32 = 128;
 /// Pixels that each of them adds.
 pub(super) const ADD_PER_THREAD: u32 = 16;
 
-/// What decides the loss of one view.
+/// Parameters of the loss of one view.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct LossParameters {
@@ -98,7 +98,7 @@ impl LossParameters {
     }
 }
 
-/// How a view is compared.
+/// Terms of the loss of a view.
 #[derive(Debug, Clone)]
 pub(super) struct LossOptions {
     pub(super) weights: LossWeights,
@@ -142,7 +142,7 @@ pub(super) struct Moments {
     of_product: [f32; 4],
 }
 
-/// What a pixel adds to the terms of the loss; see [`Report::terms`].
+/// Summands of a pixel in the terms of the loss; see [`Report::terms`].
 #[derive(Clone, Copy)]
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]

@@ -18,7 +18,7 @@ pub(super) struct AdamParameters {
     sizes: [[f32; 4]; 5],
     /// Of each coefficient of one channel.
     harmonics: [[f32; 4]; 2],
-    /// What the camera looks from.
+    /// Centre of the camera.
     eye: [f32; 3],
     harmonics_decay: f32,
     correction_1: f32,
@@ -129,7 +129,7 @@ impl ResidentState {
         Ok(resident)
     }
 
-    /// Where kernels leave what the host reads after a step.
+    /// The numbers that the host reads after a step.
     pub(super) fn report(&self) -> &Buffer {
         &self.report
     }

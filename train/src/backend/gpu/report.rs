@@ -3,13 +3,13 @@
 use eagpt_trace::gpu::Counters;
 use std::mem::offset_of;
 
-/// What a step has found out; kernels have it as words.
+/// The results of a step that the host reads; words to kernels.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct Report {
     /// The first Gaussian whose gradient is not finite, or [`NOTHING_BAD`].
     first_bad: u32,
-    /// What the rays needed.
+    /// Needs of the rays.
     pub(super) needed: Counters,
     terms: [f32; NUM_TERMS],
 }

@@ -1,5 +1,6 @@
-//! Steps on the device, a few of which are under way at once: the host prepares the next ones while
-//! the device computes, and looks at the report of a step when others are queued behind it.
+//! Steps on the device ([`GpuBackend::submit`] records one), a few of which are queued: the host
+//! prepares the next ones while the device computes, and reads the report of a step when others are
+//! queued behind it.
 //!
 //! A step that overflows its buffers, or whose gradients are no numbers, moves nothing, and nor do
 //! those behind it until the host has read its report. Then the host grows the buffers and records
@@ -18,21 +19,21 @@ use eagpt_scene::Camera;
 use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Capacity, Counters, Frame, Reading};
 
-/// Steps that may be under way when the next one has been begun.
+/// Steps that may be queued when the next one has been submitted.
 const MOST_AHEAD: usize = 3;
 
 /// A step of a stage, to be taken once or more.
 #[derive(Debug, Clone)]
-pub(super) struct Task {
+pub(super) struct StepTask {
     pub(super) iteration: u32,
     pub(super) view: TrainingView,
     pub(super) sizes: StepSizes,
-    pub(super) kind: Kind,
+    pub(super) loss: StepLoss,
 }
 
-/// What is compared.
+/// The loss of a step.
 #[derive(Debug, Clone)]
-pub(super) enum Kind {
+pub(super) enum StepLoss {
     /// Stage 0.
     Radiance {
         weights: LossWeights,
@@ -48,19 +49,19 @@ pub(super) enum Kind {
     },
 }
 
-impl Task {
+impl StepTask {
     /// The camera with all rays of the step.
     fn rays(&self) -> Camera {
         let camera = &self.view.view.camera;
-        match self.kind {
-            Kind::Radiance { rays_per_axis, .. } => camera.magnified(rays_per_axis),
-            Kind::Albedo { .. } => *camera,
+        match self.loss {
+            StepLoss::Radiance { rays_per_axis, .. } => camera.magnified(rays_per_axis),
+            StepLoss::Albedo { .. } => *camera,
         }
     }
 
     fn loss_options(&self) -> LossOptions {
-        match &self.kind {
-            Kind::Radiance {
+        match &self.loss {
+            StepLoss::Radiance {
                 weights,
                 normals,
                 rays_per_axis,
@@ -70,7 +71,7 @@ impl Task {
                 rays_per_axis: *rays_per_axis,
                 lit: None,
             },
-            Kind::Albedo {
+            StepLoss::Albedo {
                 ssim_share, lit, ..
             } => LossOptions {
                 weights: LossWeights {
@@ -91,11 +92,11 @@ impl Task {
 
 /// A step that the device has been given.
 #[derive(Debug)]
-pub(super) struct UnderWay {
-    task: Task,
+pub(super) struct PendingStep {
+    task: StepTask,
     wanted: TargetView,
     options: LossOptions,
-    /// What its rays have memory for.
+    /// Capacities of the buffers of its rays.
     capacity: Capacity,
     /// Steps of the parameters and of the harmonics before it.
     num_steps: [u32; 2],
@@ -108,7 +109,7 @@ fn size(camera: &Camera) -> (u32, u32) {
 
 impl GpuBackend {
     /// Begins a step; returns those that are over.
-    pub(super) fn begin(&mut self, task: Task) -> Result<Vec<Taken>> {
+    pub(super) fn begin(&mut self, task: StepTask) -> Result<Vec<Taken>> {
         // Buffers are those of one size of cameras.
         if let Some(first) = self.under_way.front()
             && size(&first.task.rays()) != size(&task.rays())
@@ -155,7 +156,7 @@ impl GpuBackend {
     /// Records steps again after the first has overflowed its buffers.
     fn record_again(
         &mut self,
-        tasks: Vec<Task>,
+        tasks: Vec<StepTask>,
         needed: &Counters,
         num_steps: [u32; 2],
     ) -> Result<()> {
@@ -172,14 +173,14 @@ impl GpuBackend {
     }
 
     /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host.
-    fn submit_or_take(&mut self, task: Task) -> Result<()> {
+    fn submit_or_take(&mut self, task: StepTask) -> Result<()> {
         let rays = task.rays();
         if let Some(frame) = self.trainer.scene.frame(&rays)? {
             return self.submit(task, &rays, &frame);
         }
         let (trainer, parameters) = self.host()?;
-        let taken = match &task.kind {
-            Kind::Radiance {
+        let taken = match &task.loss {
+            StepLoss::Radiance {
                 weights,
                 normals,
                 rays_per_axis,
@@ -193,7 +194,7 @@ impl GpuBackend {
                 };
                 trainer.radiance_step(parameters, &task.view, &step)?
             }
-            Kind::Albedo {
+            StepLoss::Albedo {
                 options,
                 ssim_share,
                 seed,
@@ -213,14 +214,15 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Gives a step to the device, whose `frame` holds its `rays`.
-    fn submit(&mut self, task: Task, rays: &Camera, frame: &Frame) -> Result<()> {
+    /// Records a step from top to bottom, for a `frame` that holds all of its `rays`: forward, loss,
+    /// adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
+    fn submit(&mut self, task: StepTask, rays: &Camera, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
         let wanted = self.wanted(&task.view)?;
         let options = task.loss_options();
         let device = &*self.device;
         let resident = resident(&mut self.parameters, &mut self.trainer.scene)?;
-        let fit = &self.trainer.scene;
+        let scene = &self.trainer.scene;
         if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
             // The old one's memory goes first.
             self.loss = None;
@@ -231,14 +233,20 @@ impl GpuBackend {
         };
         let num_steps = resident.num_steps();
         resident.begin();
-        fit.forward(rays)?;
-        let at = (&camera, &wanted);
-        device.run(&loss.passes(device, at, &options, (frame, resident.report())))?;
-        fit.backward(rays)?;
-        device.run(&resident.passes(fit, (frame, camera.origin()), &task.sizes))?;
+        // Gaussians to lists of tiles, features of every ray, and a record of the blended hits.
+        scene.forward(rays)?;
+        // Features to the terms of the loss, and to its derivatives by them.
+        let target = (&camera, &wanted);
+        device.run(&loss.passes(device, target, &options, (frame, resident.report())))?;
+        // Derivatives by features to gradients of every Gaussian.
+        scene.backward(rays)?;
+        // Gradients by the raw parameters; Adam moves these, and the Gaussians with them.
+        let seen = (frame, camera.origin());
+        device.run(&resident.passes(scene, seen, &task.sizes))?;
         resident.count(&task.sizes);
+        // The host reads the report when other steps are queued behind this one.
         let report = resident.read_report()?;
-        self.under_way.push_back(UnderWay {
+        self.under_way.push_back(PendingStep {
             task,
             wanted,
             options,

@@ -100,7 +100,7 @@ fn steps_of_adam_are_those_of_the_cpu() {
             failures.push(format!("harmonics {k}: off by {worst:e}"));
         }
     }
-    // What is traced is what follows from the parameters.
+    // The traced Gaussians are those of the parameters.
     let seen = fit.gbuffer(&camera).unwrap();
     let (wanted, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
     let off = off(&seen.pixels, &wanted.pixels, lane::RADIANCE);

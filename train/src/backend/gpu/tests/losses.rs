@@ -18,7 +18,7 @@ use std::ops::RangeInclusive;
 /// Of a derivative, relative to the largest of its lane: ten times the 9.4e-6 seen on lavapipe.
 const TOLERANCE: f32 = 1e-4;
 
-/// What is left of an image on the device: `steps` of one unit.
+/// An image with the precision it has on the device: `steps` of one unit.
 fn kept<const C: usize>(image: &Image<C>, range: RangeInclusive<f32>, steps: f32) -> Image<C> {
     let near = |v: f32| (v.clamp(*range.start(), *range.end()) * steps).round() / steps;
     let pixels = image.pixels().iter().map(|p| p.map(near)).collect();

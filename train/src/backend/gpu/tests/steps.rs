@@ -47,7 +47,7 @@ fn buffers_grow_to_what_is_needed_and_stay() {
     assert!(later != chunks && later.capacity.holds(&all_of(&chunks.capacity)));
 }
 
-/// What fills `capacity`.
+/// Needs that fill `capacity`.
 fn all_of(capacity: &Capacity) -> Counters {
     Counters {
         entries: capacity.entries,
@@ -56,8 +56,8 @@ fn all_of(capacity: &Capacity) -> Counters {
     }
 }
 
-/// What several steps at once leave, some of which overflow, has the bits of what steps leave that
-/// are waited for one by one.
+/// Several steps at once, some of which overflow, give the bits of steps that are waited for one by
+/// one.
 #[test]
 fn steps_under_way_at_once_are_those_taken_one_by_one() {
     let Some(device) = gpu::device("several steps at once") else {
