@@ -1,8 +1,8 @@
 //! Arguments that commands share.
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args};
-use eagpt_scene::dataset::{SplitRule, Subset};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{ArgAction, Args, ValueEnum};
+use serde::{Serialize, Serializer};
 use std::num::NonZeroUsize;
 
 /// Options of every command.
@@ -23,18 +23,30 @@ pub(crate) struct GlobalArgs {
     pub(crate) quiet: bool,
 }
 
-/// Parses the name of a [`SplitRule`].
-pub(crate) fn split_rule() -> impl TypedValueParser<Value = SplitRule> {
-    PossibleValuesParser::new(["every-8th", "listed", "all", "paper"])
-        .try_map(|name| name.parse::<SplitRule>())
-}
-
-/// Parses the name of a [`Subset`].
-pub(crate) fn subset() -> impl TypedValueParser<Value = Subset> {
-    PossibleValuesParser::new(["train", "test", "all"]).try_map(|name| name.parse::<Subset>())
-}
-
 /// Parses a seed: what TOML and JSON numbers can hold.
 pub(crate) fn seed() -> impl TypedValueParser<Value = u64> {
     clap::value_parser!(u64).range(..=i64::MAX as u64)
+}
+
+/// A value, or `auto` for one that the job finds out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Auto<T>(pub(crate) Option<T>);
+
+impl<T: Serialize> Serialize for Auto<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match &self.0 {
+            None => serializer.serialize_str("auto"),
+            Some(value) => value.serialize(serializer),
+        }
+    }
+}
+
+/// Parses a value or `auto`, which `help` describes.
+pub(crate) fn auto<T: ValueEnum + Send + Sync + 'static>(
+    help: &'static str,
+) -> impl TypedValueParser<Value = Auto<T>> {
+    let values = T::value_variants().iter();
+    let values = values.filter_map(ValueEnum::to_possible_value);
+    let auto = std::iter::once(PossibleValue::new("auto").help(help));
+    PossibleValuesParser::new(auto.chain(values)).map(|name| Auto(T::from_str(&name, false).ok()))
 }

@@ -21,7 +21,7 @@ use std::process::ExitCode;
 
 /// Bake the light of an edited scene into its Gaussians
 ///
-/// What emits keeps its radiance; everything else gets the radiance that it reflects now. The
+/// Emitters keep their radiance; everything else gets the radiance that it reflects now. The
 /// result shows at once with `eagpt render --mode 0-bounce`, or finer with a last bounce for each
 /// pixel, --mode 1-bounce.
 ///
@@ -42,10 +42,10 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "DATASET")]
     cameras: PathBuf,
     /// Views to bake for
-    #[arg(long, value_name = "SUBSET", default_value = "train", value_parser = args::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "train", value_enum)]
     split: Subset,
     /// Rule that divides the views into training and test views
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
     split_rule: SplitRule,
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]
@@ -115,7 +115,7 @@ pub(crate) enum MethodArg {
     Views,
 }
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
     scene: &'a Path,

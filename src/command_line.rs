@@ -1,5 +1,6 @@
 //! Typed options printed as the command that one would type.
 
+use clap::ValueEnum;
 use serde::Serializer;
 use std::fmt::Display;
 
@@ -18,6 +19,14 @@ pub(crate) fn shown(words: &[String]) -> String {
 /// Serializes a value as the text that its option is given.
 pub(crate) fn text<T: Display, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error> {
     to.collect_str(value)
+}
+
+/// Serializes a value under its name on the command line.
+pub(crate) fn value<T: ValueEnum, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error> {
+    match value.to_possible_value() {
+        Some(possible) => to.serialize_str(possible.get_name()),
+        None => to.serialize_none(),
+    }
 }
 
 /// As [`text`], of a value that may not be given.

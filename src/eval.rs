@@ -4,7 +4,7 @@ mod conditions;
 mod pair;
 mod table;
 
-use crate::args::{self, GlobalArgs};
+use crate::args::GlobalArgs;
 use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
@@ -47,10 +47,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME")]
     name: Vec<String>,
     /// Views to measure; for each condition
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = args::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_enum)]
     split: Vec<Subset>,
     /// Rule that divides the views into training and test views; for each condition
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
     split_rule: Vec<SplitRule>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2", required = true)]

@@ -8,7 +8,7 @@ use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
 use crate::terminal;
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_ingest::{
     Demosaic, ExposureRatios, IngestError, IngestOptions, IngestProgress, IngestRequest,
     LensOption, Vignetting, WhiteBalance, ingest,
@@ -57,7 +57,7 @@ pub(crate) struct IngestArgs {
     max_pause: f64,
     /// Where exposure ratios come from; the photographs are compared with the metadata in any case
     #[arg(long, value_enum, default_value = "metadata")]
-    exposure_ratios: RatiosArg,
+    exposure_ratios: ExposureRatios,
     /// Share of the range below white that counts as clipped, 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = 0.03)]
     clip_margin: f32,
@@ -73,7 +73,7 @@ pub(crate) struct IngestArgs {
     /// How colours between the samples of the sensor are interpolated; X-Trans has bilinear and
     /// Markesteijn's method
     #[arg(long, value_enum, default_value = "ppg")]
-    demosaic: DemosaicArg,
+    demosaic: Demosaic,
     /// Falloff of the lens to divide by: a,b,c of 1 + a r² + b r⁴ + c r⁶, r = 1 in the corner
     #[arg(long, value_name = "A,B,C", value_parser = polynomial, allow_hyphen_values = true)]
     vignetting: Option<[f32; 3]>,
@@ -121,30 +121,6 @@ capture.toml, in the folder of the capture:
   position = \"p000\"
   condition = \"front\"
   files = [\"front/DSC0001.ARW\", \"front/DSC0002.ARW\", \"front/DSC0003.ARW\"]";
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum RatiosArg {
-    /// Exposure time, ISO and aperture of the files
-    Metadata,
-    /// Measured, where the shots of a stack overlap
-    Estimate,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum DemosaicArg {
-    /// Means of neighbours
-    Bilinear,
-    /// Malvar, He and Cutler's linear filters
-    Mhc,
-    /// Patterned pixel grouping
-    Ppg,
-    /// Variable number of gradients
-    Vng,
-    /// Adaptive homogeneity-directed
-    Ahd,
-}
 
 fn three(text: &str) -> Option<[f32; 3]> {
     let numbers: Option<Vec<f32>> = text
@@ -208,20 +184,11 @@ fn options(args: &IngestArgs) -> IngestOptions {
         stacks_in_folders: args.stacks_in_folders,
         exposures_s: args.exposures.clone(),
         max_pause_s: 60.0 * args.max_pause,
-        exposure_ratios: match args.exposure_ratios {
-            RatiosArg::Metadata => ExposureRatios::Metadata,
-            RatiosArg::Estimate => ExposureRatios::Estimate,
-        },
+        exposure_ratios: args.exposure_ratios,
         clip_margin: args.clip_margin,
         white_balance: args.white_balance.clone(),
         scale: args.scale,
-        demosaic: match args.demosaic {
-            DemosaicArg::Bilinear => Demosaic::Bilinear,
-            DemosaicArg::Mhc => Demosaic::Mhc,
-            DemosaicArg::Ppg => Demosaic::Ppg,
-            DemosaicArg::Vng => Demosaic::Vng,
-            DemosaicArg::Ahd => Demosaic::Ahd,
-        },
+        demosaic: args.demosaic,
         vignetting,
         lens: args.lens.clone(),
         long_side: args.long_side,

@@ -43,7 +43,6 @@ mod masks;
 mod normals;
 mod output;
 mod paper;
-mod parts;
 mod progress;
 mod record;
 mod render;

@@ -6,11 +6,10 @@ use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
-use eagpt_masks::report::ViewVerdict;
+use clap::Args;
 use eagpt_masks::{
     Border, CheckOptions, Inconsistent, MaskOptions, MaskProgress, MaskRequest, MaskSummary, Rule,
-    Source, make_masks, planned_files,
+    Source, ViewVerdict, make_masks, planned_files,
 };
 use eagpt_scene::Dataset;
 use serde::Serialize;
@@ -43,10 +42,10 @@ pub(crate) struct MasksArgs {
     threshold: Source,
     /// Value of a pixel that is compared with the threshold
     #[arg(long, value_enum, default_value = "any")]
-    rule: RuleArg,
+    rule: Rule,
     /// Whether pixels at the border of a light, which show it in part, belong to it
     #[arg(long, value_enum, default_value = "half")]
-    border: BorderArg,
+    border: Border,
     /// Folder of label images of lights, <view>.png of any size; what is neither black nor
     /// transparent is marked. Views may be missing
     #[arg(long, value_name = "DIR")]
@@ -65,7 +64,7 @@ pub(crate) struct MasksArgs {
     grow: u8,
     /// What becomes of regions that other views do not confirm
     #[arg(long, value_enum, default_value = "keep")]
-    inconsistent: InconsistentArg,
+    inconsistent: Inconsistent,
     /// Least share, 0 to 1, of the places where other views see a region's surface that they have
     /// to mask as well
     #[arg(long, value_name = "SHARE", default_value_t = 0.5)]
@@ -90,39 +89,6 @@ const EXAMPLES: &str = "Examples:
   eagpt masks kitchen --threshold 1.5 --rule any --border full      (the rule of EAG-PT)
   eagpt masks kitchen --labels sam/lamps --subtract sam/mirrors --scene runs/kitchen/scene.ply --inconsistent drop
   eagpt masks kitchen --threshold none --labels by-hand --out masks-by-hand";
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum RuleArg {
-    /// The largest channel
-    Any,
-    /// The smallest channel
-    All,
-    /// Rec.709 luminance
-    Luminance,
-    /// Mean of the channels
-    Mean,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum BorderArg {
-    /// If they are at least halfway between the light and what is beside it
-    Half,
-    /// If they are at the threshold
-    Full,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum InconsistentArg {
-    /// They are listed
-    Keep,
-    /// They are listed and leave the masks
-    Drop,
-    /// Nothing is compared
-    Ignore,
-}
 
 fn threshold(text: &str) -> Result<Source, String> {
     match text {
@@ -211,25 +177,13 @@ fn options(args: &MasksArgs) -> MaskOptions {
             Some(_) => Source::Emission(args.emission),
             None => args.threshold,
         },
-        rule: match args.rule {
-            RuleArg::Any => Rule::Any,
-            RuleArg::All => Rule::All,
-            RuleArg::Luminance => Rule::Luminance,
-            RuleArg::Mean => Rule::Mean,
-        },
-        border: match args.border {
-            BorderArg::Half => Border::Half,
-            BorderArg::Full => Border::Full,
-        },
+        rule: args.rule,
+        border: args.border,
         closing_radius: args.close,
         min_pixels: args.min_pixels,
         grow_radius: args.grow,
         check: CheckOptions {
-            inconsistent: match args.inconsistent {
-                InconsistentArg::Keep => Some(Inconsistent::Keep),
-                InconsistentArg::Drop => Some(Inconsistent::Drop),
-                InconsistentArg::Ignore => None,
-            },
+            inconsistent: args.inconsistent,
             min_support: args.min_support,
         },
     }

@@ -1,11 +1,11 @@
 //! `eagpt normals`: normal maps of any estimator for a dataset.
 
-use crate::args::GlobalArgs;
+use crate::args::{self, Auto, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_convert::normals::{
     Axes, Encoding, NormalOptions, NormalProgress, NormalRequest, NormalSummary, Reading, Space,
     make_normals, planned_files,
@@ -56,16 +56,20 @@ pub(crate) struct NormalsArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Space of the maps' vectors
-    #[arg(long, value_enum, default_value = "auto")]
-    space: SpaceArg,
+    #[arg(long, default_value = "auto", value_parser = args::auto::<Space>("Found out"))]
+    space: Auto<Space>,
     /// What the maps' components are: `opencv` (x right, y down, z forward), `opengl` (y up, z to
     /// the viewer), `directx` (y down, z to the viewer), or which component with which sign is x, y
     /// and z, as x,-y,-z; `auto` finds out
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = axes, allow_hyphen_values = true)]
-    axes: AxesArg,
+    axes: Auto<Axes>,
     /// How the maps store components
-    #[arg(long, value_enum, default_value = "auto")]
-    encoding: EncodingArg,
+    #[arg(
+        long,
+        default_value = "auto",
+        value_parser = args::auto::<Encoding>("Found out: PNG from 0 to 1, EXR by its values")
+    )]
+    encoding: Auto<Encoding>,
     /// Replace an earlier result of this command, and normals that are there
     #[arg(long)]
     force: bool,
@@ -120,39 +124,10 @@ const EXAMPLES: &str = "Examples:
   eagpt normals kitchen --maps omnidata --out normals-omnidata
   eagpt normals kitchen --onnx dsine.onnx --onnxruntime /opt/onnxruntime/lib/libonnxruntime.so";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum SpaceArg {
-    /// Found out
-    Auto,
-    /// That of the view's camera
-    Camera,
-    /// That of the dataset
-    World,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum EncodingArg {
-    /// Found out: PNG from 0 to 1, EXR by its values
-    Auto,
-    /// -1 to 1
-    Unit,
-    /// 0 to 1: 0.5 n + 0.5
-    ZeroToOne,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(untagged)]
-enum AxesArg {
-    Auto,
-    Given(Axes),
-}
-
-fn axes(text: &str) -> Result<AxesArg, String> {
+fn axes(text: &str) -> Result<Auto<Axes>, String> {
     match text {
-        "auto" => Ok(AxesArg::Auto),
-        _ => text.parse().map(AxesArg::Given),
+        "auto" => Ok(Auto(None)),
+        _ => text.parse().map(|axes| Auto(Some(axes))),
     }
 }
 
@@ -235,20 +210,9 @@ pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
 
 fn options(args: &NormalsArgs) -> NormalOptions {
     NormalOptions {
-        space: match args.space {
-            SpaceArg::Auto => None,
-            SpaceArg::Camera => Some(Space::Camera),
-            SpaceArg::World => Some(Space::World),
-        },
-        axes: match args.axes {
-            AxesArg::Auto => None,
-            AxesArg::Given(axes) => Some(axes),
-        },
-        encoding: match args.encoding {
-            EncodingArg::Auto => None,
-            EncodingArg::Unit => Some(Encoding::Unit),
-            EncodingArg::ZeroToOne => Some(Encoding::ZeroToOne),
-        },
+        space: args.space.0,
+        axes: args.axes.0,
+        encoding: args.encoding.0,
         suffix: args.suffix.clone(),
     }
 }

@@ -13,16 +13,21 @@ mod rows;
 
 use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
-use crate::parts::{self, Parts};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};
 use crate::{interrupt, run, terminal};
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, ValueEnum};
 use eagpt_eval::tabulate::FILES;
 use eagpt_eval::tabulate::repeats::{RepeatOptions, tabulate_repeats};
+<<<<<<< HEAD
 use eagpt_scene::{Shard, files};
+use eagpt_train::Preset;
+=======
+use eagpt_scene::Shard;
+use eagpt_scene::files::{self, Key, Ledger, ledger};
+>>>>>>> main
 use jobs::{Base, Group, Job};
 use rows::{ROWS, Row};
 use std::path::{Path, PathBuf};
@@ -54,7 +59,7 @@ pub(crate) struct PaperArgs {
     config: Option<PathBuf>,
     /// Options of DATASETs that are folders, where --config says nothing
     #[arg(long, value_enum, default_value = "fast")]
-    preset: PresetArg,
+    preset: Preset,
     /// Rows, separated by commas [default: all]
     #[arg(long, value_name = "ROW,…", value_delimiter = ',', value_parser = row())]
     rows: Vec<&'static Row>,
@@ -122,32 +127,12 @@ fn named(text: &str) -> Result<Named, String> {
     })
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PresetArg {
-    /// A first look
-    Draft,
-    /// Good results on a CPU
-    Fast,
-    /// Iterations and samples of the paper
-    Paper,
-}
-
-impl PresetArg {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Draft => "draft",
-            Self::Fast => "fast",
-            Self::Paper => "paper",
-        }
-    }
-
-    /// Samples a pixel of the renderings.
-    fn spp(self) -> i64 {
-        match self {
-            Self::Draft => 16,
-            Self::Fast => 64,
-            Self::Paper => 1024,
-        }
+/// Samples a pixel of the renderings.
+fn spp(preset: Preset) -> i64 {
+    match preset {
+        Preset::Draft => 16,
+        Preset::Fast => 64,
+        Preset::Paper => 1024,
     }
 }
 
@@ -192,18 +177,20 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
     target.check(&[])?;
     files::create_dir(&args.out)?;
     if args.force {
-        parts::clear(&args.out, "paper")?;
+        ledger::clear(&args.out, "paper")?;
     }
     let shard = args.shard.unwrap_or(Shard::WHOLE);
     // What decides the result is known to the projects; a part only has to be there.
-    let mut parts = Parts::open(&args.out, "paper", env!("CARGO_PKG_VERSION"), shard)?;
+    let key = Key::new().with_value("version", &env!("CARGO_PKG_VERSION"))?;
+    let mut ledger = Ledger::open(&args.out, "paper", &key, shard, ledger::ADVICE)?;
+    ledger.check_shards()?;
     let mut builder = RecordBuilder::begin("paper", &recorded(args, &rows))?;
     let reporter = Reporter::new(global);
-    if !make(&groups, shard, (&mut parts, &mut builder), global)? {
+    if !make(&groups, shard, (&mut ledger, &mut builder), global)? {
         return Ok(interrupt::exit_code());
     }
     if shard != Shard::WHOLE {
-        parts.complete()?;
+        ledger.complete()?;
         reporter.note(&format!("{}: part {shard}", args.out.display()));
         return Ok(ExitCode::SUCCESS);
     }
@@ -228,7 +215,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
         }
     }
     builder.write(&args.out)?;
-    parts.close()?;
+    ledger.close()?;
     reporter.message(&serde_json::json!({
         "message": "done",
         "path": args.out.join(FILE_NAME),
@@ -248,7 +235,7 @@ fn bases(args: &PaperArgs) -> Result<Vec<Base>> {
             run::absolute(path)?
         } else {
             let config = args.config.as_deref().map(run::absolute).transpose()?;
-            jobs::of_folder(path, config, (args.preset.name(), args.preset.spp()))?
+            jobs::of_folder(path, config, (args.preset.name(), spp(args.preset)))?
         };
         let out = std::path::absolute(args.out.join(name))
             .with_context(|| format!("{}", args.out.display()))?;
@@ -278,7 +265,7 @@ fn recorded(args: &PaperArgs, rows: &[&Row]) -> serde_json::Value {
 fn make(
     groups: &[Group],
     shard: Shard,
-    (parts, builder): (&mut Parts, &mut RecordBuilder),
+    (ledger, builder): (&mut Ledger, &mut RecordBuilder),
     global: &GlobalArgs,
 ) -> Result<bool> {
     let reporter = Reporter::new(global);
@@ -315,7 +302,7 @@ fn make(
         }
         let seconds = started.elapsed().as_secs_f64();
         builder.took(&group.scene.name, seconds);
-        parts.add(&group.scene.name, seconds, &[])?;
+        ledger.add(&group.scene.name, seconds, &[])?;
     }
     if !failed.is_empty() {
         bail!(

@@ -1,12 +1,12 @@
 //! The record beside every result: enough to repeat it, and to know what it cost.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
-use eagpt_scene::{Dataset, clock, files};
+use eagpt_scene::files::{self, digest};
+use eagpt_scene::{Dataset, clock};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::cell::RefCell;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -94,13 +94,9 @@ impl Input {
     /// # Errors
     /// If it cannot be read.
     pub(crate) fn of(path: &Path) -> Result<Self> {
-        let mut hasher = blake3::Hasher::new();
-        File::open(path)
-            .and_then(|file| hasher.update_reader(file).map(|_| ()))
-            .with_context(|| format!("{}: read", path.display()))?;
         Ok(Self {
             path: path.to_owned(),
-            blake3: hasher.finalize().to_hex().to_string(),
+            blake3: digest::of_file(path)?,
         })
     }
 

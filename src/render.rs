@@ -10,7 +10,6 @@ mod shots;
 use crate::args::GlobalArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
-use crate::parts::{self, Parts};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, Record, RecordBuilder};
 use anyhow::Result;
@@ -18,6 +17,7 @@ use aov::Aov;
 pub(crate) use args::{Mode, RenderArgs};
 use denoise::{Choice, Denoising};
 use eagpt_denoise::Denoiser;
+use eagpt_scene::files::{Key, Ledger, ledger};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Shard, ply};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
@@ -101,11 +101,12 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     })?;
     target(Replace::from_flag(args.force)).prepare()?;
     if args.force {
-        parts::clear(&args.out, "render")?;
+        ledger::clear(&args.out, "render")?;
     }
     let key = key(&builder.record, &outputs)?;
-    let mut parts = Parts::open(&args.out, "render", &key, shard)?;
-    parts.clear_temporaries(&files::of_shard(args, shard, &shots))?;
+    let mut ledger = Ledger::open(&args.out, "render", &key, shard, ledger::ADVICE)?;
+    ledger.check_shards()?;
+    ledger.clear_temporaries(&files::of_shard(args, shard, &shots))?;
 
     for warning in &builder.record.warnings {
         reporter.warning(warning);
@@ -118,19 +119,19 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         denoiser: denoiser.as_ref(),
         display,
     };
-    if !job.render(&shots, shard, &mut parts, (&mut builder, &mut reporter))? {
+    if !job.render(&shots, shard, &mut ledger, (&mut builder, &mut reporter))? {
         reporter.finish();
         reporter.note("stopped: the same command goes on from here");
         return Ok(interrupt::exit_code());
     }
     reporter.finish();
     if shard != Shard::WHOLE {
-        parts.complete()?;
+        ledger.complete()?;
         reporter.note(&format!("{}: part {shard}", args.out.display()));
         reporter.message(&serde_json::json!({
             "message": "done",
             "complete": false,
-            "path": args.out.join(parts::file_name(shard)),
+            "path": args.out.join(ledger::file_name(shard)),
         }))?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -144,7 +145,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         .map(|path| path.display().to_string())
         .collect();
     builder.write(&args.out)?;
-    parts.close()?;
+    ledger.close()?;
     let total = shots.list.len();
     reporter.note(&format!("{}: {total} views", args.out.display()));
     if let Some(command) = shots.video_command(&args.out) {
@@ -170,7 +171,7 @@ fn check<'a>(
         return target(Replace::Allow).check(outputs);
     }
     target(Replace::Continue).check(outputs)?;
-    let left = parts::shards(&args.out)?;
+    let left = ledger::shards(&args.out)?;
     // What is of another division is refused by its own name.
     if left
         .iter()
@@ -181,15 +182,19 @@ fn check<'a>(
     target(Replace::Refuse).check(&files::of_shard(args, shard, shots))
 }
 
-/// Digest of everything that decides the result: not where the inputs are, but what is in them.
-fn key(record: &Record, outputs: &[PathBuf]) -> Result<String> {
+/// Everything that decides the result: not where the inputs are, but their content.
+fn key(record: &Record, outputs: &[PathBuf]) -> Result<Key> {
     let mut options = record.options.clone();
     if let Some(options) = options.as_object_mut() {
         options.retain(|name, _| name != "scene" && name != "cameras");
     }
     let inputs: Vec<&str> = record.inputs.iter().map(|i| i.blake3.as_str()).collect();
-    let decides = serde_json::to_vec(&(&record.version, options, inputs, outputs))?;
-    Ok(blake3::hash(&decides).to_hex().to_string())
+    let key = Key::new()
+        .with_value("version", &record.version)?
+        .with_value("options", &options)?
+        .with_value("inputs", &inputs)?
+        .with_value("outputs", &outputs)?;
+    Ok(key)
 }
 
 /// What all views have in common.
@@ -208,7 +213,7 @@ impl Job<'_> {
         &self,
         shots: &Shots,
         shard: Shard,
-        parts: &mut Parts,
+        ledger: &mut Ledger,
         (builder, reporter): (&mut RecordBuilder, &mut Reporter),
     ) -> Result<bool> {
         let stop = interrupt::stop_flag()?;
@@ -216,7 +221,7 @@ impl Job<'_> {
         let mut denoising = 0.0;
         reporter.begin("rendering", "views", 0, total);
         for (done, (index, shot)) in (1..).zip(shots.of_shard(shard)) {
-            if let Some(item) = parts.done(&shot.name) {
+            if let Some(item) = ledger.done(&shot.name) {
                 builder.took(&format!("views/{}", shot.name), item.seconds);
                 reporter.advance(done, || shot.name.clone());
                 continue;
@@ -237,7 +242,7 @@ impl Job<'_> {
             }
             files::write(self.args, &self.display, shot, &rendered)?;
             let seconds = started.elapsed().as_secs_f64();
-            parts.add(&shot.name, seconds, &files::of_shot(self.args, shot))?;
+            ledger.add(&shot.name, seconds, &files::of_shot(self.args, shot))?;
             builder.took(&format!("views/{}", shot.name), seconds);
             reporter.advance(done, || shot.name.clone());
             reporter.message(&serde_json::json!({

@@ -6,7 +6,7 @@ use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
 use crate::terminal;
 use anyhow::{Context, Result};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_scene::files;
 use eagpt_synth::capture::{self, LightMethod, Parts};
 use eagpt_synth::photograph::SampleNoise;
@@ -43,7 +43,7 @@ pub(crate) struct SynthArgs {
     print: bool,
     /// What to write
     #[arg(long, value_enum, default_value = "all")]
-    parts: PartsArg,
+    parts: Parts,
     /// Size of the truth images, pixels, 8x8 to 16384x16384; the sensor has more by the rig's
     /// oversampling [default: the scene's]
     #[arg(long, value_name = "WxH", value_parser = size)]
@@ -56,7 +56,7 @@ pub(crate) struct SynthArgs {
     spp: u32,
     /// How light that was reflected before is found
     #[arg(long, value_enum, default_value = "cached")]
-    light: LightArg,
+    light: LightMethod,
     /// Leave the noise of sampled light in the truth, instead of filtering it
     #[arg(long)]
     unfiltered: bool,
@@ -76,26 +76,6 @@ const EXAMPLES: &str = "Examples:
   eagpt synth small-room --out captures/small --parts truth --views 24
   eagpt synth furnished-room --print > my-room.toml
   eagpt synth my-room.toml --out captures/mine --size 540x360 --spp 256";
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum PartsArg {
-    /// The RAW capture and the truth
-    All,
-    /// The RAW capture alone
-    Capture,
-    /// The true datasets alone
-    Truth,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum LightArg {
-    /// By a final gather at every pixel, into light solved once for the room
-    Cached,
-    /// By paths to their end: unbiased, slower and noisier
-    Paths,
-}
 
 fn size(text: &str) -> Result<[u32; 2], String> {
     let sides = text
@@ -219,18 +199,11 @@ impl<'a> Source<'a> {
 
 fn options(args: &SynthArgs) -> SynthOptions {
     SynthOptions {
-        parts: match args.parts {
-            PartsArg::All => Parts::All,
-            PartsArg::Capture => Parts::Capture,
-            PartsArg::Truth => Parts::Truth,
-        },
+        parts: args.parts,
         size: args.size,
         num_views: args.views,
         num_samples: args.spp,
-        light: match args.light {
-            LightArg::Cached => LightMethod::Cached,
-            LightArg::Paths => LightMethod::Paths,
-        },
+        light: args.light,
         noise: if args.unfiltered {
             SampleNoise::Kept
         } else {

@@ -10,7 +10,7 @@ use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use crate::terminal;
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{POINTS_FILE, SplitRule, Subset};
 use eagpt_train::job::{BadViews, Existing};
@@ -44,10 +44,10 @@ pub(crate) struct TrainArgs {
     out: Option<PathBuf>,
     /// Stages to run; `albedo` continues from the end of stage 0 in RUN [default: all]
     #[arg(long, value_enum)]
-    stage: Option<StageArg>,
+    stage: Option<StageChoice>,
     /// Defaults to start from [default: that of the --config file, else fast]
     #[arg(long, value_enum)]
-    preset: Option<PresetArg>,
+    preset: Option<Preset>,
     /// Iterations of stage 0, one view each [default: 800 draft, 5000 fast, 30000 paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     iterations: Option<u32>,
@@ -62,11 +62,7 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "S", value_parser = args::seed())]
     seed: Option<u64>,
     /// Which views train and which test [default: every-8th]
-    ///
-    /// every-8th: frames 0, 8, 16, … of the file test, the others train. listed: as the file's
-    /// train_filenames and test_filenames (or val_filenames) say. all: every view trains. paper: as
-    /// the released code of EAG-PT divides them, which tests on some views it has trained on.
-    #[arg(long, value_name = "RULE", value_parser = args::split_rule())]
+    #[arg(long, value_name = "RULE", value_enum)]
     split: Option<SplitRule>,
     /// TOML file of options, all or some, as --dump-config prints them
     #[arg(long, value_name = "FILE.toml")]
@@ -121,48 +117,6 @@ Examples:
   eagpt train kitchen --out runs/kitchen --resume
   eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum StageArg {
-    /// Stage 0, then stage 1
-    All,
-    /// Stage 0: geometry, radiance, emission
-    Radiance,
-    /// Stage 1: albedo
-    Albedo,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum PresetArg {
-    /// A first look, in minutes on a CPU
-    Draft,
-    /// Good results on a CPU within 20 minutes for a small dataset
-    Fast,
-    /// Iterations, rates and samples of the paper
-    Paper,
-}
-
-impl From<StageArg> for StageChoice {
-    fn from(stage: StageArg) -> Self {
-        match stage {
-            StageArg::All => Self::All,
-            StageArg::Radiance => Self::Radiance,
-            StageArg::Albedo => Self::Albedo,
-        }
-    }
-}
-
-impl From<PresetArg> for Preset {
-    fn from(preset: PresetArg) -> Self {
-        match preset {
-            PresetArg::Draft => Self::Draft,
-            PresetArg::Fast => Self::Fast,
-            PresetArg::Paper => Self::Paper,
-        }
-    }
-}
 
 pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = layers::options(args)?;
@@ -309,7 +263,11 @@ fn fill_record(
     // The digest that a resumed run compares: the camera file, and names and sizes of all images.
     builder.record.inputs.push(Input {
         path: dataset.root().to_owned(),
-        blake3: summary.fingerprint.dataset.clone(),
+        blake3: summary
+            .fingerprint
+            .part("dataset")
+            .unwrap_or_default()
+            .to_owned(),
     });
     for (stage, seconds) in &summary.stage_seconds {
         builder.took(stage.name(), *seconds);

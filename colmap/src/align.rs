@@ -13,7 +13,7 @@
 //! from its size. The result is a bit-exact function of model and options.
 
 pub mod floor;
-pub mod gravity;
+pub(crate) mod gravity;
 mod manual;
 mod numeric;
 mod reference;
@@ -24,7 +24,8 @@ pub mod walls;
 mod tests;
 
 pub use manual::Manual;
-pub use reference::{KnownCamera, ReferenceReport, similarity};
+pub(crate) use reference::ReferenceReport;
+pub use reference::{KnownCamera, similarity};
 pub use scale::{Anchor, Scale};
 
 use crate::error::{ColmapError, Result};
@@ -38,15 +39,23 @@ use walls::WallReport;
 /// Method of finding the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Mode {
-    /// From cameras and points.
+    /// From cameras and points
     #[default]
     Floor,
-    /// From points or positions that the user names.
+    /// From --floor-points or --floor-at
+    ///
+    /// Points or positions that the user names.
     Manual,
-    /// From cameras with known positions: the world becomes theirs.
+    /// To the cameras of --like
+    ///
+    /// The world becomes that of cameras with known positions.
+    #[cfg_attr(feature = "clap", value(name = "like"))]
     Reference,
-    /// No floor: the world is unchanged.
+    /// Not at all
+    ///
+    /// The world is unchanged.
     None,
 }
 
@@ -121,7 +130,7 @@ pub struct Alignment {
     /// The world of the dataset from that of the model.
     pub aligned_from_model: Similarity,
     /// The vertical before the floor was known; null if the user gave it.
-    pub gravity: Option<GravityReport>,
+    pub(crate) gravity: Option<GravityReport>,
     /// The floor; null without one.
     pub floor: Option<FloorReport>,
     /// The walls; null if they were not requested or not found.
@@ -247,7 +256,7 @@ pub fn align(model: &Model, options: &AlignOptions) -> Result<Alignment> {
 
 /// A plane, its normal turned up.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plane {
+pub(crate) struct Plane {
     /// A point of it.
     pub point: DVec3,
     /// Unit length.
@@ -256,12 +265,12 @@ pub struct Plane {
 
 impl Plane {
     /// Distance above the plane.
-    pub fn height(&self, point: DVec3) -> f64 {
+    pub(crate) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point - self.point)
     }
 
     /// The other side of the mirror.
-    pub fn mirrored(&self, point: DVec3) -> DVec3 {
+    pub(crate) fn mirrored(&self, point: DVec3) -> DVec3 {
         point - 2.0 * self.height(point) * self.normal
     }
 }

@@ -16,7 +16,7 @@ mod views;
 mod tests;
 
 pub use images::Folder;
-pub use report::{CameraReport, ConditionReport, ImportReport, PointReport};
+pub use report::{CameraReport, ImportReport};
 
 use crate::align::{self, AlignOptions, Alignment, Mode};
 use crate::error::{ColmapError, Result};

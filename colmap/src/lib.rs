@@ -10,7 +10,7 @@
 //! are not trusted: counts are checked against the number of bytes before anything is allocated.
 
 pub mod align;
-pub mod error;
+mod error;
 pub mod import;
 pub mod model;
 pub mod run;

@@ -23,7 +23,7 @@ pub const REPORT_FILE: &str = "run.json";
 /// File of `colmap`'s output, in the folder of the model.
 pub const LOG_FILE: &str = "colmap.log";
 /// Temporary folder, in the folder of the model; removed at the end.
-pub const WORK_DIR: &str = "work";
+pub(crate) const WORK_DIR: &str = "work";
 
 /// Options of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,33 +65,35 @@ impl Default for RunOptions {
 /// Which images share a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Cameras {
-    /// All of a folder if the images are in folders, else all.
+    /// Those of a folder if all are in folders, else all
     #[default]
     Auto,
-    /// All: one body, one lens, one focal length.
+    /// All: one body, one lens, one focal length
     Single,
-    /// All of a folder.
+    /// Those of a folder
     PerFolder,
-    /// None.
+    /// None
     PerImage,
 }
 
 /// Choice of the image pairs that are matched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Matcher {
-    /// Exhaustive up to [`MAX_EXHAUSTIVE`] images, sequential beyond.
+    /// Each with each up to 400 images, beyond that in sequence
     #[default]
     Auto,
-    /// All pairs.
+    /// Each with each
     Exhaustive,
-    /// Each with its successors in the order of names.
+    /// Each with the 20 that follow in the order of names
     Sequential,
 }
 
 /// Most images that [`Matcher::Auto`] matches exhaustively: an hour or two on a few cores.
-pub const MAX_EXHAUSTIVE: usize = 400;
+pub(crate) const MAX_EXHAUSTIVE: usize = 400;
 
 impl RunOptions {
     /// Checks ranges.

@@ -8,10 +8,8 @@ mod cameras;
 mod images;
 mod report;
 
-pub use report::{
-    CameraReport, CheckReport, IntrinsicsReport, Kind, KindReport, PointsReport, SplitReport,
-    ValueRange, ViewCheck,
-};
+pub use report::{CameraReport, Kind};
+pub(crate) use report::{CheckReport, KindReport, SplitReport, ValueRange, ViewCheck};
 
 use crate::error::{Problem, Result};
 use eagpt_scene::dataset::SplitRule;

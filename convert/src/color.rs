@@ -50,7 +50,7 @@ impl Primaries {
     }
 
     /// The matrix that turns linear light of these primaries into that of Rec.709.
-    pub fn rec709_from_rgb(self) -> DMat3 {
+    pub(crate) fn rec709_from_rgb(self) -> DMat3 {
         match self {
             Self::Rec709 => DMat3::IDENTITY,
             Self::P3D65 => Self::Rec709.xyz_from_rgb().inverse() * self.xyz_from_rgb(),

@@ -30,10 +30,11 @@ const IMAGES_DIR: &str = "images";
 /// A layout that can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ExportFormat {
-    /// A COLMAP project
+    /// A COLMAP project: sparse/0 (binary, pinhole cameras, points without tracks) and images
     Colmap,
-    /// nerfstudio's `transforms.json`
+    /// nerfstudio's transforms.json, images and sparse_pc.ply
     Nerfstudio,
     /// EAG-PT's folder, ours
     Eagpt,
@@ -42,11 +43,14 @@ pub enum ExportFormat {
 /// Whether images are copied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Images {
-    /// All of them.
+    /// All of them
     #[default]
     Copy,
-    /// None: cameras and points alone. Paths in the files name the images that would be there.
+    /// None: cameras and points alone
+    ///
+    /// Paths in the files name the images that would be there.
     None,
 }
 

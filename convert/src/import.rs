@@ -13,7 +13,8 @@ mod report;
 mod view;
 
 pub use options::{BadFrames, ImportOptions, Ldr};
-pub use report::{ImportReport, LensReport, REPORT_FILE, ViewReport};
+pub(crate) use report::LensReport;
+pub use report::{ImportReport, REPORT_FILE, ViewReport};
 
 use crate::error::{ConvertError, Problem, Result};
 use crate::source::{Source, SourceFrame};

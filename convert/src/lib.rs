@@ -13,16 +13,17 @@
 //! [`eagpt_scene::dataset::pose`].
 
 pub mod check;
-pub mod color;
-pub mod error;
+mod color;
+mod error;
 pub mod export;
 pub mod import;
 pub mod normals;
-pub mod source;
-pub mod surface;
-pub mod world;
+mod source;
+mod surface;
+mod world;
 
 pub use error::{ConvertError, Result};
-pub use export::{ExportFormat, ExportProgress, ExportSummary, export};
+pub use export::{ExportFormat, ExportProgress, export};
 pub use import::{ImportOptions, ImportProgress, ImportSummary, import};
 pub use source::{Source, SourceFormat};
+pub use world::World;

@@ -21,11 +21,10 @@ mod turn;
 
 pub use axes::Axes;
 #[cfg(feature = "onnx")]
-pub use network::{LIBRARY_VARIABLE, NetworkOptions, find_runtime, run_network};
+pub use network::{NetworkOptions, find_runtime, run_network};
 pub use options::{Encoding, NormalOptions, NormalRequest, Space};
 pub use reference::Reference;
 pub use report::{NormalProgress, NormalReport, NormalSummary, NormalView, Reading};
-pub use turn::MAX_AWAY_DEG;
 
 use crate::error::{ConvertError, Problem, Result};
 use axes::Agreement;

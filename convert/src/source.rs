@@ -11,12 +11,12 @@
 //! A reader reads cameras and headers of images, not pixels. It continues after a frame that cannot
 //! be used and reports its problem.
 
-pub mod eagpt;
-pub mod eyeful;
-pub mod fipt;
-pub mod fipt_synthetic;
+pub(crate) mod eagpt;
+pub(crate) mod eyeful;
+pub(crate) mod fipt;
+pub(crate) mod fipt_synthetic;
 mod lens;
-pub mod nerfstudio;
+pub(crate) mod nerfstudio;
 
 use crate::color::ColorTransform;
 use crate::error::{ConvertError, Problem, Result};
@@ -29,23 +29,23 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// A layout that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum SourceFormat {
-    /// A real scene of FIPT
+    /// Real scene of FIPT
     Fipt,
-    /// A synthetic scene of FIPT
+    /// Synthetic scene of FIPT
     FiptSynthetic,
-    /// A scene of Eyeful Tower
+    /// Scene of Eyeful Tower
     Eyeful,
-    /// `transforms.json` of nerfstudio
+    /// nerfstudio's transforms.json
     Nerfstudio,
-    /// `transforms.json` of instant-NGP, `transforms_train.json` of Blender scenes
+    /// instant-NGP's transforms.json, Blender's transforms_train.json
     InstantNgp,
-    /// Our own
+    /// Our own layout, that of EAG-PT
     Eagpt,
 }
 
@@ -99,18 +99,6 @@ impl SourceFormat {
 impl fmt::Display for SourceFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
-    }
-}
-
-impl FromStr for SourceFormat {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(_, own)| *own == name);
-        found.map(|(format, _)| *format).ok_or_else(|| {
-            let names = Self::ALL.map(|(_, own)| own).join(", ");
-            format!("`{}` is none of {names}", name.escape_debug())
-        })
     }
 }
 
@@ -182,7 +170,7 @@ pub enum Emission {
 
 impl Emission {
     /// The file.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         match self {
             Self::Mask(path) | Self::Radiance(path) => path,
         }

@@ -19,7 +19,7 @@ const MAX_THICKNESS: f64 = 0.05;
 /// Unit normals, world space, turned to the camera, of the surface that depths along the optical
 /// axis span; zero at the image's border, where depths are unknown (0), and where the surface is
 /// broken.
-pub fn normals_from_depth(depth: &Image<1>, camera: &Camera) -> Image<3> {
+pub(crate) fn normals_from_depth(depth: &Image<1>, camera: &Camera) -> Image<3> {
     let (width, height) = (depth.width() as usize, depth.height() as usize);
     let frame = camera.ray_frame();
     let values = depth.values();
@@ -57,7 +57,7 @@ pub fn normals_from_depth(depth: &Image<1>, camera: &Camera) -> Image<3> {
 
 /// Unit normals of the planes through the neighbours of each point, of either sign; zero where they
 /// lie in none.
-pub fn normals_of_points(positions: &[Vec3]) -> Vec<Vec3> {
+pub(crate) fn normals_of_points(positions: &[Vec3]) -> Vec<Vec3> {
     if positions.len() <= PLANE_NEIGHBOURS {
         return vec![Vec3::ZERO; positions.len()];
     }

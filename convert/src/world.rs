@@ -13,17 +13,20 @@ const MAX_UP_LENGTH_ERROR: f64 = 1e-2;
 /// The world of an imported dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum World {
-    /// That of the source; its up axis is stored.
+    /// That of the source, its up axis stored
     #[default]
     Keep,
-    /// Rotated so that z points up; axes are permuted, coordinates keep their digits.
+    /// Turned so that z is up; axes change places
+    ///
+    /// Coordinates keep their digits.
     ZUp,
 }
 
 impl World {
     /// The rotation into this world from one where `up` points up.
-    pub fn new_from_source(self, up: UpAxis) -> DMat3 {
+    pub(crate) fn new_from_source(self, up: UpAxis) -> DMat3 {
         match self {
             Self::Keep => DMat3::IDENTITY,
             Self::ZUp => z_up_from(up),
@@ -46,7 +49,7 @@ fn z_up_from(up: UpAxis) -> DMat3 {
 }
 
 /// A pose in a rotated world.
-pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
+pub(crate) fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
     DAffine3 {
         matrix3: new_from_old * old_from_camera.matrix3,
         translation: new_from_old * old_from_camera.translation,
@@ -61,7 +64,7 @@ pub fn turned(new_from_old: DMat3, old_from_camera: &DAffine3) -> DAffine3 {
 ///
 /// # Errors
 /// The problem: origin and target coincide, or `up` is not of unit length or not perpendicular.
-pub fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3, String> {
+pub(crate) fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3, String> {
     let forward = (target - origin)
         .try_normalize()
         .ok_or_else(|| format!("target equals the origin {origin}"))?;
@@ -87,7 +90,7 @@ pub fn from_look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3,
 ///
 /// # Errors
 /// The problem: the last row, or columns that are not a rotation.
-pub fn from_camera_from_world(columns: &[[f64; 4]; 4]) -> Result<DAffine3, String> {
+pub(crate) fn from_camera_from_world(columns: &[[f64; 4]; 4]) -> Result<DAffine3, String> {
     let last = columns.map(|column| column[3]);
     if last != [0.0, 0.0, 0.0, 1.0] {
         return Err(format!("last row is {last:?}, not [0, 0, 0, 1]"));

@@ -9,17 +9,16 @@
 mod common;
 
 use eagpt_convert::{ImportOptions, Source, SourceFormat};
-use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
 use std::path::Path;
 
-/// Copies of each file that are damaged, and truncations.
+/// Damaged copies of each file.
 const NUM_COPIES: u32 = 200;
 
 /// Opens the source with many damaged copies of one of its files.
 fn damage(root: &Path, file: &str, format: SourceFormat) {
     let path = root.join(file);
     let bytes = std::fs::read(&path).unwrap();
-    let key = RandomKey::new(20, Purpose::Initialise, 0);
     let mut num_refused = 0;
     let mut try_with = |damaged: &[u8]| {
         std::fs::write(&path, damaged).unwrap();
@@ -29,23 +28,8 @@ fn damage(root: &Path, file: &str, format: SourceFormat) {
             num_refused += 1;
         }
     };
-    for copy in 0..NUM_COPIES {
-        let mut damaged = bytes.clone();
-        let mut stream = key.stream(copy, 0);
-        for _ in 0..=copy % 4 {
-            let [place, value, kind, _] = stream.next_words();
-            // Bytes with a meaning in numbers and JSON find more defects than others.
-            let telling = b"0919eE-+.,:[]{}\"\n x";
-            damaged[place as usize % bytes.len()] = match kind % 3 {
-                0 => value as u8,
-                _ => telling[value as usize % telling.len()],
-            };
-        }
-        try_with(&damaged);
-    }
-    for length in (0..bytes.len()).step_by(bytes.len().div_ceil(60)) {
-        try_with(&bytes[..length]);
-    }
+    for_each_damage(&bytes, 0..NUM_COPIES, &mut try_with);
+    for_each_truncation(&bytes, 60, &mut try_with);
     assert!(num_refused > NUM_COPIES / 10, "{file}: {num_refused}");
     std::fs::write(&path, bytes).unwrap();
 }

@@ -9,8 +9,8 @@
 mod common;
 
 use common::{expected, numbers};
+use eagpt_convert::World;
 use eagpt_convert::import::Ldr;
-use eagpt_convert::world::World;
 use eagpt_convert::{ImportOptions, Source, SourceFormat, import};
 use eagpt_scene::dataset::{SplitRule, UpAxis};
 use eagpt_scene::{Dataset, exr};

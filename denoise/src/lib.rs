@@ -8,10 +8,10 @@
 //! [`Denoiser`] is the one interface of both. Light is linear and may be of any scale; nothing is
 //! clipped. Light of emitters is exact: it keeps its bits and does not bleed into its surroundings.
 
-pub mod error;
+mod error;
 pub mod filter;
-pub mod frame;
-pub mod oidn;
+mod frame;
+mod oidn;
 
 pub use error::{DenoiseError, Result};
 pub use frame::Frame;

@@ -16,7 +16,7 @@ use library::{GuideImages, Library};
 use std::path::{Path, PathBuf};
 
 /// Environment variable with the library's file, or its folder.
-pub const ENVIRONMENT: &str = "EAGPT_OIDN";
+pub(crate) const ENVIRONMENT: &str = "EAGPT_OIDN";
 
 /// Oldest version that is used, in the library's own count.
 const MIN_VERSION: i32 = 20_000;

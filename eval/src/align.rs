@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 /// adds to the squares in its denominator, so that noisier renders would be made darker. A sum has
 /// no such bias, and the reference alone decides which pixels count.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ExposureFit {
+pub(crate) struct ExposureFit {
     reference: f64,
     test: f64,
 }
@@ -32,7 +32,12 @@ impl ExposureFit {
     ///
     /// # Panics
     /// If the sizes differ or the images have no pixels.
-    pub fn add(&mut self, reference: &Image<3>, test: &Image<3>, emission: Option<&Image<1>>) {
+    pub(crate) fn add(
+        &mut self,
+        reference: &Image<3>,
+        test: &Image<3>,
+        emission: Option<&Image<1>>,
+    ) {
         assert_comparable(reference, test);
         let pairs = reference.pixels().iter().zip(test.pixels());
         for (i, (r, t)) in pairs.enumerate() {
@@ -44,7 +49,7 @@ impl ExposureFit {
     }
 
     /// Factor of the test images, above 0; `None` if no pixel counts or one of the sums is black.
-    pub fn scale(&self) -> Option<f64> {
+    pub(crate) fn scale(&self) -> Option<f64> {
         (self.reference > 0.0 && self.test > 0.0).then(|| self.reference / self.test)
     }
 }
@@ -70,7 +75,7 @@ pub struct AlignedMetrics {
 ///
 /// # Panics
 /// If the sizes differ or no pixel is known.
-pub fn compare_aligned(
+pub(crate) fn compare_aligned(
     reference: &Image<3>,
     test: &Image<3>,
     scale: f64,

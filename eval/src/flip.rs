@@ -20,7 +20,8 @@ mod math;
 mod shown;
 
 pub use eagpt_scene::tonemap::ToneMapper;
-pub use exposures::{FlipOptions, FlipParameters};
+pub use exposures::FlipOptions;
+pub(crate) use exposures::FlipParameters;
 pub use magma::magma_rgb8;
 
 use crate::encode::assert_comparable;

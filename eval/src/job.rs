@@ -30,8 +30,8 @@ mod tests;
 
 pub use conditions::{Conditions, evaluate_conditions};
 pub use options::{ConditionsOptions, EvalOptions};
-pub use provenance::Provenance;
-pub use view::{EmittersFrom, SceneMetrics, ViewMetrics};
+pub(crate) use provenance::Provenance;
+pub(crate) use view::{EmittersFrom, ViewMetrics};
 
 use crate::error::Result;
 use crate::metrics::{METRICS, MeanOf, Metric};
@@ -83,7 +83,7 @@ pub struct Evaluation {
     /// Name of the condition.
     pub name: String,
     /// Provenance of the renders.
-    pub provenance: Provenance,
+    pub(crate) provenance: Provenance,
     /// Means of the metrics that at least one view has, in the order of [`METRICS`].
     pub means: Vec<Mean>,
     /// Factor applied to the renders for the aligned metrics: see

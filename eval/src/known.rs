@@ -46,7 +46,7 @@ impl KnownPixels {
     }
 
     /// The pixels known in each of some masks of one size; `None` if there is no mask.
-    pub fn in_all<'a>(masks: impl IntoIterator<Item = &'a Image<1>>) -> Option<Self> {
+    pub(crate) fn in_all<'a>(masks: impl IntoIterator<Item = &'a Image<1>>) -> Option<Self> {
         let known = masks.into_iter().map(Self::new);
         known.reduce(|a, b| {
             let both = a.flags.iter().zip(&b.flags).map(|(a, b)| *a && *b);

@@ -17,35 +17,34 @@
 //! Images are linear Rec.709 unless a name says otherwise. All sums run in a fixed order in f64, so
 //! a result has the same bits for any number of threads.
 
-pub mod align;
+mod align;
 mod encode;
-pub mod error;
-pub mod flip;
-pub mod job;
-pub mod known;
-pub mod metrics;
-pub mod pair;
-pub mod psnr;
-pub mod regions;
+mod error;
+mod flip;
+mod job;
+mod known;
+mod metrics;
+mod pair;
+mod psnr;
+mod regions;
 mod report;
-pub mod scene_metrics;
+mod scene_metrics;
 pub mod ssim;
 pub mod tabulate;
 pub mod window;
 
-pub use align::{AlignedMetrics, ExposureFit, compare_aligned};
 pub use encode::{pq_encoded, srgb_clipped};
 pub use error::{EvalError, Result};
-pub use flip::{FlipHdr, FlipLdr, FlipOptions, FlipParameters, ToneMapper, flip_hdr, flip_ldr};
+pub use flip::{FlipOptions, ToneMapper, flip_hdr, flip_ldr, magma_rgb8};
 pub use job::{
-    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, ViewMetrics, evaluate,
+    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, Mean, evaluate,
     evaluate_conditions,
 };
-pub use known::KnownPixels;
-pub use metrics::{METRICS, MeanOf, Metric};
-pub use pair::{Comparison, ImageMetrics, compare, compare_known};
+pub use known::{KnownPixels, Windows};
+pub use metrics::{METRICS, Metric};
+pub use pair::{Comparison, ImageMetrics, compare};
 pub use psnr::{psnr, psnr_linear, psnr_pq, psnr_srgb};
-pub use regions::{LightChange, Region, RegionMetrics, Regions, region_metrics};
+pub use regions::{Region, Regions};
 pub use report::{METRICS_FILE, RESULT_FILES};
-pub use ssim::{SsimGradient, ssim, ssim_srgb, ssim_with_gradient};
-pub use tabulate::{ModeTable, TableFolder, TableOptions, tabulate};
+pub use ssim::{ssim, ssim_srgb, ssim_with_gradient};
+pub use tabulate::{TableFolder, TableOptions, tabulate};

@@ -60,7 +60,7 @@ pub fn compare(reference: &Image<3>, test: &Image<3>, options: &FlipOptions) -> 
 ///
 /// # Panics
 /// As [`compare`], and if no pixel is known.
-pub fn compare_known(
+pub(crate) fn compare_known(
     reference: &Image<3>,
     test: &Image<3>,
     known: Option<&KnownPixels>,

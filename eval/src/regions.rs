@@ -51,7 +51,7 @@ impl Region {
 
 /// A reference under the new light and its optional companions, all of one size.
 #[derive(Debug, Clone, Copy)]
-pub struct Lights<'a> {
+pub(crate) struct Lights<'a> {
     /// Linear radiance under the new light.
     pub after: &'a Image<3>,
     /// Emission under the new light, if known.
@@ -62,7 +62,7 @@ pub struct Lights<'a> {
 
 /// A view under the earlier light.
 #[derive(Debug, Clone, Copy)]
-pub struct Before<'a> {
+pub(crate) struct Before<'a> {
     /// Linear radiance.
     pub radiance: &'a Image<3>,
     /// Emission, if known.
@@ -72,7 +72,7 @@ pub struct Before<'a> {
 /// Change of light of a condition: sums of luminance over the pixels of all views that emit neither
 /// before nor after.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct LightChange {
+pub(crate) struct LightChange {
     before: f64,
     after: f64,
 }
@@ -82,7 +82,7 @@ impl LightChange {
     ///
     /// # Panics
     /// If the sizes differ or the images have no pixels.
-    pub fn add(&mut self, lights: &Lights<'_>) {
+    pub(crate) fn add(&mut self, lights: &Lights<'_>) {
         let Some(before) = lights.before else { return };
         assert_comparable(lights.after, before.radiance);
         let pairs = before.radiance.pixels().iter().zip(lights.after.pixels());
@@ -95,7 +95,7 @@ impl LightChange {
     }
 
     /// Light after over light before; `None` where nothing was lit before.
-    pub fn ratio(&self) -> Option<f64> {
+    pub(crate) fn ratio(&self) -> Option<f64> {
         (self.before > 0.0).then(|| self.after / self.before)
     }
 }
@@ -184,7 +184,11 @@ pub type Regions = BTreeMap<Region, RegionMetrics>;
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
-pub fn region_metrics(lights: &Lights<'_>, render: &Image<3>, change: Option<f64>) -> Regions {
+pub(crate) fn region_metrics(
+    lights: &Lights<'_>,
+    render: &Image<3>,
+    change: Option<f64>,
+) -> Regions {
     assert_comparable(lights.after, render);
     let change = change.filter(|_| lights.before.is_some());
     if lights.emission.is_none() && change.is_none() {

@@ -9,13 +9,13 @@ use eagpt_scene::{Image, color::srgb_from_linear};
 use serde::{Deserialize, Serialize};
 
 /// A reference emission above this marks an emitter, whose albedo is undefined (τ_E of EAG-PT).
-pub const EMITTER_THRESHOLD: f32 = 0.1;
+pub(crate) const EMITTER_THRESHOLD: f32 = 0.1;
 /// Emission above this is an emitter for [`emission_overlap`]: the middle of a mask's range.
-pub const IOU_THRESHOLD: f32 = 0.5;
+pub(crate) const IOU_THRESHOLD: f32 = 0.5;
 
 /// PSNR of diffuse albedos.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AlbedoPsnr {
+pub(crate) struct AlbedoPsnr {
     /// Mean over R, G, B of each channel's decibels, sRGB clipped to [0, 1]; infinite for equal
     /// albedos.
     pub srgb_db: f64,
@@ -37,7 +37,7 @@ pub(crate) fn emits(emission: Option<&Image<1>>, pixel: usize) -> bool {
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
-pub fn albedo_psnr(
+pub(crate) fn albedo_psnr(
     reference: &Image<3>,
     test: &Image<3>,
     reference_emission: Option<&Image<1>>,
@@ -88,7 +88,7 @@ fn scaled_srgb_db(pairs: &[([f32; 3], [f32; 3])], scale: f64) -> f64 {
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
-pub fn normal_mean_deg(reference: &Image<3>, test: &Image<3>) -> Option<f64> {
+pub(crate) fn normal_mean_deg(reference: &Image<3>, test: &Image<3>) -> Option<f64> {
     assert_comparable(reference, test);
     let angles = reference
         .pixels()
@@ -110,7 +110,7 @@ pub fn normal_mean_deg(reference: &Image<3>, test: &Image<3>) -> Option<f64> {
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
-pub fn depth_mae(reference: &Image<1>, test: &Image<1>) -> Option<f64> {
+pub(crate) fn depth_mae(reference: &Image<1>, test: &Image<1>) -> Option<f64> {
     assert_comparable(reference, test);
     let errors = reference
         .values()
@@ -126,7 +126,7 @@ pub fn depth_mae(reference: &Image<1>, test: &Image<1>) -> Option<f64> {
 
 /// Overlap of two sets of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Overlap {
+pub(crate) struct Overlap {
     /// Pixels in both.
     pub num_both: u64,
     /// Pixels in one or both.
@@ -135,12 +135,12 @@ pub struct Overlap {
 
 impl Overlap {
     /// Intersection over union; `None` where both sets are empty.
-    pub fn iou(&self) -> Option<f64> {
+    pub(crate) fn iou(&self) -> Option<f64> {
         (self.num_either > 0).then(|| self.num_both as f64 / self.num_either as f64)
     }
 
     /// The overlap in several images together.
-    pub fn total(images: impl Iterator<Item = Self>) -> Self {
+    pub(crate) fn total(images: impl Iterator<Item = Self>) -> Self {
         images.fold(Self::default(), |sum, image| Self {
             num_both: sum.num_both + image.num_both,
             num_either: sum.num_either + image.num_either,
@@ -152,7 +152,7 @@ impl Overlap {
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.
-pub fn emission_overlap(reference: &Image<1>, test: &Image<1>) -> Overlap {
+pub(crate) fn emission_overlap(reference: &Image<1>, test: &Image<1>) -> Overlap {
     assert_comparable(reference, test);
     let pairs = reference.values().iter().zip(test.values());
     Overlap::total(pairs.map(|(r, t)| {

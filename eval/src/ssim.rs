@@ -50,7 +50,7 @@ pub fn ssim(reference: &Image<3>, test: &Image<3>) -> f64 {
 ///
 /// # Panics
 /// As [`ssim`], and if `windows` are those of images of another size.
-pub fn ssim_in(reference: &Image<3>, test: &Image<3>, windows: Option<&Windows>) -> f64 {
+pub(crate) fn ssim_in(reference: &Image<3>, test: &Image<3>, windows: Option<&Windows>) -> f64 {
     let pair = Pair::new(reference, test, windows);
     let bands: Vec<(usize, usize)> = (0..3)
         .flat_map(|channel| {

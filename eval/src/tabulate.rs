@@ -85,12 +85,12 @@ pub struct TableCell {
     /// images.
     pub values: Vec<Option<f64>>,
     /// Provenance of the renders.
-    pub provenance: Provenance,
+    pub(crate) provenance: Provenance,
 }
 
 impl TableRow {
     /// Seconds per frame: the mean over the conditions that have it.
-    pub fn seconds_per_frame(&self) -> Option<f64> {
+    pub(crate) fn seconds_per_frame(&self) -> Option<f64> {
         let cells = self.cells.iter().flatten();
         mean(cells.filter_map(|cell| cell.provenance.seconds_per_frame))
     }

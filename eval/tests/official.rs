@@ -1,7 +1,7 @@
 //! Metrics against numbers of other programs: NVIDIA's flip-evaluator 1.7, and numpy in f64 for the
 //! rest.
 
-use eagpt_eval::flip::magma_rgb8;
+use eagpt_eval::magma_rgb8;
 use eagpt_eval::{FlipOptions, compare, flip_hdr};
 use eagpt_scene::exr;
 use eagpt_testkit::test_data;

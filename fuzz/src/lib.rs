@@ -39,7 +39,9 @@ pub const READERS: [(&str, Reader); 18] = [
     ("exr", exr),
     ("eyeful", |data| source(SourceFormat::Eyeful, data)),
     ("fipt", |data| source(SourceFormat::Fipt, data)),
-    ("fipt_synthetic", |data| source(SourceFormat::FiptSynthetic, data)),
+    ("fipt_synthetic", |data| {
+        source(SourceFormat::FiptSynthetic, data)
+    }),
     ("instant_ngp", |data| source(SourceFormat::InstantNgp, data)),
     ("nerfstudio", |data| source(SourceFormat::Nerfstudio, data)),
     ("picture", picture),
@@ -59,7 +61,9 @@ pub fn reader(name: &str) -> Reader {
     }
     let found = READERS.iter().find(|(known, _)| *known == name);
     let names = READERS.map(|(name, _)| name).join(", ");
-    found.unwrap_or_else(|| panic!("READER is `{name}`, not one of {names}")).1
+    found
+        .unwrap_or_else(|| panic!("READER is `{name}`, not one of {names}"))
+        .1
 }
 
 /// The folder of this process, in memory where the system has such a place.

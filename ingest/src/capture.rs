@@ -1,4 +1,4 @@
-//! `capture.json`: everything that was decided and measured.
+//! `capture.json`: all decisions and measurements.
 
 use crate::color::ColorTransform;
 use crate::noise::Noise;
@@ -17,7 +17,7 @@ pub struct Capture {
     pub focal_mm: Option<f64>,
     /// Effective options.
     pub options: IngestOptions,
-    /// What was done to colours.
+    /// Transform of colours.
     pub color: ColorTransform,
     /// The falloff that was divided by; `None`: none was.
     pub falloff: Option<Falloff>,
@@ -25,15 +25,15 @@ pub struct Capture {
     pub pinhole: Option<Pinhole>,
     /// Radiance of a sample at saturation in a shot of 1 s at ISO 100 and f/1.
     pub scale: f64,
-    /// What the previews were multiplied by before they were encoded as sRGB.
+    /// Factor on the previews before they were encoded as sRGB.
     pub preview_exposure: f64,
     /// Lighting conditions, sorted.
     pub conditions: Vec<String>,
     /// Stacks in order.
     pub stacks: Vec<StackReport>,
-    /// What was wrong and left out.
+    /// Problems for which files or stacks were left out.
     pub left_out: Vec<Problem>,
-    /// What else a reader should know.
+    /// Remarks for the reader.
     pub notes: Vec<String>,
 }
 
@@ -56,7 +56,7 @@ pub struct StackReport {
     pub noise: Noise,
     /// Quality.
     pub quality: Quality,
-    /// What a person should look at.
+    /// Warnings that a person should check.
     pub warnings: Vec<String>,
 }
 

@@ -18,17 +18,26 @@ use steep::Strip;
 /// Demosaicing method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Demosaic {
-    /// Means of neighbours: fast, soft.
+    /// Means of neighbours
     Bilinear,
-    /// Malvar, He and Cutler, ICASSP 2004: linear filters across channels. Bayer only.
+    /// Malvar, He and Cutler's linear filters
+    ///
+    /// ICASSP 2004; across channels. Bayer only.
     Mhc,
-    /// Patterned pixel grouping: along the weaker gradient. Bayer only.
+    /// Patterned pixel grouping
+    ///
+    /// Along the weaker gradient. Bayer only.
     #[default]
     Ppg,
-    /// Variable number of gradients. Bayer only.
+    /// Variable number of gradients
+    ///
+    /// Bayer only.
     Vng,
-    /// Adaptive homogeneity-directed. Bayer only.
+    /// Adaptive homogeneity-directed
+    ///
+    /// Bayer only.
     Ahd,
 }
 

@@ -5,29 +5,31 @@ use crate::check::check;
 use crate::color::ColorTransform;
 use crate::error::{IngestError, Result};
 use crate::gather::{Gathered, file_problem, gather};
-use crate::merge_all::merge_all;
+use crate::merge_all::{Prepared, merge_all};
 use crate::options::IngestOptions;
-use crate::output::{self, Kept, WORK};
+use crate::output::{self, COMMAND};
 use crate::prepare;
 use crate::problem::{Problem, Remedy, counted};
 use crate::survey::{Survey, survey};
-use eagpt_scene::{Shard, files};
+use eagpt_scene::Shard;
+use eagpt_scene::files::ledger::{self, Item};
+use eagpt_scene::files::{Key, Ledger};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What to ingest, and where to.
+/// A capture to ingest, and the folder for its results.
 #[derive(Debug, Clone)]
 pub struct IngestRequest {
     /// Folder with the photographs.
     pub capture: PathBuf,
     /// Folder for the results.
     pub out: PathBuf,
-    /// What decides the result.
+    /// Options that decide the result.
     pub options: IngestOptions,
-    /// Whether what an earlier run has made is made anew; otherwise what fits is kept, and what
-    /// does not is an error.
+    /// Makes the results of an earlier run anew; otherwise those that fit are kept, and others are
+    /// an error.
     pub start_over: bool,
     /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others
     /// have surveyed by then.
@@ -36,7 +38,7 @@ pub struct IngestRequest {
     pub stop: Arc<AtomicBool>,
 }
 
-/// What the job tells.
+/// Progress of the job.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum IngestProgress {
@@ -47,7 +49,7 @@ pub enum IngestProgress {
         /// All files.
         total: usize,
     },
-    /// Stacks are decoded and looked at.
+    /// Stacks are decoded and surveyed.
     Surveying {
         /// Stacks done.
         done: usize,
@@ -70,14 +72,14 @@ pub enum IngestProgress {
         /// One line.
         text: String,
     },
-    /// Something to look at.
+    /// Something to check.
     Warning {
         /// One line.
         text: String,
     },
 }
 
-/// What was made.
+/// Result of the job.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IngestSummary {
     /// Everything that was decided and measured.
@@ -107,19 +109,21 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
     } = request;
     options.validate()?;
     prepare::check_places(capture, out)?;
-    if request.start_over {
-        files::remove_if_there(&out.join(WORK))?;
-    }
     let mut gathered = gather(capture, options, &mut |done, total| {
         tell(IngestProgress::Reading { done, total });
     })?;
     check(&mut gathered, options.max_pause_s);
     let num_stacks = gathered.stacks.len();
     let mut left_out = settle(capture, options, &mut gathered, 0, None)?;
+    if request.start_over {
+        ledger::clear(out, COMMAND)?;
+    }
+    // Items have keys of their own: what is made of one stack does not depend on the others.
+    let mut ledger = Ledger::open(out, COMMAND, &Key::new(), request.shard, ledger::ADVICE)?;
     // Colours are needed to survey, but a capture whose first stack is bad has none yet.
     let decisions = prepare::decide(capture, options, &gathered);
     let surveys = match &decisions {
-        Ok(decisions) => survey_all(request, &mut gathered, &decisions.color, tell)?,
+        Ok(decisions) => survey_all(request, &mut gathered, &decisions.color, &mut ledger, tell)?,
         Err(_) => Vec::new(),
     };
     let all: Vec<Problem> = left_out.iter().chain(&gathered.problems).cloned().collect();
@@ -146,7 +150,13 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
     for note in &gathered.notes {
         tell(IngestProgress::Note { text: note.clone() });
     }
-    merge_all(request, gathered, surveys, &decisions, left_out, tell)
+    let prepared = Prepared {
+        gathered,
+        surveys,
+        decisions: &decisions,
+        left_out,
+    };
+    merge_all(request, prepared, ledger, tell)
 }
 
 /// Takes out what the problems concern, so that what follows sees only good stacks, and returns the
@@ -195,11 +205,12 @@ fn settle(
     Ok(problems)
 }
 
-/// Looks at all stacks; those that cannot be decoded become problems.
+/// Surveys all stacks; those that cannot be decoded become problems.
 fn survey_all(
     request: &IngestRequest,
     gathered: &mut Gathered,
     color: &ColorTransform,
+    ledger: &mut Ledger,
     tell: Tell<'_>,
 ) -> Result<Vec<Option<Survey>>> {
     let total = gathered.stacks.len();
@@ -211,14 +222,18 @@ fn survey_all(
     for (done, index) in (1..).zip(own.into_iter().chain(others)) {
         stop(request, 0, total)?;
         let stack = &gathered.stacks[index];
-        let path = request.out.join(output::work_file("survey", stack));
-        let key = prepare::digest(&(prepare::shots_key(stack), color, clip));
-        let kept: Option<Kept<Survey>> = output::read_kept(&path);
-        surveys[index] = match kept.filter(|kept| kept.key == key) {
-            Some(kept) => Some(kept.value),
+        let name = output::item("survey", stack);
+        let key = prepare::item_key(&(prepare::shots_key(stack), color, clip))?;
+        if !request.shard.has(index) && ledger.noted(&name).is_none() {
+            ledger.take_others()?;
+        }
+        let noted = ledger.noted(&name);
+        let noted = noted.filter(|item| item.key.as_ref() == Some(&key));
+        surveys[index] = match noted.and_then(Item::value) {
+            Some(survey) => Some(survey),
             None => match survey(stack, color, clip) {
                 Ok(value) => {
-                    output::write_json(&path, &Kept { key, value: &value })?;
+                    ledger.add_with(&name, 0.0, Some(key), &value, &[])?;
                     Some(value)
                 }
                 Err(unreadable) => {

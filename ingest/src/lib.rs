@@ -13,35 +13,35 @@
 //! One stack is in memory at a time. Sums run in a fixed order: the same photographs give the same
 //! bits for any number of threads.
 
-pub mod capture;
+mod capture;
 mod check;
-pub mod color;
-pub mod demosaic;
+mod color;
+mod demosaic;
 mod develop;
 mod discover;
-pub mod error;
+mod error;
 mod gather;
 mod group;
 mod job;
-pub mod manifest;
-pub mod merge;
+mod manifest;
+mod merge;
 mod merge_all;
-pub mod noise;
+mod noise;
 mod numbers;
-pub mod options;
+mod options;
 mod output;
 mod prepare;
-pub mod problem;
+mod problem;
 pub mod raw;
 mod report;
 mod resample;
-pub mod stack;
+mod stack;
 mod survey;
 mod thumb;
-pub mod vignetting;
+mod vignetting;
 mod warnings;
 
-pub use capture::{Capture, Quality, StackReport};
+pub use capture::{Capture, Quality};
 pub use color::WhiteBalance;
 pub use demosaic::Demosaic;
 pub use error::{IngestError, Result};

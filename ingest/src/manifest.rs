@@ -19,11 +19,11 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Name of the file in the folder of a capture.
-pub const FILE_NAME: &str = "capture.toml";
+pub(crate) const FILE_NAME: &str = "capture.toml";
 
 /// A manifest.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Manifest {
+pub(crate) struct Manifest {
     /// Factors of white balance.
     pub white_balance: Option<[f32; 3]>,
     /// Coefficients of the lens' falloff.
@@ -34,7 +34,7 @@ pub struct Manifest {
 
 /// A stack of a manifest.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ListedStack {
+pub(crate) struct ListedStack {
     /// Lighting condition.
     pub condition: String,
     /// Position of the camera.
@@ -51,7 +51,7 @@ impl Manifest {
     /// # Errors
     /// [`eagpt_scene::SceneError`] with file, line and key: no TOML, an unknown key, a name that is
     /// no name of a file, a stack or a file that is listed twice, not as many exposures as files.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = files::read(path)?;
         let text = Text::new(path, &bytes)?;
         let value = text.parse()?;

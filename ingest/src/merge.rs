@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 /// One shot of a stack.
 #[derive(Debug, Clone, Copy)]
-pub struct Shot<'a> {
+pub(crate) struct Shot<'a> {
     /// Its samples.
     pub frame: &'a RawFrame,
     /// Exposure in seconds at ISO 100 and f/1, or whatever all shots of a capture are measured in.
@@ -21,16 +21,16 @@ pub struct Shot<'a> {
 
 /// Set in [`Merged::flags`] where a sample is clipped in all shots: the value is the least that it
 /// can be.
-pub const CLIPPED: u8 = 1;
+pub(crate) const CLIPPED: u8 = 1;
 /// Set in [`Merged::flags`] where a sample does not stand out from the read noise in any shot.
-pub const DARK: u8 = 2;
+pub(crate) const DARK: u8 = 2;
 
 /// Standard deviations of read noise below which a sample of the longest shot counts as dark.
 const DARK_SIGMAS: f32 = 2.0;
 
 /// A merged bracket, sample by sample as the sensor has them.
 #[derive(Debug, Clone)]
-pub struct Merged {
+pub(crate) struct Merged {
     /// Radiance in fractions of the range per exposure, `[height, row_len]`.
     pub radiance: Vec<f32>,
     /// [`CLIPPED`] and [`DARK`] for each sample.
@@ -39,7 +39,7 @@ pub struct Merged {
 
 /// How many samples are what.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct MergeCounts {
+pub(crate) struct MergeCounts {
     /// Clipped in all shots.
     pub clipped: u64,
     /// Dark in all shots.
@@ -48,7 +48,7 @@ pub struct MergeCounts {
 
 impl Merged {
     /// Counts the flags.
-    pub fn counts(&self) -> MergeCounts {
+    pub(crate) fn counts(&self) -> MergeCounts {
         let count = |flag| self.flags.iter().filter(|flags| *flags & flag != 0).count() as u64;
         MergeCounts {
             clipped: count(CLIPPED),
@@ -59,7 +59,7 @@ impl Merged {
 
 /// Merges shots of one size and layout, sorted by exposure. A sample counts where it is below
 /// `clip`, a fraction of the range.
-pub fn merge(shots: &[Shot<'_>], noise: &Noise, clip: f32) -> Merged {
+pub(crate) fn merge(shots: &[Shot<'_>], noise: &Noise, clip: f32) -> Merged {
     let Some(first) = shots.first() else {
         return Merged {
             radiance: Vec::new(),

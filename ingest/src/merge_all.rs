@@ -1,12 +1,12 @@
 //! The second half of the job: stacks that are good, and decisions, become files.
 
-use crate::capture::{Capture, Quality, ShotReport, StackReport};
+use crate::capture::{Capture, Quality, ShotReport, StackFiles, StackReport};
 use crate::develop::{Developed, Recipe, develop};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
 use crate::job::{IngestProgress, IngestRequest, IngestSummary, Tell, stop};
 use crate::options::ExposureRatios;
-use crate::output::{self, Done};
+use crate::output::{self, MergedStack};
 use crate::prepare::{self, needed_memory};
 use crate::problem::Problem;
 use crate::report;
@@ -14,9 +14,11 @@ use crate::resample::fitted;
 use crate::stack::{Photograph, Stack};
 use crate::survey::{self, Survey, estimated, read_shots};
 use crate::warnings;
+use eagpt_scene::Shard;
+use eagpt_scene::files::Key;
+use eagpt_scene::files::ledger::{self, Ledger};
 use eagpt_scene::lens::{Pinhole, Undistortion};
 use eagpt_scene::machine::available_memory;
-use eagpt_scene::{Shard, files};
 use glam::DAffine3;
 use std::path::{Path, PathBuf};
 
@@ -25,21 +27,44 @@ struct Planned {
     stack: Stack,
     survey: Survey,
     exposures: Vec<f64>,
-    files: crate::capture::StackFiles,
-    key: String,
-    kept: Option<Done>,
+    files: StackFiles,
+    key: Key,
+    kept: Option<MergedStack>,
+}
+
+impl Planned {
+    /// Its files below the output.
+    fn paths(&self) -> [PathBuf; 3] {
+        image_paths(&self.files)
+    }
+}
+
+fn image_paths(files: &StackFiles) -> [PathBuf; 3] {
+    [&files.radiance, &files.preview, &files.unreliable].map(PathBuf::from)
+}
+
+/// Stacks that are good, with what was found out about all of them.
+pub(crate) struct Prepared<'a> {
+    pub(crate) gathered: Gathered,
+    pub(crate) surveys: Vec<Option<Survey>>,
+    pub(crate) decisions: &'a prepare::Decisions,
+    pub(crate) left_out: Vec<Problem>,
 }
 
 /// Merges and writes all stacks of the part, and what is told of them.
 pub(crate) fn merge_all(
     request: &IngestRequest,
-    gathered: Gathered,
-    surveys: Vec<Option<Survey>>,
-    decisions: &prepare::Decisions,
-    left_out: Vec<Problem>,
+    prepared: Prepared<'_>,
+    mut ledger: Ledger,
     tell: Tell<'_>,
 ) -> Result<Option<IngestSummary>> {
     let options = &request.options;
+    let Prepared {
+        gathered,
+        surveys,
+        decisions,
+        left_out,
+    } = prepared;
     let surveys: Vec<Survey> = surveys.into_iter().flatten().collect();
     let (scale, preview_exposure) = prepare::scales(options.scale, &surveys);
     let recipe = Recipe {
@@ -51,10 +76,10 @@ pub(crate) fn merge_all(
         undistortion: decisions.undistortion,
         long_side: options.long_side,
     };
-    let planned = plan(request, gathered.stacks, surveys, &recipe)?;
+    let planned = plan(request, gathered.stacks, surveys, &recipe, &ledger)?;
     check_memory(&request.capture, &planned)?;
     let total = planned.len();
-    let mut done: Vec<Done> = Vec::with_capacity(total);
+    let mut done: Vec<MergedStack> = Vec::with_capacity(total);
     let mut num_kept = 0;
     for planned in &planned {
         if let Some(kept) = &planned.kept {
@@ -62,7 +87,8 @@ pub(crate) fn merge_all(
             num_kept += 1;
         } else {
             stop(request, done.len(), total)?;
-            done.push(merge_one(request, planned, &recipe, preview_exposure)?);
+            let merged = merge_one(request, planned, &recipe, preview_exposure, &mut ledger)?;
+            done.push(merged);
         }
         tell(IngestProgress::Merging {
             done: done.len(),
@@ -71,6 +97,7 @@ pub(crate) fn merge_all(
         });
     }
     if request.shard != Shard::WHOLE {
+        ledger.complete()?;
         return Ok(None);
     }
     warnings::compare(done.iter_mut().map(|done| &mut done.report));
@@ -108,12 +135,10 @@ pub(crate) fn merge_all(
     let thumbnails: Vec<&str> = done.iter().map(|done| done.thumbnail.as_str()).collect();
     report::write(&request.out, &request.capture, &capture, &thumbnails)?;
     for planned in &planned {
-        let files = &planned.files;
-        let names = [&files.radiance, &files.preview, &files.unreliable];
-        outputs.extend(names.map(PathBuf::from));
-        outputs.push(output::work_file("survey", &planned.stack));
-        outputs.push(output::work_file("stacks", &planned.stack));
+        outputs.extend(planned.paths());
     }
+    ledger.absorb_others()?;
+    outputs.push(ledger::file_name(Shard::WHOLE).into());
     let shots = planned.iter().flat_map(|planned| &planned.stack.shots);
     Ok(Some(IngestSummary {
         capture,
@@ -132,6 +157,7 @@ fn plan(
     stacks: Vec<Stack>,
     surveys: Vec<Survey>,
     recipe: &Recipe,
+    ledger: &Ledger,
 ) -> Result<Vec<Planned>> {
     let several = stacks
         .iter()
@@ -156,27 +182,26 @@ fn plan(
                 &files,
             ),
         );
-        let key = prepare::digest(&decided);
-        let kept: Option<Done> =
-            output::read_kept(&request.out.join(output::work_file("stacks", &stack)));
-        let paths =
-            [&files.radiance, &files.preview, &files.unreliable].map(|file| request.out.join(file));
-        let fits = kept.as_ref().is_some_and(|kept| kept.key == key);
-        if !request.start_over {
-            if kept.is_some() && !fits {
-                return Err(IngestError::Stale {
-                    out: request.out.clone(),
-                    stack: stack.name(),
-                });
-            }
-            let is_foreign = kept.is_none() && !request.out.join(begun_file(&stack)).exists();
-            if let Some(path) = paths.iter().find(|path| is_foreign && path.exists()) {
-                return Err(IngestError::Exists { path: path.clone() });
+        let key = prepare::item_key(&decided)?;
+        let name = output::item("stack", &stack);
+        let noted = ledger.noted(&name);
+        // Noted without a key: a process was killed while it wrote the files.
+        let made_with = noted.and_then(|item| item.key.as_ref());
+        if made_with.is_some_and(|made_with| *made_with != key) {
+            return Err(IngestError::Stale {
+                out: request.out.clone(),
+                stack: stack.name(),
+            });
+        }
+        if noted.is_none() && !request.start_over {
+            let paths = image_paths(&files).map(|file| request.out.join(file));
+            if let Some(path) = paths.into_iter().find(|path| path.exists()) {
+                return Err(IngestError::Exists { path });
             }
         }
-        let whole = fits && paths.iter().all(|path| path.exists());
+        let kept = made_with.and_then(|_| ledger.done(&name)?.value());
         all.push(Planned {
-            kept: kept.filter(|_| whole),
+            kept,
             stack,
             survey,
             exposures,
@@ -185,12 +210,6 @@ fn plan(
         });
     }
     Ok(all)
-}
-
-/// File that says that the images of a stack are about to be written: what is there without being
-/// [`Done`] is of a run that was killed.
-fn begun_file(stack: &Stack) -> PathBuf {
-    output::work_file("begun", stack)
 }
 
 fn check_memory(capture: &Path, planned: &[Planned]) -> Result<()> {
@@ -217,7 +236,8 @@ fn merge_one(
     planned: &Planned,
     recipe: &Recipe,
     preview_exposure: f64,
-) -> Result<Done> {
+    ledger: &mut Ledger,
+) -> Result<MergedStack> {
     let stack = &planned.stack;
     let frames = read_shots(stack).map_err(|unreadable| unreadable.error)?;
     // By the exposures that are used: an estimate may turn an order around.
@@ -233,8 +253,8 @@ fn merge_one(
         .filter_map(|&index| slots[index].take())
         .collect();
     let developed = develop(frames, &exposures, &planned.survey.noise, recipe);
-    let begun = request.out.join(begun_file(stack));
-    output::write_text(&begun, "")?;
+    let name = output::item("stack", stack);
+    ledger.add(&name, 0.0, &[])?;
     output::write_stack(
         &request.out,
         &planned.files,
@@ -242,14 +262,13 @@ fn merge_one(
         preview_exposure,
         request.options.precision,
     )?;
-    let done = Done {
-        key: planned.key.clone(),
+    let merged = MergedStack {
         thumbnail: output::thumbnail(&developed.image, preview_exposure),
         report: stack_report(planned, &developed, recipe),
     };
-    output::write_json(&request.out.join(output::work_file("stacks", stack)), &done)?;
-    files::remove_if_there(&begun)?;
-    Ok(done)
+    let key = Some(planned.key.clone());
+    ledger.add_with(&name, 0.0, key, &merged, &planned.paths())?;
+    Ok(merged)
 }
 
 fn stack_report(planned: &Planned, developed: &Developed, recipe: &Recipe) -> StackReport {

@@ -36,14 +36,14 @@ pub enum NoiseSource {
 impl Noise {
     /// An ordinary sensor at its base sensitivity: a full well of 20,000 electrons, read noise of
     /// 1/4000 of the range.
-    pub const ASSUMED: Self = Self {
+    pub(crate) const ASSUMED: Self = Self {
         gain: 1.0 / 20_000.0,
         read: 1.0 / (4000.0 * 4000.0),
         source: NoiseSource::Assumed,
     };
 
     /// The model that a file states, where it can be one.
-    pub fn from_profile([gain, read]: [f64; 2]) -> Self {
+    pub(crate) fn from_profile([gain, read]: [f64; 2]) -> Self {
         Self {
             gain: (gain as f32).clamp(MIN_GAIN, MAX_GAIN),
             read: (read as f32).clamp(MIN_READ, MAX_READ),
@@ -85,7 +85,7 @@ struct Point {
 ///
 /// Variances are computed from medians, so that motion between shots and inexact exposures count
 /// little.
-pub fn estimate(shots: &[Shot<'_>], clip: f32) -> Option<Noise> {
+pub(crate) fn estimate(shots: &[Shot<'_>], clip: f32) -> Option<Noise> {
     let mut points = Vec::new();
     for pair in shots.windows(2) {
         points.extend(pair_points(&pair[0], &pair[1], clip));

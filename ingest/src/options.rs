@@ -13,11 +13,16 @@ use std::fmt;
 /// Source of exposure ratios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ExposureRatios {
-    /// Exposure time, ISO and aperture of the files; checked against the photographs.
+    /// Exposure time, ISO and aperture of the files
+    ///
+    /// They are checked against the photographs.
     #[default]
     Metadata,
-    /// The photographs, where enough of the scene is well exposed in two neighbouring shots.
+    /// Measured, where the shots of a stack overlap
+    ///
+    /// Enough of the scene has to be well exposed in two neighbouring shots.
     Estimate,
 }
 
@@ -182,7 +187,7 @@ impl IngestOptions {
     }
 
     /// Fraction of the range from which on a sample is clipped.
-    pub fn clip(&self) -> f32 {
+    pub(crate) fn clip(&self) -> f32 {
         1.0 - self.clip_margin
     }
 }

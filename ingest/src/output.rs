@@ -1,4 +1,4 @@
-//! Files of a stack: radiance, preview, mask, and what is kept to go on after an interruption.
+//! Files of a stack: radiance, preview, mask; and its items in the ledger of the result.
 
 use crate::capture::{StackFiles, StackReport};
 use crate::develop::Developed;
@@ -11,32 +11,22 @@ use eagpt_scene::{Image, files, png};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Folder of what is kept to go on after an interruption, below the output.
-pub(crate) const WORK: &str = "work";
+/// The command in ledgers.
+pub(crate) const COMMAND: &str = "ingest";
 /// Width of the pictures in the report.
 const THUMBNAIL_SIDE: u32 = 320;
 /// JPEG quality of the pictures in the report.
 const THUMBNAIL_QUALITY: u8 = 80;
 
-/// A stack that is done.
+/// A merged stack, as the ledger has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Done {
-    /// Digest of everything that decides the files.
-    pub(crate) key: String,
+pub(crate) struct MergedStack {
     pub(crate) report: StackReport,
     /// A small JPEG, base64.
     pub(crate) thumbnail: String,
-}
-
-/// Something kept under the digest of what decided it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Kept<T> {
-    pub(crate) key: String,
-    pub(crate) value: T,
 }
 
 /// Names of the files of a stack; folders of conditions only where there are several.
@@ -58,22 +48,9 @@ pub(crate) fn stack_files(stack: &Stack, several: bool) -> StackFiles {
     }
 }
 
-/// File below [`WORK`] for a stack.
-pub(crate) fn work_file(kind: &str, stack: &Stack) -> PathBuf {
-    PathBuf::from(WORK)
-        .join(kind)
-        .join(&stack.condition)
-        .join(format!("{}.json", stack.position))
-}
-
-/// Reads what was kept; `None` if nothing was, or what is there cannot be read, as after a change
-/// of versions.
-pub(crate) fn read_kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    if !path.exists() {
-        return None;
-    }
-    let bytes = files::read(path).ok()?;
-    serde_json::from_slice(&bytes).ok()
+/// Item of the ledger for a stack.
+pub(crate) fn item(kind: &str, stack: &Stack) -> String {
+    format!("{kind}/{}/{}", stack.condition, stack.position)
 }
 
 /// Writes JSON; atomic.
@@ -136,8 +113,7 @@ pub(crate) fn write_stack(
     second
 }
 
-/// What is brighter than half precision holds becomes the brightest that it holds: a lamp is a lamp
-/// at 65,504.
+/// Clamps to the largest value of half precision, 65,504.
 fn fit_in_half(
     image: &Image<3>,
     precision: Precision,

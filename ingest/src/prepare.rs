@@ -11,6 +11,7 @@ use crate::raw::{CameraColor, Kind, Layout, RawFrame, kind_of};
 use crate::stack::{Photograph, Stack};
 use crate::survey::{Survey, read_shots};
 use crate::vignetting::{Falloff, Grid, Vignetting};
+use eagpt_scene::files::Key;
 use eagpt_scene::lens::Undistortion;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -267,17 +268,13 @@ pub(crate) fn scales(given: Option<f64>, surveys: &[Survey]) -> (f64, f64) {
     }
 }
 
-/// Digest of what decides something.
-pub(crate) fn digest(value: &impl Serialize) -> String {
-    // A value that cannot be serialised gets a key that matches nothing.
-    let text = serde_json::to_string(value).unwrap_or_default();
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
-    hasher.update(text.as_bytes());
-    hasher.finalize().to_hex().to_string()
+/// Key of an item of the ledger: version and everything else that decides it.
+pub(crate) fn item_key(decides: &impl Serialize) -> Result<Key> {
+    let key = Key::new().with_value("version", &env!("CARGO_PKG_VERSION"))?;
+    Ok(key.with_value("input", decides)?)
 }
 
-/// Digest key of the shots of a stack before they are decoded.
+/// Digests and exposures of the shots of a stack before they are decoded.
 pub(crate) fn shots_key(stack: &Stack) -> Vec<(String, f64)> {
     stack
         .shots

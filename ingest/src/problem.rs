@@ -11,7 +11,7 @@ pub struct Problem {
     /// The problem, with the values, and the remedy.
     pub problem: String,
     /// Effect of `--skip-bad`.
-    pub remedy: Remedy,
+    pub(crate) remedy: Remedy,
     /// Files or stacks that it concerns, by name.
     pub concerns: Vec<String>,
 }
@@ -19,7 +19,7 @@ pub struct Problem {
 /// Effect of `--skip-bad` on a problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Remedy {
+pub(crate) enum Remedy {
     /// The file is left out; its stack stays.
     LeaveOutFile,
     /// The whole stack is left out.

@@ -17,7 +17,8 @@ mod with_rawler;
 #[cfg(feature = "rawloader")]
 mod with_rawloader;
 
-pub use kinds::{Kind, kind_of};
+pub use kinds::Kind;
+pub(crate) use kinds::kind_of;
 
 use crate::error::{IngestError, Result};
 use eagpt_scene::files;
@@ -165,7 +166,7 @@ impl Metadata {
 
 impl Header {
     /// Samples of a row: the width, times three for RGB.
-    pub fn row_len(&self) -> usize {
+    pub(crate) fn row_len(&self) -> usize {
         let per_pixel = if self.layout == Layout::Rgb { 3 } else { 1 };
         self.width as usize * per_pixel
     }
@@ -186,7 +187,7 @@ impl Header {
     }
 
     /// Black level of a sample of a row.
-    pub fn black_at(&self, row: usize, sample: usize) -> f32 {
+    pub(crate) fn black_at(&self, row: usize, sample: usize) -> f32 {
         let Black {
             columns,
             rows,
@@ -258,7 +259,7 @@ impl Header {
 impl RawFrame {
     /// A row with the black level taken off, as a fraction of the range up to white; as `out` is
     /// long.
-    pub fn scaled_row(&self, row: usize, out: &mut [f32]) {
+    pub(crate) fn scaled_row(&self, row: usize, out: &mut [f32]) {
         let header = &self.header;
         let start = row * header.row_len();
         let period = header.black.columns * header.pattern_columns();
@@ -301,9 +302,9 @@ impl RawFrame {
 /// [`IngestError::Photograph`] if the file is no photograph that can be used: 8 bits, a reduced RAW
 /// with three components, an unknown camera or format, a damaged header; [`IngestError::Scene`] if
 /// it cannot be read.
-pub fn inspect(path: &Path) -> Result<(Header, String)> {
+pub(crate) fn inspect(path: &Path) -> Result<(Header, String)> {
     let bytes = Arc::new(files::read(path)?);
-    let digest = blake3::hash(&bytes).to_hex().to_string();
+    let digest = eagpt_scene::files::digest::of_bytes(&bytes);
     decode(path, &bytes, Want::Header).map(|frame| (frame.header, digest))
 }
 

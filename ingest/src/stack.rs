@@ -5,11 +5,11 @@ use std::cmp::Ordering;
 use std::path::PathBuf;
 
 /// Name of the only condition of a capture that names none.
-pub const ONLY_CONDITION: &str = "all";
+pub(crate) const ONLY_CONDITION: &str = "all";
 
 /// A photograph of a stack.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Photograph {
+pub(crate) struct Photograph {
     /// The file.
     pub path: PathBuf,
     /// Its name relative to the capture, with "/" between folders.
@@ -22,14 +22,14 @@ pub struct Photograph {
 
 impl Photograph {
     /// Exposure in seconds at ISO 100 and f/1; 0 if unknown, which the checks refuse.
-    pub fn exposure(&self) -> f64 {
+    pub(crate) fn exposure(&self) -> f64 {
         self.header.metadata.exposure().unwrap_or(0.0)
     }
 }
 
 /// Shots of one position under one condition.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stack {
+pub(crate) struct Stack {
     /// Lighting condition.
     pub condition: String,
     /// Position of the camera.
@@ -40,7 +40,7 @@ pub struct Stack {
 
 impl Stack {
     /// `condition/position`, or the position alone where there is one condition.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         if self.condition == ONLY_CONDITION {
             self.position.clone()
         } else {
@@ -49,7 +49,7 @@ impl Stack {
     }
 
     /// Sorts the shots by exposure, equal ones by name.
-    pub fn sort(&mut self) {
+    pub(crate) fn sort(&mut self) {
         self.shots.sort_by(|a, b| {
             let order = a.exposure().total_cmp(&b.exposure());
             order.then_with(|| natural(&a.name, &b.name))
@@ -58,7 +58,7 @@ impl Stack {
 }
 
 /// Order of names in which numbers count as numbers: `p2` comes before `p10`.
-pub fn natural(a: &str, b: &str) -> Ordering {
+pub(crate) fn natural(a: &str, b: &str) -> Ordering {
     let (mut a_rest, mut b_rest) = (a.as_bytes(), b.as_bytes());
     loop {
         let (Some(x), Some(y)) = (a_rest.first(), b_rest.first()) else {

@@ -11,6 +11,7 @@ mod common;
 use common::*;
 use eagpt_ingest::{IngestError, IngestOptions, IngestProgress, ingest};
 use eagpt_scene::exr;
+use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
 use std::fs;
 use std::sync::atomic::Ordering;
 
@@ -301,7 +302,7 @@ fn a_stopped_run_goes_on_to_the_same_bits_with_any_threads() {
         },
     );
     assert!(matches!(outcome, Err(IngestError::Stale { .. })));
-    fs::remove_dir_all(place.path("whole/work")).unwrap();
+    fs::remove_file(place.path("whole/shard-1-of-1.record.json")).unwrap();
     let (outcome, _) = place.ingest("c", "whole", options());
     assert!(matches!(outcome, Err(IngestError::Exists { .. })));
 }
@@ -312,28 +313,9 @@ fn damaged_files_are_errors_and_no_panics() {
     place.capture("c", 1);
     let path = place.file("c", 0, 0);
     let bytes = fs::read(&path).unwrap();
-    let key = eagpt_scene::rng::RandomKey::new(3, eagpt_scene::rng::Purpose::Initialise, 0);
     let mut num_refused = 0;
-    for copy in 0..60 {
-        let mut damaged = bytes.clone();
-        let mut stream = key.stream(copy, 0);
-        if copy % 3 == 0 {
-            let [length, ..] = stream.next_words();
-            damaged.truncate(length as usize % bytes.len());
-        } else {
-            for _ in 0..3 {
-                let [place, value, ..] = stream.next_words();
-                // The directories lie at the ends of the file.
-                let near = place as usize % 600;
-                let at = if place % 2 == 0 {
-                    near
-                } else {
-                    bytes.len() - 1 - near
-                };
-                damaged[at] = value as u8;
-            }
-        }
-        fs::write(&path, &damaged).unwrap();
+    let mut try_with = |damaged: &[u8]| {
+        fs::write(&path, damaged).unwrap();
         if let Err(error) = eagpt_ingest::raw::read(&path) {
             num_refused += 1;
             let text = error.to_string();
@@ -342,6 +324,8 @@ fn damaged_files_are_errors_and_no_panics() {
                 "{text}"
             );
         }
-    }
-    assert!(num_refused >= 20, "{num_refused}");
+    };
+    for_each_damage(&bytes, 0..60, &mut try_with);
+    for_each_truncation(&bytes, 20, &mut try_with);
+    assert!(num_refused >= 30, "{num_refused}");
 }

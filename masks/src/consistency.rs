@@ -20,7 +20,7 @@ use serde::Serialize;
 
 /// Longest side at which views are compared, pixels: bounds the memory, 9 bytes a pixel, to 2.6 MB
 /// a view.
-pub const MAX_SIDE: u32 = 540;
+pub(crate) const MAX_SIDE: u32 = 540;
 /// Most places of a region.
 const MAX_PLACES: usize = 64;
 /// Least projected area, pixels, of a pixel's surface in another view for that view to count.
@@ -38,7 +38,7 @@ const MIN_MISSED: u32 = 16;
 
 /// A view as the comparison needs it.
 #[derive(Debug, Clone)]
-pub struct Sight {
+pub(crate) struct Sight {
     /// Camera at the size of the comparison.
     pub camera: Camera,
     /// Depth along the optical axis at that size; 0 where unknown.
@@ -51,7 +51,7 @@ pub struct Sight {
 
 /// The surface that a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub(crate) struct Place {
     /// Position, world space.
     point: Vec3,
     /// Points where the rays of the neighbouring pixels to the right and below meet the surface's
@@ -84,12 +84,12 @@ pub enum Verdict {
 
 impl Support {
     /// Share of places that are masked; `None` if there are none.
-    pub fn share(&self) -> Option<f64> {
+    pub(crate) fn share(&self) -> Option<f64> {
         (self.num_seen > 0).then(|| f64::from(self.num_masked) / f64::from(self.num_seen))
     }
 
     /// The verdict if at least `min_support` of the places have to be masked.
-    pub fn verdict(&self, min_support: f32) -> Verdict {
+    pub(crate) fn verdict(&self, min_support: f32) -> Verdict {
         match self.share() {
             Some(share) if self.num_views >= MIN_VIEWS => {
                 if share >= f64::from(min_support) {
@@ -105,7 +105,7 @@ impl Support {
 
 /// The comparison of all views.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Comparison {
+pub(crate) struct Comparison {
     /// For each view and region, what other views see of it.
     pub support: Vec<Vec<Support>>,
     /// For each view, the share of its places in regions confirmed by others that it does not mask,
@@ -121,7 +121,7 @@ struct Sighting {
 }
 
 /// The size at which a view of `camera` is compared.
-pub fn reduced(camera: &Camera) -> Camera {
+pub(crate) fn reduced(camera: &Camera) -> Camera {
     let longest = camera.width.max(camera.height);
     if longest <= MAX_SIDE {
         return *camera;
@@ -131,7 +131,7 @@ pub fn reduced(camera: &Camera) -> Camera {
 }
 
 /// A mask at the size of `camera`: a pixel if any of the pixels that it covers is masked.
-pub fn reduced_mask(mask: &Mask, camera: &Camera) -> Mask {
+pub(crate) fn reduced_mask(mask: &Mask, camera: &Camera) -> Mask {
     let range = |at: u32, size: u32, full: u32| {
         let bound = |at: u32| (u64::from(at) * u64::from(full) / u64::from(size)) as u32;
         bound(at)..bound(at + 1).max(bound(at) + 1)
@@ -144,7 +144,7 @@ pub fn reduced_mask(mask: &Mask, camera: &Camera) -> Mask {
 
 /// Places well inside of a region, evenly chosen; none where depth is unknown. The region is one of
 /// an image of `full_size` (width, height), `mask` and `depth` are those of `camera`.
-pub fn places(
+pub(crate) fn places(
     region: &Region,
     full_size: (u32, u32),
     mask: &Mask,
@@ -188,7 +188,7 @@ pub fn places(
 }
 
 /// Compares all views with each other.
-pub fn compare(sights: &[Sight], min_support: f32) -> Comparison {
+pub(crate) fn compare(sights: &[Sight], min_support: f32) -> Comparison {
     let sightings: Vec<Vec<Vec<Sighting>>> = sights
         .par_iter()
         .enumerate()

@@ -301,7 +301,7 @@ impl<'a> Job<'a> {
     /// Data of a view for the comparison; `None` without a mask to compare or depth to compare
     /// with.
     fn sight(&self, view: &View, mask: Option<Mask>) -> Result<Option<Sight>> {
-        if self.request.options.check.inconsistent.is_none() {
+        if self.request.options.check.inconsistent == Inconsistent::Ignore {
             return Ok(None);
         }
         let camera = consistency::reduced(&view.camera);
@@ -327,7 +327,9 @@ impl<'a> Job<'a> {
     /// The comparison, if all views have depth.
     fn compare(&mut self, sights: Vec<Option<Sight>>) -> Option<Comparison> {
         let check = self.request.options.check;
-        check.inconsistent?;
+        if check.inconsistent == Inconsistent::Ignore {
+            return None;
+        }
         let total = sights.len();
         let sights: Vec<Sight> = sights.into_iter().flatten().collect();
         if sights.len() < total {
@@ -374,8 +376,8 @@ impl<'a> Job<'a> {
         for (number, region) in regions.iter().enumerate() {
             let support = comparison.map(|found| found.support[index][number].clone());
             let verdict = support.as_ref().map(|s| s.verdict(check.min_support));
-            let dropped = verdict == Some(Verdict::Inconsistent)
-                && check.inconsistent == Some(Inconsistent::Drop);
+            let dropped =
+                verdict == Some(Verdict::Inconsistent) && check.inconsistent == Inconsistent::Drop;
             if let (true, Some(mask)) = (dropped, &mut mask) {
                 mask.remove(region);
             }

@@ -20,7 +20,7 @@ const SUBPIXELS: u32 = 4;
 
 /// The label images of a folder.
 #[derive(Debug, Clone)]
-pub struct Labels {
+pub(crate) struct Labels {
     /// For each view of the dataset, its label if there is one.
     pub files: Vec<Option<PathBuf>>,
     /// PNG files whose names match no view.
@@ -29,7 +29,7 @@ pub struct Labels {
 
 impl Labels {
     /// The label of the view of this index in the dataset.
-    pub fn of(&self, index: usize) -> Option<&Path> {
+    pub(crate) fn of(&self, index: usize) -> Option<&Path> {
         self.files[index].as_deref()
     }
 }
@@ -38,7 +38,7 @@ impl Labels {
 ///
 /// # Errors
 /// [`MaskError::NoLabels`] if no file is named like a view, or an I/O error of the folder.
-pub fn find(folder: &Path, dataset: &Dataset) -> Result<Labels> {
+pub(crate) fn find(folder: &Path, dataset: &Dataset) -> Result<Labels> {
     let files: Vec<Option<PathBuf>> = dataset
         .frames()
         .iter()
@@ -71,7 +71,7 @@ pub fn find(folder: &Path, dataset: &Dataset) -> Result<Labels> {
 ///
 /// # Errors
 /// [`SceneError`] naming the file if it is no PNG or too large.
-pub fn read(path: &Path, size: (u32, u32)) -> Result<Mask, SceneError> {
+pub(crate) fn read(path: &Path, size: (u32, u32)) -> Result<Mask, SceneError> {
     let label = decode(path)?;
     let (width, height) = size;
     let at = |pixel: u32, step: u32, size: u32, label_size: u32| {

@@ -40,7 +40,7 @@ const FLOOR: f64 = 0.5;
 
 /// A histogram of log radiance.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Histogram {
+pub(crate) struct Histogram {
     counts: Vec<u64>,
 }
 
@@ -69,7 +69,7 @@ impl Default for Histogram {
 
 impl Histogram {
     /// Counts the values of an image, linear and not negative.
-    pub fn add(&mut self, values: impl Iterator<Item = f32>) {
+    pub(crate) fn add(&mut self, values: impl Iterator<Item = f32>) {
         for value in values {
             let stops = f64::from(value).log2() - f64::from(LOWEST_STOP);
             // A black pixel is at minus infinity: the cast saturates into the first bin.
@@ -82,7 +82,7 @@ impl Histogram {
     ///
     /// # Errors
     /// The problem with the histogram if there is no level.
-    pub fn level(&self) -> Result<Level, String> {
+    pub(crate) fn level(&self) -> Result<Level, String> {
         let total: u64 = self.counts.iter().sum();
         let median = self.first_bin_with_share_above(total, 0.5);
         let brightest = self.counts.iter().rposition(|&count| count > 0);

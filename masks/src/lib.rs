@@ -11,16 +11,18 @@
 //!
 //! Emission-aware Gaussians are trained on these masks (EAG-PT, arXiv 2601.23065, section 3).
 
-pub mod consistency;
-pub mod error;
+mod consistency;
+mod error;
 mod job;
-pub mod labels;
-pub mod level;
-pub mod mask;
-pub mod options;
+mod labels;
+mod level;
+mod mask;
+mod options;
 mod overlay;
-pub mod report;
+mod report;
 
+pub use consistency::Verdict;
 pub use error::{MaskError, Result};
 pub use job::{MaskProgress, MaskRequest, MaskSummary, make_masks, planned_files};
 pub use options::{Border, CheckOptions, Inconsistent, MaskOptions, Rule, Source};
+pub use report::ViewVerdict;

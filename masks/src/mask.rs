@@ -18,20 +18,20 @@ const OFF: Luma<u8> = Luma([0]);
 
 /// A set of pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Mask {
+pub(crate) struct Mask {
     pixels: GrayImage,
 }
 
 /// A connected part of a mask, diagonal neighbours included.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Region {
+pub(crate) struct Region {
     /// Its pixels (column, row), row by row; never empty.
     pub pixels: Vec<[u32; 2]>,
 }
 
 impl Region {
     /// The mean of its pixels' centres, pixels from the image's corner.
-    pub fn centre(&self) -> [f64; 2] {
+    pub(crate) fn centre(&self) -> [f64; 2] {
         let sum = self.pixels.iter().fold([0.0; 2], |sum, pixel| {
             [0, 1].map(|axis: usize| sum[axis] + f64::from(pixel[axis]) + 0.5)
         });
@@ -41,57 +41,57 @@ impl Region {
 
 impl Mask {
     /// An empty mask.
-    pub fn empty(width: u32, height: u32) -> Self {
+    pub(crate) fn empty(width: u32, height: u32) -> Self {
         Self {
             pixels: GrayImage::new(width, height),
         }
     }
 
     /// The mask of the pixels (column, row) for which `is_in` is true.
-    pub fn from_fn(width: u32, height: u32, is_in: impl Fn(u32, u32) -> bool) -> Self {
+    pub(crate) fn from_fn(width: u32, height: u32, is_in: impl Fn(u32, u32) -> bool) -> Self {
         let pixels = GrayImage::from_fn(width, height, |x, y| if is_in(x, y) { ON } else { OFF });
         Self { pixels }
     }
 
     /// Width in pixels.
-    pub fn width(&self) -> u32 {
+    pub(crate) fn width(&self) -> u32 {
         self.pixels.width()
     }
 
     /// Height in pixels.
-    pub fn height(&self) -> u32 {
+    pub(crate) fn height(&self) -> u32 {
         self.pixels.height()
     }
 
     /// Whether a pixel is in the mask; what is outside of the image is not.
-    pub fn has(&self, x: u32, y: u32) -> bool {
+    pub(crate) fn has(&self, x: u32, y: u32) -> bool {
         self.pixels.get_pixel_checked(x, y) == Some(&ON)
     }
 
     /// Number of pixels in the mask.
-    pub fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         self.pixels.pixels().filter(|&&p| p == ON).count() as u64
     }
 
     /// Share of the image in the mask.
-    pub fn coverage(&self) -> f64 {
+    pub(crate) fn coverage(&self) -> f64 {
         self.count() as f64 / (f64::from(self.width()) * f64::from(self.height()))
     }
 
     /// The mask as an image: 1 inside, 0 elsewhere.
-    pub fn image(&self) -> Image<1> {
+    pub(crate) fn image(&self) -> Image<1> {
         let values = self.pixels.pixels().map(|&p| [f32::from(p == ON)]);
         Image::from_pixels(self.width(), self.height(), values.collect())
             .expect("one value for each pixel")
     }
 
     /// Adds the pixels of `other`.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.combine(other, |mine, its| mine | its);
     }
 
     /// Removes the pixels of `other`.
-    pub fn subtract(&mut self, other: &Self) {
+    pub(crate) fn subtract(&mut self, other: &Self) {
         self.combine(other, |mine, its| mine & !its);
     }
 
@@ -103,14 +103,14 @@ impl Mask {
     }
 
     /// Removes the pixels of a region.
-    pub fn remove(&mut self, region: &Region) {
+    pub(crate) fn remove(&mut self, region: &Region) {
         for &[x, y] in &region.pixels {
             self.pixels.put_pixel(x, y, OFF);
         }
     }
 
     /// Connected regions in the order of their first pixels.
-    pub fn regions(&self) -> Vec<Region> {
+    pub(crate) fn regions(&self) -> Vec<Region> {
         let labels = connected_components(&self.pixels, Connectivity::Eight, OFF);
         let mut regions: Vec<Region> = Vec::new();
         let mut index_of_label = Vec::new();
@@ -132,7 +132,7 @@ impl Mask {
     }
 
     /// Closes gaps, drops small regions and grows what is left, as the options say.
-    pub fn tidy(&mut self, options: &MaskOptions) {
+    pub(crate) fn tidy(&mut self, options: &MaskOptions) {
         if options.closing_radius > 0 {
             self.close(options.closing_radius);
         }
@@ -166,7 +166,7 @@ impl Mask {
 
 /// Pixels whose value is at least `level`; with [`Border::Half`], the border of each lamp is where
 /// pixels are half lamp and half surroundings.
-pub fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
+pub(crate) fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     let (width, height) = values.size();
     let value = |x: u32, y: u32| values.get(x, y)[0];
     let mask = Mask::from_fn(width, height, |x, y| value(x, y) >= level);

@@ -52,14 +52,19 @@ impl fmt::Display for Source {
 /// Which value of a pixel is compared with the level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Rule {
-    /// The largest channel: one channel at the level will do, so that coloured lamps count.
+    /// The largest channel
+    ///
+    /// One channel at the level suffices, so that coloured lamps count.
     Any,
-    /// The smallest channel: all channels have to be at the level.
+    /// The smallest channel
+    ///
+    /// All channels have to be at the level.
     All,
-    /// The luminance.
+    /// Rec.709 luminance
     Luminance,
-    /// The mean of the channels.
+    /// Mean of the channels
     Mean,
 }
 
@@ -79,12 +84,16 @@ impl Rule {
 /// Treatment of the border of a lamp, where a pixel shows the lamp in part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Border {
-    /// A pixel at a border belongs to the lamp if it is at least halfway between the lamp and its
-    /// surroundings, both within two pixels: where the lamp covers half of it, at any brightness
-    /// and blur of the optics.
+    /// If they are at least halfway between the light and its surroundings
+    ///
+    /// Both within two pixels: where the lamp covers half of the pixel, at any brightness and blur of
+    /// the optics.
     Half,
-    /// All pixels at the level belong to the lamp: bright lamps gain a rim.
+    /// If they are at the threshold
+    ///
+    /// Bright lamps gain a rim.
     Full,
 }
 
@@ -92,8 +101,8 @@ pub enum Border {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckOptions {
-    /// Treatment of regions that other views do not confirm; nothing is compared if this is absent.
-    pub inconsistent: Option<Inconsistent>,
+    /// Treatment of regions that other views do not confirm.
+    pub inconsistent: Inconsistent,
     /// Least share, among the places where other views see a region's surface, that are masked
     /// there, too; 0 to 1.
     pub min_support: f32,
@@ -102,17 +111,20 @@ pub struct CheckOptions {
 /// Treatment of regions that other views do not confirm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Inconsistent {
-    /// They stay and are listed.
+    /// They are listed
     Keep,
-    /// They are listed and leave the masks.
+    /// They are listed and leave the masks
     Drop,
+    /// Nothing is compared
+    Ignore,
 }
 
 impl Default for CheckOptions {
     fn default() -> Self {
         Self {
-            inconsistent: Some(Inconsistent::Keep),
+            inconsistent: Inconsistent::Keep,
             min_support: 0.5,
         }
     }

@@ -41,7 +41,7 @@ impl Case {
 
     fn masks(&self, source: Source, inconsistent: Inconsistent) -> MaskSummary {
         let check = CheckOptions {
-            inconsistent: Some(inconsistent),
+            inconsistent,
             ..CheckOptions::default()
         };
         let request = MaskRequest {
@@ -117,9 +117,7 @@ fn the_lamp_in_a_polished_cabinet_is_no_lamp() {
         let reflections: Vec<_> = kept
             .regions
             .iter()
-            .filter(|region| {
-                region.verdict == Some(eagpt_masks::consistency::Verdict::Inconsistent)
-            })
+            .filter(|region| region.verdict == Some(eagpt_masks::Verdict::Inconsistent))
             .collect();
         assert!(reflections.len() >= 3, "{source:?}: {:?}", kept.regions);
         assert!(

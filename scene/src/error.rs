@@ -41,6 +41,14 @@ pub enum SceneError {
         /// What is not supported.
         problem: String,
     },
+    /// A folder holds work that this process may not continue or replace.
+    #[error("{}: {problem}", path.display())]
+    Work {
+        /// The folder, or the file that tells.
+        path: PathBuf,
+        /// What it holds, and what can be done.
+        problem: String,
+    },
     /// The operating system refused.
     #[error("{}: {action}: {source}", path.display())]
     Io {

@@ -1,4 +1,14 @@
-//! Writing files so that nobody ever sees half of one.
+//! Files that results consist of: written so that nobody ever sees half of one, known by their
+//! digests, and listed in a ledger while a result is under way.
+
+pub mod digest;
+mod key;
+pub mod ledger;
+mod lock;
+
+pub use key::Key;
+pub use ledger::Ledger;
+pub use lock::FolderLock;
 
 use crate::error::{Result, SceneError};
 use std::collections::{BTreeMap, BTreeSet};

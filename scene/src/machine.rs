@@ -1,9 +1,9 @@
-//! What the machine is: memory and processor, as far as the system tells.
+//! Memory and processor of the machine, as far as the system tells.
 
 use std::fs;
 
-/// Memory that new allocations can have, bytes, by the kernel's own estimate; `None` where the
-/// system does not tell (it is Linux that does).
+/// Memory that new allocations can have, bytes, by the kernel's own estimate; `None` on other
+/// systems than Linux.
 pub fn available_memory() -> Option<u64> {
     memory("MemAvailable:")
 }

@@ -189,8 +189,9 @@ fn decode(path: &Path) -> Result<DynamicImage> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{assert_error, for_each_truncation};
+    use crate::testing::assert_error;
     use ::image::{ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+    use eagpt_testkit::damage::for_each_truncation;
 
     #[test]
     fn display_values_become_light() {

@@ -10,9 +10,9 @@ use std::str::FromStr;
 /// list is shared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Shard {
-    /// Which, 1 to `of`.
+    /// Number of this part, 1 to `of`.
     pub index: u32,
-    /// How many there are, at least 1.
+    /// Number of parts, at least 1.
     pub of: u32,
 }
 
@@ -20,7 +20,7 @@ impl Shard {
     /// Everything.
     pub const WHOLE: Self = Self { index: 1, of: 1 };
 
-    /// Whether the item at `place`, counted from 0, belongs to it.
+    /// True if the item at `place`, counted from 0, belongs to it.
     pub fn has(self, place: usize) -> bool {
         place % self.of as usize == self.index as usize - 1
     }

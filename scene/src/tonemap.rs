@@ -20,7 +20,6 @@ use crate::color::luminance;
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::str::FromStr;
 
 /// Exposed values are cut here: every tone curve is flat long before, and squares still fit in f32.
 const BRIGHTEST: f32 = 1e15;
@@ -105,18 +104,20 @@ impl ToneMapper {
 /// How light becomes a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ToneMap {
-    /// As it is, cut at 1.
+    /// None: cut at 1
     #[default]
     Srgb,
-    /// [`ToneMapper::Hable`].
+    /// The curve of Hable
     Filmic,
-    /// [`ToneMapper::Aces`].
+    /// The curve of ACES
     Aces,
-    /// [`ToneMapper::Reinhard`].
+    /// The curve of Reinhard
     Reinhard,
-    /// AgX by Troy Sobotka, base look: a sigmoid in log2 of light whose primaries were moved
-    /// towards white.
+    /// AgX by Troy Sobotka, base look
+    ///
+    /// A sigmoid in log2 of light whose primaries were moved towards white.
     Agx,
 }
 
@@ -148,17 +149,6 @@ impl ToneMap {
 impl fmt::Display for ToneMap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(Self::ALL[*self as usize].1)
-    }
-}
-
-impl FromStr for ToneMap {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(_, name)| *name == text);
-        found
-            .map(|(map, _)| *map)
-            .ok_or_else(|| format!("`{text}` is none of srgb, filmic, aces, reinhard, agx"))
     }
 }
 

@@ -167,7 +167,7 @@ impl Results {
     }
 }
 
-/// How a figure stands to that of the baseline.
+/// Comparison of a figure with that of the baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Verdict {
@@ -188,9 +188,9 @@ pub(super) struct Change<'a> {
     pub(super) row: &'a Row,
     /// Median of the baseline.
     pub(super) before: Option<f64>,
-    /// How much better it is: 2 is twice as fast.
+    /// Factor by which it is better: 2 is twice as fast.
     pub(super) ratio: Option<f64>,
-    /// Whether that is more than the spread of the runs.
+    /// Comparison beyond the spread of the runs.
     pub(super) verdict: Verdict,
 }
 

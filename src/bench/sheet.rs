@@ -40,7 +40,7 @@ impl Unit {
         }
     }
 
-    /// How much better `new` is than `old`: above 1 if it is.
+    /// Factor by which `new` is better than `old`: above 1 if it is.
     pub(super) fn ratio(self, old: f64, new: f64) -> f64 {
         if self == Self::Seconds {
             old / new
@@ -80,7 +80,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Whether `other` measures the same.
+    /// True if `other` measures the same.
     pub(super) fn is_as(&self, other: &Self) -> bool {
         self.is_of(other) && self.threads == other.threads
     }
@@ -99,7 +99,7 @@ pub(super) struct Sheet<'a> {
     pub(super) stage: String,
     pub(super) gaussians: Option<usize>,
     pub(super) threads: usize,
-    /// How long a measurement takes, once the fewest runs are done.
+    /// Time of a measurement, once the fewest runs are done.
     pub(super) budget: Duration,
 }
 

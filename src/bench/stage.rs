@@ -96,17 +96,17 @@ impl Stage {
         value.map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
-    /// Whether the scene has no part in it.
+    /// True for stages without a scene.
     pub(super) fn is_of_images(self) -> bool {
         matches!(self, Self::Metrics | Self::Exr | Self::Merging)
     }
 
-    /// Whether it means nothing where nothing emits.
+    /// True for stages that mean nothing where nothing emits.
     pub(super) fn needs_emitters(self) -> bool {
         matches!(self, Self::ShadowRays | Self::LightSolve)
     }
 
-    /// Whether only the CPU engine has it.
+    /// True for stages of the CPU alone.
     pub(super) fn needs_cpu(self) -> bool {
         matches!(self, Self::SingleRays | Self::ShadowRays)
     }

@@ -70,7 +70,7 @@ pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
     aligned(&lines)
 }
 
-/// How many times as fast a row is as the same with the fewest threads.
+/// Factor by which a row is faster than the same with the fewest threads.
 fn scaling(row: &Row, rows: &[Row]) -> String {
     let same = rows.iter().filter(|other| other.is_of(row));
     same.min_by_key(|other| other.threads)

@@ -86,7 +86,8 @@ pub(crate) struct ImportArgs {
 struct AlignArgs {
     /// How to find the floor
     #[arg(long, value_enum, default_value = "floor")]
-    align: AlignArg,
+    #[serde(serialize_with = "command_line::value")]
+    align: Mode,
     /// What is up in the model's world; with --align floor in place of the cameras' word, with
     /// manual one place of the floor then suffices
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
@@ -119,19 +120,6 @@ struct AlignArgs {
     /// Seed of the search for planes, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum AlignArg {
-    /// From cameras and points
-    Floor,
-    /// From --floor-points or --floor-at
-    Manual,
-    /// To the cameras of --like
-    Like,
-    /// Not at all
-    None,
 }
 
 /// The pinhole cameras.
@@ -226,12 +214,7 @@ impl ImportArgs {
                 max_fov_deg: self.undistort.max_fov,
             },
             align: AlignOptions {
-                mode: match align.align {
-                    AlignArg::Floor => Mode::Floor,
-                    AlignArg::Manual => Mode::Manual,
-                    AlignArg::Like => Mode::Reference,
-                    AlignArg::None => Mode::None,
-                },
+                mode: align.align,
                 manual: Manual {
                     up: align.up,
                     floor_points: align.floor_points.iter().copied().map(PointId).collect(),
@@ -259,7 +242,7 @@ impl ImportArgs {
 
     /// Cameras of the dataset to be like.
     fn known_cameras(&self) -> Result<Vec<KnownCamera>> {
-        if self.align.align != AlignArg::Like {
+        if self.align.align != Mode::Reference {
             return Ok(Vec::new());
         }
         let dataset = self.like()?;

@@ -1,11 +1,12 @@
 //! `eagpt colmap run`: drives an installed COLMAP.
 
 use crate::args::GlobalArgs;
+use crate::command_line;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_colmap::model::{Form, Part};
 use eagpt_colmap::run::{
     Cameras, Done, LOG_FILE, Matcher, REPORT_FILE, RunOptions, RunProgress, list_images, run as job,
@@ -36,10 +37,12 @@ pub(crate) struct RunArgs {
     camera_model: String,
     /// Which images share a camera
     #[arg(long, value_enum, default_value = "auto")]
-    cameras: CamerasArg,
+    #[serde(serialize_with = "command_line::value")]
+    cameras: Cameras,
     /// Which images are compared
     #[arg(long, value_enum, default_value = "auto")]
-    matcher: MatcherArg,
+    #[serde(serialize_with = "command_line::value")]
+    matcher: Matcher,
     /// Folder of masks, NAME.EXT.png for the picture NAME.EXT; black is not looked at
     #[arg(long, value_name = "DIR")]
     masks: Option<PathBuf>,
@@ -55,30 +58,6 @@ pub(crate) struct RunArgs {
     /// Replace an earlier run in MODEL
     #[arg(long)]
     force: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum CamerasArg {
-    /// Those of a folder if all are in folders, else all
-    Auto,
-    /// All: one body, one lens, one focal length
-    Single,
-    /// Those of a folder
-    PerFolder,
-    /// None
-    PerImage,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum MatcherArg {
-    /// Each with each up to 400 images, beyond that in sequence
-    Auto,
-    /// Each with each
-    Exhaustive,
-    /// Each with the 20 that follow in the order of names
-    Sequential,
 }
 
 const OUTPUTS_AND_EXAMPLES: &str = "Files in MODEL:
@@ -97,17 +76,8 @@ impl RunArgs {
         RunOptions {
             program: self.colmap.clone(),
             camera_model: self.camera_model.clone(),
-            cameras: match self.cameras {
-                CamerasArg::Auto => Cameras::Auto,
-                CamerasArg::Single => Cameras::Single,
-                CamerasArg::PerFolder => Cameras::PerFolder,
-                CamerasArg::PerImage => Cameras::PerImage,
-            },
-            matcher: match self.matcher {
-                MatcherArg::Auto => Matcher::Auto,
-                MatcherArg::Exhaustive => Matcher::Exhaustive,
-                MatcherArg::Sequential => Matcher::Sequential,
-            },
+            cameras: self.cameras,
+            matcher: self.matcher,
             masks: self.masks.clone(),
             max_image_size: self.max_image_size,
             max_features: self.max_features,

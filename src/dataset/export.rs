@@ -5,7 +5,7 @@ use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_convert::export::{Images, planned_files};
 use eagpt_convert::{ExportFormat, ExportProgress, export};
 use eagpt_scene::Dataset;
@@ -26,13 +26,13 @@ pub(crate) struct ExportArgs {
     dataset: PathBuf,
     /// Layout to write
     #[arg(long, value_enum)]
-    format: FormatArg,
+    format: ExportFormat,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Whether images are copied
     #[arg(long, value_enum, default_value = "copy")]
-    images: ImagesArg,
+    images: Images,
     /// Replace an earlier result of this command
     #[arg(long)]
     force: bool,
@@ -42,24 +42,6 @@ const EXAMPLES: &str = "Examples:
   eagpt dataset export kitchen --format colmap --out kitchen-colmap
   eagpt dataset export kitchen --format nerfstudio --images none --out kitchen-cameras";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum FormatArg {
-    /// A COLMAP project: sparse/0 (binary, pinhole cameras, points without tracks) and images
-    Colmap,
-    /// nerfstudio's transforms.json, images and sparse_pc.ply
-    Nerfstudio,
-    /// EAG-PT's folder, ours
-    Eagpt,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum ImagesArg {
-    /// All of them
-    Copy,
-    /// None: cameras and points alone
-    None,
-}
-
 #[derive(Serialize)]
 struct Recorded<'a> {
     dataset: &'a Path,
@@ -68,15 +50,7 @@ struct Recorded<'a> {
 }
 
 pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let format = match args.format {
-        FormatArg::Colmap => ExportFormat::Colmap,
-        FormatArg::Nerfstudio => ExportFormat::Nerfstudio,
-        FormatArg::Eagpt => ExportFormat::Eagpt,
-    };
-    let images = match args.images {
-        ImagesArg::Copy => Images::Copy,
-        ImagesArg::None => Images::None,
-    };
+    let (format, images) = (args.format, args.images);
     let recorded = Recorded {
         dataset: &args.dataset,
         format,
@@ -84,8 +58,7 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     let mut builder = RecordBuilder::begin("dataset export", &recorded)?;
     let dataset = Dataset::open(&args.dataset)?;
-    let mut inputs = dataset.files();
-    inputs.extend(dataset.points_file().map(Path::to_owned));
+    let inputs = dataset.files();
     let target = Target {
         dir: &args.out,
         record: FILE_NAME,

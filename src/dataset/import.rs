@@ -1,13 +1,13 @@
 //! `eagpt dataset import`: a dataset of another program becomes ours.
 
-use crate::args::GlobalArgs;
+use crate::args::{self, Auto, GlobalArgs};
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder};
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use eagpt_convert::World;
 use eagpt_convert::import::{BadFrames, Ldr, planned_files};
-use eagpt_convert::world::World;
 use eagpt_convert::{ImportOptions, ImportProgress, ImportSummary, Source, SourceFormat, import};
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::exr::Precision;
@@ -35,14 +35,18 @@ pub(crate) struct ImportArgs {
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
     /// Layout of the source; `auto` finds out by the files that are there and the keys in them
-    #[arg(long, value_enum, default_value = "auto")]
-    format: FormatArg,
+    #[arg(
+        long,
+        default_value = "auto",
+        value_parser = args::auto::<SourceFormat>("One of those below")
+    )]
+    format: Auto<SourceFormat>,
     /// Folder of the dataset to write
     #[arg(long, value_name = "DATASET")]
     out: PathBuf,
     /// World of the dataset
     #[arg(long, value_enum, default_value = "keep")]
-    world: WorldArg,
+    world: World,
     /// Axis that points up in the source's world, one of x, -x, y, -y, z, -z [default: that of the
     /// format]
     #[arg(long, value_name = "AXIS", value_parser = str::parse::<UpAxis>, allow_hyphen_values = true)]
@@ -53,7 +57,7 @@ pub(crate) struct ImportArgs {
     metres_per_unit: Option<f64>,
     /// What the pinhole image shows of a lens that distorts
     #[arg(long, value_enum, default_value = "inside")]
-    field: FieldArg,
+    field: Field,
     /// Largest angle of view of a pinhole image, degrees in either direction, above 0 and at most
     /// 170
     #[arg(long, value_name = "DEGREES", default_value_t = UndistortOptions::default().max_fov_deg)]
@@ -64,7 +68,7 @@ pub(crate) struct ImportArgs {
     max_edge: Option<u32>,
     /// Sample type of the images
     #[arg(long, value_enum, default_value = "float")]
-    precision: PrecisionArg,
+    precision: Precision,
     /// Factor of all radiances, above 0; FIPT's own loader takes 2 for its real scenes
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     radiance_scale: f64,
@@ -86,7 +90,7 @@ pub(crate) struct ImportArgs {
     depth_unit: f64,
     /// What becomes of photographs that are PNG or JPEG
     #[arg(long, value_enum, default_value = "refuse")]
-    ldr: LdrArg,
+    ldr: Ldr,
     /// Import the other frames where some cannot be used
     #[arg(long)]
     skip_bad: bool,
@@ -101,58 +105,6 @@ const EXAMPLES: &str = "Examples:
   eagpt dataset import eyeful/workshop --max-fov 100 --world z-up --out workshop
   eagpt dataset import room/transforms.json --ldr srgb --skip-bad --out room-ldr";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum FormatArg {
-    /// One of those below
-    Auto,
-    /// Real scene of FIPT
-    Fipt,
-    /// Synthetic scene of FIPT
-    FiptSynthetic,
-    /// Scene of Eyeful Tower
-    Eyeful,
-    /// nerfstudio's transforms.json
-    Nerfstudio,
-    /// instant-NGP's transforms.json, Blender's transforms_train.json
-    InstantNgp,
-    /// Our own layout, that of EAG-PT
-    Eagpt,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum WorldArg {
-    /// That of the source, its up axis stored
-    Keep,
-    /// Turned so that z is up; axes change places
-    ZUp,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum FieldArg {
-    /// A rectangle in which every pixel is known
-    Inside,
-    /// Everything the lens shows up to --max-fov
-    All,
-    /// As many pixels as the source's image has
-    Same,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PrecisionArg {
-    /// 32 bits: what the source has, exactly
-    Float,
-    /// 16 bits: 11 significant bits, up to 65504
-    Half,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LdrArg {
-    /// They are refused: they are no measurement of light
-    Refuse,
-    /// They are decoded as sRGB, with a warning
-    Srgb,
-}
-
 #[derive(Serialize)]
 struct Recorded<'a> {
     source: &'a Path,
@@ -164,7 +116,7 @@ struct Recorded<'a> {
 pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args)?;
     let mut builder = RecordBuilder::begin("dataset import", &options)?;
-    let source = Source::open(&args.source, format(args.format), &options)?;
+    let source = Source::open(&args.source, args.format.0, &options)?;
     builder.set_options(&Recorded {
         source: &args.source,
         format: source.format,
@@ -217,18 +169,6 @@ fn refuse(reporter: &mut Reporter, source: &Source) -> anyhow::Error {
     source.bad_frames().into()
 }
 
-fn format(format: FormatArg) -> Option<SourceFormat> {
-    match format {
-        FormatArg::Auto => None,
-        FormatArg::Fipt => Some(SourceFormat::Fipt),
-        FormatArg::FiptSynthetic => Some(SourceFormat::FiptSynthetic),
-        FormatArg::Eyeful => Some(SourceFormat::Eyeful),
-        FormatArg::Nerfstudio => Some(SourceFormat::Nerfstudio),
-        FormatArg::InstantNgp => Some(SourceFormat::InstantNgp),
-        FormatArg::Eagpt => Some(SourceFormat::Eagpt),
-    }
-}
-
 fn options(args: &ImportArgs) -> Result<ImportOptions> {
     let white_balance = args.white_balance.as_deref().map(|gains| {
         <[f64; 3]>::try_from(gains).map_err(|_| {
@@ -236,35 +176,22 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
         })
     });
     let options = ImportOptions {
-        ldr: match args.ldr {
-            LdrArg::Refuse => Ldr::Refuse,
-            LdrArg::Srgb => Ldr::Srgb,
-        },
+        ldr: args.ldr,
         bad_frames: if args.skip_bad {
             BadFrames::Skip
         } else {
             BadFrames::Refuse
         },
-        world: match args.world {
-            WorldArg::Keep => World::Keep,
-            WorldArg::ZUp => World::ZUp,
-        },
+        world: args.world,
         up_axis: args.up_axis,
         metres_per_unit: args.metres_per_unit,
         undistort: UndistortOptions {
             pinhole: None,
-            field: match args.field {
-                FieldArg::Inside => Field::Inside,
-                FieldArg::All => Field::All,
-                FieldArg::Same => Field::Same,
-            },
+            field: args.field,
             max_fov_deg: args.max_fov,
         },
         max_edge: args.max_edge,
-        precision: match args.precision {
-            PrecisionArg::Float => Precision::Float,
-            PrecisionArg::Half => Precision::Half,
-        },
+        precision: args.precision,
         radiance_scale: args.radiance_scale,
         white_balance: white_balance.transpose()?,
         scene: args.scene.clone(),

@@ -7,7 +7,7 @@ use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
 use crate::terminal;
 use anyhow::{Result, bail};
-use eagpt_eval::job::Mean;
+use eagpt_eval::Mean;
 use eagpt_eval::{
     Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, METRICS_FILE,
     RESULT_FILES,

@@ -39,11 +39,11 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DATASET")]
     pub(crate) cameras: PathBuf,
     /// Views to render
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_parser = args::subset())]
+    #[arg(long, value_name = "SUBSET", default_value = "test", value_enum)]
     pub(crate) split: Subset,
     /// Rule that divides the views into training and test views; that of the training, if the
     /// result is to be measured
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_parser = args::split_rule())]
+    #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
     pub(crate) split_rule: SplitRule,
     /// Names of the views to render, separated by commas, instead of a subset
     #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["split", "split_rule"])]
@@ -71,10 +71,10 @@ pub(crate) struct RenderArgs {
     pub(super) emission_threshold: f32,
     /// How light is looked for; the mean image is the same, the noise is not
     #[arg(long, value_enum, default_value = "next-event")]
-    sampling: SamplingArg,
+    sampling: Sampling,
     /// What a path's rays make of the Gaussians they meet
     #[arg(long, value_enum, default_value = "blended")]
-    hits: HitsArg,
+    hits: Hits,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
@@ -138,25 +138,6 @@ pub(crate) enum Mode {
     Path,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum SamplingArg {
-    /// In directions about the normal only, as in the paper
-    Cosine,
-    /// Towards emitters as well, with multiple importance sampling
-    NextEvent,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum HitsArg {
-    /// The blend of all is one surface, as in the paper
-    Blended,
-    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes
-    /// to about one percent less in a room. 1-bounce does so always, to the same mean
-    Sampled,
-}
-
 impl RenderArgs {
     /// How light is computed; samples are those of a ray.
     pub(super) fn integrator(&self) -> Integrator {
@@ -176,14 +157,8 @@ impl RenderArgs {
         LightOptions {
             seed: self.seed,
             emission_threshold: self.emission_threshold,
-            sampling: match self.sampling {
-                SamplingArg::Cosine => Sampling::Cosine,
-                SamplingArg::NextEvent => Sampling::NextEvent,
-            },
-            hits: match self.hits {
-                HitsArg::Blended => Hits::Blended,
-                HitsArg::Sampled => Hits::Sampled,
-            },
+            sampling: self.sampling,
+            hits: self.hits,
         }
     }
 }

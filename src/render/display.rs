@@ -4,7 +4,6 @@ use super::shots::Shot;
 use crate::command_line;
 use anyhow::Result;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use eagpt_scene::tonemap::{Display, ExposureMeter, ToneMap};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use serde::Serialize;
@@ -33,7 +32,7 @@ pub(super) struct DisplayArgs {
     #[serde(serialize_with = "command_line::text")]
     exposure: Exposure,
     /// What the PNGs show of light that is brighter than the display: srgb cuts it off
-    #[arg(long, value_name = "CURVE", default_value = "srgb", value_parser = tone_map())]
+    #[arg(long, value_name = "CURVE", default_value = "srgb", value_enum)]
     tone_map: ToneMap,
 }
 
@@ -65,11 +64,6 @@ impl FromStr for Exposure {
             Err(_) => Err("neither a number of stops nor `auto`".to_owned()),
         }
     }
-}
-
-fn tone_map() -> impl TypedValueParser<Value = ToneMap> {
-    PossibleValuesParser::new(ToneMap::ALL.map(|(_, name)| name))
-        .try_map(|name| name.parse::<ToneMap>())
 }
 
 impl DisplayArgs {

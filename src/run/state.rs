@@ -1,25 +1,21 @@
-//! What was made from what: digests of inputs and products, kept in the folder of results.
+//! The folder of a run: its record, with digests of the inputs and products of each step.
 
 use super::plan::Plan;
 use super::project::Project;
 use super::step::Step;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use eagpt_report::run::{PROJECT_FILE, RUN_FILE, RunRecord, StepRecord, read_json};
-use eagpt_scene::files;
-use serde::{Deserialize, Serialize};
+use eagpt_scene::files::digest::Digests;
+use eagpt_scene::files::{self, FolderLock};
+use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, UNIX_EPOCH};
+use std::time::Duration;
 
-/// File that a run holds a lock on.
-const LOCK_FILE: &str = ".lock";
-/// Pause between looks at a lock.
-const LOCK_PAUSE: Duration = Duration::from_millis(100);
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
 
-/// How long a lock is waited for.
+/// Time to wait for a lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Patience {
     /// As long as the system takes to clear away a run that was killed.
@@ -44,7 +40,7 @@ pub(super) struct Folder {
     pub(super) record: RunRecord,
     digests: Digests,
     /// Held as long as this lives; `None` for who only looks.
-    _lock: Option<File>,
+    _lock: Option<FolderLock>,
 }
 
 impl Folder {
@@ -53,29 +49,7 @@ impl Folder {
     /// # Errors
     /// If another process has it, or it cannot be read or written.
     pub(super) fn open(dir: &Path, patience: Patience) -> Result<Self> {
-        files::create_dir(dir)?;
-        let path = dir.join(LOCK_FILE);
-        let lock = File::options()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&path)
-            .with_context(|| format!("{}: open", path.display()))?;
-        let asked = Instant::now();
-        loop {
-            match lock.try_lock() {
-                Ok(()) => break,
-                Err(TryLockError::WouldBlock) if asked.elapsed() < patience.duration() => {
-                    std::thread::sleep(LOCK_PAUSE);
-                }
-                Err(TryLockError::WouldBlock) => {
-                    bail!("{}: another run is at work in this folder", dir.display());
-                }
-                Err(TryLockError::Error(error)) => {
-                    return Err(error).with_context(|| format!("{}: lock", path.display()));
-                }
-            }
-        }
+        let lock = FolderLock::acquire(dir, patience.duration())?;
         Ok(Self {
             _lock: Some(lock),
             ..Self::look_at(dir)?
@@ -99,7 +73,7 @@ impl Folder {
 
     /// Takes over the digests that another look at the same folder has made.
     pub(super) fn learn(&mut self, other: Self) {
-        self.digests.files.extend(other.digests.files);
+        self.digests.extend(other.digests);
     }
 
     /// Copies the project beside the results.
@@ -169,77 +143,11 @@ impl Folder {
         Ok(products)
     }
 
-    /// Whether a finished step's products are still what they were.
+    /// True if a finished step's products are still what they were.
     pub(super) fn is_intact(&mut self, step: &Step, record: &StepRecord) -> bool {
         self.products(step)
             .is_ok_and(|products| products == record.products)
     }
-}
-
-/// Digests of files that were read once, trusted as long as size and time of change stay.
-#[derive(Debug, Default, Serialize, Deserialize)]
-struct Digests {
-    files: BTreeMap<PathBuf, KnownFile>,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct KnownFile {
-    num_bytes: u64,
-    changed_ns: u128,
-    blake3: String,
-}
-
-impl Digests {
-    /// Digest of a file, or of all files of a folder with their names. Records are left out: they
-    /// hold times.
-    fn of(&mut self, path: &Path) -> Result<String> {
-        if !path.is_dir() {
-            return self.of_file(path);
-        }
-        let mut hasher = blake3::Hasher::new();
-        let mut all = Vec::new();
-        collect(path, &mut all).with_context(|| format!("{}: read folder", path.display()))?;
-        all.sort();
-        for file in all {
-            let name = file.strip_prefix(path).unwrap_or(&file);
-            hasher.update(format!("{}\0{}\0", name.display(), self.of_file(&file)?).as_bytes());
-        }
-        Ok(hasher.finalize().to_hex().to_string())
-    }
-
-    fn of_file(&mut self, path: &Path) -> Result<String> {
-        let context = || format!("{}: read", path.display());
-        let metadata = std::fs::metadata(path).with_context(context)?;
-        let changed = metadata.modified().with_context(context)?;
-        let since = changed.duration_since(UNIX_EPOCH).unwrap_or_default();
-        let (num_bytes, changed_ns) = (metadata.len(), since.as_nanos());
-        if let Some(known) = self.files.get(path)
-            && (known.num_bytes, known.changed_ns) == (num_bytes, changed_ns)
-        {
-            return Ok(known.blake3.clone());
-        }
-        let blake3 = crate::record::Input::of(path)?.blake3;
-        let known = KnownFile {
-            num_bytes,
-            changed_ns,
-            blake3: blake3.clone(),
-        };
-        self.files.insert(path.to_owned(), known);
-        Ok(blake3)
-    }
-}
-
-fn collect(dir: &Path, all: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(dir)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() {
-            collect(&path, all)?;
-        } else if !name.ends_with("record.json") && !name.starts_with('.') {
-            all.push(path);
-        }
-    }
-    Ok(())
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {

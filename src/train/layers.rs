@@ -2,7 +2,6 @@
 
 use super::TrainArgs;
 use anyhow::{Context, Result, anyhow};
-use eagpt_train::options::StageChoice;
 use eagpt_train::{Preset, TrainOptions};
 use serde::Serialize;
 use std::path::Path;
@@ -44,7 +43,7 @@ pub(crate) fn options(args: &TrainArgs) -> Result<TrainOptions> {
 /// The preset that everything starts from: the flag's, else the file's.
 fn preset(args: &TrainArgs, file: Option<&Table>, name: &str) -> Result<Preset> {
     if let Some(preset) = args.preset {
-        return Ok(preset.into());
+        return Ok(preset);
     }
     match file.and_then(|table| table.get("preset")) {
         None => Ok(Preset::Fast),
@@ -72,14 +71,8 @@ fn flags(args: &TrainArgs) -> Result<Table> {
             insert(&mut table, key, value);
         }
     };
-    put(
-        "preset",
-        args.preset.map(Preset::from).map(value).transpose()?,
-    );
-    put(
-        "stage",
-        args.stage.map(StageChoice::from).map(value).transpose()?,
-    );
+    put("preset", args.preset.map(value).transpose()?);
+    put("stage", args.stage.map(value).transpose()?);
     put("split", args.split.map(value).transpose()?);
     put("seed", args.seed.map(value).transpose()?);
     put("num_gaussians", args.gaussians.map(value).transpose()?);

@@ -38,13 +38,14 @@ const BETWEEN_CONDITIONS_MS: u64 = 1_800_000;
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Parts {
-    /// Capture and truth.
+    /// The RAW capture and the truth
     #[default]
     All,
-    /// The RAW capture alone.
+    /// The RAW capture alone
     Capture,
-    /// The true dataset alone.
+    /// The true datasets alone
     Truth,
 }
 
@@ -83,11 +84,12 @@ pub struct SynthOptions {
 /// How indirect light is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum LightMethod {
-    /// A final gather at every pixel into light solved once for the room.
+    /// By a final gather at every pixel, into light solved once for the room
     #[default]
     Cached,
-    /// Paths to their end: the unbiased reference.
+    /// By paths to their end: unbiased, slower and noisier
     Paths,
 }
 

@@ -26,7 +26,7 @@ pub struct Binding {
     pub bytes: u32,
 }
 
-/// Whether `source` is a valid module with a kernel `entry` that has exactly these `bindings`, and
+/// Checks that `source` is a valid module with a kernel `entry` that has exactly these `bindings`, and
 /// that keeps to what every device of WebGPU has: no extensions, at most eight storage buffers, 256
 /// invocations and 16 KiB for a workgroup.
 ///
@@ -83,37 +83,43 @@ pub fn check(name: &str, source: &str, entry: &str, bindings: &[Binding]) -> Res
     }
 }
 
-/// Whether `files` are all WGSL files below `folder`, paths without `.wgsl`; whether each is valid
-/// by itself with all it imports, as `source` puts it together for its name and each of the sets of
-/// names that its `#ifdef` may ask for; and whether `entries` (file and entry point) are all
-/// kernels.
+/// A kernel: its file, its entry point, and the names that `#ifdef` of the file asks for.
+pub type KernelName<'a> = (&'a str, &'a str, &'a [&'a str]);
+
+/// Checks that `files` are all WGSL files below `folder`, paths without `.wgsl`; that each is valid
+/// by itself with all it imports, as `source` puts it together for its name and names that `#ifdef`
+/// asks for; and that `kernels` are all kernels.
 ///
 /// # Errors
 /// The first that is wrong.
 pub fn check_folder(
     folder: &str,
     files: &[&str],
-    entries: &[(&str, &str)],
-    permutations: &[&[&str]],
+    kernels: &[KernelName<'_>],
     source: impl Fn(&str, &[&str]) -> Result<String, String>,
 ) -> Result<(), String> {
-    let mut on_disk =
-        wgsl_files(folder.as_ref(), "").map_err(|error| format!("{folder}: {error}"))?;
+    let mut on_disk = wgsl_files(folder.as_ref(), "").map_err(|error| format!("{folder}: {error}"))?;
     let mut listed: Vec<String> = files.iter().map(|&file| file.to_owned()).collect();
     on_disk.sort();
     listed.sort();
     if on_disk.is_empty() || on_disk != listed {
-        return Err(format!(
-            "{folder}: has {on_disk:?}, embedded are {listed:?}"
-        ));
+        return Err(format!("{folder}: has {on_disk:?}, embedded are {listed:?}"));
     }
     for file in files {
         let name = file.strip_prefix("shared/").unwrap_or(file);
+        // Files without kernels are imported by any.
+        let own: Vec<_> = kernels.iter().filter(|(of, ..)| of == file).collect();
+        let all: Vec<_> = kernels.iter().collect();
+        let used = if own.is_empty() { all } else { own };
+        let mut permutations: Vec<&[&str]> = used.iter().map(|(.., defines)| *defines).collect();
+        permutations.push(&[]);
+        permutations.sort_unstable();
+        permutations.dedup();
         for defines in permutations {
             let (module, _) = parse(file, &source(name, defines)?)?;
             for kernel in &module.entry_points {
-                let entry = (*file, kernel.name.as_str());
-                if !entries.contains(&entry) {
+                let is_it = |(of, entry, _): &&KernelName<'_>| of == file && *entry == kernel.name;
+                if kernels.iter().find(is_it).is_none() {
                     return Err(format!("{file}: Rust does not know {}", kernel.name));
                 }
             }
@@ -256,20 +262,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().to_str().unwrap();
         let source = |_: &str, _: &[&str]| Ok("fn f() {}".to_owned());
-        assert!(check_folder(path, &[], &[], &[&[]], source).is_err());
+        assert!(check_folder(path, &[], &[], source).is_err());
         std::fs::create_dir(folder.path().join("shared")).unwrap();
         std::fs::write(folder.path().join("shared/a.wgsl"), "").unwrap();
-        assert_eq!(
-            check_folder(path, &["shared/a"], &[], &[&[]], source),
-            Ok(())
-        );
-        assert!(check_folder(path, &["shared/b"], &[], &[&[]], source).is_err());
+        assert_eq!(check_folder(path, &["shared/a"], &[], source), Ok(()));
+        assert!(check_folder(path, &["shared/b"], &[], source).is_err());
         let kernel = |_: &str, _: &[&str]| Ok(kernel(1, 1, 1));
-        assert!(check_folder(path, &["shared/a"], &[], &[&[]], kernel).is_err());
-        let entries = [("shared/a", "fill")];
-        assert_eq!(
-            check_folder(path, &["shared/a"], &entries, &[&[]], kernel),
-            Ok(())
-        );
+        assert!(check_folder(path, &["shared/a"], &[], kernel).is_err());
+        let kernels: &[KernelName<'_>] = &[("shared/a", "fill", &["x"])];
+        assert_eq!(check_folder(path, &["shared/a"], kernels, kernel), Ok(()));
     }
 }

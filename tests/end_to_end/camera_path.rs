@@ -126,7 +126,7 @@ fn exposure_and_tone_map_change_pictures_alone() {
     let display = place.json("shown/record.json")["options"]["display"].clone();
     assert_eq!(display["exposure_stops"], -1.5);
     assert_eq!(display["tone_map"], "agx");
-    // What was found can be stated, and is the same for all views.
+    // An exposure that was found can be stated, and is the same for all views.
     let found = place.json("auto/record.json")["options"]["display"]["exposure_stops"].clone();
     assert!(found.as_f64().unwrap().abs() < 8.0, "{found}");
     place.succeeds(&format!("{RENDER} --exposure={found} --out stated"));

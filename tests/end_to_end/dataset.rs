@@ -30,7 +30,7 @@ fn a_dataset_goes_out_and_comes_back() {
         place.bytes("room/points3d.ply"),
         place.bytes("ours/points3d.ply")
     );
-    // What is there stays unless told otherwise, and files of others stay at any rate.
+    // Earlier results stay unless told otherwise, and files of others stay at any rate.
     place.fails_cleanly("dataset import theirs --out ours", &["--force"]);
     place.succeeds("dataset import theirs --out ours --max-edge 24 --force");
     assert_eq!(place.json("ours/transforms.json")["w"], 24);

@@ -1,7 +1,7 @@
 //! The pages of `docs/`: their commands are one walkthrough, which runs here. And the commands of
 //! the README.
 //!
-//! What a fence of a page says decides what becomes of it:
+//! The info string of a fenced block decides what the test does with it:
 //!
 //! | fence | |
 //! |---|---|
@@ -33,7 +33,7 @@ const COUNTS: Counts = Counts {
     not_ours: 6,
 };
 
-/// What somebody has who followed all pages.
+/// Files of somebody who followed all pages.
 const RESULTS: [&str; 21] = [
     "hdr/report.html",
     "room/evening/transforms.json",
@@ -58,7 +58,7 @@ const RESULTS: [&str; 21] = [
     "bakes/views.ply",
 ];
 
-/// How many commands were met, by what became of them.
+/// Numbers of commands by what the test did with them.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Counts {
     /// They ran.
@@ -74,7 +74,7 @@ struct Counts {
 struct Block {
     /// Line of the page that its first line is, from 1.
     line: usize,
-    /// What follows the opening fence.
+    /// Info string of the opening fence.
     info: String,
     body: Vec<String>,
     /// The last line before it that is not empty.
@@ -219,7 +219,7 @@ fn run(place: &Workplace, page: &str, command: &Shown) {
 #[track_caller]
 fn ask_for_help(place: &Workplace, page: &str, command: &Shown) {
     let Shown { line, text } = command;
-    // What the shell takes from there on is not the command's.
+    // From there on words are the shell's.
     let words = text.split_whitespace().skip(1);
     let own = words.take_while(|word| ![">", "|", "&&", "#"].contains(word));
     let arguments: Vec<&str> = own.chain(["--help"]).collect();

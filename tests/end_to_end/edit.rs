@@ -63,7 +63,7 @@ fn the_record_tells_what_went_in_and_a_replay_gives_the_same_bits() {
         let digest = blake3::hash(&place.bytes(file)).to_hex().to_string();
         assert_eq!(input["blake3"], digest);
     }
-    // Only the ball shines: 12 everywhere.
+    // Only the ball emits: 12 everywhere.
     let edited = ply::read_gaussians(&place.path("a.ply")).unwrap();
     let lit: Vec<_> = edited.iter().filter(|g| g.emission >= 0.1).collect();
     assert!(lit.len() == 2500 && lit.iter().all(|g| g.radiance.x == 12.0));

@@ -1,4 +1,4 @@
-//! What the program tells of the machine and of itself.
+//! Commands about the machine and the program itself.
 
 use crate::support::Workplace;
 use serde_json::Value;
@@ -18,7 +18,7 @@ fn the_doctor_finds_the_engine_well() {
     for topic in ["program", "processor", "self-test"] {
         assert_eq!(state(topic), "good", "{told}");
     }
-    // What may be missing says what it would give.
+    // Findings that may be missing say what they would give.
     for one in &findings {
         assert_ne!(one["state"], "bad", "{one}");
         assert_eq!(

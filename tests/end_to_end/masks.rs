@@ -105,7 +105,7 @@ fn labels_mark_some_views_and_say_nothing_about_others() {
     assert_eq!(view(&report, "002")["coverage"], Value::Null);
     assert_eq!(view(&report, "003")["labelled"], true);
 
-    // What is labelled as reflection goes whatever says that it shines.
+    // A region labelled as a reflection goes, whatever says that it emits.
     place.succeeds("masks room --threshold 0.001 --subtract labels --out none");
     let mask = exr::read_single(&place.path("none/Emissive-exr/003.exr")).unwrap();
     assert_eq!(mask.get(3, 3), [0.0]);

@@ -138,7 +138,7 @@ fn views_by_name_subset_and_force() {
         ["001.exr", "001.png", "003.exr", "003.png", "record.json"]
     );
     place.fails_cleanly(render, &["out", "record.json", "--force"]);
-    // What the earlier record lists goes; what it does not know stays.
+    // Files of the earlier record go; others stay.
     place.write("out/notes.txt", "mine");
     place.succeeds(&format!("{render} --force --split-rule all --split all"));
     let names = place.names("out");

@@ -70,7 +70,7 @@ fn results(place: &Workplace, dir: &str) -> BTreeMap<String, Vec<u8>> {
         kept.iter().any(|end| name.ends_with(end))
             || name.starts_with("edit") && name.ends_with(".ply")
     });
-    // How long a frame took is part of the metrics.
+    // The time of a frame is part of the metrics.
     for (name, bytes) in &mut files {
         if name.ends_with("metrics.json") {
             let mut value: Value = serde_json::from_slice(bytes).unwrap();
@@ -303,7 +303,7 @@ fn a_project_is_checked_before_anything_runs() {
     place.fails_cleanly("run p.toml --until paint", &["`paint` is no step", "train"]);
     place.fails_cleanly("run p.toml --from table --until masks", &["comes after"]);
     place.fails_cleanly("run --verify room", &["room: no run"]);
-    // What all modes are given, a mode has unless it says otherwise.
+    // Options of all modes hold for each, unless it has its own.
     place.write("p.toml", PROJECT.replace("spp = 4", "spp = 4\nseed = 5"));
     let dry = place.succeeds("run p.toml --dry-run");
     let line = |end: &str| dry.lines().find(|line| line.ends_with(end)).unwrap();
@@ -365,7 +365,7 @@ condition = "evening"
     for key in ["w", "h", "fx", "fy", "cx", "cy"] {
         assert_eq!(dataset[key], truth[key], "{key}");
     }
-    // What the rig knows of its room fits the world that the model was moved into.
+    // Maps that the rig knows fit the world that the model was moved into.
     let reading = &place.json("run/normals/normals/report.json")["reading"];
     assert_eq!(reading["space"], "world", "{reading}");
     assert_eq!(reading["axes"], "x,y,z", "{reading}");

@@ -75,10 +75,10 @@ fn renderings_in_parts_are_those_of_one_process() {
     );
     place.fails_cleanly(
         &format!("{render} --out parts --seed 1 --shard 2/3"),
-        &["shard-1-of-3.record.json", "other options or inputs"],
+        &["shard-1-of-3.record.json", "other options:", "--force"],
     );
     place.succeeds(&format!("{render} --out parts --shard 2/3"));
-    // What a part has made and somebody has changed is made again.
+    // A result that somebody has changed is made again.
     let names = place.names("parts");
     let changed = names.iter().find(|name| name.ends_with(".exr")).unwrap();
     place.write(&format!("parts/{changed}"), "");
@@ -149,7 +149,7 @@ fn stacks_are_merged_in_parts() {
     assert_eq!(lasting(whole), lasting(parts));
 }
 
-/// What a workflow engine does: the steps as they are listed, each a process of its own, in parts
+/// As a workflow engine does it: the steps as they are listed, each a process of its own, in parts
 /// where it has some.
 #[test]
 fn steps_that_run_alone_make_a_run() {
@@ -217,7 +217,7 @@ iterations = 5
         place.bytes("whole/bake/dim.ply"),
         place.bytes("run/bake/dim.ply")
     );
-    // After a change, parts make room for each other once.
+    // After a change, parts remove earlier results once.
     place.write(
         "p.toml",
         project.replace("aov = [\"albedo\"]\nspp = 2", "spp = 3"),

@@ -141,7 +141,7 @@ fn the_workflow_makes_what_one_process_makes() {
         assert!(step.contains("up-to-date"), "{step}");
     }
     assert!(work(&[]).contains("Nothing to be done"));
-    // What an option concerns is done again, and what follows from it.
+    // Steps with a changed option are done again, and those that follow from them.
     place.write(
         "parts/p.toml",
         PROJECT

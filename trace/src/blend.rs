@@ -63,7 +63,7 @@ pub fn sort_hits(hits: &mut [Hit]) {
     }
 }
 
-/// What became of a hit status to a [`Blender`].
+/// Outcome of accumulating a hit in a [`Blender`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlendStatus {
     /// Too light to matter.
@@ -74,7 +74,7 @@ pub enum BlendStatus {
     Last,
 }
 
-/// Which way a ray sees a Gaussian.
+/// Side of a Gaussian that a ray hits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Face {
     /// Against its normal.
@@ -91,7 +91,7 @@ impl Face {
         if plane > 0.0 { Self::Back } else { Self::Front }
     }
 
-    /// Factors of the lanes of a attributes: the normal is turned towards the ray's origin.
+    /// Factors of the lanes of attributes: the normal is turned towards the ray's origin.
     #[inline(always)]
     pub fn signs(self) -> &'static [f32; NUM_LANES] {
         const SIGNS: [[f32; NUM_LANES]; 2] = {
@@ -145,7 +145,7 @@ impl Blender {
         self.accumulate_turned(t, alpha, &attributes.turned(face))
     }
 
-    /// Adds the next hit, of a attributes whose normal is turned towards the ray's origin.
+    /// Adds the next hit, whose attributes have the normal turned towards the ray's origin.
     #[inline(always)]
     pub fn accumulate_turned(
         &mut self,
@@ -163,7 +163,7 @@ impl Blender {
         for (sum, value) in self.features.0.iter_mut().zip(attributes.0) {
             *sum += weight * value;
         }
-        // The lanes that depend on the ray stay out of the vector: a attributes has zeros there.
+        // The lanes that depend on the ray stay out of the vector: attributes have zeros there.
         let behind_first = t - self.first;
         self.distance += weight * t;
         self.spread += weight * (behind_first * behind_first);
@@ -252,7 +252,7 @@ impl LocalGradient {
 /// A number for a pixel, such as its error, given its place (row by row) and its features.
 pub type PixelValue<'a> = &'a (dyn Fn(usize, &Features) -> f32 + Sync);
 
-/// What a Gaussian contributes to pixels of a camera.
+/// Contribution of a Gaussian to the pixels of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Contribution {

@@ -1,5 +1,5 @@
-//! What a ray collects: one vector of 16 lanes, so that blending a hit is one multiply-add over a
-//! SIMD register.
+//! Features composited along a ray: one vector of 16 lanes, so that blending a hit is one
+//! multiply-add over a SIMD register.
 
 use eagpt_scene::{Camera, Image};
 use glam::Vec3;

@@ -5,7 +5,7 @@
 //! once, the hit's opacity is `α = σ·exp(−(u² + v²)/2)`, and hits are blended front to back in the
 //! true order of their distances.
 //!
-//! Layout, from plain to fast:
+//! Layout, from simple to fast:
 //! - [`model`]: the constants of the model, each with its reason.
 //! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
 //! - [`features`]: the quantities a ray collects, as one vector of 16 lanes.

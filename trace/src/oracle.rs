@@ -95,7 +95,7 @@ pub fn hits(gaussians: &[OracleGaussian], origin: DVec3, direction: DVec3) -> Ve
     found
 }
 
-/// composited features of one ray, in the lanes of [`crate::features::lane`].
+/// Composited features of one ray, in the lanes of [`crate::features::lane`].
 pub fn trace(gaussians: &[OracleGaussian], origin: DVec3, direction: DVec3) -> [f64; NUM_LANES] {
     let mut features = [0.0; NUM_LANES];
     let mut transmittance = 1.0_f64;

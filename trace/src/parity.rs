@@ -15,10 +15,10 @@ pub const PARITY_TOLERANCE: f64 = 2.5e-4;
 /// Time for measuring a rate.
 const RATE_BUDGET: Duration = Duration::from_secs(3);
 
-/// What a comparison found.
+/// Result of a comparison.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parity {
-    /// What computed.
+    /// Compute device.
     pub device: String,
     /// Rays that were compared; those whose hits rounding may swap were not.
     pub num_compared: usize,
@@ -41,7 +41,7 @@ impl Parity {
 /// Compares the engine that `new` makes; takes about a second, of engines that are slow some more.
 ///
 /// # Errors
-/// What the engine says, or [`TraceError::Device`] if a pool of one thread cannot be made.
+/// Those of the engine, or [`TraceError::Device`] if a pool of one thread cannot be made.
 pub fn compare<T: Tracer>(
     new: impl Fn(&Gaussians) -> Result<T, TraceError> + Sync,
 ) -> Result<Parity, TraceError> {
@@ -103,8 +103,8 @@ fn rays_per_s<T: Tracer>(engine: &T) -> Result<f64, TraceError> {
             engine.gbuffer(&camera)?;
             Ok::<_, TraceError>(started.elapsed())
         };
-        // The first time makes room, and on devices kernels: it counts only where there is no time
-        // for a second.
+        // The first run allocates buffers and, on GPUs, builds kernels: it counts only where there
+        // is no time for a second.
         took = timed()?;
         if begun.elapsed() + took <= RATE_BUDGET {
             took = timed()?;

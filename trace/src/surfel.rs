@@ -32,8 +32,8 @@ pub struct Surfel {
 
 const _: () = assert!(size_of::<Surfel>() == 64);
 
-/// What a hit on a Gaussian adds to each lane of [`crate::Features`], but for the lanes that depend
-/// on the ray.
+/// Light and material of a Gaussian in the lanes of [`crate::Features`], without the lanes that
+/// depend on the ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct Attributes(pub [f32; NUM_LANES]);
@@ -251,7 +251,7 @@ impl SurfelSet {
         self.as_seen(memory)
     }
 
-    /// What [`Self::evaluate_harmonics`] has left in `memory`.
+    /// The set that [`Self::evaluate_harmonics`] has left in `memory`.
     pub(crate) fn as_seen<'a>(&'a self, memory: &'a [Attributes]) -> SeenSet<'a> {
         SeenSet {
             surfels: &self.surfels,
@@ -286,7 +286,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// `exp(x)` for −80 ≤ x ≤ 0, within 2 units in the last place; plain arithmetic, so that it
+/// `exp(x)` for −80 ≤ x ≤ 0, within 2 units in the last place; basic arithmetic, so that it
 /// vectorises and gives the same bits on every machine (a libm does neither).
 #[inline(always)]
 pub fn exp_of_negative(x: f32) -> f32 {

@@ -1,13 +1,13 @@
 //! Light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
 //!
 //! - `0-bounce`: the blended radiance R itself.
-//! - `1-bounce`: emitters (E > τ_E) show R; any other point shows P/π · ∫ R(ω) (ω·Ñ) dω, the light
-//!   that arrives being what the scene's Gaussians already carry (a radiance cache).
+//! - `1-bounce`: emitters (E > τ_E) show R; any other point shows P/π · ∫ R(ω) (ω·Ñ) dω, the
+//!   incident light being the radiance that the Gaussians already carry (a radiance cache).
 //! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet
 //!   one.
 //!
-//! Directions are cosine-weighted, as in the paper, or emitters are looked for besides
-//! ([`Sampling`]); the mean is the same.
+//! Directions are cosine-weighted, as in the paper, or emitters are sampled as well ([`Sampling`]);
+//! the mean is the same.
 
 pub mod lights;
 pub mod matrix;
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 /// Emission above which a blended hit counts as an emitter, τ_E of the paper.
 pub const EMISSION_THRESHOLD: f32 = 0.1;
 
-/// How a frame's light is computed. The names are those of the paper's tables.
+/// Integrator of a frame. The names are those of the paper's tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "mode")]
 pub enum Integrator {
@@ -38,7 +38,7 @@ pub enum Integrator {
     Path {
         /// Samples per pixel, at least 1.
         num_samples: u32,
-        /// Most bounces of a path, at least 1; 7 in the paper.
+        /// Maximum path depth, at least 1; 7 in the paper.
         max_bounces: u32,
         /// First bounce at which a path may be ended at random (survivors are weighted up, so the
         /// mean stays); `None`: never.
@@ -46,41 +46,47 @@ pub enum Integrator {
     },
 }
 
-/// What all integrators share.
+/// Options of all integrators.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LightOptions {
     /// Seed of the random numbers.
     pub seed: u64,
     /// τ_E, 0 to 1.
     pub emission_threshold: f32,
-    /// How light is looked for.
+    /// Light sampling.
     pub sampling: Sampling,
-    /// What the rays of a path make of their hits. A single bounce is linear in what it meets, and
-    /// always takes one.
+    /// Hits of the rays of a path. A single bounce is linear in the radiance it meets, and always
+    /// samples one hit.
     pub hits: Hits,
 }
 
-/// What a ray makes of the Gaussians it meets.
+/// The surface of a ray that meets several Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Hits {
-    /// The blend of all is one surface, as in the paper.
+    /// The blend of all is one surface, as in the paper
     Blended,
-    /// One of them, chosen by its weight in the blend, stands for all. Rays are about twice as
-    /// fast. The mean is about one percent lower in a room: emission is compared with τ_E hit by
-    /// hit, which takes nothing from the Gaussians around an emitter, and bounces start on one disc
-    /// of several that overlap.
+    /// One of them, chosen by its weight, stands for all: about twice as fast, for light that comes
+    /// to about one percent less in a room. 1-bounce does so always, to the same mean
+    ///
+    /// The mean is lower because emission is compared with τ_E hit by hit, which takes nothing from
+    /// the Gaussians around an emitter, and because bounces start on one disc of several that
+    /// overlap.
     Sampled,
 }
 
-/// How light is looked for. The noise differs, the mean does not.
+/// Light sampling. The noise differs, the mean does not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Sampling {
-    /// In directions about the normal, as in the paper: emitters are found by luck.
+    /// Cosine-weighted BSDF sampling only, as in the paper
     Cosine,
-    /// Towards emitters as well: next-event estimation at every bounce of a path, and half of the
-    /// directions of a single bounce.
+    /// Towards emitters as well, with multiple importance sampling
+    ///
+    /// Next-event estimation at every bounce of a path, and half of the directions of a single
+    /// bounce.
     NextEvent,
 }
 

@@ -6,18 +6,18 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use std::time::Duration;
 
-/// What boxes grow by, at most, relative to their coordinates.
+/// Largest growth of boxes, relative to their coordinates.
 const SPREAD: f32 = 4e-6;
 
 /// A tree over `boxes` whose leaves hold at most `leaf_size` of them, each once. Boxes of nodes
-/// hold those below, with a little room.
+/// hold those below, with a small margin.
 ///
 /// The library joins pairs of neighbours each of which is the best for the other. Among equal boxes
 /// hardly a pair is, and thousands of them would take a time that grows with the square of their
 /// number: every box grows by a little of its own.
 pub(crate) fn binary_tree(boxes: &[Aabb], leaf_size: u32) -> Bvh2 {
     let mut params = BvhBuildParams::slow_build();
-    // What is in two leaves would be hit twice.
+    // A Gaussian in two leaves would be hit twice.
     params.pre_split = false;
     params.max_prims_per_leaf = leaf_size;
     let grown: Vec<Aabb> = (0..).zip(boxes).map(|(i, of)| grown(of, i)).collect();
@@ -42,8 +42,8 @@ fn grown(of: &Aabb, i: u32) -> Aabb {
     // Multiplicative hashing: neighbours get numbers far apart.
     let share = |factor: u32| (i.wrapping_mul(factor) >> 24) as f32 / 256.0;
     let shares = Vec3A::new(share(0x9e37_79b9), share(0x85eb_ca6b), share(0xc2b2_ae35));
-    let room = of.min.abs().max(of.max.abs()) * shares * SPREAD;
-    Aabb::new(of.min - room, of.max + room)
+    let margin = of.min.abs().max(of.max.abs()) * shares * SPREAD;
+    Aabb::new(of.min - margin, of.max + margin)
 }
 
 #[cfg(test)]

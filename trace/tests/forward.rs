@@ -370,7 +370,7 @@ fn every_draw_is_searched_to_the_nearest_disc() {
     assert!(num_hits > 200 && num_own > 10, "{num_hits}, {num_own}");
 }
 
-/// What is empty or invisible has no realizations and no harm in them.
+/// Empty scenes and invisible Gaussians have no hits in realizations.
 #[test]
 fn draws_of_nothing_are_nothing() {
     let mut faint = random_cloud(20, 1);

@@ -167,7 +167,7 @@ fn weight(pixel: usize, k: usize) -> f32 {
     sign * (0.2 + ((pixel * 31 + k * 17) % 13) as f32 / 13.0)
 }
 
-/// Contributions of Gaussians against those of the CPU, which come tile by tile.
+/// Contributions of Gaussians against the CPU, whose tiles list them one by one.
 #[test]
 fn contributions_are_those_of_the_cpu() {
     let Some(device) = gpu::device("what Gaussians contribute") else {

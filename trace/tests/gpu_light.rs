@@ -18,7 +18,7 @@ fn inside_view() -> Camera {
     look_at(DVec3::ZERO, DVec3::new(0.2, -1.0, -0.6), 12, 12)
 }
 
-/// The default options.
+/// The defaults.
 const PLAIN: (Sampling, Hits) = (Sampling::NextEvent, Hits::Blended);
 
 fn path(num_samples: u32, max_bounces: u32) -> Integrator {
@@ -70,7 +70,7 @@ fn one_bounce_in_a_furnace_shows_the_albedo() {
     assert_eq!(view.num_rays, 8 * 144);
 }
 
-/// Mean and error of several renderings of one scene.
+/// Statistics of several renderings of one scene.
 struct Runs {
     /// Mean of the green channel, `[pixels]`.
     means: Vec<f64>,
@@ -102,7 +102,7 @@ fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> R
 }
 
 /// Every integrator with each way of looking for light: the same mean within four standard errors
-/// of the difference, and the same noise. The seeds are the same: while both engines draw the same
+/// of the difference, and the same noise. The seeds are the same: while both engines take the same
 /// numbers for the same things the differences are of rounding alone, and the test is the sharper
 /// for it.
 #[test]

@@ -297,7 +297,7 @@ fn closed_rooms_do_not_leak() {
         24,
     );
     let (mean, _) = mean_and_error(&render(&gaussians, &corner, path(64, 7), 6));
-    // What passes through the walls themselves is 1e-4 of the light at each of up to eight hits.
+    // The light through the walls themselves is 1e-4 of the light at each of up to eight hits.
     assert!(mean < 10.0 * 8.0 * 1e-4, "{mean}");
 }
 
@@ -376,7 +376,7 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     assert!(one != in_pool(1, 12));
 }
 
-/// Light sampling changes the noise, not the mean: against plain cosine sampling on several scenes,
+/// Light sampling changes the noise, not the mean: against cosine sampling on several scenes,
 /// by the difference's own standard error over pixels and seeds.
 #[test]
 fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
@@ -440,11 +440,11 @@ fn light_sampling_keeps_the_mean_and_lowers_the_noise() {
     }
 }
 
-/// TransportMatrix and the light of emitters beside them are the integral of what arrives, as
-/// blended rays have it: by the standard errors of both, at places that see the lamp, the ball and
+/// The transport matrix and the light of emitters beside it give the irradiance that blended rays
+/// do: by the standard errors of both, at places that see the lamp, the ball and
 /// corners.
 #[test]
-fn links_bring_the_light_of_blended_rays() {
+fn matrix_gives_the_irradiance_of_blended_rays() {
     const BATCHES: u32 = 64;
     let gaussians = lit_room(1.0);
     let scene = CpuScene::new(&gaussians);

@@ -81,95 +81,94 @@ pub struct AlbedoStep<'a> {
     pub sizes: StepSizes,
 }
 
-/// What a step found out.
+/// Loss of a step, or the gradient that is not finite.
 pub type StepOutcome = std::result::Result<LossTerms, BadGradient>;
 
-/// A step that is over.
+/// A finished step.
 #[derive(Debug, Clone)]
 pub struct Taken {
     /// Iteration, counted from 1.
     pub iteration: u32,
     /// The view it compared with.
     pub view: TrainingView,
-    /// What it found out. Parameters stay as they are if a gradient is not finite; nor is any later
-    /// step taken then.
+    /// Parameters stay as they are if a gradient is not finite, and no later step is taken then.
     pub outcome: StepOutcome,
 }
 
 /// A device that trains.
 ///
-/// A step may still be under way when the call that begins it returns: each call returns those that
-/// are over by then, and [`Self::finish`] the rest, in the order in which they were begun.
+/// A step may still be under way when the call that begins it returns: each call returns the steps
+/// finished by then, and [`Self::finish`] the rest, in the order in which they were begun.
 pub trait Backend {
     /// From here on radiance may differ with the direction: coefficients are there, all zero.
     /// Nothing happens where they are there already.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn begin_harmonics(&mut self) -> Result<()>;
 
     /// Begins a step of stage 0.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn radiance_step(&mut self, view: &TrainingView, step: &RadianceStep<'_>)
     -> Result<Vec<Taken>>;
 
     /// Begins a step of stage 1.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn albedo_step(&mut self, view: &TrainingView, step: &AlbedoStep<'_>) -> Result<Vec<Taken>>;
 
-    /// Waits until all steps are over.
+    /// Waits until all steps are finished.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn finish(&mut self) -> Result<Vec<Taken>>;
 
-    /// Adds what `view` says about the Gaussians to what [`Self::densify`] will go by.
+    /// Adds the errors of `view` to those by which [`Self::densify`] chooses Gaussians.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn attribute(&mut self, view: &TrainingView) -> Result<()>;
 
-    /// Splits Gaussians until there are `target`, and forgets what views said.
+    /// Splits Gaussians until there are `target`, and resets the errors of views.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn densify(&mut self, target: usize) -> Result<Densified>;
 
-    /// Looks for the Gaussians that `cameras` see, and for a point of each one's surface. Returns
-    /// how many there are to gather for.
+    /// Finds the Gaussians that `cameras` see, and a point of the surface of each. Returns their
+    /// number.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize>;
 
-    /// Gathers the light that arrives at the next of those Gaussians, `range`, with `num_samples`
+    /// Gathers the irradiance of the next of those Gaussians, `range`, with `num_samples`
     /// directions each.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()>;
 
     /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the
-    /// closed form `ρ = π r / E` where light was gathered, and otherwise the paper's: radiance,
-    /// clamped to 0.01–0.99, as a vector of unit length.
+    /// closed form `ρ = π r / E` where irradiance was gathered, and otherwise the paper's:
+    /// radiance, clamped to 0.01–0.99, as a vector of unit length.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn begin_albedo(&mut self) -> Result<()>;
 
-    /// composited features of a camera after all steps, for previews.
+    /// Composited features of a camera after all steps, for previews.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer>;
 
     /// The full state after all steps, read back.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     fn state(&mut self) -> Result<ParameterState>;
 }

@@ -9,9 +9,10 @@ pub mod gaussians;
 mod transport;
 pub mod views;
 
-use crate::error::{Result, TrainError};
-use eagpt_scene::dataset::{Split, SplitRule, Subset};
-use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, files, ply};
+use crate::error::Result;
+use eagpt_scene::dataset::{RADIANCE_DIR, Split, SplitRule, Subset, TRANSFORMS_FILE};
+use eagpt_scene::files::{self, Key, Ledger, ledger};
+use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, ply};
 use eagpt_trace::Device;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use gaussians::GaussianBake;
@@ -22,7 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use views::ViewBake;
 
-/// How light is baked.
+/// Method of baking.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "method")]
 pub enum BakeMethod {
@@ -32,17 +33,17 @@ pub enum BakeMethod {
     Views(ViewBake),
 }
 
-/// What decides the result, beside scene and cameras.
+/// Options that decide the result, beside scene and cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BakeOptions {
-    /// How.
+    /// Method.
     #[serde(flatten)]
     pub method: BakeMethod,
-    /// Most bounces of light, at least 1.
+    /// Maximum path depth, at least 1.
     pub max_bounces: u32,
     /// Seed of the random numbers.
     pub seed: u64,
-    /// How the dataset's views are divided.
+    /// Division of the dataset's views.
     pub split: SplitRule,
     /// The views to bake for.
     pub subset: Subset,
@@ -57,33 +58,26 @@ pub struct BakeRequest {
     pub cameras: PathBuf,
     /// The scene to write.
     pub out: PathBuf,
-    /// Folder for the state of the work: a bake that was stopped goes on from there.
+    /// Folder for the state of the work: a bake that was stopped resumes from there.
     pub work: PathBuf,
     /// File for the traced transport matrix of [`BakeMethod::Gaussians`], in place of the work
     /// folder: kept for later bakes, which reuse it if the geometry is the same.
     pub transport: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,
-    /// What traces rays and, with [`BakeMethod::Views`], fits.
+    /// Device that traces rays and, with [`BakeMethod::Views`], fits.
     pub device: Device,
-    /// Whether the work of another bake may go from the work folder.
+    /// Replaces the work of another bake in the work folder.
     pub start_over: bool,
     /// Set from outside to stop soon, with the work so far on disk.
     pub stop: Arc<AtomicBool>,
 }
 
-impl BakeRequest {
-    /// Whether the work folder is used.
-    fn has_work(&self) -> bool {
-        self.transport.is_none() || matches!(self.options.method, BakeMethod::Views(_))
-    }
-}
-
-/// What a bake tells while it goes on.
+/// Progress of a bake.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "message")]
 pub enum BakeProgress {
-    /// Cameras look for the surface of each Gaussian.
+    /// Cameras are traced to find the surface of each Gaussian.
     Looking {
         /// Cameras done.
         done: usize,
@@ -127,16 +121,16 @@ pub enum BakeProgress {
     },
 }
 
-/// What a finished (or stopped) bake was.
+/// Result of a bake, finished or stopped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BakeSummary {
     /// The scene file; `None` if the bake was stopped, or was one shard of several.
     pub scene: Option<PathBuf>,
     /// Rays traced in this process; those of cameras are not counted.
     pub num_rays: u64,
-    /// How the views were divided.
+    /// Division of the views.
     pub split: Split,
-    /// What computed.
+    /// Compute device, as recorded beside results.
     pub device: String,
 }
 
@@ -167,12 +161,14 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays: 0,
     };
-    if request.has_work() {
-        claim(request)?;
-    }
     let radiances = match &request.options.method {
-        BakeMethod::Gaussians(method) => bake.solve(method)?,
-        BakeMethod::Views(method) => bake.fit_views(method)?,
+        BakeMethod::Views(method) => bake.fit_views(method, open_work(request)?)?,
+        BakeMethod::Gaussians(method) => {
+            if request.transport.is_none() {
+                open_work(request)?;
+            }
+            bake.solve(method)?
+        }
     };
     let num_rays = bake.num_rays;
     let scene = match radiances {
@@ -182,7 +178,8 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
                 ..bake.scene
             };
             ply::write_gaussians(&request.out, &baked)?;
-            if matches!(request.options.method, BakeMethod::Gaussians(_)) && request.has_work() {
+            let is_solved = matches!(request.options.method, BakeMethod::Gaussians(_));
+            if is_solved && request.transport.is_none() {
                 // Path-traced views are worth keeping, the rows of a matrix are not.
                 clear(&request.work)?;
             }
@@ -223,13 +220,12 @@ impl Bake<'_> {
     }
 }
 
-/// Whether a Gaussian keeps its radiance.
+/// True for an emitter, which keeps its radiance.
 fn emits(emission: f32) -> bool {
     emission > EMISSION_THRESHOLD
 }
 
-/// What reflects sends its light in all directions alike; what emits keeps its own. A bake knows no
-/// more.
+/// Makes the radiance of what reflects the same in all directions; emitters keep their harmonics.
 fn forget_directions(scene: &mut Gaussians) {
     for (harmonics, &emission) in scene.harmonics.iter_mut().zip(&scene.emissions) {
         if !emits(emission) {
@@ -250,80 +246,37 @@ fn with_emitters(scene: &Gaussians, radiances: &[Vec3]) -> Vec<Vec3> {
         .collect()
 }
 
-/// File in the work folder that says which bake it belongs to.
-const CLAIM: &str = "bake.json";
+/// The command in ledgers.
+const COMMAND: &str = "bake";
+/// Advice to who finds the work folder taken.
+const ADVICE: &str = "--force starts over, --work names another folder";
 
-/// What the work folder belongs to.
-#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Claim {
-    /// Digest of the scene's file.
-    scene: String,
-    /// Digest of the cameras' file.
-    cameras: String,
-    /// Digest of the options; those of a shard are those of the whole.
-    options: String,
-}
-
-impl Claim {
-    /// In what `other` differs, in words.
-    fn differences(&self, other: &Self) -> String {
-        let differs = [
-            (self.scene != other.scene).then_some("another scene"),
-            (self.cameras != other.cameras).then_some("other cameras"),
-            (self.options != other.options).then_some("other options"),
-        ];
-        let differs: Vec<&str> = differs.into_iter().flatten().collect();
-        differs.join(" and ")
-    }
-}
-
-fn digest(bytes: &[u8]) -> String {
-    blake3::hash(bytes).to_hex().to_string()
-}
-
-/// Makes the work folder this bake's own.
-fn claim(request: &BakeRequest) -> Result<()> {
+/// Opens the work folder of this bake.
+fn open_work(request: &BakeRequest) -> Result<Ledger> {
     let mut options = request.options;
+    let mut shard = Shard::WHOLE;
     if let BakeMethod::Views(views) = &mut options.method {
-        views.shard = Shard::WHOLE;
+        shard = std::mem::replace(&mut views.shard, Shard::WHOLE);
     }
-    let path = request.work.join(CLAIM);
-    let json = |e: serde_json::Error| SceneError::invalid(&path, "JSON", e.to_string());
     let dataset = Dataset::open(&request.cameras)?;
-    let claim = Claim {
-        scene: digest(&files::read(&request.scene)?),
-        cameras: digest(&files::read(dataset.transforms())?),
-        options: digest(&serde_json::to_vec(&options).map_err(json)?),
-    };
-    if path.exists() {
-        let found: Claim = serde_json::from_slice(&files::read(&path)?).map_err(json)?;
-        if found == claim {
-            return Ok(());
+    let key = Key::new()
+        .with_file("scene", &request.scene)?
+        .with_file("cameras", dataset.transforms())?
+        .with_value("options", &options)?;
+    match Ledger::open(&request.work, COMMAND, &key, shard, ADVICE) {
+        Err(SceneError::Work { .. }) if request.start_over => {
+            clear(&request.work)?;
+            Ok(Ledger::open(&request.work, COMMAND, &key, shard, ADVICE)?)
         }
-        if !request.start_over {
-            let problem = format!(
-                "the folder holds the work of a bake with {}: --force starts over, --work names another folder",
-                found.differences(&claim)
-            );
-            return Err(TrainError::Output { path, problem });
-        }
-        clear(&request.work)?;
+        opened => Ok(opened?),
     }
-    files::create_dir(&request.work)?;
-    let text = serde_json::to_vec_pretty(&claim).map_err(json)?;
-    files::write_bytes_atomic(&path, &text)?;
-    Ok(())
 }
 
 /// Removes what bakes leave in a work folder, and nothing else.
 fn clear(work: &Path) -> Result<()> {
-    for path in [
-        work.join(gaussians::STATE),
-        work.join(eagpt_scene::dataset::TRANSFORMS_FILE),
-        work.join(eagpt_scene::dataset::RADIANCE_DIR),
-        work.join(CLAIM),
-    ] {
-        files::remove_if_there(&path)?;
+    ledger::clear(work, COMMAND)?;
+    for name in [gaussians::STATE, TRANSFORMS_FILE, RADIANCE_DIR] {
+        files::remove_if_there(&work.join(name))?;
     }
     // Fails where the folder holds something else, which is to stay.
     std::fs::remove_dir(work).ok();

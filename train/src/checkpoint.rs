@@ -7,28 +7,18 @@
 use crate::error::{Result, TrainError};
 use crate::options::Stage;
 use crate::params::{Learned, NUM_PARAMETERS, ParameterState};
-use crate::sealed::Kind;
+use crate::sealed::SealedFormat;
+use eagpt_scene::SceneError;
+use eagpt_scene::files::{self, Key};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
-use eagpt_scene::{SceneError, files};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-const KIND: Kind = Kind {
+const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTCKP",
     version: 1,
     noun: "checkpoint",
 };
-
-/// What a run depends on; a checkpoint continues only a run with the same inputs.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Fingerprint {
-    /// Digest of the dataset's description and the sizes of its files.
-    pub dataset: String,
-    /// Digest of the options that stage 0 depends on.
-    pub radiance: String,
-    /// Digest of the options that stage 1 depends on besides.
-    pub albedo: String,
-}
 
 /// Watches the loss; part of the state so that a resumed run stops where an uninterrupted one
 /// would.
@@ -49,8 +39,8 @@ pub struct Checkpoint {
     pub stage: Stage,
     /// Iterations done in the stage.
     pub iteration: u32,
-    /// Inputs of the run.
-    pub fingerprint: Fingerprint,
+    /// Everything that decides the run: parts "dataset", "radiance" and "albedo".
+    pub fingerprint: Key,
     /// Extent of the point cloud, scene units.
     pub extent: f32,
     /// The loss so far.
@@ -63,7 +53,7 @@ pub struct Checkpoint {
 struct Header {
     stage: Stage,
     iteration: u32,
-    fingerprint: Fingerprint,
+    fingerprint: Key,
     extent: f32,
     monitor: LossMonitor,
     num_gaussians: usize,
@@ -99,7 +89,7 @@ impl Checkpoint {
         let state = &self.state;
         let raw = state.raw.arrays().map(<[_]>::as_flattened);
         let harmonics = state.harmonics.arrays().map(<[_]>::as_flattened);
-        KIND.write(&path, &header, &[raw, harmonics].concat())?;
+        FORMAT.write(&path, &header, &[raw, harmonics].concat())?;
         Ok(path)
     }
 
@@ -108,7 +98,7 @@ impl Checkpoint {
     /// # Errors
     /// If the file cannot be read, is damaged, or is of another version.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, values): (Header, _) = KIND.read(path)?;
+        let (header, values): (Header, _) = FORMAT.read(path)?;
         let num_raw = 3 * NUM_PARAMETERS * header.num_gaussians;
         let num_harmonics = 3 * NUM_COEFFICIENTS * header.num_gaussians;
         if values.len() != num_raw && values.len() != num_raw + num_harmonics {
@@ -219,11 +209,7 @@ mod tests {
         Checkpoint {
             stage: Stage::Radiance,
             iteration,
-            fingerprint: Fingerprint {
-                dataset: "a".into(),
-                radiance: "b".into(),
-                albedo: "c".into(),
-            },
+            fingerprint: Key::new().with("dataset", "a".into()),
             extent: 2.5,
             monitor: LossMonitor {
                 smoothed: 0.1,

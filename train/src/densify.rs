@@ -21,7 +21,7 @@ const OFFSET: f32 = 0.7;
 /// … which become this times as long: `0.7² + 0.7² ≈ 1` keeps the spread of the whole.
 const SHRINK: f32 = 0.7;
 
-/// What all training views say about the Gaussians.
+/// Errors and visibility of the Gaussians in all training views.
 #[derive(Debug, Clone, Default)]
 pub struct Attribution {
     /// Largest weight in a pixel, `[n]`.
@@ -34,7 +34,7 @@ pub struct Attribution {
     view_pixels: Vec<f32>,
 }
 
-/// What became of the Gaussians.
+/// Result of a densification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Densified {
     /// Gaussians that nobody saw, put elsewhere.
@@ -44,7 +44,7 @@ pub struct Densified {
 }
 
 impl Attribution {
-    /// Nothing said yet about `n` Gaussians.
+    /// No view yet; for `n` Gaussians.
     pub fn new(n: usize) -> Self {
         Self {
             largest_weight: vec![0.0; n],
@@ -54,7 +54,7 @@ impl Attribution {
         }
     }
 
-    /// Adds what one view says; the values of `contributions` are the errors of its pixels.
+    /// Adds one view; the values of `contributions` are the errors of its pixels.
     pub fn add(&mut self, contributions: &[Contribution]) {
         for c in contributions {
             let i = c.gaussian as usize;

@@ -21,7 +21,7 @@ pub enum TrainError {
     Option {
         /// The option's name, as in a TOML file.
         field: String,
-        /// What is wrong, with the value.
+        /// Problem, with the value.
         problem: String,
     },
     /// The dataset is readable but cannot be trained on.
@@ -29,7 +29,7 @@ pub enum TrainError {
     Dataset {
         /// The dataset.
         path: PathBuf,
-        /// What is missing.
+        /// The missing part.
         problem: String,
     },
     /// The output folder holds another run, or nothing to resume.
@@ -37,7 +37,7 @@ pub enum TrainError {
     Output {
         /// The folder or file.
         path: PathBuf,
-        /// What stands in the way, and what would help.
+        /// Obstacle, and a remedy.
         problem: String,
     },
     /// The job would need more memory than the machine has.
@@ -49,7 +49,7 @@ pub enum TrainError {
         needed_mib: u64,
         /// Free memory, MiB.
         available_mib: u64,
-        /// What would help.
+        /// Remedy.
         advice: String,
     },
     /// A value stopped being a number, or the loss ran away.

@@ -31,7 +31,7 @@ const EXTENT_TAIL: f32 = 0.01;
 /// Largest difference of display colours, in 8-bit steps, at which a view is taken to see a point.
 const COLOR_TOLERANCE: i32 = 16;
 
-/// What the training views say about one point.
+/// Sums over the training views that see a point.
 #[derive(Debug, Clone, Copy, Default)]
 struct Observed {
     radiance: Vec3,

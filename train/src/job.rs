@@ -8,7 +8,7 @@ pub(crate) mod views;
 pub use plan::{Memory, memory};
 
 use crate::backend::{self, Backend, Taken};
-use crate::checkpoint::{self, Checkpoint, Fingerprint, LossMonitor};
+use crate::checkpoint::{self, Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
 use crate::log::{Log, LogLine};
@@ -18,7 +18,8 @@ use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::{Split, Subset};
-use eagpt_scene::{Dataset, SceneError, files, ply};
+use eagpt_scene::files::{self, Key};
+use eagpt_scene::{Dataset, SceneError, ply};
 use eagpt_trace::Device;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,18 +27,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use views::Views;
 
-/// What to do with an output folder that already holds a run.
+/// Policy for an output folder that already holds a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
     /// Stop with an error.
     Refuse,
-    /// Go on from its newest checkpoint.
+    /// Resume from its newest checkpoint.
     Resume,
     /// Start over; the old run's files go.
     Overwrite,
 }
 
-/// What happens to a training view that cannot be used.
+/// Policy for training views that cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BadViews {
     /// Stop with an error that names it.
@@ -59,9 +60,9 @@ pub struct TrainRequest {
     pub out: PathBuf,
     /// Options.
     pub options: TrainOptions,
-    /// What to do with an earlier run's results.
+    /// Policy for an earlier run's results.
     pub existing: Existing,
-    /// What to do with unusable views.
+    /// Policy for unusable views.
     pub bad_views: BadViews,
     /// Bytes that images may take in memory; without it, half of what is free.
     pub image_budget: Option<usize>,
@@ -71,7 +72,7 @@ pub struct TrainRequest {
     pub stop: Arc<AtomicBool>,
 }
 
-/// What a finished (or stopped) run was.
+/// Summary of a finished or stopped run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainSummary {
     /// The scene file; `None` if the run was stopped before it was complete.
@@ -82,8 +83,8 @@ pub struct TrainSummary {
     pub device: String,
     /// How the views were divided.
     pub split: Split,
-    /// Inputs.
-    pub fingerprint: Fingerprint,
+    /// Everything that decided the result, by part.
+    pub fingerprint: Key,
     /// Extent of the point cloud, scene units.
     pub extent: f32,
     /// Seconds of each stage in this process.
@@ -172,7 +173,7 @@ pub fn train(
 fn initial_checkpoint(
     dataset: &Dataset,
     views: &mut Views,
-    fingerprint: Fingerprint,
+    fingerprint: Key,
     run: &mut Run<'_>,
 ) -> Result<Checkpoint> {
     let options = &run.request.options;
@@ -199,7 +200,7 @@ fn initial_checkpoint(
     })
 }
 
-/// What the parts of a run share.
+/// State shared by the parts of a run.
 struct Run<'a> {
     request: &'a TrainRequest,
     folder: plan::Folder,
@@ -319,7 +320,7 @@ impl Run<'_> {
         Ok(true)
     }
 
-    /// Notes what a step of the stage of `position` has found out.
+    /// Logs a step of the stage of `position`, and checks its loss.
     fn note(
         &mut self,
         log: &mut Log,
@@ -381,7 +382,7 @@ impl Run<'_> {
 /// Follows the loss, that of `iteration` after those that `monitor` has seen.
 ///
 /// # Errors
-/// What is wrong with a loss that is not a number or runs away.
+/// The problem of a loss that is not a number or diverges.
 fn watched(
     mut monitor: LossMonitor,
     iteration: u32,

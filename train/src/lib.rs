@@ -1,14 +1,14 @@
 //! From a dataset to Gaussians: stage 0 (radiance, emission, geometry) and stage 1 (diffuse albedo)
 //! of EAG-PT; light baking.
 //!
-//! - [`options`]: everything a run can be told, presets included; shared by the command line and
+//! - [`options`]: all options of a run, presets included; shared by the command line and
 //!   TOML files.
 //! - [`init`]: starting Gaussians from a coloured point cloud and the training views.
 //! - [`params`]: raw parameters, their activations, the chain rule back to them, and Adam.
 //! - [`loss`]: the losses and their gradients with respect to the composited features of each
 //!   pixel.
-//! - [`densify`]: which Gaussians are split, and which are used up for it.
-//! - [`backend`]: one training step on a device; the seam for other devices.
+//! - [`densify`]: the choice of Gaussians to split, and of those to reuse for it.
+//! - [`backend`]: one training step on a device.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.

@@ -115,7 +115,7 @@ pub fn radiance_loss(
     (terms, d_features)
 }
 
-/// What stage 1 knows of a view's pixels beside their albedo.
+/// Light of a view's pixels in stage 1: emitted radiance, or irradiance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PixelLight {
     /// Width of the picture.
@@ -123,32 +123,32 @@ pub struct PixelLight {
     /// Height of the picture.
     pub height: u32,
     /// `1/π · ∫ R(ω) (ω·Ñ) dω`, row by row.
-    pub arriving: Vec<Vec3>,
+    pub irradiance: Vec<Vec3>,
     /// R where an emitter is seen.
     pub emitted: Vec<Option<Vec3>>,
 }
 
 impl PixelLight {
     /// The light of `features`, whose pixels are emitters' where emission exceeds `threshold`, and
-    /// `arriving` elsewhere.
-    pub fn new(features: &GBuffer, arriving: Vec<Vec3>, threshold: f32) -> Self {
+    /// `irradiance` elsewhere.
+    pub fn new(features: &GBuffer, irradiance: Vec<Vec3>, threshold: f32) -> Self {
         let emitted = |seen: &Features| (seen.emission() > threshold).then(|| seen.radiance());
         Self {
             width: features.width,
             height: features.height,
-            arriving,
+            irradiance,
             emitted: features.pixels.iter().map(emitted).collect(),
         }
     }
 
     /// Bytes in memory.
     pub fn num_bytes(&self) -> usize {
-        size_of_val(&*self.arriving) + size_of_val(&*self.emitted)
+        size_of_val(&*self.irradiance) + size_of_val(&*self.emitted)
     }
 }
 
 /// Loss of stage 1 for one view: the picture is R where an emitter is seen, and elsewhere `albedos`
-/// times the light that arrives; pixels that are not `known` do not count. The gradient is that of
+/// times the irradiance over π; pixels that are not `known` do not count. The gradient is that of
 /// the albedos, row by row.
 pub fn albedo_loss(
     albedos: &[Vec3],
@@ -157,15 +157,15 @@ pub fn albedo_loss(
     ssim_share: f64,
     known: Option<&KnownPixels>,
 ) -> (LossTerms, Vec<Vec3>) {
-    let lit = || light.arriving.iter().zip(&light.emitted);
-    let shown = (albedos.iter().zip(lit()))
-        .map(|(albedo, (arriving, emitted))| emitted.unwrap_or(*albedo * *arriving).to_array());
+    let pixels = || light.irradiance.iter().zip(&light.emitted);
+    let shown = (albedos.iter().zip(pixels()))
+        .map(|(albedo, (irradiance, emitted))| emitted.unwrap_or(*albedo * *irradiance).to_array());
     let image = Image::from_pixels(light.width, light.height, shown.collect())
         .expect("irradiance and albedo have one entry per pixel");
     let color = ColorLoss::new(&image, target_pq, ssim_share, known);
-    let d_albedos = (color.d_radiance.pixels().iter().zip(lit()))
-        .map(|(d, (arriving, emitted))| match emitted {
-            None => Vec3::from(*d) * *arriving,
+    let d_albedos = (color.d_radiance.pixels().iter().zip(pixels()))
+        .map(|(d, (irradiance, emitted))| match emitted {
+            None => Vec3::from(*d) * *irradiance,
             Some(_) => Vec3::ZERO,
         })
         .collect();

@@ -12,13 +12,25 @@ use serde::{Deserialize, Serialize};
 /// Named sets of defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Preset {
-    /// A first look, in a few minutes.
+    /// A first look, in minutes on a CPU
     Draft,
-    /// Good results on a CPU within 20 minutes for a small dataset.
+    /// Good results on a CPU within 20 minutes for a small dataset
     Fast,
-    /// The iterations, rates and samples of the paper.
+    /// Iterations, rates and samples of the paper
     Paper,
+}
+
+impl Preset {
+    /// The name used in options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Fast => "fast",
+            Self::Paper => "paper",
+        }
+    }
 }
 
 /// A stage of training.
@@ -44,12 +56,15 @@ impl Stage {
 /// Which stages to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum StageChoice {
-    /// Stage 0, then stage 1.
+    /// Stage 0, then stage 1
     All,
-    /// Stage 0 only.
+    /// Stage 0: geometry, radiance, emission
     Radiance,
-    /// Stage 1 on the scene that an earlier run left in the output folder.
+    /// Stage 1: albedo
+    ///
+    /// Starts from the scene that an earlier run left in the output folder.
     Albedo,
 }
 

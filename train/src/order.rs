@@ -1,5 +1,5 @@
-//! An order of Gaussians in which neighbours in space are neighbours in memory: who traces a tile
-//! or a leaf finds them close together.
+//! An order of Gaussians in which neighbours in space are neighbours in memory: the Gaussians of a
+//! tile or a leaf are close together.
 
 use glam::Vec3;
 

@@ -15,7 +15,7 @@ const GAP: usize = 4;
 /// sRGB, dB). Stage 1 shows the albedo beside the photograph.
 ///
 /// # Errors
-/// If the device gives up or a file cannot be written.
+/// If the device fails or a file cannot be written.
 pub fn write(
     dir: &Path,
     backend: &mut dyn Backend,

@@ -1,4 +1,4 @@
-//! What a run tells while it goes on.
+//! Progress messages of a run.
 
 use crate::options::Stage;
 use serde::Serialize;
@@ -15,7 +15,7 @@ pub enum TrainProgress {
         /// Views in all.
         total: usize,
     },
-    /// A stage begins, or goes on after a resume.
+    /// A stage begins or is resumed.
     StageStarted {
         /// The stage.
         stage: Stage,
@@ -28,7 +28,7 @@ pub enum TrainProgress {
         /// Number of training views.
         num_views: usize,
     },
-    /// Light that arrives at Gaussians is being gathered, before stage 1.
+    /// Irradiance of Gaussians is being gathered, before stage 1.
     Gathering {
         /// Gaussians done.
         done: usize,

@@ -1,5 +1,5 @@
-//! Files of a job's state: a JSON header and an array of floats, with a digest that tells a damaged
-//! file.
+//! Sealed files, for state that is too large for JSON: a JSON header and an array of floats, with a
+//! digest that tells a damaged file. Headers hold the [`eagpt_scene::files::Key`] of the state.
 //!
 //! Layout, little-endian: eight bytes of magic, u32 version, u64 length of the header, the header,
 //! f32 values, then the BLAKE3 digest of everything before it.
@@ -13,16 +13,16 @@ use std::path::Path;
 const DIGEST_LEN: usize = 32;
 const PREFIX_LEN: usize = 8 + 4 + 8;
 
-/// What a kind of file begins with.
+/// The format of a sealed file.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Kind {
+pub(crate) struct SealedFormat {
     pub(crate) magic: &'static [u8; 8],
     pub(crate) version: u32,
-    /// The file's kind in messages, "checkpoint".
+    /// Its name in messages, as "checkpoint".
     pub(crate) noun: &'static str,
 }
 
-impl Kind {
+impl SealedFormat {
     /// Writes a file, atomically.
     ///
     /// # Errors

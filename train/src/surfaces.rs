@@ -1,4 +1,4 @@
-//! The surface that each Gaussian is part of: where light arrives for it.
+//! The surface that each Gaussian is part of: the receiver of its irradiance.
 //!
 //! A Gaussian's own centre and normal are noisy samples of the surface that its neighbours and it
 //! make up together. That surface is what a camera ray blends; each Gaussian takes it from the
@@ -10,11 +10,11 @@ use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, Ray, Tracer};
 use glam::Mat3;
 
-/// Half the offset of a lone Gaussian's surface, in its sizes: what is nearer is taken for the same
+/// Half the offset of a lone Gaussian's surface, in its sizes: nearer hits are taken for the same
 /// wall.
 const LONE_OFFSET: f32 = 0.5;
 
-/// Rays of Gaussians alone that are traced together: as many as a device has room for.
+/// Rays of Gaussians alone that are traced together: as many as fit on a device.
 const RAYS_AT_ONCE: usize = 1 << 18;
 
 /// The best-seen surfaces so far.
@@ -31,12 +31,12 @@ impl BestSeen {
         }
     }
 
-    /// Looks through every pixel of `camera`: what weighs more in one of them than anywhere before
-    /// is seen better there.
+    /// Adds the pixels of `camera`: a Gaussian with a larger weight in one of them than in any
+    /// before is seen better there.
     ///
     /// # Errors
-    /// If the device of the `scene` gives up.
-    pub(crate) fn look(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
+    /// If the device of the `scene` fails.
+    pub(crate) fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
         let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
         let frame = camera.ray_frame();
         for found in contributions {
@@ -64,10 +64,10 @@ impl BestSeen {
 }
 
 /// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more
-/// room before it.
+/// free space before it.
 ///
 /// # Errors
-/// If the device of the `scene` gives up.
+/// If the device of the `scene` fails.
 pub(crate) fn lone(
     scene: &dyn Tracer,
     gaussians: impl Iterator<Item = Gaussian>,
@@ -80,14 +80,14 @@ pub(crate) fn lone(
     }
     let (sides, _) = sides.as_chunks::<2>();
     let (met, _) = met.as_chunks::<2>();
-    let roomier = |([front, back], [before, behind]): (&[Surface; 2], &[Features; 2])| {
-        if room(before) >= room(behind) {
+    let freer = |([front, back], [before, behind]): (&[Surface; 2], &[Features; 2])| {
+        if free_distance(before) >= free_distance(behind) {
             *front
         } else {
             *back
         }
     };
-    Ok(sides.iter().zip(met).map(roomier).collect())
+    Ok(sides.iter().zip(met).map(freer).collect())
 }
 
 /// Both sides of a Gaussian alone.
@@ -101,8 +101,8 @@ fn sides(gaussian: &Gaussian) -> [Surface; 2] {
     })
 }
 
-/// How far a ray got before it met something rather than nothing.
-fn room(met: &Features) -> f32 {
+/// Distance of a ray to the first surface.
+fn free_distance(met: &Features) -> f32 {
     if met.alpha() > 0.5 {
         met.mean_distance()
     } else {

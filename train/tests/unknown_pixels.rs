@@ -19,7 +19,7 @@ use std::sync::atomic::AtomicBool;
 
 const SIZE: (u32, u32) = (40, 30);
 
-/// What stands where nothing is known.
+/// Values of unknown pixels.
 #[derive(Clone, Copy, PartialEq)]
 enum Unknown {
     /// The truth.

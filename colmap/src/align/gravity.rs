@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// The vertical as estimated from cameras.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Gravity {
+pub(crate) struct Gravity {
     /// Unit length, in the model's world.
     pub up: DVec3,
     /// The axis of each camera that should be level; empty if the user gave the vertical.
@@ -21,7 +21,7 @@ pub struct Gravity {
 
 /// The vertical as estimated from the cameras.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct GravityReport {
+pub(crate) struct GravityReport {
     /// Up, in the model's world.
     pub up: [f64; 3],
     /// "upright", or "sideways" if the images lie on their side.

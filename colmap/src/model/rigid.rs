@@ -72,7 +72,7 @@ impl Similarity {
 
     /// The pose of a camera in the new world, from that in the old one. The camera's own space is
     /// scaled along.
-    pub fn camera_from_new(&self, camera_from_old: &Rigid) -> Rigid {
+    pub(crate) fn camera_from_new(&self, camera_from_old: &Rigid) -> Rigid {
         let rotation = (camera_from_old.rotation * self.rotation.inverse()).normalize();
         Rigid {
             rotation,

@@ -93,7 +93,7 @@ pub struct ValueRange {
 
 impl ValueRange {
     /// Of some values.
-    pub fn of(values: &[f32]) -> Self {
+    pub(crate) fn of(values: &[f32]) -> Self {
         let mut range = Self {
             min: f32::INFINITY,
             max: f32::NEG_INFINITY,
@@ -112,7 +112,7 @@ impl ValueRange {
     }
 
     /// Of both.
-    pub fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         let num = self.num + other.num;
         let sum = self.mean * self.num as f64 + other.mean * other.num as f64;
         Self {

@@ -10,11 +10,12 @@ use serde::{Deserialize, Serialize};
 /// Treatment of PNG and JPEG photographs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Ldr {
-    /// They are refused.
+    /// They are refused: they are no measurement of light
     #[default]
     Refuse,
-    /// They are decoded as sRGB, with a warning.
+    /// They are decoded as sRGB, with a warning
     Srgb,
 }
 

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Environment variable with the path of the library.
-pub const LIBRARY_VARIABLE: &str = "EAGPT_ONNXRUNTIME";
+pub(crate) const LIBRARY_VARIABLE: &str = "EAGPT_ONNXRUNTIME";
 /// Longest side of a network's picture, pixels.
 const MAX_SIDE: u32 = 8192;
 

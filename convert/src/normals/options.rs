@@ -8,20 +8,22 @@ use std::path::PathBuf;
 /// The space of a map's vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Space {
     /// That of the view's camera
     Camera,
-    /// That of the scene
+    /// That of the dataset
     World,
 }
 
 /// Encoding of a map's components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Encoding {
-    /// As they are, −1 to 1
+    /// -1 to 1
     Unit,
-    /// As 0.5 n + 0.5
+    /// 0 to 1: 0.5 n + 0.5
     ZeroToOne,
 }
 

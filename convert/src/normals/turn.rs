@@ -7,7 +7,7 @@ use eagpt_scene::{Camera, Image};
 use glam::{DMat3, DVec3, Vec3};
 
 /// Normals turned away from the camera by more than this, degrees, are unknown.
-pub const MAX_AWAY_DEG: f64 = 25.0;
+pub(crate) const MAX_AWAY_DEG: f64 = 25.0;
 
 /// Compares stored vectors with references and with the directions to the camera.
 pub(super) fn compare(

@@ -28,7 +28,7 @@ use eagpt_scene::lens::LensModel;
 use std::path::{Path, PathBuf};
 
 /// Poses and intrinsics.
-pub const CAMERAS_FILE: &str = "cameras.json";
+pub(crate) const CAMERAS_FILE: &str = "cameras.json";
 const SPLITS_FILE: &str = "splits.json";
 const LIST: &str = "KRT";
 /// Folders of images with their extension, the preferred ones first.

@@ -17,9 +17,9 @@ use glam::DVec3;
 use std::path::Path;
 
 /// Poses.
-pub const CAMERAS_FILE: &str = "cam.txt";
+pub(crate) const CAMERAS_FILE: &str = "cam.txt";
 /// Intrinsics.
-pub const INTRINSICS_FILE: &str = "K_list.txt";
+pub(crate) const INTRINSICS_FILE: &str = "K_list.txt";
 /// Lines of a camera in either file.
 const LINES_PER_CAMERA: usize = 3;
 

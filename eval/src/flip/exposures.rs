@@ -120,7 +120,7 @@ impl FlipParameters {
     ///
     /// # Errors
     /// As [`FlipOptions::validate`], or [`EvalError::Exposures`] if the range is not ascending.
-    pub fn for_reference(options: &FlipOptions, reference: &Image<3>) -> Result<Self> {
+    pub(crate) fn for_reference(options: &FlipOptions, reference: &Image<3>) -> Result<Self> {
         options.validate()?;
         let automatic = automatic_range(options.tonemapper, reference);
         let start = options.start_exposure.or(automatic.map(|range| range.0));

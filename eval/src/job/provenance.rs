@@ -10,7 +10,7 @@ use std::path::Path;
 /// Provenance of renders. Each part is `None` where the record lacks it, as for renders of other
 /// programs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Provenance {
+pub(crate) struct Provenance {
     /// `0-bounce`, `1-bounce` or `path`.
     pub mode: Option<String>,
     /// Samples of light in a pixel; `None` for a mode that takes none.

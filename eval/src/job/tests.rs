@@ -139,7 +139,7 @@ fn two_views_with_known_errors() {
     assert!(scene.albedo_psnr_srgb_db.unwrap() < 20.0);
     assert!(scene.albedo_psnr_scaled_db.unwrap() > 100.0);
     // View 8 has nothing that emits and no other channels.
-    assert_eq!(found.views[1].scene, SceneMetrics::default());
+    assert_eq!(found.views[1].scene, super::view::SceneMetrics::default());
     assert_eq!(found.mean("emission_iou"), Some(0.5));
     assert!(found.mean("flip_hdr").unwrap() > 0.0);
     assert_eq!(found.mean("no such metric"), None);
@@ -202,7 +202,7 @@ fn what_the_reference_does_not_know_is_not_measured() {
         ] {
             assert!((own - expected).abs() < 1e-9, "{own} {expected}");
         }
-        let expected = crate::FlipParameters::for_reference(&case.options.flip, &a).unwrap();
+        let expected = crate::flip::FlipParameters::for_reference(&case.options.flip, &a).unwrap();
         assert_eq!(view.image.flip_hdr_parameters, expected);
         assert!(view.image.ssim_srgb < 1.0 && view.image.flip_hdr > 0.0);
     }

@@ -37,7 +37,7 @@ pub struct SceneMetrics {
     pub depth_mae: Option<f64>,
     /// See [`emission_overlap`]; kept because the views' overlaps make up that of all pixels.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub emission_overlap: Option<Overlap>,
+    pub(crate) emission_overlap: Option<Overlap>,
     /// See [`Overlap::iou`].
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub emission_iou: Option<f64>,
@@ -46,7 +46,7 @@ pub struct SceneMetrics {
 /// Source of the emitters of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum EmittersFrom {
+pub(crate) enum EmittersFrom {
     /// The emission mask of the reference.
     Reference,
     /// The channel `emission` of the renders, for want of that mask: a scene knows where its lamps
@@ -70,7 +70,7 @@ pub struct ViewMetrics {
     pub scene: SceneMetrics,
     /// Source of the emitters; `None` if they are unknown.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub emitters_from: Option<EmittersFrom>,
+    pub(crate) emitters_from: Option<EmittersFrom>,
     /// The error by region, as far as regions are known.
     #[serde(skip_serializing_if = "Regions::is_empty", default)]
     pub regions: Regions,

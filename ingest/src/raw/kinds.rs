@@ -22,7 +22,7 @@ const LINEAR: [&str; 4] = ["exr", "png", "tif", "tiff"];
 const DISPLAY: [&str; 8] = ["avif", "bmp", "gif", "heic", "heif", "jpeg", "jpg", "webp"];
 
 /// Kind of a file, by its extension; `None` if it is not an image.
-pub fn kind_of(path: &Path) -> Option<Kind> {
+pub(crate) fn kind_of(path: &Path) -> Option<Kind> {
     let extension = path.extension()?.to_str()?.to_ascii_lowercase();
     let is_in = |list: &[&str]| list.contains(&extension.as_str());
     if is_in(&RAW) {

@@ -5,24 +5,27 @@ use crate::error::{Result, SceneError};
 use std::collections::HashSet;
 use std::fmt;
 use std::path::Path;
-use std::str::FromStr;
 
 /// How frames are divided.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum SplitRule {
-    /// Every eighth frame, from the first, tests; the others train.
+    /// Frames 0, 8, 16, … of the file test, the others train
     #[default]
     #[serde(rename = "every-8th")]
+    #[cfg_attr(feature = "clap", value(name = "every-8th"))]
     Every8th,
-    /// As the file lists them (`train_filenames`, `test_filenames` or else `val_filenames`).
+    /// As train_filenames and test_filenames (or val_filenames) of the file say
     Listed,
-    /// All frames train and test: nothing is held out.
+    /// Every view trains and tests: nothing is held out
     All,
-    /// As the released code of EAG-PT divides them, for comparison with its tables. Some of its
-    /// test views are trained on; [`Split::warnings`] says how many.
+    /// As the released code of EAG-PT divides them, which tests on some views it has trained on
+    ///
+    /// For comparison with its tables; [`Split::warnings`] says how many test views were trained
+    /// on.
     ///
     /// - Names with "/" (Eyeful Tower, `camera/image`): all but cameras 10, 11 and 12 train; one
     ///   camera tests and is trained on as well. The released code takes camera 23 if the path
@@ -39,12 +42,13 @@ pub enum SplitRule {
 /// Training or test views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Subset {
-    /// Views that are trained on.
+    /// Views that are trained on
     Train,
-    /// Views that are measured.
+    /// Views that are measured
     Test,
-    /// Every view of either, once, in the order of the file.
+    /// Every view of either, once, in the order of the file
     All,
 }
 
@@ -82,17 +86,6 @@ macro_rules! names {
         impl fmt::Display for $type {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(match self { $(Self::$variant => $name),+ })
-            }
-        }
-
-        impl FromStr for $type {
-            type Err = String;
-
-            fn from_str(text: &str) -> std::result::Result<Self, String> {
-                match text {
-                    $($name => Ok(Self::$variant),)+
-                    _ => Err(format!("`{text}` is none of {}", [$($name),+].join(", "))),
-                }
             }
         }
     };

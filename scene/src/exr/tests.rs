@@ -1,10 +1,11 @@
 use super::*;
 use crate::image::Image;
-use crate::testing::{assert_error, for_each_damage, for_each_truncation};
+use crate::testing::assert_error;
 use ::exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, IntegerBounds, Layer,
     LayerAttributes, LineOrder, Vec2, WritableImage,
 };
+use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
 use eagpt_testkit::test_data;
 use half::f16;
 use std::path::{Path, PathBuf};
@@ -316,7 +317,7 @@ fn damaged_files_never_panic() {
             let image = ::exr::prelude::Image::from_layer(layer);
             image.write().to_file(&path).unwrap();
             let bytes = std::fs::read(&path).unwrap();
-            for_each_damage(&bytes, DAMAGES, |damaged| {
+            for_each_damage(&bytes, 0..DAMAGES, |damaged| {
                 std::fs::write(&path, damaged).unwrap();
                 num_refused += u32::from(read_rgb(&path).is_err());
                 let _size = read_size(&path);

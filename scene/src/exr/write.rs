@@ -20,10 +20,11 @@ const MIN_PARALLEL_PIXELS: usize = 1 << 20;
     Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Precision {
-    /// 16 bits: 11 significant bits, up to 65,504.
+    /// 16 bits: 11 significant bits, up to 65504
     Half,
-    /// 32 bits: what is in memory, exactly.
+    /// 32 bits, exactly as in memory
     #[default]
     Float,
 }

@@ -9,15 +9,18 @@ use serde::{Deserialize, Serialize};
 /// What the pinhole image shows of the lens's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Field {
-    /// A rectangle in which every pixel is known.
+    /// A rectangle in which every pixel is known
     #[default]
     Inside,
-    /// Everything the lens shows, up to the largest angle of view; pixels it does not show are
-    /// unknown.
+    /// Everything the lens shows up to the largest angle of view
+    ///
+    /// Pixels it does not show are unknown.
     All,
-    /// As many pixels as the lens's image has, with its principal point; pixels it does not show
-    /// are unknown.
+    /// As many pixels as the source's image has
+    ///
+    /// With its principal point; pixels the lens does not show are unknown.
     Same,
 }
 

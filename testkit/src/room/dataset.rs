@@ -17,7 +17,7 @@ use std::path::Path;
 /// photogrammetry are.
 const POINT_NOISE_M: f32 = 0.005;
 
-/// How the room is photographed.
+/// Photography of the room.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RoomOptions {
     /// Number of views.

@@ -54,7 +54,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// Whether the ray met the light.
+    /// True where the ray met the light.
     pub fn is_light(&self) -> bool {
         self.emitted != Vec3::ZERO
     }
@@ -73,7 +73,7 @@ pub fn intersect(origin: Vec3, direction: Vec3) -> Hit {
     nearest
 }
 
-/// Whether a ray reaches `distance` unhindered.
+/// True for a ray that reaches `distance` unhindered.
 pub fn is_free(origin: Vec3, direction: Vec3, distance: f32) -> bool {
     BOXES.iter().all(|standing| {
         standing

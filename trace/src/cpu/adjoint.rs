@@ -6,10 +6,10 @@
 //! w, `a = αᵢ dL/dαᵢ = w (cᵢ − Cᵢ₊₁)`, and `h = w G_D t` for its distance. No division by `1 − α`:
 //! opaque hits need no special case.
 //!
-//! What moves a hit are the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n /
+//! A hit is moved by the Gaussian's in-plane axes and its plane. The distance `t = (p − o)·n /
 //! (ω·n)` and the cosine are tied by `t (ω·n) = (p − o)·n`, and `u = (ω·t_u/s_u) t − u₀`; so all
 //! derivatives of a hit are polynomials in u and v with coefficients that belong to the Gaussian as
-//! seen from the origin. A tile features the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G`
+//! seen from the origin. A tile sums the moments `Σ a uʲvᵏ`, `Σ h uʲvᵏ` and the light `Σ w G`
 //! of each Gaussian, and makes a gradient of them once: no ray and no plane is met again.
 //!
 //! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the
@@ -143,7 +143,7 @@ impl RowPlaces {
     }
 }
 
-/// What is differentiated.
+/// The loss to be differentiated.
 struct Loss<'a> {
     set: SeenSet<'a>,
     d_features: &'a [Features],
@@ -207,7 +207,7 @@ fn adjoint_of_tile(
 #[inline(always)]
 fn add_ray(rows: &mut [Row], record: &TileRecord, hits: &[BlendedHit], d_features: &Features) {
     let d_distance = d_features.0[lane::DISTANCE];
-    // The distance is no part of a attributes, and the lanes behind it are not differentiated.
+    // The distance is not an attribute, and the lanes behind it are not differentiated.
     let mut d_attributes = d_features.0;
     d_attributes[lane::DISTANCE..].fill(0.0);
     let mut behind = 0.0_f32;

@@ -1,4 +1,4 @@
-//! composited features of all pixels of a camera, and the record of their hits.
+//! Composited features of all pixels of a camera, and the record of their hits.
 //!
 //! Pixels are taken in tiles of 16×16 and, within a tile, in blocks of 4×4. A search fills one list
 //! of hits per ray of a block, the lists are put in true order of distance, and [`crate::blend`]
@@ -51,7 +51,7 @@ pub struct CameraRecord {
     pub(super) seen: Vec<Attributes>,
 }
 
-/// What a tile keeps.
+/// Record of a tile.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TileRecord {
     features: Vec<Features>,
@@ -201,7 +201,7 @@ impl CameraRecord {
         BlendWeights::joined(&per_tile)
     }
 
-    /// What each Gaussian contributes to the picture. A Gaussian that several tiles saw comes once
+    /// Contribution of each Gaussian to the image. A Gaussian that several tiles saw comes once
     /// for each of them, tiles in order.
     pub fn contributions(&self, value: PixelValue<'_>) -> Vec<Contribution> {
         let Some(camera) = &self.camera else {
@@ -364,7 +364,7 @@ fn trace_tile_by_rays(
             for &(t, index, alpha) in &found[start..end] {
                 let slot = list.slot_of(index);
                 let met = list.slots[slot as usize].seen.meet(direction);
-                hits.make_room(1);
+                hits.reserve(1);
                 hits.push(lane, t, [alpha, met.u, met.v], slot);
             }
             start = end;

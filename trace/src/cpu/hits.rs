@@ -5,7 +5,7 @@ use super::tile::LANES;
 /// Longest list whose order is found by counting; the work grows with the square of the length.
 const COUNTING_LIMIT: usize = 256;
 
-/// What a hit is beside its distance.
+/// Values of a hit beside its distance.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct HitValues {
     pub(super) slot: u32,
@@ -17,7 +17,7 @@ pub(super) struct HitValues {
 /// A list of hits for each ray of a block. Memory is reused from block to block.
 #[derive(Default)]
 pub(super) struct BlockHits {
-    /// Room of each list: a multiple of [`LANES`].
+    /// Capacity of each list: a multiple of [`LANES`].
     stride: usize,
     lens: [u32; LANES],
     /// Distances, `[LANES, stride]`.
@@ -31,12 +31,12 @@ impl BlockHits {
     /// Empties all lists.
     pub(super) fn clear(&mut self) {
         self.lens = [0; LANES];
-        self.make_room(LANES);
+        self.reserve(LANES);
     }
 
-    /// Makes room for `num` more hits in every list.
+    /// Makes capacity for `num` more hits in every list.
     #[inline(always)]
-    pub(super) fn make_room(&mut self, num: usize) {
+    pub(super) fn reserve(&mut self, num: usize) {
         let longest = self.lens.iter().fold(0, |a, &b| a.max(b)) as usize;
         if longest + num > self.stride {
             self.grow(longest + num);
@@ -58,7 +58,7 @@ impl BlockHits {
         self.order.resize(stride, 0);
     }
 
-    /// Appends a hit to the list of ray `lane`, for which [`Self::make_room`] has made room.
+    /// Appends a hit to the list of ray `lane`, for which [`Self::reserve`] has made capacity.
     /// `[alpha, u, v]`.
     #[inline(always)]
     pub(super) fn push(&mut self, lane: usize, t: f32, [alpha, u, v]: [f32; 3], slot: u32) {
@@ -147,7 +147,7 @@ mod tests {
         // Slots count down from the last: a tie goes to the later hit.
         let num = distances.len() as u32;
         for (i, &t) in distances.iter().enumerate() {
-            hits.make_room(1);
+            hits.reserve(1);
             hits.push(3, t, [0.5, 0.0, 0.0], num - i as u32);
         }
         let ordered = hits.ordered(3);

@@ -52,7 +52,7 @@ impl Realizations {
         Self { seed, trees }
     }
 
-    /// What `ray` meets first in realization `realization` modulo [`NUM_REALIZATIONS`].
+    /// The first hit of `ray` in realization `realization` modulo [`NUM_REALIZATIONS`].
     pub fn nearest(
         &self,
         ray: &Ray,

@@ -130,7 +130,7 @@ impl TileList {
                 if closing.closed_before(surfel.nearest) {
                     break;
                 }
-                hits.make_room(CLOSING_INTERVAL);
+                hits.reserve(CLOSING_INTERVAL);
             }
             let met = rays.meet(&surfel.seen);
             if met.hits == 0 {
@@ -156,9 +156,9 @@ impl TileList {
 const CLOSING_INTERVAL: usize = 8;
 
 /// Whether and where the rays of a block have become opaque, from hits in any order. Hits so light
-/// that a ray that goes on might skip them are left out ([`Self::SURE_ALPHA`]); once the product of
-/// `1 − α` over the others is under the limit, the ray has ended at or before the farthest of them,
-/// whatever else it met.
+/// that a ray that continues might skip them are left out ([`Self::SURE_ALPHA`]); once the product
+/// of `1 − α` over the others is under the limit, the ray has ended at or before the farthest of
+/// them, whatever else it met.
 struct BlockClosing {
     transmittance: [f32; LANES],
     farthest: [f32; LANES],
@@ -169,7 +169,7 @@ impl BlockClosing {
         transmittance: [1.0; LANES],
         farthest: [0.0; LANES],
     };
-    /// As long as a ray goes on, the weight of such a hit is above [`MIN_WEIGHT`]. The factor
+    /// As long as a ray continues, the weight of such a hit is above [`MIN_WEIGHT`]. The factor
     /// covers rounding.
     const SURE_ALPHA: f32 = 1.01 * MIN_WEIGHT / MIN_TRANSMITTANCE;
     /// Under the limit of a ray by enough to cover the rounding of products in another order.

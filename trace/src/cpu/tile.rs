@@ -39,7 +39,7 @@ pub(super) struct RayBlock {
     z: [f32; LANES],
 }
 
-/// What [`LANES`] rays meet on the plane of one Gaussian.
+/// Intersections of [`LANES`] rays with the plane of one Gaussian.
 pub(super) struct BlockMet {
     pub(super) t: [f32; LANES],
     pub(super) u: [f32; LANES],
@@ -59,7 +59,7 @@ impl RayBlock {
         (self.x[lane], self.y[lane], self.z[lane]) = direction.into();
     }
 
-    /// Separate loops over plain arrays: each becomes straight SIMD code.
+    /// Separate loops over arrays of floats: each becomes straight SIMD code.
     #[inline(always)]
     pub(super) fn meet(&self, seen: &SeenSurfel) -> BlockMet {
         let mut t = [0.0_f32; LANES];

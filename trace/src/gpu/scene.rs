@@ -59,13 +59,13 @@ impl SceneBuffers {
         Ok(buffers)
     }
 
-    /// Whether the buffers are of the size of `set`.
+    /// Whether the buffers have the size of `set`.
     pub(super) fn fit(&self, set: &SurfelSet) -> bool {
         set.len() == self.num_surfels as usize
             && set.harmonics.is_empty() == self.harmonics.is_none()
     }
 
-    /// Replaces the Gaussians by others of the same number.
+    /// Replaces the Gaussians by others that fit.
     pub(super) fn write(&self, device: &Device, set: &SurfelSet) {
         let lanes: Vec<[f32; NUM_LANES]> = set
             .attributes
@@ -181,7 +181,7 @@ impl GpuScene {
         })
     }
 
-    /// Buffers of light transport, made when first asked for.
+    /// Structures for the transport matrix, made when first needed.
     fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
         made_once(&self.matrix, || {
             let HostCopy { set, emissive } = self.host()?;
@@ -235,7 +235,7 @@ impl GpuScene {
     }
 }
 
-/// The content of `place`, or else what `make` makes for it.
+/// The content of `place`, made by `make` if there is none.
 fn made_once<T>(
     place: &Mutex<Option<Arc<T>>>,
     make: impl FnOnce() -> Result<T, GpuError>,

@@ -1,10 +1,10 @@
 //! Directions towards emitters, and the density with which they are chosen.
 //!
-//! Light found by cosine sampling alone is found by luck. Here a share of the directions goes to
+//! Cosine sampling alone hits small emitters rarely. Here a share of the directions goes to
 //! points on emissive Gaussians instead, chosen by power and, on the Gaussian, by its own
 //! footprint. Directions of both kinds come from one mixture `q(ω) = (1 − c)·cos θ/π + c·p(ω)`, and
 //! each is weighted by `(cos θ/π) / q` (one-sample multiple importance sampling with the balance
-//! heuristic, Veach 1997, section 9.2.4). What a direction brings is still decided by tracing it,
+//! heuristic, Veach 1997, section 9.2.4). The radiance of a direction is still found by tracing it,
 //! so the mean is that of cosine sampling, for soft emitters, too; no weight exceeds `1/(1 − c)`.
 
 use crate::cpu::bvh::{Bvh, RayScratch, Reach};
@@ -57,7 +57,7 @@ pub(crate) struct Footprint<'a> {
     pub(crate) density: f32,
 }
 
-/// What decides how often directions go towards an emitter: its light, by the area it comes from.
+/// Weight by which emitters are chosen: emitted luminance times area.
 pub fn power(g: &Gaussian) -> f64 {
     let area = TAU * g.scale.x * g.scale.y;
     f64::from(luminance(g.radiance.to_array()) * area * g.opacity * g.emission)
@@ -182,7 +182,7 @@ pub struct BounceSampler<'a> {
 pub struct Bounce {
     /// Unit direction above the surface.
     pub direction: Vec3,
-    /// What its light counts for.
+    /// Weight of its radiance.
     pub weight: f32,
 }
 
@@ -211,15 +211,15 @@ impl<'a> BounceSampler<'a> {
         } else {
             sampling::cosine_direction(surface.normal, a, b)
         };
-        let plain = direction.dot(surface.normal) * FRAC_1_PI;
-        if plain <= 0.0 {
+        let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
+        if bsdf <= 0.0 {
             return None;
         }
         let mixture =
-            (1.0 - self.share) * plain + self.share * lights.density(surface.position, direction);
+            (1.0 - self.share) * bsdf + self.share * lights.density(surface.position, direction);
         Some(Bounce {
             direction,
-            weight: plain / mixture,
+            weight: bsdf / mixture,
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Receivers of light, for tests that have no cameras.
+//! Receivers of light, for tests without cameras.
 
 use eagpt_scene::Gaussians;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
@@ -6,7 +6,7 @@ use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::start::Surface;
 use glam::Mat3;
 
-/// Gaussians that do not emit, each as its own plane, on the side towards the origin.
+/// Gaussians that do not emit, each as its own plane, from the side that faces the origin.
 pub(crate) fn receivers(scene: &Gaussians) -> Vec<Receiver> {
     (0..)
         .zip(scene.iter())

@@ -1,10 +1,10 @@
-//! The light that arrives at every Gaussian, gathered once.
+//! Irradiance of every Gaussian, gathered once.
 //!
 //! Stage 1 of the paper samples the hemisphere above every pixel anew in each iteration, although
-//! what arrives never changes while albedos do. Here each Gaussian is gathered for at one point,
-//! the one where a training camera sees it best; the light of a pixel is the blend of its
-//! Gaussians' light, and the picture is linear in the albedo. What a diffuse Gaussian sends out
-//! over what arrives is its albedo in closed form, `ρ = π r / E`: where the image loss starts from.
+//! irradiance does not change while albedos do. Here it is gathered at one point of each Gaussian,
+//! the one that a training camera sees best; the irradiance of a pixel is the blend of that of its
+//! Gaussians, and the image is linear in the albedo. The radiance of a diffuse Gaussian over its
+//! irradiance is its albedo in closed form, `ρ = π r / E`: the start of the image loss.
 
 use crate::error::Result;
 use crate::surfaces::BestSeen;
@@ -18,7 +18,7 @@ use std::ops::Range;
 /// Albedos of natural surfaces stay inside.
 const RANGE: (f32, f32) = (0.02, 0.99);
 /// Share of its own light that a Gaussian must receive for the quotient to mean something.
-const MIN_ARRIVING: f32 = 1e-4;
+const MIN_IRRADIANCE: f32 = 1e-4;
 /// Opacity that gathered Gaussians must have in a pixel to shade it.
 const MIN_KNOWN: f32 = 1e-3;
 
@@ -28,18 +28,18 @@ pub(super) struct GaussianIrradiance {
     /// Indices and surfaces of the Gaussians seen.
     seen: Vec<Receiver>,
     /// Irradiance over π, of the first of `seen`.
-    arriving: Vec<Vec3>,
+    irradiance: Vec<Vec3>,
 }
 
 impl GaussianIrradiance {
     /// Looks for each best pixel of the `num` Gaussians of `scene` in all `cameras`.
     ///
     /// # Errors
-    /// If the device of the `scene` gives up.
+    /// If the device of the `scene` fails.
     pub(super) fn new(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Self> {
         let mut best = BestSeen::new(num);
         for camera in cameras {
-            best.look(scene, camera)?;
+            best.add(scene, camera)?;
         }
         let seen = (0..)
             .zip(best.finish())
@@ -47,7 +47,7 @@ impl GaussianIrradiance {
             .collect();
         Ok(Self {
             seen,
-            arriving: Vec::new(),
+            irradiance: Vec::new(),
         })
     }
 
@@ -60,7 +60,7 @@ impl GaussianIrradiance {
     /// Gaussians of the `scene`, and random numbers are those of `key`.
     ///
     /// # Errors
-    /// If the device of the `scene` gives up.
+    /// If the device of the `scene` fails.
     pub(super) fn gather(
         &mut self,
         scene: &dyn Tracer,
@@ -69,22 +69,22 @@ impl GaussianIrradiance {
         directions: Directions,
         key: RandomKey,
     ) -> Result<()> {
-        debug_assert_eq!(range.start, self.arriving.len());
+        debug_assert_eq!(range.start, self.irradiance.len());
         let matrix = scene.trace_transport(&self.seen[range], directions, key)?;
         let others = matrix.from_others(directions, radiances);
         let both = matrix.direct.iter().zip(&others).map(|(e, o)| *e + *o);
-        self.arriving.extend(both);
+        self.irradiance.extend(both);
         Ok(())
     }
 
     /// The closed form for every Gaussian that light reaches; others keep their albedo. `[n]`
     pub(super) fn albedos(&self, gaussians: &Gaussians) -> Vec<Vec3> {
         let mut albedos = gaussians.albedos.clone();
-        for ((i, _), arriving) in self.seen.iter().zip(&self.arriving) {
+        for ((i, _), irradiance) in self.seen.iter().zip(&self.irradiance) {
             let radiance = gaussians.radiances[*i as usize];
-            if arriving.min_element() > MIN_ARRIVING * radiance.max_element() {
+            if irradiance.min_element() > MIN_IRRADIANCE * radiance.max_element() {
                 albedos[*i as usize] =
-                    (radiance / arriving).clamp(Vec3::splat(RANGE.0), Vec3::splat(RANGE.1));
+                    (radiance / irradiance).clamp(Vec3::splat(RANGE.0), Vec3::splat(RANGE.1));
             }
         }
         albedos
@@ -93,8 +93,8 @@ impl GaussianIrradiance {
     /// Irradiance over π of each Gaussian, and 1 where it is known or else zeros, `[n]`.
     pub(super) fn by_gaussian(&self, num: usize) -> Vec<Vec4> {
         let mut known = vec![Vec4::ZERO; num];
-        for ((i, _), arriving) in self.seen.iter().zip(&self.arriving) {
-            known[*i as usize] = arriving.extend(1.0);
+        for ((i, _), irradiance) in self.seen.iter().zip(&self.irradiance) {
+            known[*i as usize] = irradiance.extend(1.0);
         }
         known
     }

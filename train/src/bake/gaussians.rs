@@ -7,13 +7,14 @@
 //! That is the first term, and the matrix T of all further ones: a bounce more is a product of it
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 
-use super::transport::{self, TracedTransport, TransportKey};
-use super::{Bake, BakeProgress, digest, with_emitters};
+use super::transport::{self, TracedTransport};
+use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::surfaces::{self, BestSeen};
+use eagpt_scene::SceneError;
+use eagpt_scene::files::{Key, digest};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{SceneError, files};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::{Directions, Receiver, TransportMatrix};
 use glam::Vec3;
@@ -21,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Receivers traced between two looks at whether the work shall stop.
+/// Receivers traced between two checks for a request to stop.
 const PIECE: usize = 4096;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
@@ -150,18 +151,19 @@ impl Bake<'_> {
             Some(path) => path.clone(),
             None => self.request.work.join(STATE),
         };
-        let cameras = files::read(self.dataset.transforms())?;
-        let key = TransportKey {
-            geometry: transport::geometry(&self.scene),
-            cameras: digest(&cameras),
-            views: self.frames.clone(),
-            directions: [directions.bsdf, directions.to_lights],
-            seed: self.request.options.seed,
-        };
+        let cameras = (
+            digest::of_file(self.dataset.transforms())?,
+            self.frames.clone(),
+        );
+        let key = Key::new()
+            .with("geometry", transport::geometry(&self.scene))
+            .with_value("cameras", &cameras)?
+            .with_value("samples", &[directions.bsdf, directions.to_lights])?
+            .with_value("seed", &self.request.options.seed)?;
         let traced = match self.traced_before(&path, &key)? {
             Some(traced) => traced,
             None => match self.receivers(tracer)? {
-                Some(receivers) => TracedTransport::new(key, &self.scene, receivers),
+                Some(receivers) => TracedTransport::new(key, directions, &self.scene, receivers),
                 None => return Ok(None),
             },
         };
@@ -170,17 +172,13 @@ impl Bake<'_> {
 
     /// Rows that an earlier bake has left at `path`, if they are of use for this one; all of them
     /// with the light of the emitters as they are now.
-    fn traced_before(
-        &mut self,
-        path: &Path,
-        key: &TransportKey,
-    ) -> Result<Option<TracedTransport>> {
+    fn traced_before(&mut self, path: &Path, key: &Key) -> Result<Option<TracedTransport>> {
         if !path.exists() {
             return Ok(None);
         }
         let mut traced = TracedTransport::read(path)?;
         let problem = if traced.key != *key {
-            format!("rays of {}", traced.key.differences(key))
+            format!("rays of {}", traced.key.differences_in_words(key))
         } else if !traced.fits(&self.scene) {
             return Err(SceneError::invalid(path, "entries", "the file is damaged").into());
         } else if traced.relight(&self.scene, self.key()) {
@@ -250,7 +248,7 @@ impl Bake<'_> {
             if self.stopped() {
                 return Ok(None);
             }
-            best.look(tracer, &self.dataset.frames()[frame].camera)?;
+            best.add(tracer, &self.dataset.frames()[frame].camera)?;
             (self.progress)(BakeProgress::Looking { done, total });
         }
         let seen = best.finish();
@@ -271,7 +269,7 @@ mod tests {
     use eagpt_trace::transport::start::Surface;
 
     /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of
-    /// area share f arrives evenly, and with albedo a the radiance of the rest after K bounces is
+    /// area share f is spread evenly, and with albedo a the radiance of the rest after K bounces is
     /// `a L f Σ_{k<K} (a (1 − f))^k`.
     #[test]
     fn bounces_inside_a_sphere_follow_the_geometric_series() {

@@ -10,9 +10,10 @@
 //!
 //! The same file holds a bake under way, with the rows done so far.
 
-use super::{digest, emits};
+use super::emits;
 use crate::error::Result;
-use crate::sealed::Kind;
+use crate::sealed::SealedFormat;
+use eagpt_scene::files::{Key, digest};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Gaussian, Gaussians, SceneError};
 use eagpt_trace::transport::lights::{self, Lights};
@@ -27,41 +28,11 @@ use std::path::Path;
 /// samples.
 const MAX_UNDERRATED: f64 = 4.0;
 
-const KIND: Kind = Kind {
+const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
     version: 1,
     noun: "transport matrix",
 };
-
-/// Everything that decides rays.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct TransportKey {
-    /// Digest of the geometry and of which Gaussians emit.
-    pub(super) geometry: String,
-    /// Digest of the cameras' file.
-    pub(super) cameras: String,
-    /// Indices of its views.
-    pub(super) views: Vec<usize>,
-    /// BSDF samples and light samples.
-    pub(super) directions: [u32; 2],
-    /// Seed of the random numbers.
-    pub(super) seed: u64,
-}
-
-impl TransportKey {
-    /// In what `other` differs, in words; empty if in nothing.
-    pub(super) fn differences(&self, other: &Self) -> String {
-        let differs = [
-            (self.geometry != other.geometry).then_some("another geometry"),
-            ((&self.cameras, &self.views) != (&other.cameras, &other.views))
-                .then_some("other cameras"),
-            (self.directions != other.directions).then_some("other samples"),
-            (self.seed != other.seed).then_some("another seed"),
-        ];
-        let differs: Vec<&str> = differs.into_iter().flatten().collect();
-        differs.join(" and ")
-    }
-}
 
 /// Digest of all that rays meet: positions, scales, rotations, opacities, and what emits.
 pub(super) fn geometry(scene: &Gaussians) -> String {
@@ -72,7 +43,7 @@ pub(super) fn geometry(scene: &Gaussians) -> String {
         numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
         bytes.push(u8::from(emits(g.emission)));
     }
-    digest(&bytes)
+    digest::of_bytes(&bytes)
 }
 
 /// Radiance and emission of an emitter.
@@ -81,7 +52,9 @@ type EmitterLight = [f32; 4];
 /// Receivers, and as many rows of their matrix as are traced.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct TracedTransport {
-    pub(super) key: TransportKey,
+    /// Everything that decides rays: parts "geometry", "cameras", "samples" and "seed".
+    pub(super) key: Key,
+    directions: Directions,
     /// Light of the emitters that light samples were chosen for, in the order of their indices.
     lights: Vec<EmitterLight>,
     pub(super) receivers: Vec<Receiver>,
@@ -90,7 +63,8 @@ pub(super) struct TracedTransport {
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    key: TransportKey,
+    key: Key,
+    directions: [u32; 2],
     num_lights: usize,
     num_receivers: usize,
     num_rows: usize,
@@ -101,9 +75,15 @@ const RECEIVER: usize = 8;
 
 impl TracedTransport {
     /// Nothing traced yet for `receivers` of `scene`.
-    pub(super) fn new(key: TransportKey, scene: &Gaussians, receivers: Vec<Receiver>) -> Self {
+    pub(super) fn new(
+        key: Key,
+        directions: Directions,
+        scene: &Gaussians,
+        receivers: Vec<Receiver>,
+    ) -> Self {
         Self {
             key,
+            directions,
             lights: emitters(scene).map(|g| light(&g)).collect(),
             receivers,
             matrix: TransportMatrix::default(),
@@ -114,12 +94,7 @@ impl TracedTransport {
         self.matrix.direct.len()
     }
 
-    fn directions(&self) -> Directions {
-        let [bsdf, to_lights] = self.key.directions;
-        Directions { bsdf, to_lights }
-    }
-
-    /// Whether light samples suit the light of the emitters of `scene`, whose geometry is the same.
+    /// True if light samples suit the light of the emitters of `scene`, whose geometry is the same.
     fn suits(&self, scene: &Gaussians) -> bool {
         let now: Vec<f64> = emitters(scene).map(|g| lights::power(&g)).collect();
         let then: Vec<f64> = self.sampled(scene).map(|g| lights::power(&g)).collect();
@@ -144,7 +119,7 @@ impl TracedTransport {
         let sampled: Gaussians = self.sampled(scene).collect();
         self.matrix.relight(
             &self.receivers,
-            self.directions(),
+            self.directions,
             key,
             Lights::new(&sampled).as_ref(),
             &scene.radiances,
@@ -170,6 +145,7 @@ impl TracedTransport {
     pub(super) fn write(&self, path: &Path) -> Result<()> {
         let header = Header {
             key: self.key.clone(),
+            directions: [self.directions.bsdf, self.directions.to_lights],
             num_lights: self.lights.len(),
             num_receivers: self.receivers.len(),
             num_rows: self.num_rows(),
@@ -185,7 +161,7 @@ impl TracedTransport {
         let floats = |of: &[u32]| of.iter().map(|&i| f32::from_bits(i)).collect::<Vec<f32>>();
         let targets = floats(&self.matrix.targets);
         let light_targets = floats(&self.matrix.light_targets);
-        KIND.write(
+        FORMAT.write(
             path,
             &header,
             &[
@@ -203,15 +179,16 @@ impl TracedTransport {
     /// # Errors
     /// If it cannot be read or is damaged.
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let (header, values): (Header, _) = KIND.read(path)?;
+        let (header, values): (Header, _) = FORMAT.read(path)?;
         let damaged = || SceneError::invalid(path, "arrays", "the transport matrix is damaged");
-        let [bsdf, to_lights] = header.key.directions.map(|num| num as usize);
+        let [bsdf, to_lights] = header.directions;
+        let directions = Directions { bsdf, to_lights };
         let lengths = [
             header.num_lights.checked_mul(4),
             header.num_receivers.checked_mul(RECEIVER),
             header.num_rows.checked_mul(3),
-            header.num_rows.checked_mul(bsdf),
-            header.num_rows.checked_mul(to_lights),
+            header.num_rows.checked_mul(bsdf as usize),
+            header.num_rows.checked_mul(to_lights as usize),
         ];
         let mut rest = values.as_slice();
         let mut arrays = [&rest[..0]; 5];
@@ -224,6 +201,7 @@ impl TracedTransport {
         let bits = |of: &[f32]| of.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
         let traced = Self {
             key: header.key,
+            directions,
             lights: lights.as_chunks().0.to_vec(),
             receivers: receivers.as_chunks().0.iter().map(receiver).collect(),
             matrix: TransportMatrix {
@@ -244,7 +222,7 @@ impl TracedTransport {
         Ok(traced)
     }
 
-    /// Whether all indices are of Gaussians of `scene`, and there is light for each emitter.
+    /// True if all indices are of Gaussians of `scene`, and there is light for each emitter.
     pub(super) fn fits(&self, scene: &Gaussians) -> bool {
         let is_index = |i: u32| (i as usize) < scene.len();
         let is_emitter = |i: u32| is_index(i) && emits(scene.emissions[i as usize]);

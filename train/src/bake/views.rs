@@ -1,8 +1,9 @@
 //! Light baking by path-traced views, the paper's way (EAG-PT, section 3.5).
 //!
-//! The work folder becomes a dataset: one image a view, named as in the cameras' dataset. Views are
-//! independent of each other, so that several machines can each take a [`Shard`]; once all images
-//! are there, radiance is fitted to them by iterations of stage 0 with everything else held.
+//! The work folder becomes a dataset: one image a view, named as in the cameras' dataset. Its
+//! [`Ledger`] lists those that are done. Views are independent of each other, so that several
+//! machines can each take a [`Shard`]; once all images are there, radiance is fitted to them by
+//! iterations of stage 0 with everything else held.
 
 use super::{Bake, BakeProgress};
 use crate::backend::{self, RadianceStep};
@@ -13,13 +14,15 @@ use crate::options::{LearningRates, LossWeights, Stage};
 use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
 use eagpt_scene::exr::{self, Precision};
-use eagpt_scene::{Dataset, Shard, files};
+use eagpt_scene::files::{self, Ledger};
+use eagpt_scene::{Dataset, Shard};
 use eagpt_trace::transport::Sampling;
 use eagpt_trace::{Integrator, LightOptions};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Bytes that images may take in memory during the fit.
 const IMAGE_BUDGET: usize = 1 << 30;
@@ -31,7 +34,7 @@ pub struct ViewBake {
     pub num_samples: u32,
     /// First bounce at which a path may be ended at random; `None`: never.
     pub roulette_from: Option<u32>,
-    /// How light is looked for.
+    /// Light sampling.
     pub sampling: Sampling,
     /// Iterations of the fit, one view each; 3,000 in the paper.
     pub iterations: u32,
@@ -43,8 +46,12 @@ pub struct ViewBake {
 
 impl Bake<'_> {
     /// Radiances of all Gaussians, or `None` if it was stopped from outside or is a shard.
-    pub(super) fn fit_views(&mut self, method: &ViewBake) -> Result<Option<Vec<Vec3>>> {
-        if !self.render_views(method)? || method.shard != Shard::WHOLE {
+    pub(super) fn fit_views(
+        &mut self,
+        method: &ViewBake,
+        ledger: Ledger,
+    ) -> Result<Option<Vec<Vec3>>> {
+        if !self.render_views(method, ledger)? || method.shard != Shard::WHOLE {
             return Ok(None);
         }
         let cameras: Vec<_> = (self.frames.iter())
@@ -56,14 +63,8 @@ impl Bake<'_> {
         self.fit(method)
     }
 
-    fn image_path(&self, view: usize) -> PathBuf {
-        let name = &self.dataset.frames()[view].name;
-        let folder = self.request.work.join(RADIANCE_DIR);
-        folder.join(format!("{name}.exr"))
-    }
-
-    /// Path-traces the views of the shard that are not there yet; `false` if it was stopped.
-    fn render_views(&mut self, method: &ViewBake) -> Result<bool> {
+    /// Path-traces the views of the shard that are not done; `false` if it was stopped.
+    fn render_views(&mut self, method: &ViewBake, mut ledger: Ledger) -> Result<bool> {
         let mine: Vec<usize> = (0..)
             .zip(&self.frames)
             .filter(|(place, _)| method.shard.has(*place))
@@ -71,7 +72,7 @@ impl Bake<'_> {
             .collect();
         let total = mine.len();
         let missing: Vec<usize> = (mine.into_iter())
-            .filter(|&view| !self.image_path(view).exists())
+            .filter(|&view| ledger.done(&self.dataset.frames()[view].name).is_none())
             .collect();
         let found = total - missing.len();
         (self.progress)(BakeProgress::Rendering { done: found, total });
@@ -92,16 +93,20 @@ impl Bake<'_> {
                 sampling: method.sampling,
                 ..LightOptions::default()
             };
-            let camera = &self.dataset.frames()[view].camera;
-            let rendered = engine.render(camera, &integrator, &light)?;
+            let started = Instant::now();
+            let frame = &self.dataset.frames()[view];
+            let rendered = engine.render(&frame.camera, &integrator, &light)?;
             self.num_rays += rendered.num_rays;
-            let path = self.image_path(view);
+            let image = PathBuf::from(RADIANCE_DIR).join(format!("{}.exr", frame.name));
+            let path = self.request.work.join(&image);
             if let Some(parent) = path.parent() {
                 files::create_dir(parent)?;
             }
             exr::write_rgb(&path, &rendered.radiance, Precision::Float)?;
+            ledger.add(&frame.name, started.elapsed().as_secs_f64(), &[image])?;
             (self.progress)(BakeProgress::Rendering { done, total });
         }
+        ledger.complete()?;
         Ok(true)
     }
 

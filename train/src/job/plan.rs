@@ -1,12 +1,13 @@
 //! Before the work: where results go, what the run depends on, whether it fits into memory.
 
 use super::{Existing, TrainRequest, write_options};
-use crate::checkpoint::{self, Checkpoint, Fingerprint};
+use crate::checkpoint::{self, Checkpoint};
 use crate::error::{Result, TrainError};
 use crate::options::{Stage, StageChoice, TrainOptions};
 use eagpt_scene::dataset::Split;
+use eagpt_scene::files::{self, Key, digest};
 use eagpt_scene::machine::available_memory;
-use eagpt_scene::{Dataset, SceneError, files};
+use eagpt_scene::{Dataset, SceneError};
 use std::path::{Path, PathBuf};
 
 /// Bytes a Gaussian takes while it is trained: raw values, moments, gradients (4 × 17 floats), its
@@ -31,7 +32,7 @@ pub(super) struct Folder {
 pub(super) struct Resumed {
     /// The state to continue from; `None` starts over.
     pub(super) checkpoint: Option<Checkpoint>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub(super) warnings: Vec<String>,
 }
 
@@ -60,7 +61,7 @@ impl Folder {
         &self,
         existing: Existing,
         options: &TrainOptions,
-        fingerprint: &Fingerprint,
+        fingerprint: &Key,
     ) -> Result<Resumed> {
         let resumed = self.take_up(existing, options, fingerprint)?;
         write_options(&self.root, options)?;
@@ -71,7 +72,7 @@ impl Folder {
         &self,
         existing: Existing,
         options: &TrainOptions,
-        fingerprint: &Fingerprint,
+        fingerprint: &Key,
     ) -> Result<Resumed> {
         let occupied = !checkpoint::list(&self.checkpoints())?.is_empty() || self.log().exists();
         let albedo_only = options.stage == StageChoice::Albedo;
@@ -118,11 +119,7 @@ impl Folder {
     }
 
     /// The state in which stage 0 ended, for a run of stage 1 alone.
-    fn end_of_radiance(
-        &self,
-        options: &TrainOptions,
-        fingerprint: &Fingerprint,
-    ) -> Result<Resumed> {
+    fn end_of_radiance(&self, options: &TrainOptions, fingerprint: &Key) -> Result<Resumed> {
         let name = Checkpoint::file_name(Stage::Radiance, options.radiance.iterations);
         let path = self.checkpoints().join(name);
         if !path.exists() {
@@ -141,21 +138,16 @@ impl Folder {
         })
     }
 
-    fn check(
-        &self,
-        checkpoint: &Checkpoint,
-        wanted: &Fingerprint,
-        with_albedo: bool,
-    ) -> Result<()> {
-        let found = &checkpoint.fingerprint;
-        let differs = [
-            (found.dataset != wanted.dataset).then_some("dataset"),
-            (found.radiance != wanted.radiance)
-                .then_some("options of stage 0, seed, split or starting values"),
-            (with_albedo && checkpoint.stage == Stage::Albedo && found.albedo != wanted.albedo)
-                .then_some("options of stage 1"),
-        ];
-        let differs: Vec<&str> = differs.into_iter().flatten().collect();
+    fn check(&self, checkpoint: &Checkpoint, wanted: &Key, with_albedo: bool) -> Result<()> {
+        let part = |part: &str| match part {
+            "radiance" => Some("options of stage 0, seed, split or starting values"),
+            "albedo" => {
+                (with_albedo && checkpoint.stage == Stage::Albedo).then_some("options of stage 1")
+            }
+            _ => Some("dataset"),
+        };
+        let differs = checkpoint.fingerprint.differences(wanted).into_iter();
+        let differs: Vec<&str> = differs.filter_map(part).collect();
         if differs.is_empty() {
             return Ok(());
         }
@@ -170,15 +162,8 @@ impl Folder {
     }
 }
 
-/// Digests of everything that decides the result.
-pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<Fingerprint> {
-    let json = |value: serde_json::Result<String>| {
-        value.map_err(|e| TrainError::Option {
-            field: "(all)".to_owned(),
-            problem: e.to_string(),
-        })
-    };
-    let digest = |text: &str| blake3::hash(text.as_bytes()).to_hex().to_string();
+/// Everything that decides the result: the dataset, and the options of the stages.
+pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<Key> {
     let radiance = (
         options.seed,
         options.split,
@@ -186,8 +171,7 @@ pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<F
         &options.init,
         &options.radiance,
     );
-    let mut inputs = blake3::Hasher::new();
-    inputs.update(&files::read(dataset.transforms())?);
+    let mut inputs = files::read(dataset.transforms())?;
     let images = dataset.frames().iter().flat_map(|frame| {
         let f = &frame.files;
         [
@@ -205,13 +189,13 @@ pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<F
             .map_err(|e| SceneError::io(path, "read", e))?
             .len();
         let name = path.strip_prefix(dataset.root()).unwrap_or(path);
-        inputs.update(format!("{}\0{size}\0", name.display()).as_bytes());
+        inputs.extend_from_slice(format!("{}\0{size}\0", name.display()).as_bytes());
     }
-    Ok(Fingerprint {
-        dataset: inputs.finalize().to_hex().to_string(),
-        radiance: digest(&json(serde_json::to_string(&radiance))?),
-        albedo: digest(&json(serde_json::to_string(&options.albedo))?),
-    })
+    let key = Key::new()
+        .with("dataset", digest::of_bytes(&inputs))
+        .with_value("radiance", &radiance)?
+        .with_value("albedo", &options.albedo)?;
+    Ok(key)
 }
 
 /// Memory that a run takes.

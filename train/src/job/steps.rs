@@ -1,4 +1,4 @@
-//! What a stage does with its backend, step by step.
+//! Steps of the stages on a backend.
 
 use super::Run;
 use super::views::Views;
@@ -11,11 +11,11 @@ use crate::params::StepSizes;
 use crate::progress::TrainProgress;
 use std::sync::atomic::Ordering;
 
-/// Gaussians gathered for between two looks at whether the run shall stop.
+/// Gaussians gathered for between two checks of the stop flag.
 const GATHERED_AT_ONCE: usize = 2048;
 
 impl Run<'_> {
-    /// Begins a step, and returns those that are over.
+    /// Begins a step, and returns the finished ones.
     pub(super) fn step(
         &mut self,
         backend: &mut dyn Backend,
@@ -94,8 +94,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Gathers the light for stage 1; `false` if it was stopped from outside. What was gathered is
-    /// not stored: a resumed run gathers the same again.
+    /// Gathers irradiance for stage 1; `false` if it was stopped from outside. It is not stored: a
+    /// resumed run gathers the same again.
     pub(super) fn gather(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
         let options = &self.request.options;
         let total = backend.begin_gathering(&views.cameras())?;

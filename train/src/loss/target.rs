@@ -1,10 +1,10 @@
-//! What a view's picture is compared with.
+//! Target image of a view.
 
 use eagpt_scene::Image;
 use eagpt_scene::color::pq_from_linear;
 use rayon::prelude::*;
 
-/// What the steps of [`Target`] divide: PQ values stay below it, however bright the light
+/// Range that the steps of [`Target`] divide: PQ values stay below it, however bright the light
 /// (`(c₂/c₃)^m₂` is 1.99).
 pub const PQ_RANGE: f32 = 2.0;
 

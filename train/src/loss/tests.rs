@@ -203,10 +203,10 @@ fn what_is_unknown_changes_no_bit() {
     assert_eq!(terms, wanted);
     assert!(d_features.iter().zip(&wanted_d).all(|(a, b)| a.0 == b.0));
 
-    let arriving = vec![Vec3::ONE; frame().pixels.len()];
+    let irradiance = vec![Vec3::ONE; frame().pixels.len()];
     let albedo = |view: &View| {
         let target = pq_image(&view.radiance);
-        let light = PixelLight::new(&frame(), arriving.clone(), 0.5);
+        let light = PixelLight::new(&frame(), irradiance.clone(), 0.5);
         albedo_loss(&albedos_of(&frame()), &light, &target, 0.2, Some(&known))
     };
     let ((terms, d_albedos), (wanted, wanted_d)) = (albedo(&garbled), albedo(&plain));
@@ -265,10 +265,10 @@ fn albedo_loss_leaves_emitters_alone_and_matches_differences() {
     }
     let view = view(true);
     let target = pq_image(&view.radiance);
-    let arriving: Vec<Vec3> = (0..WIDTH * HEIGHT)
+    let irradiance: Vec<Vec3> = (0..WIDTH * HEIGHT)
         .map(|i| Vec3::new(0.5, 1.0, 1.5) * (0.5 + noise(i)[0]))
         .collect();
-    let light = PixelLight::new(&base, arriving, 0.1);
+    let light = PixelLight::new(&base, irradiance, 0.1);
     let loss = |albedos: &[Vec3]| albedo_loss(albedos, &light, &target, 0.2, None);
     let albedos = albedos_of(&base);
     let (_, analytic) = loss(&albedos);

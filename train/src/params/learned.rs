@@ -116,7 +116,7 @@ const CHUNK: usize = 128;
 
 /// One step's constants.
 pub(crate) struct Adam {
-    /// What first moments are to be multiplied with …
+    /// Factor of first moments …
     pub(crate) correction_1: f32,
     /// … and second ones, since both started at zero.
     pub(crate) correction_2: f32,

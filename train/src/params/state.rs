@@ -1,4 +1,4 @@
-//! What Adam moves and remembers, and one step of it (Kingma and Ba 2015).
+//! Parameters with Adam's moments, and one step of Adam (Kingma and Ba 2015).
 
 use super::learned::Learned;
 use super::{
@@ -31,8 +31,8 @@ pub struct StepSizes {
     pub raw: Raw,
     /// Of every coefficient of the harmonics.
     pub harmonics: [f32; NUM_COEFFICIENTS],
-    /// What part of its size times its step size a coefficient loses in a step: decoupled weight
-    /// decay (Loshchilov and Hutter 2019).
+    /// Decoupled weight decay of coefficients, relative to the step size (Loshchilov and Hutter
+    /// 2019).
     pub harmonics_decay: f32,
 }
 
@@ -106,7 +106,7 @@ impl ParameterState {
         }
     }
 
-    /// Forgets the moments: a new stage begins.
+    /// Resets the moments: a new stage begins.
     pub fn reset_moments(&mut self) {
         self.raw.reset_moments();
         self.harmonics.reset_moments();

@@ -1,5 +1,6 @@
 use super::*;
-use crate::testing::{assert_error, for_each_damage, for_each_truncation};
+use crate::testing::assert_error;
+use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
 use eagpt_testkit::test_data;
 
 #[test]
@@ -405,7 +406,7 @@ fn truncated_and_damaged_transforms_are_errors_or_datasets() {
         assert_error(folder.open(), &["transforms.json: "]);
     });
     let mut num_refused = 0;
-    for_each_damage(&bytes, 500, |damaged| {
+    for_each_damage(&bytes, 0..500, |damaged| {
         std::fs::write(&path, damaged).unwrap();
         num_refused += u32::from(folder.open().is_err());
     });

@@ -1,7 +1,8 @@
 //! Point clouds.
 
 use super::super::*;
-use crate::testing::{assert_error, for_each_truncation};
+use crate::testing::assert_error;
+use eagpt_testkit::damage::for_each_truncation;
 use eagpt_testkit::test_data;
 use glam::Vec3;
 use std::path::Path;

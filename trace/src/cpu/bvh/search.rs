@@ -54,7 +54,7 @@ impl Bvh {
         find_accepted(&self.nodes, &self.leaves, ray, seed, &mut scratch.stack)
     }
 
-    /// composited features along `ray`.
+    /// Composited features along `ray`.
     pub fn trace(&self, set: &SurfelSet, ray: &Ray, scratch: &mut RayScratch) -> Features {
         self.find_hits(ray, Reach::UntilOpaque, scratch);
         scratch.sort();

@@ -112,7 +112,7 @@ pub(super) struct LossOptions {
 
 /// The light of a view for [`LossOptions::lit`].
 pub(super) fn lit_pixels(device: &Device, light: &PixelLight) -> Result<Buffer> {
-    let lit = light.arriving.iter().zip(&light.emitted);
+    let lit = light.irradiance.iter().zip(&light.emitted);
     let pixels: Vec<[f32; 4]> = lit
         .map(|(arriving, emitted)| match emitted {
             Some(radiance) => radiance.extend(1.0).to_array(),

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::loss::target::Target;
 use eagpt_eval::KnownPixels;
-use eagpt_eval::known::Windows;
+use eagpt_eval::Windows;
 use eagpt_scene::{Image, View};
 use eagpt_trace::gpu::Device;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, layout};

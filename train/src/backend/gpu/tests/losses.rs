@@ -133,9 +133,9 @@ fn losses_of_albedos_are_those_of_the_cpu() {
     view.valid = Some(mask());
     let target = Target::new(&view.radiance);
     // Every pixel under a light of its own; emitters among them.
-    let arriving =
+    let irradiance =
         (0..features.pixels.len()).map(|i| Vec3::new(0.7, 1.0, 1.3) * (0.5 + (i % 7) as f32));
-    let light = PixelLight::new(&features, arriving.collect(), 0.5);
+    let light = PixelLight::new(&features, irradiance.collect(), 0.5);
     let num_emitters = light.emitted.iter().flatten().count();
     assert!(num_emitters > 0 && num_emitters < features.pixels.len());
     let weights = LossWeights {
