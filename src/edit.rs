@@ -97,7 +97,7 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let record = &mut builder.record;
     record.inputs = vec![
         Input::of(&args.scene)?,
-        digest(&script.path, &script.blake3),
+        digest(script.file.path(), &script.blake3),
     ];
     let assets = script.assets.iter();
     record

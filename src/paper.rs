@@ -21,13 +21,9 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use eagpt_eval::tabulate::FILES;
 use eagpt_eval::tabulate::repeats::{RepeatOptions, tabulate_repeats};
-<<<<<<< HEAD
-use eagpt_scene::{Shard, files};
-use eagpt_train::Preset;
-=======
 use eagpt_scene::Shard;
 use eagpt_scene::files::{self, Key, Ledger, ledger};
->>>>>>> main
+use eagpt_train::Preset;
 use jobs::{Base, Group, Job};
 use rows::{ROWS, Row};
 use std::path::{Path, PathBuf};

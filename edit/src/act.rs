@@ -1,4 +1,4 @@
-//! What is done to selected Gaussians.
+//! Actions on selected Gaussians.
 
 use crate::place::Placement;
 use eagpt_scene::color::luminance;

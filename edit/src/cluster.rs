@@ -12,15 +12,15 @@ pub struct Cluster {
     pub id: usize,
     /// A point on the thing, scene units.
     pub seed: Vec3,
-    /// The longest step.
-    pub step: Step,
+    /// Longest step.
+    pub reach: Reach,
     /// Only Gaussians of this selection are stepped on.
     pub within: Selector,
 }
 
 /// The longest step from one Gaussian of a cluster to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Step {
+pub enum Reach {
     /// Scene units, positive.
     Fixed(f32),
     /// Multiples of the size of the Gaussian that the step starts from, positive: long on coarse
@@ -28,7 +28,7 @@ pub enum Step {
     Sizes(f32),
 }
 
-impl Step {
+impl Reach {
     fn length(self, gaussians: &Gaussians, index: usize) -> f32 {
         match self {
             Self::Fixed(length) => length,
@@ -54,14 +54,14 @@ impl Cluster {
         let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&points);
         let nearest = tree.nearest_one::<SquaredEuclidean>(&self.seed.to_array());
         let first = nearest.item as usize;
-        let reach = self.step.length(gaussians, indices[first]);
+        let reach = self.reach.length(gaussians, indices[first]);
         if nearest.distance > reach * reach {
             return members;
         }
         let mut reached = vec![first];
         members[indices[first]] = true;
         while let Some(place) = reached.pop() {
-            let reach = self.step.length(gaussians, indices[place]);
+            let reach = self.reach.length(gaussians, indices[place]);
             for near in tree.within_unsorted::<SquaredEuclidean>(&points[place], reach * reach) {
                 let next = near.item as usize;
                 if !members[indices[next]] {
@@ -92,11 +92,11 @@ mod tests {
         sizes.into_iter().map(disc).collect()
     }
 
-    fn members(seed: f32, step: Step, candidates: [bool; 5]) -> Vec<usize> {
+    fn members(seed: f32, step: Reach, candidates: [bool; 5]) -> Vec<usize> {
         let cluster = Cluster {
             id: 0,
             seed: Vec3::new(seed, 0.0, 0.0),
-            step,
+            reach: step,
             within: Selector::Everything,
         };
         let mask = cluster.members(&row(), &candidates);
@@ -107,14 +107,14 @@ mod tests {
     fn steps_are_as_long_as_they_say() {
         let all = [true; 5];
         for (seed, step, expected) in [
-            (0.05, Step::Fixed(0.31), vec![0, 1, 2]),
-            (0.05, Step::Fixed(0.55), vec![0, 1, 2, 3]),
-            (2.4, Step::Fixed(0.31), vec![4]),
+            (0.05, Reach::Fixed(0.31), vec![0, 1, 2]),
+            (0.05, Reach::Fixed(0.55), vec![0, 1, 2, 3]),
+            (2.4, Reach::Fixed(0.31), vec![4]),
             // 4 sizes: 0.4 from the small ones, 1.6 from the large one.
-            (0.05, Step::Sizes(4.0), vec![0, 1, 2]),
-            (1.2, Step::Sizes(4.0), vec![0, 1, 2, 3, 4]),
+            (0.05, Reach::Sizes(4.0), vec![0, 1, 2]),
+            (1.2, Reach::Sizes(4.0), vec![0, 1, 2, 3, 4]),
             // Nothing is near.
-            (1.8, Step::Fixed(0.31), vec![]),
+            (1.8, Reach::Fixed(0.31), vec![]),
         ] {
             assert_eq!(members(seed, step, all), expected, "{seed} {step:?}");
         }
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn only_candidates_are_stepped_on() {
         let candidates = [true, false, true, true, true];
-        assert_eq!(members(0.05, Step::Fixed(0.31), candidates), [0]);
-        assert_eq!(members(0.05, Step::Fixed(0.31), [false; 5]), [0; 0]);
+        assert_eq!(members(0.05, Reach::Fixed(0.31), candidates), [0]);
+        assert_eq!(members(0.05, Reach::Fixed(0.31), [false; 5]), [0; 0]);
     }
 }

@@ -32,7 +32,7 @@ const MIN_ROW_DISCS: usize = 2;
 pub struct Surface {
     /// Its shape.
     pub solid: Solid,
-    /// What it is made of.
+    /// Its material.
     pub material: Material,
     /// Distance of neighbouring discs, scene units, positive; `None` for some 2,500 discs.
     pub spacing: Option<f32>,
@@ -66,7 +66,7 @@ pub enum Solid {
     },
 }
 
-/// What a [`Surface`] is made of.
+/// Material of a [`Surface`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// Diffuse albedo, linear Rec.709, 0 to 1.
@@ -206,7 +206,7 @@ impl Row {
         }
     }
 
-    /// Where a disc is, as a share of the edge from its middle, −0.5 to 0.5.
+    /// Position of a disc, as a share of the edge from its middle, −0.5 to 0.5.
     fn place(&self, index: usize) -> f32 {
         let from_middle = index as f32 - 0.5 * (self.num - 1) as f32;
         from_middle * self.spacing / self.length

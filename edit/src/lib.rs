@@ -1,10 +1,10 @@
-//! Edit scripts for scenes of 2D Gaussians: a TOML file that says *what* and *then*, checked whole
-//! before anything is touched and replayed to the same bits every time.
+//! Edit scripts for scenes of 2D Gaussians: a TOML file of selections and actions, checked as a
+//! whole before the scene is touched; replays are bit-identical.
 //!
-//! - [`shape`], [`cluster`], [`select`]: which Gaussians.
-//! - [`place`], [`insert`], [`act`], [`trim`]: what is done to them.
+//! - [`shape`], [`cluster`], [`select`]: selections of Gaussians.
+//! - [`place`], [`insert`], [`act`], [`trim`]: actions on them.
 //! - [`script`]: scripts and their reader.
-//! - [`mod@replay`], [`report`]: the loop over the steps, and what it tells.
+//! - [`mod@replay`], [`report`]: the loop over the steps, and its reports.
 //!
 //! # The grammar
 //!

@@ -1,26 +1,26 @@
-//! Where things go: rotations, uniform scales and moves of Gaussians.
+//! Placements: rotations, uniform scales and moves of Gaussians.
 
 use eagpt_scene::{Gaussian, rotation};
 use glam::{Quat, Vec3};
 
-/// A placement as a script gives it; what it means in numbers depends on the bounds of what is
-/// placed.
+/// A placement as a script gives it, relative to the bounds of the Gaussians that are placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Factor on all lengths, positive.
     pub scale: f32,
     /// Rotation, unit.
     pub rotation: Quat,
-    /// What stays where it is while scaling and rotating.
+    /// Fixed point of scaling and rotating.
     pub pivot: Pivot,
-    /// Where the pivot goes.
+    /// Target of the pivot.
     pub goal: Goal,
 }
 
 /// The fixed point of a placement.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Pivot {
     /// The middle of the bounds.
+    #[default]
     Centre,
     /// The middle of the lower face of the bounds.
     Base,
@@ -28,7 +28,7 @@ pub enum Pivot {
     Point(Vec3),
 }
 
-/// Where the pivot goes.
+/// Target of the pivot of a placement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
     /// By this much, scene units.
@@ -83,7 +83,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Where a point goes.
+    /// Moves a point.
     pub fn point(&self, point: Vec3) -> Vec3 {
         if self.rotation == Quat::IDENTITY && self.scale == 1.0 {
             // A mere move does not round twice.

@@ -3,7 +3,7 @@
 use crate::act::{self, Action};
 use crate::place::{Goal, Placement};
 use crate::report::{Bounds, SelectionReport, StepReport};
-use crate::script::{Script, Source, Step};
+use crate::script::{EditStep, Script, Subject};
 use crate::select::{Groups, Scope, Selector};
 use crate::trim::{Cuts, Side};
 use eagpt_scene::Result;
@@ -15,10 +15,10 @@ use glam::Vec3;
 pub struct Edited {
     /// The scene after the last step.
     pub gaussians: Gaussians,
-    /// What each named selection finds in the scene before the first step, by name; those that
-    /// refer to what steps make are left out.
+    /// Matches of each named selection in the scene before the first step, by name; selections
+    /// that refer to results of steps are left out.
     pub selections: Vec<SelectionReport>,
-    /// What each step did.
+    /// Effects of each step.
     pub steps: Vec<StepReport>,
 }
 
@@ -50,7 +50,7 @@ struct State<'a> {
     script: &'a Script,
     gaussians: Gaussians,
     groups: Groups,
-    /// What the step acts on, one flag for each Gaussian.
+    /// Gaussians that the step acts on, one flag for each.
     selected: Vec<bool>,
 }
 
@@ -81,32 +81,26 @@ impl State<'_> {
         }
     }
 
-    fn step(&mut self, index: usize, step: &Step) -> Result<StepReport> {
-        let (source, origin, found) = match &step.source {
-            Source::Select { selector, origin } => ("select", origin, self.select(step, selector)),
-            Source::Insert { surface, origin } => {
+    fn step(&mut self, index: usize, step: &EditStep) -> Result<StepReport> {
+        let (source, found) = match &step.subject {
+            Subject::Select(selector) => ("select", self.select(step, selector)),
+            Subject::Insert(surface) => {
                 self.append(&surface.discs());
-                ("insert", origin, Found::in_scene(&self.selected))
+                ("insert", Found::in_scene(&self.selected))
             }
-            Source::Import {
+            Subject::Import {
                 asset,
                 selector,
                 placement,
-                origin,
             } => {
                 let asset = &self.script.assets[*asset].gaussians;
-                (
-                    "import",
-                    origin,
-                    self.import(step, asset, selector, placement),
-                )
+                ("import", self.import(step, asset, selector, placement))
             }
         };
+        let error = |problem| self.script.file.error(step.subject_span.clone(), problem);
         if found.num == 0 && !step.allow_empty {
-            return Err(origin.error(
-                &self.script.path,
-                "selects nothing; allow_empty = true in the step would allow it",
-            ));
+            let problem = "selects nothing; allow_empty = true in the step would allow it";
+            return Err(error(problem));
         }
         let bounds = bounds_of(&self.gaussians, &self.selected);
         for (place, action) in step.actions.iter().enumerate() {
@@ -121,7 +115,7 @@ impl State<'_> {
         }
         let report = StepReport {
             step: index,
-            line: step.origin.line,
+            line: self.script.file.line(&step.span),
             title: step.title.clone(),
             source,
             num_selected: found.num,
@@ -132,7 +126,7 @@ impl State<'_> {
             num_gaussians: self.gaussians.len(),
         };
         if self.gaussians.is_empty() {
-            return Err(origin.error(&self.script.path, "leaves no Gaussian of the scene"));
+            return Err(error("leaves no Gaussian of the scene"));
         }
         if let Some(name) = &step.group {
             let members = std::mem::take(&mut self.selected);
@@ -143,7 +137,7 @@ impl State<'_> {
 
     /// Selects, and trims what crosses the boundary: of a selection that goes away, what stays and
     /// reaches into it; of any other, what is selected and reaches out of it.
-    fn select(&mut self, step: &Step, selector: &Selector) -> Found {
+    fn select(&mut self, step: &EditStep, selector: &Selector) -> Found {
         let prepared = self.scope(&self.gaussians).prepare(selector);
         let selected = prepared.mask();
         let num = count(&selected);
@@ -170,7 +164,7 @@ impl State<'_> {
 
     fn import(
         &mut self,
-        step: &Step,
+        step: &EditStep,
         asset: &Gaussians,
         selector: &Selector,
         placement: &Placement,
@@ -258,7 +252,7 @@ impl State<'_> {
     }
 }
 
-/// What a step found.
+/// Matches of a step.
 struct Found {
     num: usize,
     cuts: Cuts,

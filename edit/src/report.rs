@@ -1,22 +1,22 @@
-//! What a replay tells about selections and steps.
+//! Reports of selections and steps.
 
 use serde::Serialize;
 
 /// Bounds of centres, scene units: lowest and highest corner.
 pub type Bounds = [[f32; 3]; 2];
 
-/// What a named selection finds.
+/// Matches of a named selection.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SelectionReport {
     /// Its name.
     pub name: String,
     /// Number of Gaussians.
     pub num_selected: usize,
-    /// Where they are; `None` if there are none.
+    /// Their bounds; `None` if there are none.
     pub bounds: Option<Bounds>,
 }
 
-/// What a step did.
+/// Effects of a step.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StepReport {
     /// Number of the step, from 0 as in the script's keys.
@@ -29,9 +29,9 @@ pub struct StepReport {
     pub source: &'static str,
     /// Number of Gaussians that were selected, inserted or imported.
     pub num_selected: usize,
-    /// Where they were before the actions; `None` if there were none.
+    /// Their bounds before the actions; `None` if there were none.
     pub bounds: Option<Bounds>,
-    /// Where what the step acted on was at its end; `None` if it is gone.
+    /// Bounds of the same Gaussians after the step; `None` if they were removed.
     pub bounds_after: Option<Bounds>,
     /// Number of Gaussians made smaller by trimming.
     pub num_shrunk: usize,

@@ -1,4 +1,4 @@
-//! Which Gaussians: regions, ranges of values, connected clusters, and combinations of them.
+//! Selectors of Gaussians: regions, ranges of values, connected clusters, and combinations of them.
 
 use crate::cluster::Cluster;
 use crate::shape::Shape;
@@ -14,7 +14,7 @@ pub enum Selector {
     Everything,
     /// The selection of this name.
     Named(String),
-    /// What an earlier step acted on and called by this name.
+    /// Gaussians that an earlier step acted on and named.
     Group(String),
     /// The centre lies in a region.
     Shape(Shape),

@@ -1,4 +1,4 @@
-//! What several tests need.
+//! Helpers of several tests.
 
 use eagpt_scene::{Gaussian, Harmonics};
 use glam::{Quat, Vec2, Vec3};

@@ -1,17 +1,19 @@
 //! Gaussians that cross the boundary of a selection.
 //!
 //! A Gaussian belongs to a region by its centre, and its disc may stick out of it: what is cut out
-//! of a scene along a plane has fringes. Trimming mends them. A disc here is what a ray tracer
-//! draws of a Gaussian: the ellipse of three standard deviations.
+//! of a scene along a plane has fringes. Trimming mends them. A disc here is the
+//! ellipse of three standard deviations that a ray tracer intersects.
 
 use crate::select::Prepared;
 use eagpt_scene::{Gaussian, Gaussians};
 use glam::{Mat3, Vec2, Vec3};
+use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::TAU;
 
-/// What happens to Gaussians that cross the boundary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Treatment of Gaussians that cross the boundary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Trim {
     /// Their discs are moved in their planes and shrunk until they lie on one side.
     Shrink,
@@ -21,7 +23,7 @@ pub enum Trim {
 
 /// Radius of a disc, standard deviations.
 const DISC_RADIUS: f32 = 3.0;
-/// Points of the ellipse at which the boundary is looked for.
+/// Points of the ellipse at which the boundary is searched for.
 const NUM_RIM_POINTS: usize = 16;
 /// Steps from the centre to the rim: a cut is found to this share of the radius.
 const NUM_STEPS: u16 = 64;
@@ -31,13 +33,13 @@ const MIN_SHARE: f32 = 0.05;
 /// The side of the boundary that discs have to keep to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Side {
-    /// Where the selector holds.
+    /// The side on which the selector holds.
     Inside,
-    /// Where it does not.
+    /// The side on which it does not.
     Outside,
 }
 
-/// What trimming does to the Gaussians of a scene.
+/// Effects of trimming on the Gaussians of a scene.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Cuts {
     /// Gaussians that become smaller, by index, and what they become.
@@ -81,7 +83,7 @@ impl Cuts {
     }
 }
 
-/// What became of a Gaussian.
+/// Effect of trimming on a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Trimmed {
     /// It lies on one side.
@@ -141,8 +143,7 @@ fn rim(centre: Vec3, axes: [Vec3; 2]) -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// How far one can go from `centre` along `axis` before it is no longer good, as a share of the
-/// axis.
+/// Distance from `centre` along `axis` up to which points are valid, as a share of the axis.
 fn free_share(good: impl Fn(Vec3) -> bool, centre: Vec3, axis: Vec3) -> f32 {
     let first_bad = (1..=NUM_STEPS)
         .map(|step| f32::from(step) / f32::from(NUM_STEPS))

@@ -254,7 +254,7 @@ fn trimming_acts_on_the_side_that_stays() {
         [0.0]
     );
     assert_eq!(xs(&plane("x", "", "remove").gaussians), [0.0, 1.0]);
-    // What goes with the rest is not trimmed first.
+    // Gaussians that are removed with the rest are not trimmed first.
     assert_eq!(plane("x", shrink, "keep_only").steps[0].num_shrunk, 0);
 }
 

@@ -13,8 +13,10 @@
 //! ```
 
 use crate::stack::ONLY_CONDITION;
-use eagpt_scene::script::{Node, Text};
-use eagpt_scene::{Result, files};
+use eagpt_scene::Result;
+use eagpt_scene::script::value::{Array, NonEmpty, Number, Positive, checked};
+use eagpt_scene::script::{ScriptFile, Spanned};
+use serde::{Deserialize, Deserializer};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -45,6 +47,25 @@ pub(crate) struct ListedStack {
     pub exposures_s: Option<Vec<f64>>,
 }
 
+/// A manifest as its file has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ManifestKeys {
+    exposures_s: Option<Vec<Seconds>>,
+    white_balance: Option<Array<Positive, 3>>,
+    vignetting: Option<Array<Number, 3>>,
+    stack: Vec<Spanned<StackKeys>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StackKeys {
+    position: Name,
+    condition: Option<Name>,
+    files: Spanned<NonEmpty<String>>,
+    exposures_s: Option<Spanned<Vec<Seconds>>>,
+}
+
 impl Manifest {
     /// Reads a manifest.
     ///
@@ -52,101 +73,88 @@ impl Manifest {
     /// [`eagpt_scene::SceneError`] with file, line and key: no TOML, an unknown key, a name that is
     /// no name of a file, a stack or a file that is listed twice, not as many exposures as files.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let bytes = files::read(path)?;
-        let text = Text::new(path, &bytes)?;
-        let value = text.parse()?;
-        let root = Node::root(text, &value);
-        let table = root.table(&["exposures_s", "white_balance", "vignetting", "stack"])?;
-        let exposures = table
-            .get("exposures_s")
-            .map(|node| exposures(&node))
-            .transpose()?;
-        let three = |key| table.get(key).map(|node| node.vec3()).transpose();
-        let mut manifest = Self {
-            white_balance: three("white_balance")?.map(|v| v.to_array()),
-            vignetting: three("vignetting")?.map(|v| v.to_array()),
-            stacks: Vec::new(),
-        };
-        if let (Some(factors), Some(node)) = (manifest.white_balance, table.get("white_balance"))
-            && factors.iter().any(|v| *v <= 0.0)
-        {
-            return Err(node.error(format!("{factors:?} are not all above 0")));
-        }
+        let file = ScriptFile::read(path)?;
+        let keys: ManifestKeys = file.parse()?;
         let mut names = HashSet::new();
         let mut owners: HashMap<String, String> = HashMap::new();
-        for node in table.need("stack")?.array()? {
-            let stack = stack(&node, exposures.as_ref())?;
+        let mut stacks = Vec::with_capacity(keys.stack.len());
+        for keyed in keys.stack {
+            let span = keyed.span();
+            let stack = stack(&file, keyed.into_inner(), keys.exposures_s.as_deref())?;
             let name = format!("{}/{}", stack.condition, stack.position);
-            for file in &stack.files {
-                if let Some(other) = owners.insert(file.clone(), name.clone()) {
-                    return Err(node.error(format!("{file}: belongs to {other} already")));
+            for path in &stack.files {
+                if let Some(other) = owners.insert(path.clone(), name.clone()) {
+                    return Err(file.error(span, format!("{path}: belongs to {other} already")));
                 }
             }
             if !names.insert(name.clone()) {
-                return Err(node.error(format!("{name} is listed twice")));
+                return Err(file.error(span, format!("{name} is listed twice")));
             }
-            manifest.stacks.push(stack);
+            stacks.push(stack);
         }
-        Ok(manifest)
+        Ok(Self {
+            white_balance: keys.white_balance.map(Into::into),
+            vignetting: keys.vignetting.map(Into::into),
+            stacks,
+        })
     }
 }
 
-fn stack(node: &Node<'_>, common: Option<&Vec<f64>>) -> Result<ListedStack> {
-    let table = node.table(&["position", "condition", "files", "exposures_s"])?;
-    let files_node = table.need("files")?;
-    let mut files = Vec::new();
-    for file in files_node.array()? {
-        files.push(file.string()?.to_owned());
-    }
-    if files.is_empty() {
-        return Err(files_node.error("is empty"));
-    }
-    let own = table.get("exposures_s");
-    let exposures_s = own
-        .as_ref()
-        .map(exposures)
-        .transpose()?
-        .or_else(|| common.cloned());
+/// `common` are the exposures of stacks without their own.
+fn stack(file: &ScriptFile, keys: StackKeys, common: Option<&[Seconds]>) -> Result<ListedStack> {
+    let StackKeys {
+        position,
+        condition,
+        files,
+        exposures_s,
+    } = keys;
+    let span = exposures_s.as_ref().map_or(files.span(), |own| own.span());
+    let seconds = exposures_s.as_ref().map(|own| own.get_ref().as_slice());
+    let exposures_s: Option<Vec<f64>> = seconds
+        .or(common)
+        .map(|seconds| seconds.iter().map(|seconds| seconds.0).collect());
+    let files = files.into_inner().0;
     if let Some(exposures_s) = &exposures_s
         && exposures_s.len() != files.len()
     {
-        return Err(own.unwrap_or(files_node).error(format!(
-            "{} exposures for {} files",
-            exposures_s.len(),
-            files.len()
-        )));
+        let (exposures, files) = (exposures_s.len(), files.len());
+        return Err(file.error(span, format!("{exposures} exposures for {files} files")));
     }
-    let condition = table.get("condition").map(|node| name(&node)).transpose()?;
     Ok(ListedStack {
-        condition: condition.unwrap_or_else(|| ONLY_CONDITION.to_owned()),
-        position: name(&table.need("position")?)?,
+        condition: condition.map_or_else(|| ONLY_CONDITION.to_owned(), |name| name.0),
+        position: position.0,
         files,
         exposures_s,
     })
 }
 
 /// A name that can be that of a file on any system.
-fn name(node: &Node<'_>) -> Result<String> {
-    let name = node.string()?;
-    let fine = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
-    if name.is_empty() || name.starts_with('.') || !name.chars().all(fine) {
-        return Err(node.error(format!(
-            "`{name}` is no name: letters, digits, `-`, `_`, `.` and spaces, not beginning with a `.`"
-        )));
+struct Name(String);
+
+impl<'de> Deserialize<'de> for Name {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |name: String| {
+            let fine = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
+            if !name.is_empty() && !name.starts_with('.') && name.chars().all(fine) {
+                return Ok(Self(name));
+            }
+            Err(format!(
+                "`{name}` is no name: letters, digits, `-`, `_`, `.` and spaces, not beginning with a `.`"
+            ))
+        })
     }
-    Ok(name.to_owned())
 }
 
-fn exposures(node: &Node<'_>) -> Result<Vec<f64>> {
-    let mut values = Vec::new();
-    for node in node.array()? {
-        let value = node.double()?;
-        if value <= 0.0 {
-            return Err(node.error(format!("{value} s is not above 0")));
-        }
-        values.push(value);
+/// An exposure time, above 0.
+struct Seconds(f64);
+
+impl<'de> Deserialize<'de> for Seconds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |seconds: Number| match f64::from(seconds) {
+            seconds if seconds > 0.0 => Ok(Self(seconds)),
+            seconds => Err(format!("{seconds} s is not above 0")),
+        })
     }
-    Ok(values)
 }
 
 #[cfg(test)]
@@ -177,8 +185,11 @@ mod tests {
     fn errors_have_lines() {
         let stack = "[[stack]]\nposition = \"a\"\nfiles = [\"x\"]\n";
         for (text, part) in [
-            ("stak = 1", "line 1: stak: no such key"),
-            ("", "`stack` is missing"),
+            (
+                "stak = 1",
+                "line 1: stak: unknown field `stak`, expected one of `exposures_s`",
+            ),
+            ("", "line 1: (top level): missing field `stack`"),
             (
                 "[[stack]]\nposition = \"a/b\"\nfiles = [\"x\"]",
                 "line 2: stack[0].position: `a/b`",

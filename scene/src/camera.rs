@@ -129,7 +129,7 @@ impl Camera {
         self.world_from_camera.matrix3.z_axis.as_vec3()
     }
 
-    /// What rays are made from.
+    /// Origin and axes that rays are made from.
     pub fn ray_frame(&self) -> RayFrame {
         let to_world = &self.world_from_camera.matrix3;
         let step_x = to_world.x_axis / self.fx;

@@ -1,17 +1,17 @@
-//! Camera paths: what a camera sees on its way through or around a scene, frame by frame.
+//! Camera paths: a camera for each frame of a flight through or around a scene.
 //!
 //! [`CameraPath::read`] takes the name of a file or a shorthand:
 //!
 //! | argument | path |
 //! |---|---|
 //! | `fly:A,B,C` | through the views A, B, C of the dataset; `fly:A,B,C,A` closes the loop |
-//! | `turntable` | once around what the cameras of the dataset look at |
+//! | `turntable` | once around the point that the cameras of the dataset face |
 //! | `*.json` | the cameras of a `camera_path.json` of nerfstudio, in the world of the scene |
 //! | else | a TOML file |
 //!
 //! ```toml
 //! frames = 120            # or seconds = 5; 5 seconds if nothing is said
-//! fps = 24                # for `seconds`, and for who makes a video of the frames
+//! fps = 24                # for `seconds`, and for a video of the frames
 //! size = [960, 540]       # else that of the first view
 //! fov_y = 50              # vertical field of view, degrees; else that of the views
 //! ease = true             # starts and stops gently; else at full speed
@@ -27,12 +27,12 @@
 //! ```toml
 //! [turntable]
 //! centre = [1.0, 0.5, 0.9]   # else the point nearest to the optical axes of all cameras
-//! radius = 2.5               # distance from the axis; else the largest that stays among the cameras, which are in no wall
+//! radius = 2.5               # distance from the axis; else the largest circle within the cameras' hull, clear of walls
 //! height = 0.6               # above the centre; else the mean of the cameras'
 //! look_at = [1.0, 0.5, 0.9]  # else the centre
 //! up = "z"                   # the axis of rotation; else up in the dataset
-//! start = 0                  # degrees; 0 is where the first camera stands
-//! degrees = 360              # how far to turn, counter-clockwise seen from above; negative the other way
+//! start = 0                  # degrees; 0 is the first camera's position
+//! degrees = 360              # counter-clockwise seen from above if positive
 //! ```
 //!
 //! A closed path, and a turntable that turns by whole turns, end one step before they would come
@@ -56,20 +56,20 @@ use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Result, SceneError};
 use crate::files;
+use crate::script::ScriptFile;
 use fly::Fly;
 use serde::Serialize;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use turntable::TurntableKeys;
 
-/// Frames that a path may have.
-const NUM_FRAMES: RangeInclusive<u32> = 1..=100_000;
-/// Pixels that a frame may have along an axis.
-const SIZE: RangeInclusive<u32> = 1..=16_384;
+/// Most frames that a path may have.
+const MAX_FRAMES: u32 = 100_000;
+/// Most pixels that a frame may have along an axis.
+const MAX_SIZE: u32 = 16_384;
 const DEFAULT_FPS: f64 = 24.0;
 const DEFAULT_SECONDS: f64 = 5.0;
 
-/// The cameras of a path in order, and what they follow from.
+/// The cameras of a path in order, and its settings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CameraPath {
     /// The file it was read from; `None` for a shorthand.
@@ -77,16 +77,16 @@ pub struct CameraPath {
     pub file: Option<PathBuf>,
     /// Frames a second: how fast the frames are meant to be shown.
     pub fps: f64,
-    /// Whether it starts and stops gently.
+    /// Eases at its start and end.
     pub ease: bool,
-    /// Where it leads.
+    /// Its route.
     pub route: Route,
     /// Frames in order; at least one, all of one size.
     #[serde(skip)]
     pub cameras: Vec<Camera>,
 }
 
-/// Where a path leads, with all that was left open filled in.
+/// The route of a path, with defaults filled in.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Route {
@@ -94,9 +94,9 @@ pub enum Route {
     Fly {
         /// Their names.
         views: Vec<String>,
-        /// Whether it goes back to the first.
+        /// Returns to the first.
         closed: bool,
-        /// How fast.
+        /// Its speed.
         pace: Pace,
     },
     /// Around a point.
@@ -105,7 +105,7 @@ pub enum Route {
     Listed,
 }
 
-/// What a caller wants other than a path says.
+/// Settings of a caller that replace those of a path.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PathOverrides {
     /// Number of frames.
@@ -114,7 +114,7 @@ pub struct PathOverrides {
     pub size: Option<(u32, u32)>,
 }
 
-/// What all kinds of paths have in common.
+/// Settings that all kinds of paths have in common.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Common {
     num_frames: u32,
@@ -201,7 +201,7 @@ impl CameraPath {
         let path = if file.extension().is_some_and(|e| e == "json") {
             nerfstudio::read(file, &bytes, overrides)?
         } else {
-            file::read(file, &bytes, dataset, overrides)?
+            file::read(&ScriptFile::new(file, bytes)?, dataset, overrides)?
         };
         Ok(Self {
             file: Some(file.to_owned()),
@@ -219,24 +219,24 @@ fn check_overrides(argument: &str, overrides: &PathOverrides) -> Result<()> {
     let refuse =
         |field: &str, problem| Err(SceneError::invalid(Path::new(argument), field, problem));
     if let Some(num) = overrides.num_frames
-        && !NUM_FRAMES.contains(&num)
+        && !(1..=MAX_FRAMES).contains(&num)
     {
-        let (least, most) = (NUM_FRAMES.start(), NUM_FRAMES.end());
-        return refuse("frames", format!("{num} is outside {least} to {most}"));
+        return refuse("frames", format!("{num} is outside 1 to {MAX_FRAMES}"));
     }
     if let Some((width, height)) = overrides.size
-        && !(SIZE.contains(&width) && SIZE.contains(&height))
+        && ![width, height]
+            .iter()
+            .all(|size| (1..=MAX_SIZE).contains(size))
     {
-        let most = SIZE.end();
         return refuse(
             "size",
-            format!("{width}x{height} is outside 1x1 to {most}x{most}"),
+            format!("{width}x{height} is outside 1x1 to {MAX_SIZE}x{MAX_SIZE}"),
         );
     }
     Ok(())
 }
 
-/// The camera of a view, or what is wrong with its name.
+/// The camera of a view, or the problem with its name.
 fn view(dataset: &Dataset, name: &str) -> Result<Camera, String> {
     let found = dataset.frames().iter().find(|frame| frame.name == name);
     found

@@ -75,7 +75,7 @@ pub struct Frame {
     pub name: String,
     /// Camera of the image.
     pub camera: Camera,
-    /// Where its images are.
+    /// Paths of its images.
     pub files: ViewFiles,
 }
 
@@ -138,7 +138,7 @@ impl Dataset {
         open::open(root, open::Images::Needed)
     }
 
-    /// As [`Self::open`] for who needs the cameras alone: an image that is not there will do if the
+    /// As [`Self::open`] where only the cameras are needed: an image that is not there will do if the
     /// file states `w` and `h`. [`Self::load_view`] fails for such a frame.
     ///
     /// # Errors
@@ -187,7 +187,7 @@ impl Dataset {
         ))
     }
 
-    /// As [`Self::open`] for who wants to know all that is wrong: frames that cannot be used are
+    /// As [`Self::open`] for a list of all problems: frames that cannot be used are
     /// left out, and why is told of each.
     ///
     /// # Errors
@@ -221,7 +221,7 @@ impl Dataset {
         self.frames.is_empty()
     }
 
-    /// What to tell who asks for a view that is not there.
+    /// Message about a view that does not exist.
     pub fn no_such_view(&self, name: &str) -> String {
         format!(
             "there is no view `{}`; the {} views are called like `{}`",
@@ -252,7 +252,7 @@ impl Dataset {
         self.aligned_from_model.as_ref()
     }
 
-    /// What a writer needs to keep beside the frames.
+    /// Properties of the dataset that a writer keeps beside the frames.
     pub fn info(&self) -> DatasetInfo {
         let names = |indices: &Option<Vec<usize>>| {
             let indices = indices.as_ref()?;

@@ -1,12 +1,12 @@
-//! The error of this crate: what went wrong, in which file, in which field, with which values.
+//! The error of this crate, which names file, field and value.
 
 use std::path::{Path, PathBuf};
 
 /// Result with [`SceneError`].
 pub type Result<T, E = SceneError> = std::result::Result<T, E>;
 
-/// Why a noun could not be read, written or built. Every variant prints as one line that names the
-/// file.
+/// Error of reading, writing or building a type of this crate. Every variant prints as one line
+/// that names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The content of a file is wrong; the caller has to mend the file.
@@ -14,21 +14,21 @@ pub enum SceneError {
     Invalid {
         /// The file.
         path: PathBuf,
-        /// Where in the file: a key, a property, a channel, a header line.
+        /// Place in the file: a key, a property, a channel, a header line.
         field: String,
-        /// What is wrong, with the offending value.
+        /// The problem, with the offending value.
         problem: String,
     },
-    /// A file that people write says something that cannot be, or that does not fit the scene.
+    /// A script or setting that cannot be, or that does not fit the scene.
     #[error("{}: line {line}: {key}: {problem}", path.display())]
     Script {
         /// The file.
         path: PathBuf,
         /// Line of the key or value, counted from 1.
         line: usize,
-        /// Where in the file, as `step[0].then[1].move`; "TOML" if it is no TOML.
+        /// Place in the file, as `step[0].then[1].move`; "TOML" if it is no TOML.
         key: String,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
     /// The file is well formed but uses something this version does not read.
@@ -36,9 +36,9 @@ pub enum SceneError {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// Where in the file.
+        /// Place in the file.
         field: String,
-        /// What is not supported.
+        /// The unsupported feature.
         problem: String,
     },
     /// A folder holds work that this process may not continue or replace.
@@ -54,14 +54,14 @@ pub enum SceneError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried: "read", "write", "create folder".
+        /// The operation: "read", "write", "create folder".
         action: &'static str,
         /// The reason given by the operating system.
         source: std::io::Error,
     },
 }
 
-/// Decoders of others end their messages, or break them, as they like.
+/// Messages of other decoders may have several lines.
 fn one_line(text: String) -> String {
     if !text.contains(char::is_control) {
         return text;
@@ -79,6 +79,16 @@ impl SceneError {
         Self::Invalid {
             path: path.to_owned(),
             field: field.into(),
+            problem: one_line(problem.into()),
+        }
+    }
+
+    /// An [`SceneError::Script`] for `key` of `path`.
+    pub fn script(path: &Path, line: usize, key: String, problem: impl Into<String>) -> Self {
+        Self::Script {
+            path: path.to_owned(),
+            line,
+            key: one_line(key),
             problem: one_line(problem.into()),
         }
     }

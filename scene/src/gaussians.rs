@@ -17,7 +17,7 @@ pub struct Gaussian {
     pub opacity: f32,
     /// Outgoing radiance, linear Rec.709, not negative.
     pub radiance: Vec3,
-    /// How the radiance differs with the direction it is seen from.
+    /// Dependence of the radiance on the viewing direction.
     pub harmonics: Harmonics,
     /// Emission score, 0 (reflects) to 1 (emits).
     pub emission: f32,
@@ -39,7 +39,7 @@ pub struct Gaussians {
     pub opacities: Vec<f32>,
     /// Linear radiances, `[n]`.
     pub radiances: Vec<Vec3>,
-    /// How radiances differ with the direction, `[n]`; empty where none does.
+    /// Dependence of the radiances on the direction, `[n]`; empty where none does.
     pub harmonics: Vec<Harmonics>,
     /// Emission scores, `[n]`, 0 to 1.
     pub emissions: Vec<f32>,
@@ -58,7 +58,7 @@ impl Gaussians {
         self.positions.is_empty()
     }
 
-    /// An empty set with room for `capacity` Gaussians.
+    /// An empty set with capacity for this many Gaussians.
     pub fn with_capacity(capacity: usize) -> Self {
         Self {
             positions: Vec::with_capacity(capacity),

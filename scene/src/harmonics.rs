@@ -1,6 +1,6 @@
 //! Light that differs with the direction it is seen from: spherical harmonics of degrees 1 and 2.
 //!
-//! What leaves a Gaussian towards an eye is its radiance times `exp(Σ cₖ Yₖ(ω))`, where ω points
+//! The radiance of a Gaussian towards an eye is its mean radiance times `exp(Σ cₖ Yₖ(ω))`, where ω points
 //! from the eye to the centre of the Gaussian. The functions Yₖ, their signs and their order are
 //! those of 3D Gaussian Splatting (Kerbl et al. 2023); there they add to a colour that may become
 //! negative, here they are in the exponent, where light stays light and a factor on the radiance
@@ -74,7 +74,7 @@ impl Harmonics {
     /// The same light in all directions.
     pub const NONE: Self = Self([0.0; NUM_COEFFICIENTS]);
 
-    /// What light is multiplied with, for the `functions` of a direction.
+    /// Factor on the radiance, for the `functions` of a direction.
     #[inline]
     pub fn factor(&self, functions: &[f32; NUM_FUNCTIONS]) -> Vec3 {
         let mut sum = Vec3::ZERO;
@@ -85,7 +85,7 @@ impl Harmonics {
             .map(f32::exp)
     }
 
-    /// What of a Gaussian's `radiance` leaves it, from `position`, towards `eye`.
+    /// Radiance that a Gaussian of this `radiance` at `position` emits towards `eye`.
     #[inline]
     pub fn seen(&self, radiance: Vec3, position: Vec3, eye: Vec3) -> Vec3 {
         radiance * self.factor(&functions_from(eye, position))

@@ -52,7 +52,7 @@ impl Lens {
     /// A lens for images of `size` pixels with the parameters of its model, in their order.
     ///
     /// # Errors
-    /// What is wrong, for a message that says where: another number of parameters, one that is not
+    /// In words, for a message that names the place: another number of parameters, one that is not
     /// finite, a focal length that is not above 0, a size that is 0 or beyond [`MAX_SIZE`], a
     /// parameter outside the model's range.
     pub fn new(model: LensModel, size: (u32, u32), params: &[f64]) -> Result<Self, String> {

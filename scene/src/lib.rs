@@ -1,4 +1,4 @@
-//! The nouns of eagpt and their files.
+//! The basic types of eagpt and their files.
 //!
 //! Everything the other crates talk about is defined here once: [`Gaussians`], [`Camera`],
 //! datasets, [`Image`], colour transforms and the counter-based random numbers. Light is linear,

@@ -5,7 +5,7 @@
 //! 32-bit integer operations only, so that a GPU kernel draws the same numbers. No state is shared
 //! between rays, which is what makes a run independent of the number of threads.
 
-/// What the numbers are for; runs of different purposes never share a stream.
+/// Purpose of the numbers; runs of different purposes never share a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {

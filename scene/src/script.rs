@@ -1,254 +1,134 @@
-//! TOML files that people write: values that know where they stand, so that every complaint names
-//! file, line and key.
+//! TOML files that people write: read by serde, with errors that name file, line and key.
 //!
-//! A reader asks a [`Table`] for the keys it knows and a [`Node`] for a value of the type it needs;
-//! whatever does not fit is a [`SceneError::Script`].
+//! A reader derives [`serde::Deserialize`] for the tables of its files, of the types in
+//! [`mod@value`]; a value that is checked later is a [`toml::Spanned`], whose span
+//! [`ScriptFile::error`] turns into a line and a key.
 
-mod values;
+mod node;
+pub mod value;
 
 use crate::error::{Result, SceneError};
-use std::path::Path;
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use crate::files;
+pub use node::{Node, Table, Text};
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+pub use toml::Spanned;
+use toml::de::{DeTable, DeValue, Deserializer};
 
-/// The text of a script and its name.
-#[derive(Debug, Clone, Copy)]
-pub struct Text<'a> {
-    path: &'a Path,
-    text: &'a str,
-}
-
-/// Where in a script something stands, for errors that only the scene brings to light.
+/// A script and its text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Origin {
-    /// Line, counted from 1.
-    pub line: usize,
-    /// Key, as `step[0].select`.
-    pub key: String,
+pub struct ScriptFile {
+    path: PathBuf,
+    text: String,
 }
 
-impl Origin {
-    /// A [`SceneError::Script`] at this place of the script `path`.
-    pub fn error(&self, path: &Path, problem: impl Into<String>) -> SceneError {
-        SceneError::Script {
-            path: path.to_owned(),
-            line: self.line,
-            key: if self.key.is_empty() {
-                "(top level)".to_owned()
-            } else {
-                self.key.clone()
-            },
-            problem: problem.into(),
-        }
-    }
-}
-
-impl<'a> Text<'a> {
-    /// The content of the file `path`.
+impl ScriptFile {
+    /// Reads the file `path`.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] if it is no UTF-8.
-    pub fn new(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
-        let text = std::str::from_utf8(bytes).map_err(|error| {
-            SceneError::invalid(path, "TOML", format!("the text is no UTF-8: {error}"))
-        })?;
+    /// [`SceneError`] if it cannot be read or is not UTF-8.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::new(path, files::read(path)?)
+    }
+
+    /// A file called `path` of this content.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if it is not UTF-8.
+    pub fn new(path: &Path, bytes: Vec<u8>) -> Result<Self> {
+        let text = String::from_utf8(bytes)
+            .map_err(|error| SceneError::invalid(path, "TOML", error.to_string()))?;
+        let path = path.to_owned();
         Ok(Self { path, text })
     }
 
-    /// The file.
-    pub fn path(&self) -> &'a Path {
-        self.path
+    /// Path of the file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
-    /// Parses the text.
+    /// Content of the file.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Reads the whole file as a `T`.
     ///
     /// # Errors
-    /// [`SceneError::Script`] if it is no TOML.
-    pub fn parse(&self) -> Result<Spanned<DeValue<'a>>> {
-        let table = DeTable::parse(self.text).map_err(|error| {
-            let offset = error.span().map_or(0, |span| span.start);
-            self.error(offset, "TOML", error.message())
+    /// [`SceneError::Script`] if it is no TOML, or no `T`.
+    pub fn parse<'a, T: Deserialize<'a>>(&'a self) -> Result<T> {
+        let root = DeTable::parse(&self.text).map_err(|error| {
+            let span = error.span().unwrap_or_default();
+            self.error_at(&span, "TOML".to_owned(), error.message())
         })?;
-        let span = table.span();
-        Ok(Spanned::new(span, DeValue::Table(table.into_inner())))
+        T::deserialize(Deserializer::from(root)).map_err(|error| {
+            // The names of our types mean nothing to the reader of the message.
+            let message = match error.message().split_once("expected struct ") {
+                Some((found, _)) => format!("{found}expected a table"),
+                None => error.message().to_owned(),
+            };
+            self.error(error.span().unwrap_or_default(), message)
+        })
     }
 
-    fn line(&self, offset: usize) -> usize {
-        let before = self.text.as_bytes().iter().take(offset);
+    /// An error about the value or key at `span`, the bytes of the text it takes.
+    pub fn error(&self, span: Range<usize>, problem: impl Into<String>) -> SceneError {
+        let mut found = (usize::MAX, String::new());
+        if let Ok(root) = DeTable::parse(&self.text) {
+            find_in_table(root.get_ref(), "", &span, &mut found);
+        }
+        let key = match found.1 {
+            key if key.is_empty() => "(top level)".to_owned(),
+            key => key,
+        };
+        self.error_at(&span, key, problem)
+    }
+
+    /// Line on which a span begins, counted from 1.
+    pub fn line(&self, span: &Range<usize>) -> usize {
+        let before = self.text.as_bytes().iter().take(span.start);
         before.filter(|byte| **byte == b'\n').count() + 1
     }
 
-    fn error(&self, offset: usize, key: &str, problem: impl Into<String>) -> SceneError {
-        let key = key.to_owned();
-        let line = self.line(offset);
-        Origin { line, key }.error(self.path, problem)
+    fn error_at(&self, span: &Range<usize>, key: String, problem: impl Into<String>) -> SceneError {
+        SceneError::script(&self.path, self.line(span), key, problem)
     }
 }
 
-/// A value in a script.
-#[derive(Debug, Clone)]
-pub struct Node<'a> {
-    text: Text<'a>,
-    value: &'a Spanned<DeValue<'a>>,
-    key: String,
-}
+/// Length of the shortest span around another that was found so far, and the key of its value.
+type Found = (usize, String);
 
-/// A table in a script.
-#[derive(Debug, Clone)]
-pub struct Table<'a> {
-    /// The table as a value.
-    pub node: Node<'a>,
-    entries: &'a DeTable<'a>,
-}
-
-impl<'a> Node<'a> {
-    /// The whole script.
-    pub fn root(text: Text<'a>, value: &'a Spanned<DeValue<'a>>) -> Self {
-        let key = String::new();
-        Self { text, value, key }
-    }
-
-    /// Where it stands.
-    pub fn origin(&self) -> Origin {
-        Origin {
-            line: self.text.line(self.value.span().start),
-            key: self.key.clone(),
-        }
-    }
-
-    /// An error about this value.
-    pub fn error(&self, problem: impl Into<String>) -> SceneError {
-        self.origin().error(self.text.path, problem)
-    }
-
-    /// An error about a value of the wrong type.
-    fn unfit(&self, wanted: &str) -> SceneError {
-        let found = self.value.get_ref().type_str();
-        self.error(format!("is of type {found}, not {wanted}"))
-    }
-
-    /// Whether it is a table.
-    pub fn is_table(&self) -> bool {
-        self.value.get_ref().is_table()
-    }
-
-    /// A table with no keys but `known`.
-    ///
-    /// # Errors
-    /// [`SceneError::Script`] if it is no table, or has another key.
-    pub fn table(&self, known: &[&str]) -> Result<Table<'a>> {
-        let table = self.any_table()?;
-        for key in table.entries.keys() {
-            if !known.contains(&key.get_ref().as_ref()) {
-                return Err(self.text.error(
-                    key.span().start,
-                    &table.key_of(key.get_ref()),
-                    format!("no such key; here there are {}", known.join(", ")),
-                ));
-            }
-        }
-        Ok(table)
-    }
-
-    /// A table with whatever keys.
-    ///
-    /// # Errors
-    /// [`SceneError::Script`] if it is none.
-    pub fn any_table(&self) -> Result<Table<'a>> {
-        match self.value.get_ref() {
-            DeValue::Table(entries) => Ok(Table {
-                node: self.clone(),
-                entries,
-            }),
-            _ => Err(self.unfit("table")),
-        }
-    }
-
-    /// The elements of an array.
-    ///
-    /// # Errors
-    /// [`SceneError::Script`] if it is none.
-    pub fn array(&self) -> Result<Vec<Self>> {
-        let DeValue::Array(items) = self.value.get_ref() else {
-            return Err(self.unfit("array"));
+fn find_in_table(table: &DeTable<'_>, parent: &str, span: &Range<usize>, found: &mut Found) {
+    for (name, value) in table {
+        let key = match parent {
+            "" => name.get_ref().to_string(),
+            _ => format!("{parent}.{}", name.get_ref()),
         };
-        let nodes = items.iter().enumerate().map(|(index, value)| Self {
-            text: self.text,
-            value,
-            key: format!("{}[{index}]", self.key),
-        });
-        Ok(nodes.collect())
+        keep_shorter(name.span(), &key, span, found);
+        find_in_value(value, &key, span, found);
     }
 }
 
-impl<'a> Table<'a> {
-    /// The value of a key.
-    pub fn get(&self, key: &str) -> Option<Node<'a>> {
-        self.entries.get(key).map(|value| Node {
-            text: self.node.text,
-            value,
-            key: self.key_of(key),
-        })
-    }
-
-    /// The value of a key that has to be there.
-    ///
-    /// # Errors
-    /// [`SceneError::Script`] if it is not.
-    pub fn need(&self, key: &str) -> Result<Node<'a>> {
-        self.get(key)
-            .ok_or_else(|| self.node.error(format!("`{key}` is missing")))
-    }
-
-    /// All keys with their values, by name.
-    pub fn entries(&self) -> impl Iterator<Item = (&'a str, Node<'a>)> {
-        self.entries.iter().map(|(key, value)| {
-            let node = Node {
-                text: self.node.text,
-                value,
-                key: self.key_of(key.get_ref()),
-            };
-            (key.get_ref().as_ref(), node)
-        })
-    }
-
-    /// The one key that is there.
-    ///
-    /// # Errors
-    /// [`SceneError::Script`] if there is none, or more than one.
-    pub fn only(&self) -> Result<(&'a str, Node<'a>)> {
-        let mut entries = self.entries();
-        match (entries.next(), entries.next()) {
-            (Some(entry), None) => Ok(entry),
-            (None, _) => Err(self.node.error("is empty")),
-            _ => Err(self.node.error("has more than one key: one table each")),
-        }
-    }
-
-    /// The one of `keys` that is there.
-    ///
-    /// # Errors
-    /// [`SceneError::Script`] if none of them is, or more than one.
-    pub fn one_of(&self, keys: &[&'static str]) -> Result<(&'static str, Node<'a>)> {
-        let found: Vec<_> = keys
-            .iter()
-            .filter_map(|&key| Some((key, self.get(key)?)))
-            .collect();
-        let others = keys.join(", ");
-        match found.as_slice() {
-            [one] => Ok(one.clone()),
-            [] => Err(self.node.error(format!("one of {others} is missing"))),
-            [_, (key, second), ..] => {
-                Err(second.error(format!("`{key}` is one too many: only one of {others}")))
+fn find_in_value(value: &Spanned<DeValue<'_>>, key: &str, span: &Range<usize>, found: &mut Found) {
+    keep_shorter(value.span(), key, span, found);
+    match value.get_ref() {
+        DeValue::Table(table) => find_in_table(table, key, span, found),
+        DeValue::Array(items) => {
+            for (index, item) in items.iter().enumerate() {
+                find_in_value(item, &format!("{key}[{index}]"), span, found);
             }
         }
-    }
-
-    fn key_of(&self, key: &str) -> String {
-        if self.node.key.is_empty() {
-            key.to_owned()
-        } else {
-            format!("{}.{key}", self.node.key)
-        }
+        _ => {}
     }
 }
+
+/// Of equal spans the later one is the inner one.
+fn keep_shorter(around: Range<usize>, key: &str, span: &Range<usize>, found: &mut Found) {
+    if around.start <= span.start && span.end <= around.end && around.len() <= found.0 {
+        *found = (around.len(), key.to_owned());
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -23,7 +23,7 @@ use std::fmt;
 
 /// Exposed values are cut here: every tone curve is flat long before, and squares still fit in f32.
 const BRIGHTEST: f32 = 1e15;
-/// What the automatic exposure shows the mean luminance as: the middle grey of Reinhard et al.
+/// Displayed value of the mean luminance under automatic exposure: the middle grey of Reinhard et al.
 /// 2002.
 const MIDDLE_GREY: f64 = 0.18;
 /// Automatic exposures are a whole number of these, in stops, so that a person can state the same
@@ -86,7 +86,7 @@ impl ToneMapper {
         half + (half * half - c / a).sqrt()
     }
 
-    /// What the display shows of exposed light of 0 and more: linear, 0 to 1.
+    /// Displayed value of exposed light of 0 and more: linear, 0 to 1.
     #[inline(always)]
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
         let light = light.map(|v| v.min(BRIGHTEST));
@@ -101,7 +101,7 @@ impl ToneMapper {
     }
 }
 
-/// How light becomes a picture.
+/// Exposure and tone map of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -131,7 +131,7 @@ impl ToneMap {
         (Self::Agx, "agx"),
     ];
 
-    /// What the display shows of exposed light: linear, 0 to 1. Negative light and NaN are shown as
+    /// Displayed value of exposed light: linear, 0 to 1. Negative light and NaN are shown as
     /// 0.
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
         // NaN compares with nothing.
@@ -158,12 +158,12 @@ pub struct Display {
     /// Stops: light is multiplied by 2 to this power.
     #[serde(rename = "exposure_stops")]
     pub stops: f32,
-    /// What follows.
+    /// The tone map.
     pub tone_map: ToneMap,
 }
 
 impl Display {
-    /// What the display shows of a picture: linear, 0 to 1.
+    /// Displayed values of a picture: linear, 0 to 1.
     pub fn shown(&self, image: &Image<3>) -> Image<3> {
         let factor = self.stops.exp2();
         image.map(|pixel| self.tone_map.shown(pixel.map(|v| v * factor)))

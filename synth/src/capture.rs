@@ -35,7 +35,7 @@ const BETWEEN_POSITIONS_MS: u64 = 20_000;
 /// Time between conditions.
 const BETWEEN_CONDITIONS_MS: u64 = 1_800_000;
 
-/// What is written.
+/// Parts of a capture to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -59,11 +59,11 @@ impl Parts {
     }
 }
 
-/// How a scene is photographed.
+/// Settings of a simulated capture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SynthOptions {
-    /// What is written.
+    /// Parts of a capture to write.
     pub parts: Parts,
     /// Size of the truth images, pixels; `None` for the scene's.
     pub size: Option<[u32; 2]>,
@@ -71,9 +71,9 @@ pub struct SynthOptions {
     pub num_views: Option<u32>,
     /// Samples for each pixel of the truth, 1 to 65,536.
     pub num_samples: u32,
-    /// How light that was reflected before is found.
+    /// Computation of indirect light.
     pub light: LightMethod,
-    /// What is done about the noise of sampled light.
+    /// Treatment of the noise of sampled light.
     pub noise: SampleNoise,
     /// Points of each condition's cloud.
     pub num_points: u32,
@@ -81,7 +81,7 @@ pub struct SynthOptions {
     pub seed: u64,
 }
 
-/// How indirect light is found.
+/// Computation of indirect light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -153,7 +153,7 @@ impl SynthOptions {
     }
 }
 
-/// What the job tells while it works.
+/// Progress of a simulation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum SynthProgress {
@@ -171,7 +171,7 @@ pub enum SynthProgress {
     },
 }
 
-/// What came out.
+/// Result of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthSummary {
     /// All files, relative to the folder.
@@ -208,7 +208,7 @@ pub fn simulate(
         Some(camera) => script.rig.margin(camera)?,
         None => 0,
     };
-    let job = Job {
+    let job = Simulation {
         script,
         out,
         options,
@@ -220,7 +220,7 @@ pub fn simulate(
     job.run(&plan, progress)
 }
 
-struct Job<'a> {
+struct Simulation<'a> {
     script: &'a SceneScript,
     out: &'a Path,
     options: &'a SynthOptions,
@@ -231,7 +231,7 @@ struct Job<'a> {
     margin: u32,
 }
 
-impl Job<'_> {
+impl Simulation<'_> {
     fn run(
         &self,
         plan: &CameraPlan,

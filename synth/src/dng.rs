@@ -15,7 +15,7 @@ use tiff::tags::{Tag, Type};
 /// CIE standard illuminants by their EXIF numbers.
 pub const ILLUMINANT_D65: u16 = 21;
 
-/// What a filter of the mosaic lets through, by its number in the tag `CFAPattern`.
+/// Colour of a filter of the mosaic, by its number in the tag `CFAPattern`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[repr(u8)]
 pub enum CfaColor {
@@ -45,7 +45,7 @@ pub struct Mosaic {
     pub samples: Vec<u16>,
 }
 
-/// What a camera notes beside its samples.
+/// Metadata of a shot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DngInfo {
     /// Make of the camera; ASCII.

@@ -20,7 +20,7 @@ pub enum SynthError {
     Option {
         /// The option's name.
         field: &'static str,
-        /// What is wrong, with the value.
+        /// The problem, with the value.
         problem: String,
     },
 }

@@ -3,7 +3,7 @@
 //!
 //! - [`room`]: shapes, patterns, materials, lights.
 //! - [`script`]: scene files; [`scenes`]: those that come with the program.
-//! - [`light`]: the path tracer; [`photograph`]: what a camera sees.
+//! - [`light`]: the path tracer; [`photograph`]: images of a camera.
 //! - [`rig`]: lens, sensor, exposures; [`dng`]: mosaics as DNG files.
 //! - [`capture`]: the job.
 //!
@@ -12,7 +12,7 @@
 //! ```toml
 //! title = "A room"
 //!
-//! [materials]                        # names for what surfaces are made of
+//! [materials]                        # names of materials
 //! oak = { wood = { colors = ["#b98a54", "#84592c"], size = [1.5, 0.09] }, grain = 0.1 }
 //! white = "#e6e1d6"
 //! glaze = { plain = "#27456b", gloss = { reflectance = 0.05, roughness = 0.1 } }
@@ -48,8 +48,8 @@
 //! Lengths are metres, z is up. Colours are linear numbers, or `"#rrggbb"` as displays show them.
 //!
 //! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`,
-//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat that mirrors the room to who
-//! looks; the light it throws elsewhere is left out.
+//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat that mirrors the room to
+//! the camera; the light it reflects elsewhere is left out.
 //!
 //! **Objects** stand with their foot at `at` and look towards −y, before `turn`:
 //!
@@ -67,7 +67,7 @@
 //! | `plant` | `height`, `pot`, `soil`, `leaves` |
 //! | `books`, `fruit` | `num`, `covers`; `bowl`, `fruits` |
 //!
-//! What shines in a condition does not reflect in it, and has mask 1 (where it covers at least half
+//! A surface that emits in a condition does not reflect in it, and has mask 1 (where it covers at least half
 //! of a pixel) and albedo 0 in its truth.
 //!
 //! **`[rig]`** is the camera, all of it optional: `exposures_s`, `iso`, `f_number`,

@@ -1,4 +1,4 @@
-//! What a camera sees: light, and what is known of the surfaces behind every pixel.
+//! Images of a camera: light, and the surfaces behind every pixel.
 
 mod exposure;
 
@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How pixels are sampled.
+/// Sampling of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sampling {
     /// Rays for each pixel of the camera, at least one for each cell; rounded up to as many in
@@ -23,16 +23,15 @@ pub struct Sampling {
     pub num_cells: u32,
     /// Pixels around the camera's image that are photographed, too, for a lens that sees more.
     pub margin: u32,
-    /// What is done about noise.
+    /// Treatment of noise.
     pub noise: SampleNoise,
 }
 
-/// What is done about the noise of sampled light.
+/// Treatment of the noise of sampled light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SampleNoise {
-    /// Light that arrives at surfaces is filtered; what they make of it, their texture and what
-    /// shines stay as sampled.
+    /// Irradiance is filtered; albedo, texture and emitters stay as sampled.
     #[default]
     Filtered,
     /// All light stays as sampled.
@@ -57,16 +56,16 @@ pub struct Photograph {
     radiance: Vec<Image<3>>,
     /// Mean diffuse albedo in each condition, margin included; black where surfaces shine.
     albedo: Vec<Image<3>>,
-    /// What the ray through each pixel's centre meets, margin included.
+    /// Hit of the ray through each pixel's centre, margin included.
     centres: Vec<Option<Hit>>,
-    /// What covers at least half of each pixel, margin included.
-    shining: Vec<Conditions>,
+    /// Conditions in which emitters cover at least half of each pixel, margin included.
+    emitting: Vec<Conditions>,
 }
 
 /// A bit for each condition.
 type Conditions = u8;
 
-/// Rays along each side of a pixel whose share of emitters is looked for. Even: an edge through the
+/// Rays along each side of a pixel that test its share of emitters. Even: an edge through the
 /// middle of a pixel lies between rays.
 const GRID: u32 = 8;
 
@@ -94,7 +93,7 @@ impl Photograph {
             .into_par_iter()
             .map(|pixel| meet(lighting.room, &frame, place(pixel) + 0.5));
         let centres: Vec<Option<Hit>> = centres.collect();
-        let shining = shining(lighting.room, &wide, &centres);
+        let emitting = emitting(lighting.room, &wide, &centres);
         let exposure = Exposure {
             camera: &wide,
             num_cells: sampling.num_cells,
@@ -114,7 +113,7 @@ impl Photograph {
                 .map(|condition| exposure.image(|pixel| pixel.sums[condition].albedo.to_array()))
                 .collect(),
             centres,
-            shining,
+            emitting,
         }
     }
 
@@ -129,7 +128,7 @@ impl Photograph {
         self.wide.magnified(self.sampling.num_cells)
     }
 
-    /// What the ray through the centre of each pixel meets, margin included, row by row.
+    /// Hit of the ray through the centre of each pixel, margin included, row by row.
     pub fn centres(&self) -> &[Option<Hit>] {
         &self.centres
     }
@@ -139,8 +138,8 @@ impl Photograph {
     /// depth are those of its centre.
     pub fn view(&self, condition: usize, name: &str) -> View {
         let (origin, forward) = (self.camera.origin(), self.camera.forward());
-        let mask = self.shining.iter();
-        let mask = mask.map(|shining| [f32::from(shining >> condition & 1)]);
+        let mask = self.emitting.iter();
+        let mask = mask.map(|emitting| [f32::from(emitting >> condition & 1)]);
         View {
             name: name.to_owned(),
             camera: self.camera,
@@ -178,16 +177,16 @@ fn meet(room: &Room, frame: &RayFrame, at: Vec2) -> Option<Hit> {
 /// The conditions in which lights cover at least half of each pixel: by a grid of rays where the
 /// centres of a pixel and its neighbours do not agree. The samples of the light are no measure for
 /// that: at a half, their noise would decide.
-fn shining(room: &Room, camera: &Camera, centres: &[Option<Hit>]) -> Vec<Conditions> {
+fn emitting(room: &Room, camera: &Camera, centres: &[Option<Hit>]) -> Vec<Conditions> {
     let frame = camera.ray_frame();
     let num_conditions = room.num_conditions();
-    let shines_in = |hit: &Hit, condition: usize| {
+    let emits_in = |hit: &Hit, condition: usize| {
         room.emitted_in(condition, hit.surface, hit.face) != Vec3::ZERO
     };
     let of_hit = |hit: &Option<Hit>| -> Conditions {
         let Some(hit) = hit else { return 0 };
-        let shining = (0..num_conditions).filter(|&condition| shines_in(hit, condition));
-        shining.fold(0, |bits, condition| bits | 1 << condition)
+        let emitting = (0..num_conditions).filter(|&condition| emits_in(hit, condition));
+        emitting.fold(0, |bits, condition| bits | 1 << condition)
     };
     let of_centres: Vec<Conditions> = centres.par_iter().map(of_hit).collect();
     let (width, height) = (camera.width, camera.height);

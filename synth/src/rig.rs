@@ -6,9 +6,8 @@ mod sensor;
 pub use sensor::Sensor;
 
 use crate::dng::RGGB;
-use eagpt_scene::Result;
-use eagpt_scene::script::{Node, Table};
-use serde::Serialize;
+use eagpt_scene::script::value::{Array, NotNegative, Number, Positive, Whole, checked, via};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// CIE XYZ of linear Rec.709, row by row (ITU-R BT.709, white point D65).
 const XYZ_FROM_REC709: [[f64; 3]; 3] = [
@@ -18,35 +17,50 @@ const XYZ_FROM_REC709: [[f64; 3]; 3] = [
 ];
 
 /// A camera with its settings.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Rig {
     /// Make, as in EXIF.
+    #[serde(skip_deserializing)]
     pub make: String,
     /// Model, as in EXIF.
+    #[serde(skip_deserializing)]
     pub model: String,
     /// Width of the sensor, millimetres; with the field of view it gives the focal length.
+    #[serde(deserialize_with = "via::<Positive, _, _>")]
     pub sensor_width_mm: f64,
     /// Sensor pixels along each side of a pixel of the truth.
+    #[serde(deserialize_with = "via::<Whole<1, 8>, _, _>")]
     pub oversampling: u32,
     /// ISO speed.
+    #[serde(deserialize_with = "level::<1, 65_535, _>")]
     pub iso: u16,
     /// Aperture, focal length over diameter.
+    #[serde(deserialize_with = "via::<Positive, _, _>")]
     pub f_number: f64,
     /// Exposure times of a bracket, seconds, in the order they are taken.
+    #[serde(deserialize_with = "exposures")]
     pub exposures_s: Vec<f64>,
     /// Loss of light towards the corners, a, b, c of 1 + a r² + b r⁴ + c r⁶, r = 1 in the corner.
+    #[serde(deserialize_with = "via::<Array<Number, 3>, _, _>")]
     pub vignetting: [f64; 3],
     /// Lens distortion k1, k2, p1, p2 of COLMAP's model OPENCV.
+    #[serde(deserialize_with = "via::<Array<Number, 4>, _, _>")]
     pub distortion: [f64; 4],
     /// Electrons at which a pixel clips.
+    #[serde(deserialize_with = "via::<Positive, _, _>")]
     pub full_well_e: f64,
     /// Standard deviation of the electronics, electrons.
+    #[serde(deserialize_with = "read_noise")]
     pub read_noise_e: f64,
     /// Sample of no light.
+    #[serde(deserialize_with = "level::<0, 65_534, _>")]
     pub black: u16,
     /// Sample at which a pixel clips.
+    #[serde(deserialize_with = "level::<2, 65_535, _>")]
     pub white: u16,
     /// Camera's R, G, B of CIE XYZ, row by row.
+    #[serde(skip_deserializing)]
     pub camera_from_xyz: [[f64; 3]; 3],
 }
 
@@ -77,56 +91,6 @@ impl Default for Rig {
 }
 
 impl Rig {
-    /// Reads `[rig]`: what it does not say is as in the default.
-    ///
-    /// # Errors
-    /// [`eagpt_scene::SceneError`] naming file, line and key.
-    pub fn read(node: &Node<'_>) -> Result<Self> {
-        let table = node.table(&[
-            "sensor_width_mm",
-            "oversampling",
-            "iso",
-            "f_number",
-            "exposures_s",
-            "vignetting",
-            "distortion",
-            "full_well_e",
-            "read_noise_e",
-            "black",
-            "white",
-        ])?;
-        let mut rig = Self::default();
-        let positive = |key: &str, slot: &mut f64| -> Result<()> {
-            if let Some(node) = table.get(key) {
-                *slot = node.positive().and_then(|_| node.double())?;
-            }
-            Ok(())
-        };
-        positive("sensor_width_mm", &mut rig.sensor_width_mm)?;
-        positive("f_number", &mut rig.f_number)?;
-        positive("full_well_e", &mut rig.full_well_e)?;
-        if let Some(node) = table.get("read_noise_e") {
-            rig.read_noise_e = node.not_negative()?.into();
-        }
-        if let Some(node) = table.get("oversampling") {
-            rig.oversampling = node.whole(1..=8)?;
-        }
-        if let Some(node) = table.get("iso") {
-            rig.iso = node.whole(1..=65_535)? as u16;
-        }
-        if let Some(node) = table.get("exposures_s") {
-            rig.exposures_s = exposures(&node)?;
-        }
-        if let Some(node) = table.get("vignetting") {
-            rig.vignetting = numbers(&node)?;
-        }
-        if let Some(node) = table.get("distortion") {
-            rig.distortion = numbers(&node)?;
-        }
-        levels(&table, &mut rig)?;
-        Ok(rig)
-    }
-
     /// Camera's R, G, B of linear Rec.709, row by row; its green of white is 1.
     pub fn camera_from_rec709(&self) -> [[f64; 3]; 3] {
         let mut matrix = self.camera_from_xyz.map(|row| {
@@ -162,47 +126,29 @@ impl Rig {
     }
 }
 
-fn exposures(node: &Node<'_>) -> Result<Vec<f64>> {
-    let items = node.array()?;
-    if !(1..=32).contains(&items.len()) {
-        return Err(node.error(format!("{} exposures: 1 to 32 are possible", items.len())));
-    }
-    items
-        .iter()
-        .map(|item| {
-            let seconds = item.double()?;
-            if (1e-5..=3600.0).contains(&seconds) {
-                Ok(seconds)
-            } else {
-                Err(item.error(format!("{seconds} s is not from 0.00001 to 3600")))
-            }
-        })
-        .collect()
+fn exposures<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    checked(deserializer, |seconds: Vec<Number>| {
+        if !(1..=32).contains(&seconds.len()) {
+            return Err(format!("{} exposures: 1 to 32 are possible", seconds.len()));
+        }
+        let seconds = seconds.into_iter().map(|seconds| match f64::from(seconds) {
+            seconds @ 1e-5..=3600.0 => Ok(seconds),
+            seconds => Err(format!("{seconds} s is not from 0.00001 to 3600")),
+        });
+        seconds.collect()
+    })
 }
 
-fn numbers<const N: usize>(node: &Node<'_>) -> Result<[f64; N]> {
-    let items: [Node<'_>; N] = node.fixed_array()?;
-    let mut all = [0.0; N];
-    for (slot, item) in all.iter_mut().zip(&items) {
-        *slot = item.double()?;
-    }
-    Ok(all)
+/// Noise is given in single precision.
+fn read_noise<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    via::<NotNegative, _, f32>(deserializer).map(f64::from)
 }
 
-fn levels(table: &Table<'_>, rig: &mut Rig) -> Result<()> {
-    if let Some(node) = table.get("white") {
-        rig.white = node.whole(2..=65_535)? as u16;
-    }
-    if let Some(node) = table.get("black") {
-        rig.black = node.whole(0..=65_534)? as u16;
-    }
-    if rig.black >= rig.white {
-        let (black, white) = (rig.black, rig.white);
-        return Err(table
-            .node
-            .error(format!("black {black} is not below white {white}")));
-    }
-    Ok(())
+fn level<'de, const MIN: u32, const MAX: u32, D>(deserializer: D) -> Result<u16, D::Error>
+where
+    D: Deserializer<'de>,
+{
+    via::<Whole<MIN, MAX>, _, u32>(deserializer).map(|level| level as u16)
 }
 
 #[cfg(test)]

@@ -11,14 +11,14 @@ use shape::{Crossing, Shape, SurfacePoint};
 
 /// Conditions that light is computed for at once, at most.
 pub const MAX_CONDITIONS: usize = 4;
-/// Distances to surfaces below this are not looked at, and rays start this far above theirs,
+/// Hits nearer than this are ignored, and rays start this far above their surface,
 /// metres: room-sized floats have steps of 2e-7.
 pub const LIFT: f32 = 1e-4;
 
 /// Light in each of the conditions.
 pub type PerCondition = [Vec3; MAX_CONDITIONS];
 
-/// What a surface is made of.
+/// Material of a surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
     /// Diffuse albedo.
@@ -27,8 +27,8 @@ pub struct Material {
     pub gloss: Option<Gloss>,
 }
 
-/// A clear coat: it mirrors the room to who looks at it. The light that it throws onto other
-/// surfaces is left out.
+/// A clear coat: it mirrors the room to the camera. Light that it reflects onto other surfaces is
+/// left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gloss {
     /// Reflectance at normal incidence, 0 to 1.
@@ -40,21 +40,21 @@ pub struct Gloss {
 /// A shape in the room.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
-    /// Where it is.
+    /// Its shape.
     pub shape: Shape,
     /// Index of its material.
     pub material: u32,
-    /// Index of the light it belongs to, if it shines.
+    /// Index of the light it belongs to, if it emits.
     pub light: Option<u32>,
 }
 
-/// A light: surfaces that shine together.
+/// A light: surfaces that are switched together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
     /// Name.
     pub name: String,
-    /// Linear Rec.709 radiance in each condition; black where it is off. A surface that shines does
-    /// not reflect.
+    /// Linear Rec.709 radiance in each condition; black where it is off. A surface that emits
+    /// does not reflect.
     pub radiance: PerCondition,
 }
 
@@ -84,7 +84,7 @@ pub struct Hit {
     pub face: u32,
     /// Coordinates on the face, 0 to 1.
     pub st: Vec2,
-    /// Whether it is the inside of a closed shape, where nobody looks from.
+    /// Whether it is the inside of a closed shape, where no camera is.
     pub is_inside: bool,
 }
 
@@ -165,7 +165,7 @@ impl Room {
                 .is_free(&self.shapes, from, offset / distance, range)
     }
 
-    /// What a surface is made of.
+    /// Material of a surface.
     pub fn material(&self, surface: u32) -> &Material {
         &self.materials[self.surfaces[surface as usize].material as usize]
     }

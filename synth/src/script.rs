@@ -1,17 +1,21 @@
 //! Scene files: the room, its lights in each condition, the cameras and the rig, as TOML.
 //!
-//! The grammar stands in the documentation of the crate.
+//! The grammar is in the documentation of the crate.
 
+mod builder;
 mod cameras;
+mod decor;
 mod furniture;
 mod materials;
 mod objects;
 
 use crate::rig::Rig;
 use crate::room::{Light, MAX_CONDITIONS, Material, Room};
-use eagpt_scene::script::{Node, Table, Text};
-use eagpt_scene::{Result, files};
+use eagpt_scene::script::value::{Form, NotNegative, checked};
+use eagpt_scene::script::{ScriptFile, Spanned};
+use eagpt_scene::{Result, SceneError, files};
 use glam::Vec3;
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -24,20 +28,40 @@ pub struct SceneScript {
     pub path: PathBuf,
     /// BLAKE3 digest of the text, hexadecimal.
     pub blake3: String,
-    /// Title for people.
+    /// Title.
     pub title: String,
     /// The room.
     pub room: Room,
     /// Names of the conditions, in the order of the room's.
     pub conditions: Vec<String>,
-    /// Where photographs are taken from.
+    /// Positions that photographs are taken from.
     pub cameras: CameraPlan,
-    /// What they are taken with.
+    /// Camera that takes them.
     pub rig: Rig,
 }
 
-/// Names of materials or lights with their index.
-type Names = BTreeMap<String, u32>;
+/// A scene as its file has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneKeys {
+    #[serde(default)]
+    title: String,
+    materials: BTreeMap<String, Material>,
+    lights: BTreeMap<String, Color>,
+    condition: Spanned<Vec<ConditionKeys>>,
+    object: Spanned<Vec<Spanned<objects::ObjectKeys>>>,
+    cameras: CameraPlan,
+    #[serde(default)]
+    rig: Option<Spanned<Rig>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConditionKeys {
+    name: Spanned<FileName>,
+    #[serde(default)]
+    lights: BTreeMap<String, Spanned<NotNegative>>,
+}
 
 impl SceneScript {
     /// Reads a scene file.
@@ -53,158 +77,145 @@ impl SceneScript {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let text = Text::new(path, bytes)?;
-        let value = text.parse()?;
-        let root = Node::root(text, &value);
-        let table = root.table(&[
-            "title",
-            "materials",
-            "lights",
-            "condition",
-            "object",
-            "cameras",
-            "rig",
-        ])?;
-        let (material_names, materials) = materials::materials(&table.need("materials")?)?;
-        let conditions = conditions(&table.need("condition")?)?;
-        let (light_names, lights) = lights(&table.need("lights")?, &conditions)?;
-        let surfaces = objects::surfaces(
-            &table.need("object")?,
-            &objects::Vocabulary {
-                materials: material_names,
-                lights: light_names,
-            },
-        )?;
-        let names = conditions
+        let file = ScriptFile::new(path, bytes.to_vec())?;
+        let keys: SceneKeys = file.parse()?;
+        let lights = keys.lights(&file)?;
+        let conditions: Vec<String> = keys
+            .condition
+            .into_inner()
             .into_iter()
-            .map(|(name, _)| name)
-            .collect::<Vec<_>>();
+            .map(|condition| condition.name.into_inner().0)
+            .collect();
+        let surfaces = objects::Vocabulary {
+            file: &file,
+            materials: keys.materials.keys().map(String::as_str).collect(),
+            lights: keys.lights.keys().map(String::as_str).collect(),
+        }
+        .surfaces(&keys.object)?;
+        let rig = match keys.rig {
+            Some(rig) if rig.get_ref().black >= rig.get_ref().white => {
+                let Rig { black, white, .. } = rig.get_ref();
+                let problem = format!("black {black} is not below white {white}");
+                return Err(file.error(rig.span(), problem));
+            }
+            Some(rig) => rig.into_inner(),
+            None => Rig::default(),
+        };
+        let materials = keys.materials.into_values().collect();
         Ok(Self {
             path: path.to_owned(),
             blake3: blake3::hash(bytes).to_hex().to_string(),
-            title: match table.get("title") {
-                Some(node) => node.string()?.to_owned(),
-                None => String::new(),
-            },
-            room: room(surfaces, materials, lights, names.len()),
-            conditions: names,
-            cameras: cameras::plan(&table.need("cameras")?)?,
-            rig: match table.get("rig") {
-                Some(node) => Rig::read(&node)?,
-                None => Rig::default(),
-            },
+            title: keys.title,
+            room: Room::new(surfaces, materials, lights, conditions.len()),
+            conditions,
+            cameras: keys.cameras,
+            rig,
         })
     }
 }
 
-fn room(
-    surfaces: Vec<crate::room::Surface>,
-    materials: Vec<Material>,
-    lights: Vec<Light>,
-    num_conditions: usize,
-) -> Room {
-    Room::new(surfaces, materials, lights, num_conditions)
+impl SceneKeys {
+    /// The lights as the conditions switch them.
+    fn lights(&self, file: &ScriptFile) -> Result<Vec<Light>> {
+        let conditions = self.condition.get_ref();
+        if !(1..=MAX_CONDITIONS).contains(&conditions.len()) {
+            let num = conditions.len();
+            let problem = format!("{num} conditions: 1 to {MAX_CONDITIONS} are possible");
+            return Err(file.error(self.condition.span(), problem));
+        }
+        let named = self.lights.keys().map(|name| Light {
+            name: name.clone(),
+            radiance: [Vec3::ZERO; MAX_CONDITIONS],
+        });
+        let mut lights: Vec<Light> = named.collect();
+        for (index, condition) in conditions.iter().enumerate() {
+            let name = &condition.name;
+            if conditions[..index]
+                .iter()
+                .any(|other| other.name.get_ref() == name.get_ref())
+            {
+                let problem = format!("`{}` is there already", name.get_ref().0);
+                return Err(file.error(name.span(), problem));
+            }
+            for (name, factor) in &condition.lights {
+                let Some(light) = lights.iter_mut().find(|light| light.name == *name) else {
+                    let names = self.lights.keys().map(String::as_str);
+                    return Err(unknown(file, factor.span(), ("light", name), names));
+                };
+                light.radiance[index] = self.lights[name].0 * f32::from(*factor.get_ref());
+            }
+        }
+        Ok(lights)
+    }
 }
 
-/// Names of the conditions, with their tables of lights.
-fn conditions<'a>(node: &Node<'a>) -> Result<Vec<(String, Option<Node<'a>>)>> {
-    let mut found: Vec<(String, Option<Node<'a>>)> = Vec::new();
-    let nodes = node.array()?;
-    if nodes.is_empty() || nodes.len() > MAX_CONDITIONS {
-        let num = nodes.len();
-        return Err(node.error(format!(
-            "{num} conditions: 1 to {MAX_CONDITIONS} are possible"
-        )));
-    }
-    for node in nodes {
-        let table = node.table(&["name", "lights"])?;
-        let name_node = table.need("name")?;
-        let name = file_name(&name_node)?;
-        if found.iter().any(|(other, _)| *other == name) {
-            return Err(name_node.error(format!("`{name}` is there already")));
-        }
-        found.push((name, table.get("lights")));
-    }
-    Ok(found)
+/// The error that nothing has a name.
+fn unknown<'a>(
+    file: &ScriptFile,
+    span: std::ops::Range<usize>,
+    (noun, name): (&str, &str),
+    names: impl Iterator<Item = &'a str>,
+) -> SceneError {
+    let names: Vec<&str> = names.collect();
+    let (name, names) = (name.escape_debug(), names.join(", "));
+    file.error(
+        span,
+        format!("there is no {noun} `{name}`; there are {names}"),
+    )
 }
 
 /// A name that files and folders can have on any system.
-fn file_name(node: &Node<'_>) -> Result<String> {
-    let name = node.string()?;
-    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if name.is_empty() || name.len() > 40 || !name.chars().all(allowed) {
-        return Err(node.error(format!(
-            "`{}` is no name: 1 to 40 letters, digits, - and _",
-            name.escape_debug()
-        )));
-    }
-    Ok(name.to_owned())
-}
+#[derive(PartialEq)]
+struct FileName(String);
 
-fn lights(
-    node: &Node<'_>,
-    conditions: &[(String, Option<Node<'_>>)],
-) -> Result<(Names, Vec<Light>)> {
-    let (mut names, mut lights) = (Names::new(), Vec::new());
-    for (name, node) in node.any_table()?.entries() {
-        names.insert(name.to_owned(), lights.len() as u32);
-        lights.push((name.to_owned(), color(&node)?));
-    }
-    let mut switched: Vec<Light> = lights
-        .iter()
-        .map(|(name, _)| Light {
-            name: name.clone(),
-            radiance: [Vec3::ZERO; MAX_CONDITIONS],
+impl<'de> Deserialize<'de> for FileName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |name: String| {
+            let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            if (1..=40).contains(&name.len()) && name.chars().all(allowed) {
+                return Ok(Self(name));
+            }
+            let name = name.escape_debug();
+            Err(format!(
+                "`{name}` is no name: 1 to 40 letters, digits, - and _"
+            ))
         })
-        .collect();
-    for (condition, (_, node)) in conditions.iter().enumerate() {
-        let Some(node) = node else { continue };
-        for (name, factor) in node.any_table()?.entries() {
-            let Some(&index) = names.get(name) else {
-                return Err(unknown(&factor, name, &names, "light"));
-            };
-            let index = index as usize;
-            switched[index].radiance[condition] = lights[index].1 * factor.not_negative()?;
-        }
     }
-    Ok((names, switched))
-}
-
-fn unknown(node: &Node<'_>, name: &str, names: &Names, what: &str) -> eagpt_scene::SceneError {
-    let all: Vec<&str> = names.keys().map(String::as_str).collect();
-    node.error(format!(
-        "there is no {what} `{}`; there are {}",
-        name.escape_debug(),
-        all.join(", ")
-    ))
 }
 
 /// A linear Rec.709 colour: a number, three of them, or `"#rrggbb"` as displays show it.
-fn color(node: &Node<'_>) -> Result<Vec3> {
-    let Ok(text) = node.string() else {
-        return node.color();
-    };
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6);
-    let value = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
-    let Some(value) = value else {
-        let text = text.escape_debug();
-        return Err(node.error(format!("`{text}` is no colour like \"#c0a080\"")));
-    };
-    let channel =
-        |shift: u32| eagpt_scene::color::linear_from_srgb((value >> shift & 255) as f32 / 255.0);
-    Ok(Vec3::new(channel(16), channel(8), channel(0)))
-}
+#[derive(Clone, Copy)]
+struct Color(Vec3);
 
-/// A colour with all channels at most 1.
-fn albedo(node: &Node<'_>) -> Result<Vec3> {
-    let color = color(node)?;
-    if color.max_element() > 1.0 {
-        return Err(node.error(format!("{color} is above 1")));
+impl Color {
+    fn of<T>(value: Form<T>) -> Result<Self, String> {
+        use eagpt_scene::color::linear_from_srgb;
+        use eagpt_scene::script::value::Color;
+
+        let Form::Text(text) = value else {
+            return Color::of(value).map(|color| Self(color.0));
+        };
+        let digits = text.strip_prefix('#').filter(|d| d.len() == 6);
+        let value = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+        let Some(value) = value else {
+            let text = text.escape_debug();
+            return Err(format!("`{text}` is no colour like \"#c0a080\""));
+        };
+        let channel = |shift: u32| linear_from_srgb((value >> shift & 255) as f32 / 255.0);
+        Ok(Self(Vec3::new(channel(16), channel(8), channel(0))))
     }
-    Ok(color)
+
+    /// The colour as an albedo: with all channels at most 1.
+    fn albedo(self) -> Result<Vec3, String> {
+        match self.0.max_element() <= 1.0 {
+            true => Ok(self.0),
+            false => Err(format!("{} is above 1", self.0)),
+        }
+    }
 }
 
-/// An optional number above 0.
-fn positive_or(table: &Table<'_>, key: &str, default: f32) -> Result<f32> {
-    table.get(key).map_or(Ok(default), |node| node.positive())
+impl<'de> Deserialize<'de> for Color {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |value: Form| Self::of(value))
+    }
 }

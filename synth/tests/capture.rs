@@ -45,7 +45,7 @@ fn embedded_scenes_have_cameras_with_room_around_them() {
 }
 
 #[test]
-fn every_light_shines_in_some_condition_and_none_outshines_the_sensor() {
+fn every_light_is_on_in_some_condition_and_none_is_too_bright_for_the_sensor() {
     for embedded in SCENES {
         let script = scene(embedded.name);
         assert_eq!(script.conditions.len(), 2);

@@ -6,7 +6,7 @@
 )]
 
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_synth::light::path::{Draw, MAX_BOUNCES};
+use eagpt_synth::light::path::{MAX_BOUNCES, PathSample};
 use eagpt_synth::light::points::Points;
 use eagpt_synth::light::{Cache, CacheOptions, Lighting};
 use eagpt_synth::room::pattern::Texture;
@@ -21,8 +21,8 @@ fn key(iteration: u32) -> RandomKey {
     RandomKey::new(3, Purpose::Simulate, iteration)
 }
 
-/// A room of reflecting shapes of one albedo and shining ones.
-fn room(albedo: Vec3, shapes: &[Shape], shining: &[Shape]) -> Room {
+/// A room of reflecting shapes of one albedo and emitting ones.
+fn room(albedo: Vec3, shapes: &[Shape], emitting: &[Shape]) -> Room {
     let matt = Material {
         texture: Texture::plain(albedo),
         gloss: None,
@@ -37,7 +37,7 @@ fn room(albedo: Vec3, shapes: &[Shape], shining: &[Shape]) -> Room {
     let surfaces = shapes
         .iter()
         .map(surface(None))
-        .chain(shining.iter().map(surface(Some(0))));
+        .chain(emitting.iter().map(surface(Some(0))));
     let mut radiance = [Vec3::ZERO; MAX_CONDITIONS];
     (radiance[0], radiance[1]) = (RADIANCE, 0.5 * RADIANCE);
     let light = Light {
@@ -47,19 +47,19 @@ fn room(albedo: Vec3, shapes: &[Shape], shining: &[Shape]) -> Room {
     Room::new(surfaces.collect(), vec![matt], vec![light], 2)
 }
 
-/// Mean light that arrives at a hit, over π, in the first condition; half as much has to arrive in
+/// Mean irradiance over π at a hit in the first condition; it has to be half as much in
 /// the second.
-fn arriving(lighting: &Lighting<'_>, hit: &Hit, max_bounces: u32) -> Vec3 {
+fn irradiance(lighting: &Lighting<'_>, hit: &Hit, max_bounces: u32) -> Vec3 {
     let num = 1 << 14;
     let points = Points::new(key(0), 7);
     let mut total = [Vec3::ZERO; 2];
     for sample in 0..num {
-        let draw = Draw {
+        let path = PathSample {
             sample,
             block: 0,
             max_bounces,
         };
-        let light = lighting.arriving(hit, &points, draw);
+        let light = lighting.irradiance(hit, &points, path);
         total[0] += light[0];
         total[1] += light[1];
     }
@@ -104,7 +104,7 @@ fn a_rectangle_overhead_has_its_form_factor() {
         (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / TAU
     };
     let factor = 4.0 * corner(x / height, y / height);
-    let found = arriving(&Lighting::new(&room), &down(&room), 1);
+    let found = irradiance(&Lighting::new(&room), &down(&room), 1);
     assert_close(found, RADIANCE * factor);
 }
 
@@ -121,12 +121,12 @@ fn a_ball_has_the_square_of_its_sine() {
         let distance = centre.length();
         let factor = (radius / distance).powi(2) * centre.z / distance;
         let hit = down(&room);
-        let found = arriving(&Lighting::new(&room), &hit, 1);
+        let found = irradiance(&Lighting::new(&room), &hit, 1);
         assert_close(found, RADIANCE * factor);
     }
 }
 
-/// A shining ball in the middle of a hollow one: by symmetry every point of the wall reflects the
+/// An emitting ball in the middle of a hollow one: by symmetry every point of the wall reflects the
 /// same, ρ L F / (1 − ρ (1 − F)) with the share F = (r / R)² of its view that the light takes.
 #[test]
 fn light_in_a_hollow_ball_is_a_geometric_series() {
@@ -141,12 +141,12 @@ fn light_in_a_hollow_ball_is_a_geometric_series() {
         let factor = (0.5_f32 / 2.0).powi(2);
         let wanted = RADIANCE * (factor / (1.0 - albedo * (1.0 - factor)));
         let hit = room.meet(Vec3::new(0.3, -0.2, 2.0), Vec3::X).unwrap();
-        let found = arriving(&Lighting::new(&room), &hit, MAX_BOUNCES);
+        let found = irradiance(&Lighting::new(&room), &hit, MAX_BOUNCES);
         assert_close(found, wanted);
         // One bounce is direct light alone, two add its first reflection.
-        let one = arriving(&Lighting::new(&room), &hit, 1);
+        let one = irradiance(&Lighting::new(&room), &hit, 1);
         assert_close(one, RADIANCE * factor);
-        let two = arriving(&Lighting::new(&room), &hit, 2);
+        let two = irradiance(&Lighting::new(&room), &hit, 2);
         assert_close(two, RADIANCE * (factor * (1.0 + albedo * (1.0 - factor))));
     }
 }
@@ -184,8 +184,8 @@ fn solved_light_agrees_with_paths() {
         let hit = room
             .meet(Vec3::new(1.2, 1.0, 1.1), direction.normalize())
             .unwrap();
-        let wanted = arriving(&paths, &hit, MAX_BOUNCES);
-        let found = arriving(&solved, &hit, MAX_BOUNCES);
+        let wanted = irradiance(&paths, &hit, MAX_BOUNCES);
+        let found = irradiance(&solved, &hit, MAX_BOUNCES);
         // Cells of 10 cm blur the light of the wall close to the lamp, and their 96 rays leave it a
         // percent of noise.
         let error = (found / wanted - 1.0).abs().max_element();

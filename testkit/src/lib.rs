@@ -1,9 +1,9 @@
 //! Synthetic scenes with known answers, for tests and examples. Nothing here is part of the
 //! program.
 //!
-//! - [`test_data`]: where data are that the repository does not hold; [`opened_device`]: what tests
-//!   do where there is no GPU.
-//! - [`kernels`]: whether WGSL keeps to what every device has.
+//! - [`test_data`]: data that the repository does not hold; [`opened_device`]: the GPU of a test,
+//!   which is skipped where there is none.
+//! - [`kernels`]: checks of WGSL against the limits of every device.
 //! - [`damage`]: damaged and truncated files.
 //! - [`gaussians`]: spheres, walls and clouds of Gaussians.
 //! - [`room`]: a furnished box room under an area light, path-traced analytically, written as a

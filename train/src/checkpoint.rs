@@ -4,7 +4,7 @@
 //! differs with the direction those of the coefficients, `[n, 24]` each. Written atomically; a
 //! damaged one is recognised by its digest.
 
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 use crate::options::Stage;
 use crate::params::{Learned, NUM_PARAMETERS, ParameterState};
 use crate::sealed::SealedFormat;
@@ -193,10 +193,11 @@ pub fn newest(dir: &Path) -> Result<(Checkpoint, Vec<String>)> {
             Err(error) => warnings.push(error.to_string()),
         }
     }
-    Err(TrainError::Output {
+    Err(SceneError::Work {
         path: dir.to_owned(),
         problem: "no checkpoint to resume from".to_owned(),
-    })
+    }
+    .into())
 }
 
 #[cfg(test)]

@@ -32,14 +32,6 @@ pub enum TrainError {
         /// The missing part.
         problem: String,
     },
-    /// The output folder holds another run, or nothing to resume.
-    #[error("{}: {problem}", path.display())]
-    Output {
-        /// The folder or file.
-        path: PathBuf,
-        /// Obstacle, and a remedy.
-        problem: String,
-    },
     /// The job would need more memory than the machine has.
     #[error(
         "training needs about {needed_mib} MiB of memory and the machine has {available_mib} MiB free: {advice}"

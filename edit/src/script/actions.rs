@@ -2,151 +2,159 @@
 
 use crate::act::{Action, Paint};
 use crate::place::{Goal, Pivot, Placement};
-use eagpt_scene::Result;
 use eagpt_scene::color::luminance;
-use eagpt_scene::script::{Node, Table};
+use eagpt_scene::script::value::{
+    Albedo, Array, Color, Direction, Form, Number, Positive, Rotation, checked, vec3,
+};
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Deserializer};
 
-/// Actions that need to know nothing more.
-const PLAIN: [&str; 5] = [
-    "remove",
-    "keep_only",
-    "lights_off",
-    "make_emissive",
-    "make_not_emissive",
-];
-/// Actions with a value.
-const VALUED: [&str; 12] = [
-    "scale_light",
-    "tint_light",
-    "set_radiance",
-    "set_albedo",
-    "scale_albedo",
-    "swap_albedo",
-    "move",
-    "rotate",
-    "scale",
-    "place",
-    "duplicate",
-    "snap_to_floor",
-];
-
-/// The actions of a step.
-pub(super) fn actions(node: &Node<'_>) -> Result<Vec<Action>> {
-    let nodes = node.array()?;
-    let mut actions = Vec::with_capacity(nodes.len());
-    for node in &nodes {
-        if actions.last() == Some(&Action::Remove) {
-            return Err(node.error("after `remove` there is nothing left to act on"));
-        }
-        actions.push(action(node)?);
-    }
-    Ok(actions)
+/// An action as a script has it.
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ActionKeys {
+    Remove,
+    KeepOnly,
+    LightsOff,
+    MakeEmissive,
+    MakeNotEmissive,
+    ScaleLight(Color),
+    TintLight(#[serde(deserialize_with = "tint")] Vec3),
+    SetRadiance(Color),
+    SetAlbedo(Albedo),
+    ScaleAlbedo(Color),
+    SwapAlbedo(#[serde(deserialize_with = "channels")] [usize; 3]),
+    Move(Array<Number, 3>),
+    Rotate(RotateKeys),
+    Scale(ScaleKeys),
+    Place(Placement),
+    Duplicate(Placement),
+    SnapToFloor(Number),
 }
 
-fn action(node: &Node<'_>) -> Result<Action> {
-    if !node.is_table() {
-        return match node.string()? {
-            "remove" => Ok(Action::Remove),
-            "keep_only" => Ok(Action::KeepOnly),
-            "lights_off" => Ok(Action::Paint(Paint::LightsOff)),
-            "make_emissive" => Ok(Action::Paint(Paint::SetEmission(1.0))),
-            "make_not_emissive" => Ok(Action::Paint(Paint::SetEmission(0.0))),
-            other => Err(node.error(format!(
-                "`{other}` is no action without a value; those are {}",
-                PLAIN.join(", ")
-            ))),
-        };
-    }
-    let (key, value) = node.table(&VALUED)?.only()?;
-    let paint = match key {
-        "scale_light" => Paint::ScaleLight(value.color()?),
-        "tint_light" => Paint::TintLight(tint(&value)?),
-        "set_radiance" => Paint::SetRadiance(value.color()?),
-        "set_albedo" => Paint::SetAlbedo(value.albedo()?),
-        "scale_albedo" => Paint::ScaleAlbedo(value.color()?),
-        "swap_albedo" => Paint::SwapAlbedo(channels(&value)?),
-        "move" => return Ok(Action::Place(Placement::by(value.vec3()?))),
-        "rotate" => {
-            let table = value.table(&["axis", "degrees", "about"])?;
-            return Ok(Action::Place(Placement {
-                rotation: table.rotation()?,
-                pivot: pivot(&table)?,
-                ..Placement::by(Vec3::ZERO)
-            }));
-        }
-        "scale" => {
-            let table = value.table(&["factor", "about"])?;
-            return Ok(Action::Place(Placement {
-                scale: table.need("factor")?.positive()?,
-                pivot: pivot(&table)?,
-                ..Placement::by(Vec3::ZERO)
-            }));
-        }
-        "place" => return whole_placement(&value).map(Action::Place),
-        "duplicate" => return whole_placement(&value).map(Action::Duplicate),
-        _ => return Ok(Action::SnapToFloor(value.number()?)),
-    };
-    Ok(Action::Paint(paint))
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RotateKeys {
+    axis: Direction,
+    degrees: Number,
+    #[serde(default)]
+    about: Pivot,
 }
 
-fn tint(node: &Node<'_>) -> Result<Vec3> {
-    let color = node.color()?;
-    if luminance(color.to_array()) <= 0.0 {
-        return Err(node.error("black has no colour to tint with"));
-    }
-    Ok(color)
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScaleKeys {
+    factor: Positive,
+    #[serde(default)]
+    about: Pivot,
 }
 
-/// "bgr" and the like: from which channel each one comes.
-fn channels(node: &Node<'_>) -> Result<[usize; 3]> {
-    let text = node.string()?;
-    let places: Vec<usize> = text.chars().filter_map(|c| "rgb".find(c)).collect();
-    let mut sorted = places.clone();
-    sorted.sort_unstable();
-    match (places.as_slice(), text.len()) {
-        (&[r, g, b], 3) if sorted == [0, 1, 2] => Ok([r, g, b]),
-        _ => Err(node.error(format!("`{text}` is no order of the letters r, g, b"))),
-    }
+/// A placement as a script has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PlacementKeys {
+    pub(super) scale: Option<Positive>,
+    pub(super) rotate: Option<Rotation>,
+    #[serde(default)]
+    pub(super) about: Pivot,
+    #[serde(rename = "move")]
+    pub(super) offset: Option<Array<Number, 3>>,
+    pub(super) to: Option<Array<Number, 3>>,
 }
 
-fn whole_placement(node: &Node<'_>) -> Result<Placement> {
-    placement(&node.table(&["scale", "rotate", "about", "move", "to"])?)
-}
-
-/// The placement that a table gives, among other things.
-pub(super) fn placement(table: &Table<'_>) -> Result<Placement> {
-    Ok(Placement {
-        scale: match table.get("scale") {
-            Some(node) => node.positive()?,
-            None => 1.0,
-        },
-        rotation: match table.get("rotate") {
-            Some(node) => node.rotation()?,
-            None => Quat::IDENTITY,
-        },
-        pivot: pivot(table)?,
-        goal: match (table.get("move"), table.get("to")) {
-            (Some(_), Some(to)) => {
-                return Err(to.error("a placement has a `move` or a `to`, not both"));
+impl<'de> Deserialize<'de> for Action {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let still = Placement::by(Vec3::ZERO);
+        Ok(Self::Paint(match ActionKeys::deserialize(deserializer)? {
+            ActionKeys::Remove => return Ok(Self::Remove),
+            ActionKeys::KeepOnly => return Ok(Self::KeepOnly),
+            ActionKeys::LightsOff => Paint::LightsOff,
+            ActionKeys::MakeEmissive => Paint::SetEmission(1.0),
+            ActionKeys::MakeNotEmissive => Paint::SetEmission(0.0),
+            ActionKeys::ScaleLight(factor) => Paint::ScaleLight(factor.0),
+            ActionKeys::TintLight(color) => Paint::TintLight(color),
+            ActionKeys::SetRadiance(radiance) => Paint::SetRadiance(radiance.0),
+            ActionKeys::SetAlbedo(albedo) => Paint::SetAlbedo(albedo.0),
+            ActionKeys::ScaleAlbedo(factor) => Paint::ScaleAlbedo(factor.0),
+            ActionKeys::SwapAlbedo(channels) => Paint::SwapAlbedo(channels),
+            ActionKeys::Move(offset) => return Ok(Self::Place(Placement::by(offset.into()))),
+            ActionKeys::Rotate(keys) => {
+                return Ok(Self::Place(Placement {
+                    rotation: Rotation::new(keys.axis, keys.degrees).into(),
+                    pivot: keys.about,
+                    ..still
+                }));
             }
-            (Some(offset), None) => Goal::By(offset.vec3()?),
-            (None, Some(point)) => Goal::To(point.vec3()?),
-            (None, None) => Goal::By(Vec3::ZERO),
-        },
+            ActionKeys::Scale(keys) => {
+                return Ok(Self::Place(Placement {
+                    scale: keys.factor.into(),
+                    pivot: keys.about,
+                    ..still
+                }));
+            }
+            ActionKeys::Place(placement) => return Ok(Self::Place(placement)),
+            ActionKeys::Duplicate(placement) => return Ok(Self::Duplicate(placement)),
+            ActionKeys::SnapToFloor(height) => return Ok(Self::SnapToFloor(height.into())),
+        }))
+    }
+}
+
+fn tint<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec3, D::Error> {
+    checked(deserializer, |Color(color)| {
+        if luminance(color.to_array()) > 0.0 {
+            Ok(color)
+        } else {
+            Err("black has no colour to tint with".to_owned())
+        }
     })
 }
 
-fn pivot(table: &Table<'_>) -> Result<Pivot> {
-    let Some(node) = table.get("about") else {
-        return Ok(Pivot::Centre);
-    };
-    match node.string() {
-        Ok("centre") => Ok(Pivot::Centre),
-        Ok("base") => Ok(Pivot::Base),
-        Ok(other) => Err(node.error(format!(
-            "`{other}` is neither centre, base nor a point [x, y, z]"
-        ))),
-        Err(_) => node.vec3().map(Pivot::Point),
+/// The channel that each one comes from, written like "bgr".
+fn channels<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 3], D::Error> {
+    checked(deserializer, |text: String| {
+        let places: Vec<usize> = text.chars().filter_map(|c| "rgb".find(c)).collect();
+        let mut sorted = places.clone();
+        sorted.sort_unstable();
+        match (places.as_slice(), text.len()) {
+            (&[r, g, b], 3) if sorted == [0, 1, 2] => Ok([r, g, b]),
+            _ => Err(format!("`{text}` is no order of the letters r, g, b")),
+        }
+    })
+}
+
+impl TryFrom<PlacementKeys> for Placement {
+    type Error = String;
+
+    fn try_from(keys: PlacementKeys) -> Result<Self, String> {
+        Ok(Self {
+            scale: keys.scale.map_or(1.0, f32::from),
+            rotation: keys.rotate.map_or(Quat::IDENTITY, Quat::from),
+            pivot: keys.about,
+            goal: match (keys.offset, keys.to) {
+                (Some(_), Some(_)) => {
+                    return Err("a placement has a `move` or a `to`, not both".to_owned());
+                }
+                (Some(offset), None) => Goal::By(offset.into()),
+                (None, Some(point)) => Goal::To(point.into()),
+                (None, None) => Goal::By(Vec3::ZERO),
+            },
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Placement {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |keys: PlacementKeys| keys.try_into())
+    }
+}
+
+impl<'de> Deserialize<'de> for Pivot {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |value: Form| match value {
+            Form::Text(name) if name == "centre" => Ok(Self::Centre),
+            Form::Text(name) if name == "base" => Ok(Self::Base),
+            Form::Numbers(point) => vec3(point).map(Self::Point),
+            other => Err(other.unfit("centre, base or a point [x, y, z]")),
+        })
     }
 }

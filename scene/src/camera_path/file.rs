@@ -2,142 +2,137 @@
 
 use super::turntable::TurntableKeys;
 use super::{
-    CameraPath, Common, DEFAULT_FPS, DEFAULT_SECONDS, NUM_FRAMES, Pace, PathOverrides, SIZE, fly,
-    turntable, view,
+    CameraPath, Common, DEFAULT_FPS, DEFAULT_SECONDS, MAX_FRAMES, MAX_SIZE, Pace, PathOverrides,
+    fly, turntable, view,
 };
 use crate::dataset::Dataset;
 use crate::error::Result;
-use crate::script::{Node, Table, Text};
-use std::path::Path;
+use crate::script::value::{Array, Number, Whole};
+use crate::script::{ScriptFile, Spanned};
+use serde::Deserialize;
 
 /// Frames a second are at most this.
 const MAX_FPS: f64 = 1000.0;
 
+/// A path as its file has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PathKeys {
+    frames: Option<Whole<1, MAX_FRAMES>>,
+    seconds: Option<Spanned<Number>>,
+    fps: Option<Spanned<Number>>,
+    size: Option<Array<Whole<1, MAX_SIZE>, 2>>,
+    fov_y: Option<Spanned<Number>>,
+    #[serde(default)]
+    ease: bool,
+    fly: Option<FlyKeys>,
+    turntable: Option<Spanned<TurntableKeys>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FlyKeys {
+    views: Spanned<Vec<Spanned<String>>>,
+    #[serde(default)]
+    closed: bool,
+    #[serde(default)]
+    pace: Pace,
+}
+
 pub(super) fn read(
-    path: &Path,
-    bytes: &[u8],
+    file: &ScriptFile,
     dataset: &Dataset,
     overrides: &PathOverrides,
 ) -> Result<CameraPath> {
-    let text = Text::new(path, bytes)?;
-    let value = text.parse()?;
-    let table = Node::root(text, &value).table(&[
-        "frames",
-        "seconds",
-        "fps",
-        "size",
-        "fov_y",
-        "ease",
-        "fly",
-        "turntable",
-    ])?;
-    let common = common(&table)?.overridden(overrides);
-    match table.one_of(&["fly", "turntable"])? {
-        ("fly", node) => read_fly(&node, dataset, &common),
-        (_, node) => {
-            let keys = turntable_keys(&node)?;
-            turntable(dataset, keys, &common).map_err(|problem| node.error(problem))
+    let keys: PathKeys = file.parse()?;
+    let common = keys.common(file)?.overridden(overrides);
+    match (keys.fly, keys.turntable) {
+        (Some(keys), None) => keys.path(file, dataset, &common),
+        (None, Some(keys)) => {
+            let span = keys.span();
+            turntable(dataset, keys.into_inner(), &common)
+                .map_err(|problem| file.error(span, problem))
+        }
+        (None, None) => {
+            let top = 0..file.text().len();
+            Err(file.error(top, "one of fly, turntable is missing"))
+        }
+        (Some(_), Some(keys)) => {
+            let problem = "`turntable` is one too many: only one of fly, turntable";
+            Err(file.error(keys.span(), problem))
         }
     }
 }
 
-fn common(table: &Table<'_>) -> Result<Common> {
-    let fps = match table.get("fps") {
-        Some(node) => match node.double()? {
-            fps if fps > 0.0 && fps <= MAX_FPS => fps,
-            fps => return Err(node.error(format!("{fps} is not above 0 and at most {MAX_FPS}"))),
-        },
-        None => DEFAULT_FPS,
-    };
-    let frames_in = |seconds: f64| (seconds * fps).round();
-    let num_frames = match (table.get("frames"), table.get("seconds")) {
-        (Some(_), Some(seconds)) => {
-            return Err(seconds.error("a path has `frames` or `seconds`, not both"));
-        }
-        (Some(frames), None) => frames.whole(NUM_FRAMES)?,
-        (None, Some(node)) => {
-            let (seconds, most) = (node.double()?, NUM_FRAMES.end());
-            let num = frames_in(seconds);
-            if !(1.0..=f64::from(*most)).contains(&num) {
-                return Err(node.error(format!(
-                    "{seconds} at {fps} frames a second are {num} frames, not 1 to {most}"
-                )));
-            }
-            num as u32
-        }
-        (None, None) => (frames_in(DEFAULT_SECONDS) as u32).max(1),
-    };
-    Ok(Common {
-        num_frames,
-        fps,
-        size: match table.get("size") {
-            Some(node) => {
-                let [width, height] = node.fixed_array()?;
-                Some((width.whole(SIZE)?, height.whole(SIZE)?))
-            }
-            None => None,
-        },
-        fov_y_rad: match table.get("fov_y") {
-            Some(node) => match node.double()? {
-                degrees if degrees > 0.0 && degrees < 180.0 => Some(degrees.to_radians()),
-                degrees => {
-                    return Err(node.error(format!("{degrees} is not between 0 and 180 degrees")));
+impl PathKeys {
+    fn common(&self, file: &ScriptFile) -> Result<Common> {
+        let within =
+            |number: &Option<Spanned<Number>>, valid: &dyn Fn(f64) -> bool, range: &str| {
+                let Some(number) = number else {
+                    return Ok(None);
+                };
+                let value = f64::from(*number.get_ref());
+                match valid(value) {
+                    true => Ok(Some(value)),
+                    false => Err(file.error(number.span(), format!("{value} is not {range}"))),
                 }
-            },
-            None => None,
-        },
-        ease: match table.get("ease") {
-            Some(node) => node.flag()?,
-            None => false,
-        },
-    })
+            };
+        let fps = within(
+            &self.fps,
+            &|fps| fps > 0.0 && fps <= MAX_FPS,
+            &format!("above 0 and at most {MAX_FPS}"),
+        )?;
+        let fps = fps.unwrap_or(DEFAULT_FPS);
+        let fov_y = within(
+            &self.fov_y,
+            &|degrees| degrees > 0.0 && degrees < 180.0,
+            "between 0 and 180 degrees",
+        )?;
+        let num_frames = match (self.frames, &self.seconds) {
+            (Some(_), Some(seconds)) => {
+                let problem = "a path has `frames` or `seconds`, not both";
+                return Err(file.error(seconds.span(), problem));
+            }
+            (Some(frames), None) => frames.into(),
+            (None, Some(seconds)) => {
+                let (span, seconds) = (seconds.span(), f64::from(*seconds.get_ref()));
+                let num = (seconds * fps).round();
+                if !(1.0..=f64::from(MAX_FRAMES)).contains(&num) {
+                    return Err(file.error(
+                        span,
+                        format!(
+                            "{seconds} at {fps} frames a second are {num} frames, not 1 to {MAX_FRAMES}"
+                        ),
+                    ));
+                }
+                num as u32
+            }
+            (None, None) => ((DEFAULT_SECONDS * fps).round() as u32).max(1),
+        };
+        Ok(Common {
+            num_frames,
+            fps,
+            size: self.size.map(|size| <[u32; 2]>::from(size).into()),
+            fov_y_rad: fov_y.map(f64::to_radians),
+            ease: self.ease,
+        })
+    }
 }
 
-fn read_fly(node: &Node<'_>, dataset: &Dataset, common: &Common) -> Result<CameraPath> {
-    let table = node.table(&["views", "closed", "pace"])?;
-    let (mut names, mut keys) = (Vec::new(), Vec::new());
-    let list = table.need("views")?;
-    for node in list.array()? {
-        let name = node.string()?;
-        keys.push(view(dataset, name).map_err(|problem| node.error(problem))?);
-        names.push(name.to_owned());
+impl FlyKeys {
+    fn path(self, file: &ScriptFile, dataset: &Dataset, common: &Common) -> Result<CameraPath> {
+        let Self {
+            views,
+            closed,
+            pace,
+        } = self;
+        let span = views.span();
+        let (mut names, mut cameras) = (Vec::new(), Vec::new());
+        for name in views.into_inner() {
+            let camera = view(dataset, name.get_ref());
+            cameras.push(camera.map_err(|problem| file.error(name.span(), problem))?);
+            names.push(name.into_inner());
+        }
+        fly(names, &cameras, closed, pace, common).map_err(|problem| file.error(span, problem))
     }
-    let closed = match table.get("closed") {
-        Some(node) => node.flag()?,
-        None => false,
-    };
-    let pace = match table.get("pace") {
-        Some(node) => match node.string()? {
-            "even" => Pace::Even,
-            "views" => Pace::Views,
-            other => return Err(node.error(format!("`{other}` is none of even, views"))),
-        },
-        None => Pace::default(),
-    };
-    fly(names, &keys, closed, pace, common).map_err(|problem| list.error(problem))
-}
-
-fn turntable_keys(node: &Node<'_>) -> Result<TurntableKeys> {
-    let table = node.table(&[
-        "centre", "radius", "height", "look_at", "up", "start", "degrees",
-    ])?;
-    let number = |key| table.get(key).map(|node| node.double()).transpose();
-    let point = |key| table.get(key).map(|node| node.dvec3()).transpose();
-    if let (Some(node), Some(radius)) = (table.get("radius"), number("radius")?)
-        && radius <= 0.0
-    {
-        return Err(node.error(format!("{radius} is not above 0")));
-    }
-    Ok(TurntableKeys {
-        centre: point("centre")?,
-        radius: number("radius")?,
-        height: number("height")?,
-        look_at: point("look_at")?,
-        up: match table.get("up") {
-            Some(node) => Some(node.string()?.parse().map_err(|e: String| node.error(e))?),
-            None => None,
-        },
-        start: number("start")?,
-        degrees: number("degrees")?,
-    })
 }

@@ -5,13 +5,13 @@ use super::rotation::{self, RotationSegment};
 use super::spline::{self, Lengths, Segment};
 use crate::camera::Camera;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Shortest leg of a flight at constant speed, relative to the longest.
 const MIN_LEG: f64 = 1e-6;
 
-/// How time passes on a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+/// Speed along a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pace {
     /// The camera moves at a constant speed.

@@ -4,7 +4,7 @@
 //! dataset unless it is told not to (`--orientation-method none --center-method none
 //! --auto-scale-poses False`).
 
-use super::{CameraPath, DEFAULT_FPS, NUM_FRAMES, PathOverrides, Route};
+use super::{CameraPath, DEFAULT_FPS, MAX_FRAMES, PathOverrides, Route};
 use crate::camera::Camera;
 use crate::dataset::{json::Object, pose};
 use crate::error::{Result, SceneError};
@@ -26,8 +26,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], overrides: &PathOverrides) -> Resu
     }
     let frames = top.objects("camera_path")?;
     let num = frames.len();
-    if num as u64 > u64::from(*NUM_FRAMES.end()) {
-        let problem = format!("{num} frames, more than {}", NUM_FRAMES.end());
+    if num as u64 > u64::from(MAX_FRAMES) {
+        let problem = format!("{num} frames, more than {MAX_FRAMES}");
         return Err(top.invalid("camera_path", problem));
     }
     if let Some(wanted) = overrides.num_frames {

@@ -391,18 +391,18 @@ fn what_cannot_be_is_refused_with_its_place() {
         (format!("fps = 0\n{fly}"), ["line 1: fps", "0"]),
         (
             format!("size = [64]\n{fly}"),
-            ["line 1: size", "1 numbers, not 2"],
+            ["line 1: size", "1 values, not 2"],
         ),
         (format!("size = [64, 0]\n{fly}"), ["line 1: size[1]", "0"]),
         (format!("fov_y = 180\n{fly}"), ["line 1: fov_y", "180"]),
         (format!("ease = 1\n{fly}"), ["line 1: ease", "integer"]),
         (
             format!("speed = 1\n{fly}"),
-            ["line 1: speed", "no such key"],
+            ["line 1: speed", "unknown field"],
         ),
         (
             format!("{fly}loop = true\n"),
-            ["line 3: fly.loop", "no such key"],
+            ["line 3: fly.loop", "unknown field"],
         ),
         (
             format!("{fly}pace = \"fast\"\n"),

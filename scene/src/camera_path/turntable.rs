@@ -2,8 +2,9 @@
 
 use crate::camera::Camera;
 use crate::dataset::UpAxis;
+use crate::script::value::{Array, Number, Parsed, Positive};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Least mean square sine of the angle between the optical axes and their common direction: within
 /// 2 degrees of each other they meet anywhere.
@@ -22,28 +23,29 @@ pub struct Turntable {
     pub radius: f64,
     /// Height of the camera above the centre, scene units.
     pub height: f64,
-    /// What it looks at, world space.
+    /// Point that it faces, world space.
     pub look_at: DVec3,
     /// Direction of the axis.
     pub up: UpAxis,
     /// Unit vector from the axis to where the camera is at 0 degrees, world space.
     pub zero: DVec3,
-    /// Where it starts, degrees.
+    /// Angle of the first frame, degrees.
     pub start: f64,
-    /// How far it turns, degrees; counter-clockwise seen from above, if positive.
+    /// Angle that it turns by, degrees; counter-clockwise seen from above if positive.
     pub degrees: f64,
 }
 
-/// What a file says about an orbit; the cameras of the dataset say the rest.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+/// An orbit as a file has it; the cameras of the dataset give the rest.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct TurntableKeys {
-    pub(super) centre: Option<DVec3>,
-    pub(super) radius: Option<f64>,
-    pub(super) height: Option<f64>,
-    pub(super) look_at: Option<DVec3>,
-    pub(super) up: Option<UpAxis>,
-    pub(super) start: Option<f64>,
-    pub(super) degrees: Option<f64>,
+    centre: Option<Array<Number, 3>>,
+    radius: Option<Positive>,
+    height: Option<Number>,
+    look_at: Option<Array<Number, 3>>,
+    up: Option<Parsed<UpAxis>>,
+    start: Option<Number>,
+    degrees: Option<Number>,
 }
 
 impl TurntableKeys {
@@ -53,10 +55,10 @@ impl TurntableKeys {
     /// In words: no centre is given and the cameras look at no common point, or the camera would
     /// look along the axis.
     pub(super) fn resolve(self, cameras: &[Camera], up: UpAxis) -> Result<Turntable, String> {
-        let up = self.up.unwrap_or(up);
+        let up = self.up.map_or(up, |up| up.0);
         let axis = up.vector().as_dvec3();
         let centre = match self.centre {
-            Some(centre) => centre,
+            Some(centre) => centre.into(),
             None => meeting_point(cameras)
                 .ok_or("the cameras of the dataset look at no common point: `centre` is needed")?,
         };
@@ -75,18 +77,19 @@ impl TurntableKeys {
             .unwrap_or_else(|| axis.any_orthonormal_vector());
         let table = Turntable {
             centre,
-            radius: self.radius.unwrap_or_else(|| {
+            radius: self.radius.map(f64::from).unwrap_or_else(|| {
                 radius_among(&level, axis, zero)
                     .unwrap_or_else(|| mean(&mut level.iter().map(|offset| offset.length())))
             }),
             height: self
                 .height
+                .map(f64::from)
                 .unwrap_or_else(|| mean(&mut offsets.iter().map(|offset| offset.dot(axis)))),
-            look_at: self.look_at.unwrap_or(centre),
+            look_at: self.look_at.map_or(centre, DVec3::from),
             up,
             zero,
-            start: self.start.unwrap_or(0.0),
-            degrees: self.degrees.unwrap_or(FULL_TURN),
+            start: self.start.map_or(0.0, f64::from),
+            degrees: self.degrees.map_or(FULL_TURN, f64::from),
         };
         // On the way around, the line of sight is closest to the axis where the point looked at is
         // closest.
@@ -105,7 +108,7 @@ impl TurntableKeys {
 }
 
 impl Turntable {
-    /// Whether it comes back to where it started.
+    /// Ends where it started.
     pub(super) fn is_closed(&self) -> bool {
         self.degrees != 0.0 && self.degrees % FULL_TURN == 0.0
     }

@@ -74,7 +74,7 @@ static PIECES: LazyLock<Pieces> = LazyLock::new(Pieces::new);
 struct Pieces {
     /// Coefficients by powers of the place within the piece, 0 to 1.
     coefficients: Vec<[f32; 4]>,
-    /// What the floor is encoded as.
+    /// Encoded value of the floor.
     floor: f32,
 }
 
@@ -86,7 +86,7 @@ impl Pieces {
     const PLACE_BITS: u32 = f32::MANTISSA_DIGITS - 1 - Self::BITS;
     /// Light whose normalised value is [`PQ_FLOOR`].
     const FLOOR: f32 = (PQ_FLOOR * PQ_PEAK_NITS / PQ_NITS_OF_ONE) as f32;
-    /// Where the pieces end: beyond what pictures hold.
+    /// End of the pieces, above any value of a picture.
     const END: f32 = 16_384.0;
 
     /// Number of the piece that holds `linear`, counted from zero light.

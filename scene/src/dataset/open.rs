@@ -15,9 +15,9 @@ use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 
-/// Where the images of a frame are, before they are looked for.
+/// Paths of the images of a frame, before they are checked.
 struct Located {
-    /// What the file calls the frame, as its split lists do.
+    /// Name of the frame in the file and its split lists.
     listed_as: String,
     name: String,
     radiance: PathBuf,
@@ -74,7 +74,7 @@ fn read(
     let mut frames = Vec::with_capacity(objects.len());
     // Of frames that cannot be used: what the lists of the file call them.
     let mut left_out = HashSet::new();
-    // What the lists of the file call the frames that can be used.
+    // Names, in the lists of the file, of the frames that can be used.
     let mut listed_names = Vec::with_capacity(objects.len());
     for (object, located) in objects.iter().zip(&located) {
         let frame = image_size(images, dialect, &top, object, located)
@@ -249,7 +249,7 @@ fn frame(
 }
 
 impl DatasetInfo {
-    /// What the top of a `transforms.json` says of the world beyond the keys of others; no lists.
+    /// Keys of our own at the top of a `transforms.json`, without its lists.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] naming the key and its value.

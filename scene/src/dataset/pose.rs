@@ -7,10 +7,10 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde_json::{Value, json};
 
 const KEY: &str = "transform_matrix";
-/// How far the columns of a rotation may be from orthonormal: files hold single precision or a few
+/// Tolerance for columns of a rotation that are not orthonormal: files hold single precision or a few
 /// decimals.
 const MAX_ROTATION_ERROR: f64 = 1e-3;
-/// How far the last row may be from 0 0 0 1.
+/// Tolerance for a last row other than 0 0 0 1.
 const MAX_LAST_ROW_ERROR: f64 = 1e-6;
 /// Below this determinant, relative to the lengths of the columns, the columns lie in a plane.
 const MIN_DETERMINANT: f64 = 1e-6;
@@ -57,7 +57,7 @@ pub fn read(frame: &Object<'_>) -> Result<DAffine3> {
 /// The pose with OpenCV axes of a row-major camera-to-world matrix with OpenGL axes.
 ///
 /// # Errors
-/// What is wrong with it: a last row other than 0 0 0 1, or columns that are no rotation.
+/// The problem with it, if any: a last row other than 0 0 0 1, or columns that are no rotation.
 pub fn from_rows(matrix: &[[f64; 4]; 4]) -> std::result::Result<DAffine3, String> {
     let last = matrix[3];
     if last
@@ -98,7 +98,7 @@ fn flip_axes(world_from_camera: DMat3) -> DMat3 {
 /// Whether columns are a rotation up to rounding.
 ///
 /// # Errors
-/// What is wrong: singular, mirrored, or not orthonormal.
+/// The problem, if any: singular, mirrored, or not orthonormal.
 pub fn check_rotation(m: DMat3) -> std::result::Result<(), String> {
     let lengths = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
     let determinant = m.determinant();

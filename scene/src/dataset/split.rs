@@ -1,4 +1,4 @@
-//! Which views train and which test.
+//! Division of views into those for training and those for tests.
 
 use super::{Dataset, ListedSplit};
 use crate::error::{Result, SceneError};
@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use std::fmt;
 use std::path::Path;
 
-/// How frames are divided.
+/// Division of frames.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
 )]
@@ -61,7 +61,7 @@ pub struct Split {
     pub train: Vec<usize>,
     /// Indices of the test views, ascending but for listed ones.
     pub test: Vec<usize>,
-    /// What a reader of results has to know, as test views that are trained on.
+    /// Note for readers of results, as test views that are trained on.
     pub warnings: Vec<String>,
 }
 

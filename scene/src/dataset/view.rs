@@ -8,8 +8,8 @@ use crate::image::Image;
 use glam::Vec3;
 use std::path::Path;
 
-/// How far masks may leave 0 to 1 and be clamped: half precision and resampling overshoot this
-/// much.
+/// Tolerance beyond 0 to 1 within which masks are clamped: the overshoot of half precision and
+/// resampling.
 const MASK_TOLERANCE: f32 = 1e-3;
 /// Normals shorter than this are taken as unknown.
 const MIN_NORMAL_LENGTH: f32 = 1e-3;

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-/// What a dataset records beside its cameras and images.
+/// Properties of a dataset beside its cameras and images.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DatasetInfo {
     /// The world's up axis, if known.

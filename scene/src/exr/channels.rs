@@ -1,4 +1,4 @@
-//! Which channels of an EXR file hold the colour or the value that is asked for.
+//! Selection of the channels of an EXR file that hold a colour or a value.
 
 use crate::error::{Result, SceneError};
 use ::exr::meta::header::Header;

@@ -146,7 +146,7 @@ fn window_size(path: &Path, header: &Header) -> Result<(u32, u32)> {
     ))
 }
 
-/// What the decoder cannot do, and sizes that the bytes of the file cannot bear out, before
+/// Refuses features that the decoder lacks, and sizes that the file is too short for, before
 /// anything is allocated.
 fn check_header(path: &Path, header: &Header, num_file_bytes: u64) -> Result<()> {
     if header.deep {

@@ -8,7 +8,7 @@ use super::profile::Shape;
 use glam::{DMat2, DVec2};
 use std::f64::consts::PI;
 
-/// Where decentring and prisms are evaluated.
+/// Point at which decentring and prisms are evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
     /// At the undistorted point, as OpenCV does.
@@ -188,7 +188,7 @@ impl Distortion {
                 }
             }
         };
-        // Where the image is turned over it is seen a second time.
+        // A folded image shows the same ray twice.
         (moved.jacobian.determinant() > 0.0).then_some(moved)
     }
 

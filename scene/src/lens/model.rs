@@ -50,7 +50,7 @@ pub enum LensModel {
     Equirectangular,
 }
 
-struct Row {
+struct ModelRow {
     model: LensModel,
     name: &'static str,
     params: &'static [&'static str],
@@ -61,7 +61,7 @@ struct Row {
 
 use LensModel as M;
 #[rustfmt::skip]
-const TABLE: [Row; 18] = [
+const TABLE: [ModelRow; 18] = [
     row(M::SimplePinhole, "SIMPLE_PINHOLE", &["f", "cx", "cy"], Profile::Perspective, M::Pinhole),
     row(M::Pinhole, "PINHOLE", &["fx", "fy", "cx", "cy"], Profile::Perspective, M::Pinhole),
     row(M::SimpleRadial, "SIMPLE_RADIAL", &["f", "cx", "cy", "k1"], Profile::Perspective, M::OpenCv),
@@ -88,8 +88,8 @@ const fn row(
     params: &'static [&'static str],
     profile: Profile,
     two_focals: LensModel,
-) -> Row {
-    Row {
+) -> ModelRow {
+    ModelRow {
         model,
         name,
         params,
@@ -134,7 +134,7 @@ impl LensModel {
         self.row().profile
     }
 
-    fn row(self) -> &'static Row {
+    fn row(self) -> &'static ModelRow {
         &TABLE[self as usize]
     }
 }

@@ -1,5 +1,5 @@
-//! How the angle off the optical axis becomes a distance in the image plane, before distortion: the
-//! closed-form part of a lens.
+//! Projection profiles: from the angle off the optical axis to the distance in the image plane,
+//! before distortion. The closed-form part of a lens.
 //!
 //! Points of the plane are in focal lengths. All profiles agree with the pinhole near the axis, but
 //! for [`Profile::Fov`], whose scale there is 2 tan(ω/2) / ω, and [`Profile::Equirectangular`],
@@ -39,7 +39,7 @@ pub(super) struct Shape {
 const MIN_OMEGA: f64 = 1e-9;
 
 impl Shape {
-    /// What is wrong with the parameters.
+    /// The problem with the parameters, if any.
     pub(super) fn problem(&self) -> Option<String> {
         let [a, b] = self.params;
         match self.profile {

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 /// Samples along an axis of a pixel that covers more of the source than this many pixels are no
 /// closer together.
 const MAX_SAMPLES: u32 = 8;
-/// How many source pixels a target pixel may cover, along an axis, before more than one sample is
-/// taken: the filter is soft enough.
+/// Source pixels that a target pixel may cover, along an axis, before more than one sample is
+/// taken: up to there the filter is soft enough.
 const MAX_SHRINK: f64 = 1.25;
 
 /// A resampled image and where it is known.

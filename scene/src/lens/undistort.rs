@@ -6,7 +6,7 @@ use crate::image::Image;
 use glam::{DAffine3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// What the pinhole image shows of the lens's.
+/// Part of the lens's image that the pinhole image shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -69,13 +69,13 @@ impl Pinhole {
     }
 }
 
-/// How to choose a pinhole camera for a lens.
+/// Choice of a pinhole camera for a lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct UndistortOptions {
     /// This one, whatever else is said; pixels the lens does not show are unknown.
     pub pinhole: Option<Pinhole>,
-    /// What the pinhole image shows.
+    /// Part of the image to show.
     pub field: Field,
     /// Largest angle of view, degrees across the image in either direction, above 0 and at most
     /// 170: fisheye lenses show more than a plane can.
@@ -121,7 +121,7 @@ pub struct Undistortion {
     pinhole: Camera,
 }
 
-/// Positions along an edge of the image that are looked at; finer than any lens bends within a
+/// Positions along an edge of the image that are tested; finer than any lens bends within a
 /// pixel of its size.
 const NUM_EDGE_POINTS: u32 = 512;
 
@@ -182,7 +182,7 @@ impl Undistortion {
             ));
         }
         (pinhole.width, pinhole.height) = (whole.x as u32, whole.y as u32);
-        // What rounding takes or adds is the same on both sides.
+        // Rounding changes both sides alike.
         let principal = -bounds.low * focal + 0.5 * (whole - size);
         (pinhole.cx, pinhole.cy) = (principal.x, principal.y);
         Ok(done(pinhole))
@@ -232,8 +232,8 @@ impl Undistortion {
         Ok(Self { pinhole, ..*self })
     }
 
-    /// Where the lens's image has what the pinhole image has at a position, pixels; `None` where
-    /// the lens shows nothing.
+    /// Position in the lens's image of a position in the pinhole image, pixels; `None` outside
+    /// of the lens's field.
     pub fn source_from_target(&self, pixel: DVec2) -> Option<DVec2> {
         self.lens.project(pinhole_direction(&self.pinhole, pixel))
     }
@@ -284,8 +284,8 @@ impl Undistortion {
     }
 }
 
-/// What `lens` would have taken where `camera` took `image`: the opposite of
-/// [`Undistortion::apply`], for cameras that exist only in a computer. The pose does not matter.
+/// The image that `lens` would have taken instead of the `image` of `camera`: the inverse of
+/// [`Undistortion::apply`], for simulated cameras. The pose does not matter.
 ///
 /// # Errors
 /// If the image has not the camera's size.
@@ -318,7 +318,7 @@ fn pinhole_direction(camera: &Camera, pixel: DVec2) -> DVec3 {
     plane.extend(1.0)
 }
 
-/// Where the optical axis is in the image, and pixels a radian there.
+/// The optical axis in the image, and pixels a radian there.
 fn axis(lens: &Lens) -> Option<(DVec2, DVec2)> {
     // Central differences of an even function: an error of the order of 1e-8.
     const STEP: f64 = 1e-4;

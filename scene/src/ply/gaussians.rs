@@ -64,8 +64,8 @@ const HARMONICS: [&str; NUM_COEFFICIENTS] = [
     "harmonics_23",
 ];
 
-/// How far opacity, emission and albedo may leave 0 to 1 and be clamped: the noise of other
-/// programs' rounding.
+/// Tolerance beyond 0 to 1 within which opacity, emission and albedo are clamped: rounding in other
+/// programs.
 const UNIT_TOLERANCE: f32 = 1e-4;
 /// Quaternions nearer than this to unit length stay as they are, so that a file is written as it
 /// was read; single precision normalises to within 2e-7.

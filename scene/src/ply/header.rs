@@ -7,7 +7,7 @@ use std::path::Path;
 /// tenth.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// How values are stored after the header.
+/// Encoding of the values after the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -56,7 +56,7 @@ impl Scalar {
 
 /// One value of a row, or a list of them with its count in front.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PropertyType {
     Single(Scalar),
     List { count: Scalar, item: Scalar },
 }
@@ -65,7 +65,7 @@ pub(super) enum Kind {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Property {
     pub(super) name: String,
-    pub(super) kind: Kind,
+    pub(super) kind: PropertyType,
 }
 
 /// A table of the file: `count` rows of `properties`.
@@ -82,8 +82,8 @@ impl Element {
         self.properties
             .iter()
             .map(|property| match property.kind {
-                Kind::Single(scalar) => scalar.size(),
-                Kind::List { count, .. } => count.size(),
+                PropertyType::Single(scalar) => scalar.size(),
+                PropertyType::List { count, .. } => count.size(),
             })
             .sum()
     }
@@ -92,16 +92,16 @@ impl Element {
     pub(super) fn has_fixed_rows(&self) -> bool {
         self.properties
             .iter()
-            .all(|property| matches!(property.kind, Kind::Single(_)))
+            .all(|property| matches!(property.kind, PropertyType::Single(_)))
     }
 }
 
-/// What stands before the values.
+/// The header of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Where the values begin, bytes from the start of the file.
+    /// Offset of the values, bytes from the start of the file.
     pub(super) num_bytes: usize,
 }
 
@@ -177,16 +177,16 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
     })
 }
 
-fn property<'a>(words: &[&'a str]) -> Option<(&'a str, Kind)> {
+fn property<'a>(words: &[&'a str]) -> Option<(&'a str, PropertyType)> {
     match words {
         ["list", count, item, name] => Some((
             name,
-            Kind::List {
+            PropertyType::List {
                 count: Scalar::parse(count)?,
                 item: Scalar::parse(item)?,
             },
         )),
-        [scalar, name] => Some((name, Kind::Single(Scalar::parse(scalar)?))),
+        [scalar, name] => Some((name, PropertyType::Single(Scalar::parse(scalar)?))),
         _ => None,
     }
 }

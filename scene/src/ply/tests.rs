@@ -219,7 +219,7 @@ fn impossible_values_are_named() {
         let mut row = good;
         row[property] = value;
         assert_error(parse(&ascii(row)), &[wanted]);
-        // What is not read is not written either.
+        // Properties that are not read are not written either.
         let mut gaussians = Gaussians::default();
         gaussians.push(row_to_gaussian(row));
         let dir = tempfile::tempdir().unwrap();
@@ -353,7 +353,7 @@ fn headers_are_not_believed() {
 fn a_missing_property_is_named_with_those_found() {
     let bytes = written(&sample(2));
     let text = String::from_utf8_lossy(&bytes).replace("emissives", "emission");
-    // The rows hold no valid UTF-8, but the header is what is looked at first.
+    // The rows hold no valid UTF-8, but the header is checked first.
     assert_error(
         parse(text.as_bytes()),
         &[

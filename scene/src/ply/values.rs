@@ -1,6 +1,6 @@
 //! The values of a PLY file: chosen properties of the `vertex` element, row by row.
 
-use super::header::{self, Element, Encoding, Header, Kind, Scalar};
+use super::header::{self, Element, Encoding, Header, PropertyType, Scalar};
 use crate::error::{Result, SceneError};
 use std::path::Path;
 
@@ -12,7 +12,7 @@ pub(super) struct Vertices<'a> {
     vertex_index: usize,
 }
 
-/// Where a wanted property stands: its index among the properties of a row, and its type.
+/// A property to read: its index among the properties of a row, and its type.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Column {
     index: usize,
@@ -79,7 +79,7 @@ impl<'a> Vertices<'a> {
         let properties = self.vertex().properties.iter();
         properties.enumerate().find_map(|(index, property)| {
             match (property.name == name, &property.kind) {
-                (true, Kind::Single(scalar)) => Some(Column {
+                (true, PropertyType::Single(scalar)) => Some(Column {
                     index,
                     scalar: *scalar,
                 }),
@@ -160,7 +160,7 @@ impl<'a> Vertices<'a> {
             let mut offset = 0;
             for (slot, property) in offsets.iter_mut().zip(&vertex.properties) {
                 *slot = offset;
-                if let Kind::Single(scalar) = property.kind {
+                if let PropertyType::Single(scalar) = property.kind {
                     offset += scalar.size();
                 }
             }
@@ -227,7 +227,7 @@ impl<'a> Vertices<'a> {
                         })
                     };
                     *slot = next()?;
-                    if let Kind::List { .. } = property.kind {
+                    if let PropertyType::List { .. } = property.kind {
                         // A count beyond the end of the text stops at the end of the text.
                         for _ in 0..*slot as u64 {
                             next()?;
@@ -243,7 +243,7 @@ impl<'a> Vertices<'a> {
     }
 }
 
-/// What is left of the binary values.
+/// The binary values that are not read yet.
 struct Binary<'a, const BIG: bool> {
     rest: &'a [u8],
 }
@@ -263,8 +263,8 @@ impl<'a, const BIG: bool> Binary<'a, BIG> {
     fn read_row(&mut self, element: &Element, row: &mut [f64]) -> Option<()> {
         for (slot, property) in row.iter_mut().zip(&element.properties) {
             match property.kind {
-                Kind::Single(scalar) => *slot = self.read(scalar)?,
-                Kind::List { count, item } => {
+                PropertyType::Single(scalar) => *slot = self.read(scalar)?,
+                PropertyType::List { count, item } => {
                     let num_items = self.read(count)? as usize;
                     self.take(num_items.checked_mul(item.size())?)?;
                 }

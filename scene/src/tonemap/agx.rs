@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 const LOG2_GREY: f32 = -2.473_931_2;
 const FIRST_STOP: f32 = LOG2_GREY - 10.0;
 const LAST_STOP: f32 = LOG2_GREY + 6.5;
-/// Where middle grey is on the scale of stops, and what is shown of it, display-encoded.
+/// Middle grey on the scale of stops, and its displayed value, display-encoded.
 const PIVOT: [f32; 2] = [10.0 / 16.5, 0.5];
 const SLOPE: f32 = 2.0;
 const TOE_POWER: f32 = 3.0;
@@ -45,7 +45,7 @@ fn sigmoid(x: f32) -> f32 {
     } else {
         (1.0 - px, 1.0 - py, SHOULDER_POWER)
     };
-    // How far the straight line would go beyond the end decides how much it has to bend.
+    // The overshoot of the straight line at the end gives the curvature.
     let bend = (SLOPE * width / height).powf(power) - 1.0;
     let along = (x - px).abs() / width;
     let rise = SLOPE * (x - px) / (1.0 + bend * along.powf(power)).powf(1.0 / power);

@@ -1,6 +1,6 @@
 //! Names and places of files, and what is true of them.
 
-use super::{Job, Parts, SynthOptions};
+use super::{Parts, Simulation, SynthOptions};
 use crate::error::Result;
 use crate::script::SceneScript;
 use eagpt_colmap::model::Similarity;
@@ -83,7 +83,7 @@ pub fn outputs(script: &SceneScript, options: &SynthOptions) -> Vec<PathBuf> {
 
 /// Writes what is true of the capture.
 pub(super) fn write_truth(
-    job: &Job<'_>,
+    job: &Simulation<'_>,
     lens: Option<&Lens>,
     model_from_world: Option<Similarity>,
 ) -> Result<()> {

@@ -1,7 +1,7 @@
 //! The COLMAP model that a reconstruction of the capture would have given: in a frame of its own, a
 //! little off.
 
-use super::Job;
+use super::Simulation;
 use super::layout::position_name;
 use crate::error::{Result, SynthError};
 use crate::photograph::Photograph;
@@ -47,7 +47,7 @@ pub(super) struct ModelSource {
 }
 
 impl ModelSource {
-    pub(super) fn new(job: &Job<'_>, lens: Lens) -> Self {
+    pub(super) fn new(job: &Simulation<'_>, lens: Lens) -> Self {
         let key = RandomKey::new(job.options.seed, Purpose::Capture, u32::MAX - 1);
         let images = (0..).zip(&job.cameras).map(|(index, camera)| {
             let mut random = key.stream(index, 1);
@@ -75,7 +75,7 @@ impl ModelSource {
     }
 
     /// Begins points at features of a view and looks for them in all others.
-    pub(super) fn look(&mut self, job: &Job<'_>, index: usize, photograph: &Photograph) {
+    pub(super) fn look(&mut self, job: &Simulation<'_>, index: usize, photograph: &Photograph) {
         let camera = &job.cameras[index];
         let picture = photograph.fine(0);
         for point in 0..POINTS_OF_VIEW {
@@ -113,7 +113,7 @@ impl ModelSource {
         }
     }
 
-    /// Where a camera would see a point of the room.
+    /// Projection of a point of the room into a camera.
     fn feature(&self, camera: &Camera, position: Vec3) -> Option<DVec2> {
         let at = camera
             .world_from_camera
@@ -160,7 +160,7 @@ impl ModelSource {
     }
 
     /// Writes the model in its own frame, and returns the transform that takes it there.
-    pub(super) fn write(self, job: &Job<'_>) -> Result<Similarity> {
+    pub(super) fn write(self, job: &Simulation<'_>) -> Result<Similarity> {
         let mut random = self.key.stream(0, 0);
         let mut params = self.lens.params().to_vec();
         let [a, b, c] = normals(&mut random).to_array();

@@ -2,7 +2,7 @@
 //! room.
 //!
 //! Cells are some centimetres wide. From each, rays go out once and remember the cell they meet;
-//! light then travels along these links, bounce after bounce, in all conditions (the progressive
+//! light then travels along these transport matrix entries, bounce after bounce, in all conditions (the progressive
 //! form of radiosity, gathered by Monte Carlo). The result is read where a ray from a pixel's
 //! surface ends, never at the pixel itself, so that the grid does not show.
 
@@ -20,10 +20,10 @@ const MAX_CELLS: f32 = 96.0;
 const MAX_BURIED: f32 = 0.75;
 /// Bounces that light is followed over; albedos of 0.8 leave 1 % of the light after as many.
 const NUM_SWEEPS: usize = 24;
-/// A link to nothing.
+/// Entry of a direction that meets no cell.
 const NOWHERE: u32 = u32::MAX;
 
-/// How the light of a room is solved.
+/// Settings of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CacheOptions {
     /// Width of a cell, metres.
@@ -62,11 +62,11 @@ struct Grid {
     first_cell: u32,
 }
 
-/// What is known of a cell before light travels.
+/// Geometry and direct light of a cell.
 struct Cell {
     albedo: Vec3,
     direct: [Vec3; MAX_CONDITIONS],
-    links: Vec<u32>,
+    entries: Vec<u32>,
 }
 
 impl Cache {
@@ -117,7 +117,7 @@ impl Cache {
     }
 
     /// Irradiance over π at a point.
-    pub fn arriving(&self, condition: usize, hit: &Hit) -> Vec3 {
+    pub fn irradiance(&self, condition: usize, hit: &Hit) -> Vec3 {
         self.light
             .get(condition)
             .and_then(|light| light.get(self.cell(hit)? as usize))
@@ -159,7 +159,7 @@ impl Cache {
         };
         let conditions = 0..room.num_conditions();
         let (mut albedo, mut direct) = (Vec3::ZERO, [Vec3::ZERO; MAX_CONDITIONS]);
-        let (mut links, mut num_buried) = (Vec::new(), 0);
+        let (mut entries, mut num_buried) = (Vec::new(), 0);
         for sample in 0..options.num_links {
             let [a, b, c, d] = points.block(sample, 0);
             let (st, at) = start(a, b);
@@ -176,14 +176,14 @@ impl Cache {
                             direct[condition] += emitted * (weight / options.num_links as f32);
                         }
                     }
-                    links.push(self.cell(&hit).unwrap_or(NOWHERE));
+                    entries.push(self.cell(&hit).unwrap_or(NOWHERE));
                 }
-                None => links.push(NOWHERE),
+                None => entries.push(NOWHERE),
             }
         }
         let open = 1.0 - num_buried as f32 / options.num_links as f32;
         if open < 1.0 - MAX_BURIED {
-            links.clear();
+            entries.clear();
             direct = [Vec3::ZERO; MAX_CONDITIONS];
         } else {
             for condition in conditions {
@@ -196,20 +196,20 @@ impl Cache {
                     let light = lighting.direct(condition, &at, Vec3::new(a, b, c));
                     direct[condition] += light / options.num_direct as f32;
                 }
-                // Places inside of something are as buried for shadow rays as they are for links.
+                // Places inside of something are buried for shadow rays as well.
                 direct[condition] /= open;
             }
         }
         Cell {
             albedo: albedo / options.num_links as f32,
             direct,
-            links,
+            entries,
         }
     }
 
     /// Light of one condition after all bounces.
     fn travel(&self, room: &Room, condition: usize, cells: &[Cell]) -> Vec<Vec3> {
-        // What shines reflects nothing, and its own light has been counted as direct.
+        // Emitters reflect nothing, and their light has been counted as direct.
         let mut albedos: Vec<Vec3> = cells.iter().map(|cell| cell.albedo).collect();
         for grid in &self.grids {
             if room.emitted_in(condition, grid.surface, grid.face) != Vec3::ZERO {
@@ -223,9 +223,9 @@ impl Cache {
             light = cells
                 .par_iter()
                 .map(|cell| {
-                    let linked = cell.links.iter().filter(|link| **link != NOWHERE);
-                    let sum: Vec3 = linked.map(|&link| reflected[link as usize]).sum();
-                    cell.direct[condition] + sum / cell.links.len().max(1) as f32
+                    let lit = cell.entries.iter().filter(|entry| **entry != NOWHERE);
+                    let sum: Vec3 = lit.map(|&entry| reflected[entry as usize]).sum();
+                    cell.direct[condition] + sum / cell.entries.len().max(1) as f32
                 })
                 .collect();
         }

@@ -24,12 +24,12 @@ struct Emitter {
     centre: Vec3,
     /// Nothing of it is farther from its centre than this.
     reach: f32,
-    kind: Kind,
+    kind: EmitterShape,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
-    /// Shines to one side of the plane through its centre, which this normal points to.
+enum EmitterShape {
+    /// Emits to one side of the plane through its centre, which this normal points to.
     Flat(Vec3),
     Ball(Ball),
     /// The outside of a drum.
@@ -70,7 +70,7 @@ impl Receiver {
 }
 
 impl Emitters {
-    /// What shines in a condition.
+    /// Emitters of a condition.
     pub fn new(room: &Room, condition: usize) -> Self {
         let mut all = Vec::new();
         let mut of_surface = Vec::with_capacity(room.surfaces().len());
@@ -153,14 +153,14 @@ impl Emitters {
 }
 
 impl Emitter {
-    /// About the light that arrives at a point, were nothing in between; 0 only where none can.
+    /// Approximate irradiance at a point without occlusion; 0 only where there can be none.
     #[inline]
     fn weight(&self, receiver: &Receiver) -> f32 {
         let offset = receiver.position - self.centre;
         let distance2 = offset.length_squared();
         let distance = distance2.sqrt();
         let seen = match &self.kind {
-            Kind::Flat(normal) => {
+            EmitterShape::Flat(normal) => {
                 let height = offset.dot(*normal);
                 if height <= 0.0 {
                     return 0.0;
@@ -168,14 +168,14 @@ impl Emitter {
                 // Close by, the middle says little of the rest.
                 self.area * (height / distance).max(0.2)
             }
-            Kind::Ball(_) => 0.25 * self.area,
-            Kind::Mantle(drum) => {
+            EmitterShape::Ball(_) => 0.25 * self.area,
+            EmitterShape::Mantle(drum) => {
                 let along = drum.axes.z_axis.dot(offset) / distance;
                 self.area / PI * (1.0 - along * along).max(0.04).sqrt()
             }
-            Kind::Other => 0.5 * self.area,
+            EmitterShape::Other => 0.5 * self.area,
         };
-        // Of a light whose sphere lies half below the horizon only a part arrives; of one wholly
+        // Of a light whose sphere lies half below the horizon only a part is received; of one wholly
         // below nothing does.
         let cosine = -receiver.normal.dot(offset) / distance;
         let above = (cosine + self.reach / distance).clamp(0.0, 1.0);
@@ -183,7 +183,7 @@ impl Emitter {
     }
 
     fn sample(&self, room: &Room, position: Vec3, uniform: Vec2) -> Option<LightSample> {
-        if let Kind::Ball(ball) = self.kind
+        if let EmitterShape::Ball(ball) = self.kind
             && let Some(cone) = Cone::of(&ball, position)
         {
             let direction = cone.direction(uniform);
@@ -198,7 +198,7 @@ impl Emitter {
         }
         let shape = &room.surfaces()[self.surface as usize].shape;
         let (uniform, share) = match &self.kind {
-            Kind::Mantle(drum) => {
+            EmitterShape::Mantle(drum) => {
                 let arc = Arc::of(drum, position);
                 (uniform.with_x(arc.turn(uniform.x)), arc.share)
             }
@@ -218,7 +218,7 @@ impl Emitter {
     }
 
     fn pdf(&self, position: Vec3, hit: &Hit) -> f32 {
-        if let Kind::Ball(ball) = &self.kind
+        if let EmitterShape::Ball(ball) = &self.kind
             && let Some(cone) = Cone::of(ball, position)
         {
             return cone.pdf();
@@ -230,7 +230,7 @@ impl Emitter {
             return 0.0;
         }
         let share = match &self.kind {
-            Kind::Mantle(drum) => {
+            EmitterShape::Mantle(drum) => {
                 let arc = Arc::of(drum, position);
                 if !arc.contains(hit.st.x) {
                     return 0.0;
@@ -332,12 +332,12 @@ fn centre(shape: &Shape, face: u32) -> Vec3 {
     }
 }
 
-fn kind(shape: &Shape, face: u32) -> Kind {
+fn kind(shape: &Shape, face: u32) -> EmitterShape {
     match shape {
-        Shape::Ball(ball) => Kind::Ball(*ball),
-        Shape::Drum(drum) if face == 0 => Kind::Mantle(*drum),
-        Shape::Drum(_) if face == 1 => Kind::Other,
-        _ => Kind::Flat(shape.point(face, Vec2::splat(0.5)).normal),
+        Shape::Ball(ball) => EmitterShape::Ball(*ball),
+        Shape::Drum(drum) if face == 0 => EmitterShape::Mantle(*drum),
+        Shape::Drum(_) if face == 1 => EmitterShape::Other,
+        _ => EmitterShape::Flat(shape.point(face, Vec2::splat(0.5)).normal),
     }
 }
 

@@ -15,7 +15,7 @@ pub const MAX_BOUNCES: u32 = 32;
 /// Fours of numbers for each bounce.
 const BLOCKS: u32 = 2;
 
-/// What light is computed from.
+/// Inputs of light transport.
 #[derive(Debug, Clone)]
 pub struct Lighting<'a> {
     /// The room.
@@ -40,22 +40,22 @@ impl<'a> Lighting<'a> {
     /// One sample of the light that reaches a white surface at `hit` and leaves it by diffuse
     /// reflection, in each condition: irradiance over π. `block` is the first unused four of
     /// `points`; at most `max_bounces` surfaces reflect.
-    pub fn arriving(&self, hit: &Hit, points: &Points, draw: Draw) -> PerCondition {
+    pub fn irradiance(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
         let mut total = [Vec3::ZERO; MAX_CONDITIONS];
         let mut throughput = Vec3::ONE;
         let num = self.emitters.len();
         let mut is_on = [true; MAX_CONDITIONS];
         let mut at = Receiver::of(hit);
-        for bounce in 0..draw.max_bounces {
-            let block = draw.block + BLOCKS * bounce;
-            let [a, b, c, roulette] = points.block(draw.sample, block);
+        for bounce in 0..path.max_bounces {
+            let block = path.block + BLOCKS * bounce;
+            let [a, b, c, roulette] = points.block(path.sample, block);
             for condition in 0..num {
                 if is_on[condition] {
                     let uniform = Vec3::new(a, b, c);
                     total[condition] += throughput * self.direct(condition, &at, uniform);
                 }
             }
-            let [a, b, ..] = points.block(draw.sample, block + 1);
+            let [a, b, ..] = points.block(path.sample, block + 1);
             let direction = cosine_direction(at.normal, Vec2::new(a, b));
             let Some(next) = self.room.meet(at.position, direction) else {
                 break;
@@ -76,7 +76,7 @@ impl<'a> Lighting<'a> {
             if let Some(cache) = &self.cache {
                 for condition in 0..num {
                     if is_on[condition] {
-                        total[condition] += throughput * cache.arriving(condition, &next);
+                        total[condition] += throughput * cache.irradiance(condition, &next);
                     }
                 }
                 break;
@@ -121,12 +121,12 @@ impl<'a> Lighting<'a> {
 
     /// Light that a point seen along `direction` sends back: what it emits, and one sample of what
     /// it reflects diffusely.
-    pub fn leaving(&self, hit: &Hit, points: &Points, draw: Draw) -> PerCondition {
+    pub fn reflected(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
         let albedo = self.room.albedo(hit.surface, hit.face, hit.st);
         let emitted = self.room.emitted(hit.surface, hit.face);
         let mut light = match &self.cache {
-            Some(cache) => std::array::from_fn(|c| cache.arriving(c, hit)),
-            None => self.arriving(hit, points, draw),
+            Some(cache) => std::array::from_fn(|c| cache.irradiance(c, hit)),
+            None => self.irradiance(hit, points, path),
         };
         for (condition, light) in light.iter_mut().enumerate() {
             let own = emitted.map_or(Vec3::ZERO, |e| e[condition]);
@@ -140,9 +140,9 @@ impl<'a> Lighting<'a> {
     }
 }
 
-/// Which numbers a sample takes, and how far it goes.
+/// Random numbers and path depth of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Draw {
+pub struct PathSample {
     /// Number of the sample.
     pub sample: u32,
     /// First four of numbers.

@@ -2,7 +2,7 @@
 
 use super::{SampleNoise, Sampling};
 use crate::light::Lighting;
-use crate::light::path::{Draw, MAX_BOUNCES, mirrored};
+use crate::light::path::{MAX_BOUNCES, PathSample, mirrored};
 use crate::light::points::Points;
 use crate::room::{Gloss, Hit, LIFT, MAX_CONDITIONS, PerCondition};
 use eagpt_denoise::{Frame, filter};
@@ -31,7 +31,7 @@ pub(super) struct Exposure<'a> {
     pub(super) pixels: Vec<Pixel>,
 }
 
-/// What was sampled of a pixel.
+/// Samples of a pixel.
 pub(super) struct Pixel {
     cells: Vec<[Cell; MAX_CONDITIONS]>,
     pub(super) sums: [Sums; MAX_CONDITIONS],
@@ -40,7 +40,7 @@ pub(super) struct Pixel {
 /// Means over a cell, in one condition.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
-    /// Light that shines or is mirrored.
+    /// Emitted or mirrored light.
     exact: Vec3,
     /// Light that is reflected diffusely.
     reflected: Vec3,
@@ -134,8 +134,8 @@ pub(super) fn expose(
             let Some(hit) = lighting.room.meet(frame.origin, direction) else {
                 continue;
             };
-            let draw = (sample, Vec2::new(c, d));
-            let seen = look(lighting, (direction, &hit), points, draw);
+            let place = (sample, Vec2::new(c, d));
+            let seen = look(lighting, (direction, &hit), points, place);
             for condition in 0..num_conditions {
                 let (cell, sums) = (&mut means[condition], &mut sums[condition]);
                 seen.add_to(condition, &hit, (cell, sums));
@@ -158,7 +158,7 @@ pub(super) fn expose(
 /// One sample of what leaves a surface.
 struct Seen {
     emitted: Option<PerCondition>,
-    arriving: PerCondition,
+    irradiance: PerCondition,
     albedo: Vec3,
     coat: Option<(f32, PerCondition)>,
 }
@@ -170,7 +170,7 @@ fn look(
     (sample, uniform): (u32, Vec2),
 ) -> Seen {
     let room = lighting.room;
-    let draw = Draw {
+    let path = PathSample {
         sample,
         block: 1,
         max_bounces: MAX_BOUNCES,
@@ -178,7 +178,7 @@ fn look(
     let gloss = room.material(hit.surface).gloss;
     Seen {
         emitted: room.emitted(hit.surface, hit.face).copied(),
-        arriving: lighting.arriving(hit, points, draw),
+        irradiance: lighting.irradiance(hit, points, path),
         albedo: room.albedo(hit.surface, hit.face, hit.st),
         coat: gloss.map(|gloss| {
             let sample = (sample, uniform);
@@ -198,19 +198,19 @@ impl Seen {
         let (share, mirrored) = self.coat.map_or((0.0, Vec3::ZERO), |(share, light)| {
             (share, light[condition] * share)
         });
-        // What the coat mirrors does not reach the colour beneath.
+        // Light that the coat mirrors does not reach the colour beneath.
         let albedo = self.albedo * (1.0 - share);
-        let arriving = self.arriving[condition];
+        let irradiance = self.irradiance[condition];
         cell.exact += mirrored;
-        cell.reflected += albedo * arriving;
+        cell.reflected += albedo * irradiance;
         cell.albedo += albedo;
         sums.exact += mirrored;
-        sums.reflected += albedo * arriving;
+        sums.reflected += albedo * irradiance;
         sums.albedo += albedo;
         sums.normal += hit.normal;
         sums.position += hit.position;
         sums.coverage += 1.0;
-        sums.second_moment += luminance(arriving.to_array()).powi(2);
+        sums.second_moment += luminance(irradiance.to_array()).powi(2);
     }
 }
 
@@ -231,7 +231,7 @@ impl Sums {
     }
 }
 
-/// What a coat mirrors: its share (Schlick 1994) and one sample of the light.
+/// Reflection of a coat: its share (Schlick 1994) and one sample of the light.
 fn reflection(
     lighting: &Lighting<'_>,
     hit: &Hit,
@@ -245,11 +245,11 @@ fn reflection(
     let Some(next) = lighting.room.meet(origin, mirrored) else {
         return (share, [Vec3::ZERO; MAX_CONDITIONS]);
     };
-    let draw = Draw {
+    let path = PathSample {
         sample,
         // Behind all that the path itself may take.
         block: 1 + 2 * MAX_BOUNCES,
         max_bounces: MAX_BOUNCES,
     };
-    (share, lighting.leaving(&next, points, draw))
+    (share, lighting.reflected(&next, points, path))
 }

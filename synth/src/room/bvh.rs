@@ -129,7 +129,7 @@ impl Bvh {
                     (None, None) => {}
                 }
             }
-            // What waits may be behind what has been found since.
+            // A waiting node may be behind a hit that was found since.
             loop {
                 if height == 0 {
                     return;
@@ -159,7 +159,7 @@ impl Node {
     }
 }
 
-/// Where in the tree a node is.
+/// Place of a node in the tree.
 #[derive(Clone, Copy)]
 struct Place {
     /// Its first shape in the order.

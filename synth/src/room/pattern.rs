@@ -53,7 +53,7 @@ pub enum Pattern {
     },
     /// A painted landscape, fitted to the surface.
     Landscape {
-        /// Which one.
+        /// Number of the landscape.
         seed: u32,
     },
     /// Small flowers or stars on a ground, as on wallpaper.

@@ -75,7 +75,7 @@ pub enum Shape {
     Drum(Drum),
 }
 
-/// Where a ray meets a shape.
+/// Intersection of a ray and a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
     /// Distance along the ray.

@@ -1,98 +1,84 @@
 //! `[cameras]`: rings of cameras in the room.
 
-use eagpt_scene::script::Node;
-use eagpt_scene::{Camera, Result};
+use eagpt_scene::Camera;
+use eagpt_scene::script::value::{Array, NonEmpty, Number, Positive, Whole, checked, via};
 use glam::DVec2;
+use serde::{Deserialize, Deserializer};
 use std::f64::consts::TAU;
 
-/// Where photographs are taken from.
-#[derive(Debug, Clone, PartialEq)]
+/// Positions and directions that photographs are taken from.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CameraPlan {
     /// Number of positions.
+    #[serde(rename = "views", deserialize_with = "via::<Whole<1, 10_000>, _, _>")]
     pub num_views: u32,
     /// Size of the truth images, pixels.
+    #[serde(deserialize_with = "via::<Array<Whole<8, 16_384>, 2>, _, _>")]
     pub size: [u32; 2],
     /// Field of view across, radians.
+    #[serde(rename = "fov_x", deserialize_with = "fov")]
     pub fov_x_rad: f64,
     /// Rings that the positions are spread over.
+    #[serde(rename = "ring", deserialize_with = "via::<NonEmpty<Ring>, _, _>")]
     pub rings: Vec<Ring>,
 }
 
 /// Cameras on an ellipse; heights, directions and pitches are taken in turn.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Ring {
     /// Share of the positions, relative to other rings.
+    #[serde(default = "whole_share", deserialize_with = "share")]
     pub share: f64,
     /// Middle of the ellipse.
+    #[serde(deserialize_with = "via::<Array<Number, 2>, _, _>")]
     pub centre: DVec2,
     /// Half axes along x and y, metres.
+    #[serde(deserialize_with = "via::<Array<Number, 2>, _, _>")]
     pub radii: DVec2,
     /// Heights, metres.
+    #[serde(deserialize_with = "via::<NonEmpty<Number>, _, _>")]
     pub heights: Vec<f64>,
     /// Directions, radians from that to the middle.
+    #[serde(rename = "turns", deserialize_with = "turns")]
     pub turns_rad: Vec<f64>,
     /// Pitches, radians above the horizon.
+    #[serde(rename = "pitches", deserialize_with = "pitches")]
     pub pitches_rad: Vec<f64>,
 }
 
-pub(super) fn plan(node: &Node<'_>) -> Result<CameraPlan> {
-    let table = node.table(&["views", "size", "fov_x", "ring"])?;
-    let [width, height] = table.need("size")?.fixed_array()?;
-    let fov_node = table.need("fov_x")?;
-    let fov = fov_node.double()?;
-    if !(1.0..=150.0).contains(&fov) {
-        return Err(fov_node.error(format!("{fov} is not from 1 to 150 degrees")));
-    }
-    let rings = table.need("ring")?;
-    let rings = rings
-        .array()?
-        .iter()
-        .map(ring)
-        .collect::<Result<Vec<_>>>()?;
-    if rings.is_empty() {
-        return Err(table.node.error("`ring` is missing"));
-    }
-    Ok(CameraPlan {
-        num_views: table.need("views")?.whole(1..=10_000)?,
-        size: [width.whole(8..=16_384)?, height.whole(8..=16_384)?],
-        fov_x_rad: fov.to_radians(),
-        rings,
+fn fov<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    checked(deserializer, |degrees: Number| {
+        let degrees = f64::from(degrees);
+        let valid = (1.0..=150.0).contains(&degrees);
+        let radians = valid.then_some(degrees.to_radians());
+        radians.ok_or_else(|| format!("{degrees} is not from 1 to 150 degrees"))
     })
 }
 
-fn ring(node: &Node<'_>) -> Result<Ring> {
-    let table = node.table(&["share", "centre", "radii", "heights", "turns", "pitches"])?;
-    let list = |key: &str| -> Result<Vec<f64>> {
-        let node = table.need(key)?;
-        let numbers = node
-            .array()?
-            .iter()
-            .map(Node::double)
-            .collect::<Result<Vec<_>>>()?;
-        if numbers.is_empty() {
-            return Err(node.error("is empty"));
-        }
-        Ok(numbers)
-    };
-    let pair = |key: &str| -> Result<DVec2> {
-        let [x, y] = table.need(key)?.fixed_array()?;
-        Ok(DVec2::new(x.double()?, y.double()?))
-    };
-    let radians = |numbers: Vec<f64>| numbers.into_iter().map(f64::to_radians).collect();
-    let pitches = table.need("pitches")?;
-    if let Some(steep) = list("pitches")?.iter().find(|pitch| pitch.abs() > 80.0) {
-        return Err(pitches.error(format!("{steep} is beyond 80 degrees")));
-    }
-    Ok(Ring {
-        share: match table.get("share") {
-            Some(node) => node.positive()?.into(),
-            None => 1.0,
-        },
-        centre: pair("centre")?,
-        radii: pair("radii")?,
-        heights: list("heights")?,
-        turns_rad: radians(list("turns")?),
-        pitches_rad: radians(list("pitches")?),
+fn whole_share() -> f64 {
+    1.0
+}
+
+/// Shares are of single precision.
+fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    via::<Positive, _, f32>(deserializer).map(f64::from)
+}
+
+fn turns<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let degrees: Vec<f64> = via::<NonEmpty<Number>, _, _>(deserializer)?;
+    Ok(degrees.into_iter().map(f64::to_radians).collect())
+}
+
+fn pitches<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    checked(deserializer, |NonEmpty(degrees): NonEmpty<Number>| {
+        let degrees = degrees.into_iter().map(f64::from);
+        let radians = degrees.map(|degrees| match degrees {
+            -80.0..=80.0 => Ok(degrees.to_radians()),
+            steep => Err(format!("{steep} is beyond 80 degrees")),
+        });
+        radians.collect()
     })
 }
 

@@ -1,148 +1,178 @@
-//! `[materials]`: what surfaces are made of.
+//! `[materials]`: colours, patterns and coats of surfaces.
 
-use super::{Names, albedo, positive_or};
+use super::Color;
 use crate::room::pattern::{Pattern, Texture};
 use crate::room::{Gloss, Material};
-use eagpt_scene::Result;
-use eagpt_scene::script::{Node, Table};
+use eagpt_scene::script::value::{
+    Array, Form, Fraction, NonEmpty, Positive, Whole, checked, one_of,
+};
 use glam::{Vec2, Vec3};
+use serde::{Deserialize, Deserializer};
 
-/// Keys that name a pattern.
-const PATTERNS: [&str; 9] = [
-    "plain",
-    "checker",
-    "stripes",
-    "noise",
-    "bricks",
-    "wood",
-    "rug",
-    "landscape",
-    "motif",
-];
+/// A colour of a surface, at most 1.
+struct Albedo(Vec3);
 
-pub(super) fn materials(node: &Node<'_>) -> Result<(Names, Vec<Material>)> {
-    let (mut names, mut materials) = (Names::new(), Vec::new());
-    for (name, node) in node.any_table()?.entries() {
-        names.insert(name.to_owned(), materials.len() as u32);
-        materials.push(material(&node)?);
+impl<'de> Deserialize<'de> for Albedo {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |color: Color| color.albedo().map(Self))
     }
-    Ok((names, materials))
 }
 
-fn material(node: &Node<'_>) -> Result<Material> {
-    // A colour alone is a plain material.
-    if !node.is_table() {
-        return Ok(Material {
-            texture: Texture::plain(albedo(node)?),
-            gloss: None,
-        });
+impl From<Albedo> for Vec3 {
+    fn from(albedo: Albedo) -> Self {
+        albedo.0
     }
-    let table = node.table(&[&PATTERNS[..], &["grain", "gloss"]].concat())?;
-    let (kind, value) = table.one_of(&PATTERNS)?;
-    Ok(Material {
-        texture: Texture {
-            pattern: pattern(kind, &value)?,
-            grain: share(&table, "grain")?.unwrap_or(0.0),
-        },
-        gloss: match table.get("gloss") {
-            Some(node) => {
-                let table = node.table(&["reflectance", "roughness"])?;
-                Some(Gloss {
-                    reflectance: share(&table, "reflectance")?.unwrap_or(0.04),
-                    roughness: share(&table, "roughness")?.unwrap_or(0.1),
-                })
-            }
-            None => None,
-        },
-    })
 }
 
-fn pattern(kind: &str, node: &Node<'_>) -> Result<Pattern> {
-    if kind == "plain" {
-        return Ok(Pattern::Plain(albedo(node)?));
+/// A material as a scene file has it: one of the patterns, with `grain` and `gloss`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialKeys {
+    plain: Option<Albedo>,
+    checker: Option<Colored<2>>,
+    stripes: Option<Stripes>,
+    noise: Option<Colored<2>>,
+    bricks: Option<Bricks>,
+    wood: Option<Wood>,
+    rug: Option<Colored<4>>,
+    landscape: Option<Landscape>,
+    motif: Option<Colored<2>>,
+    grain: Option<Fraction>,
+    gloss: Option<GlossKeys>,
+}
+
+/// A pattern of `N` colours and one size.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Colored<const N: usize> {
+    colors: Array<Albedo, N>,
+    size: Option<Positive>,
+}
+
+impl<const N: usize> Colored<N> {
+    fn with_size(self, default: f32) -> ([Vec3; N], f32) {
+        (self.colors.into(), self.size.map_or(default, f32::from))
     }
-    let known: &[&str] = match kind {
-        "landscape" => &["seed"],
-        "bricks" => &["colors", "size", "joint"],
-        _ => &["colors", "size"],
-    };
-    let table = node.table(known)?;
-    Ok(match kind {
-        "checker" => Pattern::Checker {
-            colors: colors(&table)?,
-            size: positive_or(&table, "size", 0.3)?,
-        },
-        "stripes" => Pattern::Stripes {
-            colors: stripes(&table.need("colors")?)?,
-            size: positive_or(&table, "size", 0.1)?,
-        },
-        "noise" => Pattern::Noise {
-            colors: colors(&table)?,
-            size: positive_or(&table, "size", 0.3)?,
-        },
-        "bricks" => Pattern::Bricks {
-            colors: colors(&table)?,
-            size: size2(&table, [0.24, 0.08])?,
-            joint: positive_or(&table, "joint", 0.01)?,
-        },
-        "wood" => Pattern::Wood {
-            colors: colors(&table)?,
-            size: size2(&table, [1.2, 0.12])?,
-        },
-        "rug" => Pattern::Rug {
-            colors: colors(&table)?,
-            size: positive_or(&table, "size", 0.3)?,
-        },
-        "motif" => Pattern::Motif {
-            colors: colors(&table)?,
-            size: positive_or(&table, "size", 0.2)?,
-        },
-        _ => Pattern::Landscape {
-            seed: match table.get("seed") {
-                Some(node) => node.whole(0..=u32::MAX)?,
-                None => 0,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stripes {
+    colors: NonEmpty<Albedo>,
+    size: Option<Positive>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Bricks {
+    colors: Array<Albedo, 2>,
+    size: Option<Array<Positive, 2>>,
+    joint: Option<Positive>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Wood {
+    colors: Array<Albedo, 2>,
+    size: Option<Array<Positive, 2>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Landscape {
+    seed: Option<Whole<0, { u32::MAX }>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GlossKeys {
+    reflectance: Option<Fraction>,
+    roughness: Option<Fraction>,
+}
+
+impl<'de> Deserialize<'de> for Material {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        checked(deserializer, |value: Form<Box<MaterialKeys>>| match value {
+            Form::Table(keys) => keys.material(),
+            // A colour alone is a plain material.
+            color => Ok(Self {
+                texture: Texture::plain(Color::of(color)?.albedo()?),
+                gloss: None,
+            }),
+        })
+    }
+}
+
+impl MaterialKeys {
+    fn material(self) -> Result<Material, String> {
+        let pattern = one_of([
+            ("plain", self.plain.map(|color| Pattern::Plain(color.0))),
+            (
+                "checker",
+                self.checker.map(|keys| {
+                    let (colors, size) = keys.with_size(0.3);
+                    Pattern::Checker { colors, size }
+                }),
+            ),
+            (
+                "stripes",
+                self.stripes.map(|keys| Pattern::Stripes {
+                    colors: keys.colors.into(),
+                    size: keys.size.map_or(0.1, f32::from),
+                }),
+            ),
+            (
+                "noise",
+                self.noise.map(|keys| {
+                    let (colors, size) = keys.with_size(0.3);
+                    Pattern::Noise { colors, size }
+                }),
+            ),
+            (
+                "bricks",
+                self.bricks.map(|keys| Pattern::Bricks {
+                    colors: keys.colors.into(),
+                    size: keys.size.map_or(Vec2::new(0.24, 0.08), Vec2::from),
+                    joint: keys.joint.map_or(0.01, f32::from),
+                }),
+            ),
+            (
+                "wood",
+                self.wood.map(|keys| Pattern::Wood {
+                    colors: keys.colors.into(),
+                    size: keys.size.map_or(Vec2::new(1.2, 0.12), Vec2::from),
+                }),
+            ),
+            (
+                "rug",
+                self.rug.map(|keys| {
+                    let (colors, size) = keys.with_size(0.3);
+                    Pattern::Rug { colors, size }
+                }),
+            ),
+            (
+                "landscape",
+                self.landscape.map(|keys| Pattern::Landscape {
+                    seed: keys.seed.map_or(0, u32::from),
+                }),
+            ),
+            (
+                "motif",
+                self.motif.map(|keys| {
+                    let (colors, size) = keys.with_size(0.2);
+                    Pattern::Motif { colors, size }
+                }),
+            ),
+        ])?;
+        Ok(Material {
+            texture: Texture {
+                pattern,
+                grain: self.grain.map_or(0.0, f32::from),
             },
-        },
-    })
-}
-
-fn colors<const N: usize>(table: &Table<'_>) -> Result<[Vec3; N]> {
-    let node = table.need("colors")?;
-    let items = node.array()?;
-    if items.len() != N {
-        return Err(node.error(format!("has {} colours, not {N}", items.len())));
+            gloss: self.gloss.map(|keys| Gloss {
+                reflectance: keys.reflectance.map_or(0.04, f32::from),
+                roughness: keys.roughness.map_or(0.1, f32::from),
+            }),
+        })
     }
-    let mut all = [Vec3::ZERO; N];
-    for (slot, item) in all.iter_mut().zip(&items) {
-        *slot = albedo(item)?;
-    }
-    Ok(all)
-}
-
-fn stripes(node: &Node<'_>) -> Result<Vec<Vec3>> {
-    let items = node.array()?;
-    if items.is_empty() {
-        return Err(node.error("has no colours"));
-    }
-    items.iter().map(albedo).collect()
-}
-
-fn size2(table: &Table<'_>, default: [f32; 2]) -> Result<Vec2> {
-    let Some(node) = table.get("size") else {
-        return Ok(Vec2::from_array(default));
-    };
-    let [x, y] = node.fixed_array()?;
-    Ok(Vec2::new(x.positive()?, y.positive()?))
-}
-
-/// A number from 0 to 1.
-fn share(table: &Table<'_>, key: &str) -> Result<Option<f32>> {
-    let Some(node) = table.get(key) else {
-        return Ok(None);
-    };
-    let value = node.not_negative()?;
-    if value > 1.0 {
-        return Err(node.error(format!("{value} is above 1")));
-    }
-    Ok(Some(value))
 }

@@ -1,310 +1,285 @@
-//! `[[object]]`: what stands in the room.
+//! `[[object]]`: things in the room.
 
-use super::{Names, unknown};
+use super::builder::{Builder, wall};
+use super::{decor, furniture, unknown};
 use crate::room::Surface;
-use crate::room::shape::{Ball, Block, Drum, Ends, Quad, Shape};
+use crate::room::shape::Ends;
 use eagpt_scene::Result;
-use eagpt_scene::rng::{Purpose, RandomKey, RandomStream};
-use eagpt_scene::script::{Node, Table};
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::script::value::{Array, Direction, Number, Positive, checked, one_of};
+use eagpt_scene::script::{ScriptFile, Spanned};
 use glam::{Mat3, Vec2, Vec3};
+use serde::{Deserialize, Deserializer};
 
 /// Surfaces of a room, at most: more would be a mistake in a file that people write.
 const MAX_SURFACES: usize = 50_000;
 
-/// What objects may refer to.
-pub(super) struct Vocabulary {
-    pub(super) materials: Names,
-    pub(super) lights: Names,
-}
+/// The name of a material or a light.
+pub(super) type Name = Spanned<String>;
+/// Two lengths.
+pub(super) type Size2 = Array<Positive, 2>;
+/// Three lengths.
+pub(super) type Size3 = Array<Positive, 3>;
 
-/// What a surface looks like.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Finish {
-    pub(super) material: u32,
-    pub(super) light: Option<u32>,
-}
-
-impl Finish {
-    pub(super) fn of(material: u32) -> Self {
-        Self {
-            material,
-            light: None,
-        }
-    }
-}
-
-/// An object under construction: shapes in its own frame (z up, its foot at the origin, its front
-/// towards −y), which go into the room turned and moved.
-pub(super) struct Builder<'a> {
-    pub(super) words: &'a Vocabulary,
+/// An object as a scene file has it.
+pub(super) struct ObjectKeys {
     at: Vec3,
-    turn: Mat3,
-    pub(super) random: RandomStream,
-    surfaces: &'a mut Vec<Surface>,
+    turn_rad: f32,
+    object: Box<dyn Object>,
 }
 
-pub(super) fn surfaces(node: &Node<'_>, words: &Vocabulary) -> Result<Vec<Surface>> {
-    let key = RandomKey::new(0, Purpose::Furnish, 0);
-    let mut surfaces = Vec::new();
-    for (index, node) in node.array()?.iter().enumerate() {
-        let table =
-            node.table(&[&KINDS[..], &super::furniture::KINDS, &["at", "turn"]].concat())?;
-        let (kind, value) = table.one_of(&[&KINDS[..], &super::furniture::KINDS].concat())?;
-        let at = match table.get("at") {
-            Some(node) => node.vec3()?,
-            None => Vec3::ZERO,
-        };
-        let turn = match table.get("turn") {
-            Some(node) => node.number()?.to_radians(),
-            None => 0.0,
-        };
-        let mut builder = Builder {
-            words,
-            at,
-            turn: Mat3::from_rotation_z(turn),
-            random: key.stream(index as u32, 0),
-            surfaces: &mut surfaces,
-        };
-        if KINDS.contains(&kind) {
-            builder.simple(kind, &value)?;
-        } else {
-            builder.furniture(kind, &value)?;
+impl<'de> Deserialize<'de> for ObjectKeys {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Keys {
+            at: Option<Array<Number, 3>>,
+            turn: Option<Number>,
+            room: Option<RoomKeys>,
+            #[serde(rename = "box")]
+            cuboid: Option<BoxKeys>,
+            panel: Option<PanelKeys>,
+            ball: Option<BallKeys>,
+            can: Option<CanKeys>,
+            lathe: Option<LatheKeys>,
+            table: Option<furniture::Table>,
+            chair: Option<furniture::Chair>,
+            shelf: Option<furniture::Shelf>,
+            sofa: Option<furniture::Sofa>,
+            lamp: Option<decor::Lamp>,
+            pendant: Option<decor::Pendant>,
+            window: Option<decor::Window>,
+            picture: Option<decor::Picture>,
+            plant: Option<decor::Plant>,
+            books: Option<furniture::Books>,
+            fruit: Option<furniture::Fruit>,
         }
-        if surfaces.len() > MAX_SURFACES {
-            return Err(node.error(format!(
-                "the room has more than {MAX_SURFACES} surfaces by now"
-            )));
-        }
-    }
-    if surfaces.is_empty() {
-        return Err(node.error("there are no objects"));
-    }
-    Ok(surfaces)
-}
 
-/// Objects of one or a few shapes.
-const KINDS: [&str; 6] = ["room", "box", "panel", "ball", "can", "lathe"];
-
-impl Builder<'_> {
-    fn simple(&mut self, kind: &str, node: &Node<'_>) -> Result<()> {
-        match kind {
-            "room" => self.room(node),
-            "box" => {
-                let table = node.table(&["size", "material", "light"])?;
-                let (size, finish) = (size3(&table)?, self.finish(&table)?);
-                self.block(Vec3::Z * (0.5 * size.z), size, finish);
-                Ok(())
-            }
-            "panel" => {
-                let table = node.table(&["size", "facing", "material", "light"])?;
-                let frame = facing(&table)?;
-                let (size, finish) = (size2(&table)?, self.finish(&table)?);
-                self.panel(Vec3::ZERO, frame, size, finish);
-                Ok(())
-            }
-            "ball" => {
-                let table = node.table(&["radius", "material", "light"])?;
-                let (radius, finish) = (table.need("radius")?.positive()?, self.finish(&table)?);
-                self.ball(Vec3::ZERO, radius, finish);
-                Ok(())
-            }
-            "can" => {
-                let table =
-                    node.table(&["radius", "top", "height", "open", "material", "light"])?;
-                let radius = table.need("radius")?.positive()?;
-                let top = super::positive_or(&table, "top", radius)?;
-                let height = table.need("height")?.positive()?;
-                let ends = match table.get("open") {
-                    Some(flag) if flag.flag()? => Ends::Open,
-                    _ => Ends::Closed,
-                };
-                let finish = self.finish(&table)?;
-                self.drum(Vec3::ZERO, height, [radius, top], (ends, finish));
-                Ok(())
-            }
-            _ => self.lathe(node),
-        }
-    }
-
-    /// Floor, ceiling and four walls around the origin, seen from inside.
-    fn room(&mut self, node: &Node<'_>) -> Result<()> {
-        let table = node.table(&[
-            "size", "floor", "ceiling", "walls", "north", "south", "east", "west",
-        ])?;
-        let size = size3(&table)?;
-        let (half, up) = (0.5 * size, size.z);
-        let wall = |builder: &Self, key: &str| match table.get(key) {
-            Some(node) => builder.material(&node),
-            None => builder.material(&table.need("walls")?),
-        };
-        let corner = |x: f32, y: f32, z: f32| Vec3::new(x * half.x, y * half.y, z * up);
-        let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * up);
-        for (key, corner, edges) in [
-            ("floor", corner(-1.0, -1.0, 0.0), [x, y]),
-            ("ceiling", corner(-1.0, 1.0, 1.0), [x, -y]),
-            ("north", corner(-1.0, 1.0, 0.0), [x, z]),
-            ("south", corner(1.0, -1.0, 0.0), [-x, z]),
-            ("east", corner(1.0, 1.0, 0.0), [-y, z]),
-            ("west", corner(-1.0, -1.0, 0.0), [y, z]),
-        ] {
-            let material = match key {
-                "floor" | "ceiling" => self.material(&table.need(key)?)?,
-                _ => wall(self, key)?,
-            };
-            self.quad(corner, edges, Finish::of(material));
-        }
-        Ok(())
-    }
-
-    /// A body of rotation: radius and height from the bottom up.
-    fn lathe(&mut self, node: &Node<'_>) -> Result<()> {
-        let table = node.table(&["profile", "material", "light"])?;
-        let profile_node = table.need("profile")?;
-        let mut profile = Vec::new();
-        for node in profile_node.array()? {
-            let [radius, height] = node.fixed_array()?;
-            let point = Vec2::new(radius.positive()?, height.number()?);
-            if profile.last().is_some_and(|last: &Vec2| point.y <= last.y) {
-                return Err(height.error(format!("{} is not above the point before", point.y)));
-            }
-            profile.push(point);
-        }
-        if profile.len() < 2 {
-            return Err(profile_node.error("a profile has two points or more"));
-        }
-        let finish = self.finish(&table)?;
-        self.turned(&profile, finish);
-        Ok(())
-    }
-
-    /// A name of a material.
-    pub(super) fn material(&self, node: &Node<'_>) -> Result<u32> {
-        let name = node.string()?;
-        let materials = &self.words.materials;
-        let found = materials.get(name).copied();
-        found.ok_or_else(|| unknown(node, name, materials, "material"))
-    }
-
-    /// Material of a key that has to be there.
-    pub(super) fn need(&self, table: &Table<'_>, key: &str) -> Result<Finish> {
-        Ok(Finish::of(self.material(&table.need(key)?)?))
-    }
-
-    /// `material` and `light` of a table.
-    fn finish(&self, table: &Table<'_>) -> Result<Finish> {
-        let finish = self.need(table, "material")?;
-        Ok(Finish {
-            light: self.light(table)?,
-            ..finish
+        checked(deserializer, |keys: Keys| {
+            Ok(Self {
+                at: keys.at.map_or(Vec3::ZERO, Vec3::from),
+                turn_rad: keys.turn.map_or(0.0, |turn| f32::from(turn).to_radians()),
+                object: one_of([
+                    ("room", object(keys.room)),
+                    ("box", object(keys.cuboid)),
+                    ("panel", object(keys.panel)),
+                    ("ball", object(keys.ball)),
+                    ("can", object(keys.can)),
+                    ("lathe", object(keys.lathe)),
+                    ("table", object(keys.table)),
+                    ("chair", object(keys.chair)),
+                    ("shelf", object(keys.shelf)),
+                    ("sofa", object(keys.sofa)),
+                    ("lamp", object(keys.lamp)),
+                    ("pendant", object(keys.pendant)),
+                    ("window", object(keys.window)),
+                    ("picture", object(keys.picture)),
+                    ("plant", object(keys.plant)),
+                    ("books", object(keys.books)),
+                    ("fruit", object(keys.fruit)),
+                ])?,
+            })
         })
     }
+}
 
-    /// `light` of a table.
-    pub(super) fn light(&self, table: &Table<'_>) -> Result<Option<u32>> {
-        let Some(node) = table.get("light") else {
-            return Ok(None);
-        };
-        let name = node.string()?;
-        let lights = &self.words.lights;
-        let found = lights.get(name).copied();
-        found
-            .map(Some)
-            .ok_or_else(|| unknown(&node, name, lights, "light"))
-    }
+/// The keys of an object, which build its surfaces.
+pub(super) trait Object {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()>;
+}
 
-    /// A box by its middle and whole edges.
-    pub(super) fn block(&mut self, centre: Vec3, size: Vec3, finish: Finish) {
-        let shape = Shape::Block(Block {
-            centre: self.at + self.turn * centre,
-            half: 0.5 * size,
-            axes: self.turn,
-        });
-        self.push(shape, finish);
-    }
+fn object<T: Object + 'static>(keys: Option<T>) -> Option<Box<dyn Object>> {
+    keys.map(|keys| Box::new(keys) as Box<dyn Object>)
+}
 
-    /// A box by its middle and whole edges, leaning back about its x axis.
-    pub(super) fn leaning(&mut self, centre: Vec3, size: Vec3, (angle_rad, finish): (f32, Finish)) {
-        let shape = Shape::Block(Block {
-            centre: self.at + self.turn * centre,
-            half: 0.5 * size,
-            axes: self.turn * Mat3::from_rotation_x(angle_rad),
-        });
-        self.push(shape, finish);
-    }
+/// Names that objects may refer to, in the order of their indices.
+pub(super) struct Vocabulary<'a> {
+    pub(super) file: &'a ScriptFile,
+    pub(super) materials: Vec<&'a str>,
+    pub(super) lights: Vec<&'a str>,
+}
 
-    pub(super) fn ball(&mut self, centre: Vec3, radius: f32, finish: Finish) {
-        let centre = self.at + self.turn * centre;
-        self.push(Shape::Ball(Ball { centre, radius }), finish);
-    }
-
-    /// An upright drum by the middle of its base.
-    pub(super) fn drum(
-        &mut self,
-        base: Vec3,
-        height: f32,
-        radii: [f32; 2],
-        (ends, finish): (Ends, Finish),
-    ) {
-        let shape = Shape::Drum(Drum {
-            base: self.at + self.turn * base,
-            axes: self.turn,
-            height,
-            radii,
-            ends,
-        });
-        self.push(shape, finish);
-    }
-
-    /// A body of rotation about the z axis, closed below and, where it is narrow enough to be a
-    /// lid, above.
-    pub(super) fn turned(&mut self, profile: &[Vec2], finish: Finish) {
-        for pair in profile.windows(2) {
-            let base = Vec3::Z * pair[0].y;
-            let part = (Ends::Closed, finish);
-            self.drum(base, pair[1].y - pair[0].y, [pair[0].x, pair[1].x], part);
+impl Vocabulary<'_> {
+    /// The surfaces of all objects.
+    pub(super) fn surfaces(
+        &self,
+        objects: &Spanned<Vec<Spanned<ObjectKeys>>>,
+    ) -> Result<Vec<Surface>> {
+        let key = RandomKey::new(0, Purpose::Furnish, 0);
+        let mut surfaces = Vec::new();
+        for (index, object) in (0..).zip(objects.get_ref()) {
+            let keys = object.get_ref();
+            keys.object.build(&mut Builder {
+                words: self,
+                at: keys.at,
+                turn: Mat3::from_rotation_z(keys.turn_rad),
+                random: key.stream(index, 0),
+                surfaces: &mut surfaces,
+            })?;
+            if surfaces.len() > MAX_SURFACES {
+                let problem = format!("the room has more than {MAX_SURFACES} surfaces by now");
+                return Err(self.file.error(object.span(), problem));
+            }
         }
+        if surfaces.is_empty() {
+            return Err(self.file.error(objects.span(), "there are no objects"));
+        }
+        Ok(surfaces)
     }
 
-    pub(super) fn quad(&mut self, corner: Vec3, edges: [Vec3; 2], finish: Finish) {
-        let edges = edges.map(|edge| self.turn * edge);
-        let corner = self.at + self.turn * corner;
-        self.push(Shape::Quad(Quad::new(corner, edges)), finish);
-    }
-
-    /// A rectangle by its middle, facing along `frame.z_axis`.
-    pub(super) fn panel(&mut self, centre: Vec3, frame: Mat3, size: Vec2, finish: Finish) {
-        let edges = [frame.x_axis * size.x, frame.y_axis * size.y];
-        self.quad(centre - 0.5 * (edges[0] + edges[1]), edges, finish);
-    }
-
-    fn push(&mut self, shape: Shape, Finish { material, light }: Finish) {
-        self.surfaces.push(Surface {
-            shape,
-            material,
-            light,
-        });
+    pub(super) fn index(&self, noun: &str, names: &[&str], name: &Name) -> Result<u32> {
+        let found = names.iter().position(|other| other == name.get_ref());
+        found.map(|index| index as u32).ok_or_else(|| {
+            let names = names.iter().copied();
+            unknown(self.file, name.span(), (noun, name.get_ref()), names)
+        })
     }
 }
 
-/// Right, up and out of what hangs on a wall: `facing` says where it looks.
-pub(super) fn facing(table: &Table<'_>) -> Result<Mat3> {
-    let out = match table.get("facing") {
-        Some(node) => node.direction()?,
-        None => Vec3::NEG_Y,
-    };
-    let up = if out.z.abs() > 0.9 { Vec3::Y } else { Vec3::Z };
-    let right = up.cross(out).normalize();
-    Ok(Mat3::from_cols(right, out.cross(right), out))
+/// Floor, ceiling and four walls around the origin, seen from inside.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RoomKeys {
+    size: Size3,
+    floor: Name,
+    ceiling: Name,
+    walls: Option<Name>,
+    north: Option<Name>,
+    south: Option<Name>,
+    east: Option<Name>,
+    west: Option<Name>,
 }
 
-/// Three lengths.
-pub(super) fn size3(table: &Table<'_>) -> Result<Vec3> {
-    let [x, y, z] = table.need("size")?.fixed_array()?;
-    Ok(Vec3::new(x.positive()?, y.positive()?, z.positive()?))
+impl Object for RoomKeys {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()> {
+        let size = Vec3::from(self.size);
+        let (half, up) = (0.5 * size, size.z);
+        let corner = |x: f32, y: f32, z: f32| Vec3::new(x * half.x, y * half.y, z * up);
+        let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * up);
+        for (own, corner, edges) in [
+            (Some(&self.floor), corner(-1.0, -1.0, 0.0), [x, y]),
+            (Some(&self.ceiling), corner(-1.0, 1.0, 1.0), [x, -y]),
+            (self.north.as_ref(), corner(-1.0, 1.0, 0.0), [x, z]),
+            (self.south.as_ref(), corner(1.0, -1.0, 0.0), [-x, z]),
+            (self.east.as_ref(), corner(1.0, 1.0, 0.0), [-y, z]),
+            (self.west.as_ref(), corner(-1.0, -1.0, 0.0), [y, z]),
+        ] {
+            let Some(name) = own.or(self.walls.as_ref()) else {
+                let problem = "`walls` is missing, or one of north, south, east, west";
+                return Err(builder.words.file.error(self.floor.span(), problem));
+            };
+            let finish = builder.finish(name)?;
+            builder.quad(corner, edges, finish);
+        }
+        Ok(())
+    }
 }
 
-/// Two lengths.
-pub(super) fn size2(table: &Table<'_>) -> Result<Vec2> {
-    let [x, y] = table.need("size")?.fixed_array()?;
-    Ok(Vec2::new(x.positive()?, y.positive()?))
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoxKeys {
+    size: Size3,
+    material: Name,
+    light: Option<Name>,
+}
+
+impl Object for BoxKeys {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()> {
+        let finish = builder.lit(&self.material, self.light.as_ref())?;
+        let size = Vec3::from(self.size);
+        builder.block(Vec3::Z * (0.5 * size.z), size, finish);
+        Ok(())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PanelKeys {
+    size: Size2,
+    facing: Option<Direction>,
+    material: Name,
+    light: Option<Name>,
+}
+
+impl Object for PanelKeys {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()> {
+        let finish = builder.lit(&self.material, self.light.as_ref())?;
+        builder.panel(Vec3::ZERO, wall(self.facing), self.size.into(), finish);
+        Ok(())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BallKeys {
+    radius: Positive,
+    material: Name,
+    light: Option<Name>,
+}
+
+impl Object for BallKeys {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()> {
+        let finish = builder.lit(&self.material, self.light.as_ref())?;
+        builder.ball(Vec3::ZERO, self.radius.into(), finish);
+        Ok(())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CanKeys {
+    radius: Positive,
+    top: Option<Positive>,
+    height: Positive,
+    #[serde(default)]
+    open: bool,
+    material: Name,
+    light: Option<Name>,
+}
+
+impl Object for CanKeys {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()> {
+        let finish = builder.lit(&self.material, self.light.as_ref())?;
+        let radii = [self.radius, self.top.unwrap_or(self.radius)].map(f32::from);
+        let ends = match self.open {
+            true => Ends::Open,
+            false => Ends::Closed,
+        };
+        builder.drum(Vec3::ZERO, self.height.into(), radii, (ends, finish));
+        Ok(())
+    }
+}
+
+/// A body of rotation: radius and height from the bottom up.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LatheKeys {
+    #[serde(deserialize_with = "profile")]
+    profile: Vec<Vec2>,
+    material: Name,
+    light: Option<Name>,
+}
+
+fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Vec2>, D::Error> {
+    checked(deserializer, |points: Vec<Array<Number, 2>>| {
+        let points: Vec<Vec2> = points.into_iter().map(Vec2::from).collect();
+        if let Some(point) = points.iter().find(|point| point.x <= 0.0) {
+            return Err(format!("a radius of {} is not above 0", point.x));
+        }
+        if points.len() < 2 {
+            return Err("a profile has two points or more".to_owned());
+        }
+        match points.windows(2).find(|pair| pair[1].y <= pair[0].y) {
+            Some(pair) => Err(format!("{} is not above the point before", pair[1].y)),
+            None => Ok(points),
+        }
+    })
+}
+
+impl Object for LatheKeys {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()> {
+        let finish = builder.lit(&self.material, self.light.as_ref())?;
+        builder.turned(&self.profile, finish);
+        Ok(())
+    }
 }

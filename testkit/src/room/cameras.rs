@@ -14,7 +14,7 @@ const GOLDEN_TURN: f64 = 0.618_033_988_749_895;
 
 /// `num` cameras that stand around the room, above its furniture, and look across it: up, down and
 /// level in turn.
-pub fn cameras(num: usize, width: u32, height: u32) -> Vec<Camera> {
+pub(super) fn cameras(num: usize, width: u32, height: u32) -> Vec<Camera> {
     (0..num)
         .map(|i| {
             let angle = TAU * GOLDEN_TURN * i as f64;

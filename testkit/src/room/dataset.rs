@@ -71,7 +71,7 @@ pub fn write(root: &Path, options: &RoomOptions, mut progress: impl FnMut(usize)
 }
 
 /// One view with everything that is known about it: one ray through each pixel centre.
-pub fn photograph(index: usize, camera: &Camera, options: &RoomOptions) -> View {
+fn photograph(index: usize, camera: &Camera, options: &RoomOptions) -> View {
     let key = RandomKey::new(options.seed, Purpose::Render, index as u32);
     let hits: Vec<Hit> = (0..camera.num_pixels())
         .map(|pixel| hit(camera, pixel))

@@ -7,13 +7,13 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// Surfaces that light is followed over, at most; the limit of the program's own path tracing.
-pub const MAX_BOUNCES: u32 = 7;
+pub(super) const MAX_BOUNCES: u32 = 7;
 
 /// Rays leave this far above a surface, metres; room-sized floats have steps of 2e-7.
 const LIFT: f32 = 1e-4;
 
 /// One sample of the light that leaves `hit` towards the viewer, emission included.
-pub fn radiance(hit: &Hit, max_bounces: u32, random: &mut RandomStream) -> Vec3 {
+pub(super) fn radiance(hit: &Hit, max_bounces: u32, random: &mut RandomStream) -> Vec3 {
     if hit.is_light() {
         return hit.emitted;
     }

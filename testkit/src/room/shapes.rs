@@ -3,13 +3,13 @@
 use glam::{Vec2, Vec3};
 
 /// Half the extents of the room along x and y.
-pub const HALF_FLOOR: Vec2 = Vec2::new(2.4, 1.9);
+pub(super) const HALF_FLOOR: Vec2 = Vec2::new(2.4, 1.9);
 /// Height of the ceiling.
-pub const HEIGHT: f32 = 2.6;
+pub(super) const HEIGHT: f32 = 2.6;
 /// Half the extents of the light, a rectangle in the middle of the ceiling.
-pub const HALF_LIGHT: Vec2 = Vec2::new(0.6, 0.45);
+pub(super) const HALF_LIGHT: Vec2 = Vec2::new(0.6, 0.45);
 /// Radiance of the light, linear Rec.709.
-pub const LIGHT_RADIANCE: Vec3 = Vec3::new(12.0, 11.0, 9.0);
+pub(super) const LIGHT_RADIANCE: Vec3 = Vec3::new(12.0, 11.0, 9.0);
 
 /// A box that stands on the floor, turned about the vertical axis.
 struct StandingBox {
@@ -40,28 +40,28 @@ const BOXES: [StandingBox; 2] = [
 
 /// Where a ray met a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hit {
+pub(super) struct Hit {
     /// Distance along the ray, metres.
-    pub distance: f32,
+    pub(super) distance: f32,
     /// World position.
-    pub position: Vec3,
+    pub(super) position: Vec3,
     /// Unit normal, turned to where the ray came from.
-    pub normal: Vec3,
+    pub(super) normal: Vec3,
     /// Diffuse albedo; black on the light.
-    pub albedo: Vec3,
+    pub(super) albedo: Vec3,
     /// Radiance emitted towards the ray's origin; black on all but the light.
-    pub emitted: Vec3,
+    pub(super) emitted: Vec3,
 }
 
 impl Hit {
     /// True where the ray met the light.
-    pub fn is_light(&self) -> bool {
+    pub(super) fn is_light(&self) -> bool {
         self.emitted != Vec3::ZERO
     }
 }
 
 /// The first surface that a ray from inside the room meets. `direction` is of unit length.
-pub fn intersect(origin: Vec3, direction: Vec3) -> Hit {
+pub(super) fn intersect(origin: Vec3, direction: Vec3) -> Hit {
     let mut nearest = wall(origin, direction);
     for standing in &BOXES {
         if let Some(hit) = standing.intersect(origin, direction)
@@ -74,7 +74,7 @@ pub fn intersect(origin: Vec3, direction: Vec3) -> Hit {
 }
 
 /// True for a ray that reaches `distance` unhindered.
-pub fn is_free(origin: Vec3, direction: Vec3, distance: f32) -> bool {
+pub(super) fn is_free(origin: Vec3, direction: Vec3, distance: f32) -> bool {
     BOXES.iter().all(|standing| {
         standing
             .intersect(origin, direction)

@@ -78,10 +78,11 @@ impl Folder {
         let albedo_only = options.stage == StageChoice::Albedo;
         if occupied && existing == Existing::Refuse && !albedo_only {
             let problem = "holds an earlier run: --resume continues it, --force starts over, --out names another folder";
-            return Err(TrainError::Output {
+            return Err(SceneError::Work {
                 path: self.root.clone(),
                 problem: problem.to_owned(),
-            });
+            }
+            .into());
         }
         if existing == Existing::Overwrite && !albedo_only {
             for path in [
@@ -125,10 +126,11 @@ impl Folder {
         if !path.exists() {
             let problem =
                 "is missing: stage 1 continues from the end of stage 0 (same folder, same options)";
-            return Err(TrainError::Output {
+            return Err(SceneError::Work {
                 path,
                 problem: problem.to_owned(),
-            });
+            }
+            .into());
         }
         let checkpoint = Checkpoint::read(&path)?;
         self.check(&checkpoint, fingerprint, false)?;
@@ -155,10 +157,11 @@ impl Folder {
             "cannot continue this run: it was made with another {}",
             differs.join(" and another ")
         );
-        Err(TrainError::Output {
+        Err(SceneError::Work {
             path: self.root.clone(),
             problem,
-        })
+        }
+        .into())
     }
 }
 

@@ -1,0 +1,125 @@
+//! New surfaces in a script.
+
+use crate::insert::{MAX_DISCS, Material, Solid, Surface};
+use eagpt_scene::script::value::{Albedo, Array, Color, Number, Positive, Rotation, checked};
+use glam::{Quat, Vec3};
+use serde::{Deserialize, Deserializer};
+
+/// Sine of the smallest angle between the edges of a quad.
+const MIN_SINE: f32 = 1e-3;
+
+/// A surface as a script has it.
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SurfaceKeys {
+    Ball(#[serde(deserialize_with = "ball")] Surface),
+    Quad(#[serde(deserialize_with = "quad")] Surface),
+    Box(#[serde(deserialize_with = "cuboid")] Surface),
+}
+
+impl<'de> Deserialize<'de> for Surface {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(match SurfaceKeys::deserialize(deserializer)? {
+            SurfaceKeys::Ball(surface) | SurfaceKeys::Quad(surface) | SurfaceKeys::Box(surface) => {
+                surface
+            }
+        })
+    }
+}
+
+fn ball<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Keys {
+        centre: Array<Number, 3>,
+        radius: Positive,
+        albedo: Option<Albedo>,
+        radiance: Option<Color>,
+        spacing: Option<Positive>,
+    }
+
+    checked(deserializer, |keys: Keys| {
+        let solid = Solid::Ball {
+            centre: keys.centre.into(),
+            radius: keys.radius.into(),
+        };
+        surface(solid, keys.albedo, keys.radiance, keys.spacing)
+    })
+}
+
+fn quad<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Keys {
+        centre: Array<Number, 3>,
+        u: Array<Number, 3>,
+        v: Array<Number, 3>,
+        albedo: Option<Albedo>,
+        radiance: Option<Color>,
+        spacing: Option<Positive>,
+    }
+
+    checked(deserializer, |keys: Keys| {
+        let [u, v] = [keys.u, keys.v].map(Vec3::from);
+        if u.cross(v).length() <= MIN_SINE * u.length() * v.length() {
+            return Err(format!("v {v} is parallel to u {u}"));
+        }
+        let solid = Solid::Quad {
+            centre: keys.centre.into(),
+            edges: [u, v],
+        };
+        surface(solid, keys.albedo, keys.radiance, keys.spacing)
+    })
+}
+
+fn cuboid<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Keys {
+        centre: Array<Number, 3>,
+        size: Array<Positive, 3>,
+        rotate: Option<Rotation>,
+        albedo: Option<Albedo>,
+        radiance: Option<Color>,
+        spacing: Option<Positive>,
+    }
+
+    checked(deserializer, |keys: Keys| {
+        let solid = Solid::Box {
+            centre: keys.centre.into(),
+            size: keys.size.into(),
+            rotation: keys.rotate.map_or(Quat::IDENTITY, Quat::from),
+        };
+        surface(solid, keys.albedo, keys.radiance, keys.spacing)
+    })
+}
+
+fn surface(
+    solid: Solid,
+    albedo: Option<Albedo>,
+    radiance: Option<Color>,
+    spacing: Option<Positive>,
+) -> Result<Surface, String> {
+    if albedo.is_none() && radiance.is_none() {
+        return Err("has neither `albedo` nor `radiance`".to_owned());
+    }
+    let surface = Surface {
+        solid,
+        material: Material {
+            albedo: albedo.map_or(Vec3::ZERO, |albedo| albedo.0),
+            radiance: radiance.map(|radiance| radiance.0),
+        },
+        spacing: spacing.map(f32::from),
+    };
+    let num = surface.num_discs();
+    if num > MAX_DISCS as f64 {
+        let spacing = match surface.spacing {
+            Some(spacing) => format!("of spacing {spacing} "),
+            None => String::new(),
+        };
+        return Err(format!(
+            "a surface of {num:.0} discs {spacing}is too large: more than {MAX_DISCS} are not made"
+        ));
+    }
+    Ok(surface)
+}
