@@ -98,12 +98,15 @@ pub fn check_folder(
     kernels: &[KernelName<'_>],
     source: impl Fn(&str, &[&str]) -> Result<String, String>,
 ) -> Result<(), String> {
-    let mut on_disk = wgsl_files(folder.as_ref(), "").map_err(|error| format!("{folder}: {error}"))?;
+    let mut on_disk =
+        wgsl_files(folder.as_ref(), "").map_err(|error| format!("{folder}: {error}"))?;
     let mut listed: Vec<String> = files.iter().map(|&file| file.to_owned()).collect();
     on_disk.sort();
     listed.sort();
     if on_disk.is_empty() || on_disk != listed {
-        return Err(format!("{folder}: has {on_disk:?}, embedded are {listed:?}"));
+        return Err(format!(
+            "{folder}: has {on_disk:?}, embedded are {listed:?}"
+        ));
     }
     for file in files {
         let name = file.strip_prefix("shared/").unwrap_or(file);
