@@ -26,7 +26,8 @@ pub(super) struct AdamParameters {
     harmonics_correction_1: f32,
     harmonics_correction_2: f32,
     num_gaussians: u32,
-    padding: [u32; 3],
+    padding: u32,
+    more_padding: [u32; 2],
 }
 
 impl AdamParameters {
@@ -41,7 +42,8 @@ impl AdamParameters {
             harmonics_correction_1: "f32",
             harmonics_correction_2: "f32",
             num_gaussians: "u32",
-            padding: "array<u32, 3>",
+            padding: "u32",
+            more_padding: "vec2u",
         })
     }
 }
