@@ -70,7 +70,7 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
     /// views: trace only part I of N of the views, 1 to N, into --work; the same command without it
-    /// then puts the parts together. gaussians has no parts: what lights what is one matrix
+    /// then combines the parts. gaussians has no parts: its light-transport matrix is one
     #[arg(long, value_name = "I/N")]
     #[serde(serialize_with = "command_line::optional_text")]
     shard: Option<Shard>,

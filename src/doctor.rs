@@ -16,10 +16,10 @@ use serde::Serialize;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Tell what this machine can do, and check that it computes right
+/// Report the capabilities of this machine, and check that it computes right
 ///
 /// Cores, memory, the programs and libraries that are found and what each missing one would give.
-/// The self-test traces a scene that is known everywhere with the engine and with a plain
+/// The self-test traces a scene that is known everywhere with the engine and with a simple
 /// double-precision oracle, with one thread and with all of them; if they differ, the exit code is
 /// 1. Takes a second or two, with a slow device some more, and writes nothing.
 ///
@@ -34,7 +34,7 @@ pub(crate) struct DoctorArgs {
     device: DeviceArgs,
 }
 
-/// How a finding stands.
+/// Status of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
@@ -46,14 +46,14 @@ enum State {
     Bad,
 }
 
-/// Something that was looked at.
+/// A part of the machine that was checked.
 #[derive(Debug, Serialize)]
 struct Finding {
     topic: &'static str,
     state: State,
-    /// What was found.
+    /// The finding.
     text: String,
-    /// What it would give if it were there, and how to get it.
+    /// Benefit of a missing part, and how to get it.
     #[serde(skip_serializing_if = "Option::is_none")]
     would_give: Option<&'static str>,
 }

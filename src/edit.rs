@@ -19,7 +19,7 @@ use std::process::ExitCode;
 /// A script is a TOML file of steps, each of which says what (a region, a range of values, a
 /// connected cluster, a new surface, a part of another scene) and then (remove, light, albedo,
 /// move, rotate, scale, duplicate). All of it is checked before anything is touched, and it is
-/// replayed to the same bits every time. Beside E.ply comes E.record.json, with digests of scene,
+/// replayed with bit-identical results. Beside E.ply comes E.record.json, with digests of scene,
 /// script and imported scenes and what every step found.
 ///
 /// After an edit the radiance that Gaussians carry is no longer what they would reflect: render
@@ -49,7 +49,7 @@ const EXAMPLES: &str = "Examples:
   eagpt edit runs/kitchen/scene.ply edit/examples/kitchen-light-ball.toml --out edits/ball.ply
   eagpt render edits/ball.ply --cameras kitchen --mode path --spp 256 --out renders/ball";
 
-/// What decides the result and what became of it, for the record.
+/// Options that decide the result, and its outcome, for the record.
 #[derive(Serialize)]
 struct Options<'a> {
     scene: &'a Path,
@@ -148,7 +148,7 @@ impl<T: Serialize> Serialize for Tagged<'_, T> {
     }
 }
 
-/// What a dry run tells people.
+/// The report of a dry run.
 fn table(edited: &Edited, num_before: usize) -> String {
     let mut text = format!("scene: {num_before} Gaussians\n");
     for selection in &edited.selections {

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 ///
 /// CAPTURE is a folder of photographs, or of one folder for each lighting condition: brackets of
 /// exposures at positions of the camera. Names `<position>_<index>`, the cycle of exposures,
-/// folders (--stacks-in-folders) or a file capture.toml tell which shots belong together. Whatever
+/// folders (--stacks-in-folders) or a file capture.toml say which shots belong together. Whatever
 /// is missing, double or does not fit is named, everything at once, before any work is done.
 ///
 /// Shots are merged where the sensor measured them, with the weights of its noise; then white
@@ -33,7 +33,7 @@ use std::process::ExitCode;
 /// 2: dark in all shots); and capture.json (what was decided), report.html and report.json (what to
 /// take again).
 ///
-/// The same command goes on where it was stopped, and adds stacks that are new; what is done is
+/// The same command resumes where it was stopped, and adds stacks that are new; what is done is
 /// known by its content.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
@@ -70,7 +70,7 @@ pub(crate) struct IngestArgs {
     /// geometric mean of the capture's luminance becomes 0.18]
     #[arg(long, value_name = "RADIANCE")]
     scale: Option<f64>,
-    /// How colours between the samples of the sensor are interpolated; X-Trans has bilinear and
+    /// Interpolation of colours between the samples of the sensor; X-Trans has bilinear and
     /// Markesteijn's method
     #[arg(long, value_enum, default_value = "ppg")]
     demosaic: Demosaic,
@@ -95,7 +95,7 @@ pub(crate) struct IngestArgs {
     /// Write EXR files in 32 bits instead of half precision
     #[arg(long)]
     float: bool,
-    /// Go on without what is bad; the report says what
+    /// Leave bad files out and continue; the report lists them
     #[arg(long)]
     skip_bad: bool,
     /// Merge only part I of N of the stacks, 1 to N. Parts share DIR and may run at once, on
@@ -241,7 +241,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let outcome = reporter.follow(listen, |progress| ingest(&request, progress));
     let summary = match outcome {
         Err(error) if matches!(error.downcast_ref(), Some(IngestError::Stopped { .. })) => {
-            reporter.note(&format!("{error}: the same command goes on"));
+            reporter.note(&format!("{error}: the same command resumes"));
             return Ok(interrupt::exit_code());
         }
         other => other?,

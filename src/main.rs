@@ -12,7 +12,7 @@
 //! - [`args`]: arguments that commands share.
 //! - [`command_line`]: typed options printed as a command.
 //! - [`device`]: the compute device, CPU or GPU.
-//! - [`progress`]: bars, plain lines or JSON.
+//! - [`progress`]: bars, lines or JSON.
 //! - [`record`]: the record.json beside every result.
 //! - [`output`]: folders and files for results.
 //! - [`interrupt`]: Ctrl-C.

@@ -43,7 +43,7 @@ pub(crate) struct MasksArgs {
     /// Value of a pixel that is compared with the threshold
     #[arg(long, value_enum, default_value = "any")]
     rule: Rule,
-    /// Whether pixels at the border of a light, which show it in part, belong to it
+    /// Pixels at the border of a light, which show it in part, belong to it
     #[arg(long, value_enum, default_value = "half")]
     border: Border,
     /// Folder of label images of lights, <view>.png of any size; what is neither black nor
@@ -62,7 +62,7 @@ pub(crate) struct MasksArgs {
     /// Grow regions, pixels, 0 to 255
     #[arg(long, value_name = "PIXELS", default_value_t = 0)]
     grow: u8,
-    /// What becomes of regions that other views do not confirm
+    /// Treatment of regions that other views do not confirm
     #[arg(long, value_enum, default_value = "keep")]
     inconsistent: Inconsistent,
     /// Least share, 0 to 1, of the places where other views see a region's surface that they have
@@ -101,7 +101,7 @@ fn threshold(text: &str) -> Result<Source, String> {
     }
 }
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
     dataset: &'a Path,
@@ -226,7 +226,7 @@ fn tell(reporter: &mut Reporter, message: &MaskProgress) -> Result<()> {
     reporter.count((name, "views"), (done, total), message)
 }
 
-/// Says what came of it.
+/// Reports the outcome.
 fn close(reporter: &Reporter, request: &MaskRequest<'_>, summary: &MaskSummary) -> Result<()> {
     let report = &summary.report;
     let with = |verdict: ViewVerdict| report.num_with(verdict);

@@ -17,10 +17,9 @@ use std::process::ExitCode;
 
 /// Put normal maps of any estimator into a dataset
 ///
-/// Maps are EXR or PNG of any size, called like the views. How they are to be read, in the camera's
-/// space or the world's and with which axes, is found out by holding them against the surfaces that
-/// the dataset's depths span, or the planes of its points; or it is given, and checked the same
-/// way. Where no reading stands out, nothing is written.
+/// Maps are EXR or PNG of any size, called like the views. Their space (the
+/// camera's or the world's) and axes are detected by comparison with the surfaces that the dataset's
+/// depths span, or the planes of its points; or they are given, and checked the same way. Where no reading stands out, nothing is written.
 ///
 /// Writes Normal-exr/<view>.exr (world space, unit length, turned to the camera, 0 where unknown)
 /// and into normals/ previews and report.json. The maps may also be made here, by a network in ONNX
@@ -44,7 +43,7 @@ pub(crate) struct NormalsArgs {
     #[command(flatten)]
     #[serde(flatten)]
     network: NetworkArgs,
-    /// What follows the view's name in the names of maps, as _normal in 0001_normal.png
+    /// Suffix of the view's name in the names of maps, as _normal in 0001_normal.png
     #[arg(
         long,
         value_name = "TEXT",
@@ -56,18 +55,18 @@ pub(crate) struct NormalsArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Space of the maps' vectors
-    #[arg(long, default_value = "auto", value_parser = args::auto::<Space>("Found out"))]
+    #[arg(long, default_value = "auto", value_parser = args::auto::<Space>("Detected"))]
     space: Auto<Space>,
-    /// What the maps' components are: `opencv` (x right, y down, z forward), `opengl` (y up, z to
+    /// Axes of the maps: `opencv` (x right, y down, z forward), `opengl` (y up, z to
     /// the viewer), `directx` (y down, z to the viewer), or which component with which sign is x, y
-    /// and z, as x,-y,-z; `auto` finds out
+    /// and z, as x,-y,-z; `auto` detects them
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = axes, allow_hyphen_values = true)]
     axes: Auto<Axes>,
-    /// How the maps store components
+    /// Encoding of the maps' components
     #[arg(
         long,
         default_value = "auto",
-        value_parser = args::auto::<Encoding>("Found out: PNG from 0 to 1, EXR by its values")
+        value_parser = args::auto::<Encoding>("Detected: PNG from 0 to 1, EXR by its values")
     )]
     encoding: Auto<Encoding>,
     /// Replace an earlier result of this command, and normals that are there
@@ -92,14 +91,14 @@ struct NetworkArgs {
     /// says, else the view's, rounded]
     #[arg(long, value_name = "WxH", requires = "onnx", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// What the sides of the picture are rounded to a multiple of, where the model leaves them
+    /// Number of which the sides of the picture become multiples, where the model leaves them
     /// open, 1 to 1024
     #[arg(long, value_name = "PIXELS", requires = "onnx", default_value_t = 32)]
     multiple: u32,
-    /// What is taken from the picture's sRGB values, by channel
+    /// Mean that is subtracted from the picture's sRGB values, by channel
     #[arg(long, value_name = "R,G,B", requires = "onnx", default_value = "0.485,0.456,0.406", value_parser = three)]
     mean: [f32; 3],
-    /// What the rest is divided by, by channel, each above 0
+    /// Standard deviation that the difference is divided by, by channel, each above 0
     #[arg(long, value_name = "R,G,B", requires = "onnx", default_value = "0.229,0.224,0.225", value_parser = three)]
     deviation: [f32; 3],
 }
@@ -141,7 +140,7 @@ struct Recorded<'a> {
     network: Option<&'a NetworkRecord>,
     #[serde(flatten)]
     options: &'a NormalOptions,
-    /// How the maps were read.
+    /// Space, axes and encoding of the maps.
     reading: Option<Reading>,
 }
 
@@ -314,7 +313,7 @@ fn tell(reporter: &mut Reporter, message: &NormalProgress) -> Result<()> {
     reporter.count((name, "views"), (done, total), message)
 }
 
-/// Says what came of it.
+/// Reports the outcome.
 fn close(reporter: &Reporter, out: &Path, summary: &NormalSummary) -> Result<()> {
     let views = &summary.report.views;
     let mean = |of: &dyn Fn(&eagpt_convert::normals::NormalView) -> f64| {

@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::iter;
 use std::path::{Component, Path, PathBuf};
 
-/// Whether an earlier result may be replaced.
+/// Treatment of an earlier result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Replace {
     /// No: stop with an error.
@@ -37,7 +37,7 @@ pub(crate) struct Target<'a> {
     pub(crate) command: &'a str,
     /// Files that the command reads: they are never replaced nor removed.
     pub(crate) inputs: &'a [PathBuf],
-    /// Whether an earlier result may be replaced.
+    /// Treatment of an earlier result.
     pub(crate) replace: Replace,
 }
 
@@ -126,7 +126,7 @@ impl Target<'_> {
     }
 
     fn resolved_inputs(&self) -> HashSet<PathBuf> {
-        // What cannot be resolved does not exist.
+        // A path that cannot be resolved does not exist.
         let resolved = self
             .inputs
             .iter()

@@ -1,4 +1,4 @@
-//! Progress of long jobs: a bar on a terminal, plain lines now and then elsewhere, or JSON.
+//! Progress of long jobs: a bar on a terminal, lines of text now and then elsewhere, or JSON.
 
 use crate::args::GlobalArgs;
 use crate::failpoint;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// Time between plain lines: a log of an hour stays readable.
+/// Time between lines: a log of an hour stays readable.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Time between JSON messages of the same bar.
 const JSON_EVERY: Duration = Duration::from_millis(250);
@@ -52,8 +52,8 @@ impl Reporter {
         Self { style, task: None }
     }
 
-    /// Runs a job, telling its messages one by one by `tell`. What cannot be told is an error only
-    /// after the job: its work counts.
+    /// Runs a job and shows its messages one by one by `tell`. A message that cannot be shown is an
+    /// error only after the job: its work counts.
     ///
     /// # Errors
     /// The job's, or the first of `tell`.
@@ -101,7 +101,7 @@ impl Reporter {
         });
     }
 
-    /// Whether the task under way is called `name`.
+    /// Returns whether the task under way is called `name`.
     pub(crate) fn is_at(&self, name: &str) -> bool {
         self.task.as_ref().is_some_and(|task| task.name == name)
     }
@@ -122,7 +122,7 @@ impl Reporter {
     }
 
     /// Shows that `done` of `total` steps of the task `name` are done, which begins with the first
-    /// of them, and tells machines.
+    /// of them, and writes `message`.
     ///
     /// # Errors
     /// As [`Self::step_message`].
@@ -146,14 +146,14 @@ impl Reporter {
         }
     }
 
-    /// Tells something that is not progress.
+    /// Shows a note that is not progress.
     pub(crate) fn note(&self, text: &str) {
         if matches!(self.style, Style::Bar | Style::Lines) {
             terminal::line(text);
         }
     }
 
-    /// Whether machines listen, who get messages and no lines.
+    /// Returns whether output is JSON: messages and no lines.
     pub(crate) fn is_json(&self) -> bool {
         self.style == Style::Json
     }

@@ -17,18 +17,17 @@ use aov::Aov;
 pub(crate) use args::{Mode, RenderArgs};
 use denoise::{Choice, Denoising};
 use eagpt_denoise::Denoiser;
+use eagpt_render::{RenderJob, RenderProgress, Shot, render_views};
 use eagpt_scene::files::{Key, Ledger, ledger};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Shard, ply};
-use eagpt_trace::{Integrator, LightOptions, Tracer};
+use eagpt_trace::{Integrator, LightOptions, RenderedView};
 use serde::Serialize;
 use shots::{PathRecord, Shots};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::Ordering;
-use std::time::Instant;
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Options<'a> {
     scene: &'a Path,
@@ -40,7 +39,7 @@ struct Options<'a> {
     light: LightOptions,
     aov: &'a [Aov],
     denoise: Denoising,
-    /// What only PNGs show.
+    /// Exposure and tone map of the PNGs.
     display: Display,
     camera_path: Option<PathRecord<'a>>,
     /// Another rounds in another way.
@@ -111,20 +110,30 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     for warning in &builder.record.warnings {
         reporter.warning(warning);
     }
-    let job = Job {
-        args,
+    let stop = interrupt::stop_flag()?;
+    let job = RenderJob {
         scene: scene.as_ref(),
         integrator,
         light,
+        rays_per_axis: args.antialias,
         denoiser: denoiser.as_ref(),
-        display,
+        stop: &stop,
     };
-    if !job.render(&shots, shard, &mut ledger, (&mut builder, &mut reporter))? {
-        reporter.finish();
-        reporter.note("stopped: the same command goes on from here");
+    let mine: Vec<Shot> = shots.of_shard(shard).cloned().collect();
+    let write = |shot: &Shot, rendered: &RenderedView| files::write(args, &display, shot, rendered);
+    let summary = reporter.follow(tell, |progress| {
+        render_views(&job, &mine, &mut ledger, write, progress)
+    })?;
+    if !summary.complete {
+        reporter.note("stopped: the same command resumes");
         return Ok(interrupt::exit_code());
     }
-    reporter.finish();
+    for (view, seconds) in &summary.views {
+        builder.took(&format!("views/{view}"), *seconds);
+    }
+    if denoiser.is_some() {
+        builder.took("denoising", summary.denoising_seconds);
+    }
     if shard != Shard::WHOLE {
         ledger.complete()?;
         reporter.note(&format!("{}: part {shard}", args.out.display()));
@@ -158,8 +167,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Finds out whether the files of the shard may be written. Those that unfinished work on this
-/// result has left may, but it has to be of this result: that is found out when it is opened.
+/// Checks that the files of the shard may be written. Those of unfinished work may, if it is work
+/// on this result: opening its ledger checks that.
 fn check<'a>(
     args: &RenderArgs,
     shard: Shard,
@@ -172,7 +181,7 @@ fn check<'a>(
     }
     target(Replace::Continue).check(outputs)?;
     let left = ledger::shards(&args.out)?;
-    // What is of another division is refused by its own name.
+    // Parts of another division are refused by their own name.
     if left
         .iter()
         .any(|part| *part == shard || part.of != shard.of)
@@ -197,65 +206,16 @@ fn key(record: &Record, outputs: &[PathBuf]) -> Result<Key> {
     Ok(key)
 }
 
-/// What all views have in common.
-struct Job<'a> {
-    args: &'a RenderArgs,
-    scene: &'a dyn Tracer,
-    integrator: Integrator,
-    light: LightOptions,
-    denoiser: Option<&'a Denoiser>,
-    display: Display,
-}
-
-impl Job<'_> {
-    /// Renders the views of the shard that are not done; `false` if it was stopped.
-    fn render(
-        &self,
-        shots: &Shots,
-        shard: Shard,
-        ledger: &mut Ledger,
-        (builder, reporter): (&mut RecordBuilder, &mut Reporter),
-    ) -> Result<bool> {
-        let stop = interrupt::stop_flag()?;
-        let total = shots.of_shard(shard).count() as u64;
-        let mut denoising = 0.0;
-        reporter.begin("rendering", "views", 0, total);
-        for (done, (index, shot)) in (1..).zip(shots.of_shard(shard)) {
-            if let Some(item) = ledger.done(&shot.name) {
-                builder.took(&format!("views/{}", shot.name), item.seconds);
-                reporter.advance(done, || shot.name.clone());
-                continue;
-            }
-            if stop.load(Ordering::Relaxed) {
-                return Ok(false);
-            }
-            let started = Instant::now();
-            let camera = shot.camera.magnified(self.args.antialias);
-            let light = shots.light(&self.light, index);
-            let rays = self.scene.render(&camera, &self.integrator, &light)?;
-            let mut rendered = rays.averaged(self.args.antialias);
-            if let Some(denoiser) = self.denoiser {
-                let started = Instant::now();
-                rendered.radiance =
-                    denoise::denoised(self.args, denoiser, &camera, &rays, &rendered)?;
-                denoising += started.elapsed().as_secs_f64();
-            }
-            files::write(self.args, &self.display, shot, &rendered)?;
-            let seconds = started.elapsed().as_secs_f64();
-            ledger.add(&shot.name, seconds, &files::of_shot(self.args, shot))?;
-            builder.took(&format!("views/{}", shot.name), seconds);
-            reporter.advance(done, || shot.name.clone());
-            reporter.message(&serde_json::json!({
-                "message": "view",
-                "view": shot.name,
-                "done": done,
-                "total": total,
-                "seconds": seconds,
-            }))?;
+/// Shows a message of the job.
+fn tell(reporter: &mut Reporter, message: &RenderProgress) -> Result<()> {
+    match message {
+        RenderProgress::Started { done, total } => {
+            reporter.begin("rendering", "views", *done as u64, *total as u64);
+            Ok(())
         }
-        if self.denoiser.is_some() {
-            builder.took("denoising", denoising);
+        RenderProgress::View { view, done, .. } => {
+            reporter.advance(*done as u64, || view.clone());
+            reporter.message(message)
         }
-        Ok(true)
     }
 }

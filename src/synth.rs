@@ -41,7 +41,7 @@ pub(crate) struct SynthArgs {
     /// Print the scene file, to start another from
     #[arg(long)]
     print: bool,
-    /// What to write
+    /// Parts to write
     #[arg(long, value_enum, default_value = "all")]
     parts: Parts,
     /// Size of the truth images, pixels, 8x8 to 16384x16384; the sensor has more by the rig's
@@ -54,7 +54,7 @@ pub(crate) struct SynthArgs {
     /// Samples for each pixel of the truth, 1 to 65536
     #[arg(long, value_name = "N", default_value_t = SynthOptions::default().num_samples, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     spp: u32,
-    /// How light that was reflected before is found
+    /// Method for indirect light
     #[arg(long, value_enum, default_value = "cached")]
     light: LightMethod,
     /// Leave the noise of sampled light in the truth, instead of filtering it
@@ -87,7 +87,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
     scene: &'a str,

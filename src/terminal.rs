@@ -1,4 +1,4 @@
-//! What goes to the terminal, without tearing a progress bar.
+//! Output to the terminal that does not break a progress bar.
 
 use crate::args::GlobalArgs;
 use anyhow::{Context, Result};
@@ -29,7 +29,7 @@ pub(crate) fn init(global: &GlobalArgs) {
         .init();
 }
 
-/// Whether colours are welcome on standard error: a terminal, and no NO_COLOR.
+/// Returns whether standard error shows colours: it is a terminal, and NO_COLOR is not set.
 fn console_colors() -> bool {
     let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     wanted && io::IsTerminal::is_terminal(&io::stderr())
@@ -39,7 +39,7 @@ fn console_colors() -> bool {
 pub(crate) fn line(text: &str) {
     let written = BARS.suspend(|| writeln!(io::stderr(), "{text}"));
     if written.is_err() {
-        // Standard error is closed: there is nowhere left to say so, and the job goes on.
+        // Standard error is closed: there is nowhere left to say so, and the job continues.
     }
 }
 

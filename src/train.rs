@@ -70,9 +70,9 @@ pub(crate) struct TrainArgs {
     /// Set one option, named as in the TOML file; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Continue the run in RUN from its newest checkpoint, to the same bits as without the break
+    /// Resume the run in RUN from its newest checkpoint, bit-identical to a run without the break
     ///
-    /// That is, on the same device; another goes on as well, and ends elsewhere by rounding.
+    /// Bit-identical on the same device; on another the result differs by rounding.
     ///
     /// Its options are taken from RUN/train.toml unless --preset or --config is given.
     #[arg(long, conflicts_with = "force")]

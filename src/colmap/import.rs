@@ -66,7 +66,7 @@ pub(crate) struct ImportArgs {
     /// Write the aligned model, rigs and frames included, into DATASET/colmap
     #[arg(long)]
     write_model: bool,
-    /// Find the floor and tell, but write nothing
+    /// Find and report the floor, but write nothing
     #[arg(long)]
     dry_run: bool,
     /// Replace an earlier import in DATASET
@@ -84,12 +84,12 @@ pub(crate) struct ImportArgs {
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Alignment options")]
 struct AlignArgs {
-    /// How to find the floor
+    /// Method of finding the floor
     #[arg(long, value_enum, default_value = "floor")]
     #[serde(serialize_with = "command_line::value")]
     align: Mode,
-    /// What is up in the model's world; with --align floor in place of the cameras' word, with
-    /// manual one place of the floor then suffices
+    /// Up direction in the model's world; with --align floor it replaces the estimate from the
+    /// cameras, with manual a single place of the floor then suffices
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     up: Option<[f64; 3]>,
     /// manual: numbers of points of the model on the floor
@@ -126,7 +126,7 @@ struct AlignArgs {
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Undistortion options")]
 struct UndistortArgs {
-    /// What pinhole images show of those of the lens
+    /// Part of the lens images that the pinhole images show
     #[arg(long, value_enum, default_value = "inside")]
     field: FieldArg,
     /// Largest angle of view of a pinhole image, degrees, above 0 to 170
@@ -144,8 +144,8 @@ enum FieldArg {
     All,
     /// As many pixels as the image has, with its principal point; unknown ones as with `all`
     Same,
-    /// What the cameras of --like show, which must be the same but for their poses, with as many
-    /// pixels; unknown ones as with `all`
+    /// The view and size of the cameras of --like, which must be the same but for their poses;
+    /// unknown pixels as with `all`
     Like,
 }
 
@@ -285,7 +285,7 @@ impl ImportArgs {
     }
 }
 
-/// What decides the result, for the record.
+/// Options that decide the result, for the record.
 #[derive(Serialize)]
 struct Recorded<'a> {
     model: &'a PathBuf,

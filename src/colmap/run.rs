@@ -21,7 +21,7 @@ use std::process::ExitCode;
 /// a display, and says which images got a pose and which did not. Needs the program `colmap`, 3.8
 /// or later: `apt-get install colmap`.
 ///
-/// COLMAP looks at 8-bit pictures; give it the pictures that were developed beside the linear
+/// COLMAP reads 8-bit pictures; give it the pictures that were developed beside the linear
 /// images, under the same names. It is not repeatable to the bit.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
@@ -43,13 +43,13 @@ pub(crate) struct RunArgs {
     #[arg(long, value_enum, default_value = "auto")]
     #[serde(serialize_with = "command_line::value")]
     matcher: Matcher,
-    /// Folder of masks, NAME.EXT.png for the picture NAME.EXT; black is not looked at
+    /// Folder of masks, NAME.EXT.png for the picture NAME.EXT; black is ignored
     #[arg(long, value_name = "DIR")]
     masks: Option<PathBuf>,
-    /// Longest edge that features are looked for at, pixels, at least 1
+    /// Longest edge of the images for feature detection, pixels, at least 1
     #[arg(long, value_name = "PX", default_value_t = RunOptions::default().max_image_size)]
     max_image_size: u32,
-    /// Most features of an image, at least 1
+    /// Maximum number of features of an image, at least 1
     #[arg(long, value_name = "N", default_value_t = RunOptions::default().max_features)]
     max_features: u32,
     /// The program: its name, or a path

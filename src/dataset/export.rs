@@ -30,7 +30,7 @@ pub(crate) struct ExportArgs {
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Whether images are copied
+    /// Images to copy
     #[arg(long, value_enum, default_value = "copy")]
     images: Images,
     /// Replace an earlier result of this command

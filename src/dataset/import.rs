@@ -21,7 +21,7 @@ use std::process::ExitCode;
 /// Cameras become pinholes and images linear Rec.709 EXR; images of lenses that distort are
 /// resampled, others keep their pixels. Writes transforms.json, Radiance-exr/ and what else the
 /// source has (Emissive-exr, Normal-exr, Alpha-exr, Depth-exr, DiffCol, points3d.ply), Valid-exr/
-/// where pixels are not known, import.json with all that was found out and decided, and
+/// where pixels are not known, import.json with everything that was detected and decided, and
 /// record.json.
 ///
 /// FIPT: cam.txt and K_list.txt with Image/, y up; or train/ and val/ of synthetic scenes. Eyeful
@@ -34,7 +34,7 @@ pub(crate) struct ImportArgs {
     /// Folder of the source, or its transforms.json
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
-    /// Layout of the source; `auto` finds out by the files that are there and the keys in them
+    /// Layout of the source; `auto` detects it from the files and the keys in them
     #[arg(
         long,
         default_value = "auto",
@@ -55,7 +55,7 @@ pub(crate) struct ImportArgs {
     /// it has one]
     #[arg(long, value_name = "METRES")]
     metres_per_unit: Option<f64>,
-    /// What the pinhole image shows of a lens that distorts
+    /// Part of a distorted image that the pinhole image shows
     #[arg(long, value_enum, default_value = "inside")]
     field: Field,
     /// Largest angle of view of a pinhole image, degrees in either direction, above 0 and at most
@@ -88,7 +88,7 @@ pub(crate) struct ImportArgs {
     /// millimetres in a world in metres
     #[arg(long, value_name = "UNITS", default_value_t = 1e-3)]
     depth_unit: f64,
-    /// What becomes of photographs that are PNG or JPEG
+    /// Treatment of photographs that are PNG or JPEG
     #[arg(long, value_enum, default_value = "refuse")]
     ldr: Ldr,
     /// Import the other frames where some cannot be used
@@ -140,7 +140,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         source.format,
         source.num_frames()
     ));
-    // What cannot be imported is told before the earlier result goes.
+    // Problems are reported before the earlier result is removed.
     if !source.problems.is_empty() && options.bad_frames == BadFrames::Refuse {
         return Err(refuse(&mut reporter, &source));
     }
@@ -221,7 +221,7 @@ fn tell(reporter: &mut Reporter, message: &ImportProgress) -> Result<()> {
     reporter.message(message)
 }
 
-/// Says what came of it.
+/// Reports the outcome.
 fn close(reporter: &Reporter, out: &Path, summary: &ImportSummary) -> Result<()> {
     let report = &summary.report;
     let num_resampled = report.lenses.iter().filter(|lens| !lens.kept).count();

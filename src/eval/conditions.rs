@@ -36,7 +36,7 @@ enum Outcome {
 struct Files {
     /// Everything that will be written, relative to the output folder.
     outputs: Vec<PathBuf>,
-    /// What an evaluation must never replace.
+    /// Files that an evaluation must never replace.
     inputs: Vec<PathBuf>,
 }
 

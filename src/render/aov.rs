@@ -35,7 +35,7 @@ impl Aov {
         }
     }
 
-    /// Whether a PNG is written beside the EXR.
+    /// Returns whether a PNG is written beside the EXR.
     pub(super) fn has_picture(self) -> bool {
         matches!(self, Self::Normal | Self::Albedo | Self::Emission)
     }

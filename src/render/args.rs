@@ -25,7 +25,7 @@ use std::path::PathBuf;
 /// a transforms.json with their cameras, which --cameras takes as well. Frame i has the seed S + i:
 /// noise does not stick to the screen.
 ///
-/// The same command goes on where it was stopped: what is done is known by its content.
+/// The same command resumes where it was stopped: finished views are known by their content.
 ///
 /// Only the cameras of the dataset are used; of its images, the sizes, and those not if it states w
 /// and h.
@@ -48,7 +48,7 @@ pub(crate) struct RenderArgs {
     /// Names of the views to render, separated by commas, instead of a subset
     #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["split", "split_rule"])]
     pub(super) views: Vec<String>,
-    /// How light is computed
+    /// Light transport
     #[arg(long, value_enum)]
     pub(crate) mode: Mode,
     /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of
@@ -59,7 +59,7 @@ pub(crate) struct RenderArgs {
     /// divided among them
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub(super) antialias: u32,
-    /// Most bounces of a path, at least 1
+    /// Maximum path depth: bounces, at least 1
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) bounces: u32,
     /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows
@@ -69,15 +69,15 @@ pub(crate) struct RenderArgs {
     /// Emission from which on a surface counts as an emitter, 0 to 1
     #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = share)]
     pub(super) emission_threshold: f32,
-    /// How light is looked for; the mean image is the same, the noise is not
+    /// Light sampling; the mean image is the same, the noise is not
     #[arg(long, value_enum, default_value = "next-event")]
     sampling: Sampling,
-    /// What a path's rays make of the Gaussians they meet
+    /// Surface of a path's ray that meets several Gaussians
     #[arg(long, value_enum, default_value = "blended")]
     hits: Hits,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
-    seed: u64,
+    pub(super) seed: u64,
     /// Also write these quantities of the camera rays, separated by commas
     #[arg(long, value_enum, value_name = "AOV,…", value_delimiter = ',')]
     pub(super) aov: Vec<Aov>,
@@ -93,8 +93,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
     /// Render only part I of N of the views, 1 to N. Parts share DIR and may run at once, on
-    /// machines that share it; when all are there, the same command without --shard puts them
-    /// together, to the bits of an undivided run
+    /// machines that share it; when all are there, the same command without --shard combines them,
+    /// bit-identical to an undivided run
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
     #[serde(serialize_with = "command_line::optional_text")]
     pub(super) shard: Option<Shard>,
@@ -139,7 +139,7 @@ pub(crate) enum Mode {
 }
 
 impl RenderArgs {
-    /// How light is computed; samples are those of a ray.
+    /// Light transport; samples are those of a ray.
     pub(super) fn integrator(&self) -> Integrator {
         let num_samples = self.spp.div_ceil(self.antialias.pow(2));
         match self.mode {

@@ -1,9 +1,9 @@
-//! How pictures are shown: exposure and tone map of the PNGs.
+//! Exposure and tone map of the PNGs.
 
-use super::shots::Shot;
 use crate::command_line;
 use anyhow::Result;
 use clap::Args;
+use eagpt_render::Shot;
 use eagpt_scene::tonemap::{Display, ExposureMeter, ToneMap};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use serde::Serialize;
@@ -12,12 +12,12 @@ use std::str::FromStr;
 
 /// Exposures that a person may ask for, in stops either way.
 const MAX_STOPS: f32 = 32.0;
-/// Pictures that the automatic exposure looks at.
+/// Number of pictures that the automatic exposure meters.
 const MAX_METERED: usize = 16;
-/// It looks at pictures that are smaller by this factor along each axis.
+/// Factor by which metered pictures are smaller along each axis.
 const METER_REDUCTION: u32 = 4;
 
-/// How PNGs show light; EXR files never change.
+/// Display of light in PNGs; EXR files never change.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Pictures")]
 pub(super) struct DisplayArgs {
@@ -31,7 +31,7 @@ pub(super) struct DisplayArgs {
     )]
     #[serde(serialize_with = "command_line::text")]
     exposure: Exposure,
-    /// What the PNGs show of light that is brighter than the display: srgb cuts it off
+    /// Tone map of the PNGs for light that is brighter than the display; srgb clips it
     #[arg(long, value_name = "CURVE", default_value = "srgb", value_enum)]
     tone_map: ToneMap,
 }

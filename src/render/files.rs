@@ -1,9 +1,10 @@
 //! The files of a rendering.
 
 use super::RenderArgs;
-use super::shots::{Shot, Shots};
+use super::shots::Shots;
 use crate::output;
 use anyhow::Result;
+use eagpt_render::Shot;
 use eagpt_scene::dataset::TRANSFORMS_FILE;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
@@ -21,7 +22,7 @@ pub(super) fn all(args: &RenderArgs, shots: &Shots) -> Vec<PathBuf> {
 /// The files of all views of a shard, relative to the folder of the result.
 pub(super) fn of_shard(args: &RenderArgs, shard: Shard, shots: &Shots) -> Vec<PathBuf> {
     let shots = shots.of_shard(shard);
-    shots.flat_map(|(_, shot)| of_shot(args, shot)).collect()
+    shots.flat_map(|shot| of_shot(args, shot)).collect()
 }
 
 /// The files of one picture.
@@ -56,13 +57,13 @@ fn png_name(view: &str) -> PathBuf {
     format!("{view}.png").into()
 }
 
-/// Writes the files of one picture.
+/// Writes the files of one picture, and returns their paths relative to the folder.
 pub(super) fn write(
     args: &RenderArgs,
     display: &Display,
     shot: &Shot,
     rendered: &RenderedView,
-) -> Result<()> {
+) -> Result<Vec<PathBuf>> {
     let name = &shot.name;
     let picture = &rendered.radiance;
     if writes_exr(args) {
@@ -77,7 +78,7 @@ pub(super) fn write(
         let png_path = output::place(&dir, &png_name(name))?;
         aov.write(&shot.camera, &rendered.features, &exr_path, &png_path)?;
     }
-    Ok(())
+    Ok(of_shot(args, shot))
 }
 
 /// Half precision, unless a value is too bright for it.

@@ -1,13 +1,13 @@
-//! What is rendered: views of a dataset, or the frames of a camera path.
+//! Views to render: those of a dataset, or the frames of a camera path.
 
 use super::RenderArgs;
 use crate::record::SplitRecord;
 use anyhow::{Result, bail};
 use clap::Args;
+use eagpt_render::Shot;
 use eagpt_scene::camera_path::PathOverrides;
 use eagpt_scene::dataset::{self, DatasetInfo, SplitRule, Subset, TRANSFORMS_FILE};
-use eagpt_scene::{Camera, CameraPath, Dataset, Shard};
-use eagpt_trace::LightOptions;
+use eagpt_scene::{CameraPath, Dataset, Shard};
 use serde::Serialize;
 use std::path::Path;
 
@@ -37,18 +37,10 @@ fn size(text: &str) -> Result<(u32, u32), String> {
     parsed.ok_or_else(|| "not a width and a height, as 960x540".to_owned())
 }
 
-/// A picture to render.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct Shot {
-    /// Name of its files without extension; may contain "/".
-    pub(super) name: String,
-    pub(super) camera: Camera,
-}
-
 /// All pictures to render, and where they come from.
 pub(super) struct Shots {
     pub(super) list: Vec<Shot>,
-    /// How views of the dataset were chosen.
+    /// Selection of the views of the dataset.
     pub(super) split: Option<SplitRecord>,
     /// The path whose frames they are.
     pub(super) path: Option<CameraPath>,
@@ -78,6 +70,7 @@ impl Shots {
             let list = frames.map(|frame| Shot {
                 name: frame.name.clone(),
                 camera: frame.camera,
+                seed: args.seed,
             });
             return Ok(Self {
                 list: list.collect(),
@@ -93,6 +86,8 @@ impl Shots {
         let list = path.cameras.iter().enumerate().map(|(i, camera)| Shot {
             name: format!("frame_{i:04}"),
             camera: *camera,
+            // With one seed for all, noise would stick to the screen.
+            seed: args.seed.wrapping_add(i as u64),
         });
         Ok(Self {
             list: list.collect(),
@@ -101,11 +96,11 @@ impl Shots {
         })
     }
 
-    /// The pictures of a shard, with their places in the list.
-    pub(super) fn of_shard(&self, shard: Shard) -> impl Iterator<Item = (u64, &Shot)> {
+    /// The pictures of a shard.
+    pub(super) fn of_shard(&self, shard: Shard) -> impl Iterator<Item = &Shot> {
         let mine = self.list.iter().enumerate();
         mine.filter(move |(place, _)| shard.has(*place))
-            .map(|(place, shot)| (place as u64, shot))
+            .map(|(_, shot)| shot)
     }
 
     /// The path for the record, if there is one.
@@ -115,16 +110,6 @@ impl Shots {
             path,
             frames: &self.list,
         })
-    }
-
-    /// Light of a picture: every frame of a path has a seed of its own, or noise would stick to the
-    /// screen.
-    pub(super) fn light(&self, light: &LightOptions, index: u64) -> LightOptions {
-        let offset = if self.path.is_some() { index } else { 0 };
-        LightOptions {
-            seed: light.seed.wrapping_add(offset),
-            ..*light
-        }
     }
 
     /// Writes the cameras of the frames of a path, as a dataset has them.

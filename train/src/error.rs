@@ -1,5 +1,6 @@
 //! The error of training.
 
+use eagpt_render::RenderError;
 use eagpt_scene::SceneError;
 use eagpt_trace::TraceError;
 use std::path::PathBuf;
@@ -16,6 +17,9 @@ pub enum TrainError {
     /// The engine gave up.
     #[error(transparent)]
     Trace(#[from] TraceError),
+    /// A view could not be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
     /// An option has an impossible value.
     #[error("option {field}: {problem}")]
     Option {

@@ -12,17 +12,17 @@ use crate::job::views::Views;
 use crate::loss::NormalTerms;
 use crate::options::{LearningRates, LossWeights, Stage};
 use crate::params::{ParameterState, StepSizes};
+use eagpt_render::{RenderJob, RenderProgress, Shot, render_views};
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::files::{self, Ledger};
 use eagpt_scene::{Dataset, Shard};
 use eagpt_trace::transport::Sampling;
-use eagpt_trace::{Integrator, LightOptions};
+use eagpt_trace::{Integrator, LightOptions, RenderedView};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Bytes that images may take in memory during the fit.
 const IMAGE_BUDGET: usize = 1 << 30;
@@ -65,49 +65,54 @@ impl Bake<'_> {
 
     /// Path-traces the views of the shard that are not done; `false` if it was stopped.
     fn render_views(&mut self, method: &ViewBake, mut ledger: Ledger) -> Result<bool> {
-        let mine: Vec<usize> = (0..)
-            .zip(&self.frames)
-            .filter(|(place, _)| method.shard.has(*place))
-            .map(|(_, &view)| view)
-            .collect();
-        let total = mine.len();
-        let missing: Vec<usize> = (mine.into_iter())
-            .filter(|&view| ledger.done(&self.dataset.frames()[view].name).is_none())
-            .collect();
-        let found = total - missing.len();
-        (self.progress)(BakeProgress::Rendering { done: found, total });
-        let engine = self.request.device.scene(&self.scene)?;
         let options = self.request.options;
-        let integrator = Integrator::Path {
-            num_samples: method.num_samples,
-            max_bounces: options.max_bounces,
-            roulette_from: method.roulette_from,
-        };
-        for (done, view) in (found + 1..).zip(missing) {
-            if self.stopped() {
-                return Ok(false);
-            }
-            let light = LightOptions {
-                // Noise of its own for every view: what they share, the fit could not average away.
-                seed: options.seed.wrapping_add(view as u64),
+        let scene = self.request.device.scene(&self.scene)?;
+        let job = RenderJob {
+            scene: scene.as_ref(),
+            integrator: Integrator::Path {
+                num_samples: method.num_samples,
+                max_bounces: options.max_bounces,
+                roulette_from: method.roulette_from,
+            },
+            light: LightOptions {
                 sampling: method.sampling,
                 ..LightOptions::default()
-            };
-            let started = Instant::now();
-            let frame = &self.dataset.frames()[view];
-            let rendered = engine.render(&frame.camera, &integrator, &light)?;
-            self.num_rays += rendered.num_rays;
-            let image = PathBuf::from(RADIANCE_DIR).join(format!("{}.exr", frame.name));
-            let path = self.request.work.join(&image);
+            },
+            rays_per_axis: 1,
+            denoiser: None,
+            stop: &self.request.stop,
+        };
+        let mine = (0..).zip(&self.frames);
+        let mine = mine.filter(|(place, _)| method.shard.has(*place));
+        let shots: Vec<Shot> = mine
+            .map(|(_, &view)| Shot {
+                name: self.dataset.frames()[view].name.clone(),
+                camera: self.dataset.frames()[view].camera,
+                // Noise of its own for every view: what they share, the fit could not average away.
+                seed: options.seed.wrapping_add(view as u64),
+            })
+            .collect();
+        let work = &self.request.work;
+        let write = |shot: &Shot, rendered: &RenderedView| {
+            let image = PathBuf::from(RADIANCE_DIR).join(format!("{}.exr", shot.name));
+            let path = work.join(&image);
             if let Some(parent) = path.parent() {
                 files::create_dir(parent)?;
             }
             exr::write_rgb(&path, &rendered.radiance, Precision::Float)?;
-            ledger.add(&frame.name, started.elapsed().as_secs_f64(), &[image])?;
-            (self.progress)(BakeProgress::Rendering { done, total });
+            Ok::<_, TrainError>(vec![image])
+        };
+        let progress = &mut self.progress;
+        let summary = render_views(&job, &shots, &mut ledger, write, &mut |message| {
+            let (RenderProgress::Started { done, total }
+            | RenderProgress::View { done, total, .. }) = message;
+            progress(BakeProgress::Rendering { done, total });
+        })?;
+        self.num_rays += summary.num_rays;
+        if summary.complete {
+            ledger.complete()?;
         }
-        ledger.complete()?;
-        Ok(true)
+        Ok(summary.complete)
     }
 
     /// Fits radiance to the images of the work folder; `None` if it was stopped.
