@@ -8,8 +8,8 @@ use crate::record::{Input, RecordBuilder};
 use anyhow::{Result, bail};
 use clap::Args;
 use eagpt_masks::{
-    Border, CheckOptions, Inconsistent, MaskOptions, MaskProgress, MaskRequest, MaskSummary, Rule,
-    Source, ViewVerdict, make_masks, planned_files,
+    Border, CheckOptions, Inconsistent, MaskOptions, MaskProgress, MaskRequest, MaskSource,
+    MaskSummary, Rule, ViewVerdict, make_masks, planned_files,
 };
 use eagpt_scene::Dataset;
 use serde::Serialize;
@@ -39,7 +39,7 @@ pub(crate) struct MasksArgs {
     /// in all views together, `none` takes labels alone
     #[arg(long, value_name = "RADIANCE|auto|none", default_value = "auto", value_parser = threshold)]
     #[serde(serialize_with = "command_line::text")]
-    threshold: Source,
+    threshold: MaskSource,
     /// Value of a pixel that is compared with the threshold
     #[arg(long, value_enum, default_value = "any")]
     rule: Rule,
@@ -90,12 +90,12 @@ const EXAMPLES: &str = "Examples:
   eagpt masks kitchen --labels sam/lamps --subtract sam/mirrors --scene runs/kitchen/scene.ply --inconsistent drop
   eagpt masks kitchen --threshold none --labels by-hand --out masks-by-hand";
 
-fn threshold(text: &str) -> Result<Source, String> {
+fn threshold(text: &str) -> Result<MaskSource, String> {
     match text {
-        "auto" => Ok(Source::Auto),
-        "none" => Ok(Source::None),
+        "auto" => Ok(MaskSource::Auto),
+        "none" => Ok(MaskSource::None),
         number => match number.parse::<f32>() {
-            Ok(level) if level > 0.0 && level.is_finite() => Ok(Source::Level(level)),
+            Ok(level) if level > 0.0 && level.is_finite() => Ok(MaskSource::Level(level)),
             _ => Err("neither a radiance above 0 nor `auto` nor `none`".to_owned()),
         },
     }
@@ -117,7 +117,7 @@ struct Recorded<'a> {
 pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args);
     options.validate()?;
-    if options.source == Source::None && args.labels.is_none() {
+    if options.source == MaskSource::None && args.labels.is_none() {
         bail!("--threshold none: without --labels there is nothing to make masks of");
     }
     let mut builder = RecordBuilder::begin("masks", &options)?;
@@ -174,7 +174,7 @@ const RECORD: &str = "masks.record.json";
 fn options(args: &MasksArgs) -> MaskOptions {
     MaskOptions {
         source: match &args.from_scene {
-            Some(_) => Source::Emission(args.emission),
+            Some(_) => MaskSource::Emission(args.emission),
             None => args.threshold,
         },
         rule: args.rule,

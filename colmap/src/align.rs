@@ -1,6 +1,6 @@
 //! Up direction, floor and direction of the walls, from a sparse model alone.
 //!
-//! 1. **Gravity** ([`gravity`]): cameras are held level, so the horizontal axes of their images lie
+//! 1. **Gravity** (`gravity`): cameras are held level, so the horizontal axes of their images lie
 //!    in one plane of the world, whose normal is vertical. The tops of the images decide its sign.
 //! 2. **Floor** ([`floor`]): horizontal planes among the points below the cameras, by RANSAC. The
 //!    lowest one with support, extent and no mirror above it is the floor; its normal, together

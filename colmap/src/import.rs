@@ -308,22 +308,22 @@ impl ImportPlan {
                 Depth::Half => Precision::Half,
                 Depth::Float => Precision::Float,
             };
-            let mut job = views::Job {
+            let mut writer = views::ConditionWriter {
                 writer: eagpt_scene::dataset::DatasetWriter::create(&dir, precision)?,
                 condition: condition.name.as_deref(),
                 done,
                 total,
                 progress: &mut *progress,
             };
-            let outcome = job.write(&condition.photographs)?;
+            let outcome = writer.write(&condition.photographs)?;
             told.num_unknown_pixels = outcome.num_unknown;
             told.num_negative_pixels = outcome.num_negative;
             for photograph in &condition.photographs {
                 let camera = self.camera(photograph);
-                job.writer.list(&photograph.name, camera);
+                writer.writer.list(&photograph.name, camera);
             }
             ply::write_points(&dir.join(POINTS_FILE), &points)?;
-            job.writer.finish(&info)?;
+            writer.writer.finish(&info)?;
             done += condition.photographs.len();
         }
         report.warn(&mut report::late_warnings(&report), progress);

@@ -7,11 +7,14 @@
 mod log;
 mod program;
 
+#[cfg(test)]
+mod tests;
+
 use crate::error::{ColmapError, Result};
 use crate::model::{Form, Model, Observations};
 use eagpt_scene::lens::LensModel;
 use eagpt_scene::{SceneError, files};
-use log::Step;
+use log::ColmapStep;
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -256,7 +259,7 @@ pub fn run(
     };
     let log_path = out.join(LOG_FILE);
     files::remove_if_there(&log_path)?;
-    for step in [Step::Features, Step::Matches, Step::Model] {
+    for step in [ColmapStep::Features, ColmapStep::Matches, ColmapStep::Model] {
         progress(RunProgress::Step { step: step.name() });
         let arguments = arguments(&program, step, matcher, &places, (options, &names))?;
         program.run(step, &arguments, &log_path, progress)?;
@@ -293,25 +296,25 @@ struct Places<'a> {
 /// The command of a step and its arguments.
 fn arguments(
     program: &Program,
-    step: Step,
+    step: ColmapStep,
     matcher: Matcher,
     places: &Places<'_>,
     (options, names): (&RunOptions, &[String]),
 ) -> Result<Vec<String>> {
     let command = match (step, matcher) {
-        (Step::Features, _) => "feature_extractor",
-        (Step::Matches, Matcher::Sequential) => "sequential_matcher",
-        (Step::Matches, _) => "exhaustive_matcher",
-        (Step::Model, _) => "mapper",
+        (ColmapStep::Features, _) => "feature_extractor",
+        (ColmapStep::Matches, Matcher::Sequential) => "sequential_matcher",
+        (ColmapStep::Matches, _) => "exhaustive_matcher",
+        (ColmapStep::Model, _) => "mapper",
     };
     let mut call = program.call(command)?;
     call.path(&["database_path"], &places.database)?;
-    if step != Step::Matches {
+    if step != ColmapStep::Matches {
         call.path(&["image_path"], places.images)?;
     }
     let threads = options.threads.map(|num| num.to_string());
     match step {
-        Step::Features => {
+        ColmapStep::Features => {
             let in_folders = names.iter().all(|name| name.contains('/'));
             let [single, folder] = match options.cameras {
                 Cameras::Auto => [!in_folders, in_folders],
@@ -353,7 +356,7 @@ fn arguments(
                 );
             }
         }
-        Step::Matches => {
+        ColmapStep::Matches => {
             call.required(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], "0")?;
             // Cupboards and chairs repeat: guided matching along epipolar lines recovers matches
             // that the ratio test rejected.
@@ -374,7 +377,7 @@ fn arguments(
                 );
             }
         }
-        Step::Model => {
+        ColmapStep::Model => {
             call.path(&["output_path"], places.sparse)?;
             // In a small room most pairs see little in common.
             call.optional(&["Mapper.abs_pose_min_num_inliers"], "20");
@@ -414,41 +417,4 @@ fn largest(sparse: &Path, log: &Path) -> Result<(Model, usize)> {
             ))
         })?;
     Ok((best, dirs.len()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn images_are_listed_and_exr_is_explained() {
-        let dir = tempfile::tempdir().unwrap();
-        fs::create_dir(dir.path().join("b")).unwrap();
-        for name in ["z.JPG", "b/a.png", "notes.txt"] {
-            fs::write(dir.path().join(name), "").unwrap();
-        }
-        assert_eq!(list_images(dir.path()).unwrap(), ["b/a.png", "z.JPG"]);
-        let linear = tempfile::tempdir().unwrap();
-        fs::write(linear.path().join("a.exr"), "").unwrap();
-        let message = list_images(linear.path()).unwrap_err().to_string();
-        assert!(message.contains("1 EXR images"), "{message}");
-    }
-
-    #[test]
-    fn a_missing_program_says_how_to_install_it() {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("a.png"), "").unwrap();
-        let options = RunOptions {
-            program: PathBuf::from("/nonexistent/colmap"),
-            ..RunOptions::default()
-        };
-        let outcome = run(dir.path(), dir.path(), &options, &mut |_| ());
-        let message = outcome.unwrap_err().to_string();
-        assert!(message.contains("apt-get install colmap"), "{message}");
-        let options = RunOptions {
-            camera_model: "LENS".to_owned(),
-            ..RunOptions::default()
-        };
-        assert!(options.validate().is_err());
-    }
 }

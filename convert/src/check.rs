@@ -8,7 +8,7 @@ mod cameras;
 mod images;
 mod report;
 
-pub use report::{CameraReport, Kind};
+pub use report::{CameraReport, ImageKind};
 pub(crate) use report::{CheckReport, KindReport, SplitReport, ValueRange, ViewCheck};
 
 use crate::error::{Problem, Result};
@@ -103,43 +103,46 @@ pub fn check(path: &Path, progress: &mut dyn FnMut(CheckProgress)) -> Result<Che
 }
 
 fn kinds(dataset: &Dataset, all: &[Looked]) -> Vec<KindReport> {
-    let kind =
-        |kind: Kind, has: &dyn Fn(&Frame) -> bool, coverage: &dyn Fn(&ViewCheck) -> Option<f64>| {
-            let frames = dataset.frames();
-            let missing: Vec<String> = frames
-                .iter()
-                .filter(|frame| !has(frame))
-                .map(|frame| frame.name.clone())
-                .collect();
-            let num_present = frames.len() - missing.len();
-            let ranges = all.iter().flat_map(|looked| &looked.ranges);
-            let ranges = ranges
-                .filter(|(of, _)| *of == kind)
-                .map(|(_, range)| *range);
-            let shares: Vec<f64> = all
-                .iter()
-                .filter_map(|looked| coverage(&looked.view))
-                .collect();
-            KindReport {
-                kind,
-                num_present,
-                // A kind that no view has is not missing.
-                missing: if num_present > 0 { missing } else { Vec::new() },
-                values: ranges.reduce(ValueRange::and),
-                coverage: (!shares.is_empty())
-                    .then(|| shares.iter().sum::<f64>() / shares.len() as f64),
-            }
-        };
+    let kind = |kind: ImageKind,
+                has: &dyn Fn(&Frame) -> bool,
+                coverage: &dyn Fn(&ViewCheck) -> Option<f64>| {
+        let frames = dataset.frames();
+        let missing: Vec<String> = frames
+            .iter()
+            .filter(|frame| !has(frame))
+            .map(|frame| frame.name.clone())
+            .collect();
+        let num_present = frames.len() - missing.len();
+        let ranges = all.iter().flat_map(|looked| &looked.ranges);
+        let ranges = ranges
+            .filter(|(of, _)| *of == kind)
+            .map(|(_, range)| *range);
+        let shares: Vec<f64> = all
+            .iter()
+            .filter_map(|looked| coverage(&looked.view))
+            .collect();
+        KindReport {
+            kind,
+            num_present,
+            // A kind that no view has is not missing.
+            missing: if num_present > 0 { missing } else { Vec::new() },
+            values: ranges.reduce(ValueRange::and),
+            coverage: (!shares.is_empty())
+                .then(|| shares.iter().sum::<f64>() / shares.len() as f64),
+        }
+    };
     vec![
-        kind(Kind::Radiance, &|_| true, &|_| None),
-        kind(Kind::Emission, &|f| f.files.emission.is_some(), &|v| {
+        kind(ImageKind::Radiance, &|_| true, &|_| None),
+        kind(ImageKind::Emission, &|f| f.files.emission.is_some(), &|v| {
             v.emission
         }),
-        kind(Kind::Normal, &|f| f.files.normal.is_some(), &|v| v.normal),
-        kind(Kind::Alpha, &|f| f.files.alpha.is_some(), &|_| None),
-        kind(Kind::Depth, &|f| f.files.depth.is_some(), &|v| v.depth),
-        kind(Kind::Albedo, &|f| f.files.albedo.is_some(), &|_| None),
-        kind(Kind::Valid, &|f| f.files.valid.is_some(), &|v| v.valid),
+        kind(ImageKind::Normal, &|f| f.files.normal.is_some(), &|v| {
+            v.normal
+        }),
+        kind(ImageKind::Alpha, &|f| f.files.alpha.is_some(), &|_| None),
+        kind(ImageKind::Depth, &|f| f.files.depth.is_some(), &|v| v.depth),
+        kind(ImageKind::Albedo, &|f| f.files.albedo.is_some(), &|_| None),
+        kind(ImageKind::Valid, &|f| f.files.valid.is_some(), &|v| v.valid),
     ]
 }
 

@@ -8,16 +8,15 @@
 //! the source has masks of valid pixels, [`VALID_DIR`] marks known pixels: 1 known, 0 not. Opacity
 //! (`Alpha-exr`) is a different quantity: the coverage of a known pixel.
 
-mod options;
 mod report;
 mod view;
 
-pub use options::{BadFrames, ImportOptions, Ldr};
+pub use crate::options::{BadFrames, ImportOptions, Ldr};
 pub(crate) use report::LensReport;
 pub use report::{ImportReport, REPORT_FILE, ViewReport};
 
 use crate::error::{ConvertError, Problem, Result};
-use crate::source::{Source, SourceFrame};
+use crate::source::{SourceDataset, SourceFrame};
 use crate::world;
 use eagpt_scene::dataset::{
     ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetWriter, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
@@ -32,7 +31,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use view::Imported;
 
-/// Progress messages of the job.
+/// Progress messages of the importer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum ImportProgress {
@@ -57,7 +56,7 @@ pub enum ImportProgress {
     },
 }
 
-/// Result of the job.
+/// Result of the importer.
 #[derive(Debug, Clone)]
 pub struct ImportSummary {
     /// Report of the import.
@@ -67,7 +66,7 @@ pub struct ImportSummary {
 }
 
 /// The files that an import may write, relative to the dataset's folder.
-pub fn planned_files(source: &Source) -> Vec<PathBuf> {
+pub fn planned_files(source: &SourceDataset) -> Vec<PathBuf> {
     let mut planned: Vec<PathBuf> = [TRANSFORMS_FILE, REPORT_FILE].map(PathBuf::from).into();
     if source.points.is_some() {
         planned.push(POINTS_FILE.into());
@@ -103,7 +102,7 @@ fn image_file(folder: &str, name: &str) -> PathBuf {
 /// [`ConvertError::BadFrames`] with all frames that cannot be used, before anything is written
 /// where no pixels are needed for that; an option out of range; a file that cannot be written.
 pub fn import(
-    source: &Source,
+    source: &SourceDataset,
     out: &Path,
     options: &ImportOptions,
     progress: &mut dyn FnMut(ImportProgress),
@@ -123,12 +122,12 @@ pub fn import(
         progress(ImportProgress::Note { text: text.clone() });
     }
     let up = source.info.up_axis.unwrap_or_default();
-    let job = Job {
+    let importer = Importer {
         new_from_source: options.world.new_from_source(up),
         matrix: (!source.color.is_identity()).then(|| source.color.matrix()),
         lenses: &lenses,
     };
-    let points = points(&source, job.new_from_source)?;
+    let points = points(&source, importer.new_from_source)?;
     let mut writer = DatasetWriter::create(out, options.precision)?;
     let mut views = Vec::new();
     let total = source.frames.len();
@@ -136,7 +135,7 @@ pub fn import(
     for batch in source.frames.chunks(rayon::current_num_threads().max(1)) {
         let done: Vec<Result<Imported>> = batch
             .par_iter()
-            .map(|frame| job.view(frame, &writer))
+            .map(|frame| importer.view(frame, &writer))
             .collect();
         for (frame, outcome) in batch.iter().zip(done) {
             match outcome {
@@ -170,7 +169,7 @@ pub fn import(
         info.up_axis = Some(UpAxis::Z);
     }
     if let Some(rows) = &mut info.aligned_from_model {
-        *rows = turned_rows(job.new_from_source, rows);
+        *rows = turned_rows(importer.new_from_source, rows);
     }
     let is_there = |name: &String| views.iter().any(|view: &ViewReport| view.name == *name);
     for list in [&mut info.train_names, &mut info.test_names]
@@ -180,7 +179,7 @@ pub fn import(
         list.retain(is_there);
     }
     writer.finish(&info)?;
-    let mut report = ImportReport::new(&source, options, job.new_from_source);
+    let mut report = ImportReport::new(&source, options, importer.new_from_source);
     report.lenses = lenses.report();
     report.num_points = points.as_ref().map(PointCloud::len);
     report.views = views;
@@ -197,7 +196,7 @@ pub fn import(
 }
 
 /// The point cloud in the dataset's world.
-fn points(source: &Source, new_from_source: DMat3) -> Result<Option<PointCloud>> {
+fn points(source: &SourceDataset, new_from_source: DMat3) -> Result<Option<PointCloud>> {
     let Some(path) = &source.points else {
         return Ok(None);
     };
@@ -226,7 +225,7 @@ struct Lenses {
 
 impl Lenses {
     /// Chooses a pinhole for every lens; frames whose lens has none become bad ones.
-    fn choose(source: &mut Source, options: &ImportOptions) -> Result<Self> {
+    fn choose(source: &mut SourceDataset, options: &ImportOptions) -> Result<Self> {
         let mut chosen: Vec<Undistortion> = Vec::new();
         let mut failed: Vec<(Lens, String)> = Vec::new();
         let frames = std::mem::take(&mut source.frames);
@@ -270,14 +269,14 @@ fn pinhole(lens: &Lens, options: &ImportOptions) -> Result<Undistortion, String>
     }
 }
 
-struct Job<'a> {
+struct Importer<'a> {
     new_from_source: DMat3,
     /// Of colours, if they change.
     matrix: Option<DMat3>,
     lenses: &'a Lenses,
 }
 
-impl Job<'_> {
+impl Importer<'_> {
     /// Reads, converts and writes the images of a frame.
     fn view(&self, frame: &SourceFrame, writer: &DatasetWriter) -> Result<Imported> {
         let undistortion = self.lenses.of(&frame.lens).ok_or_else(|| {

@@ -1,7 +1,7 @@
 //! Import and export of datasets of other programs, checks of a dataset, and normal maps of any
 //! estimator.
 //!
-//! - [`source`]: layouts of other programs and datasets, read into one form: poses with OpenCV
+//! - `source`: layouts of other programs and datasets, read into one form: poses with OpenCV
 //!   axes, lenses, files, colour.
 //! - [`mod@import`]: conversion of a source into our dataset: linear Rec.709, pinhole cameras,
 //!   `transforms.json`.
@@ -9,7 +9,7 @@
 //! - [`mod@check`]: contents of a dataset, missing parts and problems.
 //! - [`mod@normals`]: world-space normals of the views from normal maps in any axes and encoding.
 //!
-//! Conventions of colour are in [`color`] alone, conventions of poses in [`world`] and
+//! Conventions of colour are in `color` alone, conventions of poses in `world` and
 //! [`eagpt_scene::dataset::pose`].
 
 pub mod check;
@@ -18,6 +18,7 @@ mod error;
 pub mod export;
 pub mod import;
 pub mod normals;
+mod options;
 mod source;
 mod surface;
 mod world;
@@ -25,5 +26,5 @@ mod world;
 pub use error::{ConvertError, Result};
 pub use export::{ExportFormat, ExportProgress, export};
 pub use import::{ImportOptions, ImportProgress, ImportSummary, import};
-pub use source::{Source, SourceFormat};
+pub use source::{SourceDataset, SourceFormat};
 pub use world::World;

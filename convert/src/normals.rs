@@ -8,7 +8,7 @@
 //! far the largest mean cosine; where none stands out nothing is written.
 //!
 //! A normal that faces slightly away from the camera, as happens at grazing angles, is made
-//! perpendicular to the view; beyond [`MAX_AWAY_DEG`] it counts as unknown.
+//! perpendicular to the view; beyond 25° it counts as unknown.
 
 mod axes;
 mod maps;
@@ -90,7 +90,7 @@ pub fn make_normals(
     } else {
         request.dataset.points()?
     };
-    let mut job = Job {
+    let mut job = NormalsJob {
         request,
         progress,
         points: cloud.as_ref().map(Oriented::new),
@@ -120,14 +120,14 @@ pub fn make_normals(
     })
 }
 
-struct Job<'a> {
+struct NormalsJob<'a> {
     request: &'a NormalRequest<'a>,
     progress: &'a mut dyn FnMut(NormalProgress),
     points: Option<Oriented>,
     warnings: Vec<String>,
 }
 
-impl Job<'_> {
+impl NormalsJob<'_> {
     fn warn(&mut self, text: String) {
         self.warnings.push(text.clone());
         (self.progress)(NormalProgress::Warning { text });

@@ -20,7 +20,7 @@ pub(crate) mod nerfstudio;
 
 use crate::color::ColorTransform;
 use crate::error::{ConvertError, Problem, Result};
-use crate::import::ImportOptions;
+use crate::options::ImportOptions;
 use eagpt_scene::dataset::{DatasetInfo, POINTS_FILE, TRANSFORMS_FILE};
 use eagpt_scene::pictures;
 use eagpt_scene::{Lens, files};
@@ -104,7 +104,7 @@ impl fmt::Display for SourceFormat {
 
 /// A dataset of another program, not loaded.
 #[derive(Debug, Clone)]
-pub struct Source {
+pub struct SourceDataset {
     /// Its layout.
     pub format: SourceFormat,
     /// Its folder.
@@ -186,7 +186,7 @@ pub struct Depth {
     pub unit: f64,
 }
 
-impl Source {
+impl SourceDataset {
     /// Reads the cameras of a source and finds its images. `format` absent: it is detected.
     ///
     /// # Errors
@@ -320,7 +320,7 @@ impl Source {
         if num == 0 {
             return;
         }
-        if options.ldr == crate::import::Ldr::Srgb {
+        if options.ldr == crate::options::Ldr::Srgb {
             self.warnings.push(format!(
                 "{num} of {} images are PNG or JPEG: decoded as sRGB, but lights are clipped at 1 and what the camera did to the curve is \
                  not undone; radiances are no measurement",

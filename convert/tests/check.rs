@@ -6,7 +6,7 @@
     reason = "a test fails by panicking"
 )]
 
-use eagpt_convert::check::{Kind, check};
+use eagpt_convert::check::{ImageKind, check};
 use eagpt_scene::dataset::{SplitRule, UpAxis};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Image, files};
@@ -44,10 +44,10 @@ fn a_sound_dataset() {
         report.text()
     );
     let kind = |kind| report.kinds.iter().find(|k| k.kind == kind).unwrap();
-    assert_eq!(kind(Kind::Normal).num_present, 9);
-    assert_eq!(kind(Kind::Normal).coverage, Some(1.0));
-    assert_eq!(kind(Kind::Alpha).num_present, 0);
-    let radiance = kind(Kind::Radiance).values.unwrap();
+    assert_eq!(kind(ImageKind::Normal).num_present, 9);
+    assert_eq!(kind(ImageKind::Normal).coverage, Some(1.0));
+    assert_eq!(kind(ImageKind::Alpha).num_present, 0);
+    let radiance = kind(ImageKind::Radiance).values.unwrap();
     // The light of the room is 12, 11, 9.
     assert_eq!((radiance.max, radiance.min >= 0.0), (12.0, true));
     assert!(report.cameras.up_angle_deg.unwrap() < 30.0);

@@ -8,7 +8,7 @@
 
 mod common;
 
-use eagpt_convert::{ImportOptions, Source, SourceFormat};
+use eagpt_convert::{ImportOptions, SourceDataset, SourceFormat};
 use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
 use std::path::Path;
 
@@ -22,7 +22,7 @@ fn damage(root: &Path, file: &str, format: SourceFormat) {
     let mut num_refused = 0;
     let mut try_with = |damaged: &[u8]| {
         std::fs::write(&path, damaged).unwrap();
-        if let Err(error) = Source::open(root, Some(format), &ImportOptions::default()) {
+        if let Err(error) = SourceDataset::open(root, Some(format), &ImportOptions::default()) {
             let message = error.to_string();
             assert!(!message.contains('\n'), "{message}");
             num_refused += 1;

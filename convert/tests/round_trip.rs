@@ -11,7 +11,7 @@ mod common;
 use eagpt_colmap::Model;
 use eagpt_colmap::model::Observations;
 use eagpt_convert::export::Images;
-use eagpt_convert::{ExportFormat, ImportOptions, Source, export, import};
+use eagpt_convert::{ExportFormat, ImportOptions, SourceDataset, export, import};
 use eagpt_scene::dataset::{DatasetInfo, DatasetWriter, UpAxis};
 use eagpt_scene::exr::Precision;
 use eagpt_scene::{Dataset, Image};
@@ -59,7 +59,7 @@ fn nerfstudio_and_eagpt_keep_every_bit() {
 
 fn imported(root: &Path) -> Dataset {
     let options = ImportOptions::default();
-    let source = Source::open(root, None, &options).unwrap();
+    let source = SourceDataset::open(root, None, &options).unwrap();
     let back = root.join("back");
     import(&source, &back, &options, &mut |_| ()).unwrap();
     Dataset::open(&back).unwrap()
@@ -157,7 +157,7 @@ fn an_import_exports_to_the_cameras_it_came_from() {
     let root = dir.path().join("source");
     common::instant_ngp(&root);
     let options = ImportOptions::default();
-    let source = Source::open(&root, None, &options).unwrap();
+    let source = SourceDataset::open(&root, None, &options).unwrap();
     let (imported, exported) = (dir.path().join("ours"), dir.path().join("theirs"));
     import(&source, &imported, &options, &mut |_| ()).unwrap();
     let ours = Dataset::open(&imported).unwrap();
@@ -169,7 +169,7 @@ fn an_import_exports_to_the_cameras_it_came_from() {
         &mut |_| (),
     )
     .unwrap();
-    let again = Source::open(&exported, None, &options).unwrap();
+    let again = SourceDataset::open(&exported, None, &options).unwrap();
     for (a, b) in source.frames.iter().zip(&again.frames) {
         assert_eq!(
             (&a.name, a.world_from_camera),

@@ -11,7 +11,7 @@ mod common;
 use common::{expected, numbers};
 use eagpt_convert::World;
 use eagpt_convert::import::Ldr;
-use eagpt_convert::{ImportOptions, Source, SourceFormat, import};
+use eagpt_convert::{ImportOptions, SourceDataset, SourceFormat, import};
 use eagpt_scene::dataset::{SplitRule, UpAxis};
 use eagpt_scene::{Dataset, exr};
 use glam::{DMat3, DVec2, DVec3};
@@ -22,13 +22,13 @@ const TOLERANCE: f64 = 1e-9;
 /// `cam.txt` has six decimals: its axes are perpendicular to some 1e-6, and we make them so.
 const FIPT_TOLERANCE: f64 = 3e-6;
 
-fn open(root: &Path) -> Source {
-    Source::open(root, None, &ImportOptions::default()).unwrap()
+fn open(root: &Path) -> SourceDataset {
+    SourceDataset::open(root, None, &ImportOptions::default()).unwrap()
 }
 
 /// Asserts that poses are those expected, and that lenses project points where they should.
 #[track_caller]
-fn assert_cameras(source: &Source, name: &str, tolerance: f64) {
+fn assert_cameras(source: &SourceDataset, name: &str, tolerance: f64) {
     let expected = expected(name);
     assert_eq!(source.frames.len(), expected.len(), "{:?}", source.problems);
     assert_eq!(source.problems, []);
@@ -126,7 +126,7 @@ fn light_of_eyeful_tower() {
     let dir = tempfile::tempdir().unwrap();
     let root = dir.path().join("any-name");
     common::eyeful(&root, 2);
-    let error = Source::open(&root, None, &ImportOptions::default())
+    let error = SourceDataset::open(&root, None, &ImportOptions::default())
         .unwrap_err()
         .to_string();
     assert!(
@@ -150,7 +150,10 @@ fn light_of_eyeful_tower() {
         ..ImportOptions::default()
     };
     assert_eq!(
-        Source::open(&root, None, &options).unwrap().color.gains,
+        SourceDataset::open(&root, None, &options)
+            .unwrap()
+            .color
+            .gains,
         [2.0, 1.0, 0.5]
     );
 }
@@ -261,7 +264,7 @@ fn turning_the_world_turns_poses_points_and_normals_alike() {
         up_axis: Some(UpAxis::Y),
         ..ImportOptions::default()
     };
-    let source = Source::open(&room, None, &options).unwrap();
+    let source = SourceDataset::open(&room, None, &options).unwrap();
     import(&source, &turned, &options, &mut |_| ()).unwrap();
     let (before, after) = (
         Dataset::open(&room).unwrap(),
@@ -303,7 +306,7 @@ fn eight_bits_come_in_only_when_asked_for() {
         let picture = image::RgbImage::from_pixel(24, 16, image::Rgb([128, 0, 255]));
         picture.save(path.with_extension("png")).unwrap();
     }
-    let error = Source::open(dir.path(), None, &ImportOptions::default()).unwrap_err();
+    let error = SourceDataset::open(dir.path(), None, &ImportOptions::default()).unwrap_err();
     assert!(
         error.to_string().contains("2 of 2 frames") && error.to_string().contains("--ldr srgb")
     );
@@ -311,7 +314,7 @@ fn eight_bits_come_in_only_when_asked_for() {
         ldr: Ldr::Srgb,
         ..ImportOptions::default()
     };
-    let source = Source::open(dir.path(), None, &options).unwrap();
+    let source = SourceDataset::open(dir.path(), None, &options).unwrap();
     assert!(source.warnings[0].contains("no measurement"));
     let out = dir.path().join("out");
     import(&source, &out, &options, &mut |_| ()).unwrap();

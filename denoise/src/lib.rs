@@ -1,9 +1,9 @@
 //! Denoising of rendered light.
 //!
-//! - [`frame`]: the input of a denoiser: the exact and the noisy part of the light, and noise-free
+//! - `frame`: the input of a denoiser: the exact and the noisy part of the light, and noise-free
 //!   guides.
 //! - [`filter`]: our own filter, local regression on the guides.
-//! - [`oidn`]: Open Image Denoise, loaded at run time where the machine has it.
+//! - `oidn`: Open Image Denoise, loaded at run time where the machine has it.
 //!
 //! [`Denoiser`] is the one interface of both. Light is linear and may be of any scale; nothing is
 //! clipped. Light of emitters is exact: it keeps its bits and does not bleed into its surroundings.

@@ -31,7 +31,7 @@ pub struct Oidn {
 
 impl Oidn {
     /// Finds the library: at `path` (a file, or a folder it lies in) if there is one, and nowhere
-    /// else; otherwise at the environment variable [`ENVIRONMENT`], on the dynamic loader's path,
+    /// else; otherwise at the environment variable `ENVIRONMENT`, on the dynamic loader's path,
     /// and in the usual places.
     ///
     /// # Errors

@@ -55,7 +55,7 @@ pub struct FlipLdr {
 /// HDR-FLIP of two linear Rec.709 images. Negative values and NaN count as black.
 ///
 /// # Errors
-/// As [`FlipParameters::for_reference`].
+/// As `for_reference`.
 ///
 /// # Panics
 /// If the sizes differ or the images have no pixels.

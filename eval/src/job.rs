@@ -66,7 +66,7 @@ pub enum EvalProgress {
     },
 }
 
-/// Mean of a metric over the views that have it, or over their pixels: see [`MeanOf`].
+/// Mean of a metric over the views that have it, or over their pixels: see `MeanOf`.
 #[derive(Debug, Clone, Copy)]
 pub struct Mean {
     /// The metric.
@@ -87,9 +87,9 @@ pub struct Evaluation {
     /// Means of the metrics that at least one view has, in the order of [`METRICS`].
     pub means: Vec<Mean>,
     /// Factor applied to the renders for the aligned metrics: see
-    /// [`ExposureFit`](crate::align::ExposureFit).
+    /// `ExposureFit`.
     pub exposure_scale: Option<f64>,
-    /// Light after over light before: see [`LightChange`](crate::regions::LightChange).
+    /// Light after over light before: see `LightChange`.
     pub light_change: Option<f64>,
     /// The error by region, over the pixels of all views.
     pub regions: Regions,

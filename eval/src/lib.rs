@@ -1,14 +1,14 @@
 //! Image and scene metrics of eagpt, their tables and error maps.
 //!
 //! First the pure metrics, functions of two images of the same size:
-//! - [`mod@psnr`]: peak signal-to-noise ratio in sRGB, linear and PQ;
+//! - `psnr`: peak signal-to-noise ratio in sRGB, linear and PQ;
 //! - [`mod@ssim`]: structural similarity, and its gradient for the training loss;
-//! - [`flip`]: perceived difference of displayed (LDR) and of scene-referred (HDR) images.
-//! - [`scene_metrics`]: albedo, normals, depth and emission;
-//! - [`pair`]: all image metrics of one pair;
-//! - [`align`]: the same after one factor for the exposure of all views;
-//! - [`regions`]: the error of emitters, lit surfaces and shadows;
-//! - [`known`]: the same with partly unknown references.
+//! - `flip`: perceived difference of displayed (LDR) and of scene-referred (HDR) images.
+//! - `scene_metrics`: albedo, normals, depth and emission;
+//! - `pair`: all image metrics of one pair;
+//! - `align`: the same after one factor for the exposure of all views;
+//! - `regions`: the error of emitters, lit surfaces and shadows;
+//! - `known`: the same with partly unknown references.
 //!
 //! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes
 //! tables and error maps, [`evaluate_conditions`] does so for several lightings of a room, and

@@ -143,64 +143,67 @@ fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
 /// One line for each condition: its means, an empty field where it lacks a metric, `inf` for equal
 /// images.
 fn conditions_csv(found: &Conditions) -> String {
-    let mut text = csv_heading("name", &found.means);
-    text.push('\n');
-    for condition in &found.conditions {
-        text.push_str(&csv_field(&condition.name));
-        for mean in &found.means {
-            csv_value(&mut text, condition.mean(mean.metric.key));
-        }
-        text.push('\n');
-    }
-    text
+    let rows = found.conditions.iter().map(|condition| {
+        let of_condition = |mean: &Mean| csv_value(condition.mean(mean.metric.key));
+        let values = found.means.iter().map(of_condition);
+        std::iter::once(condition.name.clone()).chain(values)
+    });
+    csv_text(csv_heading(&found.means), rows)
 }
 
 /// One line for each view; an empty field where a view lacks a metric, `inf` for equal images.
 fn csv(evaluation: &Evaluation) -> String {
-    let mut text = csv_heading("name", &evaluation.means);
-    text.push_str(
-        ",flip_ppd,flip_start_exposure,flip_stop_exposure,flip_num_exposures,flip_tonemapper\n",
-    );
-    for view in &evaluation.views {
-        text.push_str(&csv_field(&view.name));
-        for mean in &evaluation.means {
-            csv_value(&mut text, (mean.metric.of)(view));
-        }
+    let flip = [
+        "ppd",
+        "start_exposure",
+        "stop_exposure",
+        "num_exposures",
+        "tonemapper",
+    ];
+    let flip = flip.map(|key| format!("flip_{key}"));
+    let rows = evaluation.views.iter().map(|view| {
+        let of_view = |mean: &Mean| csv_value((mean.metric.of)(view));
         let flip = &view.image.flip_hdr_parameters;
-        append(
-            &mut text,
-            format_args!(
-                ",{},{},{},{},{}\n",
-                flip.ppd,
-                flip.start_exposure,
-                flip.stop_exposure,
-                flip.num_exposures,
-                flip.tonemapper.name()
-            ),
-        );
-    }
-    text
+        let flip = [
+            flip.ppd.to_string(),
+            flip.start_exposure.to_string(),
+            flip.stop_exposure.to_string(),
+            flip.num_exposures.to_string(),
+            flip.tonemapper.name().to_owned(),
+        ];
+        let values = evaluation.means.iter().map(of_view);
+        std::iter::once(view.name.clone()).chain(values).chain(flip)
+    });
+    csv_text(csv_heading(&evaluation.means).chain(flip), rows)
 }
 
-fn csv_heading(first: &str, means: &[Mean]) -> String {
-    let keys = means.iter().map(|mean| format!(",{}", mean.metric.key));
-    std::iter::once(first.to_owned()).chain(keys).collect()
+fn csv_heading(means: &[Mean]) -> impl Iterator<Item = String> {
+    let keys = means.iter().map(|mean| mean.metric.key.to_owned());
+    std::iter::once("name".to_owned()).chain(keys)
 }
 
-pub(crate) fn csv_value(text: &mut String, value: Option<f64>) {
-    text.push(',');
-    if let Some(value) = value {
-        append(text, format_args!("{value}"));
-    }
+/// A field of a value, empty without one.
+pub(crate) fn csv_value(value: Option<f64>) -> String {
+    value.map(|value| value.to_string()).unwrap_or_default()
 }
 
-/// Quoted where RFC 4180 wants it.
-pub(crate) fn csv_field(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
+/// A CSV file of a heading and rows.
+pub(crate) fn csv_text<R: IntoIterator<Item = String>>(
+    heading: impl IntoIterator<Item = String>,
+    rows: impl IntoIterator<Item = R>,
+) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let heading: Vec<String> = heading.into_iter().collect();
+    let rows = rows.into_iter().map(|row| row.into_iter().collect());
+    for record in std::iter::once(heading).chain(rows) {
+        writer
+            .write_record(record)
+            .expect("rows are as long as the heading, and memory grows");
     }
+    let bytes = writer
+        .into_inner()
+        .expect("memory takes all that is written to it");
+    String::from_utf8(bytes).expect("fields are UTF-8")
 }
 
 pub(crate) fn append(text: &mut String, arguments: std::fmt::Arguments<'_>) {

@@ -83,10 +83,10 @@ pub fn ssim_srgb(reference: &Image<3>, test: &Image<3>) -> f64 {
     ssim(&srgb_clipped(reference), &srgb_clipped(test))
 }
 
-/// [`ssim_in`] and its derivative by the test image.
+/// `ssim_in` and its derivative by the test image.
 ///
 /// # Panics
-/// As [`ssim_in`].
+/// As `ssim_in`.
 pub fn ssim_with_gradient(
     reference: &Image<3>,
     test: &Image<3>,

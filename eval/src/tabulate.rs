@@ -59,40 +59,91 @@ impl fmt::Display for TableFolder {
 /// A table of means.
 #[derive(Debug, Clone)]
 pub struct ModeTable {
-    /// Names of the conditions, in the order of appearance.
-    pub conditions: Vec<String>,
     /// The metrics of each condition.
-    pub metrics: Vec<&'static Metric>,
+    metrics: Vec<&'static Metric>,
     /// The modes: those of the paper in its order, then others in the order of appearance.
-    pub rows: Vec<TableRow>,
+    cells: Cells<TableCell>,
 }
 
-/// A mode of rendering.
+/// Cells by row and condition, both in the order of appearance.
 #[derive(Debug, Clone)]
-pub struct TableRow {
-    /// Its name.
-    pub name: String,
-    /// Its evaluation under each condition; `None` where there is none.
-    pub cells: Vec<Option<TableCell>>,
+struct Cells<T> {
+    conditions: Vec<String>,
+    /// The cells of each row by condition; conditions at the end may be missing.
+    rows: Vec<(String, Vec<Option<T>>)>,
 }
 
 /// A mode of rendering under one condition.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TableCell {
+struct TableCell {
     /// Folder it was read from.
-    pub folder: PathBuf,
+    folder: PathBuf,
     /// Mean of each metric of the table; `None` where the evaluation lacks it, infinite for equal
     /// images.
-    pub values: Vec<Option<f64>>,
+    values: Vec<Option<f64>>,
     /// Provenance of the renders.
-    pub(crate) provenance: Provenance,
+    provenance: Provenance,
 }
 
-impl TableRow {
-    /// Seconds per frame: the mean over the conditions that have it.
-    pub(crate) fn seconds_per_frame(&self) -> Option<f64> {
-        let cells = self.cells.iter().flatten();
-        mean(cells.filter_map(|cell| cell.provenance.seconds_per_frame))
+/// Seconds per frame of a row: the mean over the conditions that have it.
+fn seconds_per_frame(cells: &[Option<TableCell>]) -> Option<f64> {
+    mean(
+        cells
+            .iter()
+            .flatten()
+            .filter_map(|cell| cell.provenance.seconds_per_frame),
+    )
+}
+
+impl<T> Cells<T> {
+    fn new() -> Self {
+        Self {
+            conditions: Vec::new(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Puts a cell into its place; the cell that is there already, if there is one.
+    fn put(&mut self, row: &str, condition: &str, cell: T) -> Result<(), &T> {
+        let same = |name: &String| name == condition;
+        let column = self.conditions.iter().position(same).unwrap_or_else(|| {
+            self.conditions.push(condition.to_owned());
+            self.conditions.len() - 1
+        });
+        let row = self
+            .rows
+            .iter()
+            .position(|(name, _)| name == row)
+            .unwrap_or_else(|| {
+                self.rows.push((row.to_owned(), Vec::new()));
+                self.rows.len() - 1
+            });
+        let cells = &mut self.rows[row].1;
+        if cells.len() <= column {
+            cells.resize_with(column + 1, || None);
+        }
+        match &mut cells[column] {
+            Some(earlier) => Err(earlier),
+            empty => {
+                *empty = Some(cell);
+                Ok(())
+            }
+        }
+    }
+
+    /// The cell of a row's cells under each condition.
+    fn of_row<'a>(&self, cells: &'a [Option<T>]) -> impl Iterator<Item = Option<&'a T>> {
+        (0..self.conditions.len()).map(|column| cells.get(column)?.as_ref())
+    }
+
+    /// Row, condition and cell of all that are there.
+    fn iter(&self) -> impl Iterator<Item = (&str, &str, &T)> {
+        self.rows.iter().flat_map(|(row, cells)| {
+            let cells = self.conditions.iter().zip(cells);
+            cells.filter_map(|(condition, cell)| {
+                Some((row.as_str(), condition.as_str(), cell.as_ref()?))
+            })
+        })
     }
 }
 
@@ -108,25 +159,26 @@ pub fn tabulate(options: &TableOptions) -> Result<ModeTable> {
         .iter()
         .map(|key| metric(key))
         .collect::<Result<Vec<_>>>()?;
-    let mut table = ModeTable {
-        conditions: Vec::new(),
-        metrics,
-        rows: Vec::new(),
-    };
+    let mut cells = Cells::new();
     for folder in &options.folders {
-        for found in read::conditions(folder, &table.metrics)? {
-            table.put(found)?;
+        for found in read::conditions(folder, &metrics)? {
+            let folder = found.cell.folder.clone();
+            cells
+                .put(&found.row, &found.condition, found.cell)
+                .map_err(|earlier| EvalError::SameCell {
+                    folder,
+                    earlier: earlier.folder.clone(),
+                    row: found.row.clone(),
+                    condition: found.condition.clone(),
+                })?;
         }
     }
-    let rank = |row: &TableRow| MODES.iter().position(|mode| *mode == row.name);
+    let rank = |name: &str| MODES.iter().position(|mode| *mode == name);
     // The sort is stable, so that other modes stay in their order.
-    table
+    cells
         .rows
-        .sort_by_key(|row| rank(row).unwrap_or(MODES.len()));
-    for row in &mut table.rows {
-        row.cells.resize(table.conditions.len(), None);
-    }
-    Ok(table)
+        .sort_by_key(|(name, _)| rank(name).unwrap_or(MODES.len()));
+    Ok(ModeTable { metrics, cells })
 }
 
 fn metric(key: &str) -> Result<&'static Metric> {
@@ -139,44 +191,8 @@ fn metric(key: &str) -> Result<&'static Metric> {
 }
 
 impl ModeTable {
-    fn put(&mut self, found: read::Found) -> Result<()> {
-        let column = position_or_push(
-            &mut self.conditions,
-            |name| *name == found.condition,
-            || found.condition.clone(),
-        );
-        let row = position_or_push(
-            &mut self.rows,
-            |row| row.name == found.row,
-            || TableRow {
-                name: found.row.clone(),
-                cells: Vec::new(),
-            },
-        );
-        let cells = &mut self.rows[row].cells;
-        if cells.len() <= column {
-            cells.resize(column + 1, None);
-        }
-        if let Some(earlier) = &cells[column] {
-            return Err(EvalError::SameCell {
-                folder: found.cell.folder,
-                earlier: earlier.folder.clone(),
-                row: found.row,
-                condition: found.condition,
-            });
-        }
-        cells[column] = Some(found.cell);
-        Ok(())
+    /// Number of rows.
+    pub fn num_rows(&self) -> usize {
+        self.cells.rows.len()
     }
-}
-
-fn position_or_push<T>(
-    items: &mut Vec<T>,
-    is_it: impl FnMut(&T) -> bool,
-    new: impl FnOnce() -> T,
-) -> usize {
-    items.iter().position(is_it).unwrap_or_else(|| {
-        items.push(new());
-        items.len() - 1
-    })
 }

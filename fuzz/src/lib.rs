@@ -7,7 +7,7 @@
 
 use eagpt_colmap::Model;
 use eagpt_colmap::model::{Form, Observations, Part, read_part};
-use eagpt_convert::{ImportOptions, Source, SourceFormat};
+use eagpt_convert::{ImportOptions, SourceDataset, SourceFormat};
 use eagpt_edit::Script;
 use eagpt_scene::camera_path::PathOverrides;
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE};
@@ -200,7 +200,7 @@ fn source(format: SourceFormat, data: &[u8]) {
         file(name, parts.get(index).copied().unwrap_or_default());
     }
     check(SourceFormat::detect(&FOLDER));
-    check(Source::open(
+    check(SourceDataset::open(
         &FOLDER,
         Some(format),
         &ImportOptions::default(),

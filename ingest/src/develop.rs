@@ -2,10 +2,11 @@
 
 use crate::color::ColorTransform;
 use crate::demosaic::{Demosaic, interpolate};
-use crate::merge::{CLIPPED, DARK, MergeCounts, Shot, merge};
+use crate::merge::{CLIPPED, DARK, MergeCounts, merge};
 use crate::noise::Noise;
 use crate::raw::{Layout, RawFrame};
 use crate::resample::{fitted, shrink, shrink_flags};
+use crate::stack::Shot;
 use crate::vignetting::Falloff;
 use eagpt_scene::Image;
 use eagpt_scene::lens::Undistortion;

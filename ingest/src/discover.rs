@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::problem::{Problem, Remedy, counted, listed};
-use crate::raw::{Kind, kind_of};
+use crate::raw::{FileKind, kind_of};
 use crate::stack::{ONLY_CONDITION, natural};
 use eagpt_scene::SceneError;
 use std::path::{Path, PathBuf};
@@ -100,14 +100,14 @@ fn photographs(
     files: &[PathBuf],
     found: &mut Found,
 ) -> Option<Vec<PathBuf>> {
-    let of_kind = |kind: Kind| -> Vec<PathBuf> {
+    let of_kind = |kind: FileKind| -> Vec<PathBuf> {
         let fitting = files.iter().filter(|file| kind_of(file) == Some(kind));
         fitting.cloned().collect()
     };
     let (raw, linear, display) = (
-        of_kind(Kind::Raw),
-        of_kind(Kind::Linear),
-        of_kind(Kind::Display),
+        of_kind(FileKind::Raw),
+        of_kind(FileKind::Linear),
+        of_kind(FileKind::Display),
     );
     let names = |files: &[PathBuf]| files.iter().map(|f| name_of(f)).collect::<Vec<_>>();
     let label = if label.is_empty() {

@@ -79,8 +79,7 @@ fn listed_stacks(
             shots,
         };
         found.sort();
-        // What cannot be read has its line already; the rest of the stack is not what was asked
-        // for.
+        // Unreadable shots are reported already; an incomplete stack is not merged.
         if whole {
             gathered.stacks.push(found);
         }

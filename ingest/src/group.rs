@@ -33,7 +33,7 @@ const MAX_SHOTS: usize = 25;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Bracket(pub(crate) Vec<f64>);
 
-/// How a stack differs from the bracket.
+/// Deviation of a stack from the bracket.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Deviation {
     /// Exposures that no shot has.
@@ -162,7 +162,7 @@ impl Bracket {
         (stops(self.0[nearest]) < NEAR_STOPS).then_some(nearest)
     }
 
-    /// How a group differs from the bracket.
+    /// Deviation of a group from the bracket.
     pub(crate) fn deviation(&self, keys: &[Key], group: &[usize]) -> Deviation {
         let mut owner: Vec<Option<usize>> = vec![None; self.0.len()];
         let mut deviation = Deviation::default();

@@ -5,10 +5,10 @@
 //! merges each stack where the sensor measured it, and writes linear Rec.709 images with previews,
 //! masks of what cannot be trusted, and a report.
 //!
-//! - [`raw`]: decoders behind one seam; [`manifest`], [`stack`]: which photographs belong together;
-//! - [`noise`], [`merge`]: the sensor's noise, and the most likely radiance given all shots;
-//! - [`demosaic`], [`color`], [`vignetting`]: from the sensor's samples to colours;
-//! - [`capture`]: what was decided and measured, as it is written.
+//! - [`raw`]: decoders behind one seam; `manifest`, `stack`: which photographs belong together;
+//! - `noise`, `merge`: the sensor's noise, and the most likely radiance given all shots;
+//! - `demosaic`, `color`, `vignetting`: from the sensor's samples to colours;
+//! - `capture`: what was decided and measured, as it is written.
 //!
 //! One stack is in memory at a time. Sums run in a fixed order: the same photographs give the same
 //! bits for any number of threads.

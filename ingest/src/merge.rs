@@ -7,17 +7,8 @@
 //! Samples below black count as they are: to cut them off would make the dark too bright.
 
 use crate::noise::Noise;
-use crate::raw::RawFrame;
+use crate::stack::Shot;
 use rayon::prelude::*;
-
-/// One shot of a stack.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Shot<'a> {
-    /// Its samples.
-    pub frame: &'a RawFrame,
-    /// Exposure in seconds at ISO 100 and f/1, or whatever all shots of a capture are measured in.
-    pub exposure: f64,
-}
 
 /// Set in [`Merged::flags`] where a sample is clipped in all shots: the value is the least that it
 /// can be.
@@ -37,7 +28,7 @@ pub(crate) struct Merged {
     pub flags: Vec<u8>,
 }
 
-/// How many samples are what.
+/// Numbers of clipped and dark samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct MergeCounts {
     /// Clipped in all shots.
@@ -135,7 +126,7 @@ fn merge_row(
 mod tests {
     use super::*;
     use crate::noise::NoiseSource;
-    use crate::raw::{Black, CameraColor, Header, Layout, Metadata, Samples};
+    use crate::raw::{Black, CameraColor, Header, Layout, Metadata, RawFrame, Samples};
 
     /// A row of samples with a black level of 100 and white at 1100.
     fn frame(samples: &[u16]) -> RawFrame {

@@ -7,7 +7,7 @@
 //! exposure of the shorter, x_long − r·x_short has mean 0 and variance gain · (r + r²) x_short +
 //! read · (1 + r²).
 
-use crate::merge::Shot;
+use crate::stack::Shot;
 use serde::{Deserialize, Serialize};
 
 /// Noise variance gain · x + read of a value x, where saturation is 1.

@@ -4,11 +4,11 @@
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
-use crate::merge::{CLIPPED, Shot, merge};
+use crate::merge::{CLIPPED, merge};
 use crate::noise::Noise;
 use crate::options::IngestOptions;
-use crate::raw::{CameraColor, Kind, Layout, RawFrame, kind_of};
-use crate::stack::{Photograph, Stack};
+use crate::raw::{CameraColor, FileKind, Layout, RawFrame, kind_of};
+use crate::stack::{Photograph, Shot, Stack};
 use crate::survey::{Survey, read_shots};
 use crate::vignetting::{Falloff, Grid, Vignetting};
 use eagpt_scene::files::Key;
@@ -126,7 +126,7 @@ fn as_shot(first: &Photograph) -> Result<[f32; 3]> {
     match (first.header.color.as_shot, kind_of(&first.path)) {
         (Some(factors), _) => Ok(factors),
         // Linear files are used unchanged: their colours are already converted.
-        (None, Some(Kind::Linear)) => Ok([1.0; 3]),
+        (None, Some(FileKind::Linear)) => Ok([1.0; 3]),
         (None, _) => Err(IngestError::photograph(
             &first.path,
             "white balance",

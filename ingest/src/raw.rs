@@ -1,6 +1,6 @@
 //! Undeveloped photographs: the interface between decoders and everything else.
 //!
-//! [`inspect`] reads the header of a file, [`read`] decodes its samples. Nothing is scaled, clipped
+//! `inspect` reads the header of a file, [`read`] decodes its samples. Nothing is scaled, clipped
 //! or balanced here: samples below the black level stay, since the mean of a dark shot would be too
 //! bright without them. The features `rawler` and `rawloader` select the decoder of RAW files; with
 //! both, `rawloader` reads files that `rawler` cannot.
@@ -17,7 +17,7 @@ mod with_rawler;
 #[cfg(feature = "rawloader")]
 mod with_rawloader;
 
-pub use kinds::Kind;
+pub use kinds::FileKind;
 pub(crate) use kinds::kind_of;
 
 use crate::error::{IngestError, Result};
@@ -311,7 +311,7 @@ pub(crate) fn inspect(path: &Path) -> Result<(Header, String)> {
 /// Decodes a photograph.
 ///
 /// # Errors
-/// As [`inspect`], and if the samples are damaged or end early.
+/// As `inspect`, and if the samples are damaged or end early.
 pub fn read(path: &Path) -> Result<RawFrame> {
     decode(path, &Arc::new(files::read(path)?), Want::Samples)
 }
@@ -334,9 +334,9 @@ impl Samples {
 
 fn decode(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawFrame> {
     let frame = match kind_of(path) {
-        Some(Kind::Linear) => linear::read(path, bytes, want)?,
-        Some(Kind::Raw) => decode_raw(path, bytes, want)?,
-        Some(Kind::Display) => {
+        Some(FileKind::Linear) => linear::read(path, bytes, want)?,
+        Some(FileKind::Raw) => decode_raw(path, bytes, want)?,
+        Some(FileKind::Display) => {
             return Err(IngestError::photograph(
                 path,
                 "format",

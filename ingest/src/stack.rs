@@ -1,11 +1,20 @@
 //! Stacks: shots of one position under one lighting condition that differ in exposure.
 
-use crate::raw::Header;
+use crate::raw::{Header, RawFrame};
 use std::cmp::Ordering;
 use std::path::PathBuf;
 
 /// Name of the only condition of a capture that names none.
 pub(crate) const ONLY_CONDITION: &str = "all";
+
+/// A decoded shot and its exposure.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shot<'a> {
+    /// Its samples.
+    pub frame: &'a RawFrame,
+    /// Exposure in seconds at ISO 100 and f/1, or whatever all shots of a capture are measured in.
+    pub exposure: f64,
+}
 
 /// A photograph of a stack.
 #[derive(Debug, Clone, PartialEq)]

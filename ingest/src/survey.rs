@@ -6,10 +6,9 @@
 
 use crate::color::ColorTransform;
 use crate::error::IngestError;
-use crate::merge::Shot;
 use crate::noise::{Noise, estimate, median};
 use crate::raw::{self, RawFrame};
-use crate::stack::{Photograph, Stack};
+use crate::stack::{Photograph, Shot, Stack};
 use crate::thumb::{Comparison, Thumb, compare};
 use eagpt_scene::color::luminance;
 use rayon::prelude::*;

@@ -1,17 +1,18 @@
 //! Masks for all views of a dataset.
 
-use crate::consistency::{self, Comparison, Sight, Verdict};
+mod finish;
+
+use crate::consistency::{self, Comparison, Sight};
 use crate::error::Result;
 use crate::labels::{self, Labels};
 use crate::level::{Histogram, Level};
-use crate::mask::{self, Mask, Region};
-use crate::options::{Inconsistent, MaskOptions, Source};
-use crate::overlay;
-use crate::report::{MaskReport, RegionReport, ViewReport, ViewVerdict};
+use crate::mask::{self, Mask};
+use crate::options::{Inconsistent, MaskOptions, MaskSource};
+use crate::report::MaskReport;
 use eagpt_scene::dataset::EMISSION_DIR;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::ExposureMeter;
-use eagpt_scene::{Camera, Dataset, Image, View, files, ply};
+use eagpt_scene::{Dataset, View, files, ply};
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use serde::Serialize;
@@ -34,7 +35,7 @@ pub struct MaskRequest<'a> {
     /// Folder of labels of reflections.
     pub reflections: Option<PathBuf>,
     /// Trained scene that gives depth, where the dataset has none, and emission for
-    /// [`Source::Emission`].
+    /// [`MaskSource::Emission`].
     pub scene: Option<PathBuf>,
 }
 
@@ -123,12 +124,12 @@ pub fn make_masks(
     progress: &mut dyn FnMut(MaskProgress),
 ) -> Result<MaskSummary> {
     request.options.validate()?;
-    let mut job = Job::prepare(request, progress)?;
+    let mut job = MaskJob::prepare(request, progress)?;
     let level = job.find_level()?;
     let threshold = match request.options.source {
-        Source::Auto => level.map(|level| level.level),
-        Source::Level(level) => Some(level),
-        Source::Emission(_) | Source::None => None,
+        MaskSource::Auto => level.map(|level| level.level),
+        MaskSource::Level(level) => Some(level),
+        MaskSource::Emission(_) | MaskSource::None => None,
     };
     let mut masked = job.mask_views(threshold)?;
     let comparison = job.compare(std::mem::take(&mut masked.sights));
@@ -151,7 +152,7 @@ pub fn make_masks(
     })
 }
 
-struct Job<'a> {
+struct MaskJob<'a> {
     request: &'a MaskRequest<'a>,
     progress: &'a mut dyn FnMut(MaskProgress),
     labels: Option<Labels>,
@@ -160,7 +161,7 @@ struct Job<'a> {
     warnings: Vec<String>,
 }
 
-impl<'a> Job<'a> {
+impl<'a> MaskJob<'a> {
     fn prepare(
         request: &'a MaskRequest<'a>,
         progress: &'a mut dyn FnMut(MaskProgress),
@@ -211,7 +212,7 @@ impl<'a> Job<'a> {
     }
 
     fn find_level(&mut self) -> Result<Option<Level>> {
-        if self.request.options.source != Source::Auto {
+        if self.request.options.source != MaskSource::Auto {
             return Ok(None);
         }
         let total = self.num_views();
@@ -254,7 +255,7 @@ impl<'a> Job<'a> {
     fn mask(&self, index: usize, view: &View, threshold: Option<f32>) -> Result<Option<Mask>> {
         let options = &self.request.options;
         let mut mask = match (options.source, &self.scene, threshold) {
-            (Source::Emission(least), Some(scene), _) => {
+            (MaskSource::Emission(least), Some(scene), _) => {
                 let emission = scene.gbuffer(&view.camera)?.extract(|s| [s.emission()]);
                 let (width, height) = emission.size();
                 Some(Mask::from_fn(width, height, |x, y| {
@@ -306,7 +307,7 @@ impl<'a> Job<'a> {
         }
         let camera = consistency::reduced(&view.camera);
         let depth = match (&self.scene, &view.depth) {
-            (_, Some(depth)) => nearest(depth, &camera),
+            (_, Some(depth)) => consistency::nearest(depth, &camera),
             (Some(scene), None) => scene.gbuffer(&camera)?.depth(&camera),
             (None, None) => return Ok(None),
         };
@@ -341,103 +342,4 @@ impl<'a> Job<'a> {
         }
         Some(consistency::compare(&sights, check.min_support))
     }
-
-    /// Writes overlays, drops inconsistent regions if asked to, and reports on all views.
-    fn finish_views(
-        &mut self,
-        masked: &Masked,
-        comparison: Option<&Comparison>,
-    ) -> Result<(Vec<ViewReport>, Vec<RegionReport>)> {
-        let total = self.num_views();
-        let (mut views, mut all_regions) = (Vec::new(), Vec::new());
-        for index in 0..total {
-            let (view, regions) = self.finish_view(index, masked, comparison)?;
-            views.push(view);
-            all_regions.extend(regions);
-            let done = index + 1;
-            (self.progress)(MaskProgress::Drawing { done, total });
-        }
-        Ok((views, all_regions))
-    }
-
-    fn finish_view(
-        &self,
-        index: usize,
-        masked: &Masked,
-        comparison: Option<&Comparison>,
-    ) -> Result<(ViewReport, Vec<RegionReport>)> {
-        let frame = &self.request.dataset.frames()[index];
-        let check = self.request.options.check;
-        let mask_path = self.request.out.join(mask_file(&frame.name));
-        let mask = masked.is_known[index].then(|| read_mask(&mask_path, &frame.camera));
-        let mut mask = mask.transpose()?;
-        let regions = mask.as_ref().map(Mask::regions).unwrap_or_default();
-        let mut reports = Vec::with_capacity(regions.len());
-        for (number, region) in regions.iter().enumerate() {
-            let support = comparison.map(|found| found.support[index][number].clone());
-            let verdict = support.as_ref().map(|s| s.verdict(check.min_support));
-            let dropped =
-                verdict == Some(Verdict::Inconsistent) && check.inconsistent == Inconsistent::Drop;
-            if let (true, Some(mask)) = (dropped, &mut mask) {
-                mask.remove(region);
-            }
-            reports.push(RegionReport {
-                view: frame.name.clone(),
-                centre: region.centre(),
-                num_pixels: region.pixels.len(),
-                verdict,
-                support: support.unwrap_or_default(),
-                dropped,
-            });
-        }
-        if let (true, Some(mask)) = (reports.iter().any(|r| r.dropped), &mask) {
-            self.write_mask(&frame.name, mask)?;
-        }
-        let radiance = exr::read_rgb(&frame.files.radiance)?;
-        let verdicts = reports.iter().map(|report| report.verdict);
-        let drawn: Vec<(Region, Option<Verdict>)> = regions.into_iter().zip(verdicts).collect();
-        let picture = self.place(&overlay_file(&frame.name))?;
-        overlay::write(&picture, &radiance, &drawn, masked.meter.stops())?;
-        let num_dropped = reports.iter().filter(|r| r.dropped).count();
-        let mut view = ViewReport {
-            name: frame.name.clone(),
-            verdict: ViewVerdict::Unknown,
-            num_pixels: mask.as_ref().map(Mask::count),
-            coverage: mask.as_ref().map(Mask::coverage),
-            num_regions: reports.len() - num_dropped,
-            labelled: self.label(index).is_some(),
-            num_inconsistent: reports
-                .iter()
-                .filter(|r| r.verdict == Some(Verdict::Inconsistent))
-                .count(),
-            missed: comparison.and_then(|found| found.missed[index]),
-        };
-        view.verdict = view.judge();
-        Ok((view, reports))
-    }
-}
-
-/// A mask that this job has written.
-fn read_mask(path: &Path, camera: &Camera) -> Result<Mask> {
-    let image = exr::read_single(path)?;
-    Ok(Mask::from_fn(camera.width, camera.height, |x, y| {
-        image.get(x, y)[0] > 0.5
-    }))
-}
-
-/// A depth image at the size of `camera`: of each pixel the value in its middle, since depths of
-/// different surfaces have no mean.
-fn nearest(depth: &Image<1>, camera: &Camera) -> Image<1> {
-    let (width, height) = (camera.width, camera.height);
-    if depth.size() == (width, height) {
-        return depth.clone();
-    }
-    let scaled = |at: u32, size: u32, full: u32| {
-        ((2 * u64::from(at) + 1) * u64::from(full) / (2 * u64::from(size))) as u32
-    };
-    let pixels = (0..height).flat_map(|y| {
-        let row = scaled(y, height, depth.height());
-        (0..width).map(move |x| depth.get(scaled(x, width, depth.width()), row))
-    });
-    Image::from_pixels(width, height, pixels.collect()).expect("one value for each pixel")
 }

@@ -9,7 +9,7 @@ use std::fmt;
 #[serde(deny_unknown_fields, default)]
 pub struct MaskOptions {
     /// Where masks come from before labels.
-    pub source: Source,
+    pub source: MaskSource,
 
     /// Which value of a pixel is compared with the level.
     pub rule: Rule,
@@ -28,8 +28,8 @@ pub struct MaskOptions {
 /// Where masks come from before labels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Source {
-    /// Pixels at or above a level that is found in all views together, see [`crate::level`].
+pub enum MaskSource {
+    /// Pixels at or above a level that is found in all views together, see `level`.
     Auto,
     /// Pixels at or above this level of linear radiance, above 0.
     Level(f32),
@@ -39,7 +39,7 @@ pub enum Source {
     None,
 }
 
-impl fmt::Display for Source {
+impl fmt::Display for MaskSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
@@ -97,7 +97,7 @@ pub enum Border {
     Full,
 }
 
-/// Options of the comparison between views, [`crate::consistency`].
+/// Options of the comparison between views, `consistency`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckOptions {
@@ -133,7 +133,7 @@ impl Default for CheckOptions {
 impl Default for MaskOptions {
     fn default() -> Self {
         Self {
-            source: Source::Auto,
+            source: MaskSource::Auto,
             rule: Rule::Any,
             border: Border::Half,
             closing_radius: 0,
@@ -159,10 +159,10 @@ impl MaskOptions {
             })
         };
         match self.source {
-            Source::Level(level) if !(level > 0.0 && level.is_finite()) => {
+            MaskSource::Level(level) if !(level > 0.0 && level.is_finite()) => {
                 return wrong("threshold", level, "above 0 and finite");
             }
-            Source::Emission(emission) if !(emission > 0.0 && emission <= 1.0) => {
+            MaskSource::Emission(emission) if !(emission > 0.0 && emission <= 1.0) => {
                 return wrong("emission", emission, "above 0 and at most 1");
             }
             _ => {}
@@ -191,12 +191,12 @@ mod tests {
     fn ranges_are_checked_by_name() {
         let mut options = MaskOptions::default();
         options.validate().unwrap();
-        options.source = Source::Level(f32::NAN);
+        options.source = MaskSource::Level(f32::NAN);
         let message = options.validate().unwrap_err().to_string();
         assert_eq!(message, "option threshold: NaN, must be above 0 and finite");
-        options.source = Source::Emission(1.5);
+        options.source = MaskSource::Emission(1.5);
         assert!(options.validate().is_err());
-        options.source = Source::None;
+        options.source = MaskSource::None;
         options.check.min_support = -0.1;
         let message = options.validate().unwrap_err().to_string();
         assert_eq!(message, "option min_support: -0.1, must be from 0 to 1");

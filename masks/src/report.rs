@@ -139,29 +139,39 @@ impl MaskReport {
     }
 
     fn csv(&self) -> String {
-        let mut text = String::from(
-            "view,verdict,num_pixels,coverage,num_regions,labelled,num_inconsistent,missed\n",
-        );
-        for view in &self.views {
-            let name = match view.name.contains([',', '"', '\n']) {
-                true => format!("\"{}\"", view.name.replace('"', "\"\"")),
-                false => view.name.clone(),
-            };
-            let fields = [
-                name,
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        let heading = [
+            "view",
+            "verdict",
+            "num_pixels",
+            "coverage",
+            "num_regions",
+            "labelled",
+            "num_inconsistent",
+            "missed",
+        ];
+        let share = |share: Option<f64>| share.map(|s| s.to_string()).unwrap_or_default();
+        let rows = self.views.iter().map(|view| {
+            [
+                view.name.clone(),
                 view.verdict.name().to_owned(),
-                view.num_pixels.map_or(String::new(), |n| n.to_string()),
-                view.coverage
-                    .map_or(String::new(), |share| share.to_string()),
+                view.num_pixels.map(|n| n.to_string()).unwrap_or_default(),
+                share(view.coverage),
                 view.num_regions.to_string(),
                 view.labelled.to_string(),
                 view.num_inconsistent.to_string(),
-                view.missed.map_or(String::new(), |share| share.to_string()),
-            ];
-            text += &fields.join(",");
-            text.push('\n');
+                share(view.missed),
+            ]
+        });
+        for record in std::iter::once(heading.map(str::to_owned)).chain(rows) {
+            writer
+                .write_record(record)
+                .expect("rows of one length, in memory");
         }
-        text
+        let bytes = writer
+            .into_inner()
+            .expect("memory takes all that is written to it");
+        String::from_utf8(bytes).expect("fields are UTF-8")
     }
 
     fn markdown(&self) -> String {

@@ -6,7 +6,7 @@
 )]
 
 use eagpt_masks::{
-    CheckOptions, Inconsistent, MaskOptions, MaskRequest, MaskSummary, Source, make_masks,
+    CheckOptions, Inconsistent, MaskOptions, MaskRequest, MaskSource, MaskSummary, make_masks,
 };
 use eagpt_scene::{Dataset, Image, exr};
 use eagpt_synth::capture::Parts;
@@ -39,7 +39,7 @@ impl Case {
         }
     }
 
-    fn masks(&self, source: Source, inconsistent: Inconsistent) -> MaskSummary {
+    fn masks(&self, source: MaskSource, inconsistent: Inconsistent) -> MaskSummary {
         let check = CheckOptions {
             inconsistent,
             ..CheckOptions::default()
@@ -94,7 +94,7 @@ fn every_view_of_the_small_room_has_the_mask_of_its_lamps() {
     let script = photograph(room.toml, place.path());
     for condition in &script.conditions {
         let case = Case::new(place.path(), condition);
-        case.masks(Source::Auto, Inconsistent::Keep);
+        case.masks(MaskSource::Auto, Inconsistent::Keep);
         let overlaps = case.overlaps();
         assert!(overlaps.len() > 2, "{condition}: {overlaps:?}");
         assert!(
@@ -110,7 +110,7 @@ fn the_lamp_in_a_polished_cabinet_is_no_lamp() {
     let place = tempfile::tempdir().unwrap();
     photograph(include_str!("polished-room.toml"), place.path());
     let case = Case::new(place.path(), "evening");
-    for source in [Source::Auto, Source::Level(1.5)] {
+    for source in [MaskSource::Auto, MaskSource::Level(1.5)] {
         let kept = case.masks(source, Inconsistent::Keep).report;
         let with_reflections = case.overlaps();
         let num_good = with_reflections.iter().filter(|(_, o)| *o >= 0.95).count();

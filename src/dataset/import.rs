@@ -8,7 +8,9 @@ use anyhow::Result;
 use clap::Args;
 use eagpt_convert::World;
 use eagpt_convert::import::{BadFrames, Ldr, planned_files};
-use eagpt_convert::{ImportOptions, ImportProgress, ImportSummary, Source, SourceFormat, import};
+use eagpt_convert::{
+    ImportOptions, ImportProgress, ImportSummary, SourceDataset, SourceFormat, import,
+};
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::{Field, UndistortOptions};
@@ -116,7 +118,7 @@ struct Recorded<'a> {
 pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args)?;
     let mut builder = RecordBuilder::begin("dataset import", &options)?;
-    let source = Source::open(&args.source, args.format.0, &options)?;
+    let source = SourceDataset::open(&args.source, args.format.0, &options)?;
     builder.set_options(&Recorded {
         source: &args.source,
         format: source.format,
@@ -160,7 +162,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn refuse(reporter: &mut Reporter, source: &Source) -> anyhow::Error {
+fn refuse(reporter: &mut Reporter, source: &SourceDataset) -> anyhow::Error {
     for problem in &source.problems {
         if let Err(error) = tell(reporter, &ImportProgress::Bad(problem.clone())) {
             return error;

@@ -92,6 +92,6 @@ pub(super) fn run(args: &TableArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if !global.json && !global.quiet {
         terminal::print(&table.markdown())?;
     }
-    reporter.note(&format!("{}: {} rows", path.display(), table.rows.len()));
+    reporter.note(&format!("{}: {} rows", path.display(), table.num_rows()));
     Ok(ExitCode::SUCCESS)
 }

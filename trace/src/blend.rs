@@ -46,7 +46,7 @@ impl Hit {
 
 /// Sorts hits front to back. Searches deliver them nearly sorted, which insertion likes; long lists
 /// go to the standard sort.
-pub fn sort_hits(hits: &mut [Hit]) {
+pub(crate) fn sort_hits(hits: &mut [Hit]) {
     const INSERTION_LIMIT: usize = 48;
     if hits.len() > INSERTION_LIMIT {
         hits.sort_unstable_by_key(|hit| hit.key);
@@ -65,7 +65,7 @@ pub fn sort_hits(hits: &mut [Hit]) {
 
 /// Outcome of accumulating a hit in a [`Blender`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BlendStatus {
+pub(crate) enum BlendStatus {
     /// Too light to matter.
     Skipped,
     /// Added.
@@ -76,7 +76,7 @@ pub enum BlendStatus {
 
 /// Side of a Gaussian that a ray hits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Face {
+pub(crate) enum Face {
     /// Against its normal.
     Front,
     /// Along its normal.
@@ -87,13 +87,13 @@ impl Face {
     /// Of a Gaussian whose plane lies `plane` from the origin along its normal: in front of the
     /// origin the plane has the sign of the cosine between ray and normal.
     #[inline(always)]
-    pub fn of_plane(plane: f32) -> Self {
+    pub(crate) fn of_plane(plane: f32) -> Self {
         if plane > 0.0 { Self::Back } else { Self::Front }
     }
 
     /// Factors of the lanes of attributes: the normal is turned towards the ray's origin.
     #[inline(always)]
-    pub fn signs(self) -> &'static [f32; NUM_LANES] {
+    pub(crate) fn signs(self) -> &'static [f32; NUM_LANES] {
         const SIGNS: [[f32; NUM_LANES]; 2] = {
             let mut signs = [[1.0; NUM_LANES]; 2];
             let mut k = lane::NORMAL;
@@ -109,7 +109,7 @@ impl Face {
 
 /// Blends hits front to back into [`Features`].
 #[derive(Debug, Clone, Copy)]
-pub struct Blender {
+pub(crate) struct Blender {
     features: Features,
     distance: f32,
     spread: f32,
@@ -132,7 +132,7 @@ impl Default for Blender {
 impl Blender {
     /// Adds the next hit of a ray of unit `direction`.
     #[inline(always)]
-    pub fn accumulate(
+    pub(crate) fn accumulate(
         &mut self,
         t: f32,
         alpha: f32,
@@ -147,7 +147,7 @@ impl Blender {
 
     /// Adds the next hit, whose attributes have the normal turned towards the ray's origin.
     #[inline(always)]
-    pub fn accumulate_turned(
+    pub(crate) fn accumulate_turned(
         &mut self,
         t: f32,
         alpha: f32,
@@ -177,7 +177,7 @@ impl Blender {
 
     /// The features of all hits so far.
     #[inline(always)]
-    pub fn finish(self) -> Features {
+    pub(crate) fn finish(self) -> Features {
         // Added to the zeros that blending left there: lanes that were overwritten would make
         // compilers take the vector apart.
         let mut features = self.features;
@@ -189,7 +189,7 @@ impl Blender {
 
     /// Share of light from behind that still passes.
     #[inline(always)]
-    pub fn transmittance(&self) -> f32 {
+    pub(crate) fn transmittance(&self) -> f32 {
         self.transmittance
     }
 }
@@ -197,7 +197,7 @@ impl Blender {
 /// Features of a ray of unit `direction` whose one hit stands for all. Of the distances of the
 /// others it says nothing: those of discs that overlap on a surface differ by about the size of a
 /// disc where they are tilted, which becomes the spread.
-pub fn features_of_one(t: f32, attributes: &Attributes, direction: [f32; 3]) -> Features {
+pub(crate) fn features_of_one(t: f32, attributes: &Attributes, direction: [f32; 3]) -> Features {
     let mut blender = Blender::default();
     blender.accumulate(t, 1.0, attributes, direction);
     let mut features = blender.finish();

@@ -1,7 +1,7 @@
 //! The CPU engine.
 //!
 //! - [`bvh`]: an 8-wide BVH for single rays in any direction.
-//! - [`bins`]: the Gaussians each tile of a camera may see.
+//! - `bins`: the Gaussians each tile of a camera may see.
 //! - [`camera`]: composited features of all pixels of a camera; [`CameraRecord`] holds the blended
 //!   hits for [`CameraRecord::adjoint`].
 //! - [`realizations`]: stochastic realizations of the Gaussians as opaque discs, for rays of which
@@ -10,7 +10,7 @@
 //! - [`CpuScene`]: all of it behind [`crate::Tracer`].
 
 mod adjoint;
-pub mod bins;
+pub(crate) mod bins;
 pub mod bvh;
 pub mod camera;
 mod hits;

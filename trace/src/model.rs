@@ -13,7 +13,7 @@ pub const MIN_WEIGHT: f32 = 1e-6;
 
 /// A ray ends with the hit that brings its transmittance under this value (the reference's
 /// constant).
-pub const MIN_TRANSMITTANCE: f32 = 1e-4;
+pub(crate) const MIN_TRANSMITTANCE: f32 = 1e-4;
 
 /// Hits on planes seen more edge-on than this cosine do not count: the distance `(p−o)·n / (ω·n)`
 /// has lost its digits there (a relative rounding error of 6e-8 in the numerator grows beyond
@@ -23,10 +23,10 @@ pub const MIN_COSINE: f32 = 5e-5;
 /// Near the start of a bounce, Gaussians tilted against the surface by less than 60° (this is the
 /// cosine) are taken to be part of it: reconstructed walls have tilts of some 10°, walls of a room
 /// meet at 90°.
-pub const OWN_COSINE: f32 = 0.5;
+pub(crate) const OWN_COSINE: f32 = 0.5;
 
 /// Squared radius, in standard deviations, inside which a Gaussian of peak `opacity` counts;
 /// negative if nowhere.
-pub fn cut_radius_squared(opacity: f32) -> f32 {
+pub(crate) fn cut_radius_squared(opacity: f32) -> f32 {
     (2.0 * (opacity / MIN_ALPHA).ln()).min(MAX_RADIUS * MAX_RADIUS)
 }

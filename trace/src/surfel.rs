@@ -186,7 +186,7 @@ impl SeenSurfel {
 impl Attributes {
     /// With the normal turned towards the origin of rays that see the Gaussian from `face`.
     #[inline(always)]
-    pub fn turned(&self, face: Face) -> Self {
+    pub(crate) fn turned(&self, face: Face) -> Self {
         let mut lanes = self.0;
         for (lane, sign) in lanes.iter_mut().zip(face.signs()) {
             *lane *= sign;
@@ -289,7 +289,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 /// `exp(x)` for −80 ≤ x ≤ 0, within 2 units in the last place; basic arithmetic, so that it
 /// vectorises and gives the same bits on every machine (a libm does neither).
 #[inline(always)]
-pub fn exp_of_negative(x: f32) -> f32 {
+pub(crate) fn exp_of_negative(x: f32) -> f32 {
     // Adding 1.5·2²³ rounds to the nearest integer; its low mantissa bits are that integer.
     const ROUNDER: f32 = 12_582_912.0;
     const LN2_HIGH: f32 = 0.693_359_4;

@@ -91,7 +91,7 @@ pub enum Sampling {
 }
 
 /// Share of a single bounce's directions that go to emitters: no direction's weight exceeds 2.
-pub const LIGHT_SHARE: f32 = 0.5;
+pub(crate) const LIGHT_SHARE: f32 = 0.5;
 
 impl Default for LightOptions {
     fn default() -> Self {

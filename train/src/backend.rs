@@ -11,9 +11,9 @@ mod irradiance;
 mod irradiance_cache;
 mod trainer;
 
-pub use cpu::CpuBackend;
+use cpu::CpuBackend;
 #[cfg(feature = "gpu")]
-pub use gpu::GpuBackend;
+use gpu::GpuBackend;
 
 use crate::densify::Densified;
 use crate::error::Result;

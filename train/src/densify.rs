@@ -23,7 +23,7 @@ const SHRINK: f32 = 0.7;
 
 /// Errors and visibility of the Gaussians in all training views.
 #[derive(Debug, Clone, Default)]
-pub struct Attribution {
+pub(crate) struct Attribution {
     /// Largest weight in a pixel, `[n]`.
     largest_weight: Vec<f32>,
     /// Most pixels filled in one view, `[n]`.
@@ -45,7 +45,7 @@ pub struct Densified {
 
 impl Attribution {
     /// No view yet; for `n` Gaussians.
-    pub fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self {
             largest_weight: vec![0.0; n],
             pixels: vec![0.0; n],
@@ -55,7 +55,7 @@ impl Attribution {
     }
 
     /// Adds one view; the values of `contributions` are the errors of its pixels.
-    pub fn add(&mut self, contributions: &[Contribution]) {
+    pub(crate) fn add(&mut self, contributions: &[Contribution]) {
         for c in contributions {
             let i = c.gaussian as usize;
             self.largest_weight[i] = self.largest_weight[i].max(c.largest_weight);
@@ -72,7 +72,7 @@ impl Attribution {
 
 /// Splits Gaussians of `state` in two, those with the most error first, until there are `target` of
 /// them and those that no view sees are used up. `gaussians` are the activated values of `state`.
-pub fn densify(
+pub(crate) fn densify(
     state: &mut ParameterState,
     gaussians: &Gaussians,
     seen: &Attribution,

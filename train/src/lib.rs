@@ -7,7 +7,7 @@
 //! - [`params`]: raw parameters, their activations, the chain rule back to them, and Adam.
 //! - [`loss`]: the losses and their gradients with respect to the composited features of each
 //!   pixel.
-//! - [`densify`]: the choice of Gaussians to split, and of those to reuse for it.
+//! - `densify`: the choice of Gaussians to split, and of those to reuse for it.
 //! - [`backend`]: one training step on a device.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
@@ -16,17 +16,17 @@
 pub mod backend;
 pub mod bake;
 pub mod checkpoint;
-pub mod densify;
-pub mod error;
+mod densify;
+mod error;
 pub mod init;
 pub mod job;
-pub mod log;
+mod log;
 pub mod loss;
 pub mod options;
 mod order;
 pub mod params;
-pub mod preview;
-pub mod progress;
+mod preview;
+mod progress;
 mod sealed;
 mod surfaces;
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// A line of the log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LogLine {
+pub(crate) struct LogLine {
     /// Stage.
     pub stage: Stage,
     /// Iteration, counted from 1.
@@ -28,7 +28,7 @@ pub struct LogLine {
 }
 
 /// An open log.
-pub struct Log {
+pub(crate) struct Log {
     path: PathBuf,
     file: File,
 }
@@ -39,7 +39,7 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be read or written.
-    pub fn open(path: &Path, done: Option<(Stage, u32)>) -> Result<Self> {
+    pub(crate) fn open(path: &Path, done: Option<(Stage, u32)>) -> Result<Self> {
         let mut kept = String::new();
         if let (Some((stage, iteration)), true) = (done, path.exists()) {
             let text = String::from_utf8_lossy(&files::read(path)?).into_owned();
@@ -71,7 +71,7 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn push(&mut self, line: &LogLine) -> Result<()> {
+    pub(crate) fn push(&mut self, line: &LogLine) -> Result<()> {
         let mut text = serde_json::to_string(line)
             .map_err(|e| SceneError::invalid(&self.path, "line", e.to_string()))?;
         text.push('\n');

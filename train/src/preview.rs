@@ -16,7 +16,7 @@ const GAP: usize = 4;
 ///
 /// # Errors
 /// If the device fails or a file cannot be written.
-pub fn write(
+pub(crate) fn write(
     dir: &Path,
     backend: &mut dyn Backend,
     views: &[TrainingView],

@@ -7,7 +7,7 @@ use super::*;
 use crate::model::PointId;
 use room::{ROOM, Room, frame};
 
-/// How far the aligned room is from the room: tilt and yaw in degrees, floor height in sizes of the
+/// Errors of the aligned room: tilt and yaw in degrees, floor height in sizes of the
 /// room.
 fn errors(alignment: &Alignment, model_from_room: &Similarity) -> [f64; 3] {
     let aligned_from_room = |p: DVec3| alignment.aligned_from_model.apply(model_from_room.apply(p));
@@ -28,7 +28,7 @@ fn errors(alignment: &Alignment, model_from_room: &Similarity) -> [f64; 3] {
 #[track_caller]
 fn assert_upright(alignment: &Alignment, model_from_room: &Similarity) {
     let [tilt, yaw, height] = errors(alignment, model_from_room);
-    // What is asked for: 0.5°, 1° and 0.5 %. 300 points of 4 mm over 4 m let expect 0.02° and 0.01
+    // Required: 0.5°, 1° and 0.5 %. 300 points of 4 mm over 4 m let expect 0.02° and 0.01
     // %.
     assert!(tilt < 0.1, "tilt {tilt}°: {alignment:?}");
     assert!(yaw < 0.3, "yaw {yaw}°: {alignment:?}");

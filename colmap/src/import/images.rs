@@ -14,7 +14,7 @@ const MAX_DEPTH: usize = 8;
 
 /// An image file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Source {
+pub(super) enum ImageFile {
     /// Linear EXR
     Linear(PathBuf),
     /// sRGB PNG or JPEG
@@ -25,10 +25,10 @@ pub(super) enum Source {
 #[derive(Debug)]
 pub struct Folder {
     dir: PathBuf,
-    images: BTreeMap<String, Source>,
+    images: BTreeMap<String, ImageFile>,
 }
 
-impl Source {
+impl ImageFile {
     pub(super) fn path(&self) -> &PathBuf {
         match self {
             Self::Linear(path) | Self::Srgb8(path) => path,
@@ -95,8 +95,8 @@ impl Folder {
             let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
             let name = format!("{prefix}{stem}");
             let source = match extension.to_ascii_lowercase().as_str() {
-                "exr" => Source::Linear(path.clone()),
-                "png" | "jpg" | "jpeg" if srgb8 == Srgb8::Decode => Source::Srgb8(path.clone()),
+                "exr" => ImageFile::Linear(path.clone()),
+                "png" | "jpg" | "jpeg" if srgb8 == Srgb8::Decode => ImageFile::Srgb8(path.clone()),
                 "png" | "jpg" | "jpeg" => {
                     num_pictures += 1;
                     continue;
@@ -105,8 +105,8 @@ impl Folder {
             };
             match self.images.get(&name) {
                 // A preview beside its image.
-                Some(Source::Linear(_)) if matches!(source, Source::Srgb8(_)) => {}
-                Some(Source::Srgb8(_)) if matches!(source, Source::Linear(_)) => {
+                Some(ImageFile::Linear(_)) if matches!(source, ImageFile::Srgb8(_)) => {}
+                Some(ImageFile::Srgb8(_)) if matches!(source, ImageFile::Linear(_)) => {
                     self.images.insert(name, source);
                 }
                 Some(other) => {
@@ -128,7 +128,7 @@ impl Folder {
 
     /// The image of a view and its name in this folder: the full name, or its last component if
     /// that is unique.
-    pub(super) fn find(&self, name: &str) -> Option<(&str, &Source)> {
+    pub(super) fn find(&self, name: &str) -> Option<(&str, &ImageFile)> {
         if let Some((own, source)) = self.images.get_key_value(name) {
             return Some((own, source));
         }

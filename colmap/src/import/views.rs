@@ -1,6 +1,6 @@
 //! Views: their files found, read, undistorted, written.
 
-use super::images::{Folder, Source};
+use super::images::{Folder, ImageFile};
 use super::{Condition, ImportOptions, ImportProgress, Missing, listed, undistortion};
 use crate::error::{ColmapError, Result};
 use crate::model::{CameraId, Model};
@@ -31,7 +31,7 @@ pub(super) struct Photograph {
 
 #[derive(Debug)]
 struct Files {
-    radiance: Source,
+    radiance: ImageFile,
     emission: Option<PathBuf>,
     alpha: Option<PathBuf>,
 }
@@ -39,7 +39,7 @@ struct Files {
 impl Photograph {
     pub(super) fn is_srgb8(&self) -> bool {
         let files = self.files.as_ref();
-        files.is_some_and(|files| matches!(files.radiance, Source::Srgb8(_)))
+        files.is_some_and(|files| matches!(files.radiance, ImageFile::Srgb8(_)))
     }
 
     /// Files that are read.
@@ -60,7 +60,7 @@ impl Photograph {
             (EMISSION_DIR, files.emission.is_some()),
             (
                 ALPHA_DIR,
-                files.alpha.is_some() || matches!(files.radiance, Source::Srgb8(_)),
+                files.alpha.is_some() || matches!(files.radiance, ImageFile::Srgb8(_)),
             ),
             (VALID_DIR, self.may_be_cut),
         ];
@@ -255,7 +255,7 @@ pub(super) struct Outcome {
 }
 
 /// Writer of a condition's images.
-pub(super) struct Job<'a> {
+pub(super) struct ConditionWriter<'a> {
     pub(super) writer: DatasetWriter,
     pub(super) condition: Option<&'a str>,
     /// Images written before.
@@ -264,7 +264,7 @@ pub(super) struct Job<'a> {
     pub(super) progress: &'a mut dyn FnMut(ImportProgress),
 }
 
-impl Job<'_> {
+impl ConditionWriter<'_> {
     /// Writes the images, as many at a time as there are threads.
     pub(super) fn write(&mut self, photographs: &[Photograph]) -> Result<Outcome> {
         let mut outcome = Outcome::default();

@@ -1,7 +1,7 @@
 //! Binary files: little endian, no padding.
 
 use super::SensorType;
-use super::fields::{Sink, Source, Written};
+use super::fields::{FieldReader, FieldWriter, Written};
 use crate::error::{ColmapError, Result};
 use eagpt_scene::SceneError;
 use eagpt_scene::lens::LensModel;
@@ -12,7 +12,7 @@ use std::path::Path;
 const MAX_NAME_BYTES: usize = 4096;
 
 /// A binary file. Its length is known: nothing is allocated that does not fit into it.
-pub(super) struct BinarySource<'a, R> {
+pub(super) struct BinaryReader<'a, R> {
     path: &'a Path,
     reader: R,
     offset: u64,
@@ -21,7 +21,7 @@ pub(super) struct BinarySource<'a, R> {
     num_left: Option<u64>,
 }
 
-impl<'a, R: BufRead> BinarySource<'a, R> {
+impl<'a, R: BufRead> BinaryReader<'a, R> {
     pub(super) fn new(path: &'a Path, reader: R, length: u64) -> Self {
         Self {
             path,
@@ -68,7 +68,7 @@ impl<'a, R: BufRead> BinarySource<'a, R> {
     }
 }
 
-impl<R: BufRead> Source for BinarySource<'_, R> {
+impl<R: BufRead> FieldReader for BinaryReader<'_, R> {
     fn next_record(&mut self, min_bytes: u64) -> Result<bool> {
         let left = match self.num_left {
             Some(left) => left,
@@ -195,12 +195,12 @@ impl<R: BufRead> Source for BinarySource<'_, R> {
 }
 
 /// Writes a binary file.
-pub(super) struct BinarySink<'a, W> {
+pub(super) struct BinaryWriter<'a, W> {
     pub(super) path: &'a Path,
     pub(super) writer: W,
 }
 
-impl<W: Write> BinarySink<'_, W> {
+impl<W: Write> BinaryWriter<'_, W> {
     fn put(&mut self, bytes: &[u8]) -> Written {
         self.writer
             .write_all(bytes)
@@ -208,7 +208,7 @@ impl<W: Write> BinarySink<'_, W> {
     }
 }
 
-impl<W: Write> Sink for BinarySink<'_, W> {
+impl<W: Write> FieldWriter for BinaryWriter<'_, W> {
     fn begin(&mut self, num_records: usize, _header: &str) -> Written {
         self.u64(num_records as u64)
     }

@@ -11,7 +11,7 @@ use eagpt_scene::lens::LensModel;
 pub(super) type Written = eagpt_scene::Result<()>;
 
 /// A file to read fields from.
-pub(super) trait Source {
+pub(super) trait FieldReader {
     /// Goes to the next record; false at the end. `min_bytes` is the least that a record takes in
     /// the binary form.
     fn next_record(&mut self, min_bytes: u64) -> Result<bool>;
@@ -56,7 +56,7 @@ pub(super) trait Source {
 }
 
 /// A file to write fields to. Text ends lines where a record says so.
-pub(super) trait Sink {
+pub(super) trait FieldWriter {
     fn begin(&mut self, num_records: usize, header: &str) -> Written;
     fn u8(&mut self, value: u8) -> Written;
     fn u32(&mut self, value: u32) -> Written;

@@ -1,9 +1,9 @@
 //! Reading a model: its files, then their consistency.
 
-use super::binary::BinarySource;
-use super::fields::Source;
+use super::binary::BinaryReader;
+use super::fields::FieldReader;
 use super::records::Record;
-use super::text::TextSource;
+use super::text::TextReader;
 use super::{Form, Model, ModelImage, Observations, Part, SensorType};
 use crate::error::{ColmapError, Result};
 use eagpt_scene::SceneError;
@@ -93,26 +93,26 @@ impl<R: BufRead> Input<'_, R> {
     fn records<T: Record>(self) -> Result<Vec<T>> {
         match self.form {
             Form::Binary => {
-                let source = BinarySource::new(self.path, self.reader, self.length);
-                records(source, self.observations)
+                let reader = BinaryReader::new(self.path, self.reader, self.length);
+                records(reader, self.observations)
             }
-            Form::Text => records(TextSource::new(self.path, self.reader), self.observations),
+            Form::Text => records(TextReader::new(self.path, self.reader), self.observations),
         }
     }
 }
 
-fn records<T: Record>(mut source: impl Source, observations: Observations) -> Result<Vec<T>> {
+fn records<T: Record>(mut reader: impl FieldReader, observations: Observations) -> Result<Vec<T>> {
     let mut list = Vec::new();
     let mut seen = HashSet::new();
-    while source.next_record(T::MIN_BYTES)? {
+    while reader.next_record(T::MIN_BYTES)? {
         if list.is_empty() {
-            list.reserve_exact(source.num_records_hint());
-            seen.reserve(source.num_records_hint());
+            list.reserve_exact(reader.num_records_hint());
+            seen.reserve(reader.num_records_hint());
         }
-        let record = T::read(&mut source, observations)?;
-        source.end_record()?;
+        let record = T::read(&mut reader, observations)?;
+        reader.end_record()?;
         if !seen.insert(record.id()) {
-            return Err(source.error(format!("{} {} is there twice", T::NAME, record.id())));
+            return Err(reader.error(format!("{} {} is there twice", T::NAME, record.id())));
         }
         list.push(record);
     }

@@ -1,6 +1,6 @@
 //! The records of the five files, field by field; one description for text and binary.
 
-use super::fields::{Sink, Source, Written};
+use super::fields::{FieldReader, FieldWriter, Written};
 use super::{
     CameraId, FrameId, ImageId, ModelCamera, ModelImage, ModelPoint, Observation, Observations,
     PointId, Rig, RigFrame, RigId, Rigid, SensorId, SensorType, TrackElement,
@@ -38,8 +38,8 @@ pub(super) trait Record: Sized {
     const MIN_BYTES: u64;
 
     fn id(&self) -> Self::Id;
-    fn read(source: &mut impl Source, observations: Observations) -> Result<Self>;
-    fn write(&self, sink: &mut impl Sink) -> Written;
+    fn read(reader: &mut impl FieldReader, observations: Observations) -> Result<Self>;
+    fn write(&self, writer: &mut impl FieldWriter) -> Written;
 }
 
 impl Record for ModelCamera {
@@ -52,31 +52,31 @@ impl Record for ModelCamera {
         self.id
     }
 
-    fn read(source: &mut impl Source, _: Observations) -> Result<Self> {
-        let id = CameraId(source.u32("the number of a camera")?);
-        let model = source.model()?;
-        let (width, height) = (source.u64("the width")?, source.u64("the height")?);
+    fn read(reader: &mut impl FieldReader, _: Observations) -> Result<Self> {
+        let id = CameraId(reader.u32("the number of a camera")?);
+        let model = reader.model()?;
+        let (width, height) = (reader.u64("the width")?, reader.u64("the height")?);
         let pixels = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
         let names = model.param_names();
         let params = names
             .iter()
-            .map(|name| source.f64(name))
+            .map(|name| reader.f64(name))
             .collect::<Result<Vec<_>>>()?;
         let lens = Lens::new(model, (pixels(width), pixels(height)), &params)
-            .map_err(|problem| source.error(format!("camera {id}: {problem}")))?;
+            .map_err(|problem| reader.error(format!("camera {id}: {problem}")))?;
         Ok(Self { id, lens })
     }
 
-    fn write(&self, sink: &mut impl Sink) -> Written {
-        sink.u32(self.id.0)?;
-        sink.model(self.lens.model())?;
+    fn write(&self, writer: &mut impl FieldWriter) -> Written {
+        writer.u32(self.id.0)?;
+        writer.model(self.lens.model())?;
         let (width, height) = self.lens.size();
-        sink.u64(width.into())?;
-        sink.u64(height.into())?;
+        writer.u64(width.into())?;
+        writer.u64(height.into())?;
         for param in self.lens.params() {
-            sink.f64(*param)?;
+            writer.f64(*param)?;
         }
-        sink.end_line()
+        writer.end_line()
     }
 }
 
@@ -90,26 +90,26 @@ impl Record for ModelImage {
         self.id
     }
 
-    fn read(source: &mut impl Source, observations: Observations) -> Result<Self> {
+    fn read(reader: &mut impl FieldReader, observations: Observations) -> Result<Self> {
         const FIELDS: usize = 3;
         const BYTES: u64 = 24;
-        let id = ImageId(source.u32("the number of an image")?);
-        let camera_from_world = pose(source)?;
-        let camera = CameraId(source.u32("the camera of an image")?);
-        let name = source.name()?;
-        source.next_line()?;
-        let num = source.list("features", FIELDS, BYTES)?;
+        let id = ImageId(reader.u32("the number of an image")?);
+        let camera_from_world = pose(reader)?;
+        let camera = CameraId(reader.u32("the camera of an image")?);
+        let name = reader.name()?;
+        reader.next_line()?;
+        let num = reader.list("features", FIELDS, BYTES)?;
         let mut list = Vec::new();
         if observations == Observations::Keep {
             list.reserve_exact(num);
             for _ in 0..num {
                 list.push(Observation {
-                    at: DVec2::new(source.f64("x of a feature")?, source.f64("y of a feature")?),
-                    point: source.point_or_none()?.map(PointId),
+                    at: DVec2::new(reader.f64("x of a feature")?, reader.f64("y of a feature")?),
+                    point: reader.point_or_none()?.map(PointId),
                 });
             }
         } else {
-            source.skip(num, FIELDS, BYTES)?;
+            reader.skip(num, FIELDS, BYTES)?;
         }
         Ok(Self {
             id,
@@ -120,19 +120,19 @@ impl Record for ModelImage {
         })
     }
 
-    fn write(&self, sink: &mut impl Sink) -> Written {
-        sink.u32(self.id.0)?;
-        write_pose(sink, &self.camera_from_world)?;
-        sink.u32(self.camera.0)?;
-        sink.name(&self.name)?;
-        sink.end_line()?;
-        sink.list(self.observations.len())?;
+    fn write(&self, writer: &mut impl FieldWriter) -> Written {
+        writer.u32(self.id.0)?;
+        write_pose(writer, &self.camera_from_world)?;
+        writer.u32(self.camera.0)?;
+        writer.name(&self.name)?;
+        writer.end_line()?;
+        writer.list(self.observations.len())?;
         for observation in &self.observations {
-            sink.f64(observation.at.x)?;
-            sink.f64(observation.at.y)?;
-            sink.point_or_none(observation.point.map(|id| id.0))?;
+            writer.f64(observation.at.x)?;
+            writer.f64(observation.at.y)?;
+            writer.point_or_none(observation.point.map(|id| id.0))?;
         }
-        sink.end_line()
+        writer.end_line()
     }
 }
 
@@ -147,25 +147,25 @@ impl Record for ModelPoint {
         self.id
     }
 
-    fn read(source: &mut impl Source, observations: Observations) -> Result<Self> {
+    fn read(reader: &mut impl FieldReader, observations: Observations) -> Result<Self> {
         const FIELDS: usize = 2;
         const BYTES: u64 = 8;
-        let id = PointId(source.u64("the number of a point")?);
-        let position = vector(source, ["x of a point", "y of a point", "z of a point"])?;
-        let color_srgb8 = [source.u8("red")?, source.u8("green")?, source.u8("blue")?];
-        let error_px = source.f64("the error of a point")?;
-        let num = source.list("observations", FIELDS, BYTES)?;
+        let id = PointId(reader.u64("the number of a point")?);
+        let position = vector(reader, ["x of a point", "y of a point", "z of a point"])?;
+        let color_srgb8 = [reader.u8("red")?, reader.u8("green")?, reader.u8("blue")?];
+        let error_px = reader.f64("the error of a point")?;
+        let num = reader.list("observations", FIELDS, BYTES)?;
         let mut track = Vec::new();
         if observations == Observations::Keep {
             track.reserve_exact(num);
             for _ in 0..num {
                 track.push(TrackElement {
-                    image: ImageId(source.u32("the image of an observation")?),
-                    observation: source.u32("the index of an observation")?,
+                    image: ImageId(reader.u32("the image of an observation")?),
+                    observation: reader.u32("the index of an observation")?,
                 });
             }
         } else {
-            source.skip(num, FIELDS, BYTES)?;
+            reader.skip(num, FIELDS, BYTES)?;
         }
         Ok(Self {
             id,
@@ -177,21 +177,21 @@ impl Record for ModelPoint {
         })
     }
 
-    fn write(&self, sink: &mut impl Sink) -> Written {
-        sink.u64(self.id.0)?;
+    fn write(&self, writer: &mut impl FieldWriter) -> Written {
+        writer.u64(self.id.0)?;
         for value in self.position.to_array() {
-            sink.f64(value)?;
+            writer.f64(value)?;
         }
         for value in self.color_srgb8 {
-            sink.u8(value)?;
+            writer.u8(value)?;
         }
-        sink.f64(self.error_px)?;
-        sink.list(self.track.len())?;
+        writer.f64(self.error_px)?;
+        writer.list(self.track.len())?;
         for element in &self.track {
-            sink.u32(element.image.0)?;
-            sink.u32(element.observation)?;
+            writer.u32(element.image.0)?;
+            writer.u32(element.observation)?;
         }
-        sink.end_line()
+        writer.end_line()
     }
 }
 
@@ -205,18 +205,18 @@ impl Record for Rig {
         self.id
     }
 
-    fn read(source: &mut impl Source, _: Observations) -> Result<Self> {
-        let id = RigId(source.u32("the number of a rig")?);
-        let num_sensors = source.short_list("sensors", 8)?;
-        let reference = (num_sensors > 0).then(|| sensor(source)).transpose()?;
+    fn read(reader: &mut impl FieldReader, _: Observations) -> Result<Self> {
+        let id = RigId(reader.u32("the number of a rig")?);
+        let num_sensors = reader.short_list("sensors", 8)?;
+        let reference = (num_sensors > 0).then(|| sensor(reader)).transpose()?;
         let mut others = Vec::new();
         for _ in 1..num_sensors {
-            let sensor = sensor(source)?;
-            let has_pose = source.u8("whether a sensor has a pose")?;
+            let sensor = sensor(reader)?;
+            let has_pose = reader.u8("whether a sensor has a pose")?;
             if has_pose > 1 {
-                return Err(source.error(format!("whether a sensor has a pose is {has_pose}")));
+                return Err(reader.error(format!("whether a sensor has a pose is {has_pose}")));
             }
-            let pose = (has_pose == 1).then(|| pose(source)).transpose()?;
+            let pose = (has_pose == 1).then(|| pose(reader)).transpose()?;
             others.push((sensor, pose));
         }
         Ok(Self {
@@ -226,21 +226,21 @@ impl Record for Rig {
         })
     }
 
-    fn write(&self, sink: &mut impl Sink) -> Written {
-        sink.u32(self.id.0)?;
+    fn write(&self, writer: &mut impl FieldWriter) -> Written {
+        writer.u32(self.id.0)?;
         let num_sensors = self.reference.map_or(0, |_| 1 + self.others.len());
-        sink.u32(u32::try_from(num_sensors).unwrap_or(u32::MAX))?;
+        writer.u32(u32::try_from(num_sensors).unwrap_or(u32::MAX))?;
         if let Some(reference) = self.reference {
-            write_sensor(sink, reference)?;
+            write_sensor(writer, reference)?;
             for (sensor, pose) in &self.others {
-                write_sensor(sink, *sensor)?;
-                sink.u8(pose.is_some().into())?;
+                write_sensor(writer, *sensor)?;
+                writer.u8(pose.is_some().into())?;
                 if let Some(pose) = pose {
-                    write_pose(sink, pose)?;
+                    write_pose(writer, pose)?;
                 }
             }
         }
-        sink.end_line()
+        writer.end_line()
     }
 }
 
@@ -254,14 +254,14 @@ impl Record for RigFrame {
         self.id
     }
 
-    fn read(source: &mut impl Source, _: Observations) -> Result<Self> {
-        let id = FrameId(source.u32("the number of a frame")?);
-        let rig = RigId(source.u32("the rig of a frame")?);
-        let rig_from_world = pose(source)?;
-        let num = source.short_list("data of a frame", 16)?;
+    fn read(reader: &mut impl FieldReader, _: Observations) -> Result<Self> {
+        let id = FrameId(reader.u32("the number of a frame")?);
+        let rig = RigId(reader.u32("the rig of a frame")?);
+        let rig_from_world = pose(reader)?;
+        let num = reader.short_list("data of a frame", 16)?;
         let mut data = Vec::with_capacity(num);
         for _ in 0..num {
-            data.push((sensor(source)?, source.u64("the number of a datum")?));
+            data.push((sensor(reader)?, reader.u64("the number of a datum")?));
         }
         Ok(Self {
             id,
@@ -271,31 +271,31 @@ impl Record for RigFrame {
         })
     }
 
-    fn write(&self, sink: &mut impl Sink) -> Written {
-        sink.u32(self.id.0)?;
-        sink.u32(self.rig.0)?;
-        write_pose(sink, &self.rig_from_world)?;
-        sink.u32(u32::try_from(self.data.len()).unwrap_or(u32::MAX))?;
+    fn write(&self, writer: &mut impl FieldWriter) -> Written {
+        writer.u32(self.id.0)?;
+        writer.u32(self.rig.0)?;
+        write_pose(writer, &self.rig_from_world)?;
+        writer.u32(u32::try_from(self.data.len()).unwrap_or(u32::MAX))?;
         for (sensor, datum) in &self.data {
-            write_sensor(sink, *sensor)?;
-            sink.u64(*datum)?;
+            write_sensor(writer, *sensor)?;
+            writer.u64(*datum)?;
         }
-        sink.end_line()
+        writer.end_line()
     }
 }
 
-fn vector(source: &mut impl Source, fields: [&'static str; 3]) -> Result<DVec3> {
-    let mut read = |axis: usize| source.finite(fields[axis]);
+fn vector(reader: &mut impl FieldReader, fields: [&'static str; 3]) -> Result<DVec3> {
+    let mut read = |axis: usize| reader.finite(fields[axis]);
     Ok(DVec3::new(read(0)?, read(1)?, read(2)?))
 }
 
-fn pose(source: &mut impl Source) -> Result<Rigid> {
-    let w = source.finite("qw")?;
-    let v = vector(source, ["qx", "qy", "qz"])?;
+fn pose(reader: &mut impl FieldReader) -> Result<Rigid> {
+    let w = reader.finite("qw")?;
+    let v = vector(reader, ["qx", "qy", "qz"])?;
     let quaternion = DQuat::from_xyzw(v.x, v.y, v.z, w);
     let length = quaternion.length();
     if length < MIN_QUATERNION || !length.is_finite() {
-        return Err(source.error(format!(
+        return Err(reader.error(format!(
             "the quaternion [{w:?}, {:?}, {:?}, {:?}] has no direction",
             v.x, v.y, v.z
         )));
@@ -307,26 +307,26 @@ fn pose(source: &mut impl Source) -> Result<Rigid> {
     };
     Ok(Rigid {
         rotation,
-        translation: vector(source, ["tx", "ty", "tz"])?,
+        translation: vector(reader, ["tx", "ty", "tz"])?,
     })
 }
 
-fn write_pose(sink: &mut impl Sink, pose: &Rigid) -> Written {
+fn write_pose(writer: &mut impl FieldWriter, pose: &Rigid) -> Written {
     let (q, t) = (pose.rotation, pose.translation);
     for value in [q.w, q.x, q.y, q.z, t.x, t.y, t.z] {
-        sink.f64(value)?;
+        writer.f64(value)?;
     }
     Ok(())
 }
 
-fn sensor(source: &mut impl Source) -> Result<SensorId> {
+fn sensor(reader: &mut impl FieldReader) -> Result<SensorId> {
     Ok(SensorId {
-        kind: source.sensor_type()?,
-        number: source.u32("the number of a sensor")?,
+        kind: reader.sensor_type()?,
+        number: reader.u32("the number of a sensor")?,
     })
 }
 
-fn write_sensor(sink: &mut impl Sink, sensor: SensorId) -> Written {
-    sink.sensor_type(sensor.kind)?;
-    sink.u32(sensor.number)
+fn write_sensor(writer: &mut impl FieldWriter, sensor: SensorId) -> Written {
+    writer.sensor_type(sensor.kind)?;
+    writer.u32(sensor.number)
 }

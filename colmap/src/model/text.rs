@@ -1,7 +1,7 @@
 //! Text files: a record a line, fields between spaces, `#` begins a comment.
 
 use super::SensorType;
-use super::fields::{Sink, Source, Written};
+use super::fields::{FieldReader, FieldWriter, Written};
 use crate::error::{ColmapError, Result};
 use eagpt_scene::SceneError;
 use eagpt_scene::lens::LensModel;
@@ -10,7 +10,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 /// A text file. One line is held at a time.
-pub(super) struct TextSource<'a, R> {
+pub(super) struct TextReader<'a, R> {
     path: &'a Path,
     reader: R,
     line: Vec<u8>,
@@ -19,7 +19,7 @@ pub(super) struct TextSource<'a, R> {
     at: usize,
 }
 
-impl<'a, R: BufRead> TextSource<'a, R> {
+impl<'a, R: BufRead> TextReader<'a, R> {
     pub(super) fn new(path: &'a Path, reader: R) -> Self {
         Self {
             path,
@@ -89,7 +89,7 @@ fn excerpt(text: &str) -> String {
         .to_string()
 }
 
-impl<R: BufRead> Source for TextSource<'_, R> {
+impl<R: BufRead> FieldReader for TextReader<'_, R> {
     fn next_record(&mut self, _min_bytes: u64) -> Result<bool> {
         while self.read_line()? {
             let first = self.line.iter().find(|byte| !byte.is_ascii_whitespace());
@@ -213,13 +213,13 @@ impl<R: BufRead> Source for TextSource<'_, R> {
 }
 
 /// Writes a text file; numbers with enough digits to read the same value back.
-pub(super) struct TextSink<'a, W> {
+pub(super) struct TextWriter<'a, W> {
     pub(super) path: &'a Path,
     pub(super) writer: W,
     pub(super) begins_line: bool,
 }
 
-impl<W: Write> TextSink<'_, W> {
+impl<W: Write> TextWriter<'_, W> {
     fn put(&mut self, value: impl std::fmt::Display) -> Written {
         let space = if self.begins_line { "" } else { " " };
         self.begins_line = false;
@@ -228,7 +228,7 @@ impl<W: Write> TextSink<'_, W> {
     }
 }
 
-impl<W: Write> Sink for TextSink<'_, W> {
+impl<W: Write> FieldWriter for TextWriter<'_, W> {
     fn begin(&mut self, num_records: usize, header: &str) -> Written {
         write!(
             self.writer,

@@ -1,9 +1,9 @@
 //! Writing a model.
 
-use super::binary::BinarySink;
-use super::fields::{Sink, Written};
+use super::binary::BinaryWriter;
+use super::fields::{FieldWriter, Written};
 use super::records::Record;
-use super::text::TextSink;
+use super::text::TextWriter;
 use super::{Form, Model, Part};
 use crate::error::{ColmapError, Result};
 use eagpt_scene::files;
@@ -34,9 +34,9 @@ pub(super) fn write(model: &Model, dir: &Path, form: Form) -> Result<()> {
 
 fn write_part<T: Record>(path: &Path, form: Form, records: &[T]) -> Result<()> {
     let written = files::write_atomic(path, |file| match form {
-        Form::Binary => write_records(&mut BinarySink { path, writer: file }, records),
+        Form::Binary => write_records(&mut BinaryWriter { path, writer: file }, records),
         Form::Text => write_records(
-            &mut TextSink {
+            &mut TextWriter {
                 path,
                 writer: file,
                 begins_line: true,
@@ -47,7 +47,7 @@ fn write_part<T: Record>(path: &Path, form: Form, records: &[T]) -> Result<()> {
     Ok(written?)
 }
 
-fn write_records<T: Record>(sink: &mut impl Sink, records: &[T]) -> Written {
+fn write_records<T: Record>(sink: &mut impl FieldWriter, records: &[T]) -> Written {
     sink.begin(records.len(), T::HEADER)?;
     records.iter().try_for_each(|record| record.write(sink))
 }
@@ -59,14 +59,14 @@ pub(super) fn to_bytes<T: Record>(form: Form, records: &[T]) -> Vec<u8> {
     let mut bytes = Vec::new();
     match form {
         Form::Binary => write_records(
-            &mut BinarySink {
+            &mut BinaryWriter {
                 path,
                 writer: &mut bytes,
             },
             records,
         ),
         Form::Text => write_records(
-            &mut TextSink {
+            &mut TextWriter {
                 path,
                 writer: &mut bytes,
                 begins_line: true,

@@ -4,13 +4,13 @@ use super::Done;
 
 /// A call of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Step {
+pub(super) enum ColmapStep {
     Features,
     Matches,
     Model,
 }
 
-impl Step {
+impl ColmapStep {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Features => "features",
@@ -73,32 +73,32 @@ mod tests {
 
     #[test]
     fn lines_of_old_and_new_versions_are_understood() {
-        let done = |step: Step, line: &str| step.done(line).map(|d| (d.done, d.total));
+        let done = |step: ColmapStep, line: &str| step.done(line).map(|d| (d.done, d.total));
         for (step, line, wanted) in [
-            (Step::Features, "Processed file [3/96]", Some((3, 96))),
+            (ColmapStep::Features, "Processed file [3/96]", Some((3, 96))),
             (
-                Step::Features,
+                ColmapStep::Features,
                 "I1121 15:13 feature_extraction.cc:254] Processed file [96/96]",
                 Some((96, 96)),
             ),
             (
-                Step::Matches,
+                ColmapStep::Matches,
                 "Matching block [2/3, 1/3] in 74.324s",
                 Some((4, 9)),
             ),
             (
-                Step::Matches,
+                ColmapStep::Matches,
                 "I1121 pairing.cc:168] Processing block [1/2, 2/2]",
                 Some((2, 4)),
             ),
             (
-                Step::Matches,
+                ColmapStep::Matches,
                 "Matching image [7/96] in 0.1s",
                 Some((7, 96)),
             ),
-            (Step::Features, "Processed file [x/96]", None),
-            (Step::Matches, "Matching block [0/2, 1/2]", None),
-            (Step::Model, "Registering image #34 (66)", None),
+            (ColmapStep::Features, "Processed file [x/96]", None),
+            (ColmapStep::Matches, "Matching block [0/2, 1/2]", None),
+            (ColmapStep::Model, "Registering image #34 (66)", None),
         ] {
             assert_eq!(done(step, line), wanted, "{line}");
         }

@@ -1,6 +1,6 @@
 //! The program `colmap`: its options, and running it.
 
-use super::log::{self, Step};
+use super::log::{self, ColmapStep};
 use super::{Done, RunProgress};
 use crate::error::{ColmapError, Result};
 use eagpt_scene::SceneError;
@@ -95,7 +95,7 @@ impl Program {
     /// If it fails, with the end of its output.
     pub(super) fn run(
         &self,
-        step: Step,
+        step: ColmapStep,
         arguments: &[String],
         log_path: &Path,
         progress: &mut dyn FnMut(RunProgress),

@@ -1,6 +1,6 @@
 //! Checks of the images of one view.
 
-use super::report::{Kind, ValueRange, ViewCheck};
+use super::report::{ImageKind, ValueRange, ViewCheck};
 use crate::error::Problem;
 use crate::surface::normals_from_depth;
 use eagpt_scene::dataset::is_known;
@@ -18,7 +18,7 @@ const MAX_LENGTH_ERROR: f32 = 0.05;
 /// Findings about one view: statistics, value ranges by kind, errors.
 pub(super) struct Looked {
     pub(super) view: ViewCheck,
-    pub(super) ranges: Vec<(Kind, ValueRange)>,
+    pub(super) ranges: Vec<(ImageKind, ValueRange)>,
     pub(super) problems: Vec<Problem>,
     /// Median of depth over the depth of points, if there are both.
     pub(super) depth_over_points: Option<f64>,
@@ -37,13 +37,17 @@ pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
         depth_over_points: None,
     };
     let files = &frame.files;
-    if let Some(radiance) = looked.read(frame, Kind::Radiance, Some(&files.radiance), exr::read_rgb)
-    {
+    if let Some(radiance) = looked.read(
+        frame,
+        ImageKind::Radiance,
+        Some(&files.radiance),
+        exr::read_rgb,
+    ) {
         looked.radiance(&radiance, &files.radiance);
     }
     let emission = looked.read(
         frame,
-        Kind::Emission,
+        ImageKind::Emission,
         files.emission.as_deref(),
         exr::read_single,
     );
@@ -51,26 +55,51 @@ pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
         looked.mask(mask, path);
         looked.view.emission = Some(share(mask.values(), |v| v >= 0.5));
     }
-    let alpha = looked.read(frame, Kind::Alpha, files.alpha.as_deref(), exr::read_single);
+    let alpha = looked.read(
+        frame,
+        ImageKind::Alpha,
+        files.alpha.as_deref(),
+        exr::read_single,
+    );
     if let (Some(mask), Some(path)) = (&alpha, &files.alpha) {
         looked.mask(mask, path);
     }
-    if let Some(mask) = looked.read(frame, Kind::Valid, files.valid.as_deref(), exr::read_single) {
+    if let Some(mask) = looked.read(
+        frame,
+        ImageKind::Valid,
+        files.valid.as_deref(),
+        exr::read_single,
+    ) {
         looked.view.valid = Some(share(mask.values(), is_known));
     }
-    let albedo = looked.read(frame, Kind::Albedo, files.albedo.as_deref(), exr::read_rgb);
+    let albedo = looked.read(
+        frame,
+        ImageKind::Albedo,
+        files.albedo.as_deref(),
+        exr::read_rgb,
+    );
     if let (Some(albedo), Some(path)) = (&albedo, &files.albedo) {
         looked.refuse(path, albedo, "is not finite and at least 0", |v| {
             !(v.is_finite() && v >= 0.0)
         });
     }
-    let depth = looked.read(frame, Kind::Depth, files.depth.as_deref(), exr::read_single);
+    let depth = looked.read(
+        frame,
+        ImageKind::Depth,
+        files.depth.as_deref(),
+        exr::read_single,
+    );
     if let (Some(depth), Some(path)) = (&depth, &files.depth) {
         looked.refuse(path, depth, "is not a depth", |v| v.is_nan() || v < 0.0);
         looked.view.depth = Some(share(depth.values(), |v| v > 0.0 && v.is_finite()));
         looked.depth_over_points = depth_over_points(depth, frame, points);
     }
-    let normal = looked.read(frame, Kind::Normal, files.normal.as_deref(), exr::read_rgb);
+    let normal = looked.read(
+        frame,
+        ImageKind::Normal,
+        files.normal.as_deref(),
+        exr::read_rgb,
+    );
     if let (Some(normal), Some(path)) = (&normal, &files.normal) {
         looked.refuse(path, normal, "is not finite", |v| !v.is_finite());
         looked.normals(normal, depth.as_ref(), frame);
@@ -87,7 +116,7 @@ impl Looked {
     fn read<const C: usize>(
         &mut self,
         frame: &Frame,
-        kind: Kind,
+        kind: ImageKind,
         path: Option<&Path>,
         read: impl Fn(&Path) -> Result<Image<C>>,
     ) -> Option<Image<C>> {

@@ -12,7 +12,7 @@ const MAX_LISTED: usize = 6;
 /// A kind of image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum ImageKind {
     /// Photographs
     Radiance,
     /// Emission masks
@@ -65,7 +65,7 @@ pub struct CheckReport {
 #[derive(Debug, Clone, Serialize)]
 pub struct KindReport {
     /// The kind.
-    pub kind: Kind,
+    pub kind: ImageKind,
     /// Views that have one.
     pub num_present: usize,
     /// Views without, by name, where others have one.

@@ -3,7 +3,7 @@
 use super::ImportOptions;
 use crate::color::ColorTransform;
 use crate::error::{Problem, Result};
-use crate::source::{Source, SourceFormat};
+use crate::source::{SourceDataset, SourceFormat};
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::lens::Undistortion;
 use eagpt_scene::{Camera, SceneError, files};
@@ -89,7 +89,7 @@ impl LensReport {
 }
 
 impl ImportReport {
-    pub(super) fn new(source: &Source, options: &ImportOptions, world: DMat3) -> Self {
+    pub(super) fn new(source: &SourceDataset, options: &ImportOptions, world: DMat3) -> Self {
         Self {
             source: source.root.clone(),
             format: source.format,

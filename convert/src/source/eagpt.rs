@@ -1,14 +1,14 @@
 //! Our own datasets, those of EAG-PT among them: to be rotated, downsampled or rewritten.
 
-use super::{Depth, Emission, Source, SourceFiles, SourceFormat, SourceFrame};
+use super::{Depth, Emission, SourceDataset, SourceFiles, SourceFormat, SourceFrame};
 use crate::error::{Problem, Result};
 use eagpt_scene::lens::LensModel;
 use eagpt_scene::{Dataset, Frame, Lens, SceneError};
 use std::path::Path;
 
-pub(super) fn read(path: &Path) -> Result<Source> {
+pub(super) fn read(path: &Path) -> Result<SourceDataset> {
     let (dataset, bad) = Dataset::survey(path)?;
-    let mut source = Source::new(
+    let mut source = SourceDataset::new(
         SourceFormat::Eagpt,
         dataset.root(),
         dataset.transforms().to_owned(),

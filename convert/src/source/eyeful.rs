@@ -15,11 +15,12 @@
 //! world is y up, the floor at 0, in metres. `splits.json` lists what to train on and to test.
 
 use super::{
-    Source, SourceFiles, SourceFormat, SourceFrame, if_there, points_beside, read_json, size_of,
+    SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, points_beside, read_json,
+    size_of,
 };
 use crate::color::Primaries;
 use crate::error::{ConvertError, Result};
-use crate::import::{ImportOptions, Ldr};
+use crate::options::{ImportOptions, Ldr};
 use crate::world::from_camera_from_world;
 use eagpt_scene::Lens;
 use eagpt_scene::dataset::UpAxis;
@@ -60,14 +61,14 @@ const WHITE_BALANCE: [(&str, [f64; 3]); 13] = [
     ("raf_furnishedroom", [0.721494, 1.0, 1.793423]),
 ];
 
-pub(super) fn read(root: &Path, options: &ImportOptions) -> Result<Source> {
+pub(super) fn read(root: &Path, options: &ImportOptions) -> Result<SourceDataset> {
     let cameras_file = root.join(CAMERAS_FILE);
     let value = read_json(&cameras_file)?;
     let top = Object::root(&cameras_file, &value)?;
     let entries = top.objects(LIST)?;
     let (folder, extension) = image_folder(root, options)?;
     let is_linear = extension == "exr";
-    let mut source = Source::new(SourceFormat::Eyeful, root, cameras_file.clone());
+    let mut source = SourceDataset::new(SourceFormat::Eyeful, root, cameras_file.clone());
     source.info.up_axis = Some(UpAxis::Y);
     source.info.metres_per_unit = Some(1.0);
     source.points = points_beside(root);
@@ -315,7 +316,7 @@ fn matrix<const N: usize>(entry: &Object<'_>, key: &str) -> Result<[[f64; N]; N]
 }
 
 /// The lists of `splits.json`; missing images have been reported already.
-fn read_split(source: &mut Source, root: &Path, missing: &[String]) -> Result<()> {
+fn read_split(source: &mut SourceDataset, root: &Path, missing: &[String]) -> Result<()> {
     let Some(path) = if_there(root.join(SPLITS_FILE)) else {
         let text = format!("there is no {SPLITS_FILE}: no split of its own");
         source.warnings.push(text);

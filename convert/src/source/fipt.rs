@@ -6,9 +6,9 @@
 //!
 //! `segmentation/` and `scene.obj` are not read.
 
-use super::{Source, SourceFiles, SourceFormat, SourceFrame, points_beside, size_of};
+use super::{SourceDataset, SourceFiles, SourceFormat, SourceFrame, points_beside, size_of};
 use crate::error::{ConvertError, Result};
-use crate::import::ImportOptions;
+use crate::options::ImportOptions;
 use crate::world::from_look_at;
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::lens::LensModel;
@@ -23,7 +23,7 @@ pub(crate) const INTRINSICS_FILE: &str = "K_list.txt";
 /// Lines of a camera in either file.
 const LINES_PER_CAMERA: usize = 3;
 
-pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<Source> {
+pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<SourceDataset> {
     let cameras_file = root.join(CAMERAS_FILE);
     let intrinsics_file = root.join(INTRINSICS_FILE);
     let cameras = Table::read(&cameras_file)?;
@@ -36,7 +36,7 @@ pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<Source> {
         );
         return Err(ConvertError::invalid(&intrinsics_file, "line 1", problem));
     }
-    let mut source = Source::new(SourceFormat::Fipt, root, cameras_file.clone());
+    let mut source = SourceDataset::new(SourceFormat::Fipt, root, cameras_file.clone());
     source.info.up_axis = Some(UpAxis::Y);
     source.points = points_beside(root);
     let mut common_size = None;

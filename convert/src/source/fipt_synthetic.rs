@@ -8,11 +8,11 @@
 //! `Roughness/`, `IndexMA/` and `segmentation/` are not read.
 
 use super::{
-    Emission, Source, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
+    Emission, SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
     read_json, size_of,
 };
 use crate::error::Result;
-use crate::import::ImportOptions;
+use crate::options::ImportOptions;
 use eagpt_scene::dataset::json::Object;
 use eagpt_scene::dataset::{TRANSFORMS_FILE, UpAxis, pose};
 use std::path::Path;
@@ -20,9 +20,9 @@ use std::path::Path;
 /// Folders of the splits.
 const SPLITS: [&str; 2] = ["train", "val"];
 
-pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<Source> {
+pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<SourceDataset> {
     let first = root.join(SPLITS[0]).join(TRANSFORMS_FILE);
-    let mut source = Source::new(SourceFormat::FiptSynthetic, root, first);
+    let mut source = SourceDataset::new(SourceFormat::FiptSynthetic, root, first);
     source.info.up_axis = Some(UpAxis::Z);
     source.points = points_beside(root);
     let mut names = [Vec::new(), Vec::new()];

@@ -21,11 +21,11 @@
 //! beside it, is one dataset with that split.
 
 use super::{
-    Depth, Emission, Source, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
-    read_json, size_of,
+    Depth, Emission, SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, lens,
+    points_beside, read_json, size_of,
 };
 use crate::error::{Problem, Result};
-use crate::import::ImportOptions;
+use crate::options::ImportOptions;
 use eagpt_scene::dataset::json::{Object, excerpt};
 use eagpt_scene::dataset::{
     ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetInfo, EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE,
@@ -77,7 +77,11 @@ fn file_of(path: &Path) -> PathBuf {
     }
 }
 
-pub(super) fn read(path: &Path, format: SourceFormat, options: &ImportOptions) -> Result<Source> {
+pub(super) fn read(
+    path: &Path,
+    format: SourceFormat,
+    options: &ImportOptions,
+) -> Result<SourceDataset> {
     let file = file_of(path);
     let root = match file.parent() {
         Some(parent) if parent.as_os_str().is_empty() => PathBuf::from("."),
@@ -105,15 +109,19 @@ pub(super) fn read(path: &Path, format: SourceFormat, options: &ImportOptions) -
     Ok(source)
 }
 
-fn new_source(format: SourceFormat, root: &Path, file: &Path) -> Source {
-    let mut source = Source::new(format, root, file.to_owned());
+fn new_source(format: SourceFormat, root: &Path, file: &Path) -> SourceDataset {
+    let mut source = SourceDataset::new(format, root, file.to_owned());
     source.info.up_axis = Some(UpAxis::Z);
     source.points = points_beside(root);
     source
 }
 
 /// Adds the frames of a file and returns their names.
-fn read_file(source: &mut Source, file: &Path, options: &ImportOptions) -> Result<Vec<String>> {
+fn read_file(
+    source: &mut SourceDataset,
+    file: &Path,
+    options: &ImportOptions,
+) -> Result<Vec<String>> {
     let value = read_json(file)?;
     let top = Object::root(file, &value)?;
     let objects = top.objects("frames")?;
@@ -163,7 +171,7 @@ fn read_file(source: &mut Source, file: &Path, options: &ImportOptions) -> Resul
     Ok(names.into_iter().flatten().collect())
 }
 
-fn tell_of_keys(source: &mut Source, top: &Object<'_>) {
+fn tell_of_keys(source: &mut SourceDataset, top: &Object<'_>) {
     for key in ["applied_transform", "applied_scale"] {
         if let Some(value) = top.get(key) {
             source.notes.push(format!(
@@ -266,7 +274,7 @@ fn stem(path: &str) -> Option<String> {
 
 /// The lists of a file; names in them are paths, as in `frames`.
 fn read_split(
-    source: &mut Source,
+    source: &mut SourceDataset,
     top: &Object<'_>,
     name_by_path: &HashMap<&str, &str>,
 ) -> Result<()> {

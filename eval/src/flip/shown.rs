@@ -3,7 +3,7 @@
 use super::math::pow;
 use eagpt_scene::tonemap::ToneMapper;
 
-/// How pixels become linear display colours in [0, 1].
+/// Mapping of pixels to linear display colours in [0, 1].
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Shown {
     /// Linear light times a factor, through a tone curve; negative values and NaN are black.

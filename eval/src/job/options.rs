@@ -15,8 +15,8 @@ pub struct EvalOptions {
     pub renders: PathBuf,
     /// Dataset with the references: a folder or its `transforms.json`.
     pub dataset: PathBuf,
-    /// Dataset with the same views under an earlier light, which tells [lit from
-    /// shadow](crate::regions). `dataset` itself gives no change of light.
+    /// Dataset with the same views under an earlier light, which tells lit from
+    /// shadow (`crate::regions`). `dataset` itself gives no change of light.
     #[serde(default)]
     pub before: Option<PathBuf>,
     /// Name of the condition in tables and files; by default that of the dataset's folder.

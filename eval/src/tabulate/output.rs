@@ -1,10 +1,10 @@
 //! The table as files.
 
-use super::{FILES, ModeTable, TableCell, TableRow};
+use super::{FILES, ModeTable, TableCell, seconds_per_frame};
 use crate::error::Result;
 use crate::metrics::Metric;
 use crate::report::grid::{Column, Grid, shown};
-use crate::report::{append, csv_field, csv_value, write_all};
+use crate::report::{csv_text, csv_value, write_all};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
@@ -30,21 +30,25 @@ impl ModeTable {
 
     fn grid(&self) -> Grid {
         let metrics = || self.metrics.iter().map(|metric| Column::of(metric));
-        let mut columns: Vec<Column> = self.conditions.iter().flat_map(|_| metrics()).collect();
+        let mut columns: Vec<Column> = self
+            .cells
+            .conditions
+            .iter()
+            .flat_map(|_| metrics())
+            .collect();
         columns.push(Column {
             heading: "s/frame".to_owned(),
             better: None,
         });
-        let groups = self.conditions.iter();
+        let groups = self.cells.conditions.iter();
         let mut groups: Vec<(String, usize)> = groups
             .map(|name| (name.clone(), self.metrics.len()))
             .collect();
         groups.push((String::new(), 1));
-        let rows = self.rows.iter().map(|row| {
-            let mut values: Vec<String> =
-                row.cells.iter().flat_map(|cell| self.shown(cell)).collect();
-            values.push(shown(row.seconds_per_frame(), 2));
-            (row.name.clone(), values)
+        let rows = self.cells.rows.iter().map(|(name, cells)| {
+            let of_conditions = self.cells.of_row(cells).flat_map(|cell| self.shown(cell));
+            let seconds = shown(seconds_per_frame(cells), 2);
+            (name.clone(), of_conditions.chain([seconds]).collect())
         });
         Grid {
             corner: "mode",
@@ -56,8 +60,8 @@ impl ModeTable {
         }
     }
 
-    fn shown(&self, cell: &Option<TableCell>) -> Vec<String> {
-        let value = |i: usize| cell.as_ref().and_then(|cell| cell.values[i]);
+    fn shown(&self, cell: Option<&TableCell>) -> Vec<String> {
+        let value = |i: usize| cell.and_then(|cell| cell.values[i]);
         let metrics = self.metrics.iter().enumerate();
         metrics
             .map(|(i, metric)| shown(value(i), metric.num_decimals))
@@ -67,7 +71,7 @@ impl ModeTable {
     /// Notes on the provenance of each number.
     fn notes(&self) -> Vec<String> {
         let mut notes = vec!["s/frame: mean over the conditions of a row".to_owned()];
-        for (row, condition, cell) in self.cells() {
+        for (row, condition, cell) in self.cells.iter() {
             let from = &cell.provenance;
             let spp = from.spp.map(|spp| format!(", {spp} spp"));
             let denoiser = from
@@ -84,35 +88,20 @@ impl ModeTable {
         notes
     }
 
-    fn cells(&self) -> impl Iterator<Item = (&str, &str, &TableCell)> {
-        self.rows.iter().flat_map(|row| {
-            let cells = self.conditions.iter().zip(&row.cells);
-            cells.filter_map(|(condition, cell)| {
-                Some((row.name.as_str(), condition.as_str(), cell.as_ref()?))
-            })
-        })
-    }
-
     fn csv(&self) -> String {
-        let mut text = "mode,condition".to_owned();
-        for metric in &self.metrics {
-            append(&mut text, format_args!(",{}", metric.key));
-        }
-        text.push_str(",seconds_per_frame,spp,denoiser\n");
-        for (row, condition, cell) in self.cells() {
-            append(
-                &mut text,
-                format_args!("{},{}", csv_field(row), csv_field(condition)),
-            );
+        let keys = self.metrics.iter().map(|metric| metric.key);
+        let heading = ["mode", "condition"].into_iter().chain(keys);
+        let heading = heading.chain(["seconds_per_frame", "spp", "denoiser"]);
+        let rows = self.cells.iter().map(|(row, condition, cell)| {
             let from = &cell.provenance;
-            for value in cell.values.iter().chain([&from.seconds_per_frame]) {
-                csv_value(&mut text, *value);
-            }
+            let values = cell.values.iter().chain([&from.seconds_per_frame]);
             let spp = from.spp.map(|spp| spp.to_string()).unwrap_or_default();
-            let denoiser = csv_field(from.denoiser.as_deref().unwrap_or_default());
-            append(&mut text, format_args!(",{spp},{denoiser}\n"));
-        }
-        text
+            [row.to_owned(), condition.to_owned()]
+                .into_iter()
+                .chain(values.map(|value| csv_value(*value)))
+                .chain([spp, from.denoiser.clone().unwrap_or_default()])
+        });
+        csv_text(heading.map(str::to_owned), rows)
     }
 
     fn json(&self) -> serde_json::Result<Value> {
@@ -130,23 +119,22 @@ impl ModeTable {
                 "mean": keyed(&|i, _| cell.values[i].map(|value| json!(value))),
             }))
         };
-        let row = |row: &TableRow| -> serde_json::Result<Value> {
-            let cells = self.conditions.iter().zip(&row.cells);
-            let cells = cells
-                .map(|(name, found)| {
-                    Ok((name.clone(), found.as_ref().map(cell).transpose()?.into()))
-                })
+        let row = |(name, cells): &(String, Vec<Option<TableCell>>)| -> serde_json::Result<Value> {
+            let conditions = self.cells.conditions.iter();
+            let of_conditions = conditions
+                .zip(self.cells.of_row(cells))
+                .map(|(name, found)| Ok((name.clone(), found.map(cell).transpose()?.into())))
                 .collect::<serde_json::Result<Map<_, _>>>()?;
             Ok(json!({
-                "name": row.name,
-                "seconds_per_frame": row.seconds_per_frame(),
-                "conditions": cells,
+                "name": name,
+                "seconds_per_frame": seconds_per_frame(cells),
+                "conditions": of_conditions,
             }))
         };
         Ok(json!({
-            "conditions": self.conditions,
+            "conditions": self.cells.conditions,
             "definitions": keyed(&|_, metric| Some(json!(metric.definition))),
-            "rows": self.rows.iter().map(row).collect::<serde_json::Result<Vec<_>>>()?,
+            "rows": self.cells.rows.iter().map(row).collect::<serde_json::Result<Vec<_>>>()?,
         }))
     }
 }

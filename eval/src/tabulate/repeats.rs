@@ -5,11 +5,14 @@
 //! table of modes, `table.md`, `table.tex`, `table.csv` (one line for each cell) and, last,
 //! `table.json`.
 
-use super::{FILES, TableFolder, metric, position_or_push, read};
+#[cfg(test)]
+mod tests;
+
+use super::{Cells, FILES, TableFolder, metric, read};
 use crate::error::{EvalError, Result};
 use crate::metrics::Metric;
 use crate::report::grid::{Column, Grid, shown};
-use crate::report::{append, csv_field, csv_value, write_all};
+use crate::report::{csv_text, csv_value, write_all};
 use eagpt_scene::SceneError;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -90,8 +93,7 @@ impl Spread {
 #[derive(Debug, Clone)]
 pub struct RepeatTable {
     metrics: Vec<&'static Metric>,
-    conditions: Vec<String>,
-    rows: Vec<(String, Vec<Option<Filled>>)>,
+    cells: Cells<Filled>,
     notes: Vec<String>,
 }
 
@@ -112,16 +114,11 @@ pub fn tabulate_repeats(options: &RepeatOptions, notes: Vec<String>) -> Result<R
     let metrics = keys.map(|key| metric(key)).collect::<Result<Vec<_>>>()?;
     let mut table = RepeatTable {
         metrics,
-        conditions: Vec::new(),
-        rows: Vec::new(),
+        cells: Cells::new(),
         notes,
     };
     for cell in &options.cells {
         table.put(cell)?;
-    }
-    let num = table.conditions.len();
-    for (_, cells) in &mut table.rows {
-        cells.resize(num, None);
     }
     Ok(table)
 }
@@ -147,33 +144,20 @@ impl RepeatTable {
                 all.extend(value);
             }
         }
-        let column = position_or_push(
-            &mut self.conditions,
-            |name| *name == cell.condition,
-            || cell.condition.clone(),
-        );
-        let row = position_or_push(
-            &mut self.rows,
-            |(name, _)| *name == cell.row,
-            || (cell.row.clone(), Vec::new()),
-        );
-        let cells = &mut self.rows[row].1;
-        if cells.len() <= column {
-            cells.resize(column + 1, None);
-        }
-        if let (Some(earlier), Some(folder)) = (&cells[column], cell.folders.first()) {
-            return Err(EvalError::SameCell {
-                folder: folder.clone(),
-                earlier: earlier.folders.first().cloned().unwrap_or_default(),
-                row: cell.row.clone(),
-                condition: cell.condition.clone(),
-            });
-        }
-        cells[column] = Some(Filled {
+        let filled = Filled {
             folders: cell.folders.clone(),
             spreads: values.into_iter().map(Spread::of).collect(),
             published: cell.published.clone(),
-        });
+        };
+        let first = |folders: &[PathBuf]| folders.first().cloned().unwrap_or_default();
+        self.cells
+            .put(&cell.row, &cell.condition, filled)
+            .map_err(|earlier| EvalError::SameCell {
+                folder: first(&cell.folders),
+                earlier: first(&earlier.folders),
+                row: cell.row.clone(),
+                condition: cell.condition.clone(),
+            })?;
         Ok(())
     }
 
@@ -202,18 +186,9 @@ impl RepeatTable {
         metrics.chain([SECONDS]).collect()
     }
 
-    fn cells(&self) -> impl Iterator<Item = (&str, &str, &Filled)> {
-        self.rows.iter().flat_map(|(row, cells)| {
-            let cells = self.conditions.iter().zip(cells);
-            cells.filter_map(|(condition, cell)| {
-                Some((row.as_str(), condition.as_str(), cell.as_ref()?))
-            })
-        })
-    }
-
     /// Whether any row of a condition has a published value for a column.
     fn is_published(&self, condition: &str, key: &str) -> bool {
-        let mut cells = self.cells().filter(|(_, of, _)| *of == condition);
+        let mut cells = self.cells.iter().filter(|(_, of, _)| *of == condition);
         cells.any(|(_, _, cell)| cell.published.contains_key(key))
     }
 
@@ -229,11 +204,12 @@ impl RepeatTable {
             .collect();
         let (mut groups, mut columns) = (Vec::new(), Vec::new());
         let mut rows: Vec<(String, Vec<String>)> = self
+            .cells
             .rows
             .iter()
             .map(|(name, _)| (name.clone(), Vec::new()))
             .collect();
-        for (place, condition) in self.conditions.iter().enumerate() {
+        for (place, condition) in self.cells.conditions.iter().enumerate() {
             let before = columns.len();
             for (i, key) in self.keys().into_iter().enumerate() {
                 let (column, num_decimals) = &own[i];
@@ -245,8 +221,8 @@ impl RepeatTable {
                         better: None,
                     });
                 }
-                for ((_, cells), (_, texts)) in self.rows.iter().zip(&mut rows) {
-                    let cell = cells[place].as_ref();
+                for ((_, cells), (_, texts)) in self.cells.rows.iter().zip(&mut rows) {
+                    let cell = cells.get(place).and_then(Option::as_ref);
                     let spread = cell.and_then(|cell| cell.spreads[i].as_ref());
                     texts.push(spread.map_or(shown(None, 0), |s| s.shown(*num_decimals)));
                     if is_published {
@@ -268,30 +244,29 @@ impl RepeatTable {
     }
 
     fn csv(&self) -> String {
-        let mut text = "row,condition,num_seeds".to_owned();
-        for key in self.keys() {
-            append(&mut text, format_args!(",{key},{key}_sd,{key}_published"));
-        }
-        text.push('\n');
-        for (row, condition, cell) in self.cells() {
-            let num = cell.folders.len();
-            append(
-                &mut text,
-                format_args!("{},{},{num}", csv_field(row), csv_field(condition)),
-            );
-            for (key, spread) in self.keys().into_iter().zip(&cell.spreads) {
-                csv_value(&mut text, spread.as_ref().map(|spread| spread.mean));
-                csv_value(&mut text, spread.as_ref().and_then(|spread| spread.sd));
-                csv_value(&mut text, cell.published.get(key).copied());
-            }
-            text.push('\n');
-        }
-        text
+        let of_key = |key| ["", "_sd", "_published"].map(|suffix| format!("{key}{suffix}"));
+        let heading = ["row", "condition", "num_seeds"].map(str::to_owned);
+        let heading = heading
+            .into_iter()
+            .chain(self.keys().into_iter().flat_map(of_key));
+        let rows = self.cells.iter().map(|(row, condition, cell)| {
+            let spreads = self.keys().into_iter().zip(&cell.spreads);
+            let values = spreads.flat_map(|(key, spread)| {
+                let spread = spread.as_ref();
+                let published = cell.published.get(key).copied();
+                let mean = spread.map(|spread| spread.mean);
+                [mean, spread.and_then(|spread| spread.sd), published].map(csv_value)
+            });
+            let num_seeds = cell.folders.len().to_string();
+            let place = [row.to_owned(), condition.to_owned(), num_seeds];
+            place.into_iter().chain(values)
+        });
+        csv_text(heading, rows)
     }
 
     fn json(&self) -> serde_json::Result<Value> {
         let mut rows: Vec<Value> = Vec::new();
-        for (row, condition, cell) in self.cells() {
+        for (row, condition, cell) in self.cells.iter() {
             let spreads = self.keys().into_iter().zip(&cell.spreads);
             let values: Map<String, Value> = spreads
                 .filter_map(|(key, spread)| Some((key.to_owned(), json!(spread.as_ref()?))))
@@ -309,87 +284,5 @@ impl RepeatTable {
             .map(|metric| (metric.key.to_owned(), json!(metric.definition)))
             .collect();
         Ok(json!({ "definitions": definitions, "cells": rows, "notes": self.notes }))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn evaluated(root: &Path, name: &str, psnr: f64) -> PathBuf {
-        let folder = root.join(name);
-        std::fs::create_dir_all(&folder).unwrap();
-        let metrics = json!({
-            "name": "original",
-            "render": {"mode": "path", "seconds_per_frame": 2.0},
-            "mean": {"psnr_srgb_db": psnr},
-        });
-        std::fs::write(folder.join("metrics.json"), metrics.to_string()).unwrap();
-        folder
-    }
-
-    fn cell(row: &str, folders: Vec<PathBuf>, published: Option<f64>) -> RepeatCell {
-        RepeatCell {
-            row: row.to_owned(),
-            condition: "original".to_owned(),
-            folders,
-            published: published
-                .map(|value| ("psnr_srgb_db".to_owned(), value))
-                .into_iter()
-                .collect(),
-        }
-    }
-
-    #[test]
-    fn seeds_become_mean_and_deviation_beside_published_values() {
-        let root = tempfile::tempdir().unwrap();
-        let [a, b, c] = [("a", 27.0), ("b", 29.0), ("c", 20.0)]
-            .map(|(name, psnr)| evaluated(root.path(), name, psnr));
-        let options = RepeatOptions {
-            cells: vec![
-                cell("path", vec![a, b], Some(28.65)),
-                cell("bounces-3", vec![c], None),
-            ],
-            metrics: vec!["psnr_srgb_db".to_owned()],
-        };
-        let table = tabulate_repeats(&options, vec!["a note".to_owned()]).unwrap();
-        // The deviation of 27 and 29 about 28: the root of (1 + 1) / 1.
-        assert_eq!(
-            table.markdown(),
-            "| row | original: PSNR sRGB ↑ | original: paper | original: s/frame |\n|---|---:|---:|---:|\n\
-             | path | 28.00 ± 1.41 | 28.65 | 2.000 ± 0.000 |\n| bounces-3 | 20.00 | -- | 2.000 |\n\n- a note\n"
-        );
-        let out = root.path().join("table");
-        table.write(&out).unwrap();
-        let csv = std::fs::read_to_string(out.join("table.csv")).unwrap();
-        assert!(csv.contains("\npath,original,2,28,1.414"), "{csv}");
-        assert!(csv.contains("\nbounces-3,original,1,20,,,"), "{csv}");
-        let json: Value =
-            serde_json::from_slice(&std::fs::read(out.join("table.json")).unwrap()).unwrap();
-        assert_eq!(
-            json["cells"][0]["values"]["psnr_srgb_db"]["values"],
-            json!([27.0, 29.0])
-        );
-        assert_eq!(json["cells"][0]["published"]["psnr_srgb_db"], 28.65);
-    }
-
-    #[test]
-    fn cells_are_filled_once_and_from_their_condition() {
-        let root = tempfile::tempdir().unwrap();
-        let folder = evaluated(root.path(), "a", 27.0);
-        let twice = cell("path", vec![folder.clone()], None);
-        let other = RepeatCell {
-            condition: "relit".to_owned(),
-            ..twice.clone()
-        };
-        for (cells, part) in [
-            (vec![twice.clone(), twice.clone()], "path"),
-            (vec![other], "no condition is called `relit`"),
-        ] {
-            let metrics = vec!["psnr_srgb_db".to_owned()];
-            let error = tabulate_repeats(&RepeatOptions { cells, metrics }, Vec::new());
-            let message = error.unwrap_err().to_string();
-            assert!(message.contains(part), "{message}");
-        }
     }
 }

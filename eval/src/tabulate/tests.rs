@@ -78,10 +78,15 @@ fn modes_down_and_conditions_across() {
     );
     let table = tabulate(&case.options).unwrap();
     table.write(&case.dir.path().join("out")).unwrap();
-    let rows: Vec<&str> = table.rows.iter().map(|row| row.name.as_str()).collect();
+    let rows: Vec<&str> = table
+        .cells
+        .rows
+        .iter()
+        .map(|(name, _)| name.as_str())
+        .collect();
     assert_eq!(rows, ["0-bounce", "path", "baked", "mine"]);
-    assert_eq!(table.conditions, ["original", "relit"]);
-    assert_eq!(table.rows[1].seconds_per_frame(), Some(185.0));
+    assert_eq!(table.cells.conditions, ["original", "relit"]);
+    assert_eq!(seconds_per_frame(&table.cells.rows[1].1), Some(185.0));
 
     let markdown = case.output("table.md");
     let lines: Vec<&str> = markdown.lines().collect();

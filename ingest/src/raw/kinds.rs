@@ -4,7 +4,7 @@ use std::path::Path;
 
 /// Kind of a file, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum FileKind {
     /// A camera's RAW file.
     Raw,
     /// TIFF, PNG or EXR with light in linear numbers.
@@ -22,15 +22,15 @@ const LINEAR: [&str; 4] = ["exr", "png", "tif", "tiff"];
 const DISPLAY: [&str; 8] = ["avif", "bmp", "gif", "heic", "heif", "jpeg", "jpg", "webp"];
 
 /// Kind of a file, by its extension; `None` if it is not an image.
-pub(crate) fn kind_of(path: &Path) -> Option<Kind> {
+pub(crate) fn kind_of(path: &Path) -> Option<FileKind> {
     let extension = path.extension()?.to_str()?.to_ascii_lowercase();
     let is_in = |list: &[&str]| list.contains(&extension.as_str());
     if is_in(&RAW) {
-        Some(Kind::Raw)
+        Some(FileKind::Raw)
     } else if is_in(&LINEAR) {
-        Some(Kind::Linear)
+        Some(FileKind::Linear)
     } else if is_in(&DISPLAY) {
-        Some(Kind::Display)
+        Some(FileKind::Display)
     } else {
         None
     }

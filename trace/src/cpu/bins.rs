@@ -12,9 +12,9 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 /// Edge of a square tile in pixels.
-pub const TILE: u32 = 16;
+pub(crate) const TILE: u32 = 16;
 /// Pixels of a tile.
-pub const TILE_PIXELS: usize = (TILE * TILE) as usize;
+pub(crate) const TILE_PIXELS: usize = (TILE * TILE) as usize;
 
 /// Safety margin of projected bounds, in pixels: far above the rounding of single-precision
 /// projections (about 1e-3 pixel for images of 8,000 pixels), far below what costs time.
@@ -25,7 +25,7 @@ const CHUNK: usize = 4096;
 
 /// A Gaussian in a tile's list; entries order by distance, ties by index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct BinnedSurfel(u64);
+pub(crate) struct BinnedSurfel(u64);
 
 impl BinnedSurfel {
     #[inline(always)]
@@ -36,20 +36,20 @@ impl BinnedSurfel {
 
     /// Index in the scene, or of what the list is about.
     #[inline(always)]
-    pub fn index(self) -> u32 {
+    pub(crate) fn index(self) -> u32 {
         self.0 as u32
     }
 
     /// No hit on the disc is closer than this; scene units.
     #[inline(always)]
-    pub fn nearest(self) -> f32 {
+    pub(crate) fn nearest(self) -> f32 {
         f32::from_bits((self.0 >> 32) as u32)
     }
 }
 
 /// Lists for all tiles of an image, row by row. Memory is reused from image to image.
 #[derive(Debug, Clone, Default)]
-pub struct TileBins {
+pub(crate) struct TileBins {
     tiles_x: usize,
     /// `[num_chunks][num_bands]`
     chunks: Vec<Vec<Vec<Visible>>>,
@@ -75,7 +75,7 @@ struct Visible {
 
 impl TileBins {
     /// Bins all Gaussians of `set` for `camera`.
-    pub fn fill(&mut self, set: &SurfelSet, camera: &Camera) {
+    pub(crate) fn fill(&mut self, set: &SurfelSet, camera: &Camera) {
         let num_bands = camera.height.div_ceil(TILE) as usize;
         self.tiles_x = camera.width.div_ceil(TILE) as usize;
         let projector = Projector::new(camera);
@@ -98,14 +98,8 @@ impl TileBins {
                 lists.fill(tiles_x, || chunks.iter().flat_map(|chunk| &chunk[band]));
             });
     }
-
-    /// Number of tiles.
-    pub fn num_tiles(&self) -> usize {
-        self.bands.len() * self.tiles_x
-    }
-
     /// The list of a tile, in order of index.
-    pub fn list(&self, tile: usize) -> &[BinnedSurfel] {
+    pub(crate) fn list(&self, tile: usize) -> &[BinnedSurfel] {
         let band = &self.bands[tile / self.tiles_x];
         let column = tile % self.tiles_x;
         &band.entries[band.starts[column] as usize..band.starts[column + 1] as usize]

@@ -8,7 +8,7 @@ mod discs;
 mod nodes;
 mod search;
 
-pub use discs::DiscTree;
+pub(super) use discs::DiscTree;
 pub(super) use search::uniform_of;
 pub use search::{RayScratch, Reach};
 

@@ -9,7 +9,7 @@
 
 use crate::cpu::bvh::{Bvh, RayScratch, Reach};
 use crate::ray::Ray;
-use crate::surfel::SurfelSet;
+use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::start::Surface;
 use crate::transport::{EMISSION_THRESHOLD, sampling};
 use eagpt_scene::color::luminance;
@@ -48,7 +48,7 @@ struct Emitter {
 /// An emissive Gaussian with its chances.
 #[cfg(feature = "gpu")]
 pub(crate) struct Footprint<'a> {
-    pub(crate) surfel: &'a crate::surfel::Surfel,
+    pub(crate) surfel: &'a Surfel,
     /// Probability that one up to this one is chosen.
     pub(crate) cumulative: f32,
     /// Part of the footprint inside the cut.
@@ -80,7 +80,12 @@ impl Lights {
         if emissive.is_empty() || !total.is_normal() {
             return None;
         }
-        let set = SurfelSet::new(&emissive);
+        // On one thread: a scene makes its lights when they are first needed, perhaps by one of
+        // many threads, and the others wait for it.
+        let set = SurfelSet {
+            surfels: emissive.iter().map(|g| Surfel::new(&g)).collect(),
+            ..SurfelSet::default()
+        };
         let mut sum = 0.0;
         let (mut emitters, mut cumulative) = (Vec::new(), Vec::new());
         for (g, surfel) in emissive.iter().zip(&set.surfels) {
@@ -179,7 +184,7 @@ pub struct BounceSampler<'a> {
 
 /// A direction with its weight `(cos θ/π) / q`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounce {
+pub(crate) struct Bounce {
     /// Unit direction above the surface.
     pub direction: Vec3,
     /// Weight of its radiance.
@@ -199,7 +204,7 @@ impl<'a> BounceSampler<'a> {
 
     /// A direction above `surface` from four uniform numbers; `None` where it would go below, which
     /// counts as no light.
-    pub fn sample(&self, surface: &Surface, [a, b, pick, kind]: [f32; 4]) -> Option<Bounce> {
+    pub(crate) fn sample(&self, surface: &Surface, [a, b, pick, kind]: [f32; 4]) -> Option<Bounce> {
         let Some(lights) = self.lights else {
             return Some(Bounce {
                 direction: sampling::cosine_direction(surface.normal, a, b),

@@ -12,14 +12,14 @@ use eagpt_trace::features::GBuffer;
 use std::ops::Range;
 
 /// Training on the CPU, with all threads of the current rayon pool.
-pub struct CpuBackend {
+pub(crate) struct CpuBackend {
     parameters: HostParameters,
     trainer: Trainer<CpuScene>,
 }
 
 impl CpuBackend {
     /// A backend that starts from `state`; prepared images may take `target_budget` bytes.
-    pub fn new(state: ParameterState, target_budget: usize) -> Self {
+    pub(crate) fn new(state: ParameterState, target_budget: usize) -> Self {
         let parameters = HostParameters::new(state);
         let scene = CpuScene::new(&parameters.gaussians);
         Self {

@@ -51,7 +51,7 @@ enum Parameters {
 /// and decided on the host: the choice of Gaussians to split, the view that shows each Gaussian
 /// best, and the irradiance of the pixels of a view in stage 1. With [`Gather::Pixels`], irradiance
 /// is sampled on the CPU.
-pub struct GpuBackend {
+pub(crate) struct GpuBackend {
     device: Arc<Device>,
     parameters: Parameters,
     trainer: Trainer<GpuScene>,
@@ -73,7 +73,11 @@ impl GpuBackend {
     ///
     /// # Errors
     /// If the device fails or has not enough memory.
-    pub fn new(device: &Arc<Device>, state: ParameterState, target_budget: usize) -> Result<Self> {
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        state: ParameterState,
+        target_budget: usize,
+    ) -> Result<Self> {
         let parameters = HostParameters::new(state);
         let scene = GpuScene::new(device, &parameters.gaussians)?;
         Ok(Self {

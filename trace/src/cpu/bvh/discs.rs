@@ -23,7 +23,7 @@ struct DiscLeaf {
 
 /// A tree over discs, elliptic in general, all of one surface and without holes.
 #[derive(Debug, Clone)]
-pub struct DiscTree {
+pub(crate) struct DiscTree {
     nodes: Vec<Node>,
     leaves: Vec<DiscLeaf>,
 }
@@ -31,7 +31,7 @@ pub struct DiscTree {
 impl DiscTree {
     /// Groups the Gaussians of `set` by their discs of typical size. To be followed by a
     /// [`Self::refit`].
-    pub fn new(set: &SurfelSet) -> Self {
+    pub(crate) fn new(set: &SurfelSet) -> Self {
         let counted: Vec<u32> = (0..set.len() as u32)
             .filter(|&i| set.surfels[i as usize].cut2 >= 0.0)
             .collect();
@@ -50,7 +50,7 @@ impl DiscTree {
 
     /// Gives every disc its size: `radius_squared` in standard deviations, negative for a disc that
     /// is not there.
-    pub fn refit(&mut self, set: &SurfelSet, radius_squared: impl Fn(u32) -> f32) {
+    pub(crate) fn refit(&mut self, set: &SurfelSet, radius_squared: impl Fn(u32) -> f32) {
         let mut bounds = Vec::with_capacity(self.leaves.len());
         for leaf in &mut self.leaves {
             let mut total = Aabb::INVALID;
@@ -71,7 +71,7 @@ impl DiscTree {
     }
 
     /// Index and distance of the nearest disc along `ray`, ties by index.
-    pub fn nearest(&self, ray: &Ray, scratch: &mut RayScratch) -> Option<(u32, f32)> {
+    pub(crate) fn nearest(&self, ray: &Ray, scratch: &mut RayScratch) -> Option<(u32, f32)> {
         find_nearest(&self.nodes, &self.leaves, ray, &mut scratch.stack)
     }
 }
