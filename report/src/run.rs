@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 
 /// File name of a [`RunRecord`] in the folder of a run.
 pub const RUN_FILE: &str = "run.json";
+/// Name of the condition that was photographed.
+pub const ORIGINAL: &str = "original";
+
 /// Folders of a run.
 pub mod folders {
     /// Emission masks, as `eagpt masks` writes them.

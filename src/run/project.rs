@@ -4,6 +4,7 @@ use super::section::{self, Section};
 use crate::render::Mode;
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+pub(crate) use eagpt_report::run::ORIGINAL;
 use eagpt_scene::dataset::Subset;
 use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{SceneError, files};
@@ -73,8 +74,6 @@ pub(crate) struct Relight {
     pub(super) split: Option<Subset>,
 }
 
-/// Name of the condition that was photographed.
-pub(crate) const ORIGINAL: &str = "original";
 /// Key of `[render]` for the modes to render.
 pub(super) const MODES: &str = "modes";
 
