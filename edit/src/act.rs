@@ -7,7 +7,7 @@ use glam::Vec3;
 
 /// An action on a selection.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Action {
+pub(crate) enum Action {
     /// Removes it.
     Remove,
     /// Removes everything else.
@@ -24,7 +24,7 @@ pub enum Action {
 
 /// A change of light or material.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Paint {
+pub(crate) enum Paint {
     /// Radiance and emission become 0.
     LightsOff,
     /// Radiance times a factor for each channel, not negative.
@@ -45,7 +45,7 @@ pub enum Paint {
 
 impl Paint {
     /// The Gaussian with the change made.
-    pub fn apply(&self, mut g: Gaussian) -> Gaussian {
+    pub(crate) fn apply(&self, mut g: Gaussian) -> Gaussian {
         match *self {
             Self::LightsOff => {
                 g.radiance = Vec3::ZERO;

@@ -7,7 +7,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 /// A connected cluster.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cluster {
+pub(crate) struct Cluster {
     /// Number of this cluster in its script.
     pub id: usize,
     /// A point on the thing, scene units.
@@ -20,7 +20,7 @@ pub struct Cluster {
 
 /// The longest step from one Gaussian of a cluster to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Reach {
+pub(crate) enum Reach {
     /// Scene units, positive.
     Fixed(f32),
     /// Multiples of the size of the Gaussian that the step starts from, positive: long on coarse

@@ -18,7 +18,7 @@ const INSET_IN_SPACINGS: f32 = 1.14;
 /// Discs of a surface whose spacing is not given.
 const DEFAULT_NUM_DISCS: f32 = 2500.0;
 /// Most discs of one surface: a spacing in the wrong unit must not fill the memory.
-pub const MAX_DISCS: usize = 4_000_000;
+pub(crate) const MAX_DISCS: usize = 4_000_000;
 /// Discs that touch a ball stick out of it and widen its shadow by this times (spacing / radius)²,
 /// relative to the radius (measured by tracing parallel rays past balls of spacing 0.07 and 0.2
 /// radii: 1.67 and 1.58). The discs are put that much further in.
@@ -77,7 +77,7 @@ pub struct Material {
 
 impl Surface {
     /// Number of discs, without making them; in double precision, for it may be absurd.
-    pub fn num_discs(&self) -> f64 {
+    pub(crate) fn num_discs(&self) -> f64 {
         let spacing = self.spacing();
         let quad = |edges| {
             let [across, up] = rows(edges, spacing);

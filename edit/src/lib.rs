@@ -1,9 +1,8 @@
 //! Edit scripts for scenes of 2D Gaussians: a TOML file of selections and actions, checked as a
 //! whole before the scene is touched; replays are bit-identical.
 //!
-//! - [`shape`], [`cluster`], [`select`]: selections of Gaussians.
-//! - [`place`], [`insert`], [`act`], [`trim`]: actions on them.
 //! - [`script`]: scripts and their reader.
+//! - [`insert`]: surfaces made of discs.
 //! - [`mod@replay`], [`report`]: the loop over the steps, and its reports.
 //!
 //! # The grammar
@@ -74,16 +73,16 @@
 //! or removed before the actions: of those that stay, if the selection is removed, else of the
 //! selected. Where a step imports, or begins with `duplicate`, only the copy is trimmed.
 
-pub mod act;
-pub mod cluster;
+mod act;
+mod cluster;
 pub mod insert;
-pub mod place;
+mod place;
 pub mod replay;
 pub mod report;
 pub mod script;
-pub mod select;
-pub mod shape;
-pub mod trim;
+mod select;
+mod shape;
+mod trim;
 
 #[cfg(test)]
 mod testing;

@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 
 /// A placement as a script gives it, relative to the bounds of the Gaussians that are placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Placement {
+pub(crate) struct Placement {
     /// Factor on all lengths, positive.
     pub scale: f32,
     /// Rotation, unit.
@@ -18,7 +18,7 @@ pub struct Placement {
 
 /// The fixed point of a placement.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub enum Pivot {
+pub(crate) enum Pivot {
     /// The middle of the bounds.
     #[default]
     Centre,
@@ -30,7 +30,7 @@ pub enum Pivot {
 
 /// Target of the pivot of a placement.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Goal {
+pub(crate) enum Goal {
     /// By this much, scene units.
     By(Vec3),
     /// To this point, scene units.
@@ -39,7 +39,7 @@ pub enum Goal {
 
 impl Placement {
     /// A mere move.
-    pub fn by(offset: Vec3) -> Self {
+    pub(crate) fn by(offset: Vec3) -> Self {
         Self {
             scale: 1.0,
             rotation: Quat::IDENTITY,
@@ -50,7 +50,7 @@ impl Placement {
 
     /// The similarity for Gaussians whose centres have the bounds `low` to `high`, in a world where
     /// `up` (a unit axis, either sign) is up.
-    pub fn resolve(&self, (low, high): (Vec3, Vec3), up: Vec3) -> Similarity {
+    pub(crate) fn resolve(&self, (low, high): (Vec3, Vec3), up: Vec3) -> Similarity {
         let middle = 0.5 * (low + high);
         let from = match self.pivot {
             Pivot::Centre => middle,
@@ -71,7 +71,7 @@ impl Placement {
 
 /// `x ↦ to + scale · rotation · (x − from)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Similarity {
+pub(crate) struct Similarity {
     /// Factor on all lengths, positive.
     pub scale: f32,
     /// Rotation, unit.
@@ -84,7 +84,7 @@ pub struct Similarity {
 
 impl Similarity {
     /// Moves a point.
-    pub fn point(&self, point: Vec3) -> Vec3 {
+    pub(crate) fn point(&self, point: Vec3) -> Vec3 {
         if self.rotation == Quat::IDENTITY && self.scale == 1.0 {
             // A mere move does not round twice.
             return point + (self.to - self.from);
@@ -94,7 +94,7 @@ impl Similarity {
 
     /// The Gaussian with its centre, in-plane axes and scales moved along, and the directions of
     /// its light; light and material stay.
-    pub fn gaussian(&self, g: &Gaussian) -> Gaussian {
+    pub(crate) fn gaussian(&self, g: &Gaussian) -> Gaussian {
         let moved = Gaussian {
             position: self.point(g.position),
             scale: g.scale * self.scale,

@@ -25,9 +25,9 @@ pub struct Script {
     /// BLAKE3 digest of the file, hexadecimal.
     pub blake3: String,
     /// The world's up axis, which "base" and "floor" refer to.
-    pub up: UpAxis,
+    pub(crate) up: UpAxis,
     /// Named selections.
-    pub selections: Definitions,
+    pub(crate) selections: Definitions,
     /// Steps in order.
     pub steps: Vec<EditStep>,
     /// Scenes that steps import from, each once.
@@ -49,26 +49,26 @@ pub struct Asset {
 #[derive(Debug, Clone, PartialEq)]
 pub struct EditStep {
     /// Place of the step in the file.
-    pub span: Range<usize>,
+    pub(crate) span: Range<usize>,
     /// Description for people.
     pub title: Option<String>,
     /// Gaussians that it acts on.
-    pub subject: Subject,
+    pub(crate) subject: Subject,
     /// Place of their selector, surface or import in the file.
-    pub subject_span: Range<usize>,
+    pub(crate) subject_span: Range<usize>,
     /// Whether to continue if there are none.
-    pub allow_empty: bool,
+    pub(crate) allow_empty: bool,
     /// Treatment of Gaussians that cross the boundary of the selection; `None`: none.
-    pub trim: Option<Trim>,
+    pub(crate) trim: Option<Trim>,
     /// Actions in order.
-    pub actions: Vec<Action>,
+    pub(crate) actions: Vec<Action>,
     /// The name by which later steps may select the Gaussians of this one.
-    pub group: Option<String>,
+    pub(crate) group: Option<String>,
 }
 
 /// Gaussians that a step acts on.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Subject {
+pub(crate) enum Subject {
     /// Gaussians of the scene.
     Select(Selector),
     /// A new surface.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// A condition that a Gaussian meets or not.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Selector {
+pub(crate) enum Selector {
     /// Always.
     Everything,
     /// The selection of this name.
@@ -39,7 +39,7 @@ pub enum Selector {
 
 /// A value of a Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
+pub(crate) enum Quantity {
     /// Emission score, 0 to 1.
     Emission,
     /// Peak opacity, 0 to 1.
@@ -71,10 +71,10 @@ pub(crate) fn size(gaussians: &Gaussians, index: usize) -> f32 {
 }
 
 /// Selections by their names.
-pub type Definitions = BTreeMap<String, Selector>;
+pub(crate) type Definitions = BTreeMap<String, Selector>;
 
 /// Groups by their names: for each Gaussian, whether it belongs.
-pub type Groups = BTreeMap<String, Vec<bool>>;
+pub(crate) type Groups = BTreeMap<String, Vec<bool>>;
 
 /// A scene with what selectors refer to.
 #[derive(Debug, Clone, Copy)]

@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 
 /// A closed region; a point on its surface lies in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
+pub(crate) enum Shape {
     /// A box.
     Box {
         /// Middle, scene units.
@@ -41,7 +41,7 @@ pub enum Shape {
 
 impl Shape {
     /// Whether a point lies in the region.
-    pub fn contains(&self, point: Vec3) -> bool {
+    pub(crate) fn contains(&self, point: Vec3) -> bool {
         match *self {
             Self::Box {
                 centre,

@@ -14,7 +14,7 @@ use std::f32::consts::TAU;
 /// Treatment of Gaussians that cross the boundary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Trim {
+pub(crate) enum Trim {
     /// Their discs are moved in their planes and shrunk until they lie on one side.
     Shrink,
     /// They are removed.

@@ -5,7 +5,7 @@ mod pq;
 pub use pq::{PQ_CONSTANTS, pq_from_linear, pq_from_linear_with_slope};
 
 /// Rec.709 luminance weights for linear R, G, B.
-pub const LUMINANCE_REC709: [f32; 3] = [0.2126, 0.7152, 0.0722];
+const LUMINANCE_REC709: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Luminance of a linear Rec.709 colour.
 pub fn luminance(rgb: [f32; 3]) -> f32 {

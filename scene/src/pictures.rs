@@ -29,17 +29,8 @@ static LINEAR: LazyLock<Vec<f32>> = LazyLock::new(|| {
 
 /// Whether a file is one of linear light, by its extension.
 pub fn is_exr(path: &Path) -> bool {
-    has_extension(path, &["exr"])
-}
-
-/// Whether a file is a display-referred picture that can be read, by its extension.
-pub fn is_display_referred(path: &Path) -> bool {
-    has_extension(path, &["png", "jpg", "jpeg"])
-}
-
-fn has_extension(path: &Path, wanted: &[&str]) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
-    extension.is_some_and(|extension| wanted.iter().any(|w| extension.eq_ignore_ascii_case(w)))
+    extension.is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
 }
 
 /// Width and height from the header alone.

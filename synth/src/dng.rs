@@ -13,7 +13,7 @@ use tiff::encoder::{
 use tiff::tags::{Tag, Type};
 
 /// CIE standard illuminants by their EXIF numbers.
-pub const ILLUMINANT_D65: u16 = 21;
+const ILLUMINANT_D65: u16 = 21;
 
 /// Colour of a filter of the mosaic, by its number in the tag `CFAPattern`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

@@ -92,7 +92,7 @@ impl Sensor {
     }
 
     /// A sample for a mean number of electrons.
-    pub fn digitise(&self, mean: f64, random: &mut RandomStream) -> u16 {
+    fn digitise(&self, mean: f64, random: &mut RandomStream) -> u16 {
         let electrons = poisson(mean, random) + self.rig.read_noise_e * normal(random);
         let value = f64::from(self.rig.black) + electrons / self.electrons_of_step();
         // The cast takes what is below 0 to 0.
