@@ -6,7 +6,7 @@ use serde::{Serialize, Serializer};
 use std::num::NonZeroUsize;
 
 /// Options of every command.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Global options")]
 pub(crate) struct GlobalArgs {
     /// Threads to compute with [default: one for each core]
@@ -21,6 +21,9 @@ pub(crate) struct GlobalArgs {
     /// Say nothing but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
+    /// The command line without the name of the program, as records have it.
+    #[arg(skip)]
+    pub(crate) command_line: Vec<String>,
 }
 
 /// Parses a seed: what TOML and JSON numbers can hold.

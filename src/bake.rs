@@ -37,10 +37,10 @@ use std::process::ExitCode;
 pub(crate) struct BakeArgs {
     /// Scene whose light to bake, as `eagpt edit` writes it
     #[arg(value_name = "EDITED.ply")]
-    scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Dataset whose cameras count: a folder with a transforms.json, or that file
     #[arg(long, value_name = "DATASET")]
-    cameras: PathBuf,
+    pub(crate) cameras: PathBuf,
     /// Views to bake for
     #[arg(long, value_name = "SUBSET", default_value = "train", value_enum)]
     split: Subset,
@@ -49,7 +49,7 @@ pub(crate) struct BakeArgs {
     split_rule: SplitRule,
     /// Scene to write
     #[arg(long, value_name = "BAKED.ply")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Method of baking
     #[arg(long, value_enum, default_value = "gaussians")]
     pub(crate) method: MethodArg,
@@ -73,7 +73,7 @@ pub(crate) struct BakeArgs {
     /// then combines the parts. gaussians has no parts: its light-transport matrix is one
     #[arg(long, value_name = "I/N")]
     #[serde(serialize_with = "command_line::optional_text")]
-    shard: Option<Shard>,
+    pub(crate) shard: Option<Shard>,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
     seed: u64,
@@ -91,7 +91,7 @@ pub(crate) struct BakeArgs {
     transport: Option<PathBuf>,
     /// Replace an earlier result of this command, and the work of another bake
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -158,7 +158,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
         start_over: args.force,
         stop: interrupt::stop_flag()?,
     };
-    let mut builder = RecordBuilder::begin("bake", &options)?;
+    let mut builder = RecordBuilder::begin("bake", &options, global)?;
     let transport = args.transport.as_ref().filter(|path| path.exists());
     let transport = transport.map(|path| Input::of(path)).transpose()?;
     let mut warnings = Vec::new();

@@ -172,7 +172,7 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let work = tempfile::tempdir().context("temporary folder")?;
     let subject = Subject::prepare(args.dataset.as_deref(), args.scene.as_deref(), work.path())?;
     let measured = measured(args, device_name.clone(), &subject);
-    let mut builder = RecordBuilder::begin("bench", &measured)?;
+    let mut builder = RecordBuilder::begin("bench", &measured, global)?;
     let scenes = scenes(args, &subject.gaussians);
     let tasks = tasks(&measured.stages, &scenes, &thread_counts(args, &device));
     let mut results = Results::begin(measured);

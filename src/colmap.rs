@@ -6,19 +6,23 @@ mod run;
 use crate::args::GlobalArgs;
 use anyhow::Result;
 use clap::{Args, Subcommand};
+pub(crate) use import::ImportArgs;
+pub(crate) use run::RunArgs;
+use serde::Serialize;
 use std::process::ExitCode;
 
 /// Camera poses: run COLMAP, or turn a model of it into a dataset
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args, Serialize)]
 pub(crate) struct ColmapArgs {
     #[command(subcommand)]
-    command: ColmapCommand,
+    pub(crate) command: ColmapCommand,
 }
 
-#[derive(Debug, Subcommand)]
-enum ColmapCommand {
-    Run(run::RunArgs),
-    Import(import::ImportArgs),
+#[derive(Debug, Clone, Subcommand, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ColmapCommand {
+    Run(RunArgs),
+    Import(ImportArgs),
 }
 
 pub(crate) fn run(args: &ColmapArgs, global: &GlobalArgs) -> Result<ExitCode> {

@@ -5,16 +5,20 @@ use crate::{
     bake, colmap, dataset, edit, eval, export, ingest, masks, normals, render, report, synth, train,
 };
 use anyhow::Result;
-use clap::{FromArgMatches, Subcommand};
+use clap::Subcommand;
+use serde::Serialize;
 use std::process::ExitCode;
 
 /// A command that does one job.
-#[derive(Debug, Subcommand)]
+#[derive(Debug, Clone, Subcommand, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum JobCommand {
     Report(report::ReportArgs),
     Masks(masks::MasksArgs),
     Colmap(colmap::ColmapArgs),
     Ingest(ingest::IngestArgs),
+    // No step of a project.
+    #[serde(skip)]
     Dataset(dataset::DatasetArgs),
     Normals(normals::NormalsArgs),
     Train(train::TrainArgs),
@@ -22,6 +26,7 @@ pub(crate) enum JobCommand {
     Render(render::RenderArgs),
     Bake(bake::BakeArgs),
     Eval(eval::EvalArgs),
+    #[serde(skip)]
     Export(export::ExportArgs),
     Synth(synth::SynthArgs),
 }
@@ -30,17 +35,6 @@ impl JobCommand {
     /// All of them, as subcommands of the program.
     pub(crate) fn program() -> clap::Command {
         Self::augment_subcommands(clap::Command::new("eagpt"))
-    }
-
-    /// Parses the arguments of a job, the command's name first.
-    ///
-    /// # Errors
-    /// Of clap.
-    pub(crate) fn parse<'a>(
-        arguments: impl IntoIterator<Item = &'a str>,
-    ) -> Result<Self, clap::Error> {
-        let words = std::iter::once("eagpt").chain(arguments);
-        Self::from_arg_matches(&Self::program().try_get_matches_from(words)?)
     }
 
     /// Runs the job.

@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Import, export and check datasets
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(subcommand_required = true)]
 pub(crate) struct DatasetArgs {
     #[command(subcommand)]
     command: DatasetCommand,
 }
 
-#[derive(Debug, Subcommand)]
+#[derive(Debug, Clone, Subcommand)]
 enum DatasetCommand {
     Import(Box<import::ImportArgs>),
     Export(export::ExportArgs),

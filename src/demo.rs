@@ -3,7 +3,7 @@
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
 use crate::progress::Reporter;
-use crate::run;
+use crate::run::{self, Project};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::files;
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
     // A project that somebody has changed is theirs.
     keep(&path, &project)?;
     keep(&args.out.join("evening.toml"), EVENING)?;
-    let code = run::project(path, None, global)?;
+    let code = run::run_project(&Project::read(&path, None)?, None, global)?;
     if code != ExitCode::SUCCESS {
         return Ok(code);
     }

@@ -4,7 +4,7 @@ use crate::progress::Reporter;
 use anyhow::Result;
 use clap::Args;
 #[cfg(feature = "gpu")]
-use eagpt_trace::gpu::Kind;
+use eagpt_trace::gpu::AdapterKind;
 use eagpt_trace::{Device, DeviceSelector};
 use serde::Serialize;
 
@@ -39,7 +39,7 @@ impl DeviceArgs {
             Device::Gpu(gpu) => {
                 let adapter = gpu.adapter();
                 reporter.note(&match adapter.kind {
-                    Kind::Software => format!(
+                    AdapterKind::Software => format!(
                         "computing with {}, a software adapter: --device cpu is faster",
                         adapter.name
                     ),

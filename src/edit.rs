@@ -29,19 +29,19 @@ use std::process::ExitCode;
 pub(crate) struct EditArgs {
     /// Scene of 2D Gaussians, as `eagpt train` writes it
     #[arg(value_name = "SCENE.ply")]
-    scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Edit script; files it imports are relative to its folder
     #[arg(value_name = "SCRIPT.toml")]
-    script: PathBuf,
+    pub(crate) script: PathBuf,
     /// Scene to write; needed unless it is a dry run
     #[arg(long, value_name = "E.ply", required_unless_present = "dry_run")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// Print how many Gaussians each selection and step finds and where, and write nothing
     #[arg(long)]
-    dry_run: bool,
+    pub(crate) dry_run: bool,
     /// Replace an earlier result of this command
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -59,7 +59,7 @@ struct Options<'a> {
 }
 
 pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let mut builder = RecordBuilder::begin("edit", &())?;
+    let mut builder = RecordBuilder::begin("edit", &(), global)?;
     let script = Script::read(&args.script)?;
     let mut inputs = vec![args.scene.as_path(), args.script.as_path()];
     inputs.extend(script.assets.iter().map(|asset| asset.path.as_path()));

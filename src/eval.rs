@@ -13,6 +13,7 @@ use eagpt_scene::dataset::{SplitRule, Subset};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
+pub(crate) use table::TableArgs;
 
 /// Measure renderings against the views of a dataset, or one image against another
 ///
@@ -30,11 +31,10 @@ use std::process::ExitCode;
 )]
 pub(crate) struct EvalArgs {
     #[command(subcommand)]
-    #[serde(skip)]
-    command: Option<EvalCommand>,
+    pub(crate) command: Option<EvalCommand>,
     /// Folder of renderings, as `eagpt render` writes it; one for each condition
     #[arg(value_name = "DIR", required = true)]
-    renders: Vec<PathBuf>,
+    pub(crate) renders: Vec<PathBuf>,
     /// Dataset with the references: a folder with a transforms.json, or that file; one for each
     /// condition
     #[arg(long, value_name = "DATASET", required = true)]
@@ -42,22 +42,22 @@ pub(crate) struct EvalArgs {
     /// Dataset with the same views under an earlier light: splits the error into what the new light
     /// reaches and its shadows; for each condition
     #[arg(long, value_name = "DATASET")]
-    before: Vec<PathBuf>,
+    pub(crate) before: Vec<PathBuf>,
     /// Name of the condition, one for each [default: that of the dataset's folder]
     #[arg(long, value_name = "NAME")]
-    name: Vec<String>,
+    pub(crate) name: Vec<String>,
     /// Views to measure; for each condition
     #[arg(long, value_name = "SUBSET", default_value = "test", value_enum)]
-    split: Vec<Subset>,
+    pub(crate) split: Vec<Subset>,
     /// Rule that divides the views into training and test views; for each condition
     #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
     split_rule: Vec<SplitRule>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2", required = true)]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// Replace an earlier evaluation in DIR2
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
     #[command(flatten)]
     #[serde(flatten)]
     flip: FlipArgs,
@@ -78,10 +78,12 @@ Examples:
   eagpt eval table eval/0 eval/both --out table
   eagpt eval pair photograph.exr rendering.exr --json";
 
-#[derive(Debug, Clone, Subcommand)]
-enum EvalCommand {
+#[derive(Debug, Clone, Subcommand, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum EvalCommand {
+    #[serde(skip)]
     Pair(pair::PairArgs),
-    Table(table::TableArgs),
+    Table(TableArgs),
 }
 
 /// Settings of FLIP.
@@ -103,6 +105,31 @@ struct FlipArgs {
     /// Number of exposures of HDR-FLIP, 1 to 1000 [default: from the reference]
     #[arg(long, value_name = "N")]
     num_exposures: Option<u32>,
+}
+
+impl EvalArgs {
+    /// `eagpt eval table`.
+    pub(crate) fn table(args: TableArgs) -> Self {
+        let flip = FlipOptions::default();
+        Self {
+            command: Some(EvalCommand::Table(args)),
+            renders: Vec::new(),
+            reference: Vec::new(),
+            before: Vec::new(),
+            name: Vec::new(),
+            split: vec![Subset::Test],
+            split_rule: vec![SplitRule::default()],
+            out: None,
+            force: false,
+            flip: FlipArgs {
+                ppd: flip.ppd,
+                tonemapper: flip.tonemapper,
+                start_exposure: flip.start_exposure,
+                stop_exposure: flip.stop_exposure,
+                num_exposures: flip.num_exposures,
+            },
+        }
+    }
 }
 
 impl FlipArgs {

@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// display colour, clipped at white. Emission and albedo are lost, and they cannot be read back.
 /// The format `eagpt` is the scene itself, written anew as binary little endian whatever the file's
 /// own encoding was.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(
     after_long_help = "Example:\n  eagpt export out/run/scene.ply --format 3dgs --out preview.ply"
 )]

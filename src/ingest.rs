@@ -41,10 +41,10 @@ pub(crate) struct IngestArgs {
     /// Folder with the photographs: RAW of the camera, or linear EXR, TIFF (16 bits, float) or PNG
     /// (16 bits)
     #[arg(value_name = "CAPTURE")]
-    capture: PathBuf,
+    pub(crate) capture: PathBuf,
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Each folder with photographs is one stack
     #[arg(long)]
     stacks_in_folders: bool,
@@ -103,10 +103,10 @@ pub(crate) struct IngestArgs {
     /// reports, record
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
     #[serde(serialize_with = "command_line::optional_text")]
-    shard: Option<Shard>,
+    pub(crate) shard: Option<Shard>,
     /// Start over, replacing an earlier result of this command
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -224,7 +224,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     eagpt_ingest::check_places(&args.capture, &args.out)?;
     target(Replace::from_flag(args.force)).prepare()?;
-    let mut builder = RecordBuilder::begin("ingest", &options)?;
+    let mut builder = RecordBuilder::begin("ingest", &options, global)?;
     let mut reporter = Reporter::new(global);
     let mut warnings = Vec::new();
     let skip_bad = args.skip_bad;

@@ -57,7 +57,11 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
+    let mut cli = cli::Cli::parse();
+    let arguments = std::env::args_os().skip(1);
+    cli.global.command_line = arguments
+        .map(|of| of.to_string_lossy().into_owned())
+        .collect();
     terminal::init(&cli.global);
     match cli.run() {
         Ok(code) => code,

@@ -34,7 +34,7 @@ pub(crate) struct MasksArgs {
     pub(crate) dataset: PathBuf,
     /// Folder to write to [default: that of the dataset, where training looks for masks]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// Threshold of linear radiance above 0; `auto` finds the gap between lit surfaces and lights
     /// in all views together, `none` takes labels alone
     #[arg(long, value_name = "RADIANCE|auto|none", default_value = "auto", value_parser = threshold)]
@@ -81,7 +81,7 @@ pub(crate) struct MasksArgs {
     emission: f32,
     /// Replace an earlier result of this command, and masks that are there
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -120,7 +120,7 @@ pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if options.source == MaskSource::None && args.labels.is_none() {
         bail!("--threshold none: without --labels there is nothing to make masks of");
     }
-    let mut builder = RecordBuilder::begin("masks", &options)?;
+    let mut builder = RecordBuilder::begin("masks", &options, global)?;
     let dataset = Dataset::open(&args.dataset)?;
     let out = args.out.clone();
     let out = out.unwrap_or_else(|| dataset.root().to_owned());

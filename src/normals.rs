@@ -30,7 +30,7 @@ use std::process::ExitCode;
 pub(crate) struct NormalsArgs {
     /// Dataset: a folder with a transforms.json, or that file
     #[arg(value_name = "DATASET")]
-    dataset: PathBuf,
+    pub(crate) dataset: PathBuf,
     /// Folder of maps, <view>.exr or <view>.png, made of the dataset's own images; views may be
     /// missing
     #[arg(
@@ -53,7 +53,7 @@ pub(crate) struct NormalsArgs {
     suffix: String,
     /// Folder to write to [default: that of the dataset, where training looks for normals]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// Space of the maps' vectors
     #[arg(long, default_value = "auto", value_parser = args::auto::<Space>("Detected"))]
     space: Auto<Space>,
@@ -71,7 +71,7 @@ pub(crate) struct NormalsArgs {
     encoding: Auto<Encoding>,
     /// Replace an earlier result of this command, and normals that are there
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 /// A network that makes the maps.
@@ -159,7 +159,7 @@ pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
         options: &options,
         reading,
     };
-    let mut builder = RecordBuilder::begin("normals", &recorded(None))?;
+    let mut builder = RecordBuilder::begin("normals", &recorded(None), global)?;
     let inputs = inputs(&dataset, args.maps.as_deref(), &args.suffix);
     let target = Target {
         dir: &out,

@@ -250,7 +250,8 @@ mod tests {
         for path in files.iter().chain([&root.path().join("outside")]) {
             std::fs::write(path, "").unwrap();
         }
-        let mut builder = RecordBuilder::begin("render", &()).unwrap();
+        let mut builder =
+            RecordBuilder::begin("render", &(), &crate::args::GlobalArgs::default()).unwrap();
         builder.record.outputs = ["old.exr", "input.exr", "../outside"]
             .map(Into::into)
             .into();

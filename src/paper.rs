@@ -5,9 +5,9 @@
 //!
 //! - [`rows`]: what each row changes.
 //! - [`published`]: the numbers of the paper.
-//! - [`jobs`]: the projects of all rows.
+//! - [`projects`]: the projects of all rows.
 
-mod jobs;
+mod projects;
 mod published;
 mod rows;
 
@@ -15,7 +15,8 @@ use crate::args::GlobalArgs;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};
-use crate::{interrupt, run, terminal};
+use crate::run::{self, Plan, PlanStep, Project};
+use crate::{interrupt, terminal};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -24,7 +25,7 @@ use eagpt_eval::tabulate::repeats::{RepeatOptions, tabulate_repeats};
 use eagpt_scene::Shard;
 use eagpt_scene::files::{self, Key, Ledger, ledger};
 use eagpt_train::Preset;
-use jobs::{Base, Group, Job};
+use projects::{Base, Group, RowProject};
 use rows::{ROWS, Row};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -157,8 +158,8 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
         }
     }
     // What is wrong with a project should be told before the others have run for days.
-    for job in groups.iter().flat_map(Group::jobs) {
-        run::steps(&job.project, &job.text)?;
+    for row in groups.iter().flat_map(Group::projects) {
+        Plan::of(&row.project)?;
     }
     if args.dry_run {
         return dry_run(&groups, global);
@@ -180,7 +181,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let key = Key::new().with_value("version", &env!("CARGO_PKG_VERSION"))?;
     let mut ledger = Ledger::open(&args.out, "paper", &key, shard, ledger::ADVICE)?;
     ledger.check_shards()?;
-    let mut builder = RecordBuilder::begin("paper", &recorded(args, &rows))?;
+    let mut builder = RecordBuilder::begin("paper", &recorded(args, &rows), global)?;
     let reporter = Reporter::new(global);
     if !make(&groups, shard, (&mut ledger, &mut builder), global)? {
         return Ok(interrupt::exit_code());
@@ -228,10 +229,10 @@ fn bases(args: &PaperArgs) -> Result<Vec<Base>> {
         }
         let is_project = path.extension().is_some_and(|end| end == "toml");
         let project = if is_project {
-            run::absolute(path)?
+            Project::absolute(path)?
         } else {
-            let config = args.config.as_deref().map(run::absolute).transpose()?;
-            jobs::of_folder(path, config, (args.preset.name(), spp(args.preset)))?
+            let config = args.config.as_deref().map(Project::absolute).transpose()?;
+            projects::of_folder(path, config, (args.preset.name(), spp(args.preset)))?
         };
         let out = std::path::absolute(args.out.join(name))
             .with_context(|| format!("{}", args.out.display()))?;
@@ -270,27 +271,30 @@ fn make(
         .filter(|(place, _)| shard.has(*place))
         .map(|(_, group)| group)
         .collect();
-    let total = mine.iter().map(|group| group.jobs().count()).sum::<usize>();
+    let total = mine
+        .iter()
+        .map(|group| group.projects().count())
+        .sum::<usize>();
     let (mut done, mut failed) = (0, Vec::new());
     for group in mine {
         let started = Instant::now();
-        for job in group.jobs() {
+        for row in group.projects() {
             done += 1;
-            reporter.note(&format!("({done}/{total}) {}", job.name));
+            reporter.note(&format!("({done}/{total}) {}", row.name));
             reporter.message(&serde_json::json!({
                 "message": "paper-row",
-                "row": job.name,
+                "row": row.name,
                 "index": done,
                 "total": total,
             }))?;
-            match work(job, global) {
+            match work(row, global) {
                 Ok(code) if code == ExitCode::SUCCESS => {}
                 Ok(_) => return Ok(false),
                 Err(error) => {
-                    reporter.warning(&format!("{}: {}", job.name, terminal::one_line(&error)));
-                    failed.push(job.name.as_str());
+                    reporter.warning(&format!("{}: {}", row.name, terminal::one_line(&error)));
+                    failed.push(row.name.as_str());
                     // Its rows have no scene.
-                    if job.until.is_some() {
+                    if row.until.is_some() {
                         break;
                     }
                 }
@@ -309,42 +313,44 @@ fn make(
     Ok(true)
 }
 
-fn work(job: &Job, global: &GlobalArgs) -> Result<ExitCode> {
-    crate::output::create_parent(&job.project)?;
-    files::write_bytes_atomic(&job.project, job.text.as_bytes())?;
-    run::project(job.project.clone(), job.until, global)
+fn work(row: &RowProject, global: &GlobalArgs) -> Result<ExitCode> {
+    let project = &row.project;
+    crate::output::create_parent(project.path())?;
+    files::write_bytes_atomic(project.path(), project.text().as_bytes())?;
+    run::run_project(project, row.until, global)
 }
 
 fn dry_run(groups: &[Group], global: &GlobalArgs) -> Result<ExitCode> {
     let reporter = Reporter::new(global);
     let mut text = String::new();
-    let (mut num_jobs, mut num_done) = (0, 0);
-    for job in groups.iter().flat_map(Group::jobs) {
-        let is_done = job.is_done()?;
-        num_jobs += 1;
+    let (mut num_projects, mut num_done) = (0, 0);
+    for row in groups.iter().flat_map(Group::projects) {
+        let is_done = row.is_done()?;
+        num_projects += 1;
         num_done += usize::from(is_done);
         let state = if is_done { "done" } else { "to do" };
-        text += &format!("{}: {state}\n", job.name);
-        let mut steps = run::steps(&job.project, &job.text)?;
-        if let Some(until) = job.until {
-            let last = steps.iter().position(|step| step.name == until);
-            steps.truncate(last.map_or(steps.len(), |last| last + 1));
-        }
-        for step in &steps {
-            text += &format!("    {}\n", step.command);
+        text += &format!("{}: {state}\n", row.name);
+        let steps = Plan::of(&row.project)?.steps;
+        let last = steps
+            .iter()
+            .position(|step| Some(step.name.as_str()) == row.until);
+        let steps = steps.iter().take(last.map_or(steps.len(), |last| last + 1));
+        let commands: Vec<String> = steps.map(PlanStep::shown).collect::<Result<_>>()?;
+        for command in &commands {
+            text += &format!("    {command}\n");
         }
         reporter.message(&serde_json::json!({
             "message": "paper-row",
-            "row": job.name,
-            "project": job.project,
+            "row": row.name,
+            "project": row.project.path(),
             "done": is_done,
-            "commands": steps.iter().map(|step| &step.command).collect::<Vec<_>>(),
+            "commands": commands,
         }))?;
     }
     text += &format!(
         "{} scenes to train, {} projects in all, {num_done} of them done\n",
         groups.len(),
-        num_jobs
+        num_projects
     );
     if !global.json {
         terminal::print(&text)?;

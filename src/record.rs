@@ -1,12 +1,12 @@
 //! The record beside every result: enough to repeat it, and to know what it cost.
 
+use crate::args::GlobalArgs;
 use anyhow::Result;
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::files::{self, digest};
 use eagpt_scene::{Dataset, clock};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -109,32 +109,6 @@ impl Input {
     }
 }
 
-thread_local! {
-    /// Arguments of a command that another command runs.
-    static INNER_ARGUMENTS: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
-}
-
-/// Runs a command as if it had been called with `arguments`: its record tells those, and not what
-/// the program was started with.
-pub(crate) fn with_arguments<T>(arguments: Vec<String>, command: impl FnOnce() -> T) -> T {
-    INNER_ARGUMENTS.set(Some(arguments));
-    let outcome = command();
-    INNER_ARGUMENTS.set(None);
-    outcome
-}
-
-/// The arguments of the command under way.
-fn arguments() -> Vec<String> {
-    INNER_ARGUMENTS
-        .with_borrow(Clone::clone)
-        .unwrap_or_else(|| {
-            let arguments = std::env::args_os().skip(1);
-            arguments
-                .map(|argument| argument.to_string_lossy().into_owned())
-                .collect()
-        })
-}
-
 /// A record under way: the clock runs from [`RecordBuilder::begin`].
 pub(crate) struct RecordBuilder {
     pub(crate) record: Record,
@@ -142,16 +116,20 @@ pub(crate) struct RecordBuilder {
 }
 
 impl RecordBuilder {
-    /// Starts the record of `command` with its effective options.
+    /// Starts the record of `command`, which was asked for in `global`, with its effective options.
     ///
     /// # Errors
     /// If the options cannot be put into JSON.
-    pub(crate) fn begin(command: &str, options: &impl Serialize) -> Result<Self> {
+    pub(crate) fn begin(
+        command: &str,
+        options: &impl Serialize,
+        global: &GlobalArgs,
+    ) -> Result<Self> {
         let record = Record {
             program: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: command.to_owned(),
-            arguments: arguments(),
+            arguments: global.command_line.clone(),
             options: json(options)?,
             seed: None,
             device: None,
@@ -251,7 +229,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let input = dir.path().join("in");
         std::fs::write(&input, b"abc").unwrap();
-        let mut builder = RecordBuilder::begin("render", &serde_json::json!({"spp": 4})).unwrap();
+        let mut builder = RecordBuilder::begin(
+            "render",
+            &serde_json::json!({"spp": 4}),
+            &GlobalArgs::default(),
+        )
+        .unwrap();
         builder.record.inputs.push(Input::of(&input).unwrap());
         builder.took("views/a", 0.123_456);
         let expected = builder.record.clone();

@@ -50,7 +50,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let (integrator, light) = (args.integrator(), args.light());
     let noisy = integrator != Integrator::ZeroBounce;
     let denoiser = denoise::denoiser(args)?.filter(|_| noisy);
-    let mut builder = RecordBuilder::begin("render", &())?;
+    let mut builder = RecordBuilder::begin("render", &(), global)?;
     if args.denoise != Choice::None && !noisy {
         let warning = "--denoise: 0-bounce samples no light, there is nothing to denoise";
         builder.record.warnings.push(warning.to_owned());

@@ -18,13 +18,13 @@ use std::process::ExitCode;
 pub(crate) struct ReportArgs {
     /// Folder of a run, as `eagpt run` leaves it
     #[arg(value_name = "RUN")]
-    run: PathBuf,
+    pub(crate) run: PathBuf,
     /// File to write
     #[arg(long, value_name = "FILE.html")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Replace the file if it is there
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 pub(crate) fn run(args: &ReportArgs, global: &GlobalArgs) -> Result<ExitCode> {

@@ -1,48 +1,28 @@
 //! `eagpt run`: the whole chain from one file.
 //!
-//! - [`mod@project`]: the file, and the options of each command in it.
+//! - [`mod@project`]: the file; [`section`]: the options of each command in it.
 //! - [`plan`]: which commands follow from it, and what each reads and makes.
-//! - [`step`]: one of them.
-//! - [`state`]: what was made from what, so that only what has changed is made again.
-//! - [`derive`](mod@derive): projects made of others.
+//! - [`step`]: a command with its options.
+//! - [`state`]: digests of inputs and products, so that only what has changed is made again.
 //! - [`execute`]: the commands, one after the other.
 //! - [`only`]: one of them alone.
-//! - [`estimate`]: what a step will take that never ran.
 //! - [`verify`]: everything again, compared to the bit.
 
-mod derive;
-mod estimate;
 mod execute;
 mod init;
 mod only;
 mod plan;
 mod project;
+mod section;
 mod state;
 mod step;
 mod verify;
 
-pub(crate) use derive::{absolute, steps};
 pub(crate) use init::{InitArgs, run as init};
-pub(crate) use project::{ORIGINAL, Part, sections};
-
-/// Runs a project to its end, or to the end of a step.
-///
-/// # Errors
-/// As `eagpt run`.
-pub(crate) fn project(path: PathBuf, until: Option<&str>, global: &GlobalArgs) -> Result<ExitCode> {
-    let args = RunArgs {
-        project: Some(path),
-        out: None,
-        dry_run: false,
-        list: false,
-        only: None,
-        shard: None,
-        until: until.map(str::to_owned),
-        from: None,
-        verify: None,
-    };
-    run(&args, global)
-}
+pub(crate) use plan::Plan;
+pub(crate) use project::{ORIGINAL, Project, ProjectFile};
+pub(crate) use section::{Part, Section, part};
+pub(crate) use step::PlanStep;
 
 use crate::args::GlobalArgs;
 use crate::terminal;
@@ -50,8 +30,6 @@ use anyhow::Result;
 use clap::Args;
 use eagpt_scene::Shard;
 use execute::{Range, Status};
-use plan::Plan;
-use project::Project;
 use state::{Folder, Patience};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -61,7 +39,7 @@ use std::process::ExitCode;
 /// A project is a TOML file with a section for each step, whose keys are the options of the command
 /// of that step (`eagpt init` writes one with comments). Steps run only if their options, their
 /// inputs or what they take from earlier steps have changed since they last ran; a step that was
-/// stopped goes on where it can. All results go into one folder, as the commands write them, with
+/// stopped resumes where it can. All results go into one folder, as the commands write them, with
 /// run.json, which says what was made from what.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
@@ -72,7 +50,8 @@ pub(crate) struct RunArgs {
     /// Folder for all results [default: `out` of the project]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print the steps with their commands, what would run and why, time and memory, and do nothing
+    /// Print the steps with their commands, what would run and why, time and memory of their
+    /// last run, and do nothing
     #[arg(long)]
     dry_run: bool,
     /// Print the steps and do nothing; with --json, what each reads, makes and waits for
@@ -132,15 +111,41 @@ pub(crate) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
         let mut folder = Folder::look_at(&project.out)?;
         return execute::dry_run(&plan, &mut folder, &range, global);
     }
+    run_steps(&project, &plan, &range, global)
+}
+
+/// Runs a project to its end, or to the end of a step.
+///
+/// # Errors
+/// As `eagpt run`.
+pub(crate) fn run_project(
+    project: &Project,
+    until: Option<&str>,
+    global: &GlobalArgs,
+) -> Result<ExitCode> {
+    let plan = Plan::of(project)?;
+    let range = Range::new(&plan, None, until)?;
+    run_steps(project, &plan, &range, global)
+}
+
+fn run_steps(
+    project: &Project,
+    plan: &Plan,
+    range: &Range,
+    global: &GlobalArgs,
+) -> Result<ExitCode> {
     let mut folder = Folder::open(&project.out, Patience::Short)?;
-    folder.keep_project(&project)?;
-    match execute::run(&plan, &mut folder, &range, global)? {
+    folder.keep_project(project)?;
+    match execute::run(plan, &mut folder, range, global)? {
         Status::Done => Ok(ExitCode::SUCCESS),
         Status::Interrupted => {
             if !global.quiet {
-                terminal::line("stopped: the same command goes on from here");
+                terminal::line("stopped: the same command resumes");
             }
             Ok(crate::interrupt::exit_code())
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

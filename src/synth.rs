@@ -31,10 +31,10 @@ use std::process::ExitCode;
 pub(crate) struct SynthArgs {
     /// Scene file, or the name of a scene that comes with the program
     #[arg(value_name = "SCENE", required_unless_present = "list")]
-    scene: Option<String>,
+    pub(crate) scene: Option<String>,
     /// Folder for the capture
     #[arg(long, value_name = "CAPTURE", required_unless_present_any = ["list", "print"])]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// List the scenes that come with the program
     #[arg(long, conflicts_with_all = ["scene", "print"])]
     list: bool,
@@ -68,7 +68,7 @@ pub(crate) struct SynthArgs {
     seed: u64,
     /// Replace an earlier result of this command
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const EXAMPLES: &str = "Examples:
@@ -120,6 +120,7 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
             scene,
             options: &options,
         },
+        global,
     )?;
     let inputs = source.files();
     let target = Target {

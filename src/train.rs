@@ -39,7 +39,7 @@ pub(crate) struct TrainArgs {
     pub(crate) dataset: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "RUN", required_unless_present = "dump_config")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     #[serde(flatten)]
     options: OptionArgs,
@@ -49,10 +49,10 @@ pub(crate) struct TrainArgs {
     ///
     /// Its options are taken from RUN/train.toml unless --preset or --config is given.
     #[arg(long, conflicts_with = "force")]
-    resume: bool,
+    pub(crate) resume: bool,
     /// Start over where RUN holds an earlier run, whose files are removed
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
     /// Train without views that cannot be read, and say so, instead of stopping
     #[arg(long)]
     skip_bad: bool,
@@ -62,11 +62,11 @@ pub(crate) struct TrainArgs {
     /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it
     /// [default: those of the dataset]
     #[arg(long, value_name = "DIR")]
-    masks: Option<PathBuf>,
+    pub(crate) masks: Option<PathBuf>,
     /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it [default:
     /// those of the dataset]
     #[arg(long, value_name = "DIR")]
-    normals: Option<PathBuf>,
+    pub(crate) normals: Option<PathBuf>,
     #[command(flatten)]
     #[serde(flatten)]
     device: DeviceArgs,
@@ -138,7 +138,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         stop: interrupt::stop_flag()?,
     };
     check_target(&request)?;
-    let mut builder = RecordBuilder::begin("train", &request.options)?;
+    let mut builder = RecordBuilder::begin("train", &request.options, global)?;
     let summary = reporter.follow(tell, |progress| eagpt_train::train(&request, progress))?;
     fill_record(&mut builder, &request, &summary)?;
     let record = builder.write(&request.out)?;

@@ -6,7 +6,7 @@ use crate::content::{
 use crate::curve;
 use crate::error::{ReportError, Result};
 use crate::picture::Picture;
-use crate::run::{PROJECT_FILE, RunRecord, read_json};
+use crate::run::{ORIGINAL, PROJECT_FILE, RunRecord, folders, read_json};
 use eagpt_scene::{Dataset, files};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -40,8 +40,6 @@ const LAYERS: [(&str, &str); 3] = [
     ("normal", "Normals"),
     ("emission", "Emission"),
 ];
-/// Name of the condition that was photographed.
-const ORIGINAL: &str = "original";
 
 /// Reads a run.
 ///
@@ -112,9 +110,9 @@ fn condition(
     let Some(first) = modes.first() else {
         return Ok(None);
     };
-    let rendered = dir.join("render").join(name);
+    let rendered = dir.join(folders::RENDER).join(name);
     let names = rendered_views(&rendered.join(first))?;
-    let eval = dir.join("eval").join(name);
+    let eval = dir.join(folders::EVAL).join(name);
     let mut measured = Vec::new();
     for mode in &modes {
         measured.push(read_json::<Value>(&eval.join(mode).join("metrics.json"))?);
@@ -242,7 +240,7 @@ fn rounded(value: &Value, decimals: usize) -> String {
 }
 
 fn overview(dir: &Path, definitions: &mut BTreeMap<String, String>) -> Result<Option<Overview>> {
-    let folder = dir.join("table");
+    let folder = dir.join(folders::TABLE);
     let Some(table) = read_json::<Value>(&folder.join("table.json"))? else {
         return Ok(None);
     };
@@ -293,7 +291,7 @@ fn layers(dir: &Path, run: &RunRecord) -> Result<Vec<Gallery>> {
     let Some(mode) = modes(run, ORIGINAL).into_iter().next() else {
         return Ok(galleries);
     };
-    let folder = dir.join("render").join(ORIGINAL).join(mode);
+    let folder = dir.join(folders::RENDER).join(ORIGINAL).join(mode);
     let names = rendered_views(&folder)?;
     for (layer, title) in LAYERS {
         let mut pictures = Vec::new();
@@ -315,7 +313,7 @@ fn layers(dir: &Path, run: &RunRecord) -> Result<Vec<Gallery>> {
 }
 
 fn masks(dir: &Path) -> Result<Option<Gallery>> {
-    let folder = dir.join("masks/masks");
+    let folder = dir.join(folders::MASKS).join("masks");
     let Some(report) = read_json::<Value>(&folder.join("report.json"))? else {
         return Ok(None);
     };
@@ -360,7 +358,7 @@ fn masks(dir: &Path) -> Result<Option<Gallery>> {
 }
 
 fn curves(dir: &Path) -> Result<Vec<Curve>> {
-    let path = dir.join("train/log.jsonl");
+    let path = dir.join(folders::TRAIN).join("log.jsonl");
     if !path.exists() {
         return Ok(Vec::new());
     }
@@ -394,7 +392,7 @@ fn facts(dir: &Path, content: &Content) -> Result<Vec<Fact>> {
             value,
         });
     };
-    if let Some(record) = read_json::<Value>(&dir.join("train/record.json"))? {
+    if let Some(record) = read_json::<Value>(&dir.join(folders::TRAIN).join("record.json"))? {
         if let Some(num) = record["split"]["num_train"].as_u64() {
             add("training views", num.to_string());
         }

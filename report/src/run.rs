@@ -8,6 +8,23 @@ use std::path::{Path, PathBuf};
 
 /// File name of a [`RunRecord`] in the folder of a run.
 pub const RUN_FILE: &str = "run.json";
+/// Name of the condition that was photographed.
+pub const ORIGINAL: &str = "original";
+
+/// Folders of a run.
+pub mod folders {
+    /// Emission masks, as `eagpt masks` writes them.
+    pub const MASKS: &str = "masks";
+    /// The training.
+    pub const TRAIN: &str = "train";
+    /// Renderings, a folder for each condition with one for each mode.
+    pub const RENDER: &str = "render";
+    /// Evaluations, likewise.
+    pub const EVAL: &str = "eval";
+    /// The table of all evaluations.
+    pub const TABLE: &str = "table";
+}
+
 /// File name of the copy of the project.
 pub const PROJECT_FILE: &str = "project.toml";
 

@@ -4,12 +4,10 @@
 //! [`mod@value`]; a value that is checked later is a [`toml::Spanned`], whose span
 //! [`ScriptFile::error`] turns into a line and a key.
 
-mod node;
 pub mod value;
 
 use crate::error::{Result, SceneError};
 use crate::files;
-pub use node::{Node, Table, Text};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -37,17 +37,17 @@ pub(crate) struct ImportArgs {
     /// Folder of the model: cameras, images, points3D, and rigs and frames if there are, .bin or
     /// .txt
     #[arg(value_name = "MODEL")]
-    model: PathBuf,
+    pub(crate) model: PathBuf,
     /// Folder of the linear images; without it, cameras and points alone are imported
     #[arg(long, value_name = "DIR")]
-    images: Option<PathBuf>,
+    pub(crate) images: Option<PathBuf>,
     /// Folder for the dataset; created
     #[arg(long, value_name = "DATASET")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Lightings of one room, DIR/NAME each: a dataset DATASET/NAME is made of each, with the same
     /// poses
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
-    conditions: Vec<String>,
+    pub(crate) conditions: Vec<String>,
     /// Take 8-bit sRGB pictures (PNG, JPEG) where there is no EXR; light above their white is lost
     #[arg(long)]
     allow_srgb8: bool,
@@ -71,7 +71,7 @@ pub(crate) struct ImportArgs {
     dry_run: bool,
     /// Replace an earlier import in DATASET
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
     #[command(flatten)]
     #[serde(flatten)]
     align: AlignArgs,
@@ -299,7 +299,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         model: &args.model,
         options: &options,
     };
-    let mut builder = RecordBuilder::begin("colmap import", &recorded)?;
+    let mut builder = RecordBuilder::begin("colmap import", &recorded, global)?;
     let plan = ImportPlan::new(&args.model, &options)?;
     let mut reporter = Reporter::new(global);
     tell_alignment(&reporter, plan.alignment())?;

@@ -28,10 +28,10 @@ use std::process::ExitCode;
 pub(crate) struct RunArgs {
     /// Folder of pictures (JPEG, PNG, TIFF)
     #[arg(value_name = "IMAGES")]
-    images: PathBuf,
+    pub(crate) images: PathBuf,
     /// Folder for the model; created
     #[arg(long, value_name = "MODEL")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Camera model, by COLMAP's name
     #[arg(long, value_name = "NAME", default_value_t = RunOptions::default().camera_model)]
     camera_model: String,
@@ -57,7 +57,7 @@ pub(crate) struct RunArgs {
     colmap: PathBuf,
     /// Replace an earlier run in MODEL
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const OUTPUTS_AND_EXAMPLES: &str = "Files in MODEL:
@@ -106,7 +106,7 @@ pub(super) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
         images: &args.images,
         options: &options,
     };
-    let mut builder = RecordBuilder::begin("colmap run", &recorded)?;
+    let mut builder = RecordBuilder::begin("colmap run", &recorded, global)?;
     options.validate()?;
     let names = list_images(&args.images)?;
     let inputs: Vec<PathBuf> = names.iter().map(|name| args.images.join(name)).collect();

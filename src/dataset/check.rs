@@ -15,7 +15,7 @@ use std::process::ExitCode;
 /// points, the split by every rule, and all findings by view. With --json, one object with
 /// everything. Exit code 1 if something is broken (a frame without image, an unreadable file, NaN
 /// or negative light, a wrong size), 0 with warnings alone.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct CheckArgs {
     /// Dataset: a folder with a transforms.json, or that file

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 /// The world stays as it is, images are copied byte by byte: what comes back by `eagpt dataset
 /// import` has the same cameras and colours. Masks of lights, normals, depths and albedos, for
 /// which COLMAP and nerfstudio have no place, go into our own folders beside.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ExportArgs {
     /// Dataset: a folder with a transforms.json, or that file
@@ -56,7 +56,7 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         format,
         images,
     };
-    let mut builder = RecordBuilder::begin("dataset export", &recorded)?;
+    let mut builder = RecordBuilder::begin("dataset export", &recorded, global)?;
     let dataset = Dataset::open(&args.dataset)?;
     let inputs = dataset.files();
     let target = Target {

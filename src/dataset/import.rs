@@ -30,7 +30,7 @@ use std::process::ExitCode;
 /// Tower: cameras.json with images-2k/ or images-1k/, y up, metres; white balance by the scene,
 /// DCI-P3 to Rec.709. nerfstudio, instant-NGP and Blender: transforms.json with what it names.
 /// eagpt: our own layout, to be turned, shrunk or written anew.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ImportArgs {
     /// Folder of the source, or its transforms.json
@@ -117,7 +117,7 @@ struct Recorded<'a> {
 
 pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args)?;
-    let mut builder = RecordBuilder::begin("dataset import", &options)?;
+    let mut builder = RecordBuilder::begin("dataset import", &options, global)?;
     let source = SourceDataset::open(&args.source, args.format.0, &options)?;
     builder.set_options(&Recorded {
         source: &args.source,

@@ -44,7 +44,7 @@ pub(super) fn run(args: &EvalArgs, global: &GlobalArgs) -> Result<ExitCode> {
     // clap asks for it unless a subcommand is given.
     let out = args.out.clone().unwrap_or_default();
     let mut job = Job::new(args, &out)?;
-    let mut builder = RecordBuilder::begin("eval", &job)?;
+    let mut builder = RecordBuilder::begin("eval", &job, global)?;
     let files = files(&job, &out, &mut builder)?;
     let target = Target {
         dir: &out,

@@ -25,16 +25,16 @@ pub(crate) struct TableArgs {
     /// Evaluations; ROW= before one gives its row a name
     #[arg(value_name = "[ROW=]DIR", required = true, value_parser = folder)]
     #[serde(serialize_with = "command_line::texts")]
-    folders: Vec<TableFolder>,
+    pub(crate) folders: Vec<TableFolder>,
     /// Metrics of each condition, separated by commas: keys of `mean` in metrics.json
     #[arg(long, value_name = "KEY,…", value_delimiter = ',', default_values = DEFAULT_METRICS)]
-    metrics: Vec<String>,
+    pub(crate) metrics: Vec<String>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Replace an earlier table in DIR2
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
 }
 
 const OUTPUTS_AND_EXAMPLE: &str = "Files in DIR2:
@@ -66,7 +66,7 @@ pub(super) fn run(args: &TableArgs, global: &GlobalArgs) -> Result<ExitCode> {
         folders: args.folders.clone(),
         metrics: args.metrics.clone(),
     };
-    let mut builder = RecordBuilder::begin("eval table", &options)?;
+    let mut builder = RecordBuilder::begin("eval table", &options, global)?;
     let folders = options.folders.iter();
     let inputs: Vec<PathBuf> = folders.map(|f| f.folder.join(METRICS_FILE)).collect();
     for path in &inputs {

@@ -1,9 +1,10 @@
 //! The rows of the tables: what each changes in a project.
 
-use crate::run::{Part, sections};
+use crate::run::{Part, ProjectFile, Section, part};
 use anyhow::{Result, bail};
 use eagpt_train::{Preset, TrainOptions};
-use toml::{Table, Value};
+use std::path::Path;
+use toml::Value;
 
 /// A row.
 #[derive(Debug)]
@@ -183,14 +184,15 @@ impl Scene {
     ///
     /// # Errors
     /// If the project leaves open how many Gaussians there are, and there should be fewer.
-    pub(super) fn project(self, base: &Table) -> Result<Table> {
+    pub(super) fn project(self, base: &ProjectFile) -> Result<ProjectFile> {
         let mut project = base.clone();
         match self {
             Self::Full => {}
             Self::NoNormalSupervision => set(&mut project, "radiance.weights.normal=0"),
             Self::NoNormalConsistency => set(&mut project, "radiance.weights.depth_normal=0"),
             Self::InaccurateMasks => {
-                section(&mut project, "masks").insert("grow".to_owned(), MASK_ERROR.into());
+                let masks = project.masks.get_or_insert_default();
+                masks.insert("grow".to_owned(), MASK_ERROR.into());
             }
             Self::FewerGaussians => fewer_gaussians(&mut project)?,
         }
@@ -198,8 +200,8 @@ impl Scene {
     }
 }
 
-fn fewer_gaussians(project: &mut Table) -> Result<()> {
-    let train = section(project, "train");
+fn fewer_gaussians(project: &mut ProjectFile) -> Result<()> {
+    let train = project.train.get_or_insert_default();
     if let Some(num) = train.get("gaussians").and_then(Value::as_integer) {
         let fewer = (num as f64 * FEWER).round().max(1.0) as i64;
         train.insert("gaussians".to_owned(), fewer.into());
@@ -220,8 +222,8 @@ fn fewer_gaussians(project: &mut Table) -> Result<()> {
 }
 
 /// Adds a `--set` of training.
-fn set(project: &mut Table, setting: &str) {
-    let train = section(project, "train");
+fn set(project: &mut ProjectFile, setting: &str) {
+    let train = project.train.get_or_insert_default();
     let mut all = match train.remove("set") {
         Some(Value::Array(all)) => all,
         Some(one) => vec![one],
@@ -231,41 +233,35 @@ fn set(project: &mut Table, setting: &str) {
     train.insert("set".to_owned(), all.into());
 }
 
-/// A table of a project, made if it is not there.
-pub(super) fn section<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
-    let value = table
-        .entry(name)
-        .or_insert_with(|| Value::Table(Table::new()));
-    if !value.is_table() {
-        *value = Value::Table(Table::new());
-    }
-    value.as_table_mut().expect("a table was put there")
-}
-
 impl Row {
     /// The project that renders and measures a trained scene.
-    pub(super) fn project(&self, base: &Table, scene: &str) -> Table {
+    pub(super) fn project(&self, base: &ProjectFile, scene: &Path) -> ProjectFile {
         let mut project = base.clone();
-        for key in sections(Part::Training) {
-            project.remove(key);
+        for (name, section) in project.sections_mut() {
+            if part(name) == Part::Training {
+                *section = None;
+            }
         }
-        project.insert("scene".to_owned(), scene.into());
-        let modes: Vec<Value> = match self.mode {
-            Mode::Render(mode) => vec![mode.into()],
+        project.scene = Some(scene.to_owned());
+        let render = project.render.get_or_insert_default();
+        let modes = match self.mode {
+            Mode::Render(mode) => vec![Value::from(mode)],
             Mode::Baked => Vec::new(),
         };
-        let render = section(&mut project, "render");
         render.insert("modes".to_owned(), modes.into());
-        if let Mode::Render(mode) = self.mode {
-            if !self.render.is_empty() {
-                let special = section(render, mode);
-                for (key, value) in self.render {
-                    special.insert((*key).to_owned(), (*value).into());
+        match self.mode {
+            Mode::Render(mode) => {
+                let options = self.render.iter();
+                let options = options.map(|(key, value)| ((*key).to_owned(), (*value).into()));
+                let special = render.entry(mode).or_insert_with(|| Section::new().into());
+                if let Value::Table(special) = special {
+                    special.extend(options);
                 }
+                project.bake = None;
             }
-            project.remove("bake");
-        } else {
-            section(&mut project, "bake");
+            Mode::Baked => {
+                project.bake.get_or_insert_default();
+            }
         }
         project
     }
@@ -288,8 +284,8 @@ impl Row {
 mod tests {
     use super::*;
 
-    fn base(text: &str) -> Table {
-        text.parse().unwrap()
+    fn base(text: &str) -> ProjectFile {
+        toml::from_str(text).unwrap()
     }
 
     #[test]
@@ -297,29 +293,38 @@ mod tests {
         let base = base(
             "dataset = \"a\"\n[normals]\nmaps = \"n\"\n[train]\nset = [\"a=1\"]\n[render]\nspp = 4\n[bake]",
         );
+        let scene = Path::new("s.ply");
         let row = |name: &str| ROWS.iter().find(|row| row.name == name).unwrap();
-        let derived = row("bounces-3").project(&base, "s.ply");
-        assert_eq!(derived["scene"].as_str(), Some("s.ply"));
-        assert_eq!(derived["render"]["path"]["bounces"].as_integer(), Some(3));
-        assert_eq!(derived["render"]["spp"].as_integer(), Some(4));
-        assert!(!derived.contains_key("train") && !derived.contains_key("bake"));
-        assert!(!derived.contains_key("normals"));
-        let derived = row("baked").project(&base, "s.ply");
-        assert!(derived["render"]["modes"].as_array().unwrap().is_empty());
-        assert!(derived.contains_key("bake"));
+        let derived = row("bounces-3").project(&base, scene);
+        assert_eq!(derived.scene.as_deref(), Some(scene));
+        let render = derived.render.unwrap();
+        assert_eq!(render["path"]["bounces"].as_integer(), Some(3));
+        assert_eq!(render["spp"].as_integer(), Some(4));
+        assert!(derived.train.is_none() && derived.bake.is_none());
+        assert!(derived.normals.is_none());
+        let derived = row("baked").project(&base, scene);
+        let render = derived.render.unwrap();
+        assert!(render["modes"].as_array().unwrap().is_empty());
+        assert!(derived.bake.is_some());
         let trained = Scene::NoNormalConsistency.project(&base).unwrap();
-        let set = trained["train"]["set"].as_array().unwrap();
-        assert_eq!(set[1].as_str(), Some("radiance.weights.depth_normal=0"));
+        let train = trained.train.unwrap();
+        assert_eq!(
+            train["set"][1].as_str(),
+            Some("radiance.weights.depth_normal=0")
+        );
     }
 
     #[test]
     fn fewer_gaussians_are_two_fifths() {
         let fewer = |text: &str| Scene::FewerGaussians.project(&base(text));
         let found = fewer("[train]\ngaussians = 500000").unwrap();
-        assert_eq!(found["train"]["gaussians"].as_integer(), Some(200_000));
+        assert_eq!(
+            found.train.unwrap()["gaussians"].as_integer(),
+            Some(200_000)
+        );
         let found = fewer("[train]\npreset = \"paper\"").unwrap();
         assert_eq!(
-            found["train"]["set"][0].as_str(),
+            found.train.unwrap()["set"][0].as_str(),
             Some("init.per_point=0.4")
         );
         let open = "[train]\nset = [\"num_gaussians=10\"]";

@@ -34,7 +34,7 @@ use std::path::PathBuf;
 pub(crate) struct RenderArgs {
     /// Scene of 2D Gaussians, as `eagpt train` writes it
     #[arg(value_name = "SCENE.ply")]
-    pub(super) scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Dataset whose cameras to render: a folder with a transforms.json, or that file
     #[arg(long, value_name = "DATASET")]
     pub(crate) cameras: PathBuf,
@@ -91,16 +91,16 @@ pub(crate) struct RenderArgs {
     pub(super) oidn: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR")]
-    pub(super) out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Render only part I of N of the views, 1 to N. Parts share DIR and may run at once, on
     /// machines that share it; when all are there, the same command without --shard combines them,
     /// bit-identical to an undivided run
     #[arg(long, value_name = "I/N", conflicts_with = "force")]
     #[serde(serialize_with = "command_line::optional_text")]
-    pub(super) shard: Option<Shard>,
+    pub(crate) shard: Option<Shard>,
     /// Replace an earlier result in DIR, or unfinished work on another
     #[arg(long)]
-    pub(super) force: bool,
+    pub(crate) force: bool,
     #[command(flatten)]
     #[serde(flatten)]
     pub(super) device: DeviceArgs,

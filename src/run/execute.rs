@@ -1,10 +1,11 @@
 //! The steps of a run, one after the other.
 
-use super::estimate::Outlook;
 use super::plan::Plan;
 use super::state::Folder;
-use super::step::{Restart, Step, parse};
+use super::step::{PlanStep, Restart, set_force};
 use crate::args::GlobalArgs;
+use crate::command::JobCommand;
+use crate::command_line;
 use crate::output;
 use crate::progress::{Reporter, duration};
 use crate::record;
@@ -96,7 +97,7 @@ impl Reason {
     }
 }
 
-pub(super) fn reason(step: &Step, folder: &mut Folder, key: &str, forced: bool) -> Reason {
+pub(super) fn reason(step: &PlanStep, folder: &mut Folder, key: &str, forced: bool) -> Reason {
     let Some(record) = folder.record.steps.get(&step.name).cloned() else {
         return Reason::New;
     };
@@ -135,12 +136,16 @@ pub(super) fn run(
             step.name,
             reason.text()
         ));
-        reporter.message(&Told::new(step, index, total, reason))?;
+        reporter.message(&StepMessage::new(step, index, total, reason)?)?;
         if reason == Reason::UpToDate {
             continue;
         }
-        let code = execute(plan, index, folder, (key, reason), global)
-            .with_context(|| format!("step {}", step.name))?;
+        let context = || format!("step {}", step.name);
+        let begun = begin(step, index, folder, (key, reason)).with_context(context)?;
+        let (code, seconds) = dispatch(&begun.command, global).with_context(context)?;
+        if code == ExitCode::SUCCESS {
+            finish(step, folder, begun, seconds).with_context(context)?;
+        }
         if stop.load(Ordering::Relaxed) || code == crate::interrupt::exit_code() {
             return Ok(Status::Interrupted);
         }
@@ -151,68 +156,69 @@ pub(super) fn run(
     Ok(Status::Done)
 }
 
-/// Runs one step and notes what it made.
-fn execute(
-    plan: &Plan,
-    index: usize,
-    folder: &mut Folder,
-    (key, reason): (String, Reason),
-    global: &GlobalArgs,
-) -> Result<ExitCode> {
-    let step = &plan.steps[index];
-    let begun = begin(step, index, folder, (key, reason))?;
-    let (code, seconds) = dispatch(begun.command.clone(), global)?;
-    if code == ExitCode::SUCCESS {
-        finish(step, folder, begun, seconds)?;
-    }
-    Ok(code)
+/// A step under way.
+pub(super) struct Begun {
+    record: StepRecord,
+    /// The command that it takes, given what an earlier process has left.
+    pub(super) command: JobCommand,
 }
 
-/// Notes that a step begins, with the command that it takes to do so, and clears away what that
-/// does not go on from.
+/// Notes that a step begins, and removes an earlier result that its command does not continue.
 pub(super) fn begin(
-    step: &Step,
+    step: &PlanStep,
     index: usize,
     folder: &mut Folder,
     (key, reason): (String, Reason),
-) -> Result<StepRecord> {
-    let mut arguments = step.arguments.clone();
-    match again(step, folder, reason) {
-        Again::AsIs => {}
-        Again::Resume => arguments.push("--resume".to_owned()),
+) -> Result<Begun> {
+    let mut command = step.command.clone();
+    let is_unfinished = reason == Reason::Unfinished;
+    let out = step.products.first().and_then(|product| product.parent());
+    match (step.restart(), &mut command) {
+        _ if !folder.record.steps.contains_key(&step.name) => {}
+        (Restart::Itself, _) if is_unfinished => {}
+        (Restart::Resume(left), JobCommand::Train(args))
+            if is_unfinished && out.is_some_and(|out| out.join(left).exists()) =>
+        {
+            args.resume = true;
+        }
         // Before the note: a process that is killed between the two finds its step as it was.
-        Again::Over if step.restart == Restart::Itself => step.clear()?,
-        Again::Over => {
+        (Restart::Itself, _) => step.clear()?,
+        _ => {
             remove_files(step)?;
-            arguments.push("--force".to_owned());
+            set_force(&mut command);
         }
     }
-    let begun = StepRecord {
+    let record = StepRecord {
         index,
-        command: arguments,
+        command: command_line::words(&command)?,
         key,
         ..StepRecord::default()
     };
-    folder.record.steps.insert(step.name.clone(), begun.clone());
+    folder
+        .record
+        .steps
+        .insert(step.name.clone(), record.clone());
     folder.save()?;
-    Ok(begun)
+    Ok(Begun { record, command })
 }
 
-/// Runs a command as if it had been typed, and says how many seconds it took. The peak of memory is
-/// its own afterwards.
-pub(super) fn dispatch(arguments: Vec<String>, global: &GlobalArgs) -> Result<(ExitCode, f64)> {
+/// Runs a command and returns the seconds it took. The peak of memory is its own afterwards.
+pub(super) fn dispatch(command: &JobCommand, global: &GlobalArgs) -> Result<(ExitCode, f64)> {
     record::forget_peak_memory();
     let started = Instant::now();
-    let command = parse(&arguments)?;
-    let code = record::with_arguments(arguments, || command.run(global))?;
+    let global = GlobalArgs {
+        command_line: command_line::words(command)?,
+        ..global.clone()
+    };
+    let code = command.run(&global)?;
     Ok((code, started.elapsed().as_secs_f64()))
 }
 
 /// Notes what a step has made.
 pub(super) fn finish(
-    step: &Step,
+    step: &PlanStep,
     folder: &mut Folder,
-    begun: StepRecord,
+    begun: Begun,
     seconds: f64,
 ) -> Result<()> {
     for product in &step.products {
@@ -224,7 +230,7 @@ pub(super) fn finish(
         products,
         seconds,
         peak_memory_mib: record::peak_memory_mib(),
-        ..begun
+        ..begun.record
     };
     folder.record.steps.insert(step.name.clone(), done);
     folder.save()
@@ -232,7 +238,7 @@ pub(super) fn finish(
 
 /// Removes products that are single files: one without its record, as of a step that was killed, is
 /// nobody's to a command.
-fn remove_files(step: &Step) -> Result<()> {
+fn remove_files(step: &PlanStep) -> Result<()> {
     for product in step.products.iter().filter(|product| product.is_file()) {
         files::remove_if_there(product)?;
         files::remove_if_there(&output::record_path(product))?;
@@ -240,38 +246,9 @@ fn remove_files(step: &Step) -> Result<()> {
     Ok(())
 }
 
-/// What becomes of what an earlier process has left.
-enum Again {
-    /// Nothing is there, or the command finds out itself.
-    AsIs,
-    /// The command is told to go on.
-    Resume,
-    /// It goes.
-    Over,
-}
-
-fn again(step: &Step, folder: &Folder, reason: Reason) -> Again {
-    if !folder.record.steps.contains_key(&step.name) {
-        return Again::AsIs;
-    }
-    let is_unfinished = reason == Reason::Unfinished;
-    match step.restart {
-        Restart::Itself if is_unfinished => Again::AsIs,
-        Restart::Resume(left) if is_unfinished => {
-            let out = step.products.first().and_then(|product| product.parent());
-            if out.is_some_and(|out| out.join(left).exists()) {
-                Again::Resume
-            } else {
-                Again::Over
-            }
-        }
-        _ => Again::Over,
-    }
-}
-
-/// A step as it is told to machines.
+/// A step in JSON messages.
 #[derive(Serialize)]
-struct Told<'a> {
+struct StepMessage<'a> {
     message: &'static str,
     step: &'a str,
     index: usize,
@@ -280,16 +257,16 @@ struct Told<'a> {
     command: String,
 }
 
-impl<'a> Told<'a> {
-    fn new(step: &'a Step, index: usize, total: usize, reason: Reason) -> Self {
-        Self {
+impl<'a> StepMessage<'a> {
+    fn new(step: &'a PlanStep, index: usize, total: usize, reason: Reason) -> Result<Self> {
+        Ok(Self {
             message: "run-step",
             step: &step.name,
             index: index + 1,
             total,
             reason,
-            command: step.shown(),
-        }
+            command: step.shown()?,
+        })
     }
 }
 
@@ -306,7 +283,6 @@ pub(super) fn dry_run(
     let reporter = Reporter::new(global);
     let mut runs = vec![false; plan.steps.len()];
     let (mut text, mut seconds, mut num_unknown) = (String::new(), 0.0, 0);
-    let (mut outlook, mut estimated) = (Outlook::new(), 0.0);
     let total = range.until + 1;
     for (index, step) in plan.steps.iter().take(total).enumerate() {
         let key = folder.key(plan, step)?;
@@ -315,48 +291,33 @@ pub(super) fn dry_run(
             why = Reason::Depends;
         }
         runs[index] = why != Reason::UpToDate;
-        reporter.message(&Told::new(step, index, total, why))?;
-        let known = folder.record.steps.get(&step.name);
-        let known = known.filter(|record| record.seconds > 0.0);
+        reporter.message(&StepMessage::new(step, index, total, why)?)?;
         let mut cost = String::new();
-        let estimate = outlook.of(step);
-        if let Some(record) = known {
+        let known = folder.record.steps.get(&step.name);
+        if let Some(record) = known.filter(|record| record.seconds > 0.0) {
             cost = format!(", {} last time", duration(record.seconds));
             if let Some(mib) = record.peak_memory_mib {
                 cost += &format!(" and {mib:.0} MiB");
             }
-        } else if let Some(estimate) = estimate {
-            cost = format!(", about {}", duration(estimate.seconds));
-            if let Some(bytes) = estimate.bytes {
-                cost += &format!(" and {} MiB", bytes >> 20);
-            }
-        }
-        if runs[index] {
-            match (known, estimate) {
-                (Some(record), _) => seconds += record.seconds,
-                (None, Some(estimate)) => estimated += estimate.seconds,
-                (None, None) => num_unknown += 1,
-            }
+            seconds += if runs[index] { record.seconds } else { 0.0 };
+        } else if runs[index] {
+            num_unknown += 1;
         }
         text += &format!(
             "[{}/{total}] {}: {}{cost}\n    {}\n",
             index + 1,
             step.name,
             why.text(),
-            step.shown()
+            step.shown()?
         );
     }
     let num = runs.iter().filter(|&&runs| runs).count();
     text += &format!("{num} of {total} steps would run");
-    if num > 0 {
-        text += &format!(
-            ": {} by what they took last time, about {} those that never ran",
-            duration(seconds),
-            duration(estimated)
-        );
+    if num > num_unknown {
+        text += &format!(": {} by what they took last time", duration(seconds));
     }
     if num_unknown > 0 {
-        text += &format!("; {num_unknown} of them never ran and depend on what is not there yet");
+        text += &format!("; {num_unknown} of them never ran");
     }
     text.push('\n');
     if !global.json {

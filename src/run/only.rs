@@ -7,7 +7,7 @@ use super::execute::{self, Reason};
 use super::plan::Plan;
 use super::project::Project;
 use super::state::{Folder, Patience};
-use super::step::Step;
+use super::step::{PlanStep, set_shard};
 use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
@@ -29,8 +29,7 @@ pub(super) fn run(
     global: &GlobalArgs,
 ) -> Result<ExitCode> {
     let Some(index) = plan.steps.iter().position(|step| step.name == name) else {
-        let names: Vec<&str> = plan.steps.iter().map(|step| step.name.as_str()).collect();
-        bail!("--only {name}: no step; there are {}", names.join(", "));
+        bail!("--only {name}: no step; there are {}", plan.names());
     };
     let step = &plan.steps[index];
     if let Some(shard) = shard.filter(|_| !step.divides()) {
@@ -53,12 +52,10 @@ pub(super) fn run(
     let begun = execute::begin(step, index, &mut folder, (key, reason))?;
     drop(folder);
 
-    let mut arguments = begun.command.clone();
-    if let Some(shard) = shard {
-        arguments.extend(["--shard".to_owned(), shard.to_string()]);
-    }
+    let mut command = begun.command.clone();
+    set_shard(&mut command, shard);
     let (code, seconds) =
-        execute::dispatch(arguments, global).with_context(|| format!("step {}", step.name))?;
+        execute::dispatch(&command, global).with_context(|| format!("step {}", step.name))?;
     if code != ExitCode::SUCCESS || shard.is_some() {
         return Ok(code);
     }
@@ -70,7 +67,7 @@ pub(super) fn run(
     Ok(ExitCode::SUCCESS)
 }
 
-fn check_earlier(plan: &Plan, step: &Step, folder: &Folder) -> Result<()> {
+fn check_earlier(plan: &Plan, step: &PlanStep, folder: &Folder) -> Result<()> {
     let earlier = step
         .after
         .iter()
@@ -88,16 +85,16 @@ fn check_earlier(plan: &Plan, step: &Step, folder: &Folder) -> Result<()> {
     );
 }
 
-/// A step as it is listed.
+/// A step in the list of steps.
 #[derive(Serialize)]
 struct Listed<'a> {
     message: &'static str,
     step: &'a str,
     /// Command, without the name of the program.
-    arguments: &'a [String],
+    arguments: Vec<String>,
     /// Steps whose products it takes.
     after: Vec<&'a str>,
-    /// What it reads of the world outside.
+    /// Files and folders outside of the run that it reads.
     reads: &'a [PathBuf],
     products: &'a [PathBuf],
     /// Whether `--shard` divides it.
@@ -121,14 +118,14 @@ pub(super) fn list(plan: &Plan, global: &GlobalArgs) -> Result<ExitCode> {
         reporter.message(&Listed {
             message: "step",
             step: &step.name,
-            arguments: &step.arguments,
+            arguments: step.words()?,
             after: after.collect(),
             reads: &step.reads,
             products: &step.products,
             divides: step.divides(),
             out: &plan.out,
         })?;
-        text += &format!("{}\n    {}\n", step.name, step.shown());
+        text += &format!("{}\n    {}\n", step.name, step.shown()?);
     }
     if !global.json {
         terminal::print(&text)?;

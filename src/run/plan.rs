@@ -1,18 +1,32 @@
 //! The commands that follow from a project, in an order in which each finds what it needs.
 
-use super::project::{Capture, ORIGINAL, Options, Photographs, Project, Relight, Source};
-use super::step::{Restart, Step, parse};
-use anyhow::{Result, anyhow, bail};
+use super::project::{ORIGINAL, Project, Relight, is_file, mode_name};
+use super::section::{MODEL, Options};
+use super::step::PlanStep;
+use crate::bake::BakeArgs;
+use crate::colmap::{ColmapArgs, ColmapCommand, ImportArgs, RunArgs};
+use crate::command::JobCommand;
+use crate::edit::EditArgs;
+use crate::eval::{EvalArgs, TableArgs};
+use crate::masks::MasksArgs;
+use crate::normals::NormalsArgs;
+use crate::render::Mode;
+use crate::report::ReportArgs;
+use crate::synth::SynthArgs;
+use crate::train::TrainArgs;
+use anyhow::{Context, Result, anyhow, bail};
 use eagpt_edit::Script;
-use eagpt_eval::METRICS_FILE;
+use eagpt_eval::tabulate::DEFAULT_METRICS;
+use eagpt_eval::{METRICS_FILE, TableFolder};
+use eagpt_report::run::folders;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE};
 use std::path::{Path, PathBuf};
 
 /// All steps.
 #[derive(Debug)]
-pub(super) struct Plan {
-    pub(super) steps: Vec<Step>,
+pub(crate) struct Plan {
+    pub(crate) steps: Vec<PlanStep>,
     /// Folder for all results.
     pub(super) out: PathBuf,
     /// Folder of the project file.
@@ -20,70 +34,57 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// The steps of a project. Every command is parsed: an option that cannot be is found here,
+    /// The steps of a project. All of its options are parsed: one that cannot be is found here,
     /// before anything runs.
-    pub(super) fn of(project: &Project) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If a section does not fit its command, or a file that steps need cannot be read.
+    pub(crate) fn of(project: &Project) -> Result<Self> {
         let mut plan = Self {
             steps: Vec::new(),
             out: project.out.clone(),
-            here: project.path.parent().unwrap_or(Path::new("")).to_owned(),
+            here: project.path().parent().unwrap_or(Path::new("")).to_owned(),
         };
-        let dataset = match &project.source {
-            Source::Dataset(path) => path.clone(),
-            Source::Capture(capture) => plan.capture(capture),
+        let file = &project.file;
+        let dataset = match &file.dataset {
+            Some(path) => path.clone(),
+            None => plan.capture(project)?,
         };
-        let dataset = dataset.as_path();
-        let scene = match &project.scene {
+        let scene = match &file.scene {
             Some(scene) => scene.clone(),
-            None => {
-                let masks = project.masks.as_ref();
-                let masks =
-                    masks.map(|options| plan.maps(["masks", EMISSION_DIR], dataset, options));
-                let normals = project.normals.as_ref();
-                let normals =
-                    normals.map(|options| plan.maps(["normals", NORMAL_DIR], dataset, options));
-                plan.train(dataset, [masks, normals], &project.train);
-                plan.out.join("train/scene.ply")
-            }
+            None => plan.train(project, &dataset)?,
         };
-        let dataset = project.measure.as_deref().unwrap_or(dataset);
-        let mut evaluated = plan.condition(
-            project,
-            &Condition {
-                name: ORIGINAL,
-                scene: &scene,
-                dataset,
-                reference: Some(dataset),
-                split: None,
-                is_changed: false,
-            },
-        );
-        for relight in &project.relight {
+        let dataset = file.measure.clone().unwrap_or(dataset);
+        let original = Condition {
+            name: ORIGINAL,
+            scene: &scene,
+            dataset: &dataset,
+            reference: Some(&dataset),
+            relight: None,
+        };
+        let mut evaluated = plan.condition(project, &original)?;
+        for relight in &file.relight {
             let scene = plan.edit(relight, &scene);
             let of_capture = relight.condition.as_ref();
             let of_capture = of_capture.map(|name| plan.out.join("dataset").join(name));
             let reference = relight.reference.clone().or(of_capture);
-            evaluated.extend(plan.condition(
-                project,
-                &Condition {
-                    name: &relight.name,
-                    scene: &scene,
-                    dataset,
-                    reference: reference.as_deref(),
-                    split: relight.split.as_deref(),
-                    is_changed: true,
-                },
-            ));
+            let condition = Condition {
+                name: &relight.name,
+                scene: &scene,
+                dataset: &dataset,
+                reference: reference.as_deref(),
+                relight: Some(relight),
+            };
+            evaluated.extend(plan.condition(project, &condition)?);
         }
         if !evaluated.is_empty() {
-            plan.table(&evaluated);
+            plan.table(evaluated);
         }
         plan.report();
         plan.check_inputs(project)?;
         for step in &plan.steps {
-            parse(&step.arguments).map_err(|error| {
-                anyhow!("{}: step {}: {error}", project.path.display(), step.name)
-            })?;
+            let context = || format!("{}: step {}", project.path().display(), step.name);
+            step.words().with_context(context)?;
         }
         Ok(plan)
     }
@@ -91,11 +92,9 @@ impl Plan {
     /// Reads what people write and what every later step needs: an error should come before hours
     /// of work.
     fn check_inputs(&self, project: &Project) -> Result<()> {
-        let dataset = match &project.source {
-            Source::Dataset(path) => Some(Dataset::open(path)?),
-            Source::Capture(_) => None,
-        };
-        for relight in &project.relight {
+        let dataset = project.file.dataset.as_deref().map(Dataset::open);
+        let dataset = dataset.transpose()?;
+        for relight in &project.file.relight {
             Script::read(&relight.script)?;
             let reference = relight.reference.as_ref();
             // What the run itself makes is not there yet.
@@ -117,323 +116,326 @@ impl Plan {
 
     /// The index of a step; a name without "/" stands for the first of its kind too.
     pub(super) fn find(&self, name: &str) -> Result<usize> {
-        let mut names = self.steps.iter().map(|step| step.name.as_str());
-        let kind = |full: &str| full.split('/').next() == Some(name);
-        let found = names
-            .clone()
-            .position(|full| full == name)
-            .or_else(|| names.clone().position(kind));
-        found.ok_or_else(|| {
-            let all: Vec<&str> = names.by_ref().collect();
-            anyhow!("`{name}` is no step; there are {}", all.join(", "))
-        })
+        let exact = self.steps.iter().position(|step| step.name == name);
+        let found = exact.or_else(|| self.steps.iter().position(|step| step.is_of(name)));
+        found.ok_or_else(|| anyhow!("`{name}` is no step; there are {}", self.names()))
     }
 
     /// The index of a step; a name without "/" stands for the last of its kind too.
     pub(super) fn find_last(&self, name: &str) -> Result<usize> {
-        let kind = |step: &Step| step.name.split('/').next() == Some(name);
-        match self.steps.iter().rposition(kind) {
-            Some(index) => Ok(index),
-            None => self.find(name),
+        let last = self.steps.iter().rposition(|step| step.is_of(name));
+        last.map_or_else(|| self.find(name), Ok)
+    }
+
+    /// Names of all steps, separated by commas.
+    pub(super) fn names(&self) -> String {
+        let names: Vec<&str> = self.steps.iter().map(|step| step.name.as_str()).collect();
+        names.join(", ")
+    }
+
+    /// Adds a step that takes files and folders, of the outside world or made by other steps.
+    fn add(
+        &mut self,
+        name: impl Into<String>,
+        command: JobCommand,
+        takes: impl IntoIterator<Item = PathBuf>,
+        product: PathBuf,
+    ) {
+        let (mut reads, mut after) = (Vec::new(), Vec::new());
+        for path in takes {
+            let makes = |step: &PlanStep| step.products.iter().any(|made| path.starts_with(made));
+            match self.steps.iter().position(makes) {
+                Some(maker) => after.push(maker),
+                None => reads.push(path),
+            }
         }
-    }
-
-    fn push(&mut self, step: Step) -> usize {
-        self.steps.push(step);
-        self.steps.len() - 1
-    }
-
-    /// Adds a step whose command gets options of the project, and reads what they name, and a place
-    /// to write to.
-    fn push_with(&mut self, options: &Options, out: &Path, mut step: Step) -> usize {
-        step.arguments.extend(options.words.iter().cloned());
-        step.arguments.extend(words(&["--out"], &[out]));
-        let paths: Vec<&Path> = options.paths.iter().map(PathBuf::as_path).collect();
-        let (reads, after) = self.sources(&paths);
-        step.reads.extend(reads);
-        step.after.extend(after);
-        step.after.sort_unstable();
-        step.after.dedup();
-        self.push(step)
+        after.sort_unstable();
+        after.dedup();
+        self.steps.push(PlanStep {
+            name: name.into(),
+            command,
+            reads,
+            after,
+            products: vec![product],
+        });
     }
 
     /// From photographs to the dataset of the first lighting; returns its folder.
-    fn capture(&mut self, capture: &Capture) -> PathBuf {
+    fn capture(&mut self, project: &Project) -> Result<PathBuf> {
+        let file = &project.file;
+        let photographs = match (&file.capture, &file.simulate) {
+            (None, Some(scene)) => self.simulate(project, scene)?,
+            (photographs, _) => photographs.clone().unwrap_or_default(),
+        };
+        let first = file.conditions.first();
+        let in_first = |folder: &Path| first.map_or(folder.to_owned(), |name| folder.join(name));
+
         let ingested = self.out.join("ingest");
-        let (photographs, reads, after) = match &capture.photographs {
-            Photographs::Taken(path) => (path.clone(), vec![path.clone()], Vec::new()),
-            Photographs::Simulated(scene, options) => {
-                let out = self.out.join("capture");
-                let simulate = self.simulate(scene, options, &out);
-                (out, Vec::new(), vec![simulate])
-            }
-        };
-        let first = capture.conditions.first();
-        let ingest = Step {
-            name: "ingest".to_owned(),
-            arguments: words(&["ingest"], &[&photographs]),
-            reads,
-            after,
-            products: vec![ingested.clone()],
-            restart: Restart::Itself,
-        };
-        let ingest = self.push_with(&capture.ingest, &ingested, ingest);
-        let (model, reads, after) = match &capture.model {
-            Some(model) => {
-                let (reads, mut after) = self.sources(&[model]);
-                after.push(ingest);
-                (model.clone(), reads, after)
+        let Options { mut args, paths } = project.options::<crate::ingest::IngestArgs>("ingest")?;
+        args.capture.clone_from(&photographs);
+        args.out.clone_from(&ingested);
+        let takes = [photographs].into_iter().chain(paths);
+        self.add("ingest", JobCommand::Ingest(args), takes, ingested.clone());
+
+        let given = file.poses.as_ref().and_then(|poses| poses.get(MODEL));
+        let model = match given {
+            Some(toml::Value::String(model)) => PathBuf::from(model),
+            Some(other) => {
+                let problem = format!("{other} is no path");
+                return Err(project.error(&["poses", MODEL], problem).into());
             }
             None => {
                 let out = self.out.join("colmap");
-                let previews = first.map_or(ingested.clone(), |first| ingested.join(first));
-                let arguments = words(&["colmap", "run"], &[&previews.join("Preview")]);
-                let colmap = Step {
-                    name: "colmap".to_owned(),
-                    arguments,
-                    reads: Vec::new(),
-                    after: vec![ingest],
-                    products: vec![out.clone()],
-                    restart: Restart::Anew,
-                };
-                let colmap = self.push_with(&capture.colmap, &out, colmap);
-                (out, Vec::new(), vec![ingest, colmap])
+                let Options { mut args, paths } = project.options::<RunArgs>("colmap")?;
+                args.images = in_first(&ingested).join("Preview");
+                args.out.clone_from(&out);
+                let takes = [args.images.clone()].into_iter().chain(paths);
+                let command = JobCommand::Colmap(ColmapArgs {
+                    command: ColmapCommand::Run(args),
+                });
+                self.add("colmap", command, takes, out.clone());
+                out
             }
         };
         let out = self.out.join("dataset");
-        let mut arguments = words(&["colmap", "import"], &[&model]);
-        arguments.extend(words(&["--images"], &[&ingested]));
-        if !capture.conditions.is_empty() {
-            arguments.extend(["--conditions".to_owned(), capture.conditions.join(",")]);
-        }
-        let poses = Step {
-            name: "poses".to_owned(),
-            arguments,
-            reads,
-            after,
-            products: vec![out.clone()],
-            restart: Restart::Anew,
-        };
-        self.push_with(&capture.poses, &out, poses);
-        first.map_or(out.clone(), |first| out.join(first))
+        let Options { mut args, paths } = project.options::<ImportArgs>("poses")?;
+        args.model.clone_from(&model);
+        args.images = Some(ingested.clone());
+        args.conditions.clone_from(&file.conditions);
+        args.out.clone_from(&out);
+        let takes = [model, ingested].into_iter().chain(paths);
+        let command = JobCommand::Colmap(ColmapArgs {
+            command: ColmapCommand::Import(args),
+        });
+        self.add("poses", command, takes, out.clone());
+        Ok(in_first(&out))
     }
 
-    fn simulate(&mut self, scene: &str, options: &Options, out: &Path) -> usize {
-        let is_file = scene.contains(['/', '.']);
-        let simulate = Step {
-            name: "simulate".to_owned(),
-            arguments: words(&["synth", scene], &[]),
-            reads: is_file.then(|| scene.into()).into_iter().collect(),
-            after: Vec::new(),
-            products: vec![out.to_owned()],
-            restart: Restart::Anew,
-        };
-        self.push_with(options, out, simulate)
+    fn simulate(&mut self, project: &Project, scene: &str) -> Result<PathBuf> {
+        let out = self.out.join("capture");
+        let Options { mut args, paths } = project.options::<SynthArgs>("synth")?;
+        args.scene = Some(scene.to_owned());
+        args.out = Some(out.clone());
+        let takes = is_file(scene)
+            .then(|| scene.into())
+            .into_iter()
+            .chain(paths);
+        self.add("simulate", JobCommand::Synth(args), takes, out.clone());
+        Ok(out)
     }
 
-    /// Divides what a step reads into the files of the outside world and the steps that make the
-    /// others.
-    fn sources(&self, paths: &[&Path]) -> (Vec<PathBuf>, Vec<usize>) {
-        let (mut reads, mut after) = (Vec::new(), Vec::new());
-        for path in paths {
-            let makes = |step: &Step| step.products.iter().any(|made| path.starts_with(made));
-            match self.steps.iter().position(makes) {
-                Some(maker) => after.push(maker),
-                None => reads.push((*path).to_owned()),
+    /// Masks, normals and training; returns the scene.
+    fn train(&mut self, project: &Project, dataset: &Path) -> Result<PathBuf> {
+        let Options { mut args, paths } = project.options::<TrainArgs>("train")?;
+        args.dataset = Some(dataset.to_owned());
+        let mut takes = vec![dataset.to_owned()];
+        takes.extend(paths);
+        let taken_twice = |name: &str| {
+            let problem = format!("the section [{name}] makes them");
+            project.error(&["train", name], problem)
+        };
+        if project.file.masks.is_some() {
+            let Options {
+                args: mut of,
+                paths,
+            } = project.options::<MasksArgs>("masks")?;
+            let out = self.out.join(folders::MASKS);
+            of.dataset = dataset.to_owned();
+            of.out = Some(out.clone());
+            takes.push(self.maps("masks", JobCommand::Masks(of), dataset, paths, EMISSION_DIR));
+            if args.masks.replace(out).is_some() {
+                return Err(taken_twice("masks").into());
             }
         }
-        (reads, after)
-    }
-
-    /// What a command adds to a dataset, inside of a folder that is called like the command.
-    fn maps(&mut self, [command, maps]: [&str; 2], dataset: &Path, options: &Options) -> usize {
-        let out = self.out.join(command);
-        let (reads, after) = self.sources(&[dataset]);
-        let step = Step {
-            name: command.to_owned(),
-            arguments: words(&[command], &[dataset]),
-            reads,
-            after,
-            products: vec![out.join(maps)],
-            restart: Restart::Anew,
-        };
-        self.push_with(options, &out, step)
-    }
-
-    fn train(&mut self, dataset: &Path, maps: [Option<usize>; 2], options: &Options) {
-        let out = self.out.join("train");
-        let mut arguments = words(&["train"], &[dataset]);
-        let (reads, mut after) = self.sources(&[dataset]);
-        for step in maps.into_iter().flatten() {
-            let name = &self.steps[step].name;
-            arguments.extend(words(&[&format!("--{name}")], &[&self.out.join(name)]));
-            after.push(step);
+        if project.file.normals.is_some() {
+            let Options {
+                args: mut of,
+                paths,
+            } = project.options::<NormalsArgs>("normals")?;
+            let out = self.out.join("normals");
+            of.dataset = dataset.to_owned();
+            of.out = Some(out.clone());
+            takes.push(self.maps(
+                "normals",
+                JobCommand::Normals(of),
+                dataset,
+                paths,
+                NORMAL_DIR,
+            ));
+            if args.normals.replace(out).is_some() {
+                return Err(taken_twice("normals").into());
+            }
         }
-        let train = Step {
-            name: "train".to_owned(),
-            arguments,
-            reads,
-            after,
-            products: vec![out.join("scene.ply")],
-            restart: Restart::Resume("checkpoints"),
-        };
-        self.push_with(options, &out, train);
+        let out = self.out.join(folders::TRAIN);
+        let scene = out.join("scene.ply");
+        args.out = Some(out);
+        self.add("train", JobCommand::Train(args), takes, scene.clone());
+        Ok(scene)
+    }
+
+    /// Maps for the views of a dataset; returns their folder.
+    fn maps(
+        &mut self,
+        name: &str,
+        command: JobCommand,
+        dataset: &Path,
+        paths: Vec<PathBuf>,
+        folder: &str,
+    ) -> PathBuf {
+        let maps = self.out.join(name).join(folder);
+        let takes = [dataset.to_owned()].into_iter().chain(paths);
+        self.add(name, command, takes, maps.clone());
+        maps
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {
         let out = self.out.join("edit").join(format!("{}.ply", relight.name));
-        let (mut reads, after) = self.sources(&[scene]);
-        reads.push(relight.script.clone());
-        self.push(Step {
-            name: format!("edit/{}", relight.name),
-            arguments: with_out(words(&["edit"], &[scene, &relight.script]), &out),
-            reads,
-            after,
-            products: vec![out.clone()],
-            restart: Restart::Anew,
+        let command = JobCommand::Edit(EditArgs {
+            scene: scene.to_owned(),
+            script: relight.script.clone(),
+            out: Some(out.clone()),
+            dry_run: false,
+            force: false,
         });
+        let takes = [scene.to_owned(), relight.script.clone()];
+        self.add(
+            format!("edit/{}", relight.name),
+            command,
+            takes,
+            out.clone(),
+        );
         out
     }
 
     /// Baking, rendering and measuring of one light; returns the evaluations.
-    fn condition(&mut self, project: &Project, condition: &Condition<'_>) -> Vec<Evaluated> {
+    fn condition(
+        &mut self,
+        project: &Project,
+        condition: &Condition<'_>,
+    ) -> Result<Vec<TableFolder>> {
         let mut rendered = Vec::new();
-        for (mode, options) in &project.modes {
-            let step = self.render(mode, mode, condition, options);
-            rendered.push((mode.clone(), step));
+        for mode in project.modes()? {
+            let row = mode_name(&mode);
+            self.render(project, condition, mode, &row)?;
+            rendered.push(row);
         }
-        if let (Some(options), true) = (&project.bake, condition.is_changed) {
-            self.bake(condition, options);
-            let seen = Condition {
-                scene: &self
-                    .out
-                    .join("bake")
-                    .join(format!("{}.ply", condition.name)),
+        if project.file.bake.is_some() && condition.relight.is_some() {
+            let scene = self.bake(project, condition)?;
+            let baked = Condition {
+                scene: &scene,
                 ..*condition
             };
-            let step = self.render("baked", "0-bounce", &seen, &project.zero_bounce);
-            rendered.push(("baked".to_owned(), step));
+            self.render(project, &baked, Mode::ZeroBounce, "baked")?;
+            rendered.push("baked".to_owned());
         }
         let Some(reference) = condition.reference else {
-            return Vec::new();
+            return Ok(Vec::new());
         };
-        rendered
-            .into_iter()
-            .map(|(row, step)| self.eval(project, &row, step, condition, reference))
+        let rows = rendered.into_iter();
+        rows.map(|row| self.eval(project, condition, reference, row))
             .collect()
     }
 
-    fn bake(&mut self, condition: &Condition<'_>, options: &Options) {
-        let out = self
-            .out
-            .join("bake")
-            .join(format!("{}.ply", condition.name));
-        let name = format!("bake/{}", condition.name);
-        self.look(name, &[], condition, options, &out);
+    fn bake(&mut self, project: &Project, condition: &Condition<'_>) -> Result<PathBuf> {
+        let name = condition.name;
+        let out = self.out.join("bake").join(format!("{name}.ply"));
+        let Options { mut args, paths } = project.options::<BakeArgs>("bake")?;
+        args.scene = condition.scene.to_owned();
+        args.cameras = condition.dataset.to_owned();
+        args.out.clone_from(&out);
+        let takes = condition.view_inputs().chain(paths);
+        self.add(
+            format!("bake/{name}"),
+            JobCommand::Bake(args),
+            takes,
+            out.clone(),
+        );
+        Ok(out)
     }
 
     fn render(
         &mut self,
+        project: &Project,
+        condition: &Condition<'_>,
+        mode: Mode,
         row: &str,
-        mode: &str,
-        condition: &Condition<'_>,
-        options: &Options,
-    ) -> usize {
-        let out = self.out.join("render").join(condition.name).join(row);
-        let name = format!("render/{}/{row}", condition.name);
-        self.look(name, &["--mode", mode], condition, options, &out)
-    }
-
-    /// A command that takes the scene and the cameras of a condition; its name begins that of the
-    /// step.
-    fn look(
-        &mut self,
-        name: String,
-        own: &[&str],
-        condition: &Condition<'_>,
-        options: &Options,
-        out: &Path,
-    ) -> usize {
-        let command = name.split('/').next().unwrap_or_default();
-        let mut arguments = words(&[command], &[condition.scene]);
-        arguments.extend(words(&["--cameras"], &[condition.dataset]));
-        arguments.extend(words(own, &[]));
-        let (reads, after) = self.sources(&[&transforms(condition.dataset), condition.scene]);
-        let look = Step {
-            name,
-            arguments,
-            reads,
-            after,
-            products: vec![out.to_owned()],
-            restart: Restart::Itself,
-        };
-        self.push_with(options, out, look)
+    ) -> Result<()> {
+        let Condition { name, scene, .. } = condition;
+        let out = self.out.join(folders::RENDER).join(name).join(row);
+        let Options { mut args, paths } = project.render_options(mode)?;
+        args.scene = (*scene).to_owned();
+        args.cameras = condition.dataset.to_owned();
+        args.mode = mode;
+        args.out.clone_from(&out);
+        let takes = condition.view_inputs().chain(paths);
+        self.add(
+            format!("render/{name}/{row}"),
+            JobCommand::Render(args),
+            takes,
+            out,
+        );
+        Ok(())
     }
 
     fn eval(
         &mut self,
         project: &Project,
-        row: &str,
-        render: usize,
         condition: &Condition<'_>,
         reference: &Path,
-    ) -> Evaluated {
-        let renders = self.out.join("render").join(condition.name).join(row);
-        let out = self.out.join("eval").join(condition.name).join(row);
-        let mut arguments = words(&["eval"], &[&renders]);
-        arguments.extend(words(&["--reference"], &[reference]));
-        arguments.extend(["--name".to_owned(), condition.name.to_owned()]);
-        if let Some(split) = condition.split {
-            arguments.extend(["--split".to_owned(), split.to_owned()]);
+        row: String,
+    ) -> Result<TableFolder> {
+        let Condition { name, dataset, .. } = condition;
+        let renders = self.out.join(folders::RENDER).join(name).join(&row);
+        let folder = self.out.join(folders::EVAL).join(name).join(&row);
+        let Options { mut args, paths } = project.options::<EvalArgs>("eval")?;
+        let mut takes = vec![reference.to_owned(), renders.clone()];
+        if let Some(relight) = condition.relight {
+            takes.push((*dataset).to_owned());
+            args.before.push((*dataset).to_owned());
+            if let Some(split) = relight.split {
+                args.split = vec![split];
+            }
         }
-        let mut datasets = vec![reference];
-        if condition.is_changed {
-            arguments.extend(words(&["--before"], &[condition.dataset]));
-            datasets.push(condition.dataset);
-        }
-        let (reads, mut after) = self.sources(&datasets);
-        after.push(render);
-        let step = Step {
-            name: format!("eval/{}/{row}", condition.name),
-            arguments,
-            reads,
-            after,
-            products: vec![out.join(METRICS_FILE)],
-            restart: Restart::Anew,
-        };
-        let step = self.push_with(&project.eval, &out, step);
-        Evaluated {
-            row: row.to_owned(),
-            folder: out,
-            step,
-        }
+        args.renders = vec![renders];
+        args.reference = vec![reference.to_owned()];
+        args.name = vec![(*name).to_owned()];
+        args.out = Some(folder.clone());
+        takes.extend(paths);
+        let product = folder.join(METRICS_FILE);
+        self.add(
+            format!("eval/{name}/{row}"),
+            JobCommand::Eval(args),
+            takes,
+            product,
+        );
+        let row = Some(row);
+        Ok(TableFolder { folder, row })
+    }
+
+    fn table(&mut self, folders: Vec<TableFolder>) {
+        let out = self.out.join(folders::TABLE);
+        let takes: Vec<PathBuf> = folders
+            .iter()
+            .map(|of| of.folder.join(METRICS_FILE))
+            .collect();
+        let command = JobCommand::Eval(EvalArgs::table(TableArgs {
+            folders,
+            metrics: DEFAULT_METRICS.map(str::to_owned).into(),
+            out: out.clone(),
+            force: false,
+        }));
+        self.add("table", command, takes, out);
     }
 
     fn report(&mut self) {
         let out = self.out.join("report.html");
-        self.push(Step {
-            name: "report".to_owned(),
-            arguments: with_out(words(&["report"], &[&self.out]), &out),
-            reads: Vec::new(),
-            after: (0..self.steps.len()).collect(),
-            products: vec![out],
-            restart: Restart::Anew,
+        let command = JobCommand::Report(ReportArgs {
+            run: self.out.clone(),
+            out: out.clone(),
+            force: false,
         });
-    }
-
-    fn table(&mut self, evaluated: &[Evaluated]) {
-        let mut arguments = words(&["eval", "table"], &[]);
-        let cells = evaluated.iter();
-        arguments.extend(cells.map(|one| format!("{}={}", one.row, one.folder.display())));
-        let out = self.out.join("table");
-        self.push(Step {
-            name: "table".to_owned(),
-            arguments: with_out(arguments, &out),
-            reads: Vec::new(),
-            after: evaluated.iter().map(|one| one.step).collect(),
-            products: vec![out],
-            restart: Restart::Anew,
-        });
+        let takes: Vec<PathBuf> = self.steps.iter().flat_map(|s| s.products.clone()).collect();
+        self.add("report", command, takes, out);
     }
 }
 
@@ -442,37 +444,21 @@ impl Plan {
 struct Condition<'a> {
     name: &'a str,
     scene: &'a Path,
-    /// Dataset whose cameras count.
+    /// Dataset with the cameras.
     dataset: &'a Path,
     reference: Option<&'a Path>,
-    split: Option<&'a str>,
-    /// Whether it is another light than that of the photographs.
-    is_changed: bool,
+    /// The change of light; `None` for that of the photographs.
+    relight: Option<&'a Relight>,
 }
 
-/// An evaluation on its way into the table.
-struct Evaluated {
-    row: String,
-    folder: PathBuf,
-    step: usize,
-}
-
-fn words(words: &[&str], paths: &[&Path]) -> Vec<String> {
-    let words = words.iter().map(|word| (*word).to_owned());
-    let paths = paths.iter().map(|path| path.display().to_string());
-    words.chain(paths).collect()
-}
-
-fn with_out(mut arguments: Vec<String>, out: &Path) -> Vec<String> {
-    arguments.extend(words(&["--out"], &[out]));
-    arguments
-}
-
-/// What a command reads that needs the cameras of a dataset alone.
-fn transforms(dataset: &Path) -> PathBuf {
-    if dataset.is_file() {
-        dataset.to_owned()
-    } else {
-        dataset.join(TRANSFORMS_FILE)
+impl Condition<'_> {
+    /// What a command takes that needs the scene and the cameras of the dataset alone.
+    fn view_inputs(&self) -> impl Iterator<Item = PathBuf> + use<> {
+        let cameras = if self.dataset.is_file() {
+            self.dataset.to_owned()
+        } else {
+            self.dataset.join(TRANSFORMS_FILE)
+        };
+        [cameras, self.scene.to_owned()].into_iter()
     }
 }

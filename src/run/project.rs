@@ -1,268 +1,295 @@
 //! The project file: a section for each step, whose keys are the options of a command.
 
-mod reader;
-
-use crate::command::JobCommand;
-use anyhow::Result;
-use clap::{Arg, Command};
-use eagpt_scene::files;
-use eagpt_scene::script::{Node, Text};
-use reader::Reader;
-use std::any::TypeId;
+use super::section::{self, Section};
+use crate::render::Mode;
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+pub(crate) use eagpt_report::run::ORIGINAL;
+use eagpt_scene::dataset::Subset;
+use eagpt_scene::script::ScriptFile;
+use eagpt_scene::{SceneError, files};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A project, its file checked as far as that goes without looking at what it names.
-#[derive(Debug)]
-pub(super) struct Project {
-    /// The file.
-    pub(super) path: PathBuf,
-    /// Its content.
-    pub(super) text: String,
-    /// Folder for all results.
-    pub(super) out: PathBuf,
-    /// Where the photographs come from.
-    pub(super) source: Source,
-    /// A trained scene to take instead of training one.
-    pub(super) scene: Option<PathBuf>,
-    /// Options of `eagpt masks`; `None` if masks are to be those of the dataset.
-    pub(super) masks: Option<Options>,
-    /// Options of `eagpt normals`; `None` if normals are to be those of the dataset.
-    pub(super) normals: Option<Options>,
-    /// Options of `eagpt train`.
-    pub(super) train: Options,
+/// Content of a project file, its paths resolved.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct ProjectFile {
+    /// Folder for all results; by default the file's name without its extension.
+    pub(crate) out: Option<PathBuf>,
+    /// Seed of every command that has one.
+    pub(crate) seed: Option<u32>,
+    /// Dataset to start from.
+    pub(crate) dataset: Option<PathBuf>,
+    /// RAW brackets to start from.
+    pub(crate) capture: Option<PathBuf>,
+    /// Virtual room to take RAW brackets of: a scene file, or the name of a scene.
+    pub(crate) simulate: Option<String>,
+    /// Lightings, each a folder of the capture; the first is the one to train on. Empty if there
+    /// is but one.
+    pub(super) conditions: Vec<String>,
     /// Dataset whose cameras are rendered and whose images measure the result, if not those that
     /// are trained on.
     pub(super) measure: Option<PathBuf>,
-    /// Changes of the light, to be rendered and, where there are references, measured.
-    pub(super) relight: Vec<Relight>,
-    /// Modes of rendering, in the order of the file, with their options of `eagpt render`.
-    pub(super) modes: Vec<(String, Options)>,
-    /// Options of `eagpt render` for scenes whose light is baked.
-    pub(super) zero_bounce: Options,
-    /// Options of `eagpt bake`; `None` if nothing is baked.
-    pub(super) bake: Option<Options>,
-    /// Options of `eagpt eval`.
-    pub(super) eval: Options,
-}
-
-/// Where the photographs come from.
-#[derive(Debug)]
-pub(super) enum Source {
-    /// A dataset that is there.
-    Dataset(PathBuf),
-    /// Photographs, of which a dataset is to be made.
-    Capture(Box<Capture>),
-}
-
-/// RAW brackets.
-#[derive(Debug)]
-pub(super) enum Photographs {
-    /// In a folder that is there.
-    Taken(PathBuf),
-    /// To be taken of a virtual room: the scene and options of `eagpt synth`.
-    Simulated(String, Options),
-}
-
-/// Photographs of a room.
-#[derive(Debug)]
-pub(super) struct Capture {
-    /// Where the RAW brackets are.
-    pub(super) photographs: Photographs,
-    /// Lightings, each a folder of the photographs; the first is the one to train on. Empty if
-    /// there is but one.
-    pub(super) conditions: Vec<String>,
+    /// A trained scene to take instead of training one.
+    pub(crate) scene: Option<PathBuf>,
+    /// Options of `eagpt synth`.
+    pub(crate) synth: Option<Section>,
     /// Options of `eagpt ingest`.
-    pub(super) ingest: Options,
-    /// Poses that are there already, a COLMAP model of the previews.
-    pub(super) model: Option<PathBuf>,
-    /// Options of `eagpt colmap run`, where there is no model.
-    pub(super) colmap: Options,
-    /// Options of `eagpt colmap import`.
-    pub(super) poses: Options,
+    pub(crate) ingest: Option<Section>,
+    /// Options of `eagpt colmap run`.
+    pub(crate) colmap: Option<Section>,
+    /// Options of `eagpt colmap import`, and `model`: poses that are there already, a COLMAP model
+    /// of the previews.
+    pub(crate) poses: Option<Section>,
+    /// Options of `eagpt masks`; without them, masks are those of the dataset.
+    pub(crate) masks: Option<Section>,
+    /// Options of `eagpt normals`; without them, normals are those of the dataset.
+    pub(crate) normals: Option<Section>,
+    /// Options of `eagpt train`.
+    pub(crate) train: Option<Section>,
+    /// Options of `eagpt render` for all `modes`, and a table of options for a single mode.
+    pub(crate) render: Option<Section>,
+    /// Options of `eagpt bake`; without them, nothing is baked.
+    pub(crate) bake: Option<Section>,
+    /// Options of `eagpt eval`.
+    pub(crate) eval: Option<Section>,
+    /// Changes of the light, to be rendered and, where there are references, measured.
+    pub(crate) relight: Vec<Relight>,
 }
 
 /// A change of the light.
-#[derive(Debug)]
-pub(super) struct Relight {
-    /// Its name.
-    pub(super) name: String,
-    /// The edit script.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Relight {
+    /// Name of the condition.
+    pub(crate) name: String,
+    /// Edit script.
     pub(super) script: PathBuf,
-    /// Dataset with what it should look like.
-    pub(super) reference: Option<PathBuf>,
+    /// Dataset of the same views under this light.
+    pub(crate) reference: Option<PathBuf>,
     /// Lighting of the capture that shows it.
     pub(super) condition: Option<String>,
     /// Views of the reference to measure; else the test views.
-    pub(super) split: Option<String>,
+    pub(super) split: Option<Subset>,
 }
 
-/// Arguments of a command that a section of the project gives.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Options {
-    /// As typed.
-    pub(super) words: Vec<String>,
-    /// Files and folders among them.
-    pub(super) paths: Vec<PathBuf>,
+/// Key of `[render]` for the modes to render.
+pub(super) const MODES: &str = "modes";
+
+impl ProjectFile {
+    /// Sections with their names.
+    pub(crate) fn sections(&self) -> [(&'static str, &Option<Section>); 10] {
+        [
+            ("synth", &self.synth),
+            ("ingest", &self.ingest),
+            ("colmap", &self.colmap),
+            ("poses", &self.poses),
+            ("masks", &self.masks),
+            ("normals", &self.normals),
+            ("train", &self.train),
+            ("render", &self.render),
+            ("bake", &self.bake),
+            ("eval", &self.eval),
+        ]
+    }
+
+    /// As [`Self::sections`], to change them.
+    pub(crate) fn sections_mut(&mut self) -> [(&'static str, &mut Option<Section>); 10] {
+        [
+            ("synth", &mut self.synth),
+            ("ingest", &mut self.ingest),
+            ("colmap", &mut self.colmap),
+            ("poses", &mut self.poses),
+            ("masks", &mut self.masks),
+            ("normals", &mut self.normals),
+            ("train", &mut self.train),
+            ("render", &mut self.render),
+            ("bake", &mut self.bake),
+            ("eval", &mut self.eval),
+        ]
+    }
+
+    /// Makes paths relative to `folder` absolute, or relative to where that is relative to.
+    fn resolve(&mut self, folder: &Path) {
+        let own = [
+            &mut self.out,
+            &mut self.dataset,
+            &mut self.capture,
+            &mut self.measure,
+            &mut self.scene,
+        ];
+        for path in own.into_iter().flatten() {
+            *path = folder.join(&*path);
+        }
+        if let Some(scene) = self.simulate.as_mut().filter(|name| is_file(name)) {
+            *scene = folder.join(&*scene).display().to_string();
+        }
+        for relight in &mut self.relight {
+            relight.script = folder.join(&relight.script);
+            if let Some(reference) = &mut relight.reference {
+                *reference = folder.join(&*reference);
+            }
+        }
+        for (name, section) in self.sections_mut() {
+            if let Some(section) = section {
+                section::resolve(name, section, folder);
+            }
+        }
+    }
 }
 
-/// What a section of a project is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// Making a dataset of photographs.
-    Capture,
-    /// Making a scene of a dataset.
-    Training,
-    /// What is made of a scene.
-    Results,
+/// Whether a virtual room is a file; others come with the program by name.
+pub(super) fn is_file(scene: &str) -> bool {
+    scene.contains(['/', '.'])
 }
 
-/// Sections of a project: name, command whose options it holds, what it is for.
-pub(super) const SECTIONS: [(&str, &str, Part); 10] = [
-    ("synth", "synth", Part::Capture),
-    ("ingest", "ingest", Part::Capture),
-    ("colmap", "colmap run", Part::Capture),
-    ("poses", "colmap import", Part::Capture),
-    ("masks", "masks", Part::Training),
-    ("normals", "normals", Part::Training),
-    ("train", "train", Part::Training),
-    ("render", "render", Part::Results),
-    ("bake", "bake", Part::Results),
-    ("eval", "eval", Part::Results),
-];
-
-/// Keys of a project that are no sections.
-const KEYS: [&str; 9] = [
-    "out",
-    "seed",
-    "dataset",
-    "capture",
-    "simulate",
-    "conditions",
-    "measure",
-    "scene",
-    "relight",
-];
-
-/// Names of the sections that are for a part of the chain.
-pub(crate) fn sections(of: Part) -> impl Iterator<Item = &'static str> {
-    let mine = SECTIONS.iter().filter(move |(.., part)| *part == of);
-    mine.map(|(name, ..)| *name)
+/// A project: its file, checked as far as that goes without looking at what it names.
+#[derive(Debug)]
+pub(crate) struct Project {
+    pub(super) script: ScriptFile,
+    pub(super) file: ProjectFile,
+    /// Folder for all results.
+    pub(crate) out: PathBuf,
 }
-
-/// A command by its name, as `colmap import`.
-pub(super) fn command<'a>(program: &'a Command, name: &str) -> Option<&'a Command> {
-    let mut words = name.split(' ');
-    words.try_fold(program, |command, word| command.find_subcommand(word))
-}
-
-/// An option of a command by its long name.
-pub(super) fn option<'a>(command: &'a Command, long: &str) -> Option<&'a Arg> {
-    let mut arguments = command.get_arguments();
-    arguments.find(|argument| argument.get_long() == Some(long))
-}
-
-/// Whether an option takes paths.
-pub(super) fn takes_path(option: &Arg) -> bool {
-    option.get_value_parser().type_id() == TypeId::of::<PathBuf>()
-}
-
-/// Name of the condition that was photographed.
-pub(crate) const ORIGINAL: &str = "original";
 
 impl Project {
-    /// Reads a project file; `out` goes before what it says itself. Paths in it are relative to its
+    /// Reads a project file; `out` goes before the folder in it. Paths in it are relative to its
     /// folder.
-    pub(super) fn read(path: &Path, out: Option<&Path>) -> Result<Self> {
-        Self::parse(path, &files::read(path)?, out)
+    ///
+    /// # Errors
+    /// If it cannot be read or is no project, naming line, key and value.
+    pub(crate) fn read(path: &Path, out: Option<&Path>) -> Result<Self> {
+        Self::parse(path, files::read(path)?, out)
     }
 
-    /// As [`Self::read`] for a file's content.
-    pub(super) fn parse(path: &Path, bytes: &[u8], out: Option<&Path>) -> Result<Self> {
-        let text = Text::new(path, bytes)?;
-        let value = text.parse()?;
-        let keys: Vec<&str> = KEYS
-            .into_iter()
-            .chain(SECTIONS.iter().map(|(name, ..)| *name))
-            .collect();
-        let root = Node::root(text, &value).table(&keys)?;
-        let here = path.parent().unwrap_or(Path::new(""));
-        let at = |node: Node<'_>| -> Result<PathBuf> { Ok(here.join(node.string()?)) };
-        let command = JobCommand::program();
-        let reader = Reader {
-            command: &command,
-            here,
-            seed: root
-                .get("seed")
-                .map(|node| node.whole(0..=u32::MAX))
-                .transpose()?,
-        };
-        let out = match (out, root.get("out")) {
-            (Some(out), _) => out.to_owned(),
-            (None, Some(node)) => at(node)?,
-            (None, None) => path.with_extension(""),
-        };
-        let section = |name: &str| match root.get(name) {
-            Some(node) => reader.section(name, &node).map(Some),
-            None => Ok(None),
-        };
-        let source = match root.one_of(&["dataset", "capture", "simulate"])? {
-            ("dataset", node) => {
-                let mut only_of_captures = sections(Part::Capture).chain(["conditions"]);
-                if let Some(stray) = only_of_captures.find_map(|key| root.get(key)) {
-                    return Err(stray.error("is for a capture, not for a dataset").into());
-                }
-                Source::Dataset(at(node)?)
-            }
-            ("capture", node) => Source::Capture(Box::new(
-                reader.capture(&root, Photographs::Taken(at(node)?))?,
-            )),
-            (_, node) => {
-                let options = section("synth")?.unwrap_or_else(|| reader.seeded("synth"));
-                let scene = match node.string()? {
-                    // A name is that of a scene that comes with the program.
-                    name if !name.contains(['/', '.']) => name.to_owned(),
-                    path => here.join(path).display().to_string(),
-                };
-                let photographs = Photographs::Simulated(scene, options);
-                Source::Capture(Box::new(reader.capture(&root, photographs)?))
-            }
-        };
-        let scene = root.get("scene").map(at).transpose()?;
-        let of_training = sections(Part::Training).find_map(|key| root.get(key));
-        if let (Some(_), Some(stray)) = (&scene, of_training) {
-            let problem = "is for a scene to be trained, but `scene` names one that is";
-            return Err(stray.error(problem).into());
-        }
-        let (modes, zero_bounce) = reader.modes(&root)?;
-        let relight = root.get("relight").map(|node| node.array()).transpose()?;
-        let relight = relight.unwrap_or_default();
-        let relight: Vec<Relight> = relight
-            .iter()
-            .map(|node| reader.relight(node))
-            .collect::<Result<_>>()?;
-        if let Some((twice, node)) = relight.iter().enumerate().find_map(|(i, one)| {
-            let twice = relight[..i].iter().any(|other| other.name == one.name);
-            twice.then_some((&one.name, root.get("relight")?))
-        }) {
-            return Err(node
-                .error(format!("two conditions are called `{twice}`"))
-                .into());
-        }
-        Ok(Self {
-            path: path.to_owned(),
-            text: String::from_utf8_lossy(bytes).into_owned(),
-            out,
-            source,
-            measure: root.get("measure").map(at).transpose()?,
-            scene,
-            masks: section("masks")?,
-            normals: section("normals")?,
-            train: section("train")?.unwrap_or_else(|| reader.seeded("train")),
-            modes,
-            zero_bounce,
-            bake: section("bake")?,
-            eval: section("eval")?.unwrap_or_default(),
-            relight,
-        })
+    /// As [`Self::read`], of a file's content.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub(crate) fn parse(path: &Path, bytes: Vec<u8>, out: Option<&Path>) -> Result<Self> {
+        let script = ScriptFile::new(path, bytes)?;
+        let mut file: ProjectFile = script.parse()?;
+        file.resolve(path.parent().unwrap_or(Path::new("")));
+        let out = out.map(Path::to_owned).or_else(|| file.out.clone());
+        let out = out.unwrap_or_else(|| path.with_extension(""));
+        let project = Self { script, file, out };
+        project.check()?;
+        Ok(project)
     }
+
+    /// A project that is written to `path`, below a line of comment.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub(crate) fn derived(path: &Path, file: &ProjectFile, comment: &str) -> Result<Self> {
+        let text = format!("# {comment}\n\n{}", toml::to_string(file)?);
+        Self::parse(path, text.into_bytes(), None)
+    }
+
+    /// Content of a project file with all of its paths absolute, so that it may be moved.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub(crate) fn absolute(path: &Path) -> Result<ProjectFile> {
+        let full = std::path::absolute(path).with_context(|| path.display().to_string())?;
+        let script = ScriptFile::new(path, files::read(path)?)?;
+        let mut file: ProjectFile = script.parse()?;
+        file.resolve(full.parent().unwrap_or(Path::new("/")));
+        Ok(file)
+    }
+
+    /// Path of the file.
+    pub(crate) fn path(&self) -> &Path {
+        self.script.path()
+    }
+
+    /// Content of the file.
+    pub(crate) fn text(&self) -> &str {
+        self.script.text()
+    }
+
+    /// An error about the value of a key, as `["render", "spp"]`.
+    pub(super) fn error(&self, keys: &[&str], problem: impl Into<String>) -> SceneError {
+        section::error(&self.script, keys, problem)
+    }
+
+    fn check(&self) -> Result<()> {
+        let file = &self.file;
+        let sources = [
+            ("dataset", file.dataset.is_some()),
+            ("capture", file.capture.is_some()),
+            ("simulate", file.simulate.is_some()),
+        ];
+        let given: Vec<&str> = sources.iter().filter(|s| s.1).map(|s| s.0).collect();
+        if given.len() != 1 {
+            let problem = "needs exactly one of dataset, capture, simulate";
+            return Err(self.error(&given[given.len().min(1)..], problem).into());
+        }
+        for (name, section) in file.sections() {
+            let problem = match section::part(name) {
+                section::Part::Capture if file.dataset.is_some() => {
+                    "is for a capture, not for a dataset"
+                }
+                section::Part::Training if file.scene.is_some() => {
+                    "is for a scene to be trained, but `scene` names one that is"
+                }
+                _ => continue,
+            };
+            if section.is_some() {
+                return Err(self.error(&[name], problem).into());
+            }
+        }
+        if file.dataset.is_some() && !file.conditions.is_empty() {
+            let problem = "is for a capture, not for a dataset";
+            return Err(self.error(&["conditions"], problem).into());
+        }
+        for (index, Relight { name, .. }) in file.relight.iter().enumerate() {
+            let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+            let problem = if name.is_empty() || name == ORIGINAL || !name.chars().all(plain) {
+                format!("`{name}` is no name of letters, digits, - and _ other than `{ORIGINAL}`")
+            } else if file.relight[..index]
+                .iter()
+                .any(|other| other.name == *name)
+            {
+                format!("two conditions are called `{name}`")
+            } else {
+                continue;
+            };
+            let keys = ["relight", &index.to_string(), "name"];
+            return Err(self.error(&keys, problem).into());
+        }
+        Ok(())
+    }
+
+    /// Modes to render, in the order of the file.
+    pub(super) fn modes(&self) -> Result<Vec<Mode>> {
+        let listed = self.file.render.as_ref().and_then(|of| of.get(MODES));
+        let Some(listed) = listed else {
+            return Ok(Mode::value_variants().to_vec());
+        };
+        let error = |problem: String| self.error(&["render", MODES], problem).into();
+        let names = listed.as_array();
+        let names = names.ok_or_else(|| error(format!("{listed} is no list")))?;
+        let mode = |name: &toml::Value| {
+            let found = name
+                .as_str()
+                .and_then(|name| Mode::from_str(name, false).ok());
+            found.ok_or_else(|| {
+                let known: Vec<String> = Mode::value_variants().iter().map(mode_name).collect();
+                let name = name.as_str().map_or(name.to_string(), str::to_owned);
+                error(format!(
+                    "`{name}` is no mode; there are {}",
+                    known.join(", ")
+                ))
+            })
+        };
+        names.iter().map(mode).collect()
+    }
+}
+
+/// Name of a mode.
+pub(super) fn mode_name(mode: &Mode) -> String {
+    let value = mode.to_possible_value();
+    value.map_or_else(String::new, |value| value.get_name().to_owned())
 }

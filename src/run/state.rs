@@ -2,7 +2,7 @@
 
 use super::plan::Plan;
 use super::project::Project;
-use super::step::Step;
+use super::step::PlanStep;
 use anyhow::{Context, Result};
 use eagpt_report::run::{PROJECT_FILE, RUN_FILE, RunRecord, StepRecord, read_json};
 use eagpt_scene::files::digest::Digests;
@@ -82,10 +82,10 @@ impl Folder {
     /// If it cannot be written.
     pub(super) fn keep_project(&mut self, project: &Project) -> Result<()> {
         let path = self.dir.join(PROJECT_FILE);
-        files::write_bytes_atomic(&path, project.text.as_bytes())?;
+        files::write_bytes_atomic(&path, project.text().as_bytes())?;
         self.record.version = env!("CARGO_PKG_VERSION").to_owned();
-        self.record.project = std::path::absolute(&project.path)
-            .with_context(|| format!("{}", project.path.display()))?;
+        self.record.project = std::path::absolute(project.path())
+            .with_context(|| format!("{}", project.path().display()))?;
         self.save()
     }
 
@@ -103,7 +103,7 @@ impl Folder {
     ///
     /// # Errors
     /// If a file that it reads is not there.
-    pub(super) fn key(&mut self, plan: &Plan, step: &Step) -> Result<String> {
+    pub(super) fn key(&mut self, plan: &Plan, step: &PlanStep) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
         let mut add = |text: &str| {
             hasher.update(text.as_bytes());
@@ -112,7 +112,7 @@ impl Folder {
         add(env!("CARGO_PKG_VERSION"));
         // From where the program is called, and where the run lies, changes no result.
         let out = plan.out.display().to_string();
-        for word in &step.arguments {
+        for word in step.words()? {
             let word = word.replace(&out, "$OUT");
             let from_project = Path::new(&word).strip_prefix(&plan.here);
             add(&from_project.map_or(word.clone(), |path| path.display().to_string()));
@@ -134,7 +134,7 @@ impl Folder {
     ///
     /// # Errors
     /// If one of them is not there.
-    pub(super) fn products(&mut self, step: &Step) -> Result<BTreeMap<PathBuf, String>> {
+    pub(super) fn products(&mut self, step: &PlanStep) -> Result<BTreeMap<PathBuf, String>> {
         let mut products = BTreeMap::new();
         for path in &step.products {
             let name = path.strip_prefix(&self.dir).unwrap_or(path);
@@ -144,7 +144,7 @@ impl Folder {
     }
 
     /// True if a finished step's products are still what they were.
-    pub(super) fn is_intact(&mut self, step: &Step, record: &StepRecord) -> bool {
+    pub(super) fn is_intact(&mut self, step: &PlanStep, record: &StepRecord) -> bool {
         self.products(step)
             .is_ok_and(|products| products == record.products)
     }

@@ -1,55 +1,67 @@
 //! A command of the chain, with what it reads and makes.
 
+use crate::bake::MethodArg;
+use crate::colmap::{ColmapArgs, ColmapCommand};
 use crate::command::JobCommand;
 use crate::command_line;
+use crate::eval::{EvalArgs, EvalCommand};
 use crate::output;
-use anyhow::{Result, anyhow};
-use eagpt_scene::files;
+use anyhow::Result;
+use eagpt_scene::{Shard, files};
 use std::path::PathBuf;
 
 /// One command of the chain.
 #[derive(Debug)]
-pub(super) struct Step {
+pub(crate) struct PlanStep {
     /// Its name, as `render/original/path`.
-    pub(super) name: String,
-    /// Its arguments, the command's name first.
-    pub(super) arguments: Vec<String>,
+    pub(crate) name: String,
+    /// The command with its options.
+    pub(super) command: JobCommand,
     /// Files and folders outside of the run that it reads.
     pub(super) reads: Vec<PathBuf>,
     /// Indices of the steps whose products it takes.
     pub(super) after: Vec<usize>,
     /// Files and folders that others take from it.
     pub(super) products: Vec<PathBuf>,
-    /// How it goes on after it was stopped.
-    pub(super) restart: Restart,
 }
 
-/// What to do about what a step has left that was stopped, or whose inputs have changed.
+/// Treatment of an unfinished or outdated result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Restart {
-    /// It begins again.
+    /// The step starts over.
     Anew,
-    /// `--resume` goes on if nothing has changed, where this file is there.
+    /// `--resume` continues an unfinished result if this file is there.
     Resume(&'static str),
-    /// The command finds out itself; what is to begin again is removed before.
+    /// The command resumes by itself; what is outdated is removed before.
     Itself,
 }
 
-impl Step {
+impl PlanStep {
+    /// Whether it is of the kind that its name begins with.
+    pub(super) fn is_of(&self, kind: &str) -> bool {
+        self.name.split('/').next() == Some(kind)
+    }
+
+    /// How the command treats an unfinished result.
+    pub(super) fn restart(&self) -> Restart {
+        match &self.command {
+            JobCommand::Ingest(_) | JobCommand::Render(_) | JobCommand::Bake(_) => Restart::Itself,
+            JobCommand::Train(_) => Restart::Resume("checkpoints"),
+            _ => Restart::Anew,
+        }
+    }
+
     /// Whether `--shard` divides its work.
     pub(super) fn divides(&self) -> bool {
-        match self.arguments.first().map(String::as_str) {
-            Some("ingest" | "render") => true,
+        match &self.command {
+            JobCommand::Ingest(_) | JobCommand::Render(_) => true,
             // Sweeps in Gaussian space need each other.
-            Some("bake") => self
-                .arguments
-                .windows(2)
-                .any(|w| w == ["--method", "views"]),
+            JobCommand::Bake(args) => args.method == MethodArg::Views,
             _ => false,
         }
     }
 
-    /// Removes what an earlier process of a step that goes on by itself has left; the products of
+    /// Removes what an earlier process of a step that resumes by itself has left; the products of
     /// others are removed by `--force`.
     ///
     /// # Errors
@@ -63,17 +75,55 @@ impl Step {
         Ok(())
     }
 
+    /// The arguments of its command.
+    ///
+    /// # Errors
+    /// If a path is not UTF-8.
+    pub(super) fn words(&self) -> Result<Vec<String>> {
+        command_line::words(&self.command)
+    }
+
     /// The command as one would type it.
-    pub(super) fn shown(&self) -> String {
-        command_line::shown(&self.arguments)
+    ///
+    /// # Errors
+    /// If a path is not UTF-8.
+    pub(crate) fn shown(&self) -> Result<String> {
+        Ok(command_line::shown(&self.words()?))
     }
 }
 
-/// The command of arguments, checked.
-pub(super) fn parse(arguments: &[String]) -> Result<JobCommand> {
-    JobCommand::parse(arguments.iter().map(String::as_str)).map_err(|error| {
-        let text = error.to_string();
-        let first = text.lines().next().unwrap_or_default();
-        anyhow!("{}", first.trim_start_matches("error: ").to_owned())
-    })
+/// Lets a command replace an earlier result.
+pub(super) fn set_force(command: &mut JobCommand) {
+    let force = match command {
+        JobCommand::Masks(args) => &mut args.force,
+        JobCommand::Ingest(args) => &mut args.force,
+        JobCommand::Normals(args) => &mut args.force,
+        JobCommand::Train(args) => &mut args.force,
+        JobCommand::Edit(args) => &mut args.force,
+        JobCommand::Render(args) => &mut args.force,
+        JobCommand::Bake(args) => &mut args.force,
+        JobCommand::Synth(args) => &mut args.force,
+        JobCommand::Report(args) => &mut args.force,
+        JobCommand::Colmap(ColmapArgs { command }) => match command {
+            ColmapCommand::Run(args) => &mut args.force,
+            ColmapCommand::Import(args) => &mut args.force,
+        },
+        JobCommand::Eval(EvalArgs {
+            command: Some(EvalCommand::Table(args)),
+            ..
+        }) => &mut args.force,
+        JobCommand::Eval(args) => &mut args.force,
+        JobCommand::Dataset(_) | JobCommand::Export(_) => return,
+    };
+    *force = true;
+}
+
+/// Lets a command do a part of its work.
+pub(super) fn set_shard(command: &mut JobCommand, shard: Option<Shard>) {
+    match command {
+        JobCommand::Ingest(args) => args.shard = shard,
+        JobCommand::Render(args) => args.shard = shard,
+        JobCommand::Bake(args) => args.shard = shard,
+        _ => {}
+    }
 }

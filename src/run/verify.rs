@@ -44,7 +44,7 @@ pub(super) fn run(dir: &Path, until: Option<&str>, global: &GlobalArgs) -> Resul
     }
     let again = beside(dir);
     let bytes = files::read(&dir.join(PROJECT_FILE))?;
-    let project = Project::parse(&then.record.project, &bytes, Some(&again))
+    let project = Project::parse(&then.record.project, bytes, Some(&again))
         .with_context(|| format!("{}", dir.join(PROJECT_FILE).display()))?;
     let plan = Plan::of(&project)?;
     let range = Range::new(&plan, None, until)?;

@@ -9,7 +9,7 @@ const TINY: &str = "bench room --device cpu --seconds 0 --image 64x48 --thread-c
 #[test]
 fn every_stage_is_measured_and_compared() {
     let place = Workplace::new();
-    let table = place.succeeds(&format!("{TINY} --gaussians 500,2k --out out/bench.json"));
+    let table = place.succeeds(&format!("{TINY} --gaussians 200,0.8k --out out/bench.json"));
     assert!(table.contains("by threads"), "{table}");
     let results = place.json("out/bench.json");
     let rows = results["rows"].as_array().unwrap();
@@ -48,7 +48,7 @@ fn every_stage_is_measured_and_compared() {
         .iter()
         .filter_map(|row| row["gaussians"].as_u64())
         .collect();
-    assert_eq!(counts, [500, 500, 500, 500, 2000, 2000, 2000, 2000]);
+    assert_eq!(counts, [200, 200, 200, 200, 800, 800, 800, 800]);
     assert!(results["machine"]["cores"].is_u64());
     assert_eq!(place.json("out/bench.record.json")["command"], "bench");
 
@@ -62,7 +62,7 @@ fn every_stage_is_measured_and_compared() {
     }
     place.write("slow.json", slow.to_string());
     let compared = place.succeeds(&format!(
-        "{TINY} --stage ply,structure --gaussians 2k --baseline slow.json"
+        "{TINY} --stage ply,structure --gaussians 800 --baseline slow.json"
     ));
     assert!(
         compared.contains("before") && compared.contains("ratio"),
@@ -90,7 +90,7 @@ fn a_gpu_is_measured_by_the_same_cases() {
     if !crate::device::has_device(&place, "measuring by the program") {
         return;
     }
-    let gpu = "bench room --device gpu:0 --seconds 0 --gaussians 500 --out gpu.json";
+    let gpu = "bench room --device gpu:0 --seconds 0 --gaussians 200 --out gpu.json";
     place.succeeds(&format!(
         "{gpu} --stage structure,camera-rays,single-rays,bounce-rays,transport,training"
     ));

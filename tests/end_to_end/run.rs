@@ -40,11 +40,14 @@ fn place() -> Workplace {
 
 /// The same with its run in `run`.
 fn ran() -> Workplace {
-    Workplace::shared("project", || {
+    let place = Workplace::shared("project", || {
         let place = place();
         place.succeeds("run p.toml");
         place
-    })
+    });
+    // Nothing runs, but a run knows where its project is.
+    place.succeeds("run p.toml");
+    place
 }
 
 /// Steps with the reasons they ran for, as the program tells them to machines.
@@ -85,20 +88,14 @@ fn results(place: &Workplace, dir: &str) -> BTreeMap<String, Vec<u8>> {
 fn only_what_has_changed_runs_again() {
     let place = place();
     let dry = place.succeeds("run p.toml --dry-run");
+    let train = "    eagpt train room --out run/train --preset draft --iterations 60 \
+                 --albedo-iterations 10 --seed 3 --masks run/masks\n";
+    assert!(dry.contains(train), "{dry}");
+    assert!(!place.path("run").exists(), "a dry run wrote something");
     assert!(
-        dry.contains("eagpt train room --masks run/masks --seed 3"),
+        dry.ends_with("16 of 16 steps would run; 16 of them never ran\n"),
         "{dry}"
     );
-    assert!(!place.path("run").exists(), "a dry run wrote something");
-    let train = dry
-        .lines()
-        .find(|line| line.contains("] train: new"))
-        .unwrap();
-    assert!(
-        train.contains(", about ") && train.ends_with(" MiB"),
-        "{train}"
-    );
-    assert!(!dry.contains("depend on what is not there"), "{dry}");
 
     let first = reasons(&place, "");
     let names: Vec<&str> = first.iter().map(|step| step.0.as_str()).collect();
@@ -188,7 +185,7 @@ fn a_killed_run_resumes_to_the_same_results() {
     let wanted = results(&place, "run");
     // In training; in the second rendering; in the comparison with references.
     for (failpoint, done, missing) in [
-        ("radiance=30", "masks/record.json", "train/scene.ply"),
+        ("radiance=30", "masks", "train/scene.ply"),
         (
             "rendering=3",
             "render/original/0-bounce/record.json",
@@ -263,22 +260,25 @@ fn a_project_is_checked_before_anything_runs() {
         (
             "[bake]",
             "[bakes]",
-            vec!["p.toml: line ", "bakes: no such key"],
+            vec!["p.toml: line 20: bakes: unknown field `bakes`", "`bake`"],
         ),
         (
             "preset = \"draft\"",
             "preset = \"swift\"",
-            vec!["p.toml", "step train", "swift"],
+            vec![
+                "p.toml: line 7: train.preset: invalid value 'swift'",
+                "draft, fast, paper",
+            ],
         ),
         (
             "out = \"run\"",
             "out = 3",
-            vec!["p.toml: line 2: out: is of type integer, not string"],
+            vec!["p.toml: line 2: out: invalid type: integer `3`"],
         ),
         (
             "\"path\"]",
             "\"paths\"]",
-            vec!["line 11", "`paths` is no mode"],
+            vec!["p.toml: line 11: render.modes", "`paths` is no mode"],
         ),
         (
             "script = \"dim.toml\"",

@@ -1,5 +1,4 @@
-//! Single rays on a device: composited features against the CPU engine, and hits chosen by their
-//! weight against blended ones.
+//! Single rays on a device: composited features against the CPU engine.
 
 mod gpu;
 
@@ -134,52 +133,5 @@ fn nothing_is_met_in_an_empty_scene() {
         empty.trace_rays(&rays(3)).unwrap(),
         vec![Features::default(); 3]
     );
-    assert_eq!(empty.choose_hits(&[(rays(1)[0], 5)]).unwrap(), vec![None]);
     assert_eq!(empty.trace_rays(&[]).unwrap(), vec![]);
-}
-
-/// The mean of what chosen hits carry is the blended sum.
-#[test]
-fn chosen_hits_have_the_mean_of_blended_ones() {
-    let Some(device) = gpu::device("chosen hits") else {
-        return;
-    };
-    let gaussians = random_cloud(700, 3);
-    let scene = GpuScene::new(&device, &gaussians).unwrap();
-    let rays = rays(24);
-    let num_realizations = 4000_u32;
-    let queries: Vec<(Ray, u32)> = rays
-        .iter()
-        .flat_map(|ray| {
-            (0..num_realizations).map(|realization| (*ray, realization.wrapping_mul(0x9e37_79b1)))
-        })
-        .collect();
-    let blended = scene.trace_rays(&rays).unwrap();
-    let chosen = scene.choose_hits(&queries).unwrap();
-    for (hits, features) in chosen.chunks_exact(num_realizations as usize).zip(blended) {
-        // Whether anything is hit, and the radiance of what is.
-        for (value, wanted) in [
-            (None, features.alpha()),
-            (Some(0), features.radiance().x),
-            (Some(2), features.radiance().z),
-        ] {
-            let of = |hit: &Option<u32>| {
-                hit.map_or(0.0, |index| match value {
-                    None => 1.0,
-                    Some(channel) => f64::from(gaussians.radiances[index as usize][channel]),
-                })
-            };
-            let n = f64::from(num_realizations);
-            let mean = hits.iter().map(of).sum::<f64>() / n;
-            let variance = hits.iter().map(|hit| (of(hit) - mean).powi(2)).sum::<f64>() / (n - 1.0);
-            // Five standard errors for 72 comparisons; the blend leaves out what is behind a
-            // transmittance of 1e-4.
-            let error = (variance / n).sqrt();
-            let difference = (mean - f64::from(wanted)).abs();
-            assert!(
-                difference < 5.0 * error + 2e-4 * (1.0 + mean),
-                "{mean} ± {error} instead of {wanted}"
-            );
-        }
-    }
 }

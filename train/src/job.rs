@@ -5,8 +5,6 @@ mod plan;
 mod steps;
 pub(crate) mod views;
 
-pub use plan::{Memory, memory};
-
 use crate::backend::{self, Backend, Taken};
 use crate::checkpoint::{self, Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};

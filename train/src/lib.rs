@@ -31,6 +31,6 @@ mod sealed;
 mod surfaces;
 
 pub use error::{Result, TrainError};
-pub use job::{Memory, TrainRequest, TrainSummary, memory, train};
+pub use job::{TrainRequest, TrainSummary, train};
 pub use options::{Preset, TrainOptions};
 pub use progress::TrainProgress;

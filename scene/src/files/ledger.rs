@@ -176,7 +176,10 @@ impl Ledger {
         };
         super::create_dir(dir)?;
         remove_temporaries([dir.join(file_name(shard))])?;
-        ledger.save()?;
+        // The whole of shards may yet be refused: it is noted with its first item.
+        if ledger.others.is_empty() {
+            ledger.save()?;
+        }
         Ok(ledger)
     }
 

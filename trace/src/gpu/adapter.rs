@@ -1,4 +1,4 @@
-//! Which devices there are, and what kernels may ask of them.
+//! The devices of this machine.
 
 use serde::Serialize;
 
@@ -7,9 +7,9 @@ use serde::Serialize;
 pub struct Adapter {
     /// Its name.
     pub name: String,
-    /// What it is.
-    pub kind: Kind,
-    /// What drives it: `vulkan`, `metal`, `dx12`.
+    /// Its kind.
+    pub kind: AdapterKind,
+    /// Interface of its driver: `vulkan`, `metal`, `dx12`.
     pub backend: String,
     /// Name and version of the driver.
     pub driver: String,
@@ -27,17 +27,17 @@ pub struct Adapter {
     pub has_timestamps: bool,
 }
 
-/// What a device is.
+/// Kind of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum AdapterKind {
     /// A GPU with memory of its own.
     Discrete,
     /// A GPU that shares the processor's memory.
     Integrated,
     /// A GPU of a virtual machine.
     Virtual,
-    /// A program on the processor that stands in for a GPU: good for tests, slower than the CPU
+    /// A software adapter, which computes on the processor: good for tests, slower than the CPU
     /// engine.
     Software,
     /// Something else.
@@ -62,11 +62,11 @@ pub(super) fn describe(adapter: &wgpu::Adapter) -> Adapter {
     Adapter {
         name: info.name,
         kind: match info.device_type {
-            wgpu::DeviceType::DiscreteGpu => Kind::Discrete,
-            wgpu::DeviceType::IntegratedGpu => Kind::Integrated,
-            wgpu::DeviceType::VirtualGpu => Kind::Virtual,
-            wgpu::DeviceType::Cpu => Kind::Software,
-            wgpu::DeviceType::Other => Kind::Other,
+            wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
+            wgpu::DeviceType::IntegratedGpu => AdapterKind::Integrated,
+            wgpu::DeviceType::VirtualGpu => AdapterKind::Virtual,
+            wgpu::DeviceType::Cpu => AdapterKind::Software,
+            wgpu::DeviceType::Other => AdapterKind::Other,
         },
         backend: info.backend.to_string(),
         driver: driver.join(" "),

@@ -1,139 +1,66 @@
-//! Gradients of camera rays on the device: the twin of
-//! [`crate::cpu::camera::CameraRecord::adjoint`]; and what Gaussians contribute to pixels, that of
-//! [`crate::cpu::camera::CameraRecord::contributions`].
+//! Gradients of camera rays on the device, and contributions of Gaussians to pixels;
+//! [`super::passes::trace_and_go_back`] are the passes.
 //!
 //! Tiles are traced again with a record of what is blended. Pixels turn their records into a weight
 //! and dL/dα for each hit, tiles add up the gradients of their Gaussians, Gaussians those of their
 //! tiles. Every sum has a fixed order and nothing is added atomically, so that the same device
 //! gives the same bits in every run, and the rounding is that of the CPU.
 
-mod steps;
-
-use super::bins::{Bins, TILE, and_half_more};
+use super::bins::TILE;
 use super::camera::{Band, CameraTracer};
-use super::device::{Device, Step};
+use super::capacity::{Capacity, Incomplete};
+use super::device::Device;
 use super::error::GpuError;
+use super::passes::{self, RecordedBand};
 use super::scene::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use rayon::prelude::*;
-use steps::Parts;
 
-/// Place of the number of chunks in the totals.
-pub(super) const TOTAL_CHUNKS: u32 = 2;
 /// Hits of a chunk of the record.
 pub(super) const CHUNK_HITS: u32 = 16;
-/// Words of a chunk: a link, and three for each hit.
+/// Words of a chunk: the place of the one before it, and three for each hit.
 pub(super) const CHUNK_WORDS: u32 = 1 + 3 * CHUNK_HITS;
 /// Words of the record for each pixel beside its chunks.
-const PIXEL_WORDS: u32 = 2;
-
-/// Chunks that are made room for at first, for each pixel.
-const CHUNKS_PER_PIXEL: u32 = 2;
+pub(super) const PIXEL_WORDS: u32 = 2;
 
 /// Bytes of one row of gradients.
 const ROW_BYTES: u64 = (NUM_LANES * size_of::<f32>()) as u64;
 
-/// Room for the record: what is traced at once, and how much of it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Room {
-    /// Rows of pixels, whole rows of tiles.
-    rows: u32,
-    /// Chunks of the record.
-    chunks: u32,
-}
-
-impl Room {
-    /// What is usual for cameras of `size` pixels.
-    pub(super) fn usual(device: &Device, size: (u32, u32)) -> Result<Self, GpuError> {
-        let (width, height) = size;
-        let all = Self {
-            rows: height.next_multiple_of(TILE),
-            chunks: width
-                .saturating_mul(height)
-                .saturating_mul(CHUNKS_PER_PIXEL),
-        };
-        all.within(device, size)
-    }
-
-    /// More, after a band has asked for `needed` chunks.
-    fn grown(&self, device: &Device, size: (u32, u32), needed: u32) -> Result<Self, GpuError> {
-        let more = Self {
-            chunks: and_half_more(needed),
-            ..*self
-        };
-        more.within(device, size)
-    }
-
-    /// Fewer rows, as many as fit into a buffer of `device` if they need as many chunks each.
-    fn within(mut self, device: &Device, (width, _): (u32, u32)) -> Result<Self, GpuError> {
-        let limit = device.tier().max_bytes();
-        while self.bytes(width) > limit {
-            if self.rows == TILE {
-                return Err(GpuError::Limit {
-                    device: device.adapter().name.clone(),
-                    what: format!("hits of {TILE} rows of {width} pixels"),
-                    needed: self.bytes(width),
-                    limit,
-                });
-            }
-            let rows = (self.rows / 2).next_multiple_of(TILE);
-            let chunks = u64::from(self.chunks) * u64::from(rows) / u64::from(self.rows);
-            self = Self {
-                rows,
-                chunks: u32::try_from(chunks).unwrap_or(u32::MAX),
-            };
-        }
-        Ok(self)
-    }
-
-    fn first_chunk(&self, width: u32) -> u32 {
-        PIXEL_WORDS * width * self.rows
-    }
-
-    fn bytes(&self, width: u32) -> u64 {
-        let pixels = u64::from(width) * u64::from(self.rows) * u64::from(PIXEL_WORDS);
-        4 * (pixels + u64::from(self.chunks) * u64::from(CHUNK_WORDS))
-    }
-}
-
-/// What has come out, if there was room.
+/// The record of the blended hits of a band of rows, and what is made of it.
 #[derive(Debug)]
-pub(super) enum Outcome<T> {
-    Done(T),
-    /// Lists of tiles need room for this many entries.
-    MoreEntries(u32),
-    MoreRoom(Room),
+pub(super) struct RecordBuffers {
+    /// Two words for each pixel, then the chunks.
+    pub(super) chunks: wgpu::Buffer,
+    /// Pixels that blended the Gaussian at each place in the lists, a bit each.
+    pub(super) masks: wgpu::Buffer,
+    /// First of the hits of each place.
+    pub(super) hit_starts: wgpu::Buffer,
+    /// Weight and dL/dα of each hit.
+    pub(super) hits: wgpu::Buffer,
+    /// Gradients or contributions of each place.
+    pub(super) rows: wgpu::Buffer,
+    /// Places whose rows there are at a time.
+    pub(super) num_rows: u32,
+    /// Derivatives of the loss by the features of each pixel.
+    pub(super) d_features: wgpu::Buffer,
+    /// A number for each pixel.
+    pub(super) values: wgpu::Buffer,
+    /// [`LocalGradient`], `[n]`.
+    pub(super) gradients: wgpu::Buffer,
+    /// [`Contribution`], `[n]`.
+    pub(super) contributions: wgpu::Buffer,
 }
 
 /// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device
 /// from call to call.
 #[derive(Debug)]
 pub(super) struct Adjoint {
-    room: Room,
-    size: (u32, u32),
-    masks: wgpu::Buffer,
-    d_features: wgpu::Buffer,
-    /// A number for each pixel of a band.
-    values: wgpu::Buffer,
-    /// [`LocalGradient`], `[n]`.
-    gradients: wgpu::Buffer,
-    /// [`Contribution`], `[n]`.
-    contributions: wgpu::Buffer,
+    capacity: Capacity,
+    record: RecordBuffers,
     num_surfels: u32,
-    bands: Vec<AdjointBand>,
-}
-
-#[derive(Debug)]
-struct AdjointBand {
-    pixels: std::ops::Range<usize>,
-    /// Features, with a record of what is blended, and how many hits each place in the lists has.
-    forward: Vec<Step>,
-    /// From the record and the derivatives by the features to gradients.
-    backward: Vec<Step>,
-    /// From the record and the values to contributions.
-    attribute: Vec<Step>,
+    bands: Vec<RecordedBand>,
 }
 
 impl Adjoint {
@@ -141,71 +68,54 @@ impl Adjoint {
         device: &Device,
         scene: &SceneBuffers,
         tracer: &CameraTracer,
-        room: Room,
+        capacity: Capacity,
     ) -> Result<Self, GpuError> {
         let bins = &tracer.bins;
         let (width, height) = bins.size();
-        let room = Room {
-            rows: room.rows.min(tracer.rows()),
-            ..room
+        let capacity = Capacity {
+            entries: bins.capacity,
+            rows: capacity.rows.min(tracer.rows()),
+            ..capacity
         };
-        let band_pixels = u64::from(width) * u64::from(room.rows.min(height));
-        let record = device.buffer("record of hits", room.bytes(width))?;
-        let masks = device.buffer("pixels of hits", 8 * u64::from(bins.capacity))?;
-        let hit_starts = device.buffer("starts of hits", 4 * u64::from(bins.capacity))?;
-        let hits = 8 * u64::from(room.chunks) * u64::from(CHUNK_HITS);
-        let hits = device.buffer("hits", hits)?;
-        let d_features = device.buffer("derivatives by features", ROW_BYTES * band_pixels)?;
-        let values = device.buffer("values of pixels", 4 * band_pixels)?;
-        let num_rows = u64::from(bins.capacity).min(device.tier().max_bytes() / ROW_BYTES);
-        let rows = device.buffer("rows of gradients", ROW_BYTES * num_rows)?;
         let num_surfels = scene.num_surfels();
-        let of_all = |row: u64| row * u64::from(num_surfels);
-        let gradients = device.buffer("gradients", of_all(ROW_BYTES))?;
-        let contributions = of_all(size_of::<Contribution>() as u64);
-        let contributions = device.buffer("contributions", contributions)?;
-        let parts = Parts {
-            device,
-            scene,
-            bins,
-            record: &record,
-            masks: &masks,
-            hit_starts: &hit_starts,
-            hits: &hits,
-            d_features: &d_features,
-            values: &values,
-            rows: &rows,
+        let num_rows = u64::from(bins.capacity).min(device.max_bytes() / ROW_BYTES);
+        let num_hits = u64::from(capacity.chunks) * u64::from(CHUNK_HITS);
+        let num_pixels = u64::from(width) * u64::from(capacity.rows.min(height));
+        let of_places = |what, size: u64| device.buffer(what, size * u64::from(bins.capacity));
+        let of_gaussians = |what, size: u64| device.buffer(what, size * u64::from(num_surfels));
+        let record = RecordBuffers {
+            chunks: device.buffer("record of hits", capacity.record_bytes(width))?,
+            masks: of_places("pixels of hits", 8)?,
+            hit_starts: of_places("starts of hits", 4)?,
+            hits: device.buffer("hits", 8 * num_hits)?,
+            d_features: device.buffer("derivatives by features", ROW_BYTES * num_pixels)?,
+            values: device.buffer("values of pixels", 4 * num_pixels)?,
+            rows: device.buffer("rows of gradients", ROW_BYTES * num_rows)?,
             num_rows: u32::try_from(num_rows).unwrap_or(u32::MAX),
-            gradients: &gradients,
-            contributions: &contributions,
+            gradients: of_gaussians("gradients", ROW_BYTES)?,
+            contributions: of_gaussians("contributions", size_of::<Contribution>() as u64)?,
         };
         let tiles_x = width.div_ceil(TILE);
-        let mut bands = Vec::new();
-        for first_row in (0..height).step_by(room.rows as usize) {
-            let end_row = (first_row + room.rows).min(height);
-            let band = Band {
-                first_tile: first_row / TILE * tiles_x,
-                end_tile: end_row.div_ceil(TILE) * tiles_x,
-                first_pixel: first_row * width,
-                first_chunk: room.first_chunk(width),
-                ..Band::default()
-            };
-            bands.push(AdjointBand {
-                pixels: (first_row * width) as usize..(end_row * width) as usize,
-                forward: parts.forward(&tracer.features, band)?,
-                backward: parts.backward(band),
-                attribute: parts.attribute(band),
+        let bands = (0..height)
+            .step_by(capacity.rows as usize)
+            .map(|first_row| {
+                let end_row = (first_row + capacity.rows).min(height);
+                let band = Band {
+                    first_tile: first_row / TILE * tiles_x,
+                    end_tile: end_row.div_ceil(TILE) * tiles_x,
+                    first_pixel: first_row * width,
+                    first_chunk: capacity.first_chunk(width),
+                    ..Band::default()
+                };
+                let pixels = (first_row * width) as usize..(end_row * width) as usize;
+                let at = (pixels, band);
+                passes::trace_and_go_back(device, scene, bins, &tracer.features, &record, at)
             });
-        }
+        let bands = bands.collect::<Result<_, _>>()?;
         device.check()?;
         Ok(Self {
-            room,
-            size: (width, height),
-            masks,
-            d_features,
-            values,
-            gradients,
-            contributions,
+            capacity,
+            record,
             num_surfels,
             bands,
         })
@@ -219,22 +129,22 @@ impl Adjoint {
         tracer: &CameraTracer,
         camera: &Camera,
         d_features: &[Features],
-    ) -> Result<Outcome<Vec<LocalGradient>>, GpuError> {
+    ) -> Result<Vec<LocalGradient>, Incomplete> {
         assert_eq!(d_features.len(), camera.num_pixels(), "one for each pixel");
-        let back = |band: &AdjointBand| {
+        let back = |band: &RecordedBand| {
             let d_features = d_features[band.pixels.clone()].iter();
             let lanes: Vec<[f32; NUM_LANES]> = d_features.map(|features| features.0).collect();
-            device.write(&self.d_features, bytemuck::cast_slice(&lanes));
-            device.run(&band.backward)
+            device.write(&self.record.d_features, bytemuck::cast_slice(&lanes));
+            device.run(&band.gradients)
         };
         self.go_back(device, tracer, camera, back, || {
             let all = 0..self.num_surfels as usize;
-            let rows = device.read::<[f32; NUM_LANES]>(&self.gradients, all)?;
+            let rows = device.read::<[f32; NUM_LANES]>(&self.record.gradients, all)?;
             Ok(rows.into_iter().map(LocalGradient).collect())
         })
     }
 
-    /// What Gaussians contribute, read back, without those that contribute nothing; the features of
+    /// Contributions of Gaussians, read back, without those that contribute nothing; the features of
     /// each pixel, row by row, go to `pixels`.
     pub(super) fn contributions(
         &self,
@@ -243,19 +153,19 @@ impl Adjoint {
         camera: &Camera,
         value: PixelValue<'_>,
         pixels: &mut Vec<Features>,
-    ) -> Result<Outcome<Vec<Contribution>>, GpuError> {
+    ) -> Result<Vec<Contribution>, Incomplete> {
         pixels.clear();
-        let back = |band: &AdjointBand| {
+        let back = |band: &RecordedBand| {
             let lanes = device.read::<[f32; NUM_LANES]>(&tracer.features, 0..band.pixels.len())?;
             pixels.extend(lanes.into_iter().map(Features));
             let value = |pixel: usize| value(pixel, &pixels[pixel]);
             let values: Vec<f32> = band.pixels.clone().into_par_iter().map(value).collect();
-            device.write(&self.values, bytemuck::cast_slice(&values));
-            device.run(&band.attribute)
+            device.write(&self.record.values, bytemuck::cast_slice(&values));
+            device.run(&band.contributions)
         };
         self.go_back(device, tracer, camera, back, || {
             let all = 0..self.num_surfels as usize;
-            let mut rows = device.read::<Contribution>(&self.contributions, all)?;
+            let mut rows = device.read::<Contribution>(&self.record.contributions, all)?;
             rows.retain(|row| row.weight > 0.0);
             Ok(rows)
         })
@@ -268,35 +178,42 @@ impl Adjoint {
         device: &Device,
         tracer: &CameraTracer,
         camera: &Camera,
-        mut back: impl FnMut(&AdjointBand) -> Result<(), GpuError>,
+        mut back: impl FnMut(&RecordedBand) -> Result<(), GpuError>,
         read: impl FnOnce() -> Result<T, GpuError>,
-    ) -> Result<Outcome<T>, GpuError> {
-        let bins = &tracer.bins;
+    ) -> Result<T, Incomplete> {
         let mut commands = device.commands();
-        bins.record(device, camera, &mut commands);
-        commands.clear_buffer(&self.gradients, 0, None);
-        commands.clear_buffer(&self.contributions, 0, None);
+        tracer.record_binning(device, camera, &mut commands);
+        commands.clear_buffer(&self.record.gradients, 0, None);
+        commands.clear_buffer(&self.record.contributions, 0, None);
         device.submit(commands)?;
-        let needed = bins.num_entries(device)?;
-        if needed > bins.capacity {
-            return Ok(Outcome::MoreEntries(needed));
-        }
+        // Lists that are incomplete say nothing about the hits on them.
+        self.check(device, tracer)?;
         for band in &self.bands {
-            self.forward(device, bins, band)?;
+            self.forward(device, tracer, band)?;
             back(band)?;
-            let needed = bins.total(device, TOTAL_CHUNKS)?;
-            if needed > self.room.chunks {
-                let room = self.room.grown(device, self.size, needed)?;
-                return Ok(Outcome::MoreRoom(room));
-            }
+            self.check(device, tracer)?;
         }
-        Ok(Outcome::Done(read()?))
+        Ok(read()?)
     }
 
-    fn forward(&self, device: &Device, bins: &Bins, band: &AdjointBand) -> Result<(), GpuError> {
+    /// Whether all of the last band has fitted. Waits for the device.
+    fn check(&self, device: &Device, tracer: &CameraTracer) -> Result<(), Incomplete> {
+        let needed = tracer.bins.counters(device)?;
+        match self.capacity.holds(&needed) {
+            true => Ok(()),
+            false => Err(Incomplete::Overflow(needed)),
+        }
+    }
+
+    fn forward(
+        &self,
+        device: &Device,
+        tracer: &CameraTracer,
+        band: &RecordedBand,
+    ) -> Result<(), GpuError> {
         let mut commands = device.commands();
-        commands.clear_buffer(&self.masks, 0, None);
-        commands.clear_buffer(&bins.totals, 4 * u64::from(TOTAL_CHUNKS), Some(4));
+        commands.clear_buffer(&self.record.masks, 0, None);
+        tracer.bins.clear_chunks(&mut commands);
         device.submit(commands)?;
         device.run(&band.forward)
     }
@@ -311,11 +228,6 @@ impl Adjoint {
             _ => None,
         }
     }
-
-    /// Room for `needed` chunks of the record, and some more.
-    pub(super) fn more_room(&self, device: &Device, needed: u32) -> Result<Room, GpuError> {
-        self.room.grown(device, self.size, needed)
-    }
 }
 
 /// An image that is traced at once: its features, their derivatives and the gradients are on the
@@ -323,41 +235,41 @@ impl Adjoint {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WholeImage<'a> {
     adjoint: &'a Adjoint,
-    band: &'a AdjointBand,
+    band: &'a RecordedBand,
 }
 
 impl WholeImage<'_> {
-    /// Where derivatives by the features are looked for, `[pixels]`.
+    /// Derivatives by the features, `[pixels]`.
     pub(super) fn d_features(&self) -> &wgpu::Buffer {
-        &self.adjoint.d_features
+        &self.adjoint.record.d_features
     }
 
-    /// Where gradients are put, `[n]`.
+    /// Gradients, `[n]`.
     pub(super) fn gradients(&self) -> &wgpu::Buffer {
-        &self.adjoint.gradients
+        &self.adjoint.record.gradients
     }
 
-    /// Chunks of the record that there is room for.
-    pub(super) fn num_chunks(&self) -> u32 {
-        self.adjoint.room.chunks
+    /// Capacities of its buffers.
+    pub(super) fn capacity(&self) -> Capacity {
+        self.adjoint.capacity
     }
 
-    /// Bins and traces `camera`; nobody has looked yet whether there was room.
+    /// Bins and traces `camera`; the counters tell whether all of it has fitted.
     pub(super) fn forward(
         &self,
         device: &Device,
-        bins: &Bins,
+        tracer: &CameraTracer,
         camera: &Camera,
     ) -> Result<(), GpuError> {
         let mut commands = device.commands();
-        bins.record(device, camera, &mut commands);
-        commands.clear_buffer(&self.adjoint.gradients, 0, None);
+        tracer.record_binning(device, camera, &mut commands);
+        commands.clear_buffer(&self.adjoint.record.gradients, 0, None);
         device.submit(commands)?;
-        self.adjoint.forward(device, bins, self.band)
+        self.adjoint.forward(device, tracer, self.band)
     }
 
     /// Gradients of what was traced last.
     pub(super) fn backward(&self, device: &Device) -> Result<(), GpuError> {
-        device.run(&self.band.backward)
+        device.run(&self.band.gradients)
     }
 }

@@ -1,18 +1,18 @@
-//! Binning on the device: the twin of [`crate::cpu::bins`].
+//! Buffers of binning on the device; [`super::passes::bin`] are its passes.
 //!
 //! Gaussians are projected, sorted by the distance from which on they can be hit, spread over the
 //! tiles that they may cover, and these entries are sorted by tile; both sorts are stable, so that
 //! lists come out nearest first, and the same in every run.
 
-use super::device::{Device, Step};
+use super::capacity::{self, Counters};
+use super::device::Device;
 use super::error::GpuError;
 use super::layout::{Layout, layout};
-use super::scan::scan;
 use super::scene::SceneBuffers;
 use super::sort::Sorter;
-use super::wgsl;
 use crate::cpu::bins::Projector;
 use eagpt_scene::Camera;
+use std::mem::offset_of;
 
 /// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as
 /// many as run in step on any device.
@@ -28,26 +28,14 @@ const KEY_BITS: u32 = 31 - KEY_SHIFT;
 /// Key of what nobody sees: above that of every finite distance.
 pub(super) const FARTHEST_KEY: u32 = (1 << KEY_BITS) - 1;
 
-/// Place of the number of Gaussians in the totals.
-const TOTAL_SURFELS: u32 = 0;
-/// Place of the number of entries of all lists.
-pub(super) const TOTAL_ENTRIES: u32 = 1;
-/// Numbers that kernels hand on to others.
-const NUM_TOTALS: u64 = 4;
-
 /// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows
 /// of tiles in 16.
 const MAX_SIDE: u32 = 65_535;
 
-/// Entries that are made room for at first, for each Gaussian.
+/// Entries of the lists for each Gaussian, at first.
 const ENTRIES_PER_SURFEL: u32 = 4;
 
-/// Room to make where `needed` was needed: the next view needs another number.
-pub(super) fn and_half_more(needed: u32) -> u32 {
-    needed.saturating_add(needed / 2)
-}
-
-/// A Gaussian relative to the camera: the twin of [`crate::surfel::SeenSurfel`] on the device.
+/// A Gaussian relative to the camera, as [`crate::surfel::SeenSurfel`].
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
@@ -153,31 +141,36 @@ impl View {
 /// Lists of the Gaussians that tiles may see, for cameras of one size and scenes of one number of
 /// Gaussians.
 #[derive(Debug)]
-pub(super) struct Bins {
+pub(super) struct BinBuffers {
     pub(super) view: wgpu::Buffer,
     /// [`Seen`], `[n]`.
     pub(super) seen: wgpu::Buffer,
+    /// Rectangle of tiles of each Gaussian, `[n]`.
+    pub(super) rects: wgpu::Buffer,
     /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`.
     pub(super) attributes: wgpu::Buffer,
-    pub(super) totals: wgpu::Buffer,
-    /// Gaussians, those that may be hit nearer first, `[n]`.
-    pub(super) order: wgpu::Buffer,
+    /// [`Counters`].
+    pub(super) counters: wgpu::Buffer,
+    pub(super) by_distance: Sorter,
     /// First entry of each Gaussian of [`Self::order`], and the end, `[n + 1]`.
     pub(super) entry_starts: wgpu::Buffer,
+    /// Gaussian of each entry.
+    pub(super) entry_surfels: wgpu::Buffer,
+    pub(super) by_tile: Sorter,
     /// Place of each entry in the lists.
     pub(super) places: wgpu::Buffer,
     /// Gaussian and tile of each place.
     pub(super) listed: wgpu::Buffer,
     /// First place of each tile, and the end.
     pub(super) list_starts: wgpu::Buffer,
+    /// Entries that the lists hold.
     pub(super) capacity: u32,
     num_surfels: u32,
     size: (u32, u32),
-    steps: Vec<Step>,
 }
 
-impl Bins {
-    /// Room for the lists of `scene` as cameras of `width` × `height` pixels see it, with as many
+impl BinBuffers {
+    /// Buffers for the lists of `scene` as cameras of `width` × `height` pixels see it, with as many
     /// entries in all as is usual, or `num_entries` if these are more.
     pub(super) fn new(
         device: &Device,
@@ -196,103 +189,50 @@ impl Bins {
         let n = scene.num_surfels();
         let usual = n.saturating_mul(ENTRIES_PER_SURFEL).max(1024);
         let capacity = num_entries.max(usual);
-        let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let num_tiles = tiles_x * tiles_y;
-        let bytes = |num: u32, size: u64| u64::from(num) * size;
-        let view: View = bytemuck::Zeroable::zeroed();
-        let view = device.uniform("view", &view);
-        let mut totals = [0_u32; NUM_TOTALS as usize];
-        totals[TOTAL_SURFELS as usize] = n;
-        let totals = device.upload("totals", bytemuck::cast_slice(&totals))?;
-        let seen = device.buffer("Gaussians as seen", bytes(n, size_of::<Seen>() as u64))?;
-        let rects = device.buffer("rectangles", bytes(n, 8))?;
-        let by_distance = Sorter::new(device, n, KEY_BITS, (&totals, TOTAL_SURFELS))?;
-        let entry_starts = device.buffer("starts of entries", bytes(n + 1, 4))?;
+        let num_tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
         let tile_bits = u32::BITS - num_tiles.leading_zeros();
-        let by_tile = Sorter::new(device, capacity, tile_bits, (&totals, TOTAL_ENTRIES))?;
-        let entry_surfels = device.buffer("Gaussians of entries", bytes(capacity, 4))?;
-        let places = device.buffer("places of entries", bytes(capacity, 4))?;
-        let listed = device.buffer("lists of tiles", bytes(capacity, 8))?;
-        let list_starts = device.buffer("starts of lists", bytes(num_tiles + 1, 4))?;
-
-        let (keys, values) = by_distance.unsorted();
-        let order = by_distance.sorted().1;
-        let project = [
-            (0, &view),
-            (1, &scene.surfels),
-            (2, &seen),
-            (3, &rects),
-            (4, keys),
-            (5, values),
-        ];
-        let mut steps = vec![device.step(&wgsl::PROJECT, "project", &project, n.div_ceil(64))];
-        let mut attributes = scene.attributes.clone();
-        if let Some(harmonics) = &scene.harmonics {
-            attributes = device.buffer("attributes as seen", scene.attributes.size())?;
-            let look = [
-                (0, &view),
-                (1, &scene.surfels),
-                (2, &scene.attributes),
-                (3, harmonics),
-                (4, &attributes),
-            ];
-            steps.push(device.step(&wgsl::LOOK, "look", &look, n.div_ceil(64)));
-        }
-        steps.extend_from_slice(by_distance.steps());
-        let count = [(0, &view), (1, order), (2, &rects), (3, &entry_starts)];
-        let groups = (n + 1).div_ceil(64);
-        steps.push(device.step(&wgsl::EXPAND, "count_entries", &count, groups));
-        steps.extend(scan(device, &entry_starts, n + 1)?);
-        let (tiles, entries) = by_tile.unsorted();
-        let expand = [
-            (0, &view),
-            (1, order),
-            (2, &rects),
-            (3, &entry_starts),
-            (4, &totals),
-            (5, tiles),
-            (6, entries),
-            (7, &entry_surfels),
-        ];
-        steps.push(device.step(&wgsl::EXPAND, "expand", &expand, groups));
-        steps.extend_from_slice(by_tile.steps());
-        let (tiles, entries) = by_tile.sorted();
-        let list = [
-            (0, &view),
-            (1, &totals),
-            (2, tiles),
-            (3, entries),
-            (4, &entry_surfels),
-            (5, &listed),
-            (6, &places),
-            (7, &list_starts),
-        ];
-        steps.push(device.step(&wgsl::LISTS, "list", &list, capacity.div_ceil(64)));
-        device.check()?;
-        Ok(Self {
-            order: order.clone(),
-            view,
-            seen,
-            attributes,
-            totals,
-            entry_starts,
-            places,
-            listed,
-            list_starts,
+        let bytes = |num: u32, size: usize| u64::from(num) * size as u64;
+        let of_gaussians = |what, size| device.buffer(what, bytes(n, size));
+        let of_entries = |what, size| device.buffer(what, bytes(capacity, size));
+        let view: View = bytemuck::Zeroable::zeroed();
+        let counters = device.buffer("counters", size_of::<Counters>() as u64)?;
+        let bins = Self {
+            view: device.uniform("view", &view),
+            seen: of_gaussians("Gaussians as seen", size_of::<Seen>())?,
+            rects: of_gaussians("rectangles", size_of::<[u32; 2]>())?,
+            attributes: match &scene.harmonics {
+                None => scene.attributes.clone(),
+                Some(_) => device.buffer("attributes as seen", scene.attributes.size())?,
+            },
+            by_distance: Sorter::new(device, n, KEY_BITS, (&counters, capacity::GAUSSIANS))?,
+            entry_starts: device.buffer("starts of entries", bytes(n + 1, 4))?,
+            entry_surfels: of_entries("Gaussians of entries", 4)?,
+            by_tile: Sorter::new(device, capacity, tile_bits, (&counters, capacity::ENTRIES))?,
+            places: of_entries("places of entries", 4)?,
+            listed: of_entries("lists of tiles", size_of::<[u32; 2]>())?,
+            list_starts: device.buffer("starts of lists", bytes(num_tiles + 1, 4))?,
+            counters,
             capacity,
             num_surfels: n,
             size: (width, height),
-            steps,
-        })
+        };
+        bins.restart(device);
+        device.check()?;
+        Ok(bins)
     }
 
-    /// Whether it has room for `camera` and this many Gaussians.
+    /// Gaussians, those that may be hit nearer first, `[n]`.
+    pub(super) fn order(&self) -> &wgpu::Buffer {
+        self.by_distance.sorted().1
+    }
+
+    /// True for cameras of the size of `camera` and this many Gaussians.
     pub(super) fn fits(&self, camera: &Camera, num_surfels: u32) -> bool {
         self.size == (camera.width, camera.height) && self.num_surfels == num_surfels
     }
 
-    /// Appends the binning for `camera` to `commands`.
-    pub(super) fn record(
+    /// Prepares the buffers for another `camera`.
+    pub(super) fn begin(
         &self,
         device: &Device,
         camera: &Camera,
@@ -301,22 +241,27 @@ impl Bins {
         let view = View::new(camera, self.num_surfels);
         device.write(&self.view, bytemuck::bytes_of(&view));
         commands.clear_buffer(&self.list_starts, 0, None);
-        for step in &self.steps {
-            step.record(device, commands);
-        }
     }
 
-    /// Number of entries that the last binning needed. More than [`Self::capacity`]: lists are
-    /// incomplete, and have to be made anew with room for that many. Waits for the device.
-    pub(super) fn num_entries(&self, device: &Device) -> Result<u32, GpuError> {
-        self.total(device, TOTAL_ENTRIES)
+    /// Sets the counters to where they begin, the overflow flag among them.
+    pub(super) fn restart(&self, device: &Device) {
+        let counters = Counters {
+            num_gaussians: self.num_surfels,
+            ..Counters::default()
+        };
+        device.write(&self.counters, bytemuck::bytes_of(&counters));
     }
 
-    /// One of the totals. Waits for the device.
-    pub(super) fn total(&self, device: &Device, which: u32) -> Result<u32, GpuError> {
-        let at = which as usize;
-        let read = device.read::<u32>(&self.totals, at..at + 1)?;
-        Ok(read.first().copied().unwrap_or(0))
+    /// Counts chunks from 0 again.
+    pub(super) fn clear_chunks(&self, commands: &mut wgpu::CommandEncoder) {
+        let offset = offset_of!(Counters, chunks) as u64;
+        commands.clear_buffer(&self.counters, offset, Some(size_of::<u32>() as u64));
+    }
+
+    /// Counters after the work submitted so far. Waits for the device.
+    pub(super) fn counters(&self, device: &Device) -> Result<Counters, GpuError> {
+        let read = device.read::<Counters>(&self.counters, 0..1)?;
+        Ok(read.first().copied().unwrap_or_default())
     }
 
     /// Pixels of its cameras.

@@ -1,22 +1,20 @@
-//! composited features of all pixels of a camera on the device: the twin of [`crate::cpu::camera`].
+//! Composited features of all pixels of a camera on the device.
 
-use super::bins::{Bins, TILE};
-use super::device::{Device, Step};
+use super::bins::{BinBuffers, TILE};
+use super::capacity::Incomplete;
+use super::device::{Device, Pass};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
+use super::passes;
 use super::scene::SceneBuffers;
-use super::wgsl;
 use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use std::ops::Range;
 
-/// Hits that wait in the memory of a pixel until they can be blended. More than are usually met on
-/// a surface within the size of one Gaussian; a longer list costs registers, a shorter one more
+/// Hits that wait in the registers of a pixel until they can be blended. More than are usually met
+/// on a surface within the size of one Gaussian; a longer list costs registers, a shorter one more
 /// searches.
 pub(super) const PENDING: u32 = 16;
-
-/// Tiles of one dispatch: a kernel that runs for seconds is stopped by the driver.
-const TILES_PER_DISPATCH: u32 = 4096;
 
 /// Some tiles of an image, in the order of tiles, and where things of theirs begin.
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
@@ -44,68 +42,41 @@ impl Band {
     }
 }
 
-/// The steps that `step` makes for all tiles of `band`, of parts of it and the number of their
-/// tiles.
-pub(super) fn tile_steps(
-    device: &Device,
-    band: &Band,
-    step: impl Fn(&wgpu::Buffer, u32) -> Step,
-) -> Vec<Step> {
-    (band.first_tile..band.end_tile)
-        .step_by(TILES_PER_DISPATCH as usize)
-        .map(|first_tile| {
-            let end_tile = (first_tile + TILES_PER_DISPATCH).min(band.end_tile);
-            let part = Band {
-                first_tile,
-                end_tile,
-                ..*band
-            };
-            step(&device.uniform("band", &part), end_tile - first_tile)
-        })
-        .collect()
-}
-
 /// Rows of pixels whose features fit into one buffer, whole rows of tiles.
 fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {
     let row_bytes = u64::from(width) * size_of::<Features>() as u64;
-    let rows = device.tier().max_bytes() / row_bytes.max(1);
+    let rows = device.max_bytes() / row_bytes.max(1);
     let rows = u32::try_from(rows).unwrap_or(u32::MAX) / TILE * TILE;
     rows.clamp(TILE, height.next_multiple_of(TILE))
-}
-
-/// Whether there was room.
-#[derive(Debug)]
-pub(super) enum Binned {
-    Done,
-    /// Lists of tiles need room for this many entries.
-    MoreEntries(u32),
 }
 
 /// Camera rays of a scene, for cameras of one size. Buffers stay on the device from call to call.
 #[derive(Debug)]
 pub(super) struct CameraTracer {
-    pub(super) bins: Bins,
+    pub(super) bins: BinBuffers,
+    binning: Vec<Pass>,
     /// [`Features`] of a band of rows.
     pub(super) features: wgpu::Buffer,
     rows: u32,
-    bands: Vec<SumBand>,
+    bands: Vec<TracedBand>,
 }
 
 #[derive(Debug)]
-struct SumBand {
+struct TracedBand {
     pixels: Range<usize>,
-    steps: Vec<Step>,
+    passes: Vec<Pass>,
 }
 
 impl CameraTracer {
-    /// Room for cameras of `size` pixels; `num_entries` as for [`Bins::new`].
+    /// Buffers for cameras of `size` pixels; `num_entries` as for [`BinBuffers::new`].
     pub(super) fn new(
         device: &Device,
         scene: &SceneBuffers,
         size: (u32, u32),
         num_entries: u32,
     ) -> Result<Self, GpuError> {
-        let bins = Bins::new(device, scene, size, num_entries)?;
+        let bins = BinBuffers::new(device, scene, size, num_entries)?;
+        let binning = passes::bin(device, scene, &bins)?;
         let (width, height) = size;
         let rows = rows_per_buffer(device, width, height);
         let bytes = u64::from(rows.min(height)) * u64::from(width) * size_of::<Features>() as u64;
@@ -121,39 +92,28 @@ impl CameraTracer {
                     first_pixel: first_row * width,
                     ..Band::default()
                 };
-                let steps = tile_steps(device, &band, |band, groups| {
-                    let buffers = [
-                        (0, &bins.view),
-                        (1, band),
-                        (2, &bins.list_starts),
-                        (3, &bins.listed),
-                        (4, &bins.seen),
-                        (5, &bins.attributes),
-                        (6, &features),
-                    ];
-                    device.step(&wgsl::CAMERA, "trace_tiles", &buffers, groups)
-                });
-                SumBand {
+                TracedBand {
                     pixels: (first_row * width) as usize..(end_row * width) as usize,
-                    steps,
+                    passes: passes::trace(device, &bins, &features, band),
                 }
             })
             .collect();
         device.check()?;
         Ok(Self {
             bins,
+            binning,
             features,
             rows,
             bands,
         })
     }
 
-    /// Rows of pixels that there is room for at once, whole rows of tiles.
+    /// Rows of pixels that are traced at once, whole rows of tiles.
     pub(super) fn rows(&self) -> u32 {
         self.rows
     }
 
-    /// Pixels that there is room for at once.
+    /// Pixels that are traced at once.
     pub(super) fn pixels_at_once(&self) -> usize {
         self.bands
             .iter()
@@ -162,18 +122,29 @@ impl CameraTracer {
             .unwrap_or(0)
     }
 
-    /// Brings `camera`'s lists of Gaussians to the device; or says how many entries they need room
-    /// for.
-    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<Binned, GpuError> {
+    /// Appends the binning for `camera` to `commands`.
+    pub(super) fn record_binning(
+        &self,
+        device: &Device,
+        camera: &Camera,
+        commands: &mut wgpu::CommandEncoder,
+    ) {
+        self.bins.begin(device, camera, commands);
+        for pass in &self.binning {
+            pass.record(device, commands);
+        }
+    }
+
+    /// Brings `camera`'s lists of Gaussians to the device. Waits for it.
+    pub(super) fn bin(&self, device: &Device, camera: &Camera) -> Result<(), Incomplete> {
         let mut commands = device.commands();
-        self.bins.record(device, camera, &mut commands);
+        self.record_binning(device, camera, &mut commands);
         device.submit(commands)?;
-        let needed = self.bins.num_entries(device)?;
-        Ok(if needed > self.bins.capacity {
-            Binned::MoreEntries(needed)
-        } else {
-            Binned::Done
-        })
+        let needed = self.bins.counters(device)?;
+        if needed.entries > self.bins.capacity {
+            return Err(Incomplete::Overflow(needed));
+        }
+        Ok(())
     }
 
     /// Traces the camera that was binned last, and hands each band of pixels with their features to
@@ -184,7 +155,7 @@ impl CameraTracer {
         mut finish: impl FnMut(&Range<usize>, Vec<Features>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
         for band in &self.bands {
-            device.run(&band.steps)?;
+            device.run(&band.passes)?;
             let lanes = device.read::<[f32; NUM_LANES]>(&self.features, 0..band.pixels.len())?;
             finish(&band.pixels, lanes.into_iter().map(Features).collect())?;
         }

@@ -1,4 +1,4 @@
-//! An open device: what it can do, its memory, its kernels, and what went wrong with it.
+//! An open device: its memory, its kernels, and its failures.
 
 mod memory;
 mod open;
@@ -8,38 +8,41 @@ mod work;
 use super::adapter::Adapter;
 use super::error::{GpuError, one_line};
 pub use memory::Reading;
-pub use open::Tier;
 use profile::Recording;
 pub use profile::{Profile, StageTime};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-pub use work::Step;
+pub use work::Pass;
+
+/// File, entry point and defines of a kernel.
+type PipelineKey = (&'static str, &'static str, &'static [&'static str]);
 
 /// A device that computes. Cheap to share behind an [`Arc`].
 #[derive(Debug)]
 pub struct Device {
     adapter: Adapter,
-    tier: Tier,
+    /// Bytes that one buffer may have and be bound whole.
+    max_bytes: u64,
     device: wgpu::Device,
     queue: wgpu::Queue,
     failure: Arc<Mutex<Option<GpuError>>>,
-    kernels: Mutex<HashMap<(&'static str, &'static str), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<PipelineKey, wgpu::ComputePipeline>>,
     /// While steps are timed.
     recording: Mutex<Option<Recording>>,
 }
 
 impl Device {
-    /// What it is.
+    /// The adapter that was opened.
     pub fn adapter(&self) -> &Adapter {
         &self.adapter
     }
 
-    /// What it can do.
-    pub fn tier(&self) -> &Tier {
-        &self.tier
+    /// Bytes that one buffer may have and be bound whole.
+    pub(in crate::gpu) fn max_bytes(&self) -> u64 {
+        self.max_bytes
     }
 
-    /// What went wrong since the device was opened.
+    /// The first failure since the device was opened.
     pub(super) fn check(&self) -> Result<(), GpuError> {
         match &*lock(&self.failure) {
             Some(failure) => Err(failure.clone()),

@@ -1,4 +1,4 @@
-//! What may go wrong on a device.
+//! Failures of devices.
 
 use crate::tracer::TraceError;
 
@@ -8,7 +8,7 @@ pub enum GpuError {
     /// No device is the one that was asked for.
     #[error("device {wanted}: not found; there is {found}")]
     NotFound {
-        /// What was asked for.
+        /// The device that was asked for.
         wanted: String,
         /// Names of the devices there are.
         found: String,
@@ -18,7 +18,7 @@ pub enum GpuError {
     Open {
         /// Name of the device.
         device: String,
-        /// What the driver says.
+        /// Message of the driver.
         problem: String,
     },
     /// The device has no more memory.
@@ -26,7 +26,7 @@ pub enum GpuError {
     OutOfMemory {
         /// Name of the device.
         device: String,
-        /// What was being done.
+        /// The work that failed.
         problem: String,
     },
     /// The device is gone: unplugged, reset by its driver, or stopped because a kernel took too
@@ -35,7 +35,7 @@ pub enum GpuError {
     Lost {
         /// Name of the device.
         device: String,
-        /// What the driver says.
+        /// Message of the driver.
         problem: String,
     },
     /// The work is larger than what the device can address.
@@ -43,7 +43,7 @@ pub enum GpuError {
     Limit {
         /// Name of the device.
         device: String,
-        /// What does not fit.
+        /// The thing that does not fit.
         what: String,
         /// Bytes that are needed.
         needed: u64,
@@ -76,7 +76,7 @@ pub enum GpuError {
     Rejected {
         /// Name of the device.
         device: String,
-        /// What was said.
+        /// The message.
         problem: String,
     },
 }

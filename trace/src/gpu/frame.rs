@@ -2,15 +2,14 @@
 //! [`Frame`], write the derivatives by them, and move the Gaussians of a [`GpuScene`] along the
 //! gradients, without anything passing through the host.
 
-use super::adjoint::TOTAL_CHUNKS;
-use super::bins::TOTAL_ENTRIES;
+use super::capacity::{Capacity, Counters};
 use super::device::Device;
 use super::error::GpuError;
 use super::scene::GpuScene;
 use eagpt_scene::Camera;
 use std::sync::Arc;
 
-/// Buffers of a camera's rays, until a camera of another size or one that needs more room comes.
+/// Buffers of a camera's rays, until a camera of another size or one for which they have to grow comes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// [`Features`] of every pixel, row by row: written by [`GpuScene::forward`].
@@ -22,33 +21,10 @@ pub struct Frame {
     /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by
     /// [`GpuScene::forward`].
     pub attributes: wgpu::Buffer,
-    /// Numbers of what the rays needed room for, at [`Frame::ENTRIES`] and [`Frame::CHUNKS`].
-    pub totals: wgpu::Buffer,
-    /// Where there was less room than needed, what was traced is worth nothing.
-    pub room: FrameRoom,
-}
-
-/// Room for the rays of a camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FrameRoom {
-    /// Entries in the lists of tiles.
-    pub entries: u32,
-    /// Chunks of the record of hits.
-    pub chunks: u32,
-}
-
-impl FrameRoom {
-    /// Whether there is no more of anything than in `room`.
-    pub fn is_within(&self, room: &Self) -> bool {
-        self.entries <= room.entries && self.chunks <= room.chunks
-    }
-}
-
-impl Frame {
-    /// Place of the number of entries in the totals.
-    pub const ENTRIES: u32 = TOTAL_ENTRIES;
-    /// Place of the number of chunks in the totals.
-    pub const CHUNKS: u32 = TOTAL_CHUNKS;
+    /// [`Counters`]: where more was needed than fits, the results are worth nothing.
+    pub counters: wgpu::Buffer,
+    /// Capacities of its buffers.
+    pub capacity: Capacity,
 }
 
 impl GpuScene {
@@ -82,7 +58,7 @@ impl GpuScene {
     /// of its pixels.
     ///
     /// # Errors
-    /// If the device gives up, or has not enough memory.
+    /// If the device fails, or has not enough memory.
     pub fn frame(&self, camera: &Camera) -> Result<Option<Frame>, GpuError> {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
@@ -91,49 +67,26 @@ impl GpuScene {
             d_features: image.d_features().clone(),
             gradients: image.gradients().clone(),
             attributes: tracer.bins.attributes.clone(),
-            totals: tracer.bins.totals.clone(),
-            room: FrameRoom {
-                entries: tracer.bins.capacity,
-                chunks: image.num_chunks(),
-            },
+            counters: tracer.bins.counters.clone(),
+            capacity: image.capacity(),
         }))
     }
 
-    /// Makes more room for cameras of this size where `needed`, from the totals of a frame, is more
-    /// than there is. Returns whether it was.
-    ///
-    /// # Errors
-    /// If the device has not enough memory.
-    pub fn make_room(&self, camera: &Camera, needed: FrameRoom) -> Result<bool, GpuError> {
-        let (device, scene) = (&*self.device, &self.buffers);
-        let mut views = self.views();
-        let (tracer, adjoint) = views.both(device, scene, camera)?;
-        // Lists that are incomplete say nothing about the hits on them.
-        if needed.entries > tracer.bins.capacity {
-            let size = (camera.width, camera.height);
-            views.make_tracer(device, scene, size, needed.entries)?;
-            return Ok(true);
-        }
-        let Some(image) = adjoint.whole() else {
-            return Ok(false);
-        };
-        if needed.chunks > image.num_chunks() {
-            let room = adjoint.more_room(device, needed.chunks)?;
-            views.make_adjoint(device, scene, room)?;
-            return Ok(true);
-        }
-        Ok(false)
+    /// Grows the buffers for cameras of the size of `camera`, if a frame that needs `needed` does
+    /// not fit. Returns whether they were too small.
+    pub fn grow(&self, camera: &Camera, needed: &Counters) -> bool {
+        self.views().grow(camera, needed)
     }
 
     /// Traces `camera` into its [`Frame`], without waiting. Nothing happens where it has none.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn forward(&self, camera: &Camera) -> Result<(), GpuError> {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
         match adjoint.whole() {
-            Some(image) => image.forward(&self.device, &tracer.bins, camera),
+            Some(image) => image.forward(&self.device, tracer, camera),
             None => Ok(()),
         }
     }
@@ -142,7 +95,7 @@ impl GpuScene {
     /// without waiting.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn backward(&self, camera: &Camera) -> Result<(), GpuError> {
         let mut views = self.views();
         let (_, adjoint) = views.both(&self.device, &self.buffers, camera)?;

@@ -1,8 +1,9 @@
-//! What kernels and Rust share: structures and constants, written down once, in Rust, and declared
+//! Structures and constants that kernels and Rust share: written down once, in Rust, and declared
 //! in WGSL from there.
 
 use super::bins::{self, Seen, View};
-use super::{adjoint, bvh, camera, light, matrix, rays, scan, sort};
+use super::kernels::GROUP_SIZE;
+use super::{adjoint, bvh, camera, capacity, light, matrix, rays, scan, sort};
 use crate::blend::Contribution;
 use crate::cpu::bins::MARGIN_PIXELS;
 use crate::features::lane;
@@ -159,11 +160,11 @@ pub(super) fn layouts() -> Vec<Layout> {
         matrix::TransportParameters::layout(),
         matrix::ReceiverOnDevice::layout(),
         matrix::FoundEntry::layout(),
-        matrix::ArrivedLight::layout(),
+        matrix::DirectLight::layout(),
     ]
 }
 
-/// Declarations of all structures and constants: every module begins with them.
+/// Declarations of all structures and constants.
 pub(super) fn declarations() -> String {
     let mut text = String::new();
     for layout in layouts() {
@@ -188,13 +189,13 @@ pub(super) fn declarations() -> String {
         write_line(&mut text, format_args!("const {name}: f32 = {value:?};"));
     }
     for (name, value) in [
+        ("GROUP_SIZE", GROUP_SIZE),
+        ("MAX_GROUP_SIZE", scan::THREADS),
         ("TILE", bins::TILE),
         ("TILE_PIXELS", bins::TILE_PIXELS),
         ("PENDING", camera::PENDING),
         ("KEY_SHIFT", bins::KEY_SHIFT),
         ("FARTHEST_KEY", bins::FARTHEST_KEY),
-        ("TOTAL_ENTRIES", bins::TOTAL_ENTRIES),
-        ("TOTAL_CHUNKS", adjoint::TOTAL_CHUNKS),
         ("CHUNK_HITS", adjoint::CHUNK_HITS),
         ("CHUNK_WORDS", adjoint::CHUNK_WORDS),
         ("FIRST_RAY", light::FIRST_RAY),
@@ -215,7 +216,10 @@ pub(super) fn declarations() -> String {
         ("SORT_BLOCK", sort::BLOCK),
         ("SORT_DIGITS", sort::DIGITS),
         ("SORT_COUNTERS", sort::DIGITS * sort::THREADS),
-    ] {
+    ]
+    .into_iter()
+    .chain(capacity::PLACES)
+    {
         write_line(&mut text, format_args!("const {name}: u32 = {value}u;"));
     }
     text

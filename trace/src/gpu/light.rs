@@ -1,18 +1,17 @@
-//! Light of camera pixels on the device: the twin of [`crate::transport::render`].
-//!
-//! A dispatch takes one ray of one sample of a path, or a few samples of a single bounce, for many
-//! pixels, and adds them to what was gathered before, in the order of samples: it is short, so that
-//! no driver takes it for hung.
+//! Light of camera pixels on the device, as [`crate::transport`] defines it. The CPU takes all
+//! samples of a pixel together; here a dispatch takes one ray of one sample of
+//! a path, or a few samples of a single bounce, for many pixels, and adds them to what was gathered
+//! before, in the order of samples: it is short, so that no driver takes it for hung.
 
 mod buffers;
 mod parameters;
 
 use super::camera::CameraTracer;
-use super::device::{Device, Step};
+use super::device::{Device, Pass};
 use super::error::GpuError;
+use super::kernels::{self, Kernel, groups};
 use super::rays::RayQuery;
 use super::scene::SceneBuffers;
-use super::wgsl;
 use crate::features::Features;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
 pub(super) use buffers::TreeBuffers;
@@ -47,9 +46,17 @@ pub(super) struct LightGatherer {
 /// A kernel and its buffers.
 #[derive(Debug)]
 struct GatherKernel {
-    module: &'static wgsl::Module,
-    entry: &'static str,
-    buffers: Vec<(u32, wgpu::Buffer)>,
+    kernel: &'static Kernel,
+    buffers: Vec<wgpu::Buffer>,
+}
+
+impl GatherKernel {
+    fn new(kernel: &'static Kernel, buffers: &[&wgpu::Buffer]) -> Self {
+        Self {
+            kernel,
+            buffers: buffers.iter().map(|&buffer| buffer.clone()).collect(),
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -95,73 +102,38 @@ impl LightGatherer {
             light_root: light.light_root,
             ..LightParameters::zeroed()
         };
-        let room = |what, size: usize| device.buffer(what, (tracer.pixels_at_once() * size) as u64);
-        let gathered = room("light", size_of::<Gathered>())?;
+        let num_pixels = tracer.pixels_at_once();
+        let of_pixels = |what, size: usize| device.buffer(what, (num_pixels * size) as u64);
+        let gathered = of_pixels("light", size_of::<Gathered>())?;
         let uniform = device.uniform("light", &parameters);
-        let kernel = |module, entry, buffers: &[(u32, &wgpu::Buffer)]| GatherKernel {
-            module,
-            entry,
-            buffers: buffers
-                .iter()
-                .map(|&(binding, buffer)| (binding, buffer.clone()))
-                .collect(),
-        };
-        let view = (0, &tracer.bins.view);
-        let (uniform_at, surfels, attributes) =
-            ((1, &uniform), (2, &scene.surfels), (3, &scene.attributes));
-        let (nodes, leaves, emitters) = (
-            (4, &light.nodes),
-            (5, &light.leaf_indices),
-            (6, &light.emitters),
-        );
-        let (features, total) = ((7, &tracer.features), (8, &gathered));
+        let (view, features) = (&tracer.bins.view, &tracer.features);
+        let (surfels, attributes) = (&scene.surfels, &scene.attributes);
+        let (nodes, leaves, emitters) = (&light.nodes, &light.leaf_indices, &light.emitters);
         let kernels = match kind {
             GatherKind::OneBounce => {
                 let buffers = [
-                    view, uniform_at, surfels, attributes, nodes, leaves, emitters, features, total,
+                    view, &uniform, surfels, attributes, nodes, leaves, emitters, features,
+                    &gathered,
                 ];
-                vec![kernel(&wgsl::BOUNCE, "gather_bounces", &buffers)]
+                vec![GatherKernel::new(&kernels::GATHER_BOUNCES, &buffers)]
             }
             GatherKind::Path { .. } => {
-                let paths = room("paths", size_of::<PathState>())?;
-                let rays = room("rays of paths", size_of::<RayQuery>())?;
-                let met = room("features of paths", size_of::<Features>())?;
-                let aim = [
-                    view,
-                    uniform_at,
-                    emitters,
-                    features,
-                    total,
-                    (9, &paths),
-                    (10, &rays),
-                ];
-                let meet = [
-                    uniform_at,
-                    surfels,
-                    attributes,
-                    nodes,
-                    leaves,
-                    (6, &rays),
-                    (7, &met),
-                ];
-                let shade = [
-                    uniform_at,
-                    nodes,
-                    leaves,
-                    emitters,
-                    total,
-                    (9, &paths),
-                    (10, &rays),
-                    (11, &met),
-                ];
+                let paths = &of_pixels("paths", size_of::<PathState>())?;
+                let rays = &of_pixels("rays of paths", size_of::<RayQuery>())?;
+                let met = &of_pixels("features of paths", size_of::<Features>())?;
                 let meet_rays = match options.hits {
-                    Hits::Blended => "blend_rays",
-                    Hits::Sampled => "sample_rays",
+                    Hits::Blended => &kernels::BLEND_RAYS,
+                    Hits::Sampled => &kernels::SAMPLE_RAYS,
                 };
+                let aim = [view, &uniform, emitters, features, &gathered, paths, rays];
+                let meet = [&uniform, surfels, attributes, nodes, leaves, rays, met];
+                let shade = [
+                    &uniform, nodes, leaves, emitters, &gathered, paths, rays, met,
+                ];
                 vec![
-                    kernel(&wgsl::PATH, "aim_rays", &aim),
-                    kernel(&wgsl::RAYS, meet_rays, &meet),
-                    kernel(&wgsl::PATH, "shade_rays", &shade),
+                    GatherKernel::new(&kernels::AIM_RAYS, &aim),
+                    GatherKernel::new(meet_rays, &meet),
+                    GatherKernel::new(&kernels::SHADE_RAYS, &shade),
                 ]
             }
         };
@@ -197,10 +169,10 @@ impl LightGatherer {
                 end_pixel,
                 ..self.parameters
             };
-            let steps = self.steps(device, (end_pixel - start_pixel).div_ceil(64));
+            let passes = self.passes(device, groups(end_pixel - start_pixel));
             for parameters in self.turns(pixels) {
                 device.write(&self.uniform, bytemuck::bytes_of(&parameters));
-                device.run(&steps)?;
+                device.run(&passes)?;
                 num_dispatches += 1;
                 if num_dispatches.is_multiple_of(DISPATCHES_AHEAD) {
                     device.wait()?;
@@ -250,15 +222,11 @@ impl LightGatherer {
         })
     }
 
-    fn steps(&self, device: &Device, groups: u32) -> Vec<Step> {
-        let step = |kernel: &GatherKernel| {
-            let buffers: Vec<(u32, &wgpu::Buffer)> = kernel
-                .buffers
-                .iter()
-                .map(|(binding, buffer)| (*binding, buffer))
-                .collect();
-            device.step(kernel.module, kernel.entry, &buffers, groups)
+    fn passes(&self, device: &Device, groups: u32) -> Vec<Pass> {
+        let pass = |one: &GatherKernel| {
+            let buffers: Vec<&wgpu::Buffer> = one.buffers.iter().collect();
+            device.pass(one.kernel, &buffers, groups)
         };
-        self.kernels.iter().map(step).collect()
+        self.kernels.iter().map(pass).collect()
     }
 }

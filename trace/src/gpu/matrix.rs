@@ -1,16 +1,18 @@
-//! The light-transport matrix on a device; [`crate::transport::matrix`] is its CPU counterpart.
+//! The light-transport matrix on a device; [`TransportRays::trace`] is all of it, from receivers to
+//! rows.
 //!
-//! A dispatch follows one direction of one receiver in each invocation; another one adds up their
-//! light. It is added in the order of samples, light samples first (on the CPU, in the order of
-//! realizations), so that the bits depend neither on the size of dispatches nor on which receivers
-//! are traced together.
+//! A pass follows one direction of one receiver in each invocation; another one adds up their light.
+//! It is added in the order of samples, light samples first, so that the bits depend neither on the
+//! size of dispatches nor on which receivers are traced together. The CPU
+//! ([`crate::transport::matrix`]) adds light in the order of realizations, of which each has a tree;
+//! here one tree serves all.
 
-use super::device::{Device, Step};
+use super::device::Device;
 use super::error::GpuError;
+use super::kernels::{self, groups};
 use super::layout::{Layout, layout};
 use super::light::TreeBuffers;
 use super::scene::SceneBuffers;
-use super::wgsl;
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
@@ -44,7 +46,7 @@ pub(super) struct TransportParameters {
     /// Light samples of each receiver, in all.
     num_to_lights: u32,
     num_receivers: u32,
-    /// An [`Aim`].
+    /// 1 for light samples, 0 for BSDF samples.
     is_towards_lights: u32,
     first_sample: u32,
     end_sample: u32,
@@ -108,14 +110,14 @@ pub(super) struct FoundEntry {
     /// Of an emitter, weighted.
     light: [f32; 3],
     /// Entry of the matrix, or [`super::bvh::NO_NODE`] where no ray was traced.
-    target: u32,
+    gaussian: u32,
 }
 
 impl FoundEntry {
     pub(super) fn layout() -> Layout {
         layout!(FoundEntry {
             light: "vec3f",
-            target: "u32",
+            gaussian: "u32",
         })
     }
 }
@@ -123,14 +125,14 @@ impl FoundEntry {
 /// Light that the directions of a receiver have found.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub(super) struct ArrivedLight {
+pub(super) struct DirectLight {
     light: [f32; 3],
     num_rays: u32,
 }
 
-impl ArrivedLight {
+impl DirectLight {
     pub(super) fn layout() -> Layout {
-        layout!(ArrivedLight {
+        layout!(DirectLight {
             light: "vec3f",
             num_rays: "u32",
         })
@@ -189,27 +191,30 @@ pub(super) struct TransportRays<'a> {
     pub(super) matrix: &'a TransportBuffers,
 }
 
-/// Kind of the directions of a dispatch.
-#[derive(Clone, Copy)]
-enum Aim {
-    /// BSDF samples.
-    Normal = 0,
-    /// Light samples.
-    Lights = 1,
-}
-
 /// Buffers for some receivers at once.
 struct Piece {
-    num_receivers: u32,
     samples_at_once: u32,
     uniform: wgpu::Buffer,
     receivers: wgpu::Buffer,
     found: wgpu::Buffer,
-    matrix: wgpu::Buffer,
-    arrived: wgpu::Buffer,
+    targets: wgpu::Buffer,
+    direct: wgpu::Buffer,
 }
 
 impl Piece {
+    fn new(device: &Device, num_receivers: usize, samples_at_once: u32) -> Result<Self, GpuError> {
+        let of_receivers = |what, size: usize| device.buffer(what, (num_receivers * size) as u64);
+        let num_samples = samples_at_once as usize;
+        Ok(Self {
+            samples_at_once,
+            uniform: device.uniform("matrix", &TransportParameters::zeroed()),
+            receivers: of_receivers("receivers", size_of::<ReceiverOnDevice>())?,
+            found: of_receivers("found entries", num_samples * size_of::<FoundEntry>())?,
+            targets: of_receivers("targets of entries", num_samples * size_of::<u32>())?,
+            direct: of_receivers("light of emitters", size_of::<DirectLight>())?,
+        })
+    }
+
     /// `num` samples, as many in a dispatch as fit.
     fn samples(&self, num: u32) -> impl Iterator<Item = Range<u32>> {
         let at_once = self.samples_at_once;
@@ -231,132 +236,81 @@ impl TransportRays<'_> {
         if receivers.is_empty() {
             return Ok(matrix);
         }
+        let TransportBuffers { trees, radii } = self.matrix;
+        let (device, scene) = (self.device, self.scene);
+        // As many receivers and samples at once as a buffer holds entries.
         let samples = directions.bsdf.max(directions.to_lights);
-        let room = self.device.tier().max_bytes() / size_of::<FoundEntry>() as u64;
-        let directions_at_once = room.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
-        let most_samples = SAMPLES_PER_DISPATCH.min(directions_at_once);
-        let samples_at_once = samples.clamp(1, most_samples);
-        let at_once = (directions_at_once / samples_at_once) as usize;
-        let mut piece = self.piece(at_once.min(receivers.len()), samples_at_once)?;
-        let trees = &self.matrix.trees;
-        let parameters = TransportParameters {
-            key: key.words(),
-            emission_threshold: EMISSION_THRESHOLD,
-            num_emitters: trees.num_emitters,
-            scene_root: trees.scene_root,
-            light_root: trees.light_root,
-            num_bsdf: directions.bsdf,
-            num_to_lights: directions.to_lights,
-            ..TransportParameters::zeroed()
-        };
-        for some in receivers.chunks(at_once) {
+        let max_entries = device.max_bytes() / size_of::<FoundEntry>() as u64;
+        let directions_at_once = max_entries.min(u64::from(DIRECTIONS_PER_DISPATCH)) as u32;
+        let samples_at_once = samples.clamp(1, SAMPLES_PER_DISPATCH.min(directions_at_once));
+        let receivers_at_once = (directions_at_once / samples_at_once) as usize;
+        let num_receivers = receivers_at_once.min(receivers.len());
+        let piece = Piece::new(device, num_receivers, samples_at_once)?;
+        let follow = [
+            &piece.uniform,
+            &scene.surfels,
+            &scene.attributes,
+            &trees.nodes,
+            &trees.leaf_indices,
+            &trees.emitters,
+            radii,
+            &piece.receivers,
+            &piece.found,
+        ];
+        let add = [&piece.uniform, &piece.found, &piece.targets, &piece.direct];
+        for some in receivers.chunks(receivers_at_once) {
             let on_device: Vec<ReceiverOnDevice> = some.iter().map(ReceiverOnDevice::new).collect();
-            self.device
-                .write(&piece.receivers, bytemuck::cast_slice(&on_device));
-            piece.num_receivers = some.len() as u32;
-            self.trace_piece(&piece, parameters, &mut matrix)?;
-        }
-        Ok(matrix)
-    }
-
-    fn piece(&self, num_receivers: usize, samples_at_once: u32) -> Result<Piece, GpuError> {
-        let device = self.device;
-        let of_receivers = |size: usize| (num_receivers * size) as u64;
-        let of_directions = |size: usize| of_receivers(samples_at_once as usize * size);
-        Ok(Piece {
-            num_receivers: 0,
-            samples_at_once,
-            uniform: device.uniform("matrix", &TransportParameters::zeroed()),
-            receivers: device.buffer("receivers", of_receivers(size_of::<ReceiverOnDevice>()))?,
-            found: device.buffer("found matrix", of_directions(size_of::<FoundEntry>()))?,
-            matrix: device.buffer("matrix", of_directions(size_of::<u32>()))?,
-            arrived: device.buffer("arrived light", of_receivers(size_of::<ArrivedLight>()))?,
-        })
-    }
-
-    /// Adds the rows of the receivers that are in `piece`.
-    fn trace_piece(
-        &self,
-        piece: &Piece,
-        parameters: TransportParameters,
-        matrix: &mut TransportMatrix,
-    ) -> Result<(), GpuError> {
-        let num_receivers = piece.num_receivers as usize;
-        let dispatch = |aim: Aim, samples: &Range<u32>| {
-            let parameters = TransportParameters {
-                num_receivers: piece.num_receivers,
-                is_towards_lights: aim as u32,
-                first_sample: samples.start,
-                end_sample: samples.end,
-                ..parameters
-            };
-            self.device
-                .write(&piece.uniform, bytemuck::bytes_of(&parameters));
-            self.device.run(&self.steps(piece, samples.len() as u32))
-        };
-        let nothing = vec![ArrivedLight::zeroed(); num_receivers];
-        self.device
-            .write(&piece.arrived, bytemuck::cast_slice(&nothing));
-        for (aim, num_samples, targets) in [
-            (
-                Aim::Lights,
-                parameters.num_to_lights,
-                &mut matrix.light_targets,
-            ),
-            (Aim::Normal, parameters.num_bsdf, &mut matrix.targets),
-        ] {
-            let start = targets.len();
-            targets.resize(start + num_receivers * num_samples as usize, NOTHING);
-            if matches!(aim, Aim::Lights) && parameters.num_emitters == 0 {
-                continue;
-            }
-            for samples in piece.samples(num_samples) {
-                dispatch(aim, &samples)?;
-                let found: Vec<u32> = self
-                    .device
-                    .read(&piece.matrix, 0..num_receivers * samples.len())?;
-                let (first, end) = (samples.start as usize, samples.end as usize);
-                let rows = targets[start..].chunks_exact_mut(num_samples as usize);
-                for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
-                    row[first..end].copy_from_slice(found);
+            device.write(&piece.receivers, bytemuck::cast_slice(&on_device));
+            let dark = vec![DirectLight::zeroed(); some.len()];
+            device.write(&piece.direct, bytemuck::cast_slice(&dark));
+            // Light samples, then BSDF samples.
+            for (is_towards_lights, num_samples, targets) in [
+                (1, directions.to_lights, &mut matrix.light_targets),
+                (0, directions.bsdf, &mut matrix.targets),
+            ] {
+                let start = targets.len();
+                targets.resize(start + some.len() * num_samples as usize, NOTHING);
+                if is_towards_lights == 1 && trees.num_emitters == 0 {
+                    continue;
+                }
+                for samples in piece.samples(num_samples) {
+                    let parameters = TransportParameters {
+                        key: key.words(),
+                        emission_threshold: EMISSION_THRESHOLD,
+                        num_emitters: trees.num_emitters,
+                        scene_root: trees.scene_root,
+                        light_root: trees.light_root,
+                        num_bsdf: directions.bsdf,
+                        num_to_lights: directions.to_lights,
+                        num_receivers: some.len() as u32,
+                        is_towards_lights,
+                        first_sample: samples.start,
+                        end_sample: samples.end,
+                        ..TransportParameters::zeroed()
+                    };
+                    device.write(&piece.uniform, bytemuck::bytes_of(&parameters));
+                    let num_entries = some.len() * samples.len();
+                    let (each_entry, each_receiver) =
+                        (groups(num_entries as u32), groups(some.len() as u32));
+                    device.run(&[
+                        // What each direction meets first, and the light of emitters.
+                        device.pass(&kernels::FOLLOW_DIRECTIONS, &follow, each_entry),
+                        // The light of each receiver.
+                        device.pass(&kernels::ADD_UP, &add, each_receiver),
+                    ])?;
+                    let found: Vec<u32> = device.read(&piece.targets, 0..num_entries)?;
+                    let (first, end) = (samples.start as usize, samples.end as usize);
+                    let rows = targets[start..].chunks_exact_mut(num_samples as usize);
+                    for (row, found) in rows.zip(found.chunks_exact(samples.len())) {
+                        row[first..end].copy_from_slice(found);
+                    }
                 }
             }
+            for one in device.read::<DirectLight>(&piece.direct, 0..some.len())? {
+                matrix.direct.push(Vec3::from_array(one.light));
+                matrix.num_rays += u64::from(one.num_rays);
+            }
         }
-        let arrived: Vec<ArrivedLight> = self.device.read(&piece.arrived, 0..num_receivers)?;
-        for one in arrived {
-            matrix.direct.push(Vec3::from_array(one.light));
-            matrix.num_rays += u64::from(one.num_rays);
-        }
-        Ok(())
-    }
-
-    fn steps(&self, piece: &Piece, num_samples: u32) -> [Step; 2] {
-        let TransportBuffers { trees, radii } = self.matrix;
-        let uniform = (1, &piece.uniform);
-        let follow = [
-            uniform,
-            (2, &self.scene.surfels),
-            (3, &self.scene.attributes),
-            (4, &trees.nodes),
-            (5, &trees.leaf_indices),
-            (6, &trees.emitters),
-            (7, radii),
-            (8, &piece.receivers),
-            (9, &piece.found),
-        ];
-        let add = [
-            uniform,
-            (9, &piece.found),
-            (10, &piece.matrix),
-            (11, &piece.arrived),
-        ];
-        let num_directions = piece.num_receivers * num_samples;
-        let step = |entry, buffers: &[(u32, &wgpu::Buffer)], invocations: u32| {
-            (self.device).step(&wgsl::LINKS, entry, buffers, invocations.div_ceil(64))
-        };
-        [
-            step("follow_directions", &follow, num_directions),
-            step("add_up", &add, piece.num_receivers),
-        ]
+        Ok(matrix)
     }
 }

@@ -1,12 +1,11 @@
-//! Single rays on the device, of any origin and direction, many at a time: the twin of
-//! [`crate::cpu::CpuScene`].
+//! Single rays on the device, of any origin and direction, many at a time.
 
 use super::device::Device;
 use super::error::GpuError;
+use super::kernels::{Kernel, groups};
 use super::layout::{Layout, layout};
 use super::light::{LightParameters, TreeBuffers};
 use super::scene::SceneBuffers;
-use super::wgsl;
 use crate::features::{Features, NUM_LANES};
 use crate::ray::Ray;
 
@@ -59,57 +58,39 @@ pub(super) struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// composited features along each ray.
-    pub(super) fn blend(&self, queries: &[RayQuery]) -> Result<Vec<Features>, GpuError> {
-        let size = (queries.len() * size_of::<Features>()) as u64;
-        let features = self.device.buffer("features of rays", size)?;
-        self.run(
-            "blend_rays",
-            queries,
-            &[(3, &self.scene.attributes), (7, &features)],
-        )?;
-        let lanes = self
-            .device
-            .read::<[f32; NUM_LANES]>(&features, 0..queries.len())?;
-        Ok(lanes.into_iter().map(Features).collect())
-    }
-
-    /// The Gaussian of one hit of each ray, chosen by its weight; [`super::bvh::NO_NODE`] where
-    /// nothing is met.
-    pub(super) fn choose(&self, queries: &[RayQuery]) -> Result<Vec<u32>, GpuError> {
-        let size = (queries.len() * size_of::<u32>()) as u64;
-        let chosen = self.device.buffer("chosen hits", size)?;
-        self.run("choose_hits", queries, &[(8, &chosen)])?;
-        self.device.read(&chosen, 0..queries.len())
-    }
-
-    fn run(
+    /// Features along each ray: of all its hits, blended, or of one that is chosen by its weight,
+    /// as `kernel` says.
+    pub(super) fn trace(
         &self,
-        entry: &'static str,
+        kernel: &'static Kernel,
         queries: &[RayQuery],
-        results: &[(u32, &wgpu::Buffer)],
-    ) -> Result<(), GpuError> {
+    ) -> Result<Vec<Features>, GpuError> {
         let Self {
             device,
             scene,
             light,
         } = self;
         let num_rays = queries.len() as u32;
+        let size = (queries.len() * size_of::<Features>()) as u64;
+        let features = device.buffer("features of rays", size)?;
         let queries = device.upload("rays", bytemuck::cast_slice(queries))?;
-        let mut steps = Vec::new();
+        let mut passes = Vec::new();
         for first in (0..num_rays).step_by(RAYS_PER_DISPATCH as usize) {
             let end = first.saturating_add(RAYS_PER_DISPATCH).min(num_rays);
             let uniform = device.uniform("light", &LightParameters::of_rays(light, first..end));
-            let mut buffers = vec![
-                (1, &uniform),
-                (2, &scene.surfels),
-                (4, &light.nodes),
-                (5, &light.leaf_indices),
-                (6, &queries),
+            let buffers = [
+                &uniform,
+                &scene.surfels,
+                &scene.attributes,
+                &light.nodes,
+                &light.leaf_indices,
+                &queries,
+                &features,
             ];
-            buffers.extend_from_slice(results);
-            steps.push(device.step(&wgsl::RAYS, entry, &buffers, (end - first).div_ceil(64)));
+            passes.push(device.pass(kernel, &buffers, groups(end - first)));
         }
-        device.run(&steps)
+        device.run(&passes)?;
+        let lanes = device.read::<[f32; NUM_LANES]>(&features, 0..num_rays as usize)?;
+        Ok(lanes.into_iter().map(Features).collect())
     }
 }

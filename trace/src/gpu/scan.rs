@@ -1,9 +1,9 @@
 //! Exclusive prefix sums on the device.
 
-use super::device::{Device, Step};
+use super::device::{Device, Pass};
 use super::error::GpuError;
+use super::kernels;
 use super::layout::{Layout, layout};
-use super::wgsl;
 
 /// Invocations of a workgroup.
 pub(super) const THREADS: u32 = 256;
@@ -32,15 +32,15 @@ pub(super) fn scan(
     device: &Device,
     values: &wgpu::Buffer,
     num_values: u32,
-) -> Result<Vec<Step>, GpuError> {
+) -> Result<Vec<Pass>, GpuError> {
     let num_blocks = num_values.div_ceil(BLOCK);
     let parameters = device.uniform("scan", &ScanParameters { num_values });
     let sums = device.buffer("sums of blocks", 4 * u64::from(num_blocks))?;
-    let buffers = [(0, &parameters), (1, values), (2, &sums)];
-    let mut steps = vec![device.step(&wgsl::SCAN, "scan_blocks", &buffers, num_blocks)];
+    let buffers = [&parameters, values, &sums];
+    let mut passes = vec![device.pass(&kernels::SCAN_BLOCKS, &buffers, num_blocks)];
     if num_blocks > 1 {
-        steps.extend(scan(device, &sums, num_blocks)?);
-        steps.push(device.step(&wgsl::SCAN, "scan_add", &buffers, num_blocks));
+        passes.extend(scan(device, &sums, num_blocks)?);
+        passes.push(device.pass(&kernels::SCAN_ADD, &buffers, num_blocks));
     }
-    Ok(steps)
+    Ok(passes)
 }

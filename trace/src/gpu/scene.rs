@@ -1,9 +1,9 @@
 //! A scene on a device that wgpu has opened.
 
-use super::bvh::NO_NODE;
 use super::camera::CameraTracer;
 use super::device::Device;
 use super::error::GpuError;
+use super::kernels;
 use super::light::{Gathered, LightGatherer, TreeBuffers};
 use super::matrix::{TransportBuffers, TransportRays};
 use super::rays::{RayQuery, Rays};
@@ -38,7 +38,7 @@ pub(super) struct SceneBuffers {
 
 impl SceneBuffers {
     pub(super) fn new(device: &Device, set: &SurfelSet) -> Result<Self, GpuError> {
-        let limit = device.tier().max_bytes();
+        let limit = device.max_bytes();
         let num_surfels = u32::try_from(set.len()).map_err(|_| GpuError::Limit {
             device: device.adapter().name.clone(),
             what: "Gaussians".to_owned(),
@@ -130,6 +130,7 @@ impl GpuScene {
     /// [`Tracer::update`] replaces them.
     pub fn release_host_copy(&mut self) {
         self.host = None;
+        self.views().restart(&self.device);
         self.light = Mutex::default();
         self.matrix = Mutex::default();
     }
@@ -140,22 +141,7 @@ impl GpuScene {
         })
     }
 
-    /// The Gaussian of one hit of each ray, chosen by its weight; `None` with the probability of
-    /// meeting nothing. The number beside a ray makes the choice.
-    ///
-    /// # Errors
-    /// If the device fails or has not enough memory.
-    pub fn choose_hits(&self, rays: &[(Ray, u32)]) -> Result<Vec<Option<u32>>, GpuError> {
-        let queries: Vec<RayQuery> = rays
-            .iter()
-            .map(|(ray, seed)| RayQuery::new(ray, *seed))
-            .collect();
-        let chosen = self.rays(&*self.light()?).choose(&queries)?;
-        let hit = |index| (index != NO_NODE).then_some(index);
-        Ok(chosen.into_iter().map(hit).collect())
-    }
-
-    fn rays<'a>(&'a self, light: &'a TreeBuffers) -> Rays<'a> {
+    pub(super) fn rays<'a>(&'a self, light: &'a TreeBuffers) -> Rays<'a> {
         Rays {
             device: &self.device,
             scene: &self.buffers,
@@ -187,8 +173,8 @@ impl GpuScene {
         tracer.trace(device, make_finish(tracer)?)
     }
 
-    /// Structures for single rays, made when first needed.
-    fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
+    /// Trees for single rays, made when first asked for.
+    pub(super) fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
         made_once(&self.light, || {
             let HostCopy { set, emissive } = self.host()?;
             TreeBuffers::new(&self.device, &set.surfels, Lights::new(emissive).as_ref())
@@ -261,7 +247,7 @@ fn made_once<T>(
     Ok(Arc::clone(place.insert(Arc::new(make()?))))
 }
 
-/// The frame of features and of the light that `num_samples` samples of each pixel have brought.
+/// The view of features and of the light that `num_samples` samples of each pixel have brought.
 fn finished(
     features: GBuffer,
     gathered: &[Gathered],
@@ -366,7 +352,9 @@ impl Tracer for GpuScene {
 
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
         let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
-        Ok(self.rays(&*self.light()?).blend(&queries)?)
+        Ok(self
+            .rays(&*self.light()?)
+            .trace(&kernels::BLEND_RAYS, &queries)?)
     }
 
     fn render(

@@ -1,10 +1,10 @@
 //! A stable radix sort on the device.
 
-use super::device::{Device, Step};
+use super::device::{Device, Pass};
 use super::error::GpuError;
+use super::kernels;
 use super::layout::{Layout, layout};
 use super::scan::scan;
-use super::wgsl;
 
 /// Invocations of a workgroup.
 pub(super) const THREADS: u32 = 128;
@@ -27,7 +27,7 @@ pub(super) struct SortParameters {
     shift: u32,
     num_blocks: u32,
     capacity: u32,
-    total: u32,
+    count: u32,
 }
 
 impl SortParameters {
@@ -36,37 +36,37 @@ impl SortParameters {
             shift: "u32",
             num_blocks: "u32",
             capacity: "u32",
-            total: "u32",
+            count: "u32",
         })
     }
 }
 
-/// Keys with values, and room to sort them into.
+/// Keys with values, and buffers to sort them into.
 #[derive(Debug)]
 pub(super) struct Sorter {
     keys: [wgpu::Buffer; 2],
     values: [wgpu::Buffer; 2],
-    steps: Vec<Step>,
+    passes: Vec<Pass>,
     sorted: usize,
 }
 
 impl Sorter {
     /// Sorts at most `capacity` pairs by the lower `num_bits` of their keys. Their number is read
-    /// from `totals[total]` on the device.
+    /// from `counts[count]` on the device.
     pub(super) fn new(
         device: &Device,
         capacity: u32,
         num_bits: u32,
-        (totals, total): (&wgpu::Buffer, u32),
+        (counts, count): (&wgpu::Buffer, u32),
     ) -> Result<Self, GpuError> {
-        let room = |what| device.buffer(what, 4 * u64::from(capacity));
-        let keys = [room("sort keys")?, room("sort keys")?];
-        let values = [room("sort values")?, room("sort values")?];
+        let buffer = |what| device.buffer(what, 4 * u64::from(capacity));
+        let keys = [buffer("sort keys")?, buffer("sort keys")?];
+        let values = [buffer("sort values")?, buffer("sort values")?];
         let num_blocks = capacity.div_ceil(BLOCK);
         let num_places = DIGITS * num_blocks;
         let places = device.buffer("sort places", 4 * u64::from(num_places))?;
         let add_up = scan(device, &places, num_places)?;
-        let mut steps = Vec::new();
+        let mut passes = Vec::new();
         let num_passes = num_bits.div_ceil(DIGIT_BITS);
         for pass in 0..num_passes {
             let (from, to) = (pass as usize % 2, (pass as usize + 1) % 2);
@@ -76,48 +76,43 @@ impl Sorter {
                     shift: pass * DIGIT_BITS,
                     num_blocks,
                     capacity,
-                    total,
+                    count,
                 },
             );
-            let count = [
-                (0, &parameters),
-                (1, totals),
-                (2, &keys[from]),
-                (4, &places),
-            ];
-            steps.push(device.step(&wgsl::SORT, "sort_count", &count, num_blocks));
-            steps.extend(add_up.iter().cloned());
+            let count_digits = [&parameters, counts, &keys[from], &places];
+            passes.push(device.pass(&kernels::SORT_COUNT, &count_digits, num_blocks));
+            passes.extend(add_up.iter().cloned());
             let scatter = [
-                (0, &parameters),
-                (1, totals),
-                (2, &keys[from]),
-                (3, &values[from]),
-                (4, &places),
-                (5, &keys[to]),
-                (6, &values[to]),
+                &parameters,
+                counts,
+                &keys[from],
+                &values[from],
+                &places,
+                &keys[to],
+                &values[to],
             ];
-            steps.push(device.step(&wgsl::SORT, "sort_scatter", &scatter, num_blocks));
+            passes.push(device.pass(&kernels::SORT_SCATTER, &scatter, num_blocks));
         }
         Ok(Self {
             keys,
             values,
-            steps,
+            passes,
             sorted: num_passes as usize % 2,
         })
     }
 
-    /// Where keys and values are put.
+    /// Keys and values before sorting.
     pub(super) fn unsorted(&self) -> (&wgpu::Buffer, &wgpu::Buffer) {
         (&self.keys[0], &self.values[0])
     }
 
-    /// Where they are when [`Self::steps`] have run.
+    /// Keys and values after [`Self::passes`].
     pub(super) fn sorted(&self) -> (&wgpu::Buffer, &wgpu::Buffer) {
         (&self.keys[self.sorted], &self.values[self.sorted])
     }
 
-    /// What sorts.
-    pub(super) fn steps(&self) -> &[Step] {
-        &self.steps
+    /// The passes that sort.
+    pub(super) fn passes(&self) -> &[Pass] {
+        &self.passes
     }
 }

@@ -1,21 +1,25 @@
-//! Kernels against their twins, stage by stage, on whatever device there is.
+//! Kernels against the CPU, stage by stage, on whatever device there is.
 
 use super::GpuScene;
 use super::device::Device;
 use super::error::GpuError;
+use super::kernels::{self, Access, Binding, Kernel};
+use super::rays::RayQuery;
 use super::scan::scan;
+use super::shader;
 use super::sort::Sorter;
-use super::wgsl::{self, Module};
 use crate::blend::GradientMask;
 use crate::device::DeviceSelector;
+use crate::features::Features;
 use crate::parity;
+use crate::ray::Ray;
 use crate::transport::matrix::{Directions, Receiver};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::{Integrator, LightOptions, Tracer};
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussian, random_cloud};
-use glam::{DAffine3, Mat3};
+use eagpt_scene::{Camera, Gaussian, Gaussians, random_cloud};
+use glam::{DAffine3, Mat3, Vec3};
 use std::sync::{Arc, OnceLock};
 
 /// Any device; `None`, with a line that names `what`, where there is none.
@@ -78,7 +82,7 @@ fn sorting_is_stable() {
     let Some(device) = device("sorting") else {
         return;
     };
-    // Few keys, so that most are equal; more room than there are elements.
+    // Few keys, so that most are equal; more capacity than there are elements.
     for (num, capacity, bits) in [(5, 5, 4), (3000, 4000, 9), (20_000, 20_000, 20)] {
         let keys: Vec<u32> = words(num, 2)
             .iter()
@@ -92,7 +96,7 @@ fn sorting_is_stable() {
         let (to_keys, to_values) = sorter.unsorted();
         device.write(to_keys, bytemuck::cast_slice(&keys));
         device.write(to_values, bytemuck::cast_slice(&values));
-        device.run(sorter.steps()).unwrap();
+        device.run(sorter.passes()).unwrap();
         let (sorted_keys, sorted_values) = sorter.sorted();
         let got_keys: Vec<u32> = device.read(sorted_keys, 0..num as usize).unwrap();
         let got_values: Vec<u32> = device.read(sorted_values, 0..num as usize).unwrap();
@@ -103,24 +107,45 @@ fn sorting_is_stable() {
     }
 }
 
-/// Draws what [`Points`] draws, for elements 0 to 63 and samples that a word of the input names.
-static DRAW: Module = Module::own(
-    "draw",
-    &[&[
-        wgsl::RANDOM,
-        wgsl::POINTS,
-        "@group(0) @binding(0) var<storage, read> input: array<vec4u>;
-        @group(0) @binding(1) var<storage, read_write> blocks: array<vec4f>;
-        @group(0) @binding(2) var<storage, read_write> words: array<u32>;
-        @compute @workgroup_size(64)
-        fn draw(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) element: u32) {
-            let at = group.x * 64u + element;
-            let numbers = input[1u + group.x];
-            blocks[at] = block_of(input[0], element, numbers.x, numbers.y);
-            words[at] = word_of(input[0], element, numbers.x);
-        }",
-    ]],
+/// Points as [`Points`] has them, for elements 0 to 63 and samples that a word of the input names.
+static DRAW: Kernel = Kernel::new(
+    ("draw", "draw"),
+    &[],
+    |name| match name {
+        "draw" => Some(
+            "#import points
+            @group(0) @binding(0) var<storage, read> input: array<vec4u>;
+            @group(0) @binding(1) var<storage, read_write> blocks: array<vec4f>;
+            @group(0) @binding(2) var<storage, read_write> words: array<u32>;
+            @compute @workgroup_size(64)
+            fn draw(
+                @builtin(workgroup_id) group: vec3u,
+                @builtin(local_invocation_index) element: u32,
+            ) {
+                let at = group.x * 64u + element;
+                let numbers = input[1u + group.x];
+                blocks[at] = block_of(input[0], element, numbers.x, numbers.y);
+                words[at] = word_of(input[0], element, numbers.x);
+            }"
+            .into(),
+        ),
+        _ => shader::sources(name),
+    },
+    &[
+        bound(0, "input", Access::Read),
+        bound(1, "blocks", Access::Write),
+        bound(2, "words", Access::Write),
+    ],
 );
+
+const fn bound(number: u32, name: &'static str, access: Access) -> Binding {
+    Binding {
+        number,
+        name,
+        access,
+        bytes: 16,
+    }
+}
 
 #[test]
 fn random_numbers_and_sobol_points_have_the_bits_of_the_cpu() {
@@ -139,9 +164,8 @@ fn random_numbers_and_sobol_points_have_the_bits_of_the_cpu() {
     let num = 64 * draws.len();
     let blocks = device.buffer("blocks", 16 * num as u64).unwrap();
     let words = device.buffer("words", 4 * num as u64).unwrap();
-    let buffers = [(0, &input), (1, &blocks), (2, &words)];
-    let step = device.step(&DRAW, "draw", &buffers, draws.len() as u32);
-    device.run(&[step]).unwrap();
+    let pass = device.pass(&DRAW, &[&input, &blocks, &words], draws.len() as u32);
+    device.run(&[pass]).unwrap();
     let blocks: Vec<[f32; 4]> = device.read(&blocks, 0..num).unwrap();
     let words: Vec<u32> = device.read(&words, 0..num).unwrap();
     for (at, (got, word)) in blocks.iter().zip(words).enumerate() {
@@ -161,7 +185,7 @@ fn what_does_not_fit_is_told_with_its_size() {
     let Some(device) = device("sizes of buffers") else {
         return;
     };
-    let limit = device.tier().max_bytes();
+    let limit = device.max_bytes();
     let error = device.buffer("too much", limit + 4).unwrap_err();
     let said = error.to_string();
     assert!(
@@ -207,23 +231,23 @@ fn the_device_engine_is_right() {
 }
 
 #[test]
-fn steps_are_timed_where_the_device_can() {
-    if device("times of steps").is_none() {
+fn passes_are_timed_where_the_device_can() {
+    if device("times of passes").is_none() {
         return;
     }
     // One that no other test works with: all that a device does is timed.
     let device = Device::open(&DeviceSelector::Gpu).unwrap();
     let values = device.buffer("values", 4 * 5000).unwrap();
-    let steps = scan(&device, &values, 5000).unwrap();
-    let (_, profile) = device.profile(|| device.run(&steps)).unwrap();
+    let passes = scan(&device, &values, 5000).unwrap();
+    let (_, profile) = device.profile(|| device.run(&passes)).unwrap();
     let Some(profile) = profile else {
-        assert!(!device.tier().has_timestamps);
+        assert!(!device.adapter().has_timestamps);
         return;
     };
     let names: Vec<_> = profile
         .stages
         .iter()
-        .map(|s| (s.name, s.num_steps))
+        .map(|s| (s.name, s.num_passes))
         .collect();
     assert_eq!(names, [("scan_blocks", 2), ("scan_add", 1)]);
     // Steps follow one another within the time of the host.
@@ -278,4 +302,76 @@ fn work_in_parts_gives_the_same_bits() {
     assert!(whole.1 == parts.1);
     assert!(whole.2 == parts.2);
     assert!(whole.1.iter().any(|gradient| gradient.0[0] != 0.0));
+}
+
+/// The mean of sampled hits is the blended sum.
+#[test]
+fn sampled_hits_have_the_mean_of_blended_ones() {
+    let Some(device) = device("sampled hits") else {
+        return;
+    };
+    let scene = GpuScene::new(&device, &random_cloud(700, 3)).unwrap();
+    let trees = scene.light().unwrap();
+    let trace = |kernel, queries: &[RayQuery]| scene.rays(&trees).trace(kernel, queries).unwrap();
+    // From inside the cloud in all directions; every other one leaves from a surface.
+    let direction = |i: usize| {
+        let azimuth = i as f32 * 2.399_963;
+        let z = 1.0 - (2 * i + 1) as f32 / 24.0;
+        let flat = (1.0 - z * z).sqrt();
+        Vec3::new(flat * azimuth.cos(), flat * azimuth.sin(), z).normalize()
+    };
+    let rays: Vec<Ray> = (0..24)
+        .map(|i| {
+            let origin = [0.05, -0.02, 0.1 + 0.001 * i as f32];
+            let free = Ray::free(origin, direction(i).to_array());
+            match i % 2 {
+                0 => free,
+                _ => Ray {
+                    t_min: 0.5,
+                    own_normal: direction(7 * i % 24).to_array(),
+                    ..free
+                },
+            }
+        })
+        .collect();
+    let num_samples = 4000_u32;
+    let sampled: Vec<RayQuery> = (rays.iter())
+        .flat_map(|ray| {
+            (0..num_samples).map(|sample| RayQuery::new(ray, sample.wrapping_mul(0x9e37_79b1)))
+        })
+        .collect();
+    let blended: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
+    let blended = trace(&kernels::BLEND_RAYS, &blended);
+    assert!(blended.iter().any(|features| features.alpha() > 0.5));
+    let sampled = trace(&kernels::SAMPLE_RAYS, &sampled);
+    for (hits, features) in sampled.chunks_exact(num_samples as usize).zip(blended) {
+        // Whether anything is hit, and the radiance of what is.
+        let values: [fn(&Features) -> f32; 3] = [
+            |hit| hit.alpha(),
+            |hit| hit.radiance().x,
+            |hit| hit.radiance().z,
+        ];
+        for of in values {
+            let (n, wanted) = (f64::from(num_samples), f64::from(of(&features)));
+            let of = |hit: &Features| f64::from(of(hit));
+            let mean = hits.iter().map(of).sum::<f64>() / n;
+            let variance = hits.iter().map(|hit| (of(hit) - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            // Five standard errors for 72 comparisons; the blend leaves out what is behind a
+            // transmittance of 1e-4.
+            let error = (variance / n).sqrt();
+            let difference = (mean - wanted).abs();
+            assert!(
+                difference < 5.0 * error + 2e-4 * (1.0 + mean),
+                "{mean} ± {error} instead of {wanted}"
+            );
+        }
+    }
+    let empty = GpuScene::new(&device, &Gaussians::default()).unwrap();
+    let trees = empty.light().unwrap();
+    let query = [RayQuery::new(&rays[0], 5)];
+    let met = empty
+        .rays(&trees)
+        .trace(&kernels::SAMPLE_RAYS, &query)
+        .unwrap();
+    assert_eq!(met, [Features::default()]);
 }

@@ -1,8 +1,8 @@
-//! Buffers that depend on the size of cameras, with as much room as these need.
+//! Buffers that depend on the size of cameras, and the loop that grows them.
 
-use super::adjoint::{Adjoint, Outcome, Room};
-use super::bins::and_half_more;
-use super::camera::{Binned, CameraTracer};
+use super::adjoint::Adjoint;
+use super::camera::CameraTracer;
+use super::capacity::{Capacity, Counters, Incomplete};
 use super::device::Device;
 use super::error::GpuError;
 use super::scene::SceneBuffers;
@@ -12,21 +12,13 @@ use eagpt_scene::Camera;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Buffers for cameras of the size last seen.
+/// Buffers for cameras of the size last traced.
 #[derive(Debug, Default)]
 pub(super) struct Views {
     tracer: Option<CameraTracer>,
     adjoint: Option<Adjoint>,
-    /// By size.
-    found: HashMap<(u32, u32), Found>,
-}
-
-/// Room that cameras of a size were found to need, which others will need as well.
-#[derive(Debug, Clone, Copy, Default)]
-struct Found {
-    /// Entries in the lists of tiles.
-    entries: u32,
-    record: Option<Room>,
+    /// Capacities that cameras of a size were found to need, as others will, by size.
+    capacities: HashMap<(u32, u32), Capacity>,
 }
 
 impl Views {
@@ -35,6 +27,18 @@ impl Views {
         // Whoever panicked left nothing half-done: results are written to buffers before they are
         // read.
         place.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives all buffers back.
+    pub(super) fn clear(&mut self) {
+        (self.tracer, self.adjoint) = (None, None);
+    }
+
+    /// Clears the overflow flag.
+    pub(super) fn restart(&self, device: &Device) {
+        if let Some(tracer) = &self.tracer {
+            tracer.bins.restart(device);
+        }
     }
 
     /// The tracer for `camera`, made if there is none.
@@ -46,34 +50,71 @@ impl Views {
     ) -> Result<&CameraTracer, GpuError> {
         let fits = |tracer: &CameraTracer| tracer.bins.fits(camera, scene.num_surfels());
         if !self.tracer.as_ref().is_some_and(fits) {
+            // The old one's memory goes first.
+            self.clear();
             let size = (camera.width, camera.height);
-            return self.make_tracer(device, scene, size, 0);
+            let capacity = self.capacities.entry(size);
+            let capacity = capacity.or_insert_with(|| Capacity::usual(size));
+            self.tracer = Some(CameraTracer::new(device, scene, size, capacity.entries)?);
         }
         match &self.tracer {
             Some(tracer) => Ok(tracer),
-            None => unreachable!("it fits"),
+            None => unreachable!("made above"),
         }
     }
 
-    /// Gives all buffers back.
-    pub(super) fn clear(&mut self) {
-        (self.tracer, self.adjoint) = (None, None);
-    }
-
-    /// Another tracer in place of the one there is, for lists with `num_entries` or more.
-    pub(super) fn make_tracer(
+    /// The tracer for `camera` and its adjoint, made if there are none.
+    pub(super) fn both(
         &mut self,
         device: &Device,
         scene: &SceneBuffers,
-        size: (u32, u32),
-        num_entries: u32,
-    ) -> Result<&CameraTracer, GpuError> {
-        // The old one's memory goes first.
-        self.clear();
-        let found = self.found.entry(size).or_default();
-        found.entries = found.entries.max(and_half_more(num_entries));
-        let tracer = CameraTracer::new(device, scene, size, found.entries)?;
-        Ok(self.tracer.insert(tracer))
+        camera: &Camera,
+    ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
+        self.tracer(device, scene, camera)?;
+        let size = (camera.width, camera.height);
+        if let (None, Some(tracer)) = (&self.adjoint, &self.tracer) {
+            let capacity = self.capacities.entry(size);
+            let capacity = capacity.or_insert_with(|| Capacity::usual(size));
+            *capacity = capacity.within(device, camera.width)?;
+            self.adjoint = Some(Adjoint::new(device, scene, tracer, *capacity)?);
+        }
+        match (&self.tracer, &self.adjoint) {
+            (Some(tracer), Some(adjoint)) => Ok((tracer, adjoint)),
+            _ => unreachable!("both were made"),
+        }
+    }
+
+    /// Grows the buffers for cameras of the size of `camera`, if a frame that needs `needed` does
+    /// not fit: they are made anew when next asked for. Returns whether they were too small.
+    pub(super) fn grow(&mut self, camera: &Camera, needed: &Counters) -> bool {
+        let size = (camera.width, camera.height);
+        let capacity = self.capacities.entry(size);
+        let capacity = capacity.or_insert_with(|| Capacity::usual(size));
+        if let Some(tracer) = &self.tracer {
+            capacity.entries = capacity.entries.max(tracer.bins.capacity);
+        }
+        let grown = capacity.grown(needed);
+        let is_larger = grown != *capacity;
+        if is_larger {
+            *capacity = grown;
+            self.clear();
+        }
+        is_larger
+    }
+
+    /// Calls `record` until the buffers for `camera` hold all of it.
+    fn retry<T>(
+        &mut self,
+        camera: &Camera,
+        mut record: impl FnMut(&mut Self) -> Result<T, Incomplete>,
+    ) -> Result<T, GpuError> {
+        loop {
+            match record(self) {
+                Ok(done) => return Ok(done),
+                Err(Incomplete::Failed(error)) => return Err(error),
+                Err(Incomplete::Overflow(needed)) => self.grow(camera, &needed),
+            };
+        }
     }
 
     /// The tracer for `camera`, with its lists on the device.
@@ -83,16 +124,13 @@ impl Views {
         scene: &SceneBuffers,
         camera: &Camera,
     ) -> Result<&CameraTracer, GpuError> {
-        let size = (camera.width, camera.height);
-        while let Binned::MoreEntries(needed) =
-            self.tracer(device, scene, camera)?.bin(device, camera)?
-        {
-            self.make_tracer(device, scene, size, needed)?;
-        }
+        self.retry(camera, |views| {
+            views.tracer(device, scene, camera)?.bin(device, camera)
+        })?;
         self.tracer(device, scene, camera)
     }
 
-    /// composited features of one ray through every pixel centre, read back.
+    /// Composited features of one ray through every pixel centre, read back.
     pub(super) fn features(
         &mut self,
         device: &Device,
@@ -120,7 +158,8 @@ impl Views {
         camera: &Camera,
         d_features: &[Features],
     ) -> Result<Vec<LocalGradient>, GpuError> {
-        self.with_room(device, scene, camera, |tracer, adjoint| {
+        self.retry(camera, |views| {
+            let (tracer, adjoint) = views.both(device, scene, camera)?;
             adjoint.gradients(device, tracer, camera, d_features)
         })
     }
@@ -134,7 +173,8 @@ impl Views {
         value: PixelValue<'_>,
     ) -> Result<(GBuffer, Vec<Contribution>), GpuError> {
         let mut pixels = Vec::with_capacity(camera.num_pixels());
-        let contributions = self.with_room(device, scene, camera, |tracer, adjoint| {
+        let contributions = self.retry(camera, |views| {
+            let (tracer, adjoint) = views.both(device, scene, camera)?;
             adjoint.contributions(device, tracer, camera, value, &mut pixels)
         })?;
         let features = GBuffer {
@@ -143,63 +183,5 @@ impl Views {
             pixels,
         };
         Ok((features, contributions))
-    }
-
-    /// What `run` makes of `camera` once there is room for it.
-    fn with_room<T>(
-        &mut self,
-        device: &Device,
-        scene: &SceneBuffers,
-        camera: &Camera,
-        mut run: impl FnMut(&CameraTracer, &Adjoint) -> Result<Outcome<T>, GpuError>,
-    ) -> Result<T, GpuError> {
-        let size = (camera.width, camera.height);
-        loop {
-            let (tracer, adjoint) = self.both(device, scene, camera)?;
-            match run(tracer, adjoint)? {
-                Outcome::Done(out) => return Ok(out),
-                Outcome::MoreEntries(needed) => {
-                    self.make_tracer(device, scene, size, needed)?;
-                }
-                Outcome::MoreRoom(room) => self.make_adjoint(device, scene, room)?,
-            }
-        }
-    }
-
-    /// The tracer for `camera` and its adjoint, made if there are none.
-    pub(super) fn both(
-        &mut self,
-        device: &Device,
-        scene: &SceneBuffers,
-        camera: &Camera,
-    ) -> Result<(&CameraTracer, &Adjoint), GpuError> {
-        self.tracer(device, scene, camera)?;
-        if self.adjoint.is_none() {
-            let size = (camera.width, camera.height);
-            let room = match self.found.get(&size).and_then(|found| found.record) {
-                Some(room) => room,
-                None => Room::usual(device, size)?,
-            };
-            self.make_adjoint(device, scene, room)?;
-        }
-        match (&self.tracer, &self.adjoint) {
-            (Some(tracer), Some(adjoint)) => Ok((tracer, adjoint)),
-            _ => unreachable!("both were made"),
-        }
-    }
-
-    /// Another adjoint in place of the one there is.
-    pub(super) fn make_adjoint(
-        &mut self,
-        device: &Device,
-        scene: &SceneBuffers,
-        room: Room,
-    ) -> Result<(), GpuError> {
-        self.adjoint = None;
-        if let Some(tracer) = &self.tracer {
-            self.found.entry(tracer.bins.size()).or_default().record = Some(room);
-            self.adjoint = Some(Adjoint::new(device, scene, tracer, room)?);
-        }
-        Ok(())
     }
 }

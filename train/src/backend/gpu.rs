@@ -32,7 +32,7 @@ use params::ResidentState;
 use std::collections::{HashMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
-use steps::{Kind, Task, UnderWay};
+use steps::{PendingStep, StepLoss, StepTask};
 use target::TargetView;
 
 /// Views that stay on the device take at most so much of its memory, which nothing tells the size
@@ -56,7 +56,7 @@ pub(crate) struct GpuBackend {
     parameters: Parameters,
     trainer: Trainer<GpuScene>,
     /// Steps submitted to the device, in order.
-    under_way: VecDeque<UnderWay>,
+    under_way: VecDeque<PendingStep>,
     /// Steps that are finished and not reported yet.
     over: Vec<Taken>,
     loss: Option<LossBuffers>,
@@ -175,11 +175,11 @@ impl Backend for GpuBackend {
         view: &TrainingView,
         step: &RadianceStep<'_>,
     ) -> Result<Vec<Taken>> {
-        self.begin(Task {
+        self.begin(StepTask {
             iteration: step.iteration,
             view: view.clone(),
             sizes: step.sizes,
-            kind: Kind::Radiance {
+            loss: StepLoss::Radiance {
                 weights: *step.weights,
                 normals: step.normals,
                 rays_per_axis: step.rays_per_axis,
@@ -193,11 +193,11 @@ impl Backend for GpuBackend {
             return Ok(vec![trainer.albedo_step(parameters, view, step)?]);
         }
         let lit = self.lit(view, step.options.emission_threshold)?;
-        self.begin(Task {
+        self.begin(StepTask {
             iteration: step.iteration,
             view: view.clone(),
             sizes: step.sizes,
-            kind: Kind::Albedo {
+            loss: StepLoss::Albedo {
                 options: step.options.clone(),
                 ssim_share: step.ssim_share,
                 seed: step.seed,

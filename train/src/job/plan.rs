@@ -203,20 +203,20 @@ pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<K
 
 /// Memory that a run takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Memory {
+struct Memory {
     /// Bytes without which it is refused: one view at a time.
-    pub least: u64,
+    least: u64,
     /// Bytes of the images, all of them prepared.
-    pub images: u64,
+    images: u64,
     /// Bytes of the largest of them.
-    pub largest_image: u64,
+    largest_image: u64,
 }
 
 /// Plans the memory of training on `dataset`.
 ///
 /// # Errors
 /// If the points cannot be read.
-pub fn memory(dataset: &Dataset, options: &TrainOptions, split: &Split) -> Result<Memory> {
+fn memory(dataset: &Dataset, options: &TrainOptions, split: &Split) -> Result<Memory> {
     let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels() as u64;
     let largest = split.train.iter().map(pixels).max().unwrap_or(0);
     let images: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;

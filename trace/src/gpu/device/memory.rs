@@ -11,19 +11,18 @@ use wgpu::util::DeviceExt as _;
 /// Bytes of the largest thing that buffers are arrays of, or more.
 const LARGEST_ELEMENT: u64 = 128;
 
-/// Time in which the thread that has waited for the device tells others what it knows: that it is
-/// there.
+/// Time in which the thread that has waited for the device passes on to others that it is done.
 const MAPPED_WITHIN: Duration = Duration::from_secs(60);
 
 impl Device {
     /// A buffer that kernels use, all zeros.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] if it is larger than buffers may be, or if the device gives up.
+    /// [`GpuError::Limit`] if it is larger than buffers may be, or if the device fails.
     pub fn buffer(&self, what: &'static str, size: u64) -> Result<wgpu::Buffer, GpuError> {
         // No binding may be smaller than one element, and no element is larger than this.
         let size = size.max(LARGEST_ELEMENT).next_multiple_of(4);
-        let limit = self.tier.max_bytes();
+        let limit = self.max_bytes;
         if size > limit {
             return Err(GpuError::Limit {
                 device: self.adapter.name.clone(),
@@ -73,7 +72,7 @@ impl Device {
     /// Elements of a buffer, after all work submitted so far; waits for it.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn read<T: bytemuck::AnyBitPattern>(
         &self,
         buffer: &wgpu::Buffer,
@@ -85,11 +84,11 @@ impl Device {
         self.read_later(buffer, elements)?.wait(self)
     }
 
-    /// Elements of a buffer as they are after all work submitted so far, to be looked at when that
+    /// Elements of a buffer as they are after all work submitted so far, for later, when that
     /// is done. There must be some.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn read_later<T: bytemuck::AnyBitPattern>(
         &self,
         buffer: &wgpu::Buffer,
@@ -122,7 +121,7 @@ impl Device {
     }
 }
 
-/// What is on its way from a device to the host.
+/// A copy on its way from a device to the host.
 #[derive(Debug)]
 pub struct Reading<T> {
     staging: wgpu::Buffer,
@@ -135,7 +134,7 @@ impl<T: bytemuck::AnyBitPattern> Reading<T> {
     /// The elements; waits for the work they come from, not for what was submitted since.
     ///
     /// # Errors
-    /// If the `device`, from which they are read, gives up.
+    /// If the `device`, from which they are read, fails.
     pub fn wait(self, device: &Device) -> Result<Vec<T>, GpuError> {
         device.wait_for(self.submission)?;
         // Of two threads that wait at once, one is told of both buffers, and the other may be

@@ -1,60 +1,13 @@
-//! Which device is opened, and what it can do.
+//! Opening devices.
 
 use super::{Device, note};
 use crate::device::DeviceSelector;
-use crate::gpu::adapter::{self, Adapter, Kind};
+use crate::gpu::adapter::{self, Adapter, AdapterKind};
 use crate::gpu::error::{GpuError, one_line};
 use std::sync::{Arc, Mutex};
 
-/// What kernels may count on, detected once. Kernels keep to [`Tier::BASELINE`], which is what
-/// WebGPU guarantees; what a device accumulates beyond makes buffers larger, and tells where faster
-/// ways are open.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Tier {
-    /// Largest binding of a storage buffer, bytes.
-    pub max_binding: u64,
-    /// Largest buffer, bytes.
-    pub max_buffer: u64,
-    /// Storage buffers that a kernel may have.
-    pub max_storage_buffers: u32,
-    /// Whether 32-bit floats are added atomically.
-    pub has_float_atomics: bool,
-    /// Whether invocations of a subgroup see each other's values.
-    pub has_subgroups: bool,
-    /// Whether kernels can be timed.
-    pub has_timestamps: bool,
-}
-
-impl Tier {
-    /// What every device has.
-    pub const BASELINE: Self = Self {
-        max_binding: 128 << 20,
-        max_buffer: 256 << 20,
-        max_storage_buffers: 8,
-        has_float_atomics: false,
-        has_subgroups: false,
-        has_timestamps: false,
-    };
-
-    fn of(adapter: &Adapter) -> Self {
-        Self {
-            max_binding: adapter.max_binding,
-            max_buffer: adapter.max_buffer,
-            max_storage_buffers: adapter.max_storage_buffers,
-            has_float_atomics: adapter.has_float_atomics,
-            has_subgroups: adapter.subgroups.is_some(),
-            has_timestamps: adapter.has_timestamps,
-        }
-    }
-
-    /// Bytes that one buffer may have and be bound whole.
-    pub fn max_bytes(&self) -> u64 {
-        self.max_binding.min(self.max_buffer)
-    }
-}
-
 impl Device {
-    /// Opens a device with all the memory limits it has, and [`Tier::BASELINE`] otherwise.
+    /// Opens a device with all the memory limits it has, and what WebGPU guarantees otherwise.
     ///
     /// # Errors
     /// [`GpuError::NotFound`] if it does not exist, [`GpuError::Open`] if its driver refuses.
@@ -69,7 +22,7 @@ impl Device {
         max_bytes: u64,
     ) -> Result<Arc<Self>, GpuError> {
         let mut device = Self::open_one(selector)?;
-        device.tier.max_binding = max_bytes;
+        device.max_bytes = max_bytes;
         Ok(Arc::new(device))
     }
 
@@ -81,13 +34,12 @@ impl Device {
     }
 
     fn open_adapter(adapter: &wgpu::Adapter, described: Adapter) -> Result<Self, GpuError> {
-        let tier = Tier::of(&described);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("eagpt"),
             required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: wgpu::Limits {
-                max_storage_buffer_binding_size: tier.max_binding,
-                max_buffer_size: tier.max_buffer,
+                max_storage_buffer_binding_size: described.max_binding,
+                max_buffer_size: described.max_buffer,
                 ..wgpu::Limits::defaults()
             },
             ..Default::default()
@@ -110,12 +62,12 @@ impl Device {
             }
         });
         Ok(Self {
+            max_bytes: described.max_binding.min(described.max_buffer),
             adapter: described,
-            tier,
             device,
             queue,
             failure,
-            kernels: Mutex::default(),
+            pipelines: Mutex::default(),
             recording: Mutex::default(),
         })
     }
@@ -131,7 +83,7 @@ fn failure_of(device: &str, error: &wgpu::Error) -> GpuError {
 }
 
 fn choose(selector: &DeviceSelector, found: &[Adapter]) -> Result<usize, GpuError> {
-    let hardware = || found.iter().position(|a| a.kind != Kind::Software);
+    let hardware = || found.iter().position(|a| a.kind != AdapterKind::Software);
     let any = (!found.is_empty()).then_some(0);
     let at = match selector {
         DeviceSelector::Cpu => None,
@@ -163,7 +115,7 @@ fn choose(selector: &DeviceSelector, found: &[Adapter]) -> Result<usize, GpuErro
 mod tests {
     use super::*;
 
-    fn adapter(name: &str, kind: Kind) -> Adapter {
+    fn adapter(name: &str, kind: AdapterKind) -> Adapter {
         Adapter {
             name: name.to_owned(),
             kind,
@@ -181,8 +133,8 @@ mod tests {
     #[test]
     fn devices_are_chosen_by_place_name_and_kind() {
         let found = [
-            adapter("llvmpipe (LLVM)", Kind::Software),
-            adapter("Radeon 780M", Kind::Integrated),
+            adapter("llvmpipe (LLVM)", AdapterKind::Software),
+            adapter("Radeon 780M", AdapterKind::Integrated),
         ];
         assert_eq!(choose(&DeviceSelector::Auto, &found), Ok(1));
         assert_eq!(choose(&DeviceSelector::Gpu, &found), Ok(1));

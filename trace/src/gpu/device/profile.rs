@@ -1,30 +1,30 @@
-//! Where time goes: timestamps that the device writes before and after steps.
+//! Times of passes, from timestamps that the device writes before and after them.
 
 use super::{Device, lock};
 use crate::gpu::error::GpuError;
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// Timestamps that there is room for: as many as WebGPU allows in one set.
+/// Timestamps that are kept: as many as WebGPU allows in one set.
 const MAX_TIMESTAMPS: u32 = wgpu::QUERY_SET_MAX_QUERIES;
 
-/// How long the steps of one kernel took.
+/// Time of the passes of one kernel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StageTime {
     /// Its entry point.
     pub name: &'static str,
-    /// How often it ran.
-    pub num_steps: u32,
+    /// Number of its passes.
+    pub num_passes: u32,
     /// All of that together, on the device.
     pub seconds: f64,
 }
 
-/// What the device did during some work, and how long.
+/// Times of the passes of some work.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// Kernels in the order of their first steps.
+    /// Kernels in the order of their first passes.
     pub stages: Vec<StageTime>,
-    /// Steps that there was no room to time.
+    /// Passes beyond the timestamps that are kept.
     pub num_untimed: u32,
     /// All of the work by the clock of the host: kernels, copies, waiting, and what the host does
     /// in between.
@@ -42,20 +42,20 @@ impl fmt::Display for Profile {
         writeln!(
             f,
             "{:<20} {:>6} {:>10} {:>7}",
-            "stage", "steps", "ms", "share"
+            "stage", "passes", "ms", "share"
         )?;
-        let mut row = |name: &str, steps: &str, seconds: f64| {
+        let mut row = |name: &str, passes: &str, seconds: f64| {
             let (ms, share) = (1e3 * seconds, share(seconds));
-            writeln!(f, "{name:<20} {steps:>6} {ms:>10.3} {share:>6.1}%")
+            writeln!(f, "{name:<20} {passes:>6} {ms:>10.3} {share:>6.1}%")
         };
         for stage in &stages {
-            row(stage.name, &stage.num_steps.to_string(), stage.seconds)?;
+            row(stage.name, &stage.num_passes.to_string(), stage.seconds)?;
         }
         row("host, copies, waits", "", (elapsed - total).max(0.0))?;
         row("in all", "", elapsed)?;
         if self.num_untimed > 0 {
             let num = self.num_untimed;
-            writeln!(f, "of which {num} steps that there was no room to time")?;
+            writeln!(f, "of which {num} passes that were not timed")?;
         }
         Ok(())
     }
@@ -71,8 +71,7 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Where the next step, of kernel `name`, writes when it begins and ends; `None` where there is
-    /// no more room.
+    /// Timestamps of the next pass, of kernel `name`; `None` where there are no more.
     pub(super) fn time(
         &mut self,
         name: &'static str,
@@ -92,14 +91,14 @@ impl Recording {
 }
 
 impl Device {
-    /// Times the steps that `work` hands to the device, whichever thread does; `None` where the
-    /// device has no timestamps. Work takes longer than it would: every step waits for the one
+    /// Times the passes that `work` hands to the device, whichever thread does; `None` where the
+    /// device has no timestamps. Work takes longer than it would: every pass waits for the one
     /// before it anyway, but each writes two timestamps.
     ///
     /// # Errors
-    /// If the device gives up.
+    /// If the device fails.
     pub fn profile<T>(&self, work: impl FnOnce() -> T) -> Result<(T, Option<Profile>), GpuError> {
-        if !self.tier.has_timestamps {
+        if !self.adapter.has_timestamps {
             return Ok((work(), None));
         }
         let queries = self.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -153,12 +152,12 @@ impl Device {
             let seconds = end.saturating_sub(begin) as f64 * seconds_per_tick;
             match stages.iter_mut().find(|stage| stage.name == name) {
                 Some(stage) => {
-                    stage.num_steps += 1;
+                    stage.num_passes += 1;
                     stage.seconds += seconds;
                 }
                 None => stages.push(StageTime {
                     name,
-                    num_steps: 1,
+                    num_passes: 1,
                     seconds,
                 }),
             }

@@ -1,26 +1,26 @@
-//! Work of a device: kernels, steps and their submission.
+//! Work of a device: passes and their submission.
 
 use super::{Device, lock};
 use crate::gpu::error::GpuError;
-use crate::gpu::wgsl;
+use crate::gpu::kernels::Kernel;
 
 /// Workgroups along the first dimension of a dispatch; WebGPU allows 65,535.
 const MAX_GROUPS_X: u32 = 32_768;
 
-/// Steps that are handed to the driver at once.
-const STEPS_PER_SUBMISSION: usize = 32;
+/// Passes that are handed to the driver at once.
+const PASSES_PER_SUBMISSION: usize = 32;
 
 /// A kernel with its buffers: recorded once, run as often as needed.
 #[derive(Debug, Clone)]
-pub struct Step {
+pub struct Pass {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     buffers: wgpu::BindGroup,
     groups: u32,
 }
 
-impl Step {
-    /// Appends the step to `commands`. Steps see what earlier ones have written.
+impl Pass {
+    /// Appends the pass to `commands`. Passes see what earlier ones have written.
     pub(in crate::gpu) fn record(&self, device: &Device, commands: &mut wgpu::CommandEncoder) {
         if self.groups == 0 {
             return;
@@ -39,29 +39,23 @@ impl Step {
 }
 
 impl Device {
-    /// Entry point `entry` of `module` on `buffers`, binding by binding, in `groups` workgroups.
-    pub fn step(
-        &self,
-        module: &'static wgsl::Module,
-        entry: &'static str,
-        buffers: &[(u32, &wgpu::Buffer)],
-        groups: u32,
-    ) -> Step {
-        let pipeline = self.kernel(module, entry);
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-            .iter()
-            .map(|&(binding, buffer)| wgpu::BindGroupEntry {
-                binding,
+    /// `kernel` on `buffers`, in the order of its bindings, in `groups` workgroups.
+    pub fn pass(&self, kernel: &'static Kernel, buffers: &[&wgpu::Buffer], groups: u32) -> Pass {
+        let pipeline = self.pipeline(kernel);
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = (kernel.bindings.iter())
+            .zip(buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                binding: binding.number,
                 resource: buffer.as_entire_binding(),
             })
             .collect();
         let buffers = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(entry),
+            label: Some(kernel.entry),
             layout: &pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
-        Step {
-            label: entry,
+        Pass {
+            label: kernel.entry,
             pipeline,
             buffers,
             groups,
@@ -69,21 +63,23 @@ impl Device {
     }
 
     /// Compiles a kernel, once.
-    fn kernel(&self, module: &'static wgsl::Module, entry: &'static str) -> wgpu::ComputePipeline {
-        let mut kernels = lock(&self.kernels);
-        let kernel = kernels.entry((module.name, entry)).or_insert_with(|| {
+    fn pipeline(&self, kernel: &'static Kernel) -> wgpu::ComputePipeline {
+        let mut pipelines = lock(&self.pipelines);
+        let key = (kernel.file, kernel.entry, kernel.defines);
+        let pipeline = pipelines.entry(key).or_insert_with(|| {
+            let source = kernel.source().expect("a test follows all imports");
             let shader = self
                 .device
                 .create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(module.name),
-                    source: wgpu::ShaderSource::Wgsl(module.source().into()),
+                    label: Some(kernel.file),
+                    source: wgpu::ShaderSource::Wgsl(source.into()),
                 });
             self.device
                 .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(entry),
+                    label: Some(kernel.entry),
                     layout: None,
                     module: &shader,
-                    entry_point: Some(entry),
+                    entry_point: Some(kernel.entry),
                     compilation_options: wgpu::PipelineCompilationOptions {
                         // Kernels write before they read.
                         zero_initialize_workgroup_memory: false,
@@ -92,7 +88,7 @@ impl Device {
                     cache: None,
                 })
         });
-        kernel.clone()
+        pipeline.clone()
     }
 
     /// New commands.
@@ -103,22 +99,22 @@ impl Device {
     /// Hands commands to the device and returns at once.
     ///
     /// # Errors
-    /// What went wrong so far.
+    /// The first failure so far.
     pub fn submit(&self, commands: wgpu::CommandEncoder) -> Result<(), GpuError> {
         self.queue.submit([commands.finish()]);
         self.check()
     }
 
-    /// Runs steps one after the other, a few in each submission: what takes long is not one long
-    /// piece to the driver.
+    /// Runs passes one after the other, a few in each submission: long work is not one long piece to
+    /// the driver.
     ///
     /// # Errors
-    /// What went wrong so far.
-    pub fn run(&self, steps: &[Step]) -> Result<(), GpuError> {
-        for some in steps.chunks(STEPS_PER_SUBMISSION) {
+    /// The first failure so far.
+    pub fn run(&self, passes: &[Pass]) -> Result<(), GpuError> {
+        for some in passes.chunks(PASSES_PER_SUBMISSION) {
             let mut commands = self.commands();
-            for step in some {
-                step.record(self, &mut commands);
+            for pass in some {
+                pass.record(self, &mut commands);
             }
             self.submit(commands)?;
         }
@@ -128,7 +124,7 @@ impl Device {
     /// Waits until all work is done.
     ///
     /// # Errors
-    /// What went wrong so far.
+    /// The first failure so far.
     pub fn wait(&self) -> Result<(), GpuError> {
         self.poll(wgpu::PollType::wait_indefinitely())
     }

@@ -1,4 +1,4 @@
-//! What single rays need of a scene on the device.
+//! Trees of a scene on the device, for single rays.
 
 use super::Emitter;
 use crate::gpu::bvh::Trees;
@@ -7,7 +7,7 @@ use crate::gpu::error::GpuError;
 use crate::surfel::Surfel;
 use crate::transport::lights::Lights;
 
-/// What single rays need of a scene: its tree, and its emitters with theirs.
+/// The tree of a scene, and its emitters with theirs.
 #[derive(Debug)]
 pub(in crate::gpu) struct TreeBuffers {
     pub(in crate::gpu) nodes: wgpu::Buffer,

@@ -1,4 +1,4 @@
-//! What kernels of light are told, and what they leave: flags and structures.
+//! Parameters and results of the integrators on the device: flags and structures.
 
 use super::TreeBuffers;
 use crate::gpu::layout::{Layout, layout};
@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// Flag of a path's ray: none came before it.
 pub(in crate::gpu) const FIRST_RAY: u32 = 1;
-/// Flag of a path's ray: it looks for an emitter, and the path does not follow it.
+/// Flag of a path's ray: a light sample, which the path does not follow.
 pub(in crate::gpu) const TOWARDS_LIGHT: u32 = 2;
 /// Flag of a path's ray: the path may be ended at random.
 pub(in crate::gpu) const ROULETTE: u32 = 4;
@@ -117,7 +117,7 @@ impl Emitter {
     }
 }
 
-/// What samples have brought to a pixel.
+/// Light that the samples of a pixel have gathered.
 #[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(in crate::gpu) struct Gathered {

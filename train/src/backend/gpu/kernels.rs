@@ -1,48 +1,97 @@
-//! The modules of training's kernels, and what they share with Rust.
+//! The kernels of training: their files in `train/shader/`, their buffers, and the constants that
+//! they share with Rust.
 
-use super::loss::LossParameters;
+use super::loss::{self, Encoded, LossParameters, Moments, SurfaceGradient, Terms};
 use super::params::AdamParameters;
+use super::report;
 use super::target::{self, TargetPixel};
-use super::{loss, report};
 use crate::loss::MIN_NORMAL_ALPHA;
 use crate::loss::target::PQ_RANGE;
-use crate::params::{BETA_1, BETA_2, EPSILON, NUM_PARAMETERS};
+use crate::params::{BETA_1, BETA_2, CLASSES, EPSILON, NUM_PARAMETERS};
 use eagpt_eval::ssim;
 use eagpt_eval::window::{RADIUS, WEIGHTS};
 use eagpt_scene::color::PQ_CONSTANTS;
-use eagpt_trace::gpu::kernel::{Module, shared};
+use eagpt_trace::blend::LocalGradient;
+use eagpt_trace::features::Features;
+use eagpt_trace::gpu::kernel::{self, kernels, shaders};
 use eagpt_trace::model::{MAX_RADIUS, MIN_ALPHA};
+use eagpt_trace::surfel::{Attributes, Surfel};
+use std::borrow::Cow;
 
-/// What all modules share.
-const COMMON: &[&str] = &[shared::SURFEL, shared::BLEND, include_str!("numbers.wgsl")];
-/// What modules of the loss share.
-const PIXELS: &str = include_str!("loss_pixels.wgsl");
+const FILES: &[(&str, &str)] = shaders! {
+    "loss_add_up" "loss_color" "loss_derivatives" "loss_surface" "params"
+    "shared/exp_ln" "shared/loss"
+};
 
-pub(super) static PARAMS: Module = Module::with_declarations(
-    "parameters",
-    declarations,
-    &[COMMON, &[shared::HARMONICS, include_str!("params.wgsl")]],
-);
-pub(super) static COLOR: Module = Module::with_declarations(
-    "loss: colour",
-    declarations,
-    &[COMMON, &[PIXELS, include_str!("loss_color.wgsl")]],
-);
-pub(super) static SURFACE: Module = Module::with_declarations(
-    "loss: surface",
-    declarations,
-    &[COMMON, &[PIXELS, include_str!("loss_surface.wgsl")]],
-);
-pub(super) static ADD_UP: Module = Module::with_declarations(
-    "loss: features",
-    declarations,
-    &[COMMON, &[PIXELS, include_str!("loss_add_up.wgsl")]],
-);
-pub(super) static DERIVATIVES: Module = Module::with_declarations(
-    "loss: derivatives",
-    declarations,
-    &[COMMON, &[PIXELS, include_str!("loss_derivatives.wgsl")]],
-);
+/// The files of training and those of the rays.
+fn sources(name: &str) -> Option<Cow<'static, str>> {
+    match name {
+        "training" => Some(declarations().into()),
+        _ => kernel::find(FILES, name).or_else(|| kernel::sources(name)),
+    }
+}
+
+kernels! { sources;
+    ENCODE = "loss_color" encode [] {
+        0 loss: Uniform LossParameters, 1 rays: Read Features, 2 means: Write Features,
+        4 encoded: Write Encoded,
+    }
+    ENCODE_LIT = "loss_color" encode_lit [] {
+        0 loss: Uniform LossParameters, 1 rays: Read Features, 2 means: Write Features,
+        4 encoded: Write Encoded, 11 lit: Read [f32; 4],
+    }
+    BLUR_MOMENTS = "loss_color" blur_moments [] {
+        0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
+        5 blurred: Write Moments,
+    }
+    COMPARE = "loss_color" compare [] {
+        0 loss: Uniform LossParameters, 2 means: Write Features, 3 wanted: Read TargetPixel,
+        4 encoded: Write Encoded, 5 blurred: Write Moments, 6 partials: Write Moments,
+        7 terms: Write Terms,
+    }
+    BLUR_PARTIALS = "loss_color" blur_partials [] {
+        0 loss: Uniform LossParameters, 5 blurred: Write Moments, 6 partials: Write Moments,
+    }
+    SURFACE_TERMS = "loss_surface" surface_terms [] {
+        0 loss: Uniform LossParameters, 2 means: Write Features, 3 wanted: Read TargetPixel,
+        7 terms: Write Terms, 8 surfaces: Write SurfaceGradient,
+    }
+    ADD_PIXELS = "loss_add_up" add_pixels [] {
+        0 loss: Uniform LossParameters, 7 terms: Write Terms, 8 group_sums: Write Terms,
+    }
+    ADD_GROUPS = "loss_add_up" add_groups [] {
+        0 loss: Uniform LossParameters, 8 group_sums: Write Terms, 9 report: Write u32,
+    }
+    DERIVATIVES = "loss_derivatives" derivatives [] {
+        0 loss: Uniform LossParameters, 2 means: Write Features, 3 wanted: Read TargetPixel,
+        4 encoded: Write Encoded, 5 blurred: Write Moments, 7 terms: Write Terms,
+        8 surfaces: Read SurfaceGradient, 9 report: Read u32, 10 d_rays: Write Features,
+    }
+    DERIVATIVES_LIT = "loss_derivatives" derivatives_lit [] {
+        0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
+        5 blurred: Write Moments, 10 d_rays: Write Features, 11 lit: Read [f32; 4],
+    }
+
+    ACTIVATE = "params" activate [] {
+        0 adam: Uniform AdamParameters, 1 values: Write f32, 7 surfels: Write Surfel,
+        8 attributes: Write Attributes,
+    }
+    CHAIN_RULE = "params" chain_rule [] {
+        0 adam: Uniform AdamParameters, 1 values: Write f32, 4 gradients: Read LocalGradient,
+        5 raw_gradients: Write f32, 6 report: Write u32, 8 attributes: Write Attributes,
+        9 counters: Write u32,
+    }
+    HARMONICS_STEP = "params" harmonics_step [] {
+        0 adam: Uniform AdamParameters, 1 values: Write f32, 2 first: Write f32,
+        3 second: Write f32, 5 raw_gradients: Write f32, 6 report: Write u32,
+        7 surfels: Write Surfel, 9 counters: Write u32,
+    }
+    ADAM_STEP = "params" adam_step [] {
+        0 adam: Uniform AdamParameters, 1 values: Write f32, 2 first: Write f32,
+        3 second: Write f32, 5 raw_gradients: Write f32, 6 report: Write u32,
+        7 surfels: Write Surfel, 8 attributes: Write Attributes, 9 counters: Write u32,
+    }
+}
 
 /// Structures and constants beside those of the rays.
 fn declarations() -> String {
@@ -72,20 +121,21 @@ fn declarations() -> String {
     }
     for (name, value) in [
         ("NUM_PARAMETERS", NUM_PARAMETERS as u32),
-        ("REPORT_BAD", report::BAD),
-        ("REPORT_ENTRIES", report::ENTRIES),
-        ("REPORT_CHUNKS", report::CHUNKS),
-        ("REPORT_TERMS", report::TERMS),
-        ("REPORT_STUCK", report::STUCK),
-        ("NOTHING_BAD", report::NOTHING_BAD),
         ("ADD_THREADS", loss::ADD_THREADS),
         ("ADD_PER_THREAD", loss::ADD_PER_THREAD),
         ("KNOWN", target::KNOWN),
         ("WINDOW", target::WINDOW),
         ("FLAG_BITS", target::FLAG_BITS),
         ("FULL_OPACITY", target::FULL_OPACITY),
-    ] {
+    ]
+    .into_iter()
+    .chain(report::PLACES)
+    {
         text.push_str(&format!("const {name}: u32 = {value}u;\n"));
+    }
+    for (class, range) in CLASSES {
+        let (name, start) = (class.to_uppercase(), range.start);
+        text.push_str(&format!("const {name}: u32 = {start}u;\n"));
     }
     let weights: Vec<String> = WEIGHTS.iter().map(|w| format!("{w:?}")).collect();
     text.push_str(&format!(
@@ -99,15 +149,45 @@ fn declarations() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eagpt_testkit::kernels;
+    use eagpt_trace::gpu::kernel::{Access, Binding};
+
+    fn binding(of: &Binding) -> kernels::Binding {
+        kernels::Binding {
+            number: of.number,
+            name: of.name.to_owned(),
+            is_uniform: of.access == Access::Uniform,
+            is_written: of.access == Access::Write,
+            bytes: of.bytes as u32,
+        }
+    }
 
     /// Without a device: what one would reject is found here.
     #[test]
-    fn all_modules_are_valid() {
-        for module in [&PARAMS, &COLOR, &SURFACE, &ADD_UP, &DERIVATIVES] {
-            assert_eq!(
-                eagpt_testkit::kernels::check(module.name(), &module.source()),
-                Ok(())
-            );
+    fn kernels_are_those_of_the_table() {
+        for kernel in ALL {
+            let bindings: Vec<kernels::Binding> = kernel.bindings().iter().map(binding).collect();
+            let (file, entry) = kernel.name();
+            let source = kernel.source().unwrap();
+            assert_eq!(kernels::check(file, &source, entry, &bindings), Ok(()));
+        }
+    }
+
+    #[test]
+    fn files_import_what_they_use() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/shader");
+        let all = ALL.iter().map(|kernel| {
+            let (file, entry) = kernel.name();
+            (file, entry, kernel.defines())
+        });
+        let all: Vec<_> = all.collect();
+        let files: Vec<&str> = FILES.iter().map(|(path, _)| *path).collect();
+        let source = |name: &str, defines: &[&str]| kernel::preprocess(sources, name, defines);
+        kernels::check_folder(folder, &files, &all, source).unwrap();
+        // None hides a file of the rays.
+        for file in files {
+            let name = file.strip_prefix("shared/").unwrap_or(file);
+            assert!(kernel::sources(name).is_none(), "{file}");
         }
     }
 }

@@ -1,15 +1,15 @@
-//! The losses on the device: the twins of [`crate::loss::radiance_loss`] and
-//! [`crate::loss::albedo_loss`].
+//! The losses on the device: [`crate::loss::radiance_loss`] and [`crate::loss::albedo_loss`] in
+//! single precision, in which drivers round their own way.
 
 use super::kernels;
 use super::report::Report;
-use super::target::{TargetPixel, TargetView};
+use super::target::TargetView;
 use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms, PixelLight};
 use crate::options::LossWeights;
 use eagpt_scene::Camera;
 use eagpt_trace::features::Features;
-use eagpt_trace::gpu::kernel::{Buffer, Layout, Module, Step, layout};
+use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
 use eagpt_trace::gpu::{Device, Frame};
 
 /// Invocations of a workgroup that adds up.
@@ -17,7 +17,7 @@ pub(super) const ADD_THREADS: u32 = 128;
 /// Pixels that each of them adds.
 pub(super) const ADD_PER_THREAD: u32 = 16;
 
-/// What decides the loss of one view.
+/// Parameters of the loss of one view.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct LossParameters {
@@ -98,7 +98,7 @@ impl LossParameters {
     }
 }
 
-/// How a view is compared.
+/// Terms of the loss of a view.
 #[derive(Debug, Clone)]
 pub(super) struct LossOptions {
     pub(super) weights: LossWeights,
@@ -122,6 +122,45 @@ pub(super) fn lit_pixels(device: &Device, light: &PixelLight) -> Result<Buffer> 
     Ok(device.upload("light of a view", bytemuck::cast_slice(&pixels))?)
 }
 
+/// PQ values of a pixel and their slopes. Vectors of three take as much as vectors of four.
+#[derive(Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct Encoded {
+    pq: [f32; 4],
+    slope: [f32; 4],
+}
+
+/// Moments of the colours of a pixel's window, or derivatives by them.
+#[derive(Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct Moments {
+    of_wanted: [f32; 4],
+    of_shown: [f32; 4],
+    of_squares: [f32; 4],
+    of_product: [f32; 4],
+}
+
+/// Summands of a pixel in the terms of the loss; see [`Report::terms`].
+#[derive(Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct Terms {
+    image: [f32; 4],
+    surface: [f32; 4],
+}
+
+/// Derivatives of the term of spanned normals of a pixel.
+#[derive(Clone, Copy)]
+#[repr(C)]
+#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
+pub(super) struct SurfaceGradient {
+    d_across: [f32; 4],
+    d_down: [f32; 4],
+    d_normal: [f32; 4],
+}
+
 /// Memory of the kernels, for views of one number of pixels.
 #[derive(Debug)]
 pub(super) struct LossBuffers {
@@ -135,113 +174,110 @@ pub(super) struct LossBuffers {
     group_sums: Buffer,
 }
 
+/// Pixels of a workgroup that adds up.
+const PIXELS_PER_GROUP: u32 = ADD_THREADS * ADD_PER_THREAD;
+
 impl LossBuffers {
-    /// Room for views of `num_pixels` pixels.
+    /// Buffers for views of `num_pixels` pixels.
     pub(super) fn new(device: &Device, num_pixels: usize) -> Result<Self> {
-        // Vectors of three take as much as vectors of four.
-        let vectors = |num: u64| 16 * num * num_pixels as u64;
-        let groups = (num_pixels as u64).div_ceil(u64::from(ADD_THREADS * ADD_PER_THREAD));
-        const { assert!(size_of::<Features>() == 64 && size_of::<TargetPixel>() == 16) };
+        let of_pixels = |what, size: usize| device.buffer(what, (num_pixels * size) as u64);
+        let num_groups = num_pixels.div_ceil(PIXELS_PER_GROUP as usize);
         Ok(Self {
             num_pixels,
-            means: device.buffer("means of rays", vectors(4))?,
-            encoded: device.buffer("PQ values", vectors(2))?,
-            blurred: device.buffer("blurred moments", vectors(4))?,
-            partials: device.buffer("derivatives by moments", vectors(4))?,
-            terms: device.buffer("terms of the loss", vectors(2))?,
-            surfaces: device.buffer("derivatives by surfaces", vectors(3))?,
-            group_sums: device.buffer("features of groups", 32 * groups)?,
+            means: of_pixels("means of rays", size_of::<Features>())?,
+            encoded: of_pixels("PQ values", size_of::<Encoded>())?,
+            blurred: of_pixels("blurred moments", size_of::<Moments>())?,
+            partials: of_pixels("derivatives by moments", size_of::<Moments>())?,
+            terms: of_pixels("terms of the loss", size_of::<Terms>())?,
+            surfaces: of_pixels("derivatives by surfaces", size_of::<SurfaceGradient>())?,
+            group_sums: device
+                .buffer("sums of groups", (num_groups * size_of::<Terms>()) as u64)?,
         })
     }
 
-    /// Whether there is room for views of `num_pixels` pixels, and not for others.
+    /// Whether these are for views of `num_pixels` pixels.
     pub(super) fn fits(&self, num_pixels: usize) -> bool {
         self.num_pixels == num_pixels
     }
 
-    /// The kernels from the features of `frame` to the derivatives by them, for a view of `camera`.
-    /// Features over pixels go to `report`.
-    pub(super) fn steps(
+    /// The passes from the features of `frame` to the derivatives by them, for a view of `camera`.
+    /// Sums over pixels go to `report`.
+    pub(super) fn passes(
         &self,
         device: &Device,
         (camera, view): (&Camera, &TargetView),
         options: &LossOptions,
         (frame, report): (&Frame, &Buffer),
-    ) -> Vec<Step> {
-        let parameters = LossParameters::new(camera, view, options);
-        let parameters = device.uniform("loss", &parameters);
-        let all = [
-            &parameters,
-            &frame.features,
-            &self.means,
-            &view.pixels,
-            &self.encoded,
-            &self.blurred,
-            &self.partials,
-            &self.terms,
-        ];
-        let step = |module: &'static Module,
-                    entry: &'static str,
-                    bindings: &[u32],
-                    more: &[(u32, &Buffer)]| {
-            let mut buffers: Vec<(u32, &Buffer)> =
-                bindings.iter().map(|&b| (b, all[b as usize])).collect();
-            buffers.extend_from_slice(more);
-            let per_group = match entry {
-                "add_pixels" => ADD_THREADS * ADD_PER_THREAD,
-                "add_groups" => u32::MAX,
-                _ => 64,
-            };
-            let groups = (self.num_pixels as u32).div_ceil(per_group);
-            device.step(module, entry, &buffers, groups)
+    ) -> Vec<Pass> {
+        let Self {
+            means,
+            encoded,
+            blurred,
+            partials,
+            terms,
+            surfaces,
+            group_sums,
+            ..
+        } = self;
+        let parameters = &device.uniform("loss", &LossParameters::new(camera, view, options));
+        let wanted = &view.pixels;
+        let (rays, d_rays) = (&frame.features, &frame.d_features);
+        let each_pixel = groups(self.num_pixels as u32);
+        let each_run = (self.num_pixels as u32).div_ceil(PIXELS_PER_GROUP);
+
+        // Means over the rays of a pixel, encoded.
+        let encode = match &options.lit {
+            None => {
+                let buffers = [parameters, rays, means, encoded];
+                device.pass(&kernels::ENCODE, &buffers, each_pixel)
+            }
+            Some(lit) => {
+                let buffers = [parameters, rays, means, encoded, lit];
+                device.pass(&kernels::ENCODE_LIT, &buffers, each_pixel)
+            }
         };
-        let surfaces = (8, &self.surfaces);
-        let d_features = (10, &frame.d_features);
-        let (encode, derivatives) = match &options.lit {
-            None => (
-                step(&kernels::COLOR, "encode", &[0, 1, 2, 4], &[]),
-                step(
-                    &kernels::DERIVATIVES,
-                    "derivatives",
-                    &[0, 2, 3, 4, 5, 7],
-                    &[surfaces, (9, report), d_features],
-                ),
-            ),
-            Some(lit) => (
-                step(&kernels::COLOR, "encode_lit", &[0, 1, 2, 4], &[(11, lit)]),
-                step(
-                    &kernels::DERIVATIVES,
-                    "derivatives_lit",
-                    &[0, 3, 4, 5],
-                    &[d_features, (11, lit)],
-                ),
-            ),
+        // SSIM: windows of moments, the value, and the derivatives by the moments.
+        let buffers = [parameters, wanted, encoded, blurred];
+        let blur_moments = device.pass(&kernels::BLUR_MOMENTS, &buffers, each_pixel);
+        let buffers = [parameters, means, wanted, encoded, blurred, partials, terms];
+        let compare = device.pass(&kernels::COMPARE, &buffers, each_pixel);
+        let buffers = [parameters, blurred, partials];
+        let blur_partials = device.pass(&kernels::BLUR_PARTIALS, &buffers, each_pixel);
+        // Normals.
+        let buffers = [parameters, means, wanted, terms, surfaces];
+        let surface_terms = device.pass(&kernels::SURFACE_TERMS, &buffers, each_pixel);
+        // Sums over all pixels.
+        let buffers = [parameters, terms, group_sums];
+        let add_pixels = device.pass(&kernels::ADD_PIXELS, &buffers, each_run);
+        let buffers = [parameters, group_sums, report];
+        let add_groups = device.pass(&kernels::ADD_GROUPS, &buffers, 1);
+        // Derivatives by the features of every ray.
+        let derivatives = match &options.lit {
+            None => {
+                let buffers = [
+                    parameters, means, wanted, encoded, blurred, terms, surfaces, report, d_rays,
+                ];
+                device.pass(&kernels::DERIVATIVES, &buffers, each_pixel)
+            }
+            Some(lit) => {
+                let buffers = [parameters, wanted, encoded, blurred, d_rays, lit];
+                device.pass(&kernels::DERIVATIVES_LIT, &buffers, each_pixel)
+            }
         };
-        let features = (8, &self.group_sums);
         vec![
             encode,
-            step(&kernels::COLOR, "blur_moments", &[0, 3, 4, 5], &[]),
-            step(&kernels::COLOR, "compare", &[0, 2, 3, 4, 5, 6, 7], &[]),
-            step(&kernels::COLOR, "blur_partials", &[0, 5, 6], &[]),
-            step(
-                &kernels::SURFACE,
-                "surface_terms",
-                &[0, 2, 3, 7],
-                &[surfaces],
-            ),
-            step(&kernels::ADD_UP, "add_pixels", &[0, 7], &[features]),
-            step(
-                &kernels::ADD_UP,
-                "add_groups",
-                &[0],
-                &[features, (9, report)],
-            ),
+            blur_moments,
+            compare,
+            blur_partials,
+            surface_terms,
+            add_pixels,
+            add_groups,
             derivatives,
         ]
     }
 }
 
-/// The terms of a loss, from the features over pixels.
+/// The terms of a loss, from the sums over pixels.
 pub(super) fn terms(report: &Report, view: &TargetView, options: &LossOptions) -> LossTerms {
     let [
         l1,

@@ -1,12 +1,12 @@
-//! Raw parameters and their moments on the device: the twin of
-//! [`crate::params::ParameterState::step`].
+//! Raw parameters and their moments on the device, which [`crate::params::ParameterState::step`]
+//! moves on the host: the same formulas in single precision.
 
 use super::kernels;
-use super::report::{self, Report};
+use super::report::Report;
 use crate::error::Result;
 use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
-use eagpt_trace::gpu::kernel::{Buffer, Layout, Step, layout};
+use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
 use eagpt_trace::gpu::{Device, Frame, GpuScene, Reading};
 use glam::Vec3;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ pub(super) struct AdamParameters {
     sizes: [[f32; 4]; 5],
     /// Of each coefficient of one channel.
     harmonics: [[f32; 4]; 2],
-    /// What the camera looks from.
+    /// Centre of the camera.
     eye: [f32; 3],
     harmonics_decay: f32,
     correction_1: f32,
@@ -26,10 +26,8 @@ pub(super) struct AdamParameters {
     harmonics_correction_1: f32,
     harmonics_correction_2: f32,
     num_gaussians: u32,
-    /// Room for entries and chunks: with more of them, gradients are worth nothing.
-    entries: u32,
-    chunks: u32,
     padding: u32,
+    more_padding: [u32; 2],
 }
 
 impl AdamParameters {
@@ -44,14 +42,13 @@ impl AdamParameters {
             harmonics_correction_1: "f32",
             harmonics_correction_2: "f32",
             num_gaussians: "u32",
-            entries: "u32",
-            chunks: "u32",
             padding: "u32",
+            more_padding: "vec2u",
         })
     }
 }
 
-/// The twin of [`Learned`] on a device, `[n, K]` each.
+/// [`Learned`] on a device, `[n, K]` each.
 #[derive(Debug)]
 struct ResidentRows<const K: usize> {
     values: Buffer,
@@ -73,11 +70,6 @@ impl<const K: usize> ResidentRows<K> {
             second: device.upload("second moments", &bytes(&rows.second))?,
             num_steps: rows.num_steps,
         })
-    }
-
-    /// Where the kernels that move them have them.
-    fn bindings(&self) -> [(u32, &Buffer); 3] {
-        [(1, &self.values), (2, &self.first), (3, &self.second)]
     }
 
     /// Read back.
@@ -120,7 +112,7 @@ impl ResidentState {
             raw: ResidentRows::new(device, &state.raw, values)?,
             raw_gradients: device.buffer("gradients by parameters", size)?,
             harmonics: harmonics.transpose()?,
-            report: device.buffer("report", 4 * report::NUM_WORDS as u64)?,
+            report: device.buffer("report", size_of::<Report>() as u64)?,
             num_gaussians: state.len(),
             device: Arc::clone(device),
         };
@@ -129,36 +121,29 @@ impl ResidentState {
             ..bytemuck::Zeroable::zeroed()
         };
         let buffers = [
-            (0, &device.uniform("Adam", &parameters)),
-            (1, &resident.raw.values),
-            (7, fit.surfels()),
-            (8, fit.attributes()),
+            &device.uniform("Adam", &parameters),
+            &resident.raw.values,
+            fit.surfels(),
+            fit.attributes(),
         ];
-        let groups = resident.num_groups();
-        device.run(&[device.step(&kernels::PARAMS, "activate", &buffers, groups)])?;
+        let each_gaussian = groups(resident.num_gaussians as u32);
+        device.run(&[device.pass(&kernels::ACTIVATE, &buffers, each_gaussian)])?;
         Ok(resident)
     }
 
-    /// Workgroups with an invocation for each Gaussian.
-    fn num_groups(&self) -> u32 {
-        (self.num_gaussians as u32).div_ceil(64)
-    }
-
-    /// Where kernels leave what the host reads after a step.
+    /// The numbers that the host reads after a step.
     pub(super) fn report(&self) -> &Buffer {
         &self.report
     }
 
-    /// Empties the report, before the first kernel of a step; one that is stuck stays so.
+    /// Empties the report, before the first kernel of a step.
     pub(super) fn begin(&self) {
-        let words = &report::EMPTY[..report::STUCK as usize];
-        self.device.write(&self.report, bytemuck::cast_slice(words));
+        let empty = bytemuck::bytes_of(&Report::EMPTY);
+        self.device.write(&self.report, empty);
     }
 
-    /// After a step that was stuck: goes on from where it was, `num_steps` as they were before it.
+    /// After a step that moved nothing: `num_steps` as they were before it.
     pub(super) fn go_back(&mut self, [raw, of_harmonics]: [u32; 2]) {
-        self.device
-            .write(&self.report, bytemuck::cast_slice(&report::EMPTY));
         self.raw.num_steps = raw;
         if let Some(harmonics) = &mut self.harmonics {
             harmonics.num_steps = of_harmonics;
@@ -179,14 +164,14 @@ impl ResidentState {
         }
     }
 
-    /// The kernels of a step along the gradients of `frame`, which was traced from `eye`; it moves
+    /// The passes of a step along the gradients of `frame`, which was traced from `eye`; it moves
     /// the Gaussians of `fit`.
-    pub(super) fn steps(
+    pub(super) fn passes(
         &self,
         fit: &GpuScene,
         (frame, eye): (&Frame, Vec3),
         sizes: &StepSizes,
-    ) -> Vec<Step> {
+    ) -> Vec<Pass> {
         // Steps are the same for all channels.
         let (of_functions, _) = sizes.harmonics.as_chunks::<3>();
         let mut padded = [0.0; 20];
@@ -205,42 +190,57 @@ impl ResidentState {
             harmonics_correction_1: of_harmonics.correction_1,
             harmonics_correction_2: of_harmonics.correction_2,
             num_gaussians: self.num_gaussians as u32,
-            entries: frame.room.entries,
-            chunks: frame.room.chunks,
             ..bytemuck::Zeroable::zeroed()
         };
-        let parameters = self.device.uniform("Adam", &parameters);
-        let groups = self.num_groups();
-        let step = |entry, rows: &[(u32, &Buffer)], more: &[(u32, &Buffer)]| {
-            let shared = [
-                (0, &parameters),
-                (5, &self.raw_gradients),
-                (6, &self.report),
+        let parameters = &self.device.uniform("Adam", &parameters);
+        let (device, report, gradients) = (&self.device, &self.report, &self.raw_gradients);
+        let (surfels, attributes, counters) = (fit.surfels(), fit.attributes(), &frame.counters);
+        let each_gaussian = groups(self.num_gaussians as u32);
+        let mut passes = Vec::with_capacity(3);
+        // From gradients in the frame of each Gaussian to those by the raw parameters.
+        let ResidentRows {
+            values,
+            first,
+            second,
+            ..
+        } = &self.raw;
+        let seen = &frame.attributes;
+        let buffers = [
+            parameters,
+            values,
+            &frame.gradients,
+            gradients,
+            report,
+            seen,
+            counters,
+        ];
+        passes.push(device.pass(&kernels::CHAIN_RULE, &buffers, each_gaussian));
+        // Before the Gaussians move: directions are those they were seen from.
+        if let Some(ResidentRows {
+            values,
+            first,
+            second,
+            ..
+        }) = moving
+        {
+            let buffers = [
+                parameters, values, first, second, gradients, report, surfels, counters,
             ];
-            let buffers = [&shared, rows, more].concat();
-            self.device.step(&kernels::PARAMS, entry, &buffers, groups)
-        };
-        let raw = self.raw.bindings();
-        let seen = [(4, &frame.gradients), (8, &frame.attributes)];
-        let surfels = (7, fit.surfels());
-        let totals = (9, &frame.totals);
-        let mut steps = vec![step("chain_rule", &raw[..1], &seen)];
-        if let Some(harmonics) = moving {
-            // Before the Gaussians move: directions are those they were seen from.
-            let rows = harmonics.bindings();
-            steps.push(step("harmonics_step", &rows, &[surfels, totals]));
+            passes.push(device.pass(&kernels::HARMONICS_STEP, &buffers, each_gaussian));
         }
-        let moved = [surfels, (8, fit.attributes()), totals];
-        steps.push(step("adam_step", &raw, &moved));
-        steps
+        let buffers = [
+            parameters, values, first, second, gradients, report, surfels, attributes, counters,
+        ];
+        passes.push(device.pass(&kernels::ADAM_STEP, &buffers, each_gaussian));
+        passes
     }
 
     /// The report of the step that was submitted last, when it is done.
-    pub(super) fn read_report(&self) -> Result<Reading<u32>> {
-        Ok(self.device.read_later(&self.report, 0..report::NUM_WORDS)?)
+    pub(super) fn read_report(&self) -> Result<Reading<Report>> {
+        Ok(self.device.read_later(&self.report, 0..1)?)
     }
 
-    /// Why the device is stuck since the step of `report`, if it is.
+    /// The first gradient of the step of `report` that is not finite: nothing moved then.
     pub(super) fn bad_gradient(&self, report: &Report) -> Result<Option<BadGradient>> {
         let Some(index) = report.first_bad() else {
             return Ok(None);

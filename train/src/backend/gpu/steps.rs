@@ -1,12 +1,13 @@
-//! Steps on the device, a few of which are under way at once: the host prepares the next ones while
-//! the device computes, and looks at the report of a step when others are queued behind it.
+//! Steps on the device ([`GpuBackend::submit`] records one), a few of which are queued: the host
+//! prepares the next ones while the device computes, and reads the report of a step when others are
+//! queued behind it.
 //!
-//! A step for whose hits there is no room, or whose gradients are no numbers, moves nothing, and
-//! nor do those behind it until the host has looked. Then it makes room and takes them again: what
-//! comes out has the bits of steps taken one by one.
+//! A step that overflows its buffers, or whose gradients are no numbers, moves nothing, and nor do
+//! those behind it until the host has read its report. Then the host grows the buffers and records
+//! all of them again: the results are bit-identical to those of steps taken one by one.
 
 use super::loss::{self, LossBuffers, LossOptions};
-use super::report::{NUM_WORDS, Report};
+use super::report::Report;
 use super::target::TargetView;
 use super::{GpuBackend, Parameters, resident};
 use crate::backend::{AlbedoStep, RadianceStep, Taken, TrainingView};
@@ -16,23 +17,23 @@ use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::StepSizes;
 use eagpt_scene::Camera;
 use eagpt_trace::gpu::kernel::Buffer;
-use eagpt_trace::gpu::{Frame, FrameRoom, Reading};
+use eagpt_trace::gpu::{Capacity, Counters, Frame, Reading};
 
-/// Steps that may be under way when the next one has been begun.
+/// Steps that may be queued when the next one has been submitted.
 const MOST_AHEAD: usize = 3;
 
 /// A step of a stage, to be taken once or more.
 #[derive(Debug, Clone)]
-pub(super) struct Task {
+pub(super) struct StepTask {
     pub(super) iteration: u32,
     pub(super) view: TrainingView,
     pub(super) sizes: StepSizes,
-    pub(super) kind: Kind,
+    pub(super) loss: StepLoss,
 }
 
-/// What is compared.
+/// The loss of a step.
 #[derive(Debug, Clone)]
-pub(super) enum Kind {
+pub(super) enum StepLoss {
     /// Stage 0.
     Radiance {
         weights: LossWeights,
@@ -48,19 +49,19 @@ pub(super) enum Kind {
     },
 }
 
-impl Task {
+impl StepTask {
     /// The camera with all rays of the step.
     fn rays(&self) -> Camera {
         let camera = &self.view.view.camera;
-        match self.kind {
-            Kind::Radiance { rays_per_axis, .. } => camera.magnified(rays_per_axis),
-            Kind::Albedo { .. } => *camera,
+        match self.loss {
+            StepLoss::Radiance { rays_per_axis, .. } => camera.magnified(rays_per_axis),
+            StepLoss::Albedo { .. } => *camera,
         }
     }
 
     fn loss_options(&self) -> LossOptions {
-        match &self.kind {
-            Kind::Radiance {
+        match &self.loss {
+            StepLoss::Radiance {
                 weights,
                 normals,
                 rays_per_axis,
@@ -70,7 +71,7 @@ impl Task {
                 rays_per_axis: *rays_per_axis,
                 lit: None,
             },
-            Kind::Albedo {
+            StepLoss::Albedo {
                 ssim_share, lit, ..
             } => LossOptions {
                 weights: LossWeights {
@@ -91,15 +92,15 @@ impl Task {
 
 /// A step that the device has been given.
 #[derive(Debug)]
-pub(super) struct UnderWay {
-    task: Task,
+pub(super) struct PendingStep {
+    task: StepTask,
     wanted: TargetView,
     options: LossOptions,
-    /// What its rays have room for.
-    room: FrameRoom,
+    /// Capacities of the buffers of its rays.
+    capacity: Capacity,
     /// Steps of the parameters and of the harmonics before it.
     num_steps: [u32; 2],
-    report: Reading<u32>,
+    report: Reading<Report>,
 }
 
 fn size(camera: &Camera) -> (u32, u32) {
@@ -108,7 +109,7 @@ fn size(camera: &Camera) -> (u32, u32) {
 
 impl GpuBackend {
     /// Begins a step; returns those that are over.
-    pub(super) fn begin(&mut self, task: Task) -> Result<Vec<Taken>> {
+    pub(super) fn begin(&mut self, task: StepTask) -> Result<Vec<Taken>> {
         // Buffers are those of one size of cameras.
         if let Some(first) = self.under_way.front()
             && size(&first.task.rays()) != size(&task.rays())
@@ -126,14 +127,13 @@ impl GpuBackend {
             let Some(first) = self.under_way.pop_front() else {
                 break;
             };
-            let mut words = [0; NUM_WORDS];
-            words.copy_from_slice(&first.report.wait(&self.device)?);
-            let report = Report(words);
-            if !report.needed().is_within(&first.room) {
+            let read = first.report.wait(&self.device)?;
+            let report = read.first().copied().unwrap_or(Report::EMPTY);
+            if !first.capacity.holds(&report.needed) {
                 let again = std::iter::once(first.task)
                     .chain(self.under_way.drain(..).map(|behind| behind.task))
                     .collect();
-                self.take_again(again, report.needed(), first.num_steps)?;
+                self.record_again(again, &report.needed, first.num_steps)?;
                 continue;
             }
             let terms = loss::terms(&report, &first.wanted, &first.options);
@@ -153,18 +153,18 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Takes steps again, of which the first lacked room.
-    fn take_again(
+    /// Records steps again after the first has overflowed its buffers.
+    fn record_again(
         &mut self,
-        tasks: Vec<Task>,
-        needed: FrameRoom,
+        tasks: Vec<StepTask>,
+        needed: &Counters,
         num_steps: [u32; 2],
     ) -> Result<()> {
         if let Parameters::Device(resident) = &mut self.parameters {
             resident.go_back(num_steps);
         }
         if let Some(first) = tasks.first() {
-            self.trainer.scene.make_room(&first.rays(), needed)?;
+            self.trainer.scene.grow(&first.rays(), needed);
         }
         for task in tasks {
             self.submit_or_take(task)?;
@@ -173,14 +173,14 @@ impl GpuBackend {
     }
 
     /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host.
-    fn submit_or_take(&mut self, task: Task) -> Result<()> {
+    fn submit_or_take(&mut self, task: StepTask) -> Result<()> {
         let rays = task.rays();
         if let Some(frame) = self.trainer.scene.frame(&rays)? {
             return self.submit(task, &rays, &frame);
         }
         let (trainer, parameters) = self.host()?;
-        let taken = match &task.kind {
-            Kind::Radiance {
+        let taken = match &task.loss {
+            StepLoss::Radiance {
                 weights,
                 normals,
                 rays_per_axis,
@@ -194,7 +194,7 @@ impl GpuBackend {
                 };
                 trainer.radiance_step(parameters, &task.view, &step)?
             }
-            Kind::Albedo {
+            StepLoss::Albedo {
                 options,
                 ssim_share,
                 seed,
@@ -214,14 +214,15 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Gives a step to the device, whose `frame` holds its `rays`.
-    fn submit(&mut self, task: Task, rays: &Camera, frame: &Frame) -> Result<()> {
+    /// Records a step from top to bottom, for a `frame` that holds all of its `rays`: forward, loss,
+    /// adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
+    fn submit(&mut self, task: StepTask, rays: &Camera, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
         let wanted = self.wanted(&task.view)?;
         let options = task.loss_options();
         let device = &*self.device;
         let resident = resident(&mut self.parameters, &mut self.trainer.scene)?;
-        let fit = &self.trainer.scene;
+        let scene = &self.trainer.scene;
         if !matches!(&self.loss, Some(loss) if loss.fits(camera.num_pixels())) {
             // The old one's memory goes first.
             self.loss = None;
@@ -232,18 +233,24 @@ impl GpuBackend {
         };
         let num_steps = resident.num_steps();
         resident.begin();
-        fit.forward(rays)?;
-        let at = (&camera, &wanted);
-        device.run(&loss.steps(device, at, &options, (frame, resident.report())))?;
-        fit.backward(rays)?;
-        device.run(&resident.steps(fit, (frame, camera.origin()), &task.sizes))?;
+        // Gaussians to lists of tiles, features of every ray, and a record of the blended hits.
+        scene.forward(rays)?;
+        // Features to the terms of the loss, and to its derivatives by them.
+        let target = (&camera, &wanted);
+        device.run(&loss.passes(device, target, &options, (frame, resident.report())))?;
+        // Derivatives by features to gradients of every Gaussian.
+        scene.backward(rays)?;
+        // Gradients by the raw parameters; Adam moves these, and the Gaussians with them.
+        let seen = (frame, camera.origin());
+        device.run(&resident.passes(scene, seen, &task.sizes))?;
         resident.count(&task.sizes);
+        // The host reads the report when other steps are queued behind this one.
         let report = resident.read_report()?;
-        self.under_way.push_back(UnderWay {
+        self.under_way.push_back(PendingStep {
             task,
             wanted,
             options,
-            room: frame.room,
+            capacity: frame.capacity,
             num_steps,
             report,
         });

@@ -1,4 +1,4 @@
-//! What views should look like, on the device.
+//! Views that training compares with, on the device.
 
 use crate::error::Result;
 use crate::loss::target::Target;
@@ -17,7 +17,7 @@ pub(super) const FLAG_BITS: u32 = 2;
 /// The opacity that stands for 1.
 pub(super) const FULL_OPACITY: u32 = (1 << (16 - FLAG_BITS)) - 1;
 
-/// What one pixel should look like, 16 bits a number: half of what floats take.
+/// A pixel of a target, 16 bits a number: half of what floats take.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct TargetPixel {

@@ -1,4 +1,4 @@
-//! Each stage against its twin on the CPU.
+//! Each stage against the CPU.
 
 mod adam;
 mod losses;

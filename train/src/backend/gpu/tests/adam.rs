@@ -2,7 +2,7 @@
 
 use super::{gpu, off};
 use crate::backend::gpu::params::ResidentState;
-use crate::backend::gpu::report;
+use crate::backend::gpu::report::Report;
 use crate::options::{HarmonicsOptions, Preset, TrainOptions};
 use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
@@ -20,9 +20,8 @@ use glam::{DVec3, Vec3};
 const STEP_TOLERANCE: f32 = 3e-6;
 
 /// The report of the step that was submitted last.
-fn reported(device: &Device, state: &ResidentState) -> report::Report {
-    let words = state.read_report().unwrap().wait(device).unwrap();
-    report::Report(words.try_into().unwrap())
+fn reported(device: &Device, state: &ResidentState) -> Report {
+    state.read_report().unwrap().wait(device).unwrap()[0]
 }
 
 /// Four steps with other gradients each: moments, corrections and everything that follows from
@@ -68,7 +67,9 @@ fn steps_of_adam_are_those_of_the_cpu() {
         cpu.step(&gaussians, eye, &gradients, &sizes).unwrap();
         cpu.write_gaussians(&mut gaussians);
         gpu.begin();
-        device.run(&gpu.steps(&fit, (&frame, eye), &sizes)).unwrap();
+        device
+            .run(&gpu.passes(&fit, (&frame, eye), &sizes))
+            .unwrap();
         gpu.count(&sizes);
         let report = reported(&device, &gpu);
         assert_eq!(gpu.bad_gradient(&report).unwrap(), None);
@@ -99,7 +100,7 @@ fn steps_of_adam_are_those_of_the_cpu() {
             failures.push(format!("harmonics {k}: off by {worst:e}"));
         }
     }
-    // What is traced is what follows from the parameters.
+    // The traced Gaussians are those of the parameters.
     let seen = fit.gbuffer(&camera).unwrap();
     let (wanted, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
     let off = off(&seen.pixels, &wanted.pixels, lane::RADIANCE);
@@ -147,7 +148,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
         ..StepSizes::albedo(0.1)
     };
     device
-        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .run(&state.passes(&fit, (&frame, Vec3::ZERO), &sizes))
         .unwrap();
     let report = reported(&device, &state);
     let bad = state.bad_gradient(&report).unwrap().unwrap();
@@ -156,7 +157,7 @@ fn nothing_moves_along_a_gradient_that_is_no_number() {
     device.write(&frame.gradients, &vec![0; 64 * before.len()]);
     state.begin();
     device
-        .run(&state.steps(&fit, (&frame, Vec3::ZERO), &sizes))
+        .run(&state.passes(&fit, (&frame, Vec3::ZERO), &sizes))
         .unwrap();
     assert_eq!(reported(&device, &state).first_bad(), None);
     assert_eq!(state.state().unwrap(), before);

@@ -2,7 +2,7 @@
 
 use super::{gpu, off, weights};
 use crate::backend::gpu::loss::{self, LossBuffers, LossOptions, lit_pixels};
-use crate::backend::gpu::report;
+use crate::backend::gpu::report::Report;
 use crate::backend::gpu::target::TargetView;
 use crate::loss::target::Target;
 use crate::loss::tests::{frame, mask, view};
@@ -11,14 +11,14 @@ use crate::options::LossWeights;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Image, View};
 use eagpt_trace::features::{Features, GBuffer, NUM_LANES, lane};
-use eagpt_trace::gpu::{Device, Frame, FrameRoom};
+use eagpt_trace::gpu::{Capacity, Device, Frame};
 use glam::Vec3;
 use std::ops::RangeInclusive;
 
 /// Of a derivative, relative to the largest of its lane: ten times the 9.4e-6 seen on lavapipe.
 const TOLERANCE: f32 = 1e-4;
 
-/// What is left of an image on the device: `steps` of one unit.
+/// An image with the precision it has on the device: `steps` of one unit.
 fn kept<const C: usize>(image: &Image<C>, range: RangeInclusive<f32>, steps: f32) -> Image<C> {
     let near = |v: f32| (v.clamp(*range.start(), *range.end()) * steps).round() / steps;
     let pixels = image.pixels().iter().map(|p| p.map(near)).collect();
@@ -54,22 +54,18 @@ fn compared(
         d_features: made("d_features"),
         gradients: made("gradients"),
         attributes: made("attributes"),
-        totals: made("totals"),
-        room: FrameRoom {
-            entries: 0,
-            chunks: 0,
-        },
+        counters: made("counters"),
+        capacity: Capacity::default(),
     };
-    let words = bytemuck::cast_slice(&report::EMPTY).to_vec();
-    let report_buffer = device.upload("report", &words).unwrap();
+    let empty = bytemuck::bytes_of(&Report::EMPTY);
+    let report_buffer = device.upload("report", empty).unwrap();
     let on_device = TargetView::new(device, view, target).unwrap();
     let buffers = LossBuffers::new(device, num_pixels).unwrap();
     let at = (&view.camera, &on_device);
-    let steps = buffers.steps(device, at, options, (&frame, &report_buffer));
-    device.run(&steps).unwrap();
+    let passes = buffers.passes(device, at, options, (&frame, &report_buffer));
+    device.run(&passes).unwrap();
     let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_features, 0..num_pixels).unwrap();
-    let words: Vec<u32> = device.read(&report_buffer, 0..report::NUM_WORDS).unwrap();
-    let report = report::Report(words.try_into().unwrap());
+    let report = device.read::<Report>(&report_buffer, 0..1).unwrap()[0];
     let terms = loss::terms(&report, &on_device, options);
     (terms, d.into_iter().map(Features).collect())
 }

@@ -1,4 +1,4 @@
-//! Steps under way, and room for their rays.
+//! Steps under way, and the capacities of their buffers.
 
 use super::{gpu, weights};
 use crate::backend::gpu::GpuBackend;
@@ -11,49 +11,59 @@ use eagpt_scene::Camera;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::gpu::{FrameRoom, GpuScene};
+use eagpt_trace::gpu::{Capacity, Counters, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
 use glam::DVec3;
 use std::sync::Arc;
 
 #[test]
-fn room_is_made_for_what_is_needed_and_kept() {
-    let Some(device) = gpu::device("room for hits") else {
+fn buffers_grow_to_what_is_needed_and_stay() {
+    let Some(device) = gpu::device("capacities for hits") else {
         return;
     };
     let cloud = random_cloud(400, 4);
     let mut fit = GpuScene::new(&device, &cloud).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 37, 29);
     let small = fit.frame(&camera).unwrap().unwrap();
-    let more = FrameRoom {
-        entries: small.room.entries + 1,
-        chunks: 0,
+    let more = Counters {
+        entries: small.capacity.entries + 1,
+        ..Counters::default()
     };
-    assert!(fit.make_room(&camera, more).unwrap());
+    assert!(fit.grow(&camera, &more));
     let entries = fit.frame(&camera).unwrap().unwrap();
-    assert!(entries.room.entries > small.room.entries && entries != small);
-    let more = FrameRoom {
-        entries: 0,
-        chunks: entries.room.chunks + 1,
+    assert!(entries.capacity.entries > small.capacity.entries && entries != small);
+    let more = Counters {
+        chunks: entries.capacity.chunks + 1,
+        ..Counters::default()
     };
-    assert!(fit.make_room(&camera, more).unwrap());
+    assert!(fit.grow(&camera, &more));
     let chunks = fit.frame(&camera).unwrap().unwrap();
-    assert!(chunks.room.chunks > entries.room.chunks);
-    assert!(!fit.make_room(&camera, chunks.room).unwrap());
-    // It is kept when the number of Gaussians changes.
+    assert!(chunks.capacity.chunks > entries.capacity.chunks);
+    assert!(!fit.grow(&camera, &all_of(&chunks.capacity)));
+    assert_eq!(fit.frame(&camera).unwrap().unwrap(), chunks);
+    // They stay so when the number of Gaussians changes.
     fit.update(&random_cloud(401, 4)).unwrap();
     let later = fit.frame(&camera).unwrap().unwrap();
-    assert!(later != chunks && chunks.room.is_within(&later.room));
+    assert!(later != chunks && later.capacity.holds(&all_of(&chunks.capacity)));
 }
 
-/// What several steps at once leave, some of which lack room, has the bits of what steps leave that
-/// are waited for one by one.
+/// Needs that fill `capacity`.
+fn all_of(capacity: &Capacity) -> Counters {
+    Counters {
+        entries: capacity.entries,
+        chunks: capacity.chunks,
+        ..Counters::default()
+    }
+}
+
+/// Several steps at once, some of which overflow, give the bits of steps that are waited for one by
+/// one.
 #[test]
 fn steps_under_way_at_once_are_those_taken_one_by_one() {
     let Some(device) = gpu::device("several steps at once") else {
         return;
     };
-    // Faint Gaussians: more hits in every pixel than room is made for at first.
+    // Faint Gaussians: more hits in every pixel than fit at first.
     let mut cloud = random_cloud(3000, 4);
     cloud.opacities.fill(0.05);
     let set = SurfelSet::new(&cloud);
@@ -72,7 +82,7 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
     let [at_once, one_by_one] = [false, true].map(|waits| {
         let state = ParameterState::new(&cloud);
         let mut backend = GpuBackend::new(&device, state, 1 << 20).unwrap();
-        let usual = frame_room(&backend, &views[0].camera);
+        let usual = capacity(&backend, &views[0].camera);
         let mut taken = Vec::new();
         for iteration in 1..=9 {
             let index = iteration as usize % 2;
@@ -95,8 +105,8 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
             if iteration == 5 {
                 assert!(waits || taken.len() < 5, "nothing is under way");
                 taken.extend(backend.finish().unwrap());
-                let room = frame_room(&backend, &views[0].camera);
-                assert!(!room.is_within(&usual), "no step lacked room");
+                let grown = capacity(&backend, &views[0].camera);
+                assert!(!usual.holds(&all_of(&grown)), "no step overflowed");
             }
         }
         taken.extend(backend.finish().unwrap());
@@ -111,7 +121,7 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
     assert_eq!(at_once.1.raw.num_steps, 9);
 }
 
-fn frame_room(backend: &GpuBackend, camera: &Camera) -> FrameRoom {
+fn capacity(backend: &GpuBackend, camera: &Camera) -> Capacity {
     let frame = backend.trainer.scene.frame(camera).unwrap();
-    frame.unwrap().room
+    frame.unwrap().capacity
 }

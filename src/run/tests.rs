@@ -1,0 +1,166 @@
+//! Projects of every kind of step.
+
+use super::{Plan, Project};
+use crate::command::JobCommand;
+use crate::command_line;
+use clap::FromArgMatches;
+use std::path::Path;
+
+/// Every section, with values of every type.
+const CAPTURE: &str = r#"
+simulate = "my-room.toml"
+conditions = ["day", "evening"]
+seed = 3
+[synth]
+size = "48x32"
+unfiltered = true
+[ingest]
+vignetting = "-0.22,0.05,-0.01"
+white_balance = "2,1,1.5"
+exposures = [0.5, 0.25]
+lens = "OPENCV 1,2,3,4,0.5,0,0,0"
+scale = 0.001115625
+max_pause = 30.0
+[colmap]
+matcher = "sequential"
+[poses]
+up = "0,0,1"
+floor_at = ["1,2,3", "-4,5,6"]
+known_distance = "a.jpg,point:17,1.25"
+align = "manual"
+[masks]
+threshold = 8
+rule = "luminance"
+[normals]
+maps = "my normals"
+axes = "x,-y,-z"
+[train]
+preset = "paper"
+set = ["radiance.rates.position=5e-5", "init.per_point=2"]
+split = "every-8th"
+[render]
+aov = ["albedo", "normal"]
+spp = 4
+denoise = "auto"
+exposure = "auto"
+[render.path]
+bounces = 3
+emission_threshold = 0.7
+spp = 5
+[[relight]]
+name = "dim"
+script = "dim.toml"
+reference = "out/dim"
+split = "all"
+[bake]
+method = "views"
+device = "gpu:4090"
+[eval]
+num_exposures = 4
+"#;
+
+fn plan(text: &str) -> anyhow::Result<Plan> {
+    let dir = tempfile::tempdir()?;
+    std::fs::write(
+        dir.path().join("dim.toml"),
+        "[[step]]\nselect = { emission = { min = 0.1 } }\nthen = [{ scale_light = 0.5 }]\n",
+    )?;
+    let path = dir.path().join("p.toml");
+    let project = Project::parse(&path, text.as_bytes().to_vec(), Some(Path::new("out")))?;
+    Plan::of(&project)
+}
+
+#[test]
+fn every_command_is_printed_as_clap_reads_it() {
+    let plan = plan(CAPTURE).unwrap();
+    let mut kinds: Vec<String> = Vec::new();
+    for step in &plan.steps {
+        let words = step.words().unwrap();
+        let program = JobCommand::program().no_binary_name(true);
+        let matches = program.try_get_matches_from(&words).unwrap();
+        let read = JobCommand::from_arg_matches(&matches).unwrap();
+        assert_eq!(
+            format!("{read:?}"),
+            format!("{:?}", step.command),
+            "{words:?}"
+        );
+        assert_eq!(command_line::words(&read).unwrap(), words);
+        kinds.push(words[0].clone());
+    }
+    kinds.dedup();
+    let wanted = [
+        "synth", "ingest", "colmap", "masks", "normals", "train", "render", "eval", "edit",
+        "render", "bake", "render", "eval", "report",
+    ];
+    assert_eq!(kinds, wanted);
+    let shown = |name: &str| {
+        let step = plan.steps.iter().find(|step| step.name == name).unwrap();
+        step.shown().unwrap()
+    };
+    assert_eq!(
+        shown("render/dim/path"),
+        "eagpt render out/edit/dim.ply --cameras out/dataset/day --mode path --spp 5 --bounces 3 \
+         --emission-threshold 0.7 --seed 3 --aov albedo,normal --denoise auto \
+         --out out/render/dim/path --exposure auto"
+    );
+    assert!(shown("render/dim/0-bounce").contains("--spp 4 "));
+    assert!(!shown("render/dim/0-bounce").contains("denoise"));
+    assert!(shown("ingest").contains("--lens 'OPENCV 1,2,3,4,0.5,0,0,0'"));
+    assert!(shown("eval/dim/path").contains("--split all"));
+}
+
+#[test]
+fn values_that_do_not_fit_are_named() {
+    for (from, to, message) in [
+        (
+            "spp = 4",
+            "spp = 0",
+            "line 34: render.spp: invalid value '0'",
+        ),
+        (
+            "unfiltered = true",
+            "unfiltered = 1",
+            "line 7: synth.unfiltered: 1 is neither",
+        ),
+        (
+            "align = \"manual\"",
+            "align = \"like\"",
+            "poses: the following required",
+        ),
+        (
+            "maps = \"my normals\"",
+            "suffix = \"_n\"",
+            "normals: the following required",
+        ),
+        (
+            "spp = 5",
+            "spp = [5, \"a\"]",
+            "line 40: render.path.spp: [5,\"a\"]: takes one value",
+        ),
+        (
+            "threshold = 8",
+            "from_scene = \"a\"\nthreshold = 8",
+            "cannot be used with",
+        ),
+        (
+            "preset = \"paper\"",
+            "masks = \"m\"",
+            "train.masks: the section [masks] makes them",
+        ),
+        (
+            "name = \"dim\"",
+            "name = \"original\"",
+            "relight[0].name: `original` is no name",
+        ),
+        ("simulate", "dataset", "synth: is for a capture"),
+        (
+            "seed = 3",
+            "scene = \"s.ply\"",
+            "masks: is for a scene to be trained",
+        ),
+    ] {
+        let text = CAPTURE.replacen(from, to, 1);
+        let error = plan(&text).unwrap_err().to_string();
+        assert!(error.contains(message), "{to}: {error}");
+    }
+}

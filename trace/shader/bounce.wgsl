@@ -1,0 +1,58 @@
+// One bounce into the radiance that Gaussians carry, as `bounced` in transport.rs. A dispatch takes
+// a few samples of many pixels, where the CPU takes all samples of one.
+
+#import declarations
+#import workgroup
+#import ray_search
+#import points
+#import sampling
+#import surface
+#import lights
+#import integrator
+
+fn gather_sample(total: ptr<function, Gathered>, surface: Surface, pixel: u32, sample: u32) {
+    let numbers = block_of(light.key, pixel, sample, 0u);
+    var direction = vec3f();
+    if numbers.w < light.light_share {
+        direction = sample_light(light.num_emitters, surface.position, numbers.z, numbers.x, numbers.y);
+    } else {
+        direction = cosine_direction(surface.normal, numbers.x, numbers.y);
+    }
+    var brought = vec3f();
+    let plain = dot(direction, surface.normal) / PI;
+    if plain > 0.0 {
+        var weight = 1.0;
+        if light.light_share > 0.0 {
+            let towards = light_density(light.light_root, surface.position, direction);
+            weight = plain / ((1.0 - light.light_share) * plain + light.light_share * towards);
+        }
+        let hit = sample_hit(light.scene_root, ray_from(surface, direction), word_of(light.key, pixel, sample));
+        if hit != NO_NODE {
+            brought = attributes[hit].a.xyz * weight;
+        }
+    }
+    add_sample(total, brought, 1u);
+}
+
+@compute @workgroup_size(GROUP_SIZE)
+fn gather_bounces(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = light.start_pixel + invocation_number(workgroup, workgroups, thread);
+    if pixel >= light.end_pixel {
+        return;
+    }
+    let surface = surface_of(pixel);
+    var total = gathered[pixel];
+    if light.first_sample == 0u {
+        total = NOTHING_GATHERED;
+    }
+    if surface.is_there {
+        for (var sample = light.first_sample; sample < light.end_sample; sample++) {
+            gather_sample(&total, surface, light.first_pixel + pixel, sample);
+        }
+    }
+    gathered[pixel] = total;
+}
