@@ -19,8 +19,8 @@ use std::process::ExitCode;
 /// looked like. DIR/run/report.html shows it all. Takes a few minutes and needs nothing but this
 /// program.
 ///
-/// DIR/demo.toml is the project that was run: `eagpt run DIR/demo.toml` goes on where it was
-/// stopped, and runs what you change.
+/// DIR/demo.toml is the project of the demo: `eagpt run DIR/demo.toml` resumes it, and repeats the
+/// steps that a change affects.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  eagpt demo\n  eagpt demo --quick --out out/demo")]
 pub(crate) struct DemoArgs {

@@ -40,8 +40,8 @@ use std::time::Instant;
 /// of one scene share its training. With several seeds a number is their mean ± standard deviation.
 /// Published numbers stand beside those of a dataset that is called like one of the paper's scenes.
 ///
-/// Everything is a project of `eagpt run`, in a folder of its own: the same command goes on where
-/// it was stopped and makes only what is new.
+/// Everything is a project of `eagpt run`, in a folder of its own: the same command resumes,
+/// and makes only what is new.
 #[derive(Debug, Args)]
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct PaperArgs {
@@ -157,7 +157,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
             groups.extend(base.groups(&rows, *seed)?);
         }
     }
-    // What is wrong with a project should be told before the others have run for days.
+    // Errors of a project are reported before the others have run for days.
     for row in groups.iter().flat_map(Group::projects) {
         Plan::of(&row.project)?;
     }
@@ -177,7 +177,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
         ledger::clear(&args.out, "paper")?;
     }
     let shard = args.shard.unwrap_or(Shard::WHOLE);
-    // What decides the result is known to the projects; a part only has to be there.
+    // The projects know what decides the result; a part only has to exist.
     let key = Key::new().with_value("version", &env!("CARGO_PKG_VERSION"))?;
     let mut ledger = Ledger::open(&args.out, "paper", &key, shard, ledger::ADVICE)?;
     ledger.check_shards()?;

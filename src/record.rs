@@ -29,7 +29,7 @@ pub(crate) struct Record {
     pub(crate) options: Value,
     /// Seed of all random numbers.
     pub(crate) seed: Option<u64>,
-    /// What computed.
+    /// Compute device.
     pub(crate) device: Option<String>,
     /// Threads of the CPU.
     pub(crate) threads: usize,
@@ -37,7 +37,7 @@ pub(crate) struct Record {
     pub(crate) inputs: Vec<Input>,
     /// How the dataset's views were divided and which were taken.
     pub(crate) split: Option<SplitRecord>,
-    /// What a reader of the result has to know.
+    /// Notes for readers of the result.
     pub(crate) warnings: Vec<String>,
     /// Whether the job came to its end; a stopped one can be resumed.
     pub(crate) complete: bool,

@@ -130,7 +130,7 @@ pub struct RegionMetrics {
 
 /// Sums over the pixels of a region.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
+struct RegionTotals {
     num_pixels: u64,
     squared_srgb: [f64; 3],
     squared_linear: [f64; 3],
@@ -138,7 +138,7 @@ struct Sums {
     luminance_render: f64,
 }
 
-impl Sums {
+impl RegionTotals {
     fn add_pixel(&mut self, reference: [f32; 3], render: [f32; 3]) {
         let shown = |linear: f32| f64::from(srgb_from_linear(linear.clamp(0.0, 1.0)).min(1.0));
         self.num_pixels += 1;
@@ -197,7 +197,7 @@ pub(crate) fn region_metrics(
     if lights.emission.is_none() && change.is_none() {
         return Regions::new();
     }
-    let mut sums = BTreeMap::<Region, Sums>::new();
+    let mut sums = BTreeMap::<Region, RegionTotals>::new();
     let pairs = lights.after.pixels().iter().zip(render.pixels());
     for (i, (reference, render)) in pairs.enumerate() {
         let region = region(lights, i, change);
@@ -226,14 +226,14 @@ fn region(lights: &Lights<'_>, pixel: usize, change: Option<f64>) -> Region {
 
 /// The regions of several views together, pixel by pixel.
 pub(crate) fn pooled<'a>(views: impl Iterator<Item = &'a Regions>) -> Regions {
-    let mut sums = BTreeMap::<Region, Sums>::new();
+    let mut sums = BTreeMap::<Region, RegionTotals>::new();
     for (region, metrics) in views.flatten() {
         sums.entry(*region).or_default().add(metrics);
     }
     metrics(&sums)
 }
 
-fn metrics(sums: &BTreeMap<Region, Sums>) -> Regions {
+fn metrics(sums: &BTreeMap<Region, RegionTotals>) -> Regions {
     let num_pixels = sums.values().map(|sums| sums.num_pixels).sum();
     sums.iter()
         .map(|(region, sums)| (*region, sums.metrics(num_pixels)))

@@ -1,4 +1,4 @@
-//! What is on the page.
+//! Content of the page.
 
 use crate::picture::Picture;
 use serde::Serialize;
@@ -23,22 +23,22 @@ pub struct Content {
     pub masks: Option<Gallery>,
     /// Loss curves.
     pub curves: Vec<Curve>,
-    /// What was done.
+    /// Commands that were run.
     pub steps: Vec<Step>,
     /// Time of all steps together.
     pub total_time: String,
-    /// What a reader has to know.
+    /// Notes for the reader.
     pub warnings: Vec<String>,
     /// The project file.
     pub project: String,
-    /// What the metrics are, by their keys.
+    /// Descriptions of the metrics, by key.
     pub definitions: BTreeMap<String, String>,
 }
 
 /// A number with its name.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Fact {
-    /// What it is.
+    /// Description.
     pub label: String,
     /// The number, rounded, with its unit.
     pub value: String,
@@ -99,9 +99,9 @@ pub struct Mode {
 pub struct View {
     /// Its name.
     pub name: String,
-    /// What it should look like.
+    /// Reference image.
     pub reference: Option<Picture>,
-    /// What it looks like in each mode.
+    /// Rendering of each mode.
     pub shots: Vec<Shot>,
 }
 
@@ -123,7 +123,7 @@ pub struct Shot {
 pub struct Gallery {
     /// The heading.
     pub title: String,
-    /// What to know about them.
+    /// Notes about them.
     pub text: String,
     /// Name and picture of views.
     pub pictures: Vec<(String, Picture)>,
@@ -132,7 +132,7 @@ pub struct Gallery {
 /// A loss curve.
 #[derive(Debug, Serialize)]
 pub struct Curve {
-    /// What was trained.
+    /// The trained scene.
     pub stage: String,
     /// SVG.
     pub svg: String,

@@ -17,7 +17,7 @@ pub enum ReportError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the fault.
         problem: String,
     },
     /// The page could not be made of its template.

@@ -1,4 +1,4 @@
-//! What goes on the page, read from the folder of a run.
+//! Content of the page, read from the folder of a run.
 
 use crate::content::{
     Condition, Content, Curve, Fact, Gallery, Mode, Overview, OverviewRow, Shot, Step, View,

@@ -9,7 +9,7 @@ use minijinja::{AutoEscape, Environment, context};
 const TEMPLATE: &str = include_str!("../page/report.html");
 /// How it looks, on displays and on paper.
 const STYLE: &str = include_str!("../page/style.css");
-/// What sliders and buttons do; the page is readable without.
+/// Behaviour of sliders and buttons; the page is readable without.
 const SCRIPT: &str = include_str!("../page/script.js");
 
 /// Fills the page.

@@ -28,7 +28,7 @@ pub mod folders {
 /// File name of the copy of the project.
 pub const PROJECT_FILE: &str = "project.toml";
 
-/// What is known of a run.
+/// Record of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunRecord {
     /// Version of the program.

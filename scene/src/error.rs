@@ -46,7 +46,7 @@ pub enum SceneError {
     Work {
         /// The folder, or the file that tells.
         path: PathBuf,
-        /// What it holds, and what can be done.
+        /// Its content, and the remedy.
         problem: String,
     },
     /// The operating system refused.

@@ -1,9 +1,9 @@
 //! Counter-based random numbers: a pure function of (seed, purpose, iteration, pixel, sample,
-//! draw).
+//! index).
 //!
 //! The mixer is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020):
-//! 32-bit integer operations only, so that a GPU kernel draws the same numbers. No state is shared
-//! between rays, which is what makes a run independent of the number of threads.
+//! 32-bit integer operations only, so that a GPU kernel generates the same numbers. No state is
+//! shared between rays, which is what makes a run independent of the number of threads.
 
 /// Purpose of the numbers; runs of different purposes never share a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl RandomKey {
         ]))
     }
 
-    /// The key itself, for kernels that draw the same numbers.
+    /// The key itself, for kernels that generate the same numbers.
     pub fn words(self) -> [u32; 4] {
         self.0
     }

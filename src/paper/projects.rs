@@ -216,7 +216,7 @@ impl Base {
         cells
     }
 
-    /// What has to be known of the table.
+    /// Notes of the table.
     pub(super) fn notes(&self, rows: &[&Row], seeds: &[u32]) -> Vec<String> {
         let mut notes = Vec::new();
         let all: Vec<String> = seeds.iter().map(u32::to_string).collect();

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// Scenes with numbers, by the names to give datasets.
 pub(super) const SCENES: [&str; 4] = ["b-kitchen", "b-livingroom", "f-classroom", "f-conference"];
 
-/// What was measured.
+/// Measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Light {
     /// As photographed.

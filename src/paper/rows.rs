@@ -10,7 +10,7 @@ use toml::Value;
 #[derive(Debug)]
 pub(super) struct Row {
     pub(super) name: &'static str,
-    /// What it is, for the notes below a table.
+    /// Description, for the notes below a table.
     pub(super) title: &'static str,
     /// The scene that it renders; rows of one scene share its training.
     pub(super) scene: Scene,

@@ -97,7 +97,7 @@ impl Plan {
         for relight in &project.file.relight {
             Script::read(&relight.script)?;
             let reference = relight.reference.as_ref();
-            // What the run itself makes is not there yet.
+            // Products of the run itself do not exist yet.
             let reference = reference.filter(|path| !path.starts_with(&self.out));
             if let (Some(dataset), Some(reference)) = (&dataset, reference) {
                 let reference = Dataset::open(reference)?;
@@ -452,7 +452,7 @@ struct Condition<'a> {
 }
 
 impl Condition<'_> {
-    /// What a command takes that needs the scene and the cameras of the dataset alone.
+    /// Arguments of a command that needs only the scene and the cameras of the dataset.
     fn view_inputs(&self) -> impl Iterator<Item = PathBuf> + use<> {
         let cameras = if self.dataset.is_file() {
             self.dataset.to_owned()

@@ -24,7 +24,7 @@ pub(crate) enum Part {
     Capture,
     /// Making a scene of a dataset.
     Training,
-    /// What is made of a scene.
+    /// Products of a scene.
     Results,
 }
 

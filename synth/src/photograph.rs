@@ -54,7 +54,7 @@ pub struct Photograph {
     /// Linear radiance in each condition, margin included, `num_cells` times as large as the wide
     /// camera's image along each side.
     radiance: Vec<Image<3>>,
-    /// Mean diffuse albedo in each condition, margin included; black where surfaces shine.
+    /// Mean diffuse albedo in each condition, margin included; black where surfaces emit.
     albedo: Vec<Image<3>>,
     /// Hit of the ray through each pixel's centre, margin included.
     centres: Vec<Option<Hit>>,

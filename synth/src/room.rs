@@ -180,7 +180,7 @@ impl Room {
         })
     }
 
-    /// Light that a face sends out by itself in each condition; the back of a quad does not shine.
+    /// Light that a face sends out by itself in each condition; the back of a quad does not emit.
     pub fn emitted(&self, surface: u32, face: u32) -> Option<&PerCondition> {
         let Surface { shape, light, .. } = &self.surfaces[surface as usize];
         let light = (*light)?;

@@ -25,7 +25,7 @@ fn project(
     let surfel = surfels[index];
     var seen = seen_from(surfel, view.origin);
     var rect = EMPTY_RECT;
-    // What nobody sees comes last.
+    // Gaussians outside of the view come last.
     var key = FARTHEST_KEY;
     if surfel.cut2 >= 0.0 {
         let radius = sqrt(surfel.cut2);
@@ -35,7 +35,7 @@ fn project(
         if num_tiles_of(rect) > 0u {
             let reach = max(length(a), length(b));
             // A few roundings' worth lower, so that it is a bound for computed distances, too; then
-            // cut down to the bits of a key.
+            // truncated to the width of a key.
             let nearest = max((distance(surfel.position, view.origin) - reach) * (1.0 - 1e-5), 0.0);
             key = bitcast<u32>(nearest) >> KEY_SHIFT;
             seen.nearest = bitcast<f32>(key << KEY_SHIFT);

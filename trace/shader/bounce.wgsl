@@ -19,12 +19,12 @@ fn gather_sample(total: ptr<function, Gathered>, surface: Surface, pixel: u32, s
         direction = cosine_direction(surface.normal, numbers.x, numbers.y);
     }
     var brought = vec3f();
-    let plain = dot(direction, surface.normal) / PI;
-    if plain > 0.0 {
+    let cosine_density = dot(direction, surface.normal) / PI;
+    if cosine_density > 0.0 {
         var weight = 1.0;
         if light.light_share > 0.0 {
             let towards = light_density(light.light_root, surface.position, direction);
-            weight = plain / ((1.0 - light.light_share) * plain + light.light_share * towards);
+            weight = cosine_density / ((1.0 - light.light_share) * cosine_density + light.light_share * towards);
         }
         let hit = sample_hit(light.scene_root, ray_from(surface, direction), word_of(light.key, pixel, sample));
         if hit != NO_NODE {

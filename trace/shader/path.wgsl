@@ -19,7 +19,7 @@
 @group(0) @binding(10) var<storage, read_write> rays: array<RayQuery>;
 @group(0) @binding(11) var<storage, read> ray_features: array<Lanes>;
 
-// Blocks of numbers that a bounce draws: one for the bounce, one for the light.
+// Blocks of random numbers of a bounce: one for the bounce, one for the light.
 const BLOCKS = 2u;
 
 fn is_towards_light() -> bool {
@@ -81,8 +81,8 @@ fn shade(path: ptr<function, PathState>, direction: vec3f, met: Lanes, survive: 
         // The balance heuristic of both ways to come by this direction.
         var weight = 1.0;
         if light.light_share > 0.0 {
-            let plain = dot(direction, (*path).normal) / PI;
-            weight = plain / (plain + light_density(light.light_root, (*path).position, direction));
+            let cosine_density = dot(direction, (*path).normal) / PI;
+            weight = cosine_density / (cosine_density + light_density(light.light_root, (*path).position, direction));
         }
         (*path).brought += (*path).throughput * met.a.xyz * weight;
     }

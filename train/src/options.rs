@@ -136,7 +136,7 @@ pub struct LearningRates {
 }
 
 impl LearningRates {
-    /// What share of the rates is left when `progress` (0 to 1) of the stage is done.
+    /// Share of the rates that is left when `progress` (0 to 1) of the stage is done.
     pub fn share_at(&self, progress: f32) -> f32 {
         self.final_share.powf(progress)
     }
@@ -153,7 +153,7 @@ pub struct HarmonicsOptions {
     pub from: f32,
     /// Step size of the coefficients; falls as the others do.
     pub rate: f32,
-    /// What share of itself, times its step size, a coefficient loses in each iteration: what few
+    /// Share of itself, times its step size, a coefficient loses in each iteration: what few
     /// views say stays small. Not negative.
     pub decay: f32,
 }
@@ -247,7 +247,7 @@ impl DensifyOptions {
     }
 }
 
-/// Where stage 1 gathers the light that arrives.
+/// Where stage 1 gathers incident light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gather {
@@ -264,7 +264,7 @@ pub enum Gather {
 pub struct AlbedoOptions {
     /// Iterations, one view each.
     pub iterations: u32,
-    /// Where the light that arrives is gathered, and when.
+    /// Where and when incident light is gathered.
     pub gather: Gather,
     /// Directions sampled at each Gaussian or pixel.
     pub num_samples: u32,

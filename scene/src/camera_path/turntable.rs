@@ -91,8 +91,8 @@ impl TurntableKeys {
             start: self.start.map_or(0.0, f64::from),
             degrees: self.degrees.map_or(FULL_TURN, f64::from),
         };
-        // On the way around, the line of sight is closest to the axis where the point looked at is
-        // closest.
+        // On the way around, the line of sight is closest to the axis where the point of interest
+        // is closest.
         let target = table.look_at - centre;
         let radius = table.radius;
         let gap = (radius - target.reject_from_normalized(axis).length()).abs();

@@ -394,8 +394,8 @@ impl Bounds {
         }
     }
 
-    /// Draws the sides in until all of them lie in the lens's image: its corners may be beyond what
-    /// the edges' middles show.
+    /// Moves the sides inwards until all of them lie in the lens's image: its corners may be beyond
+    /// what the edges' middles show.
     fn shrunk_to_known(mut self, lens: &Lens, focal: DVec2) -> Self {
         const NUM_STEPS: f64 = 512.0;
         let step = ((self.high - self.low) / NUM_STEPS).max(1.0 / focal);

@@ -9,11 +9,11 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 use visible::{Arc, Cone};
 
-/// All faces that shine in one condition.
+/// All faces that emit in one condition.
 #[derive(Debug, Clone)]
 pub struct Emitters {
     all: Vec<Emitter>,
-    /// Index into `all` of each surface's first face, plus one; 0 for surfaces that do not shine.
+    /// Index into `all` of each surface's first face, plus one; 0 for surfaces that do not emit.
     of_surface: Vec<u32>,
 }
 
@@ -132,7 +132,7 @@ impl Emitters {
     }
 
     /// Density with which [`Self::sample`] chooses the direction to `hit`, per steradian; 0 for
-    /// what does not shine.
+    /// surfaces that do not emit.
     pub fn pdf(&self, receiver: &Receiver, hit: &Hit) -> f32 {
         let first = self.of_surface[hit.surface as usize];
         if first == 0 {
@@ -178,8 +178,8 @@ impl Emitter {
             }
             EmitterShape::Other => 0.5 * self.area,
         };
-        // Of a light whose sphere lies half below the horizon only a part is received; of one wholly
-        // below nothing does.
+        // Of a light whose sphere lies half below the horizon only a part is received; of one
+        // wholly below nothing does.
         let cosine = -receiver.normal.dot(offset) / distance;
         let above = (cosine + self.reach / distance).clamp(0.0, 1.0);
         self.luminance * seen * above / distance2.max(0.25 * self.area)

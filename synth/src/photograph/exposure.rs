@@ -34,7 +34,7 @@ pub(super) struct Exposure<'a> {
 /// Samples of a pixel.
 pub(super) struct Pixel {
     cells: Vec<[Cell; MAX_CONDITIONS]>,
-    pub(super) sums: [Sums; MAX_CONDITIONS],
+    pub(super) sums: [LightTotals; MAX_CONDITIONS],
 }
 
 /// Means over a cell, in one condition.
@@ -49,7 +49,7 @@ struct Cell {
 
 /// Means over a pixel, in one condition: what a filter has to know of the surfaces that reflect.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
+pub(super) struct LightTotals {
     exact: Vec3,
     reflected: Vec3,
     pub(super) albedo: Vec3,
@@ -94,9 +94,11 @@ impl Exposure<'_> {
 
     /// Diffusely reflected light without the noise of its samples.
     fn filtered(&self, condition: usize) -> Image<3> {
-        let vector =
-            |value: fn(&Sums) -> Vec3| self.image(|pixel| value(&pixel.sums[condition]).to_array());
-        let number = |value: fn(&Sums) -> f32| self.image(|pixel| [value(&pixel.sums[condition])]);
+        let vector = |value: fn(&LightTotals) -> Vec3| {
+            self.image(|pixel| value(&pixel.sums[condition]).to_array())
+        };
+        let number =
+            |value: fn(&LightTotals) -> f32| self.image(|pixel| [value(&pixel.sums[condition])]);
         let frame = Frame {
             emitted: vector(|sums| sums.exact),
             reflected: vector(|sums| sums.reflected),
@@ -121,7 +123,7 @@ pub(super) fn expose(
 ) -> Pixel {
     let (per_cell, num_cells) = (sampling.per_cell(), sampling.num_cells);
     let num_conditions = lighting.emitters.len();
-    let mut sums = [Sums::default(); MAX_CONDITIONS];
+    let mut sums = [LightTotals::default(); MAX_CONDITIONS];
     let mut cells = Vec::with_capacity((num_cells * num_cells) as usize);
     for cell in 0..num_cells * num_cells {
         let cell_corner = Vec2::new((cell % num_cells) as f32, (cell / num_cells) as f32);
@@ -188,7 +190,7 @@ fn look(
 }
 
 impl Seen {
-    fn add_to(&self, condition: usize, hit: &Hit, (cell, sums): (&mut Cell, &mut Sums)) {
+    fn add_to(&self, condition: usize, hit: &Hit, (cell, sums): (&mut Cell, &mut LightTotals)) {
         let emitted = self.emitted.map_or(Vec3::ZERO, |e| e[condition]);
         if emitted != Vec3::ZERO {
             cell.exact += emitted;
@@ -214,7 +216,7 @@ impl Seen {
     }
 }
 
-impl Sums {
+impl LightTotals {
     /// Means over all samples of light and albedo, and over those that reflect of what is known
     /// about surfaces.
     fn mean(&self, num_samples: f32) -> Self {

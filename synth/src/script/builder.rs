@@ -31,7 +31,7 @@ impl Builder<'_> {
         self.lit(material, None)
     }
 
-    /// The finish of a material that a light may shine through.
+    /// The finish of a material that a light may pass through.
     pub(super) fn lit(&self, material: &Name, light: Option<&Name>) -> Result<Finish> {
         let words = self.words;
         Ok(Finish {

@@ -148,7 +148,8 @@ impl StandingBox {
         let o = into(origin.truncate() - self.centre).extend(origin.z - 0.5 * self.height);
         let d = into(direction.truncate()).extend(direction.z);
         let half = self.half.extend(0.5 * self.height);
-        // Slabs; a component of 0 gives infinities of the right sign, or no overlap.
+        // Box intersection by axes; a component of 0 gives infinities of the right sign, or no
+        // overlap.
         let inverse = d.recip();
         let (a, b) = ((-half - o) * inverse, (half - o) * inverse);
         let (enter, leave) = (a.min(b), a.max(b));

@@ -1,4 +1,4 @@
-// The exponential in plain arithmetic: the same on every device.
+// The exponential in basic arithmetic: the same on every device.
 
 // exp(x) for −80 ≤ x ≤ 0, as on the CPU: what drivers accumulate differs by up to 3 + 2|x| units in
 // the last place.

@@ -40,7 +40,7 @@ fn meet(seen: Seen, direction: vec3f) -> PlaneHit {
     );
 }
 
-// Compilers may assume that no number is a NaN: the cosine is looked at first.
+// Compilers may assume that no number is a NaN: the cosine is tested first.
 fn counts(seen: Seen, hit: PlaneHit) -> bool {
     if abs(hit.cosine) <= MIN_COSINE {
         return false;

@@ -95,7 +95,7 @@ mod tests {
             );
         }
         for adapter in found {
-            // What WebGPU guarantees.
+            // Guaranteed by WebGPU.
             assert!(adapter.max_binding >= 128 << 20, "{adapter:?}");
             assert!(adapter.max_buffer >= adapter.max_binding, "{adapter:?}");
             assert!(adapter.max_storage_buffers >= 8, "{adapter:?}");

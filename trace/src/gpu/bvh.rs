@@ -111,7 +111,7 @@ fn halve(tree: &mut Bvh2, node: u32, boxes: &[Aabb]) {
             held.extend_from_slice(&tree.primitive_indices[first..][..node.prim_count as usize]);
         }
     }
-    // What the old nodes held is not read any more.
+    // The old nodes are not read any more.
     let first = tree.primitive_indices.len();
     tree.primitive_indices.extend_from_slice(&held);
     let mut left = vec![(node, first..first + held.len())];

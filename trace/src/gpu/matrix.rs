@@ -1,11 +1,11 @@
 //! The light-transport matrix on a device; [`TransportRays::trace`] is all of it, from receivers to
 //! rows.
 //!
-//! A pass follows one direction of one receiver in each invocation; another one adds up their light.
-//! It is added in the order of samples, light samples first, so that the bits depend neither on the
-//! size of dispatches nor on which receivers are traced together. The CPU
-//! ([`crate::transport::matrix`]) adds light in the order of realizations, of which each has a tree;
-//! here one tree serves all.
+//! A pass follows one direction of one receiver in each invocation; another one adds up their
+//! light. It is added in the order of samples, light samples first, so that the bits depend neither
+//! on the size of dispatches nor on which receivers are traced together. The CPU
+//! ([`crate::transport::matrix`]) adds light in the order of realizations, of which each has a
+//! tree; here one tree serves all.
 
 use super::device::Device;
 use super::error::GpuError;
@@ -293,7 +293,7 @@ impl TransportRays<'_> {
                     let (each_entry, each_receiver) =
                         (groups(num_entries as u32), groups(some.len() as u32));
                     device.run(&[
-                        // What each direction meets first, and the light of emitters.
+                        // First hit of each direction, and the light of emitters.
                         device.pass(&kernels::FOLLOW_DIRECTIONS, &follow, each_entry),
                         // The light of each receiver.
                         device.pass(&kernels::ADD_UP, &add, each_receiver),

@@ -108,17 +108,17 @@ fn sorting_is_stable() {
 }
 
 /// Points as [`Points`] has them, for elements 0 to 63 and samples that a word of the input names.
-static DRAW: Kernel = Kernel::new(
-    ("draw", "draw"),
+static SAMPLE: Kernel = Kernel::new(
+    ("sample_numbers", "sample_numbers"),
     &[],
     |name| match name {
-        "draw" => Some(
+        "sample_numbers" => Some(
             "#import points
             @group(0) @binding(0) var<storage, read> input: array<vec4u>;
             @group(0) @binding(1) var<storage, read_write> blocks: array<vec4f>;
             @group(0) @binding(2) var<storage, read_write> words: array<u32>;
             @compute @workgroup_size(64)
-            fn draw(
+            fn sample_numbers(
                 @builtin(workgroup_id) group: vec3u,
                 @builtin(local_invocation_index) element: u32,
             ) {
@@ -153,23 +153,25 @@ fn random_numbers_and_sobol_points_have_the_bits_of_the_cpu() {
         return;
     };
     let key = RandomKey::new(0x1234_5678_9abc, Purpose::Render, 3);
-    let draws: Vec<[u32; 4]> = [0, 1, 2, 3, 255, 65_535, 65_536, 1_000_000]
+    let samples: Vec<[u32; 4]> = [0, 1, 2, 3, 255, 65_535, 65_536, 1_000_000]
         .into_iter()
         .flat_map(|sample| [0, 1, 13].map(|block| [sample, block, 0, 0]))
         .collect();
-    let input: Vec<[u32; 4]> = std::iter::once(key.words()).chain(draws.clone()).collect();
+    let input: Vec<[u32; 4]> = std::iter::once(key.words())
+        .chain(samples.clone())
+        .collect();
     let input = device
         .upload("input", bytemuck::cast_slice(&input))
         .unwrap();
-    let num = 64 * draws.len();
+    let num = 64 * samples.len();
     let blocks = device.buffer("blocks", 16 * num as u64).unwrap();
     let words = device.buffer("words", 4 * num as u64).unwrap();
-    let pass = device.pass(&DRAW, &[&input, &blocks, &words], draws.len() as u32);
+    let pass = device.pass(&SAMPLE, &[&input, &blocks, &words], samples.len() as u32);
     device.run(&[pass]).unwrap();
     let blocks: Vec<[f32; 4]> = device.read(&blocks, 0..num).unwrap();
     let words: Vec<u32> = device.read(&words, 0..num).unwrap();
     for (at, (got, word)) in blocks.iter().zip(words).enumerate() {
-        let [sample, block, ..] = draws[at / 64];
+        let [sample, block, ..] = samples[at / 64];
         let points = Points::new(key, at as u32 % 64);
         assert_eq!(
             *got,

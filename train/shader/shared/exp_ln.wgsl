@@ -1,4 +1,4 @@
-// Functions that drivers may round in their own way, in plain arithmetic: the same on every device.
+// Functions that drivers may round in their own way, in basic arithmetic: the same on every device.
 
 #import exp
 

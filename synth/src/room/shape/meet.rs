@@ -110,16 +110,16 @@ impl Drum {
         let d = self.axes.transpose() * direction;
         let mut best = None;
         let mut range = range;
-        let mut offer = |crossing: Option<Crossing>, range: &mut [f32; 2]| {
+        let mut extend_range = |crossing: Option<Crossing>, range: &mut [f32; 2]| {
             if let Some(found) = crossing {
                 range[1] = found.distance;
                 best = Some(found);
             }
         };
-        offer(self.meet_side(o, d, range), &mut range);
+        extend_range(self.meet_side(o, d, range), &mut range);
         if self.ends == Ends::Closed {
-            offer(self.meet_disc(o, d, range, End::Base), &mut range);
-            offer(self.meet_disc(o, d, range, End::Top), &mut range);
+            extend_range(self.meet_disc(o, d, range, End::Base), &mut range);
+            extend_range(self.meet_disc(o, d, range, End::Top), &mut range);
         }
         best
     }

@@ -114,9 +114,9 @@ pub(super) struct LossOptions {
 pub(super) fn lit_pixels(device: &Device, light: &PixelLight) -> Result<Buffer> {
     let lit = light.irradiance.iter().zip(&light.emitted);
     let pixels: Vec<[f32; 4]> = lit
-        .map(|(arriving, emitted)| match emitted {
+        .map(|(irradiance, emitted)| match emitted {
             Some(radiance) => radiance.extend(1.0).to_array(),
-            None => arriving.extend(0.0).to_array(),
+            None => irradiance.extend(0.0).to_array(),
         })
         .collect();
     Ok(device.upload("light of a view", bytemuck::cast_slice(&pixels))?)
