@@ -15,7 +15,7 @@
 //! - [`progress`]: bars, lines or JSON.
 //! - [`record`]: the record.json beside every result.
 //! - [`output`]: folders and files for results.
-//! - [`interrupt`]: Ctrl-C.
+//! - [`interrupt`]: stops a command at Ctrl-C.
 
 #![allow(
     rustdoc::invalid_html_tags,

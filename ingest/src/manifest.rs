@@ -108,7 +108,7 @@ fn stack(file: &ScriptFile, keys: StackKeys, common: Option<&[Seconds]>) -> Resu
         files,
         exposures_s,
     } = keys;
-    let span = exposures_s.as_ref().map_or(files.span(), |own| own.span());
+    let span = exposures_s.as_ref().map_or(files.span(), Spanned::span);
     let seconds = exposures_s.as_ref().map(|own| own.get_ref().as_slice());
     let exposures_s: Option<Vec<f64>> = seconds
         .or(common)

@@ -218,7 +218,7 @@ impl Project {
         }
         let mut paths = Vec::new();
         for_each_path(&command, &mut values, &mut |path| {
-            paths.push(PathBuf::from(&*path))
+            paths.push(PathBuf::from(&*path));
         });
         let parsed = command.no_binary_name(true).try_get_matches_from(words);
         let args = parsed.and_then(|matches| A::from_arg_matches(&matches));

@@ -6,8 +6,7 @@ use serde_json::Value;
 const RENDER: &str = "render run/scene.ply --cameras room --mode 0-bounce";
 
 fn workplace() -> Workplace {
-    let place = Workplace::trained();
-    place
+    Workplace::trained()
 }
 
 #[test]

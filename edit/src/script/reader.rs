@@ -150,7 +150,7 @@ impl Reader<'_> {
             }
             (None, None, Some(keys)) => {
                 let span = keys.span();
-                (self.import(keys.into_inner(), selections)?, span)
+                (self.import(keys.get_ref(), selections)?, span)
             }
             (None, None, None) => {
                 return Err(file.error(span, "one of select, insert, import is missing"));
@@ -207,7 +207,7 @@ impl Reader<'_> {
         })
     }
 
-    fn import(&mut self, keys: ImportKeys, selections: &Definitions) -> Result<Subject> {
+    fn import(&mut self, keys: &ImportKeys, selections: &Definitions) -> Result<Subject> {
         let selector = match &keys.select {
             Some(select) => {
                 let selector = self.selector(select)?;

@@ -77,14 +77,13 @@ impl TurntableKeys {
             .unwrap_or_else(|| axis.any_orthonormal_vector());
         let table = Turntable {
             centre,
-            radius: self.radius.map(f64::from).unwrap_or_else(|| {
-                radius_among(&level, axis, zero)
-                    .unwrap_or_else(|| mean(&mut level.iter().map(|offset| offset.length())))
-            }),
-            height: self
-                .height
-                .map(f64::from)
-                .unwrap_or_else(|| mean(&mut offsets.iter().map(|offset| offset.dot(axis)))),
+            radius: (self.radius.map(f64::from))
+                .or_else(|| radius_among(&level, axis, zero))
+                .unwrap_or_else(|| mean(&mut level.iter().map(|offset| offset.length()))),
+            height: self.height.map_or_else(
+                || mean(&mut offsets.iter().map(|offset| offset.dot(axis))),
+                f64::from,
+            ),
             look_at: self.look_at.map_or(centre, DVec3::from),
             up,
             zero,
