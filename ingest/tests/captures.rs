@@ -143,7 +143,7 @@ fn an_empty_capture_and_bad_places_are_refused() {
             .to_string()
     };
     assert!(refusal("c", "out").contains("no photographs in it"));
-    assert!(refusal("none", "out").contains("is no folder"));
+    assert!(refusal("none", "out").contains("is not a folder"));
     assert!(refusal("c", "c/out").contains("outside of the capture"));
     fs::write(
         place.path("c/capture.toml"),

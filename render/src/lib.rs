@@ -87,7 +87,7 @@ pub enum RenderProgress {
 pub struct RenderSummary {
     /// Whether all views are done; else the job was stopped.
     pub complete: bool,
-    /// Views that are done with the wall time of each, those of earlier processes first.
+    /// Views that are done with the wall time of each, in the order of the shots.
     pub views: Vec<(String, f64)>,
     /// Wall time of the denoiser.
     pub denoising_seconds: f64,
@@ -109,16 +109,14 @@ pub fn render_views<E: From<RenderError>>(
 ) -> Result<RenderSummary, E> {
     let total = shots.len();
     let mut summary = RenderSummary::default();
-    let mut missing = Vec::new();
-    for shot in shots {
-        match ledger.done(&shot.name) {
-            Some(item) => summary.views.push((shot.name.clone(), item.seconds)),
-            None => missing.push(shot),
-        }
-    }
-    let done = summary.views.len();
+    let is_done = |shot: &&Shot| ledger.done(&shot.name).is_some();
+    let mut done = shots.iter().filter(is_done).count();
     progress(RenderProgress::Started { done, total });
-    for shot in missing {
+    for shot in shots {
+        if let Some(item) = ledger.done(&shot.name) {
+            summary.views.push((shot.name.clone(), item.seconds));
+            continue;
+        }
         if job.stop.load(Ordering::Relaxed) {
             return Ok(summary);
         }
@@ -132,9 +130,10 @@ pub fn render_views<E: From<RenderError>>(
             .add(&shot.name, seconds, &files)
             .map_err(RenderError::from)?;
         summary.views.push((shot.name.clone(), seconds));
+        done += 1;
         progress(RenderProgress::View {
             view: shot.name.clone(),
-            done: summary.views.len(),
+            done,
             total,
             seconds,
         });

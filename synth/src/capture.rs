@@ -68,7 +68,7 @@ pub struct SynthSummary {
 /// Photographs a scene into `out`, which is created; files that are there are replaced.
 ///
 /// # Errors
-/// [`SynthError`] for an option that cannot be or a file that cannot be written.
+/// [`crate::SynthError`] for an option that cannot be or a file that cannot be written.
 pub fn simulate(
     script: &SceneScript,
     out: &Path,

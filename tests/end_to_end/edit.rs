@@ -105,7 +105,7 @@ fn scripts_that_cannot_be_change_nothing() {
     for (second, parts) in [
         (
             "[[step]]\nselect = \"everything\"\nthem = [\"remove\"]\n",
-            ["line 5", "step[1].them", "no such key"],
+            ["line 5", "step[1].them", "unknown field"],
         ),
         (
             "[[step]]\nselect.sphere = { centre = [99, 0, 0], radius = 1 }\nthen = [\"remove\"]\n",

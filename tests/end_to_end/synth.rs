@@ -119,7 +119,7 @@ fn scenes_that_cannot_be_are_told_by_line_and_key() {
         (
             "radius = 0.22",
             "radios = 0.22",
-            ["object[4].ball.radios", "no such key"],
+            ["object[4].ball.radios", "unknown field `radios`"],
         ),
         (
             "radius = 0.22",
@@ -164,7 +164,7 @@ fn scenes_that_cannot_be_are_told_by_line_and_key() {
         (
             "views = 16",
             "views = 0",
-            ["cameras.views", "0 is no whole number"],
+            ["cameras.views", "0 is not a whole number"],
         ),
     ] {
         let wrong = scene.replacen(old, new, 1);

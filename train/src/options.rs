@@ -207,7 +207,7 @@ pub struct RadianceOptions {
     pub densify: DensifyOptions,
 }
 
-/// Splitting of Gaussians during stage 0, see [`crate::densify`].
+/// Splitting of Gaussians during stage 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DensifyOptions {

@@ -33,7 +33,7 @@ const MAX_SIDE: u32 = 8192;
 pub struct NetworkOptions {
     /// The model.
     pub model: PathBuf,
-    /// The library of ONNX Runtime; absent: [`LIBRARY_VARIABLE`], else the dynamic loader's search
+    /// The library of ONNX Runtime; absent: `EAGPT_ONNXRUNTIME`, else the dynamic loader's search
     /// path.
     pub library: Option<PathBuf>,
     /// Width and height of the network's picture; absent: that of the model, else the view's, each
@@ -276,7 +276,7 @@ impl<'a> Network<'a> {
     }
 }
 
-/// The library to load: as named, from [`LIBRARY_VARIABLE`], or for the dynamic loader to find.
+/// The library to load: as named, from `EAGPT_ONNXRUNTIME`, or for the dynamic loader to find.
 fn library_file(named: Option<&Path>) -> PathBuf {
     use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
     let named = named.map(Path::to_owned);

@@ -12,11 +12,11 @@ use std::sync::Arc;
 /// Buffers of a camera's rays, until a camera of another size or one for which they have to grow comes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// [`Features`] of every pixel, row by row: written by [`GpuScene::forward`].
+    /// [`crate::Features`] of every pixel, row by row: written by [`GpuScene::forward`].
     pub features: wgpu::Buffer,
     /// Derivatives of the loss by them: read by [`GpuScene::backward`].
     pub d_features: wgpu::Buffer,
-    /// [`LocalGradient`], `[n]`: written by [`GpuScene::backward`].
+    /// [`crate::blend::LocalGradient`], `[n]`: written by [`GpuScene::backward`].
     pub gradients: wgpu::Buffer,
     /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by
     /// [`GpuScene::forward`].
