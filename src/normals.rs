@@ -17,9 +17,10 @@ use std::process::ExitCode;
 
 /// Put normal maps of any estimator into a dataset
 ///
-/// Maps are EXR or PNG of any size, called like the views. Their space (the
-/// camera's or the world's) and axes are detected by comparison with the surfaces that the dataset's
-/// depths span, or the planes of its points; or they are given, and checked the same way. Where no reading stands out, nothing is written.
+/// Maps are EXR or PNG of any size, called like the views. Their space (the camera's or the
+/// world's) and axes are detected by comparison with the surfaces that the dataset's depths span,
+/// or the planes of its points; or they are given, and checked the same way. Where no reading
+/// stands out, nothing is written.
 ///
 /// Writes Normal-exr/<view>.exr (world space, unit length, turned to the camera, 0 where unknown)
 /// and into normals/ previews and report.json. The maps may also be made here, by a network in ONNX

@@ -88,8 +88,8 @@ impl Rule {
 pub enum Border {
     /// If they are at least halfway between the light and its surroundings
     ///
-    /// Both within two pixels: where the lamp covers half of the pixel, at any brightness and blur of
-    /// the optics.
+    /// Both within two pixels: where the lamp covers half of the pixel, at any brightness and blur
+    /// of the optics.
     Half,
     /// If they are at the threshold
     ///

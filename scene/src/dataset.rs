@@ -138,8 +138,8 @@ impl Dataset {
         open::open(root, open::Images::Needed)
     }
 
-    /// As [`Self::open`] where only the cameras are needed: an image that is not there will do if the
-    /// file states `w` and `h`. [`Self::load_view`] fails for such a frame.
+    /// As [`Self::open`] where only the cameras are needed: an image that is not there will do if
+    /// the file states `w` and `h`. [`Self::load_view`] fails for such a frame.
     ///
     /// # Errors
     /// As [`Self::open`].
@@ -289,7 +289,8 @@ impl Dataset {
         self.points.as_deref()
     }
 
-    /// All files of the dataset that are there: the cameras, the points and the images of all views.
+    /// All files of the dataset that are there: the cameras, the points and the images of all
+    /// views.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut all = vec![self.transforms.clone()];
         all.extend(self.points.clone());

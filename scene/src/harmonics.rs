@@ -1,10 +1,10 @@
 //! Light that differs with the direction it is seen from: spherical harmonics of degrees 1 and 2.
 //!
-//! The radiance of a Gaussian towards an eye is its mean radiance times `exp(Σ cₖ Yₖ(ω))`, where ω points
-//! from the eye to the centre of the Gaussian. The functions Yₖ, their signs and their order are
-//! those of 3D Gaussian Splatting (Kerbl et al. 2023); there they add to a colour that may become
-//! negative, here they are in the exponent, where light stays light and a factor on the radiance
-//! scales it all.
+//! The radiance of a Gaussian towards an eye is its mean radiance times `exp(Σ cₖ Yₖ(ω))`, where ω
+//! points from the eye to the centre of the Gaussian. The functions Yₖ, their signs and their order
+//! are those of 3D Gaussian Splatting (Kerbl et al. 2023); there they add to a colour that may
+//! become negative, here they are in the exponent, where light stays light and a factor on the
+//! radiance scales it all.
 
 use glam::{Mat3, Quat, Vec3};
 

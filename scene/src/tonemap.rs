@@ -23,8 +23,8 @@ use std::fmt;
 
 /// Exposed values are cut here: every tone curve is flat long before, and squares still fit in f32.
 const BRIGHTEST: f32 = 1e15;
-/// Displayed value of the mean luminance under automatic exposure: the middle grey of Reinhard et al.
-/// 2002.
+/// Displayed value of the mean luminance under automatic exposure: the middle grey of Reinhard et
+/// al. 2002.
 const MIDDLE_GREY: f64 = 0.18;
 /// Automatic exposures are a whole number of these, in stops, so that a person can state the same
 /// one.

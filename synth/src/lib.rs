@@ -67,8 +67,8 @@
 //! | `plant` | `height`, `pot`, `soil`, `leaves` |
 //! | `books`, `fruit` | `num`, `covers`; `bowl`, `fruits` |
 //!
-//! A surface that emits in a condition does not reflect in it, and has mask 1 (where it covers at least half
-//! of a pixel) and albedo 0 in its truth.
+//! A surface that emits in a condition does not reflect in it, and has mask 1 (where it covers at
+//! least half of a pixel) and albedo 0 in its truth.
 //!
 //! **`[rig]`** is the camera, all of it optional: `exposures_s`, `iso`, `f_number`,
 //! `sensor_width_mm`, `oversampling` (sensor pixels along each side of one of the truth),

@@ -26,9 +26,9 @@ pub struct Binding {
     pub bytes: u32,
 }
 
-/// Checks that `source` is a valid module with a kernel `entry` that has exactly these `bindings`, and
-/// that keeps to what every device of WebGPU has: no extensions, at most eight storage buffers, 256
-/// invocations and 16 KiB for a workgroup.
+/// Checks that `source` is a valid module with a kernel `entry` that has exactly these `bindings`,
+/// and that keeps to what every device of WebGPU has: no extensions, at most eight storage buffers,
+/// 256 invocations and 16 KiB for a workgroup.
 ///
 /// # Errors
 /// All that is wrong with it, each with `name` before it.

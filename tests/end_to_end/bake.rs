@@ -57,8 +57,8 @@ fn solving_changes_nothing_but_what_reflects_and_repeat_to_the_bit() {
     assert_ne!(place.bytes("a.ply"), place.bytes("b.ply"));
 }
 
-/// Edits one after the other with the matrix of the first bake: bit-identical to bakes from nothing,
-/// and no ray as long as the geometry is the same.
+/// Edits one after the other with the matrix of the first bake: bit-identical to bakes from
+/// nothing, and no ray as long as the geometry is the same.
 #[test]
 fn a_transport_matrix_is_reused_while_the_geometry_is_the_same() {
     let place = workplace();

@@ -75,9 +75,9 @@ fn a_gpu_bakes_what_the_cpu_does() {
     if !has_device(&place, "baking by the program") {
         return;
     }
-    // The same rays are traced: 7e-7 were seen on lavapipe, and a single entry that rounding decides
-    // otherwise may make 1e-5. Views are fitted by steps of training, which rounding lets drift
-    // apart: 5e-4 were seen.
+    // The same rays are traced: 7e-7 were seen on lavapipe, and a single entry that rounding
+    // decides otherwise may make 1e-5. Views are fitted by steps of training, which rounding lets
+    // drift apart: 5e-4 were seen.
     for (method, options, tolerance) in [
         ("gaussians", "--samples 32", 1e-4),
         ("gaussians", "--samples 32 --transport OUT.transport", 1e-4),

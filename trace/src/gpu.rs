@@ -4,24 +4,24 @@
 //! Kernels are written by hand in WGSL (`shader/`, with what they import in `shader/shared/`), and
 //! keep to what every device of WebGPU has: eight storage buffers, 128 MiB in one of them, no float
 //! atomics, no subgroups, 16 KiB for a workgroup. Structures and constants are declared in Rust
-//! (`layout`) and imported from there; `kernels` is the table of all kernels and their buffers, which
-//! a test holds against the modules. A pass is a kernel with its buffers, made once and replayed;
-//! buffers stay on the device from call to call.
+//! (`layout`) and imported from there; `kernels` is the table of all kernels and their buffers,
+//! which a test holds against the modules. A pass is a kernel with its buffers, made once and
+//! replayed; buffers stay on the device from call to call.
 //!
-//! To read a job from top to bottom: `passes` for the rays of a camera and their adjoint, `light` for
-//! the `1-bounce` and `path` integrators, `matrix` for light transport.
+//! To read a job from top to bottom: `passes` for the rays of a camera and their adjoint, `light`
+//! for the `1-bounce` and `path` integrators, `matrix` for light transport.
 //!
 //! - `scan`, `sort`: prefix sums and a stable radix sort.
 //! - `bins`: lists of the Gaussians that each tile of a camera may see: two sorts, by distance and
 //!   by tile.
 //! - `camera`: composited features of all pixels. Tiles go through their lists once, and again only
 //!   where more hits wait than fit into registers.
-//! - `adjoint`: gradients, and what Gaussians contribute to pixels. Sums have a fixed order, nothing
-//!   is added atomically: the same device gives the same bits in every run.
+//! - `adjoint`: gradients, and what Gaussians contribute to pixels. Sums have a fixed order,
+//!   nothing is added atomically: the same device gives the same bits in every run.
 //! - `bvh`, `rays`: single rays, blended or with one hit chosen by its weight.
 //! - `light`: random numbers have the bits of the CPU's. Software adapters (Mesa's llvmpipe) stop
-//!   all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but for
-//!   single Gaussians that cover as many tiles.
+//!   all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but
+//!   for single Gaussians that cover as many tiles.
 //! - `matrix`: discs of a realization have the radii of the CPU's to the bit; one tree serves all
 //!   realizations.
 //! - `capacity`, `views`: buffers for cameras of one size, and how they grow.

@@ -1,4 +1,5 @@
-// PQ encoding, and SSIM with its derivatives by the moments; see loss/color.rs and eval/src/ssim.rs.
+// PQ encoding, and SSIM with its derivatives by the moments; see loss/color.rs and
+// eval/src/ssim.rs.
 
 #import training
 #import workgroup

@@ -141,7 +141,8 @@ fn surfel_of(g: Activated, frame: mat3x3f) -> Surfel {
     );
 }
 
-// Whether this step or one before it did not fit, or one before it had a gradient that is no number.
+// Whether this step or one before it did not fit, or one before it had a gradient that is no
+// number.
 fn has_failed() -> bool {
     return atomicLoad(&counters[COUNTER_FAILED]) != 0u;
 }
@@ -226,8 +227,8 @@ fn adam_step(
     put_gaussian(index);
 }
 
-// The Gaussians before the first step, bit-identical to those that steps leave; the host would round
-// otherwise.
+// The Gaussians before the first step, bit-identical to those that steps leave; the host would
+// round otherwise.
 @compute @workgroup_size(GROUP_SIZE)
 fn activate(
     @builtin(workgroup_id) workgroup: vec3u,

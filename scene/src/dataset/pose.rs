@@ -7,8 +7,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde_json::{Value, json};
 
 const KEY: &str = "transform_matrix";
-/// Tolerance for columns of a rotation that are not orthonormal: files hold single precision or a few
-/// decimals.
+/// Tolerance for columns of a rotation that are not orthonormal: files hold single precision or a
+/// few decimals.
 const MAX_ROTATION_ERROR: f64 = 1e-3;
 /// Tolerance for a last row other than 0 0 0 1.
 const MAX_LAST_ROW_ERROR: f64 = 1e-6;

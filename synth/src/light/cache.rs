@@ -2,9 +2,9 @@
 //! room.
 //!
 //! Cells are some centimetres wide. From each, rays go out once and remember the cell they meet;
-//! light then travels along these transport matrix entries, bounce after bounce, in all conditions (the progressive
-//! form of radiosity, gathered by Monte Carlo). The result is read where a ray from a pixel's
-//! surface ends, never at the pixel itself, so that the grid does not show.
+//! light then travels along these transport matrix entries, bounce after bounce, in all conditions
+//! (the progressive form of radiosity, gathered by Monte Carlo). The result is read where a ray
+//! from a pixel's surface ends, never at the pixel itself, so that the grid does not show.
 
 use super::emitters::{Receiver, cosine_direction};
 use super::path::Lighting;

@@ -3,7 +3,8 @@
 // sorts all hits of a ray instead. Opacities are worked out again when hits are blended: that costs
 // less than carrying them along.
 //
-// A hit has a number: with `tile_lists` its place in the lists, otherwise the index of its Gaussian.
+// A hit has a number: with `tile_lists` its place in the lists, otherwise the index of its
+// Gaussian.
 
 #import declarations
 

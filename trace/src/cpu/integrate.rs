@@ -133,8 +133,8 @@ fn bounced(
 }
 
 impl CpuScene {
-    /// Irradiance over π at `surface`: Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω`, the weighted
-    /// mean of the radiance met in `num_samples` directions of `sampler`.
+    /// Irradiance over π at `surface`: Monte-Carlo estimate of `1/π · ∫ R(ω) (ω·n) dω`, the
+    /// weighted mean of the radiance met in `num_samples` directions of `sampler`.
     pub fn irradiance_at(
         &self,
         surface: &Surface,

@@ -144,8 +144,8 @@ impl Adjoint {
         })
     }
 
-    /// Contributions of Gaussians, read back, without those that contribute nothing; the features of
-    /// each pixel, row by row, go to `pixels`.
+    /// Contributions of Gaussians, read back, without those that contribute nothing; the features
+    /// of each pixel, row by row, go to `pixels`.
     pub(super) fn contributions(
         &self,
         device: &Device,

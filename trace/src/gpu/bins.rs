@@ -170,8 +170,8 @@ pub(super) struct BinBuffers {
 }
 
 impl BinBuffers {
-    /// Buffers for the lists of `scene` as cameras of `width` × `height` pixels see it, with as many
-    /// entries in all as is usual, or `num_entries` if these are more.
+    /// Buffers for the lists of `scene` as cameras of `width` × `height` pixels see it, with as
+    /// many entries in all as is usual, or `num_entries` if these are more.
     pub(super) fn new(
         device: &Device,
         scene: &SceneBuffers,

@@ -1,11 +1,12 @@
 //! Buffers of a frame whose size depends on what the device finds.
 //!
-//! Nobody knows beforehand how many entries the lists of tiles have, nor how many hits pixels blend.
-//! Kernels count what they need whether it fits or not, and write what does ([`Counters`]); one for
-//! which something does not fit sets the overflow flag. The host reads the counters, grows the
-//! buffers ([`super::views::Views::grow`]) and records the frame again. Who waits for each frame
-//! uses the loop of [`super::views::Views::retry`]; a queue of frames reads the counters of the
-//! first when others are recorded behind it, and its kernels change nothing while the flag is set.
+//! Nobody knows beforehand how many entries the lists of tiles have, nor how many hits pixels
+//! blend. Kernels count what they need whether it fits or not, and write what does ([`Counters`]);
+//! one for which something does not fit sets the overflow flag. The host reads the counters, grows
+//! the buffers ([`super::views::Views::grow`]) and records the frame again. Who waits for each
+//! frame uses the loop of [`super::views::Views::retry`]; a queue of frames reads the counters of
+//! the first when others are recorded behind it, and its kernels change nothing while the flag is
+//! set.
 
 use super::adjoint::{CHUNK_WORDS, PIXEL_WORDS};
 use super::bins::TILE;

@@ -9,7 +9,8 @@ use super::scene::GpuScene;
 use eagpt_scene::Camera;
 use std::sync::Arc;
 
-/// Buffers of a camera's rays, until a camera of another size or one for which they have to grow comes.
+/// Buffers of a camera's rays, until a camera of another size or one for which they have to grow
+/// comes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// [`crate::Features`] of every pixel, row by row: written by [`GpuScene::forward`].

@@ -92,8 +92,8 @@ impl Kernel {
     }
 }
 
-/// A table of kernels, in the order of their files: `KERNEL = "file" entry [defines] { buffers }`, a
-/// buffer being `number name: access element`. `ALL` are all of them.
+/// A table of kernels, in the order of their files: `KERNEL = "file" entry [defines] { buffers }`,
+/// a buffer being `number name: access element`. `ALL` are all of them.
 #[macro_export]
 macro_rules! kernels {
     ($sources:path; $(

@@ -1,13 +1,13 @@
 //! Sparse light-transport matrix: rays traced once, for light that is exchanged many times.
 //!
-//! The irradiance over π of a point is `1/π ∫ L cos θ dω`. The integral is split by what a direction
-//! meets. Emitters are sampled by two kinds of directions, towards them with density p (light
-//! samples) and about the normal with density q = cos θ/π (BSDF samples), combined by the balance
-//! heuristic (Veach 1997, section 9.2). All other surfaces are met by BSDF samples alone. An entry
-//! of the matrix is the Gaussian that a direction meets first. Whatever light the Gaussians carry,
-//! `E/π` is then the emitters' part plus the mean light of the entries: further bounces, or other
-//! albedos, cost a look-up for each entry and no ray. Nor does other light of the same emitters,
-//! whose entries are kept, too ([`TransportMatrix::relight`]).
+//! The irradiance over π of a point is `1/π ∫ L cos θ dω`. The integral is split by what a
+//! direction meets. Emitters are sampled by two kinds of directions, towards them with density p
+//! (light samples) and about the normal with density q = cos θ/π (BSDF samples), combined by the
+//! balance heuristic (Veach 1997, section 9.2). All other surfaces are met by BSDF samples alone.
+//! An entry of the matrix is the Gaussian that a direction meets first. Whatever light the
+//! Gaussians carry, `E/π` is then the emitters' part plus the mean light of the entries: further
+//! bounces, or other albedos, cost a look-up for each entry and no ray. Nor does other light of the
+//! same emitters, whose entries are kept, too ([`TransportMatrix::relight`]).
 //!
 //! [`TransportMatrix::trace`] is the CPU's way; [`crate::Tracer::trace_transport`] is that of any
 //! device.

@@ -72,8 +72,8 @@ impl IrradianceCache {
         })
     }
 
-    /// `view`, in which emission beyond `threshold` is an emitter's, traced through `scene` if it is
-    /// not cached.
+    /// `view`, in which emission beyond `threshold` is an emitter's, traced through `scene` if it
+    /// is not cached.
     ///
     /// # Errors
     /// If the device fails.

@@ -105,8 +105,8 @@ impl Device {
         self.check()
     }
 
-    /// Runs passes one after the other, a few in each submission: long work is not one long piece to
-    /// the driver.
+    /// Runs passes one after the other, a few in each submission: long work is not one long piece
+    /// to the driver.
     ///
     /// # Errors
     /// The first failure so far.

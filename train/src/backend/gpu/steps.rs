@@ -214,8 +214,8 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Records a step from top to bottom, for a `frame` that holds all of its `rays`: forward, loss,
-    /// adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
+    /// Records a step from top to bottom, for a `frame` that holds all of its `rays`: forward,
+    /// loss, adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
     fn submit(&mut self, task: StepTask, rays: &Camera, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
         let wanted = self.wanted(&task.view)?;
