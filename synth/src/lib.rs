@@ -4,6 +4,7 @@
 //! - [`room`]: shapes, patterns, materials, lights.
 //! - [`script`]: scene files; [`scenes`]: those that come with the program.
 //! - [`light`]: the path tracer; [`photograph`]: images of a camera.
+//! - [`lamps`]: what is true of the room's lamps.
 //! - [`rig`]: lens, sensor, exposures; [`dng`]: mosaics as DNG files.
 //! - [`capture`]: the job.
 //!
@@ -78,6 +79,7 @@
 pub mod capture;
 pub mod dng;
 pub mod error;
+pub mod lamps;
 pub mod light;
 pub mod photograph;
 pub mod rig;

@@ -119,6 +119,11 @@ impl Room {
         &self.surfaces
     }
 
+    /// All lights.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
     /// Number of conditions.
     pub fn num_conditions(&self) -> usize {
         self.num_conditions

@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 2] = [
+pub const SCENES: [EmbeddedScene; 5] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -22,6 +22,21 @@ pub const SCENES: [EmbeddedScene; 2] = [
         name: "small-room",
         about: "a box with a few things in it, for tests: seconds",
         toml: include_str!("../scenes/small-room.toml"),
+    },
+    EmbeddedScene {
+        name: "kitchenette",
+        about: "small panels in the ceiling, a strip under a cabinet, a spot; each alone, too",
+        toml: include_str!("../scenes/kitchenette.toml"),
+    },
+    EmbeddedScene {
+        name: "bedroom",
+        about: "a bare bulb, a shaded lamp and a cool tube; each alone, too",
+        toml: include_str!("../scenes/bedroom.toml"),
+    },
+    EmbeddedScene {
+        name: "office",
+        about: "a large panel, a floor lamp and a screen; each alone, too",
+        toml: include_str!("../scenes/office.toml"),
     },
 ];
 

@@ -2,6 +2,7 @@
 
 use super::{Parts, Simulation, SynthOptions};
 use crate::error::Result;
+use crate::lamps::lamps;
 use crate::script::SceneScript;
 use eagpt_colmap::model::Similarity;
 use eagpt_scene::dataset::{
@@ -97,6 +98,7 @@ pub(super) fn write_truth(
             "num_surfaces": job.script.room.surfaces().len(),
         },
         "conditions": job.script.conditions,
+        "lamps": lamps(&job.script.room, &job.script.conditions),
         "num_views": job.cameras.len(),
         "size": [width, height],
         "sensor_size": [width * rig.oversampling, height * rig.oversampling],
