@@ -2,7 +2,7 @@
 
 use crate::args::GlobalArgs;
 use crate::command::JobCommand;
-use crate::{bench, demo, doctor, paper, run, shell};
+use crate::{bench, decode, demo, doctor, paper, run, shell};
 use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
@@ -41,6 +41,8 @@ enum Command {
     Doctor(doctor::DoctorArgs),
     Completions(shell::CompletionsArgs),
     Man(shell::ManArgs),
+    #[command(name = decode::NAME, hide = true)]
+    Decode,
 }
 
 impl Cli {
@@ -66,6 +68,7 @@ impl Cli {
             Command::Doctor(args) => doctor::run(args, global),
             Command::Completions(args) => shell::completions(args, Self::command()),
             Command::Man(args) => shell::man(args, Self::command(), global),
+            Command::Decode => decode::run(),
         }
     }
 }

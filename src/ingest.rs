@@ -2,6 +2,7 @@
 
 use crate::args::GlobalArgs;
 use crate::command_line;
+use crate::decode;
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -220,6 +221,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
         options: options.clone(),
         start_over: args.force,
         shard: args.shard.unwrap_or(Shard::WHOLE),
+        decoding: decode::in_processes()?,
         stop: interrupt::stop_flag()?,
     };
     eagpt_ingest::check_places(&args.capture, &args.out)?;

@@ -8,6 +8,7 @@
 //! - [`mod@run`]: a chain of them, described by a project file. [`mod@demo`] runs it on a simulated
 //!   capture, [`paper`] on the scenes of the paper.
 //! - [`mod@bench`]: measures the speed of each stage.
+//! - [`decode`]: a process that decodes photographs for another, as damaged files may end it.
 //! - [`doctor`]: devices and libraries that the program finds.
 //! - [`args`]: arguments that commands share.
 //! - [`command_line`]: typed options printed as a command.
@@ -30,6 +31,7 @@ mod colmap;
 mod command;
 mod command_line;
 mod dataset;
+mod decode;
 mod demo;
 mod device;
 mod doctor;
@@ -54,7 +56,12 @@ mod terminal;
 mod train;
 
 use clap::Parser;
+use eagpt_ingest::LimitedAllocator;
 use std::process::ExitCode;
+
+/// Limits the processes of [`decode`]; others pay for the reading of a number.
+#[global_allocator]
+static ALLOCATOR: LimitedAllocator = LimitedAllocator;
 
 fn main() -> ExitCode {
     let mut cli = cli::Cli::parse();

@@ -69,7 +69,7 @@ pub(crate) fn man(args: &ManArgs, mut program: Command, global: &GlobalArgs) -> 
 /// The pages of a command and of those below it, by their names, as `eagpt-train`.
 fn collect(command: &Command, pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> {
     for below in command.get_subcommands() {
-        if below.get_name() != "help" {
+        if below.get_name() != "help" && !below.is_hide_set() {
             collect(below, pages)?;
         }
     }

@@ -1,14 +1,8 @@
 //! Colour of sources: gains, primaries and a scale, to linear Rec.709.
-//!
-//! Matrices are derived from chromaticities: a colour space's XYZ of R, G and B are those of its
-//! primaries, scaled so that their sum is that of its white (SMPTE RP 177). Both spaces here have
-//! the white D65, so no adaptation comes in between, and grey stays grey.
 
-use glam::{DMat3, DVec2, DVec3};
+use eagpt_scene::color::Chromaticities;
+use glam::{DMat3, DVec3};
 use serde::Serialize;
-
-/// D65 (ITU-R BT.709, IEC 61966-2-1).
-const D65: DVec2 = DVec2::new(0.3127, 0.3290);
 
 /// Primaries of linear light, with the white D65.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -27,34 +21,15 @@ pub enum Primaries {
 }
 
 impl Primaries {
-    fn chromaticities(self) -> [DVec2; 3] {
-        match self {
-            Self::Rec709 => [
-                DVec2::new(0.640, 0.330),
-                DVec2::new(0.300, 0.600),
-                DVec2::new(0.150, 0.060),
-            ],
-            Self::P3D65 => [
-                DVec2::new(0.680, 0.320),
-                DVec2::new(0.265, 0.690),
-                DVec2::new(0.150, 0.060),
-            ],
-        }
-    }
-
-    fn xyz_from_rgb(self) -> DMat3 {
-        let xyz = |xy: DVec2| DVec3::new(xy.x, xy.y, 1.0 - xy.x - xy.y) / xy.y;
-        let [r, g, b] = self.chromaticities().map(xyz);
-        let primaries = DMat3::from_cols(r, g, b);
-        primaries * DMat3::from_diagonal(primaries.inverse() * xyz(D65))
-    }
-
     /// The matrix that turns linear light of these primaries into that of Rec.709.
     pub(crate) fn rec709_from_rgb(self) -> DMat3 {
-        match self {
-            Self::Rec709 => DMat3::IDENTITY,
-            Self::P3D65 => Self::Rec709.xyz_from_rgb().inverse() * self.xyz_from_rgb(),
-        }
+        let chromaticities = match self {
+            Self::Rec709 => Chromaticities::REC709,
+            Self::P3D65 => Chromaticities::P3_D65,
+        };
+        chromaticities
+            .rec709_from_rgb()
+            .expect("known primaries span colours")
     }
 }
 

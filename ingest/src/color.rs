@@ -6,6 +6,7 @@
 //! interpolated by the inverse of the white's colour temperature.
 
 use crate::raw::CameraColor;
+use eagpt_scene::color::bradford;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -15,12 +16,6 @@ const XYZ_FROM_REC709: DMat3 = DMat3::from_cols(
     DVec3::new(0.412_456_4, 0.212_672_9, 0.019_333_9),
     DVec3::new(0.357_576_1, 0.715_152_2, 0.119_192_0),
     DVec3::new(0.180_437_5, 0.072_175_0, 0.950_304_1),
-);
-/// Cone responses of Bradford from XYZ.
-const BRADFORD: DMat3 = DMat3::from_cols(
-    DVec3::new(0.8951, -0.7502, 0.0389),
-    DVec3::new(0.2664, 1.7135, -0.0685),
-    DVec3::new(-0.1614, 0.0367, 1.0296),
 );
 /// EXIF's number of the illuminant D65.
 const D65: u16 = 21;
@@ -59,9 +54,7 @@ impl ColorTransform {
             return balanced;
         };
         let d65 = XYZ_FROM_REC709 * DVec3::ONE;
-        let adapted = BRADFORD.inverse()
-            * DMat3::from_diagonal((BRADFORD * d65) / (BRADFORD * white))
-            * BRADFORD;
+        let adapted = bradford(white, d65);
         let matrix =
             XYZ_FROM_REC709.inverse() * adapted * xyz_from_camera * DMat3::from_diagonal(neutral);
         // White has luminance 1, so this leaves (1, 1, 1) as it is, up to rounding.

@@ -1,6 +1,7 @@
 //! The error of this crate.
 
 use eagpt_scene::SceneError;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Result with [`IngestError`].
@@ -28,8 +29,16 @@ pub enum IngestError {
         /// The file.
         path: PathBuf,
         /// Which property of it.
-        field: &'static str,
+        field: Cow<'static, str>,
         /// The problem, with the value.
+        problem: String,
+    },
+    /// The program that is to decode photographs cannot.
+    #[error("{}: cannot decode photographs: {problem}", program.display())]
+    Decoder {
+        /// The program.
+        program: PathBuf,
+        /// The reason.
         problem: String,
     },
     /// The capture has problems, each of which was reported.
@@ -88,10 +97,14 @@ pub enum IngestError {
 
 impl IngestError {
     /// A [`Self::Photograph`] for `field` of `path`.
-    pub(crate) fn photograph(path: &Path, field: &'static str, problem: impl Into<String>) -> Self {
+    pub(crate) fn photograph(
+        path: &Path,
+        field: impl Into<Cow<'static, str>>,
+        problem: impl Into<String>,
+    ) -> Self {
         Self::Photograph {
             path: path.to_owned(),
-            field,
+            field: field.into(),
             problem: problem.into(),
         }
     }

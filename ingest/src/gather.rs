@@ -6,7 +6,7 @@ use crate::group::{self, Bracket, Key};
 use crate::manifest::{self, ListedStack, Manifest};
 use crate::options::IngestOptions;
 use crate::problem::{Problem, Remedy, counted};
-use crate::raw;
+use crate::raw::Decoding;
 use crate::stack::{Photograph, Stack};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,6 +32,7 @@ const CHUNK: usize = 16;
 pub(crate) fn gather(
     capture: &Path,
     options: &IngestOptions,
+    decoding: &Decoding,
     tell: &mut dyn FnMut(usize, usize),
 ) -> Result<Gathered> {
     if !capture.is_dir() {
@@ -42,25 +43,31 @@ pub(crate) fn gather(
     }
     let manifest_path = capture.join(manifest::FILE_NAME);
     let mut gathered = Gathered::default();
+    let mut read = |paths: &[PathBuf], gathered: &mut Gathered| {
+        read_all(capture, paths, decoding, gathered, tell)
+    };
     if manifest_path.exists() {
         let manifest = Manifest::read(&manifest_path)?;
-        listed_stacks(capture, &manifest.stacks, &mut gathered, tell);
+        listed_stacks(capture, &manifest.stacks, &mut gathered, &mut read);
         gathered.manifest = Some(manifest);
     } else {
-        found_stacks(capture, options, &mut gathered, tell)?;
+        found_stacks(capture, options, &mut gathered, &mut read)?;
     }
     Ok(gathered)
 }
+
+/// Reads the headers of files.
+type ReadAll<'a> = &'a mut dyn FnMut(&[PathBuf], &mut Gathered) -> BTreeMap<PathBuf, Photograph>;
 
 fn listed_stacks(
     capture: &Path,
     listed: &[ListedStack],
     gathered: &mut Gathered,
-    tell: &mut dyn FnMut(usize, usize),
+    read: ReadAll<'_>,
 ) {
     let files = listed.iter().flat_map(|stack| &stack.files);
     let paths: Vec<PathBuf> = files.map(|file| capture.join(file)).collect();
-    let mut photographs = read_all(capture, &paths, gathered, tell);
+    let mut photographs = read(&paths, gathered);
     for stack in listed {
         let mut shots = Vec::new();
         for (index, file) in stack.files.iter().enumerate() {
@@ -90,7 +97,7 @@ fn found_stacks(
     capture: &Path,
     options: &IngestOptions,
     gathered: &mut Gathered,
-    tell: &mut dyn FnMut(usize, usize),
+    read: ReadAll<'_>,
 ) -> Result<()> {
     let Found {
         folders,
@@ -103,7 +110,7 @@ fn found_stacks(
         .iter()
         .flat_map(|folder| folder.files.clone())
         .collect();
-    let mut photographs = read_all(capture, &paths, gathered, tell);
+    let mut photographs = read(&paths, gathered);
     for folder in folders {
         let shots: Vec<Photograph> = folder
             .files
@@ -120,12 +127,16 @@ fn found_stacks(
 fn read_all(
     capture: &Path,
     paths: &[PathBuf],
+    decoding: &Decoding,
     gathered: &mut Gathered,
     tell: &mut dyn FnMut(usize, usize),
 ) -> BTreeMap<PathBuf, Photograph> {
     let mut photographs = BTreeMap::new();
     for (chunk, files) in paths.chunks(CHUNK).enumerate() {
-        let read: Vec<_> = files.par_iter().map(|path| raw::inspect(path)).collect();
+        let read: Vec<_> = files
+            .par_iter()
+            .map(|path| decoding.inspect(path))
+            .collect();
         for (path, outcome) in files.iter().zip(read) {
             let name = relative_name(capture, path);
             match outcome {

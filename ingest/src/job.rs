@@ -10,6 +10,7 @@ use crate::options::IngestOptions;
 use crate::output::{self, COMMAND};
 use crate::prepare;
 use crate::problem::{Problem, Remedy, counted};
+use crate::raw::Decoding;
 use crate::survey::{Survey, survey};
 use eagpt_scene::Shard;
 use eagpt_scene::files::ledger::{self, Item};
@@ -34,6 +35,8 @@ pub struct IngestRequest {
     /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others
     /// have surveyed by then.
     pub shard: Shard,
+    /// Processes in which photographs are decoded.
+    pub decoding: Decoding,
     /// Set to end after the stack under way.
     pub stop: Arc<AtomicBool>,
 }
@@ -105,11 +108,13 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
         capture,
         out,
         options,
+        decoding,
         ..
     } = request;
     options.validate()?;
     prepare::check_places(capture, out)?;
-    let mut gathered = gather(capture, options, &mut |done, total| {
+    decoding.check()?;
+    let mut gathered = gather(capture, options, decoding, &mut |done, total| {
         tell(IngestProgress::Reading { done, total });
     })?;
     check(&mut gathered, options.max_pause_s);
@@ -121,7 +126,7 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
     // Items have keys of their own: what is made of one stack does not depend on the others.
     let mut ledger = Ledger::open(out, COMMAND, &Key::new(), request.shard, ledger::ADVICE)?;
     // Colours are needed to survey, but a capture whose first stack is bad has none yet.
-    let decisions = prepare::decide(capture, options, &gathered);
+    let decisions = prepare::decide(request, &gathered);
     let surveys = match &decisions {
         Ok(decisions) => survey_all(request, &mut gathered, &decisions.color, &mut ledger, tell)?,
         Err(_) => Vec::new(),
@@ -231,7 +236,7 @@ fn survey_all(
         let noted = noted.filter(|item| item.key.as_ref() == Some(&key));
         surveys[index] = match noted.and_then(Item::value) {
             Some(survey) => Some(survey),
-            None => match survey(stack, color, clip) {
+            None => match survey(stack, &request.decoding, color, clip) {
                 Ok(value) => {
                     ledger.add_with(&name, 0.0, Some(key), &value, &[])?;
                     Some(value)

@@ -13,6 +13,7 @@
 //! One stack is in memory at a time. Sums run in a fixed order: the same photographs give the same
 //! bits for any number of threads.
 
+mod allocator;
 mod capture;
 mod check;
 mod color;
@@ -41,6 +42,7 @@ mod thumb;
 mod vignetting;
 mod warnings;
 
+pub use allocator::LimitedAllocator;
 pub use capture::{Capture, Quality};
 pub use color::WhiteBalance;
 pub use demosaic::Demosaic;
@@ -49,4 +51,5 @@ pub use job::{IngestProgress, IngestRequest, IngestSummary, ingest};
 pub use options::{ExposureRatios, IngestOptions, LensOption};
 pub use prepare::check_places;
 pub use problem::Problem;
+pub use raw::{Decoding, serve_decoding};
 pub use vignetting::Vignetting;

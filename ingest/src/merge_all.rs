@@ -239,7 +239,7 @@ fn merge_one(
     ledger: &mut Ledger,
 ) -> Result<MergedStack> {
     let stack = &planned.stack;
-    let frames = read_shots(stack).map_err(|unreadable| unreadable.error)?;
+    let frames = read_shots(stack, &request.decoding).map_err(|unreadable| unreadable.error)?;
     // By the exposures that are used: an estimate may turn an order around.
     let mut order: Vec<usize> = (0..frames.len()).collect();
     order.sort_by(|&a, &b| planned.exposures[a].total_cmp(&planned.exposures[b]));

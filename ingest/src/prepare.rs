@@ -4,6 +4,7 @@
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
+use crate::job::IngestRequest;
 use crate::merge::{CLIPPED, merge};
 use crate::noise::Noise;
 use crate::options::IngestOptions;
@@ -55,18 +56,15 @@ pub fn check_places(capture: &Path, out: &Path) -> Result<()> {
 }
 
 /// Colours and falloff.
-pub(crate) fn decide(
-    capture: &Path,
-    options: &IngestOptions,
-    gathered: &Gathered,
-) -> Result<Decisions> {
+pub(crate) fn decide(request: &IngestRequest, gathered: &Gathered) -> Result<Decisions> {
+    let options = &request.options;
     let Some(first) = gathered
         .stacks
         .first()
         .and_then(|stack| stack.shots.first())
     else {
         return Err(IngestError::Empty {
-            capture: capture.to_owned(),
+            capture: request.capture.clone(),
             problem: "no stack is left".to_owned(),
         });
     };
@@ -76,10 +74,10 @@ pub(crate) fn decide(
         (Vignetting::None, Some(abc)) => Some(Falloff::Polynomial(abc)),
         (Vignetting::Polynomial(abc), _) => Some(Falloff::Polynomial(*abc)),
         (Vignetting::FlatField(folder), _) => {
-            Some(Falloff::Grid(flat_field(folder, first, options.clip())?))
+            Some(Falloff::Grid(flat_field(request, folder, first)?))
         }
         (Vignetting::Fit(folder), _) => {
-            let grid = flat_field(folder, first, options.clip())?;
+            let grid = flat_field(request, folder, first)?;
             let abc = grid.fit(first.header.width as usize, first.header.height as usize);
             Some(Falloff::Polynomial(abc.ok_or_else(|| {
                 flat_error(folder, "determines no falloff")
@@ -106,7 +104,7 @@ pub(crate) fn decide(
         (WhiteBalance::Factors(factors), _) => *factors,
         (WhiteBalance::AsShot, Some(factors)) => factors,
         (WhiteBalance::AsShot, None) => as_shot(first)?,
-        (WhiteBalance::GreyCard { .. }, _) => card_factors(options, gathered, falloff.as_ref())?,
+        (WhiteBalance::GreyCard { .. }, _) => card_factors(request, gathered, falloff.as_ref())?,
     };
     Ok(Decisions {
         color: transform(&first.header.color, &first.header.layout, factors),
@@ -137,10 +135,11 @@ fn as_shot(first: &Photograph) -> Result<[f32; 3]> {
 
 /// Factors that make the card neutral.
 fn card_factors(
-    options: &IngestOptions,
+    request: &IngestRequest,
     gathered: &Gathered,
     falloff: Option<&Falloff>,
 ) -> Result<[f32; 3]> {
+    let options = &request.options;
     let Some((name, [left, top, width, height])) = grey_card(options) else {
         return Ok([1.0; 3]);
     };
@@ -154,7 +153,7 @@ fn card_factors(
         .iter()
         .find(|stack| stack.name() == name || stack.position == name);
     let stack = stack.ok_or_else(|| option(name.to_owned(), "the name of a stack"))?;
-    let frames = read_shots(stack).map_err(|unreadable| unreadable.error)?;
+    let frames = read_shots(stack, &request.decoding).map_err(|unreadable| unreadable.error)?;
     let header = &frames[0].header;
     let end = |start: u32, length: u32, limit: u32| {
         start.checked_add(length).is_some_and(|end| end <= limit)
@@ -216,7 +215,7 @@ fn flat_error(folder: &Path, problem: &str) -> IngestError {
 }
 
 /// The falloff in a folder of photographs of an even surface.
-fn flat_field(folder: &Path, first: &Photograph, clip: f32) -> Result<Grid> {
+fn flat_field(request: &IngestRequest, folder: &Path, first: &Photograph) -> Result<Grid> {
     let entries =
         std::fs::read_dir(folder).map_err(|e| eagpt_scene::SceneError::io(folder, "read", e))?;
     let mut paths: Vec<PathBuf> = Vec::new();
@@ -231,7 +230,7 @@ fn flat_field(folder: &Path, first: &Photograph, clip: f32) -> Result<Grid> {
     paths.sort();
     let mut frames = Vec::new();
     for path in &paths {
-        let frame = crate::raw::read(path)?;
+        let frame = request.decoding.read(path)?;
         let (header, expected) = (&frame.header, &first.header);
         if (header.width, header.height, &header.layout)
             != (expected.width, expected.height, &expected.layout)
@@ -252,7 +251,11 @@ fn flat_field(folder: &Path, first: &Photograph, clip: f32) -> Result<Grid> {
     let exposure = |frame: &RawFrame| frame.header.metadata.exposure().unwrap_or(1.0);
     frames.sort_by(|a, b| exposure(a).total_cmp(&exposure(b)));
     let exposures: Vec<f64> = frames.iter().map(exposure).collect();
-    let merged = merge(&shots(&frames, &exposures), &Noise::ASSUMED, clip);
+    let merged = merge(
+        &shots(&frames, &exposures),
+        &Noise::ASSUMED,
+        request.options.clip(),
+    );
     Grid::measure(&frames[0].header, &merged).ok_or_else(|| flat_error(folder, "clipped or dark"))
 }
 

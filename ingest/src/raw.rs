@@ -1,10 +1,12 @@
 //! Undeveloped photographs: the interface between decoders and everything else.
 //!
-//! `inspect` reads the header of a file, [`read`] decodes its samples. Nothing is scaled, clipped
-//! or balanced here: samples below the black level stay, since the mean of a dark shot would be too
-//! bright without them. The features `rawler` and `rawloader` select the decoder of RAW files; with
-//! both, `rawloader` reads files that `rawler` cannot.
+//! [`Decoding`] reads the header of a file or decodes its samples, in this process or in others
+//! that a damaged file can end. Nothing is scaled, clipped or balanced here: samples below the
+//! black level stay, since the mean of a dark shot would be too bright without them. The features
+//! `rawler` and `rawloader` select the decoder of RAW files; with both, `rawloader` reads files
+//! that `rawler` cannot.
 
+mod decoding;
 mod exif;
 mod kinds;
 mod linear;
@@ -16,12 +18,14 @@ mod sensor;
 mod with_rawler;
 #[cfg(feature = "rawloader")]
 mod with_rawloader;
+mod worker;
 
+pub use decoding::Decoding;
 pub use kinds::FileKind;
 pub(crate) use kinds::kind_of;
+pub use worker::{Workers, serve_decoding};
 
 use crate::error::{IngestError, Result};
-use eagpt_scene::files;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
@@ -296,28 +300,19 @@ impl RawFrame {
     }
 }
 
-/// Header of a file, without its samples, and the BLAKE3 digest of the whole file, hexadecimal.
+/// Decodes a photograph in this process.
 ///
 /// # Errors
 /// [`IngestError::Photograph`] if the file is no photograph that can be used: 8 bits, a reduced RAW
-/// with three components, an unknown camera or format, a damaged header; [`IngestError::Scene`] if
-/// it cannot be read.
-pub(crate) fn inspect(path: &Path) -> Result<(Header, String)> {
-    let bytes = Arc::new(files::read(path)?);
-    let digest = eagpt_scene::files::digest::of_bytes(&bytes);
-    decode(path, &bytes, Want::Header).map(|frame| (frame.header, digest))
-}
-
-/// Decodes a photograph.
-///
-/// # Errors
-/// As `inspect`, and if the samples are damaged or end early.
+/// with three components, an unknown camera or format, a damaged header, damaged samples;
+/// [`IngestError::Scene`] if it cannot be read.
 pub fn read(path: &Path) -> Result<RawFrame> {
-    decode(path, &Arc::new(files::read(path)?), Want::Samples)
+    Decoding::InProcess.read(path)
 }
 
 /// Whether to decode the samples or the header alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum Want {
     Header,
     Samples,

@@ -7,7 +7,7 @@
 use crate::color::ColorTransform;
 use crate::error::IngestError;
 use crate::noise::{Noise, estimate, median};
-use crate::raw::{self, RawFrame};
+use crate::raw::{Decoding, RawFrame};
 use crate::stack::{Photograph, Shot, Stack};
 use crate::thumb::{Comparison, Thumb, compare};
 use eagpt_scene::color::luminance;
@@ -41,11 +41,11 @@ pub(crate) struct Unreadable {
 ///
 /// # Errors
 /// The first shot that cannot be decoded.
-pub(crate) fn read_shots(stack: &Stack) -> Result<Vec<RawFrame>, Unreadable> {
+pub(crate) fn read_shots(stack: &Stack, decoding: &Decoding) -> Result<Vec<RawFrame>, Unreadable> {
     let read: Vec<_> = stack
         .shots
         .par_iter()
-        .map(|shot| raw::read(&shot.path))
+        .map(|shot| decoding.read(&shot.path))
         .collect();
     let mut frames = Vec::with_capacity(read.len());
     for (shot, outcome) in read.into_iter().enumerate() {
@@ -63,10 +63,11 @@ pub(crate) fn read_shots(stack: &Stack) -> Result<Vec<RawFrame>, Unreadable> {
 /// As [`read_shots`].
 pub(crate) fn survey(
     stack: &Stack,
+    decoding: &Decoding,
     color: &ColorTransform,
     clip: f32,
 ) -> Result<Survey, Unreadable> {
-    let frames = read_shots(stack)?;
+    let frames = read_shots(stack, decoding)?;
     let thumbs: Vec<Thumb> = frames.iter().map(Thumb::new).collect();
     let exposures: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
     let profile = stack

@@ -1,8 +1,10 @@
-//! Colour: display encodings of linear Rec.709 light.
+//! Colour: display encodings of linear Rec.709 light, and primaries.
 
 mod pq;
+mod primaries;
 
 pub use pq::{PQ_CONSTANTS, pq_from_linear, pq_from_linear_with_slope};
+pub use primaries::{Chromaticities, bradford};
 
 /// Rec.709 luminance weights for linear R, G, B.
 const LUMINANCE_REC709: [f32; 3] = [0.2126, 0.7152, 0.0722];

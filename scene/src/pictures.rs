@@ -58,20 +58,21 @@ pub fn size(path: &Path) -> Result<(u32, u32)> {
 /// A picture as linear light, and its opacity if it has one that is not 1 everywhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
-    /// Linear light of the picture's own primaries, premultiplied by opacity.
+    /// Linear light, premultiplied by opacity: of Rec.709 where an EXR states its primaries, then
+    /// negative outside of it; else of the picture's own.
     pub radiance: Image<3>,
     /// Opacity, 0 to 1.
     pub alpha: Option<Image<1>>,
 }
 
-/// Reads linear light: EXR as it is, PNG and JPEG decoded as sRGB (IEC 61966-2-1), 8 or 16 bits.
+/// Reads linear light: EXR by its primaries, PNG and JPEG decoded as sRGB (IEC 61966-2-1), 8 or 16 bits.
 ///
 /// # Errors
 /// [`SceneError`] naming the file.
 pub fn read_light(path: &Path) -> Result<Light> {
     if is_exr(path) {
         return Ok(Light {
-            radiance: exr::read_rgb(path)?,
+            radiance: exr::read_rgb_unclipped(path)?,
             alpha: None,
         });
     }
@@ -122,7 +123,7 @@ pub fn read_depth(path: &Path) -> Result<Image<1>> {
 /// [`SceneError`] naming the file.
 pub fn read_vectors(path: &Path) -> Result<Image<3>> {
     if is_exr(path) {
-        return exr::read_rgb(path);
+        return exr::read_vectors(path);
     }
     let picture = decode(path)?.into_rgb16();
     let (width, height) = picture.dimensions();

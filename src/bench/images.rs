@@ -132,6 +132,7 @@ fn merge(capture: &Path, out: &Path) -> Result<()> {
         options: IngestOptions::default(),
         start_over: true,
         shard: Shard::WHOLE,
+        decoding: crate::decode::in_processes()?,
         stop: Arc::new(AtomicBool::new(false)),
     };
     ingest(&request, &mut |_| ()).context("ingest")?;

@@ -144,3 +144,102 @@ fn everything_wrong_is_a_line_each() {
         &["option vignetting"],
     );
 }
+
+/// A RW2 of 131072x131072 pixels in a few hundred bytes: the directory of a camera that decoders
+/// know, and no samples.
+fn huge_rw2() -> Vec<u8> {
+    const LONG: u16 = 4;
+    const SHORT: u16 = 3;
+    const ASCII: u16 = 2;
+    let text = |text: &str| text.bytes().chain([0]).collect::<Vec<u8>>();
+    let number = |value: u32| value.to_le_bytes().to_vec();
+    let entries = [
+        (0x02, LONG, number(131_072)),
+        (0x03, LONG, number(131_072)),
+        (0x0a, SHORT, number(12)),
+        (0x24, SHORT, number(500)),
+        (0x25, SHORT, number(256)),
+        (0x26, SHORT, number(400)),
+        (0x2d, SHORT, number(4)),
+        (0x10f, ASCII, text("Panasonic")),
+        (0x110, ASCII, text("DMC-GX1")),
+        (0x111, LONG, number(8)),
+        (0x117, LONG, number(8)),
+    ];
+    let mut file = [b"IIU\0".as_slice(), &number(8)].concat();
+    file.extend((entries.len() as u16).to_le_bytes());
+    let (mut texts, texts_at) = (Vec::new(), 8 + 2 + 12 * entries.len() + 4);
+    for (tag, kind, value) in entries {
+        let (count, value) = if kind == ASCII {
+            let at = texts_at + texts.len();
+            texts.extend(&value);
+            (value.len() as u32, number(at as u32))
+        } else {
+            (1, value)
+        };
+        file.extend([tag, kind].map(u16::to_le_bytes).concat());
+        file.extend([number(count), value].concat());
+    }
+    [file, vec![0; 4], texts].concat()
+}
+
+/// A CRW whose directory is 60 times in itself: decoders follow that ten levels deep, which does
+/// not end.
+fn endless_crw() -> Vec<u8> {
+    const HEADER: u32 = 26;
+    const ENTRIES: u32 = 60;
+    const ENTRY: u32 = 10;
+    let length = 2 + ENTRIES * ENTRY + 12;
+    let mut file = [b"II".as_slice(), &HEADER.to_le_bytes(), b"HEAPCCDR"].concat();
+    file.resize(HEADER as usize, 0);
+    file.extend((ENTRIES as u16).to_le_bytes());
+    for _ in 0..ENTRIES {
+        file.extend(0x2801_u16.to_le_bytes());
+        file.extend([length, 0].map(u32::to_le_bytes).concat());
+    }
+    file.resize((HEADER + length) as usize, 0);
+    file
+}
+
+#[test]
+fn a_file_that_would_end_the_process_is_one_line() {
+    let place = Workplace::new();
+    capture(&place, 2);
+    place.succeeds("ingest c --out good");
+    let (good, files) = (
+        place.contents("good"),
+        [
+            (
+                "zz.rw2",
+                huge_rw2(),
+                "decoding it takes 32.0 GiB of memory at once",
+            ),
+            (
+                "zz.crw",
+                endless_crw(),
+                "decoding it did not end within 20 s",
+            ),
+        ],
+    );
+    for (name, bytes, part) in files {
+        std::fs::write(place.path("c").join(name), bytes).unwrap();
+        let output = place.run("ingest c --out bad --quiet");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        let lines: Vec<&str> = stderr.lines().collect();
+        assert_eq!(lines.len(), 2, "{stderr}");
+        assert!(
+            lines[0].starts_with(&format!("error: {name}: decoding: ")),
+            "{stderr}"
+        );
+        assert!(lines[0].contains(part), "{stderr}");
+        place.succeeds("ingest c --out bad --skip-bad");
+        for (file, bytes) in place.contents("bad") {
+            if file.ends_with(".exr") || file.ends_with(".png") {
+                assert!(good[&file] == bytes, "{file}");
+            }
+        }
+        std::fs::remove_dir_all(place.path("bad")).unwrap();
+        std::fs::remove_file(place.path("c").join(name)).unwrap();
+    }
+}

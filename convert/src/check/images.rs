@@ -98,7 +98,7 @@ pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
         frame,
         ImageKind::Normal,
         files.normal.as_deref(),
-        exr::read_rgb,
+        exr::read_vectors,
     );
     if let (Some(normal), Some(path)) = (&normal, &files.normal) {
         looked.refuse(path, normal, "is not finite", |v| !v.is_finite());

@@ -1,7 +1,7 @@
 //! The library of Open Image Denoise behind its C API, version 2 (`oidn.h`): only what one filter
 //! on the CPU needs.
 //!
-//! The one place of the workspace with unsafe code. Every handle is released where it was made;
+//! All calls into it are here. Every handle is released where it was made;
 //! nothing of the library outlives [`Library`], which is never unloaded while its functions are
 //! held.
 

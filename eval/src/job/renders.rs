@@ -80,7 +80,9 @@ impl Renders {
     }
 
     pub(super) fn normal(&self, view: &str) -> Result<Option<Image<3>>> {
-        self.channel("normal", view, |path| finite(path, exr::read_rgb(path)?))
+        self.channel("normal", view, |path| {
+            finite(path, exr::read_vectors(path)?)
+        })
     }
 
     /// May be infinite where nothing was hit.

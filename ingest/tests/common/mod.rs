@@ -3,7 +3,9 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use eagpt_ingest::{IngestOptions, IngestProgress, IngestRequest, IngestSummary, Problem, ingest};
+use eagpt_ingest::{
+    Decoding, IngestOptions, IngestProgress, IngestRequest, IngestSummary, Problem, ingest,
+};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Image, Shard};
 use eagpt_synth::dng::{self, DngInfo, Mosaic, RGGB};
@@ -225,6 +227,7 @@ impl Place {
             options,
             start_over: false,
             shard: Shard::WHOLE,
+            decoding: Decoding::InProcess,
             stop: Arc::new(AtomicBool::new(false)),
         }
     }

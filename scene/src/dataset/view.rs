@@ -100,10 +100,10 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
         camera: frame.camera,
         radiance,
         emission: load_single(files.emission.as_deref(), size)?,
-        normal: load_rgb(files.normal.as_deref(), size)?,
+        normal: load_rgb(files.normal.as_deref(), size, exr::read_vectors)?,
         alpha: load_single(files.alpha.as_deref(), size)?,
         depth: load_single(files.depth.as_deref(), size)?,
-        albedo: load_rgb(files.albedo.as_deref(), size)?,
+        albedo: load_rgb(files.albedo.as_deref(), size, exr::read_rgb)?,
         valid,
     };
     view.clear_unknown();
@@ -126,9 +126,13 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
     Ok(view)
 }
 
-fn load_rgb(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<3>>> {
+fn load_rgb(
+    path: Option<&Path>,
+    size: (u32, u32),
+    read: fn(&Path) -> Result<Image<3>>,
+) -> Result<Option<Image<3>>> {
     let Some(path) = path else { return Ok(None) };
-    let image = exr::read_rgb(path)?;
+    let image = read(path)?;
     check_size(path, &image, size, "the radiance is")?;
     Ok(Some(image))
 }

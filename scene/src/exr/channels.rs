@@ -12,6 +12,14 @@ pub(super) struct Selection<const C: usize> {
     pub(super) channels: [usize; C],
 }
 
+impl Selection<3> {
+    /// Whether one channel stands for all three.
+    pub(super) fn is_grey(&self) -> bool {
+        let [first, second, third] = self.channels;
+        first == second && second == third
+    }
+}
+
 /// The channels of one layer of one part.
 struct Group {
     header: usize,

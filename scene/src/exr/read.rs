@@ -1,6 +1,7 @@
 //! Reading EXR files.
 
 use super::channels::{Selection, select_rgb, select_single};
+use crate::color::Chromaticities;
 use crate::error::{Result, SceneError};
 use crate::files;
 use crate::image::Image;
@@ -10,6 +11,7 @@ use ::exr::compression::Compression;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::SampleType;
 use ::exr::meta::header::Header;
+use glam::{DVec2, DVec3};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
@@ -29,14 +31,65 @@ const MAX_COMPRESSION_RATIO: u64 = 1100;
 /// that of the image.
 const BLOCKS_PER_BATCH: usize = 64;
 
-/// Reads a colour or vector image as it is stored: linear Rec.709 light, or the x, y, z of normals.
+/// Reads colours as linear Rec.709 light: as they are stored, or converted where the attribute
+/// `chromaticities` names other primaries, then cut at 0 where Rec.709 does not reach.
 ///
 /// # Errors
 /// [`SceneError`] naming the file: unreadable, truncated or corrupt, without three channels (those
-/// found are listed), deep, subsampled, or larger than 2^28 pixels. NaN and infinities are
-/// returned, not refused.
+/// found are listed), deep, subsampled, larger than 2^28 pixels, or of primaries that span no
+/// colours. NaN and infinities are returned, not refused.
 pub fn read_rgb(path: &Path) -> Result<Image<3>> {
-    read(path, select_rgb)
+    let (mut image, converted) = read_colors(path)?;
+    if converted {
+        for pixel in image.pixels_mut() {
+            *pixel = pixel.map(|value| if value < 0.0 { 0.0 } else { value });
+        }
+    }
+    Ok(image)
+}
+
+/// As [`read_rgb`], negative where Rec.709 does not reach.
+///
+/// # Errors
+/// As [`read_rgb`].
+pub fn read_rgb_unclipped(path: &Path) -> Result<Image<3>> {
+    Ok(read_colors(path)?.0)
+}
+
+/// Reads vectors, as the x, y, z of normals, as they are stored.
+///
+/// # Errors
+/// As [`read_rgb`], whatever the primaries.
+pub fn read_vectors(path: &Path) -> Result<Image<3>> {
+    Ok(read(path, select_rgb)?.image)
+}
+
+/// Colours as linear Rec.709, and whether they are converted.
+fn read_colors(path: &Path) -> Result<(Image<3>, bool)> {
+    let Decoded {
+        mut image,
+        selection,
+        chromaticities,
+    } = read(path, select_rgb)?;
+    let Some(stated) = chromaticities.filter(|stated| !stated.is_rec709()) else {
+        return Ok((image, false));
+    };
+    // A matrix leaves grey as it is, but for rounding.
+    if selection.is_grey() {
+        return Ok((image, false));
+    }
+    let matrix = stated.rec709_from_rgb().ok_or_else(|| {
+        let problem = format!(
+            "{:?} with the white {} span no colours",
+            stated.primaries, stated.white
+        );
+        SceneError::invalid(path, "chromaticities", problem)
+    })?;
+    for pixel in image.pixels_mut() {
+        let light = matrix * DVec3::from(pixel.map(f64::from));
+        *pixel = light.as_vec3().to_array();
+    }
+    Ok((image, true))
 }
 
 /// Reads a mask, opacity or depth.
@@ -44,7 +97,7 @@ pub fn read_rgb(path: &Path) -> Result<Image<3>> {
 /// # Errors
 /// As [`read_rgb`].
 pub fn read_single(path: &Path) -> Result<Image<1>> {
-    read(path, select_single)
+    Ok(read(path, select_single)?.image)
 }
 
 /// Reads `(width, height)` from the header alone.
@@ -63,10 +116,17 @@ pub fn read_size(path: &Path) -> Result<(u32, u32)> {
     window_size(path, header)
 }
 
+/// Channels of a file as they are stored.
+struct Decoded<const C: usize> {
+    image: Image<C>,
+    selection: Selection<C>,
+    chromaticities: Option<Chromaticities>,
+}
+
 fn read<const C: usize>(
     path: &Path,
     select: impl Fn(&Path, &[Header]) -> Result<Selection<C>>,
-) -> Result<Image<C>> {
+) -> Result<Decoded<C>> {
     let bytes = files::read(path)?;
     guarded(path, || decode(path, &bytes, select))
 }
@@ -99,7 +159,7 @@ fn decode<const C: usize>(
     path: &Path,
     bytes: &[u8],
     select: impl Fn(&Path, &[Header]) -> Result<Selection<C>>,
-) -> Result<Image<C>> {
+) -> Result<Decoded<C>> {
     let reader = ::exr::block::read(Cursor::new(bytes), false).map_err(|e| exr_error(path, e))?;
     let selection = select(path, reader.headers())?;
     let header = reader.headers()[selection.header].clone();
@@ -122,7 +182,21 @@ fn decode<const C: usize>(
     }
     decode_batch(path, &meta, &selection, &mut batch, &mut blocks)?;
     blocks.check_complete(path)?;
-    Ok(image)
+    Ok(Decoded {
+        image,
+        selection,
+        chromaticities: chromaticities(&header),
+    })
+}
+
+/// Primaries and white that a file states.
+fn chromaticities(header: &Header) -> Option<Chromaticities> {
+    let stated = header.shared_attributes.chromaticities?;
+    let xy = |at: ::exr::math::Vec2<f32>| DVec2::new(f64::from(at.x()), f64::from(at.y()));
+    Some(Chromaticities {
+        primaries: [stated.red, stated.green, stated.blue].map(xy),
+        white: xy(stated.white),
+    })
 }
 
 /// Size of the display window, which is the size of the image.

@@ -391,3 +391,32 @@ fn files_of_other_programs_are_read() {
     let num_unit = normals.pixels().iter().filter(unit).count();
     assert!(num_unit > 270 * 180 * 9 / 10, "{num_unit}");
 }
+
+/// Eight by four colours of linear Rec.709 in other spaces: by colour-science 0.4 (Bradford), as
+/// 32-bit floats by OpenEXR 3.4, with the attribute `chromaticities`; `none` has none.
+fn stored(name: &str) -> std::path::PathBuf {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/chromaticities");
+    data.join(format!("{name}.exr"))
+}
+
+#[test]
+fn colours_of_other_primaries_become_rec709() {
+    let expected = read_rgb(&stored("none")).unwrap();
+    assert_eq!(read_rgb(&stored("rec709")).unwrap(), expected);
+    for name in ["acescg", "aces2065", "xyz_e", "xyz_d65"] {
+        let found = read_rgb(&stored(name)).unwrap();
+        let unclipped = read_rgb_unclipped(&stored(name)).unwrap();
+        let as_stored = read_vectors(&stored(name)).unwrap();
+        let pixels = found.pixels().iter().zip(expected.pixels());
+        for ((own, light), unclipped) in pixels.zip(unclipped.pixels()) {
+            for channel in 0..3 {
+                // Spaces round their matrices to a few digits; the largest colour is 16.
+                let near = |value: f32| (value - light[channel]).abs() < 2e-4 * (1.0 + light[0]);
+                assert!(near(own[channel]), "{name}: {own:?}, {light:?}");
+                assert!(near(unclipped[channel]) && own[channel] >= 0.0, "{name}: {own:?}");
+            }
+        }
+        let far = as_stored.pixels().iter().zip(expected.pixels());
+        assert!(far.into_iter().any(|(a, b)| (a[0] - b[0]).abs() > 0.1), "{name}");
+    }
+}
