@@ -18,7 +18,10 @@ pub(crate) use table::TableArgs;
 /// Measure renderings against the views of a dataset, or one image against another
 ///
 /// Compares DIR/VIEW.exr with the radiance of each view and, where both are there, the albedo,
-/// normal, depth and emission in DIR/albedo/VIEW.exr and so on with those of the dataset.
+/// normal, depth and emission in DIR/albedo/VIEW.exr and so on with those of the dataset. Measured
+/// are the views that were rendered and that the dataset has; where that is fewer than were
+/// rendered, a warning says so. --split asks for a subset: by the order of the dataset that was
+/// rendered, as DIR/record.json names it, since a reference may hold the test views alone.
 ///
 /// Several DIRs and as many --reference are several conditions, as a room under its own and under a
 /// new light. An option that can be given for each condition is given once for all of them, or as
@@ -46,11 +49,14 @@ pub(crate) struct EvalArgs {
     /// Name of the condition, one for each [default: that of the dataset's folder]
     #[arg(long, value_name = "NAME")]
     pub(crate) name: Vec<String>,
-    /// Views to measure; for each condition
-    #[arg(long, value_name = "SUBSET", default_value = "test", value_enum)]
+    /// Views to measure, all of which must have been rendered; for each condition [default: those
+    /// that were rendered]
+    #[arg(long, value_name = "SUBSET", value_enum)]
     pub(crate) split: Vec<Subset>,
-    /// Rule that divides the views into training and test views; for each condition
-    #[arg(long, value_name = "RULE", default_value = "every-8th", value_enum)]
+    /// Rule that divides the views of the dataset that was rendered into training and test views,
+    /// for --split and for warnings of views that were trained on; for each condition [default:
+    /// that of `eagpt render`]
+    #[arg(long, value_name = "RULE", value_enum)]
     split_rule: Vec<SplitRule>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR2", required = true)]
@@ -72,9 +78,10 @@ const OUTPUTS_AND_EXAMPLES: &str = "Files in DIR2:
 Of several conditions, these are in DIR2/NAME, and the files in DIR2 hold all conditions and their mean.
 
 Examples:
-  eagpt eval renders/0 --reference kitchen --split test --out eval/0
-  eagpt eval renders/ball --reference kitchen-ball --split all --before kitchen --out eval/ball
-  eagpt eval renders/path renders/ball --reference kitchen --reference kitchen-ball --split test --split all --out eval/both
+  eagpt eval renders/0 --reference kitchen --out eval/0
+  eagpt eval renders/all --reference kitchen --split test --out eval/test
+  eagpt eval renders/ball --reference kitchen-ball --before kitchen --out eval/ball
+  eagpt eval renders/path renders/ball --reference kitchen --reference kitchen-ball --out eval/both
   eagpt eval table eval/0 eval/both --out table
   eagpt eval pair photograph.exr rendering.exr --json";
 
@@ -117,8 +124,8 @@ impl EvalArgs {
             reference: Vec::new(),
             before: Vec::new(),
             name: Vec::new(),
-            split: vec![Subset::Test],
-            split_rule: vec![SplitRule::default()],
+            split: Vec::new(),
+            split_rule: Vec::new(),
             out: None,
             force: false,
             flip: FlipArgs {

@@ -6,6 +6,16 @@ use std::path::PathBuf;
 /// Result with [`EvalError`].
 pub type Result<T, E = EvalError> = std::result::Result<T, E>;
 
+/// The first few of some names, and the number of the others.
+pub(crate) fn listed(names: &[String]) -> String {
+    const MAX_LISTED: usize = 8;
+    let mut text = names[..names.len().min(MAX_LISTED)].join(", ");
+    if let more @ 1.. = names.len().saturating_sub(MAX_LISTED) {
+        text += &format!(" and {more} more");
+    }
+    text
+}
+
 /// Why something could not be measured. Every variant prints as one line.
 #[derive(Debug, thiserror::Error)]
 pub enum EvalError {
@@ -31,7 +41,7 @@ pub enum EvalError {
         stop: f32,
     },
     /// Views of the dataset have no render.
-    #[error("{}: no render for {} of {num_views} views: {}", folder.display(), missing.len(), missing.join(", "))]
+    #[error("{}: no render for {} of {num_views} views: {}", folder.display(), missing.len(), listed(missing))]
     MissingRenders {
         /// The folder of renders.
         folder: PathBuf,
@@ -39,6 +49,18 @@ pub enum EvalError {
         missing: Vec<String>,
         /// Number of views asked for.
         num_views: usize,
+    },
+    /// No render is of a view of the reference.
+    #[error("{}: no view in common: {num_rendered} EXR files, of which none is to be measured against {}; its views are called as `{expected}`", folder.display(), reference.display())]
+    NothingInCommon {
+        /// The folder of renders.
+        folder: PathBuf,
+        /// Number of rendered views.
+        num_rendered: usize,
+        /// The reference.
+        reference: PathBuf,
+        /// The name of one of its views.
+        expected: String,
     },
     /// A render does not fit its view.
     #[error("{}: {problem}", path.display())]

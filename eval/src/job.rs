@@ -23,6 +23,7 @@ mod options;
 mod prepared;
 mod provenance;
 mod renders;
+mod selection;
 mod view;
 
 #[cfg(test)]
@@ -31,6 +32,7 @@ mod tests;
 pub use conditions::{Conditions, evaluate_conditions};
 pub use options::{ConditionsOptions, EvalOptions};
 pub(crate) use provenance::Provenance;
+pub use selection::Selection;
 pub(crate) use view::{EmittersFrom, ViewMetrics};
 
 use crate::error::Result;
@@ -95,10 +97,12 @@ pub struct Evaluation {
     pub regions: Regions,
     /// The views, in the order of the dataset.
     pub views: Vec<ViewMetrics>,
-    /// Split of the views.
-    pub split: SplitRule,
-    /// The views that were evaluated.
-    pub subset: Subset,
+    /// Number of rendered views, evaluated or not.
+    pub num_rendered: usize,
+    /// Rule that divided the views, where it is known.
+    pub split: Option<SplitRule>,
+    /// The subset that was evaluated, where it is known.
+    pub subset: Option<Subset>,
     /// Warnings about the numbers.
     pub warnings: Vec<String>,
 }
@@ -117,14 +121,14 @@ fn mean_of(means: &[Mean], key: &str) -> Option<f64> {
 
 /// Compares renders with the views of a dataset and writes the results.
 ///
-/// Before any comparison it checks that every view has a render, that sizes fit and that no result
-/// is in the way.
+/// Measured are the views that were rendered and that the dataset has: see [`Selection`]. Before any
+/// comparison it checks that sizes fit and that no result is in the way.
 ///
 /// # Errors
-/// [`EvalError`](crate::EvalError) naming the file or option: a missing render (all are listed), a
-/// render of another size or with values that are not finite, a view that the earlier dataset
-/// lacks, results in the output folder without `force`, or whatever reading and writing files
-/// returns.
+/// [`EvalError`](crate::EvalError) naming the file or option: no render of a view, a missing render
+/// of the subset that was asked for (all are listed), a render of another size or with values that
+/// are not finite, a view that the earlier dataset lacks, results in the output folder without
+/// `force`, or whatever reading and writing files returns.
 pub fn evaluate(
     options: &EvalOptions,
     progress: &mut dyn FnMut(EvalProgress),

@@ -37,8 +37,8 @@ pub use encode::{pq_encoded, srgb_clipped};
 pub use error::{EvalError, Result};
 pub use flip::{FlipOptions, ToneMapper, flip_hdr, flip_ldr, magma_rgb8};
 pub use job::{
-    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, Mean, evaluate,
-    evaluate_conditions,
+    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, Mean, Selection,
+    evaluate, evaluate_conditions,
 };
 pub use known::{KnownPixels, Windows};
 pub use metrics::{METRICS, Metric};

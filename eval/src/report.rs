@@ -20,7 +20,7 @@ const LATEX: &str = "table.tex";
 pub const RESULT_FILES: [&str; 4] = [METRICS_FILE, CSV, MARKDOWN, LATEX];
 
 /// Definitions of the other fields of `metrics.json`.
-const MORE_DEFINITIONS: [(&str, &str); 4] = [
+const MORE_DEFINITIONS: [(&str, &str); 5] = [
     (
         "exposure_scale",
         "sum of the references over sum of the renders, over the pixels of all views that do not emit and whose reference is at most 1 in R, G and B; null where a sum is 0",
@@ -32,6 +32,10 @@ const MORE_DEFINITIONS: [(&str, &str); 4] = [
     (
         "regions",
         "emitter: emission above 0.1; lit: else, luminance above light_change times that under the earlier light; shadow: else; surface: no emitter, earlier light not known. PSNR and luminance over the pixels of all views; PSNR as psnr_srgb_db and psnr_linear_db",
+    ),
+    (
+        "split",
+        "rule of the dataset that was rendered, and subset the views of it that were measured; null where neither an option nor record.json of the renders tells",
     ),
     (
         "render",
@@ -132,6 +136,7 @@ fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
         "light_change": evaluation.light_change,
         "regions": serde_json::to_value(&evaluation.regions)?,
         "num_views": evaluation.views.len(),
+        "num_rendered": evaluation.num_rendered,
         "split": evaluation.split,
         "subset": evaluation.subset,
         "warnings": evaluation.warnings,

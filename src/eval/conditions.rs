@@ -10,7 +10,7 @@ use anyhow::{Result, bail};
 use eagpt_eval::Mean;
 use eagpt_eval::{
     Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, METRICS_FILE,
-    RESULT_FILES,
+    RESULT_FILES, Selection,
 };
 use eagpt_scene::Dataset;
 use serde::Serialize;
@@ -108,8 +108,8 @@ impl Job {
             conditions.push(EvalOptions {
                 before: before.get(i).cloned(),
                 name: args.name.get(i).cloned(),
-                split: split[i],
-                subset: subset[i],
+                split: split.get(i).copied(),
+                subset: subset.get(i).copied(),
                 flip: args.flip.options()?,
                 force: args.force,
                 ..EvalOptions::new(renders, dataset, out)
@@ -202,16 +202,21 @@ fn files(job: &Job, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
                 );
             }
         }
-        let dataset = Dataset::open(&condition.dataset)?;
-        let split = dataset.split(condition.split)?;
-        builder.record.inputs.push(Input::of_cameras(&dataset)?);
+        let selection = Selection::new(condition)?;
+        let dataset = selection.dataset();
+        builder.record.inputs.push(Input::of_cameras(dataset)?);
         if let Job::One(_) = job {
-            builder.record.split = Some(SplitRecord::new(&split, condition.subset));
+            builder.record.split = Some(SplitRecord {
+                rule: selection.split.as_ref().map(|split| split.rule),
+                num_train: selection.split.as_ref().map(|split| split.train.len()),
+                num_test: selection.split.as_ref().map(|split| split.test.len()),
+                subset: selection.subset,
+                num_views: selection.frames().count(),
+            });
         }
-        let maps = split.indices(condition.subset).into_iter().map(|index| {
-            let name = &dataset.frames()[index].name;
-            Path::new("flip").join(format!("{name}.png"))
-        });
+        let maps = selection
+            .frames()
+            .map(|frame| Path::new("flip").join(format!("{}.png", frame.name)));
         // Relative to the output folder: its own name, or nothing.
         let folder = condition.out.strip_prefix(out).unwrap_or(Path::new(""));
         let outputs = result_files().chain(maps);
@@ -299,7 +304,12 @@ fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArg
         (mean.metric.key, values)
     });
     terminal::print(&table(rows, width))?;
-    let num_views: usize = outcome.conditions().iter().map(|c| c.views.len()).sum();
-    reporter.note(&format!("{}: {num_views} views", path.display()));
+    let sum = |of: fn(&Evaluation) -> usize| outcome.conditions().iter().map(of).sum::<usize>();
+    reporter.note(&format!(
+        "{}: {} views of {} rendered",
+        path.display(),
+        sum(|condition| condition.views.len()),
+        sum(|condition| condition.num_rendered)
+    ));
     Ok(())
 }

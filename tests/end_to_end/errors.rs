@@ -207,7 +207,12 @@ fn renderings_that_do_not_fit() {
     let place = Workplace::trained();
     place.succeeds("render run/scene.ply --cameras room --mode 0-bounce --views 000 --out out");
     let eval = "eval out --reference room --out eval";
-    place.fails_cleanly(eval, &["out", "008"]);
+    place.fails_cleanly(&format!("{eval} --split test"), &["out", "008"]);
+    place.write("empty/nothing", "");
+    place.fails_cleanly(
+        "eval empty --reference room --out eval",
+        &["empty", "0 EXR files", "room/transforms.json", "`000`"],
+    );
     exr::write_rgb(
         &place.path("out/008.exr"),
         &Image::filled(8, 8, [0.5; 3]),

@@ -24,12 +24,13 @@ pub struct EvalOptions {
     pub name: Option<String>,
     /// Output folder; created.
     pub out: PathBuf,
-    /// Split of the views.
+    /// Rule that divides the views of the dataset that was rendered; by default that of the
+    /// renders' record.
     #[serde(default)]
-    pub split: SplitRule,
-    /// The views to evaluate.
-    #[serde(default = "test_views")]
-    pub subset: Subset,
+    pub split: Option<SplitRule>,
+    /// The views to evaluate, all of which must have been rendered; by default those that were.
+    #[serde(default)]
+    pub subset: Option<Subset>,
     /// Settings of FLIP.
     #[serde(default)]
     pub flip: FlipOptions,
@@ -38,12 +39,8 @@ pub struct EvalOptions {
     pub force: bool,
 }
 
-fn test_views() -> Subset {
-    Subset::Test
-}
-
 impl EvalOptions {
-    /// The test views of the default split, compared with default settings.
+    /// The views that were rendered, compared with default settings.
     pub fn new(renders: &Path, dataset: &Path, out: &Path) -> Self {
         Self {
             renders: renders.to_owned(),
@@ -51,8 +48,8 @@ impl EvalOptions {
             before: None,
             name: None,
             out: out.to_owned(),
-            split: SplitRule::default(),
-            subset: test_views(),
+            split: None,
+            subset: None,
             flip: FlipOptions::default(),
             force: false,
         }

@@ -3,6 +3,7 @@
 use super::options::EvalOptions;
 use super::provenance::Provenance;
 use super::renders::Renders;
+use super::selection::Selection;
 use super::view::{EmittersFrom, ViewMetrics, scene_metrics};
 use super::{Evaluation, means};
 use crate::align::{ExposureFit, compare_aligned};
@@ -13,15 +14,14 @@ use crate::pair::compare_known;
 use crate::regions::{self, LightChange, Lights, region_metrics};
 use crate::report;
 use eagpt_scene::dataset::VALID_DIR;
-use eagpt_scene::{Dataset, Image, SceneError, View, files, png};
+use eagpt_scene::{Dataset, Frame, Image, SceneError, View, files, png};
 use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// A condition all of whose files exist.
 pub(super) struct Prepared<'a> {
     options: &'a EvalOptions,
-    dataset: Dataset,
-    indices: Vec<usize>,
+    selection: Selection,
     renders: Renders,
     before: Option<Earlier>,
     provenance: Provenance,
@@ -94,19 +94,17 @@ impl<'a> Prepared<'a> {
     /// Opens everything and reads headers, not pixels.
     pub(super) fn new(options: &'a EvalOptions) -> Result<Self> {
         options.flip.validate()?;
-        let dataset = Dataset::open(&options.dataset)?;
-        let split = dataset.split(options.split)?;
-        let indices = split.indices(options.subset);
-        let frames: Vec<_> = indices.iter().map(|&i| &dataset.frames()[i]).collect();
+        let selection = Selection::new(options)?;
+        let frames: Vec<_> = selection.frames().collect();
         let renders = Renders::find(&options.renders, &frames)?;
         let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
-        let provenance = Provenance::read(&options.renders, &names)?;
-        let before = Earlier::open(options, &dataset, &indices)?;
+        let provenance = Provenance::of(&selection.record, &names);
+        let before = Earlier::open(options, &selection)?;
         if !options.force {
             let maps = names.iter().map(|name| map_path(options, name));
             refuse_existing(report::files(&options.out).into_iter().chain(maps))?;
         }
-        let mut warnings = [split.warnings, renders.warnings()].concat();
+        let mut warnings = [selection.warnings.clone(), renders.warnings()].concat();
         let num_masked = frames.iter().filter(|f| f.files.valid.is_some()).count();
         if num_masked > 0 {
             warnings.push(format!(
@@ -127,17 +125,16 @@ impl<'a> Prepared<'a> {
         }
         Ok(Self {
             options,
-            indices,
             renders,
             before,
             provenance,
             warnings,
-            dataset,
+            selection,
         })
     }
 
     pub(super) fn num_views(&self) -> usize {
-        self.indices.len()
+        self.selection.indices.len()
     }
 
     /// Compares all views and writes the results; `done` is told each view's name.
@@ -157,8 +154,9 @@ impl<'a> Prepared<'a> {
             light_change: survey.change.ratio(),
             regions: regions::pooled(views.iter().map(|view| &view.regions)),
             views,
-            split: self.options.split,
-            subset: self.options.subset,
+            num_rendered: self.selection.num_rendered,
+            split: self.selection.rule(),
+            subset: self.selection.subset,
             warnings: self.warnings,
         };
         report::write(&self.options.out, &evaluation)?;
@@ -181,7 +179,10 @@ impl<'a> Prepared<'a> {
     }
 
     fn load(&self, position: usize) -> Result<Loaded> {
-        let view = self.dataset.load_view(self.indices[position])?;
+        let Selection {
+            dataset, indices, ..
+        } = &self.selection;
+        let view = dataset.load_view(indices[position])?;
         let of_render = || self.renders.emission(&view.name);
         let before = self
             .before
@@ -191,11 +192,8 @@ impl<'a> Prepared<'a> {
         let masks = [Some(&view), before.as_ref()].into_iter().flatten();
         let known = KnownPixels::in_all(masks.filter_map(|view| view.valid.as_ref()));
         if known.as_ref().is_some_and(|known| known.num() == 0) {
-            let path = self.dataset.frames()[self.indices[position]]
-                .files
-                .valid
-                .as_deref();
-            let path = path.unwrap_or(self.dataset.root());
+            let path = dataset.frames()[indices[position]].files.valid.as_deref();
+            let path = path.unwrap_or(dataset.root());
             return Err(SceneError::invalid(path, "pixels", "none is known").into());
         }
         Ok(Loaded {
@@ -239,23 +237,21 @@ impl<'a> Prepared<'a> {
 }
 
 impl Earlier {
-    /// The earlier light of the views `indices` of `dataset`; `None` if there is none but their
-    /// own.
+    /// The earlier light of the selected views; `None` if there is none but their own.
     ///
     /// # Errors
     /// [`SceneError`] if the earlier dataset lacks a view, or has it in another size.
-    fn open(options: &EvalOptions, dataset: &Dataset, indices: &[usize]) -> Result<Option<Self>> {
+    fn open(options: &EvalOptions, selection: &Selection) -> Result<Option<Self>> {
         let Some(path) = &options.before else {
             return Ok(None);
         };
-        let before = Self::matched(Dataset::open(path)?, dataset, indices)?;
+        let before = Self::matched(Dataset::open(path)?, selection)?;
         let real = |dataset: &Dataset| dataset.transforms().canonicalize().ok();
-        Ok(Some(before).filter(|before| real(&before.dataset) != real(dataset)))
+        Ok(Some(before).filter(|before| real(&before.dataset) != real(selection.dataset())))
     }
 
-    fn matched(before: Dataset, dataset: &Dataset, indices: &[usize]) -> Result<Self> {
-        let frame_of = |index: &usize| {
-            let frame = &dataset.frames()[*index];
+    fn matched(before: Dataset, selection: &Selection) -> Result<Self> {
+        let frame_of = |frame: &Frame| {
             let invalid = |problem| {
                 EvalError::from(SceneError::invalid(
                     before.transforms(),
@@ -266,7 +262,7 @@ impl Earlier {
             let mut frames = before.frames().iter();
             let found = frames.position(|earlier| earlier.name == frame.name);
             let found = found.ok_or_else(|| {
-                let expected = dataset.transforms().display();
+                let expected = selection.dataset().transforms().display();
                 invalid(format!("no such view, but {expected} has it"))
             })?;
             let camera = &before.frames()[found].camera;
@@ -278,7 +274,7 @@ impl Earlier {
             }
             Ok(found)
         };
-        let indices = indices.iter().map(frame_of).collect::<Result<_>>()?;
+        let indices = selection.frames().map(frame_of).collect::<Result<_>>()?;
         Ok(Self {
             dataset: before,
             indices,

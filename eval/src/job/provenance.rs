@@ -2,10 +2,64 @@
 
 use crate::error::Result;
 use crate::scene_metrics::mean;
-use eagpt_scene::{SceneError, files};
+use eagpt_scene::dataset::{SplitRule, Subset};
+use eagpt_scene::files::digest;
+use eagpt_scene::{Dataset, SceneError, files};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// The `record.json` of renders; empty where `eagpt render` has left none.
+#[derive(Debug, Default)]
+pub(super) struct RenderRecord(Option<Value>);
+
+impl RenderRecord {
+    /// Reads the record in `folder`.
+    ///
+    /// # Errors
+    /// [`SceneError`] if there is a record that cannot be read or is no JSON.
+    pub(super) fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join("record.json");
+        if !path.is_file() {
+            return Ok(Self(None));
+        }
+        let record: Value = serde_json::from_slice(&files::read(&path)?)
+            .map_err(|error| SceneError::invalid(&path, "JSON", error.to_string()))?;
+        Ok(Self(Some(record).filter(|of| of["command"] == "render")))
+    }
+
+    /// The folder or file of the dataset whose cameras were rendered.
+    pub(super) fn cameras(&self) -> Option<PathBuf> {
+        let path = self.0.as_ref()?["options"]["cameras"].as_str()?;
+        Some(path.into())
+    }
+
+    /// The dataset whose cameras were rendered, if it is still there, and the same.
+    pub(super) fn dataset(&self) -> Option<Dataset> {
+        let dataset = Dataset::open_cameras(&self.cameras()?).ok()?;
+        let now = digest::of_file(dataset.transforms()).ok()?;
+        let mut inputs = self.0.as_ref()?["inputs"].as_array()?.iter();
+        inputs
+            .any(|input| input["blake3"] == now.as_str())
+            .then_some(dataset)
+    }
+
+    /// The rule by which views were chosen.
+    pub(super) fn rule(&self) -> Option<SplitRule> {
+        serde_json::from_value(self.0.as_ref()?["split"]["rule"].clone()).ok()
+    }
+
+    /// The subset that was rendered.
+    pub(super) fn subset(&self) -> Option<Subset> {
+        serde_json::from_value(self.0.as_ref()?["split"]["subset"].clone()).ok()
+    }
+
+    /// Number of views that were rendered.
+    pub(super) fn num_views(&self) -> Option<usize> {
+        let num = self.0.as_ref()?["split"]["num_views"].as_u64()?;
+        usize::try_from(num).ok()
+    }
+}
 
 /// Provenance of renders. Each part is `None` where the record lacks it, as for renders of other
 /// programs.
@@ -24,20 +78,11 @@ pub(crate) struct Provenance {
 }
 
 impl Provenance {
-    /// Reads the record in `folder`; `views` are the names of those that are evaluated.
-    ///
-    /// # Errors
-    /// [`SceneError`] if there is a record that cannot be read or is no JSON.
-    pub(super) fn read(folder: &Path, views: &[&str]) -> Result<Self> {
-        let path = folder.join("record.json");
-        if !path.is_file() {
-            return Ok(Self::default());
-        }
-        let record: Value = serde_json::from_slice(&files::read(&path)?)
-            .map_err(|error| SceneError::invalid(&path, "JSON", error.to_string()))?;
-        if record["command"] != "render" {
-            return Ok(Self::default());
-        }
+    /// Takes it from a record; `views` are the names of those that are evaluated.
+    pub(super) fn of(record: &RenderRecord, views: &[&str]) -> Self {
+        let Some(record) = &record.0 else {
+            return Self::default();
+        };
         let (options, seconds) = (&record["options"], &record["seconds"]);
         let text = |value: &Value| value.as_str().map(str::to_owned);
         let per_ray = options["integrator"]["num_samples"].as_u64();
@@ -45,7 +90,7 @@ impl Provenance {
         let times = views
             .iter()
             .filter_map(|name| seconds[format!("views/{name}")].as_f64());
-        Ok(Self {
+        Self {
             mode: text(&options["integrator"]["mode"]),
             spp: per_ray
                 .zip(rays_per_axis)
@@ -53,7 +98,7 @@ impl Provenance {
             seconds_per_frame: mean(times),
             denoiser: text(&options["denoise"]["ran"]["name"]),
             scene: text(&options["scene"]),
-        })
+        }
     }
 }
 
@@ -67,7 +112,8 @@ mod tests {
         if let Some(text) = record {
             std::fs::write(dir.path().join("record.json"), text).unwrap();
         }
-        Provenance::read(dir.path(), &["a", "b", "c"])
+        let record = RenderRecord::read(dir.path())?;
+        Ok(Provenance::of(&record, &["a", "b", "c"]))
     }
 
     #[test]

@@ -2,10 +2,44 @@
 
 use crate::error::{EvalError, Result};
 use eagpt_scene::{Frame, Image, SceneError, exr};
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Folders of the optional channels.
 const CHANNELS: [&str; 4] = ["albedo", "normal", "depth", "emission"];
+
+/// Folders beside the views that are of no view: [`CHANNELS`] and further AOVs of `eagpt render`.
+const MORE_CHANNELS: [&str; 1] = ["alpha"];
+
+/// Names of the views that a folder has renders of. What lies in the folder of a channel is a view
+/// only if `views` has it by that name.
+///
+/// # Errors
+/// [`SceneError::Io`] if the folder or one within it cannot be read.
+pub(super) fn list(folder: &Path, views: &HashSet<&str>) -> Result<BTreeSet<String>> {
+    let mut found = BTreeSet::new();
+    let mut left = vec![(folder.to_owned(), String::new())];
+    while let Some((dir, prefix)) = left.pop() {
+        let io = |e| SceneError::io(&dir, "read folder", e);
+        for entry in std::fs::read_dir(&dir).map_err(io)? {
+            let path = entry.map_err(io)?.path();
+            let Some(file) = path.file_name().and_then(|name| name.to_str()) else {
+                continue;
+            };
+            if path.is_dir() {
+                left.push((path.clone(), format!("{prefix}{file}/")));
+            } else if let Some(stem) = file.strip_suffix(".exr") {
+                found.insert(format!("{prefix}{stem}"));
+            }
+        }
+    }
+    found.retain(|name| {
+        let first = name.split_once('/').map_or("", |(first, _)| first);
+        let is_channel = CHANNELS.contains(&first) || MORE_CHANNELS.contains(&first);
+        !is_channel || views.contains(name.as_str())
+    });
+    Ok(found)
+}
 
 /// Renders that are known to be there, with the sizes of their views.
 #[derive(Debug)]
@@ -17,29 +51,17 @@ pub(super) struct Renders {
 }
 
 impl Renders {
-    /// Looks for the renders of `frames` and reads their headers, not their pixels.
+    /// Looks for the renders of `frames`, which are there, and reads their headers, not their pixels.
     ///
     /// # Errors
-    /// [`EvalError::MissingRenders`] with all views without a render; [`EvalError::Render`] for
-    /// another size than the view's; [`SceneError`] for a file that is no EXR.
+    /// [`EvalError::Render`] for another size than the view's; [`SceneError`] for a file that is no
+    /// EXR.
     pub(super) fn find(folder: &Path, frames: &[&Frame]) -> Result<Self> {
         let mut found = Self {
             folder: folder.to_owned(),
             num_views: frames.len(),
             num_with_channel: [0; CHANNELS.len()],
         };
-        let missing: Vec<String> = frames
-            .iter()
-            .filter(|frame| !found.path(None, &frame.name).is_file())
-            .map(|frame| frame.name.clone())
-            .collect();
-        if !missing.is_empty() {
-            return Err(EvalError::MissingRenders {
-                folder: found.folder,
-                missing,
-                num_views: frames.len(),
-            });
-        }
         for frame in frames {
             check_size(&found.path(None, &frame.name), frame)?;
             for (i, channel) in CHANNELS.into_iter().enumerate() {

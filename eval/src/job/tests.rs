@@ -1,4 +1,5 @@
 mod conditions;
+mod selection;
 
 use super::*;
 use eagpt_scene::dataset::DatasetWriter;
@@ -218,8 +219,9 @@ fn the_files_say_what_was_found() {
     assert_eq!(json["mean"]["psnr_linear_db"], serde_json::Value::Null);
     assert_eq!(json["mean"]["ssim_srgb"].as_f64(), found.mean("ssim_srgb"));
     assert_eq!(json["num_views"], 2);
-    assert_eq!(json["split"], "every-8th");
-    assert_eq!(json["subset"], "test");
+    assert_eq!(json["num_rendered"], 2);
+    assert_eq!(json["split"], serde_json::Value::Null);
+    assert_eq!(json["subset"], serde_json::Value::Null);
     assert_eq!(json["warnings"].as_array().unwrap().len(), 3);
     for metric in &METRICS {
         assert!(json["definitions"][metric.key].as_str().unwrap().len() > 20);
@@ -248,10 +250,7 @@ fn the_files_say_what_was_found() {
         "{markdown}"
     );
     assert!(markdown.contains("| **mean** | **inf** |"), "{markdown}");
-    assert!(
-        markdown.contains("split every-8th, subset test, views: 2"),
-        "{markdown}"
-    );
+    assert!(markdown.contains("views: 2 of 2 rendered"), "{markdown}");
     assert!(
         markdown.contains("Depth MAE: mean over 1 of 2 views"),
         "{markdown}"
@@ -269,7 +268,7 @@ fn the_files_say_what_was_found() {
 #[test]
 fn missing_renders_are_listed_before_any_work() {
     let mut case = Case::new();
-    case.options.subset = Subset::All;
+    case.options.subset = Some(Subset::All);
     case.assert_refused(&["no render for 7 of 9 views", "cam_1/img_1", "cam_1/img_7"]);
     assert!(!case.options.out.exists());
 }

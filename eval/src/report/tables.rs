@@ -115,10 +115,12 @@ fn mean_row(means: &[Mean]) -> Vec<String> {
 /// Notes needed to compare the numbers with others.
 fn notes(evaluation: &Evaluation) -> Vec<String> {
     let num_views = evaluation.views.len();
-    let mut notes = vec![format!(
-        "split {}, subset {}, views: {num_views}",
-        evaluation.split, evaluation.subset
-    )];
+    let mut notes = vec![match (evaluation.split, evaluation.subset) {
+        (Some(split), Some(subset)) => {
+            format!("split {split}, subset {subset}, views: {num_views}")
+        }
+        _ => format!("views: {num_views} of {} rendered", evaluation.num_rendered),
+    }];
     if let Some(view) = evaluation.views.first() {
         let flip = &view.image.flip_hdr_parameters;
         notes.push(format!(
