@@ -2,7 +2,8 @@
 
 use crate::args::GlobalArgs;
 use crate::{
-    bake, colmap, dataset, edit, eval, export, ingest, masks, normals, render, report, synth, train,
+    bake, colmap, dataset, edit, eval, export, import, ingest, masks, normals, render, report,
+    synth, train,
 };
 use anyhow::Result;
 use clap::Subcommand;
@@ -28,6 +29,8 @@ pub(crate) enum JobCommand {
     Eval(eval::EvalArgs),
     #[serde(skip)]
     Export(export::ExportArgs),
+    #[serde(skip)]
+    Import(import::ImportArgs),
     Synth(synth::SynthArgs),
 }
 
@@ -55,6 +58,7 @@ impl JobCommand {
             Self::Bake(args) => bake::run(args, global),
             Self::Eval(args) => eval::run(args, global),
             Self::Export(args) => export::run(args, global),
+            Self::Import(args) => import::run(args, global),
             Self::Synth(args) => synth::run(args, global),
         }
     }

@@ -1,6 +1,7 @@
 //! `eagpt export`: a scene for other programs.
 
 use crate::args::GlobalArgs;
+use crate::output;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -11,7 +12,8 @@ use std::process::ExitCode;
 /// Write a scene as PLY for other programs
 ///
 /// The formats `2dgs` and `3dgs` are for looking: splat viewers open them, with the radiance as
-/// display colour, clipped at white. Emission and albedo are lost, and they cannot be read back.
+/// display colour, clipped at white. Emission and albedo are lost: `eagpt import` reads such files
+/// without them.
 /// The format `eagpt` is the scene itself, written anew as binary little endian whatever the file's
 /// own encoding was.
 #[derive(Debug, Clone, Args)]
@@ -45,23 +47,27 @@ enum Format {
     Eagpt,
 }
 
+/// Refuses to replace the input, and without `force` any file.
+///
+/// # Errors
+/// If the file is there.
+pub(crate) fn check_target(out: &Path, input: &Path, force: bool) -> Result<()> {
+    if !out.exists() {
+        return Ok(());
+    }
+    if out.canonicalize().ok() == input.canonicalize().ok() {
+        bail!("{}: --out would replace an input", out.display());
+    }
+    if !force {
+        bail!("{}: is there already: --force replaces it", out.display());
+    }
+    Ok(())
+}
+
 pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    if args.out.exists() {
-        let same = args.out.canonicalize().ok() == args.scene.canonicalize().ok();
-        if same {
-            bail!("{}: --out would replace an input", args.out.display());
-        }
-        if !args.force {
-            bail!(
-                "{}: is there already: --force replaces it",
-                args.out.display()
-            );
-        }
-    }
+    check_target(&args.out, &args.scene, args.force)?;
     let gaussians = ply::read_gaussians(&args.scene)?;
-    if let Some(parent) = args.out.parent().filter(|p| *p != Path::new("")) {
-        eagpt_scene::files::create_dir(parent)?;
-    }
+    output::create_parent(&args.out)?;
     match args.format {
         Format::TwoD => ply::write_preview(&args.out, &gaussians, Preview::TwoD)?,
         Format::ThreeD => ply::write_preview(&args.out, &gaussians, Preview::ThreeD)?,

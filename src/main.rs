@@ -39,6 +39,7 @@ mod edit;
 mod eval;
 mod export;
 mod failpoint;
+mod import;
 mod ingest;
 mod interrupt;
 mod masks;

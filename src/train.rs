@@ -40,6 +40,10 @@ pub(crate) struct TrainArgs {
     /// Folder for results; created
     #[arg(long, value_name = "RUN", required_unless_present = "dump_config")]
     pub(crate) out: Option<PathBuf>,
+    /// Scene to start from instead of the points of the dataset: of an earlier run, or of `eagpt
+    /// import`; with --stage albedo its radiance and geometry stay as they are
+    #[arg(long, value_name = "SCENE.ply")]
+    pub(crate) start: Option<PathBuf>,
     #[command(flatten)]
     #[serde(flatten)]
     options: OptionArgs,
@@ -91,6 +95,7 @@ Examples:
   eagpt train kitchen --out runs/quick --preset draft --gaussians 20000 --seed 3
   eagpt train kitchen --out runs/rates --config base.toml --set radiance.rates.position=5e-5
   eagpt train kitchen --out runs/kitchen --resume
+  eagpt train kitchen --start imported.ply --out runs/kitchen
   eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
 
@@ -119,6 +124,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         dataset,
         masks: args.masks.clone(),
         normals: args.normals.clone(),
+        start: args.start.clone(),
         out,
         options,
         existing: match (args.resume, args.force) {
@@ -167,8 +173,8 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
 /// Refuses a folder with results of other commands, or with a scene that no run left there. Earlier
 /// runs are the job's to judge.
 fn check_target(request: &TrainRequest) -> Result<()> {
-    let goes_on =
-        request.existing != Existing::Refuse || request.options.stage == StageChoice::Albedo;
+    let continues = request.options.stage == StageChoice::Albedo && request.start.is_none();
+    let goes_on = request.existing != Existing::Refuse || continues;
     let is_run = ["log.jsonl", "checkpoints"]
         .iter()
         .any(|name| request.out.join(name).exists());
@@ -177,7 +183,7 @@ fn check_target(request: &TrainRequest) -> Result<()> {
         dir: &request.out,
         record: FILE_NAME,
         command: "train",
-        inputs: &[],
+        inputs: request.start.as_slice(),
         replace,
     };
     target.check(&["scene.ply".into()])
@@ -245,6 +251,9 @@ fn fill_record(
     let points = dataset.root().join(POINTS_FILE);
     if points.is_file() {
         builder.record.inputs.push(Input::of(&points)?);
+    }
+    if let Some(start) = &request.start {
+        builder.record.inputs.push(Input::of(start)?);
     }
     // The digest that a resumed run compares: the camera file, and names and sizes of all images.
     builder.record.inputs.push(Input {

@@ -7,6 +7,7 @@
 //!   `transforms.json`.
 //! - [`mod@export`]: our dataset in the layouts of other programs.
 //! - [`mod@check`]: contents of a dataset, missing parts and problems.
+//! - `splats`: Gaussians of other programs, made into a scene of ours.
 //! - [`mod@normals`]: world-space normals of the views from normal maps in any axes and encoding.
 //!
 //! Conventions of colour are in `color` alone, conventions of poses in `world` and
@@ -20,6 +21,7 @@ pub mod import;
 pub mod normals;
 mod options;
 mod source;
+mod splats;
 mod surface;
 mod world;
 
@@ -27,4 +29,5 @@ pub use error::{ConvertError, Result};
 pub use export::{ExportFormat, ExportProgress, export};
 pub use import::{ImportOptions, ImportProgress, ImportSummary, import};
 pub use source::{SourceDataset, SourceFormat};
+pub use splats::{SplatColor, SplatOptions, SplatReport, import_splats};
 pub use world::World;

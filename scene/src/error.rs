@@ -49,12 +49,20 @@ pub enum SceneError {
         /// Its content, and the remedy.
         problem: String,
     },
+    /// There is no file or folder of that name.
+    #[error("{}: no such {what}", path.display())]
+    NotThere {
+        /// The file or folder.
+        path: PathBuf,
+        /// "file" or "folder".
+        what: &'static str,
+    },
     /// The operating system refused.
     #[error("{}: {action}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// The operation: "read", "write", "create folder".
+        /// The operation: "read", "read folder", "write", "create folder".
         action: &'static str,
         /// The reason given by the operating system.
         source: std::io::Error,
@@ -102,12 +110,29 @@ impl SceneError {
         }
     }
 
-    /// An [`SceneError::Io`] for `path`.
+    /// An [`SceneError::Io`] for `path`, or [`SceneError::NotThere`]: people have mistyped a name.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        if source.kind() == std::io::ErrorKind::NotFound {
+            return match action {
+                "read folder" => Self::no_folder(path),
+                _ => Self::NotThere {
+                    path: path.to_owned(),
+                    what: "file",
+                },
+            };
+        }
         Self::Io {
             path: path.to_owned(),
             action,
             source,
+        }
+    }
+
+    /// An [`SceneError::NotThere`] for a folder.
+    pub fn no_folder(path: &Path) -> Self {
+        Self::NotThere {
+            path: path.to_owned(),
+            what: "folder",
         }
     }
 }

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs::File;
 use std::hash::{BuildHasher, RandomState};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -27,12 +27,44 @@ pub fn create_dir(dir: &Path) -> Result<()> {
     std::fs::create_dir_all(dir).map_err(|e| SceneError::io(dir, "create folder", e))
 }
 
+/// First bytes of the text that Git has in place of a large file that was not fetched.
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+/// Longest such text, with room for keys of extensions.
+const MAX_LFS_POINTER: u64 = 1024;
+
+/// Opens a file for reading.
+///
+/// # Errors
+/// [`SceneError::Io`] with the file's name; [`SceneError::Invalid`] if it is a pointer of Git LFS.
+pub fn open(path: &Path) -> Result<File> {
+    let io = |e| SceneError::io(path, "read", e);
+    let mut file = File::open(path).map_err(io)?;
+    if file.metadata().map_err(io)?.len() <= MAX_LFS_POINTER {
+        let mut first = Vec::new();
+        let mut start = (&mut file).take(LFS_POINTER.len() as u64);
+        start.read_to_end(&mut first).map_err(io)?;
+        refuse_pointer(path, &first)?;
+        file.rewind().map_err(io)?;
+    }
+    Ok(file)
+}
+
+fn refuse_pointer(path: &Path, bytes: &[u8]) -> Result<()> {
+    if bytes.starts_with(LFS_POINTER) {
+        let problem = "a pointer of Git LFS and not the file itself: `git lfs pull` fetches it";
+        return Err(SceneError::invalid(path, "content", problem));
+    }
+    Ok(())
+}
+
 /// Reads a whole file.
 ///
 /// # Errors
-/// [`SceneError::Io`] with the file's name.
+/// As [`open`].
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| SceneError::io(path, "read", e))
+    let bytes = std::fs::read(path).map_err(|e| SceneError::io(path, "read", e))?;
+    refuse_pointer(path, &bytes)?;
+    Ok(bytes)
 }
 
 /// Writes `path` through a temporary file in the same folder, flushed to disk and renamed at the
@@ -126,9 +158,12 @@ pub fn remove_temporaries(paths: impl IntoIterator<Item = impl AsRef<Path>>) -> 
 /// Removes temporary files of `only` these names; without them, of all names, and in folders below
 /// too.
 fn sweep(folder: &Path, only: Option<&BTreeSet<String>>) -> Result<()> {
-    let entries = std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read", e))?;
+    let entries =
+        std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read folder", e))?;
     for entry in entries {
-        let path = entry.map_err(|e| SceneError::io(folder, "read", e))?.path();
+        let path = entry
+            .map_err(|e| SceneError::io(folder, "read folder", e))?
+            .path();
         let name = path.file_name().and_then(OsStr::to_str);
         let written = name.and_then(written_name);
         if path.is_dir() && !path.is_symlink() {

@@ -41,7 +41,7 @@ pub fn size(path: &Path) -> Result<(u32, u32)> {
     if is_exr(path) {
         return exr::read_size(path);
     }
-    let file = std::fs::File::open(path).map_err(|e| SceneError::io(path, "read", e))?;
+    let file = files::open(path)?;
     let reader = ImageReader::new(BufReader::new(file))
         .with_guessed_format()
         .map_err(|e| SceneError::io(path, "read", e))?;

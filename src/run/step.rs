@@ -113,7 +113,7 @@ pub(super) fn set_force(command: &mut JobCommand) {
             ..
         }) => &mut args.force,
         JobCommand::Eval(args) => &mut args.force,
-        JobCommand::Dataset(_) | JobCommand::Export(_) => return,
+        JobCommand::Dataset(_) | JobCommand::Export(_) | JobCommand::Import(_) => return,
     };
     *force = true;
 }

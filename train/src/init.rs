@@ -207,7 +207,8 @@ fn choose(cloud: &PointCloud, num: usize, seed: u64) -> PointCloud {
     out
 }
 
-fn extent(positions: &[Vec3]) -> f32 {
+/// Half the diagonal of a box around nearly all `positions`, of which there is at least one.
+pub(crate) fn extent(positions: &[Vec3]) -> f32 {
     let range = |axis: usize| {
         let mut values: Vec<f32> = positions.iter().map(|p| p[axis]).collect();
         values.sort_unstable_by(f32::total_cmp);

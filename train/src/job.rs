@@ -2,6 +2,7 @@
 //! divergence.
 
 mod plan;
+mod start;
 mod steps;
 pub(crate) mod views;
 
@@ -16,7 +17,7 @@ use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::{Split, Subset};
-use eagpt_scene::files::{self, Key};
+use eagpt_scene::files::{self, Key, digest};
 use eagpt_scene::{Dataset, SceneError, ply};
 use eagpt_trace::Device;
 use std::path::{Path, PathBuf};
@@ -54,6 +55,8 @@ pub struct TrainRequest {
     pub masks: Option<PathBuf>,
     /// Folder whose `Normal-exr` holds the normals; without it, those of the dataset.
     pub normals: Option<PathBuf>,
+    /// A scene to start from, instead of the points of the dataset.
+    pub start: Option<PathBuf>,
     /// The folder for results.
     pub out: PathBuf,
     /// Options.
@@ -118,8 +121,12 @@ pub fn train(
     }
     let dataset = Arc::new(dataset);
     let split = dataset.split(options.split)?;
-    let fingerprint = plan::fingerprint(&dataset, options)?;
-    let folder = plan::Folder::new(&request.out);
+    let given = start::read(request)?;
+    let mut fingerprint = plan::fingerprint(&dataset, options)?;
+    if let Some(path) = &request.start {
+        fingerprint = fingerprint.with("start", digest::of_file(path)?);
+    }
+    let folder = plan::Folder::new(request);
     let resumed = folder.prepare(request.existing, options, &fingerprint)?;
     let mut run = Run {
         request,
@@ -140,12 +147,19 @@ pub fn train(
         budget,
         options.seed,
     );
-    let start = match resumed.checkpoint {
-        Some(checkpoint) => {
+    if let Some(given) = &given {
+        run.budget = options.num_gaussians.unwrap_or(0).max(given.len());
+    }
+    let start = match (resumed.checkpoint, &given) {
+        (Some(checkpoint), _) => {
             views.check(request.bad_views, |_| (), &mut run)?;
             checkpoint
         }
-        None => initial_checkpoint(&dataset, &mut views, fingerprint.clone(), &mut run)?,
+        (None, Some(given)) => {
+            views.check(request.bad_views, |_| (), &mut run)?;
+            start::checkpoint(given, options, fingerprint.clone())
+        }
+        (None, None) => initial_checkpoint(&dataset, &mut views, fingerprint.clone(), &mut run)?,
     };
     let mut backend = backend::new(&request.device, start.state.clone(), budget / 2)?;
     let mut position = start;
@@ -224,7 +238,9 @@ impl Run<'_> {
         position: &mut Checkpoint,
     ) -> Result<bool> {
         let wanted = self.request.options.stage;
-        if position.stage == Stage::Radiance && !self.stage(backend, views, position)? {
+        let is_given = self.request.start.is_some() && wanted == StageChoice::Albedo;
+        let begins = position.stage == Stage::Radiance && !is_given;
+        if begins && !self.stage(backend, views, position)? {
             return Ok(false);
         }
         if wanted == StageChoice::Radiance {

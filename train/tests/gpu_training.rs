@@ -49,6 +49,7 @@ fn request(dir: &Path, out: &str, device: &Device) -> TrainRequest {
         dataset: dir.join("room"),
         masks: None,
         normals: None,
+        start: None,
         out: dir.join(out),
         options,
         existing: Existing::Refuse,

@@ -96,6 +96,7 @@ fn trained(dir: &Path, unknown: Unknown) -> Vec<u8> {
         dataset,
         masks: None,
         normals: None,
+        start: None,
         out,
         options,
         existing: Existing::Refuse,

@@ -54,6 +54,13 @@ fn read(
     images: Images,
     mut on_bad: impl FnMut(BadFrame) -> Result<()>,
 ) -> Result<Dataset> {
+    if !path.exists() {
+        return Err(SceneError::no_folder(path));
+    }
+    if path.is_dir() && !path.join(TRANSFORMS_FILE).is_file() {
+        let problem = "missing: not a dataset of ours; `eagpt dataset import` makes one of others";
+        return Err(SceneError::invalid(path, TRANSFORMS_FILE, problem));
+    }
     let transforms = if path.is_dir() {
         path.join(TRANSFORMS_FILE)
     } else {

@@ -16,7 +16,6 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use std::collections::HashSet;
-use std::fs::File;
 use std::io::{BufReader, Cursor};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -105,7 +104,7 @@ pub fn read_single(path: &Path) -> Result<Image<1>> {
 /// # Errors
 /// [`SceneError`] naming the file: unreadable, not an EXR file, or larger than 2^28 pixels.
 pub fn read_size(path: &Path) -> Result<(u32, u32)> {
-    let file = File::open(path).map_err(|e| SceneError::io(path, "read", e))?;
+    let file = files::open(path)?;
     let meta = guarded(path, || {
         MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| exr_error(path, e))
     })?;

@@ -5,6 +5,7 @@
 //! radiance linear. Splat viewers expect raw parameters instead; [`super::write_preview`] makes
 //! files for them.
 
+use super::splats;
 use super::values::Vertices;
 use crate::error::{Result, SceneError};
 use crate::files;
@@ -73,6 +74,9 @@ const QUATERNION_TOLERANCE: f32 = 1e-6;
 /// A quaternion shorter than this has no direction worth keeping.
 const MIN_QUATERNION_LENGTH: f32 = 1e-6;
 
+/// First bytes of a file of SPZ, which is compressed as a whole.
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
 /// Reads Gaussians. Values a rounding error outside 0 to 1 are clamped, quaternions off unit length
 /// are normalised.
 ///
@@ -87,12 +91,16 @@ pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
 }
 
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Gaussians> {
+    if bytes.starts_with(&GZIP) {
+        let problem = "gzip, not a PLY file; `eagpt import` makes a scene of SPZ";
+        return Err(SceneError::invalid(path, "header", problem));
+    }
     let vertices = Vertices::parse(path, bytes)?;
-    if vertices.find("f_dc_0").is_some() && vertices.find("radiances_0").is_none() {
+    if let Some(kind) = splats::kind(&vertices) {
         return Err(SceneError::invalid(
             path,
             "vertex.radiances_0",
-            "missing property: with f_dc_0 this is a file for splat viewers, not of Gaussians that carry light",
+            format!("missing: this is {kind}; `eagpt import` makes a scene of such files"),
         ));
     }
     let mut gaussians = Gaussians::with_capacity(vertices.len());

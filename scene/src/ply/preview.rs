@@ -4,9 +4,10 @@
 //! 2024): raw parameters (logit of the opacity, logarithm of the scales), display colour as the
 //! first spherical harmonic, no higher harmonics, no comments in the header since some loaders stop
 //! at them. Colour is clipped at display white, and emission and albedo are lost: a preview is for
-//! looking, it cannot be read back.
+//! looking.
 
 use super::gaussians::header;
+use super::splats::SH_DEGREE_0;
 use crate::color::srgb_from_linear;
 use crate::error::{Result, SceneError};
 use crate::files;
@@ -15,8 +16,6 @@ use glam::Vec3;
 use std::io::Write;
 use std::path::Path;
 
-/// Value of the spherical harmonic of degree 0: 1 / (2 √π).
-const SH_DEGREE_0: f32 = 0.282_094_8;
 /// Opacities are kept this far from 0 and 1, where the logit is infinite.
 const OPACITY_MARGIN: f32 = 1e-6;
 /// Thickness given to a flat Gaussian for viewers of 3D ones. Its logarithm is stored, and must be

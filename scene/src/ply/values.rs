@@ -1,6 +1,6 @@
 //! The values of a PLY file: chosen properties of the `vertex` element, row by row.
 
-use super::header::{self, Element, Encoding, Header, PropertyType, Scalar};
+use super::header::{self, Element, Encoding, Header, Property, PropertyType, Scalar};
 use crate::error::{Result, SceneError};
 use std::path::Path;
 
@@ -41,6 +41,11 @@ impl<'a> Vertices<'a> {
     /// Number of rows; the file is known to be long enough for them.
     pub(super) fn len(&self) -> usize {
         self.vertex().count
+    }
+
+    /// The properties of a row.
+    pub(super) fn properties(&self) -> &[Property] {
+        &self.vertex().properties
     }
 
     fn vertex(&self) -> &Element {

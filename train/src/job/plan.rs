@@ -8,7 +8,7 @@ use eagpt_scene::dataset::Split;
 use eagpt_scene::files::{self, Key, digest};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Dataset, SceneError};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Bytes a Gaussian takes while it is trained: raw values, moments, gradients (4 × 17 floats), its
 /// activated and prepared forms.
@@ -26,6 +26,8 @@ const BYTES_PER_VIEW_PIXEL: u64 = (3 + 3 + 1 + 1 + 4 + 4) * 4 + 3 * 2;
 /// The files of a run.
 pub(super) struct Folder {
     root: PathBuf,
+    /// Whether stage 1 alone continues from the end of stage 0 in this folder.
+    takes_radiance: bool,
 }
 
 /// Where a run takes up.
@@ -37,9 +39,10 @@ pub(super) struct Resumed {
 }
 
 impl Folder {
-    pub(super) fn new(root: &Path) -> Self {
+    pub(super) fn new(request: &TrainRequest) -> Self {
         Self {
-            root: root.to_owned(),
+            root: request.out.clone(),
+            takes_radiance: request.options.stage == StageChoice::Albedo && request.start.is_none(),
         }
     }
 
@@ -75,7 +78,7 @@ impl Folder {
         fingerprint: &Key,
     ) -> Result<Resumed> {
         let occupied = !checkpoint::list(&self.checkpoints())?.is_empty() || self.log().exists();
-        let albedo_only = options.stage == StageChoice::Albedo;
+        let albedo_only = self.takes_radiance;
         if occupied && existing == Existing::Refuse && !albedo_only {
             let problem = "holds an earlier run: --resume continues it, --force starts over, --out names another folder";
             return Err(SceneError::Work {
@@ -142,6 +145,7 @@ impl Folder {
 
     fn check(&self, checkpoint: &Checkpoint, wanted: &Key, with_albedo: bool) -> Result<()> {
         let part = |part: &str| match part {
+            "start" => Some("scene to start from"),
             "radiance" => Some("options of stage 0, seed, split or starting values"),
             "albedo" => {
                 (with_albedo && checkpoint.stage == Stage::Albedo).then_some("options of stage 1")

@@ -1,0 +1,58 @@
+//! Training that starts from a scene instead of points.
+
+use super::TrainRequest;
+use crate::checkpoint::{Checkpoint, LossMonitor};
+use crate::error::{Result, TrainError};
+use crate::init;
+use crate::options::{Stage, TrainOptions};
+use crate::params::ParameterState;
+use eagpt_scene::files::Key;
+use eagpt_scene::{Gaussians, ply};
+
+/// The scene that the request names.
+///
+/// # Errors
+/// If it cannot be read, or has no extent.
+pub(super) fn read(request: &TrainRequest) -> Result<Option<Gaussians>> {
+    let Some(path) = &request.start else {
+        return Ok(None);
+    };
+    let gaussians = ply::read_gaussians(path)?;
+    let extent = match gaussians.is_empty() {
+        true => 0.0,
+        false => init::extent(&gaussians.positions),
+    };
+    if extent <= 0.0 || !extent.is_finite() {
+        return Err(TrainError::Dataset {
+            path: path.clone(),
+            problem: format!("the scene has an extent of {extent}"),
+        });
+    }
+    Ok(Some(gaussians))
+}
+
+/// The state before the first iteration, with the radiance, emission and albedo of a scene.
+pub(super) fn checkpoint(
+    gaussians: &Gaussians,
+    options: &TrainOptions,
+    fingerprint: Key,
+) -> Checkpoint {
+    let mut state = ParameterState::new(gaussians);
+    state.sort_in_space();
+    let harmonics = options.radiance.harmonics.degree > 0;
+    if !harmonics {
+        state.harmonics = crate::params::Learned::new(Vec::new());
+    }
+    Checkpoint {
+        stage: Stage::Radiance,
+        iteration: 0,
+        fingerprint,
+        extent: init::extent(&gaussians.positions),
+        monitor: LossMonitor {
+            smoothed: 0.0,
+            smoothed_l1: 0.0,
+            best_l1: f64::MAX,
+        },
+        state,
+    }
+}
