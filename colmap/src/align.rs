@@ -186,6 +186,48 @@ impl Evidence {
     }
 }
 
+/// What a search for the floor starts from.
+pub(crate) struct Seen {
+    /// Points that count.
+    pub(crate) num_points: usize,
+    /// The cameras' vertical.
+    pub(crate) gravity: Option<GravityReport>,
+    /// Points above all cameras, between them, and below them.
+    pub(crate) points_by_height: Option<[usize; 3]>,
+}
+
+/// Looks at cameras and points without asking for a floor.
+pub(crate) fn look(model: &Model, options: &AlignOptions) -> Seen {
+    let evidence = Evidence::new(model, options);
+    let gravity = match options.manual.up() {
+        Some(up) => Some(Gravity::said(up)),
+        None => gravity::find(&evidence).ok(),
+    };
+    let by_height = gravity.as_ref().map(|gravity| {
+        let heights = evidence.centres.iter().map(|c| c.dot(gravity.up));
+        let low = heights.clone().fold(f64::INFINITY, f64::min);
+        let high = heights.fold(f64::NEG_INFINITY, f64::max);
+        let mut counts = [0; 3];
+        for point in &evidence.points {
+            let height = point.dot(gravity.up);
+            let at = if height > high {
+                0
+            } else if height >= low {
+                1
+            } else {
+                2
+            };
+            counts[at] += 1;
+        }
+        counts
+    });
+    Seen {
+        num_points: evidence.points.len(),
+        gravity: gravity.map(|gravity| gravity.report),
+        points_by_height: by_height,
+    }
+}
+
 /// Finds the transform to a world with z up and the floor on z = 0.
 ///
 /// # Errors

@@ -10,6 +10,7 @@
 
 mod images;
 mod report;
+mod survey;
 mod views;
 
 #[cfg(test)]
@@ -17,6 +18,7 @@ mod tests;
 
 pub use images::Folder;
 pub use report::{CameraReport, ImportReport};
+pub use survey::{Survey, SurveyedCamera};
 
 use crate::align::{self, AlignOptions, Alignment, Mode};
 use crate::error::{ColmapError, Result};

@@ -200,7 +200,7 @@ pub fn list_images(dir: &Path) -> Result<Vec<String>> {
 
 fn collect(dir: &Path, prefix: &str, names: &mut Vec<String>, num_exr: &mut usize) -> Result<()> {
     const MAX_DEPTH: usize = 8;
-    let io = |error| SceneError::io(dir, "read", error);
+    let io = |error| SceneError::io(dir, "read folder", error);
     for entry in fs::read_dir(dir).map_err(io)? {
         let path = entry.map_err(io)?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
@@ -391,7 +391,7 @@ fn arguments(
 
 /// The model with most images among those in `sparse`, and their number.
 fn largest(sparse: &Path, log: &Path) -> Result<(Model, usize)> {
-    let io = |error| SceneError::io(sparse, "read", error);
+    let io = |error| SceneError::io(sparse, "read folder", error);
     let mut dirs = Vec::new();
     for entry in fs::read_dir(sparse).map_err(io)? {
         let path = entry.map_err(io)?.path();

@@ -32,8 +32,14 @@ pub enum ConvertError {
         /// The files searched for.
         problem: String,
     },
+    /// The photograph of a frame is missing.
+    #[error("{}: no such file", path.display())]
+    NoImage {
+        /// The file.
+        path: PathBuf,
+    },
     /// Frames that cannot be used, all of them.
-    #[error("{}: {} of {num_frames} frames cannot be used: {}", path.display(), problems.len(), listed(problems))]
+    #[error("{}: {} of {num_frames} frames cannot be used: {}", path.display(), problems.len(), grouped(problems, *num_frames))]
     BadFrames {
         /// The dataset.
         path: PathBuf,
@@ -60,6 +66,19 @@ pub enum ConvertError {
     },
 }
 
+/// Why a frame cannot be used, as far as an option helps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Cause {
+    /// The photograph is a JPEG, which is decoded on request.
+    Jpeg,
+    /// The photograph is a PNG, which is decoded on request.
+    Png,
+    /// There is no photograph.
+    Missing,
+    /// Something else, as the text says.
+    Other,
+}
+
 /// A problem of one frame.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Problem {
@@ -67,15 +86,45 @@ pub struct Problem {
     pub view: String,
     /// The problem, with file, field and value.
     pub problem: String,
+    /// What problems are counted by.
+    #[serde(skip)]
+    pub cause: Cause,
 }
 
 impl Problem {
     /// A problem of a frame.
     pub fn new(view: &str, problem: impl std::fmt::Display) -> Self {
+        Self::caused(view, Cause::Other, problem)
+    }
+
+    /// A problem of a frame, of a known cause.
+    pub fn caused(view: &str, cause: Cause, problem: impl std::fmt::Display) -> Self {
         Self {
             view: view.to_owned(),
             problem: problem.to_string(),
+            cause,
         }
+    }
+
+    /// What problems of one kind have in common: the cause, and the text without the file in front
+    /// of it and without numbers.
+    fn kind(&self) -> (Cause, String) {
+        if self.cause != Cause::Other {
+            return (self.cause, String::new());
+        }
+        let text = self
+            .problem
+            .split_once(": ")
+            .map_or(&*self.problem, |p| p.1);
+        let mut kind = String::new();
+        for c in text.chars() {
+            match c.is_ascii_digit() {
+                true if kind.ends_with('#') => {}
+                true => kind.push('#'),
+                false => kind.push(c),
+            }
+        }
+        (self.cause, kind)
     }
 }
 
@@ -99,18 +148,56 @@ impl ConvertError {
     }
 }
 
-/// Problems in one line; progress messages list the rest.
-fn listed(problems: &[Problem]) -> String {
-    const MAX_LISTED: usize = 8;
-    let mut text = String::new();
-    for (index, Problem { view, problem }) in problems.iter().take(MAX_LISTED).enumerate() {
-        let separator = if index == 0 { "" } else { "; " };
-        // Writing to a string does not fail.
-        write!(text, "{separator}{view}: {problem}").unwrap_or_default();
+/// Problems in one line, by their causes, with the option that helps.
+fn grouped(problems: &[Problem], num_frames: usize) -> String {
+    const MAX_KINDS: usize = 8;
+    let mut groups: Vec<((Cause, String), Vec<&Problem>)> = Vec::new();
+    for problem in problems {
+        let kind = problem.kind();
+        match groups.iter_mut().find(|(of, _)| *of == kind) {
+            Some((_, of_kind)) => of_kind.push(problem),
+            None => groups.push((kind, vec![problem])),
+        }
     }
-    let more = problems.len().saturating_sub(MAX_LISTED);
+    groups.sort_by_key(|((cause, _), of_kind)| (*cause, std::cmp::Reverse(of_kind.len())));
+    let mut texts: Vec<String> = groups
+        .iter()
+        .take(MAX_KINDS)
+        .map(|((cause, _), of_kind)| told(*cause, of_kind))
+        .collect();
+    let more: usize = groups.iter().skip(MAX_KINDS).map(|(_, of)| of.len()).sum();
     if more > 0 {
-        write!(text, "; and {more} more").unwrap_or_default();
+        texts.push(format!("and {more} more"));
+    }
+    let has_others = groups.iter().any(|((cause, _), _)| *cause == Cause::Other);
+    if has_others && problems.len() < num_frames {
+        texts.push("--skip-bad leaves such frames out".to_owned());
+    }
+    texts.join("; ")
+}
+
+/// Problems of one kind.
+fn told(cause: Cause, problems: &[&Problem]) -> String {
+    let num = problems.len();
+    let names = names(problems);
+    let are = if num == 1 { "is" } else { "are" };
+    match cause {
+        Cause::Jpeg => format!("{num} {are} JPEG, for --ldr srgb to decode: {names}"),
+        Cause::Png => format!("{num} {are} PNG, for --ldr srgb to decode: {names}"),
+        Cause::Missing => format!("{num} {are} missing, for --skip-bad to leave out: {names}"),
+        Cause::Other if num == 1 => format!("{names}: {}", problems[0].problem),
+        Cause::Other => format!("{num} as {}: {names}", problems[0].problem),
+    }
+}
+
+/// Names of the first few frames, and the number of the others.
+fn names(problems: &[&Problem]) -> String {
+    const MAX_NAMES: usize = 4;
+    let shown = problems.iter().take(MAX_NAMES).map(|p| p.view.as_str());
+    let mut text = shown.collect::<Vec<_>>().join(", ");
+    if let more @ 1.. = problems.len().saturating_sub(MAX_NAMES) {
+        // Writing to a string does not fail.
+        write!(text, " and {more} more").unwrap_or_default();
     }
     text
 }
@@ -119,16 +206,43 @@ fn listed(problems: &[Problem]) -> String {
 mod tests {
     use super::*;
 
-    #[test]
-    fn all_bad_frames_are_one_line() {
-        let problems = (0..10).map(|i| Problem::new(&format!("{i:03}"), "no image"));
+    fn message(problems: Vec<Problem>) -> String {
         let error = ConvertError::BadFrames {
             path: "room".into(),
-            num_frames: 30,
-            problems: problems.collect(),
+            num_frames: 90,
+            problems,
         };
-        let message = error.to_string();
-        assert!(message.starts_with("room: 10 of 30 frames cannot be used: 000: no image; 001: "));
-        assert!(message.ends_with("007: no image; and 2 more"), "{message}");
+        error.to_string()
+    }
+
+    #[test]
+    fn causes_are_counted_with_the_option_that_helps() {
+        let mut problems: Vec<Problem> = (0..17)
+            .map(|i| Problem::caused(&format!("m{i}"), Cause::Missing, "no file"))
+            .collect();
+        let jpeg = |i| Problem::caused(&format!("{i:03}"), Cause::Jpeg, "JPEG");
+        problems.extend((0..50).map(jpeg));
+        assert_eq!(
+            message(problems),
+            "room: 67 of 90 frames cannot be used: 50 are JPEG, for --ldr srgb to decode: 000, 001, 002, 003 and 46 more; \
+             17 are missing, for --skip-bad to leave out: m0, m1, m2, m3 and 13 more"
+        );
+    }
+
+    #[test]
+    fn other_problems_are_counted_by_what_they_say() {
+        let size = |i| {
+            Problem::new(
+                &format!("{i:03}"),
+                format!("a/{i}.exr: size: {i}x9, not 5x9"),
+            )
+        };
+        let mut problems: Vec<Problem> = (6..9).map(size).collect();
+        problems.push(Problem::new("x", "t.json: frames[3].w: missing"));
+        assert_eq!(
+            message(problems),
+            "room: 4 of 90 frames cannot be used: 3 as a/6.exr: size: 6x9, not 5x9: 006, 007, 008; \
+             x: t.json: frames[3].w: missing; --skip-bad leaves such frames out"
+        );
     }
 }

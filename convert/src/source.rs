@@ -19,7 +19,7 @@ mod lens;
 pub(crate) mod nerfstudio;
 
 use crate::color::ColorTransform;
-use crate::error::{ConvertError, Problem, Result};
+use crate::error::{Cause, ConvertError, Problem, Result};
 use crate::options::ImportOptions;
 use eagpt_scene::dataset::{DatasetInfo, POINTS_FILE, TRANSFORMS_FILE};
 use eagpt_scene::pictures;
@@ -257,6 +257,10 @@ impl SourceDataset {
     fn add(&mut self, name: &str, frame: Result<SourceFrame>) {
         match frame {
             Ok(frame) => self.frames.push(frame),
+            Err(error @ ConvertError::NoImage { .. }) => {
+                let problem = Problem::caused(name, Cause::Missing, &error);
+                self.problems.push(problem);
+            }
             Err(error) => self.problems.push(Problem::new(name, &error)),
         }
     }
@@ -334,9 +338,14 @@ impl SourceDataset {
         self.frames = kept;
         self.problems.extend(aside.iter().map(|frame| {
             let path = frame.files.radiance.display();
+            let extension = frame.files.radiance.extension();
+            let cause = match extension.is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+                true => Cause::Png,
+                false => Cause::Jpeg,
+            };
             let problem =
                 format!("{path}: not linear EXR; --ldr srgb decodes PNG and JPEG as sRGB");
-            Problem::new(&frame.name, problem)
+            Problem::caused(&frame.name, cause, problem)
         }));
     }
 
@@ -363,7 +372,9 @@ fn points_beside(root: &Path) -> Option<PathBuf> {
 /// The size of an image that must exist.
 fn size_of(path: &Path) -> Result<(u32, u32)> {
     if !path.is_file() {
-        return Err(ConvertError::invalid(path, "image", "is not there"));
+        return Err(ConvertError::NoImage {
+            path: path.to_owned(),
+        });
     }
     Ok(pictures::size(path)?)
 }

@@ -1,5 +1,7 @@
 //! `eagpt colmap import`: a COLMAP model and linear images become a dataset.
 
+mod survey;
+
 use crate::args::{self, GlobalArgs};
 use crate::command_line;
 use crate::output::{Replace, Target};
@@ -13,6 +15,7 @@ use eagpt_colmap::import::{
     PointFilter, Srgb8,
 };
 use eagpt_colmap::model::PointId;
+use eagpt_convert::import::Ldr;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::lens::{Field, Pinhole, UndistortOptions};
@@ -48,8 +51,13 @@ pub(crate) struct ImportArgs {
     /// poses
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub(crate) conditions: Vec<String>,
-    /// Take 8-bit sRGB pictures (PNG, JPEG) where there is no EXR; light above their white is lost
-    #[arg(long)]
+    /// Treatment of 8-bit pictures (PNG, JPEG) where there is no EXR; light above their white is
+    /// lost
+    #[arg(long, value_enum, default_value = "refuse")]
+    #[serde(serialize_with = "command_line::value")]
+    ldr: Ldr,
+    /// The earlier name of --ldr srgb
+    #[arg(long, hide = true)]
     allow_srgb8: bool,
     /// Leave registered images without a file out, instead of refusing
     #[arg(long)]
@@ -66,7 +74,8 @@ pub(crate) struct ImportArgs {
     /// Write the aligned model, rigs and frames included, into DATASET/colmap
     #[arg(long)]
     write_model: bool,
-    /// Find and report the floor, but write nothing
+    /// Report what is in the model, how the floor was searched and what was found, but write
+    /// nothing
     #[arg(long)]
     dry_run: bool,
     /// Replace an earlier import in DATASET
@@ -190,10 +199,9 @@ impl ImportArgs {
         Ok(ImportOptions {
             images: self.images.clone(),
             conditions: self.conditions.clone(),
-            srgb8: if self.allow_srgb8 {
-                Srgb8::Decode
-            } else {
-                Srgb8::Refuse
+            srgb8: match self.ldr {
+                Ldr::Refuse if !self.allow_srgb8 => Srgb8::Refuse,
+                _ => Srgb8::Decode,
             },
             missing: if self.skip_missing {
                 Missing::Skip
@@ -300,13 +308,22 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         options: &options,
     };
     let mut builder = RecordBuilder::begin("colmap import", &recorded, global)?;
-    let plan = ImportPlan::new(&args.model, &options)?;
     let mut reporter = Reporter::new(global);
-    tell_alignment(&reporter, plan.alignment())?;
+    if args.dry_run {
+        survey::tell(&reporter, &args.model, &options)?;
+    }
+    let plan = ImportPlan::new(&args.model, &options).map_err(survey::with_advice)?;
+    if !args.dry_run {
+        tell_alignment(&reporter, plan.alignment())?;
+    }
     for warning in plan.warnings() {
         reporter.warning(warning);
     }
     if args.dry_run {
+        let num_images = plan.images().len();
+        if options.images.is_some() {
+            reporter.note(&format!("images: {num_images} files would be read"));
+        }
         return Ok(ExitCode::SUCCESS);
     }
     let mut inputs = plan.images();

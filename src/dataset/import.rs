@@ -163,8 +163,9 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
 }
 
 fn refuse(reporter: &mut Reporter, source: &SourceDataset) -> anyhow::Error {
+    // People are told by causes; programs want each.
     for problem in &source.problems {
-        if let Err(error) = tell(reporter, &ImportProgress::Bad(problem.clone())) {
+        if let Err(error) = reporter.message(&ImportProgress::Bad(problem.clone())) {
             return error;
         }
     }

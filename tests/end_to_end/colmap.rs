@@ -132,9 +132,12 @@ fn what_is_wrong_is_told_before_anything_is_written() {
     let place = Workplace::new();
     room_model(&place);
     let import = "colmap import sparse --out ds --images";
-    place.fails_cleanly("colmap import nowhere --out ds", &["nowhere", "no model"]);
+    place.fails_cleanly(
+        "colmap import nowhere --out ds",
+        &["nowhere", "no such folder"],
+    );
     place.fails_cleanly(&format!("{import} nowhere"), &["nowhere"]);
-    place.fails_cleanly(&format!("{import} sparse"), &["sparse", "no EXR images"]);
+    place.fails_cleanly(&format!("{import} sparse"), &["sparse", "no images"]);
     let refused = format!("{import} room --align manual");
     place.fails_cleanly(&refused, &["manual alignment needs three points"]);
     let refused = format!("{import} room --known-distance a.png,001.png,2");
@@ -144,8 +147,45 @@ fn what_is_wrong_is_told_before_anything_is_written() {
     std::fs::remove_file(place.path("room/Radiance-exr/002.exr")).unwrap();
     place.fails_cleanly(
         &format!("{import} room"),
-        &["1 of 11 registered images", "002"],
+        &["1 of 11 registered images", "--skip-missing", "002"],
     );
+    place.write("room/Radiance-exr/002.jpg", "");
+    place.fails_cleanly(
+        &format!("{import} room"),
+        &["1 PNG or JPEG, for --ldr srgb to decode: 002"],
+    );
+    std::fs::remove_file(place.path("room/Radiance-exr/002.jpg")).unwrap();
+    let points = place.bytes("sparse/points3D.bin");
+    std::fs::remove_file(place.path("sparse/points3D.bin")).unwrap();
+    place.fails_cleanly(
+        &format!("{import} room"),
+        &["sparse: an incomplete model: no points3D.bin"],
+    );
+    place.write(
+        "sparse/points3D.bin",
+        "version https://git-lfs.github.com/spec/v1\noid 1\n",
+    );
+    place.fails_cleanly(
+        &format!("{import} room"),
+        &["points3D.bin", "pointer of Git LFS", "`git lfs pull`"],
+    );
+    // A model without enough points: what is in it is told all the same.
+    place.write("sparse/points3D.bin", 0_u64.to_le_bytes());
+    let output = place.run(&format!("{import} room --skip-missing --dry-run"));
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    for part in [
+        "11 registered images",
+        "0 points",
+        "camera 1: ",
+        "up: ",
+        "floor: none",
+        "--align none",
+        "--floor-points",
+    ] {
+        assert!(told.contains(part), "no `{part}` in: {told}");
+    }
+    place.write("sparse/points3D.bin", points);
     let bytes = place.bytes("sparse/images.bin");
     place.write("sparse/images.bin", &bytes[..bytes.len() - 5]);
     place.fails_cleanly(

@@ -74,8 +74,7 @@ fn all_frames_that_cannot_be_used_are_told_at_once() {
         "not a rotation",
         "005: ",
         "EQUIRECTANGULAR",
-        "009: ",
-        "is not there",
+        "1 is missing, for --skip-bad to leave out: 009",
     ];
     place.fails_cleanly("dataset import theirs --out ours", &bad);
     place.succeeds("dataset import theirs --out ours --skip-bad");

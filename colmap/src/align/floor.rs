@@ -85,6 +85,8 @@ pub(super) fn find(
         .collect();
     let num_needed = MIN_INLIERS.max((MIN_SHARE * evidence.points.len() as f64) as usize);
     let candidates = planes(&below, gravity.up, tolerance, num_needed, options.seed);
+    let num_level = candidates.len();
+    let largest = candidates.iter().map(|of| of.inliers.len()).max();
     let wide: Vec<Candidate> = candidates
         .into_iter()
         .filter(|candidate| {
@@ -94,10 +96,16 @@ pub(super) fn find(
         .collect();
     let chosen = choose(evidence, &wide, tolerance).ok_or_else(|| {
         ColmapError::Align(format!(
-            "no floor: among {} points below the cameras no level plane (up is {}) has {num_needed} points that spread; \
+            "no floor: among {} points below the cameras no level plane (up is {}) has {num_needed} points that spread; {}; \
              name points of the floor, or say what is up",
             below.len(),
-            shown(gravity.up)
+            shown(gravity.up),
+            match largest {
+                Some(num) => format!(
+                    "of {num_level} level planes, the largest with {num} points, none is wide and stands out"
+                ),
+                None => "no level plane was found".to_owned(),
+            }
         ))
     })?;
     let refined = refine(evidence, gravity, &wide[chosen.index].plane, tolerance);

@@ -21,7 +21,7 @@ pub(crate) struct Gravity {
 
 /// The vertical as estimated from the cameras.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct GravityReport {
+pub struct GravityReport {
     /// Up, in the model's world.
     pub up: [f64; 3],
     /// "upright", or "sideways" if the images lie on their side.

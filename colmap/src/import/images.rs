@@ -5,7 +5,7 @@ use crate::error::{ColmapError, Result};
 use eagpt_scene::SceneError;
 use eagpt_scene::dataset::{ALPHA_DIR, EMISSION_DIR, RADIANCE_DIR};
 use eagpt_scene::pictures::{self, Light};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -26,6 +26,8 @@ pub(super) enum ImageFile {
 pub struct Folder {
     dir: PathBuf,
     images: BTreeMap<String, ImageFile>,
+    /// Names of 8-bit pictures that are not taken, by their last component.
+    refused: BTreeSet<String>,
 }
 
 impl ImageFile {
@@ -61,13 +63,14 @@ impl Folder {
         let mut folder = Self {
             dir: dir.to_owned(),
             images: BTreeMap::new(),
+            refused: BTreeSet::new(),
         };
         let num_pictures = folder.collect(&root, "", 0, srgb8)?;
         if folder.images.is_empty() {
             let problem = match num_pictures {
-                0 => "no EXR images".to_owned(),
+                0 => "no images".to_owned(),
                 num => format!(
-                    "no linear EXR images, but {num} 8-bit pictures, which are taken only if you say so"
+                    "no linear EXR images, but {num} 8-bit pictures, PNG or JPEG: --ldr srgb decodes them"
                 ),
             };
             return Err(ColmapError::invalid(&root, problem));
@@ -77,7 +80,7 @@ impl Folder {
 
     /// Collects images and returns the number of 8-bit pictures skipped.
     fn collect(&mut self, dir: &Path, prefix: &str, depth: usize, srgb8: Srgb8) -> Result<usize> {
-        let io = |error| SceneError::io(dir, "read", error);
+        let io = |error| SceneError::io(dir, "read folder", error);
         let mut num_pictures = 0;
         for entry in fs::read_dir(dir).map_err(io)? {
             let entry = entry.map_err(io)?;
@@ -99,6 +102,7 @@ impl Folder {
                 "png" | "jpg" | "jpeg" if srgb8 == Srgb8::Decode => ImageFile::Srgb8(path.clone()),
                 "png" | "jpg" | "jpeg" => {
                     num_pictures += 1;
+                    self.refused.insert(last(&name).to_owned());
                     continue;
                 }
                 _ => continue,
@@ -132,11 +136,15 @@ impl Folder {
         if let Some((own, source)) = self.images.get_key_value(name) {
             return Some((own, source));
         }
-        let last = |name: &str| name.rsplit('/').next().unwrap_or_default().to_owned();
         let expected = last(name);
         let mut ending = self.images.iter().filter(|(own, _)| last(own) == expected);
         let (own, source) = ending.next()?;
         ending.next().is_none().then_some((own.as_str(), source))
+    }
+
+    /// Whether a view has a picture that is not taken, since it is an 8-bit one.
+    pub(super) fn has_refused(&self, name: &str) -> bool {
+        self.refused.contains(last(name))
     }
 
     /// The emission mask and the opacity of an image of this folder, if present.
@@ -146,4 +154,9 @@ impl Folder {
             path.is_file().then_some(path)
         })
     }
+}
+
+/// The last component of a name.
+fn last(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or_default()
 }

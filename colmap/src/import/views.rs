@@ -99,6 +99,21 @@ pub(super) fn names(path: &Path, model: &Model) -> Result<Vec<String>> {
     Ok(names)
 }
 
+/// Missing images by cause, with the option that helps.
+fn by_cause(folder: &Folder, missing: &[String]) -> String {
+    let (refused, absent): (Vec<String>, Vec<String>) = missing
+        .iter()
+        .cloned()
+        .partition(|name| folder.has_refused(name));
+    let causes = [
+        (&refused, "PNG or JPEG, for --ldr srgb to decode"),
+        (&absent, "missing, for --skip-missing to leave out"),
+    ];
+    let told = causes.iter().filter(|(names, _)| !names.is_empty());
+    let told = told.map(|(names, what)| format!("{} {what}: {}", names.len(), listed(names)));
+    told.collect::<Vec<_>>().join("; ")
+}
+
 /// Finds photographs and collects their problems.
 pub(super) struct Finder<'a> {
     pub(super) model: &'a Model,
@@ -161,7 +176,7 @@ impl Finder<'_> {
                 missing.len(),
                 self.names.len(),
                 dir.display(),
-                listed(&missing)
+                by_cause(&folder, &missing)
             ));
         } else if photographs.is_empty() && self.problems.is_empty() {
             self.problems.push(format!(

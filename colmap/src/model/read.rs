@@ -6,9 +6,8 @@ use super::records::Record;
 use super::text::TextReader;
 use super::{Form, Model, ModelImage, Observations, Part, SensorType};
 use crate::error::{ColmapError, Result};
-use eagpt_scene::SceneError;
+use eagpt_scene::{SceneError, files};
 use std::collections::{HashMap, HashSet};
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -23,7 +22,7 @@ pub(super) fn read(dir: &Path, observations: Observations) -> Result<Model> {
         if !Part::NEEDED.contains(&part) && !path.is_file() {
             continue;
         }
-        let file = File::open(&path).map_err(|error| SceneError::io(&path, "read", error))?;
+        let file = files::open(&path)?;
         let length = file
             .metadata()
             .map_err(|error| SceneError::io(&path, "read", error))?
@@ -63,11 +62,43 @@ fn no_model(dir: &Path) -> ColmapError {
     let inside = ["sparse/0", "0", "sparse"]
         .into_iter()
         .find(|sub| Form::of(&dir.join(sub)).is_some());
-    let problem = match inside {
-        Some(sub) => format!("no model here, but one in {}", dir.join(sub).display()),
-        None => "no model: needs cameras, images and points3D, all .bin or all .txt".to_owned(),
+    if !dir.is_dir() {
+        return SceneError::no_folder(dir).into();
+    }
+    let problem = match (inside, incomplete(dir)) {
+        (Some(sub), _) => format!("no model here, but one in {}", dir.join(sub).display()),
+        (None, Some((missing, form))) => format!(
+            "an incomplete model: no {missing}; a model has {}",
+            Part::NEEDED.map(|part| file_name(part, form)).join(", ")
+        ),
+        (None, None) => {
+            "no model: needs cameras, images and points3D, all .bin or all .txt".to_owned()
+        }
     };
     ColmapError::invalid(dir, problem)
+}
+
+fn file_name(part: Part, form: Form) -> String {
+    part.path(Path::new(""), form).display().to_string()
+}
+
+/// The missing files of a model of which some are there, and its form: the one with fewer missing.
+fn incomplete(dir: &Path) -> Option<(String, Form)> {
+    let missing = |form: Form| {
+        let parts = Part::NEEDED.into_iter();
+        let missing = parts.filter(move |part| !part.path(dir, form).is_file());
+        (
+            missing
+                .map(move |part| file_name(part, form))
+                .collect::<Vec<_>>(),
+            form,
+        )
+    };
+    let (missing, form) = [Form::Binary, Form::Text]
+        .map(missing)
+        .into_iter()
+        .min_by_key(|(missing, _)| missing.len())?;
+    (missing.len() < Part::NEEDED.len()).then(|| (missing.join(" and no "), form))
 }
 
 struct Input<'a, R> {

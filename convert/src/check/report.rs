@@ -282,7 +282,7 @@ impl CheckReport {
         if !self.problems.is_empty() {
             writeln!(out)?;
         }
-        for Problem { view, problem } in &self.problems {
+        for Problem { view, problem, .. } in &self.problems {
             writeln!(out, "  broken: {view}: {problem}")?;
         }
         let verdict = match self.problems.len() {

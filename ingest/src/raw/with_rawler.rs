@@ -50,6 +50,7 @@ fn short(error: &rawler::RawlerError) -> String {
         rawler::RawlerError::DecoderFailed(text) => {
             let text = text.lines().next().unwrap_or_default();
             let text = text.split(". Please").next().unwrap_or(text);
+            let text = text.trim_start_matches("TODO: ");
             format!("damaged or not supported: {}", text.trim_end_matches(','))
         }
     }
