@@ -110,21 +110,20 @@ impl SceneError {
         }
     }
 
-    /// An [`SceneError::Io`] for `path`, or [`SceneError::NotThere`]: people have mistyped a name.
+    /// An [`SceneError::Io`] for `path`, or a [`SceneError::NotThere`] where something to be read is
+    /// missing: people have mistyped its name.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
-        if source.kind() == std::io::ErrorKind::NotFound {
-            return match action {
-                "read folder" => Self::no_folder(path),
-                _ => Self::NotThere {
-                    path: path.to_owned(),
-                    what: "file",
-                },
-            };
-        }
-        Self::Io {
-            path: path.to_owned(),
-            action,
-            source,
+        match (source.kind(), action) {
+            (std::io::ErrorKind::NotFound, "read folder") => Self::no_folder(path),
+            (std::io::ErrorKind::NotFound, "read") => Self::NotThere {
+                path: path.to_owned(),
+                what: "file",
+            },
+            _ => Self::Io {
+                path: path.to_owned(),
+                action,
+                source,
+            },
         }
     }
 

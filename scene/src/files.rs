@@ -245,6 +245,28 @@ mod tests {
     }
 
     #[test]
+    fn pointers_of_git_lfs_are_no_files() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n";
+        write_bytes_atomic(&path, pointer.as_bytes()).unwrap();
+        for outcome in [read(&path).map(|_| ()), open(&path).map(|_| ())] {
+            let message = outcome.unwrap_err().to_string();
+            assert!(
+                message.contains("a.exr: content: a pointer of Git LFS"),
+                "{message}"
+            );
+        }
+        // Another small file is read from its start, and a missing one is named.
+        write_bytes_atomic(&path, b"version 2").unwrap();
+        let mut text = String::new();
+        open(&path).unwrap().read_to_string(&mut text).unwrap();
+        assert_eq!(text, "version 2");
+        let message = open(&dir.path().join("b.exr")).unwrap_err().to_string();
+        assert!(message.ends_with("b.exr: no such file"), "{message}");
+    }
+
+    #[test]
     fn a_missing_folder_is_named() {
         let path = Path::new("/nonexistent-folder/a.bin");
         let message = write_bytes_atomic(path, b"x").unwrap_err().to_string();

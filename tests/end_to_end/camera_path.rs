@@ -143,7 +143,7 @@ fn paths_that_cannot_be_are_refused_before_any_work() {
     for (arguments, parts) in [
         (path("a.toml"), ["a.toml: line 3: fly.views[1]", "`099`"]),
         (path("fly:000,x"), ["transforms.json: fly:000,x", "`x`"]),
-        (path("none.toml"), ["none.toml", "read"]),
+        (path("none.toml"), ["none.toml", "no such file"]),
         (path("turntable --frames 0"), ["frames", "0"]),
         (path("turntable --size 9x99999"), ["size", "9x99999"]),
         (

@@ -19,6 +19,7 @@ mod device;
 mod docs;
 mod edit;
 mod errors;
+mod import;
 mod ingest;
 mod machine;
 mod masks;

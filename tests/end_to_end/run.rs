@@ -283,12 +283,12 @@ fn a_project_is_checked_before_anything_runs() {
         (
             "script = \"dim.toml\"",
             "script = \"gone.toml\"",
-            vec!["gone.toml: read"],
+            vec!["gone.toml: no such file"],
         ),
         (
             "dataset = \"room\"",
             "dataset = \"rooms\"",
-            vec!["rooms", "read"],
+            vec!["rooms", "no such f"],
         ),
         (
             "samples = 8",

@@ -372,7 +372,7 @@ fn sizes_that_the_file_cannot_hold_are_refused_before_allocating() {
 fn other_files_are_named() {
     let folder = Folder::new();
     let path = folder.path("a.exr");
-    assert_error(read_rgb(&path), &["a.exr: read: "]);
+    assert_error(read_rgb(&path), &["a.exr: no such file"]);
     std::fs::write(&path, b"\x89PNG\r\n").unwrap();
     assert_error(read_rgb(&path), &["a.exr: content: "]);
     assert_error(read_size(&path), &["a.exr: content: "]);
@@ -413,10 +413,16 @@ fn colours_of_other_primaries_become_rec709() {
                 // Spaces round their matrices to a few digits; the largest colour is 16.
                 let near = |value: f32| (value - light[channel]).abs() < 2e-4 * (1.0 + light[0]);
                 assert!(near(own[channel]), "{name}: {own:?}, {light:?}");
-                assert!(near(unclipped[channel]) && own[channel] >= 0.0, "{name}: {own:?}");
+                assert!(
+                    near(unclipped[channel]) && own[channel] >= 0.0,
+                    "{name}: {own:?}"
+                );
             }
         }
         let far = as_stored.pixels().iter().zip(expected.pixels());
-        assert!(far.into_iter().any(|(a, b)| (a[0] - b[0]).abs() > 0.1), "{name}");
+        assert!(
+            far.into_iter().any(|(a, b)| (a[0] - b[0]).abs() > 0.1),
+            "{name}"
+        );
     }
 }

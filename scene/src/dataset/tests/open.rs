@@ -286,7 +286,7 @@ fn frames_without_a_usable_name_or_image_are_named() {
     folder.transforms(&json!([]));
     assert_error(folder.open(), &["transforms.json: JSON: not an object"]);
     std::fs::remove_file(folder.root().join(TRANSFORMS_FILE)).unwrap();
-    assert_error(folder.open(), &["transforms.json: read: "]);
+    assert_error(folder.open(), &["transforms.json: missing: not a dataset"]);
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn a_written_dataset_reads_back_the_same() {
         writer.write_view(view).unwrap();
     }
     writer.write_points(&points).unwrap();
-    assert_error(folder.open(), &["transforms.json: read"]);
+    assert_error(folder.open(), &["transforms.json: missing"]);
     writer.finish(&info).unwrap();
 
     let dataset = folder.open().unwrap();
