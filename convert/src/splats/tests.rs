@@ -147,7 +147,11 @@ fn expected(row: &[f32], direction: Vec3) -> [f32; 3] {
 #[test]
 fn harmonics_are_fitted_in_linear_light() {
     let row = coloured(0.1);
-    let (found, report) = import(&ply(24, true, &[row.clone()]), &SplatOptions::default()).unwrap();
+    let (found, report) = import(
+        &ply(24, true, std::slice::from_ref(&row)),
+        &SplatOptions::default(),
+    )
+    .unwrap();
     assert_eq!(report.degree, 2);
     // Measured: 0.9 % with harmonics, 19 % without.
     assert!(report.residual < 0.015, "{report:?}");
@@ -177,7 +181,11 @@ fn harmonics_are_fitted_in_linear_light() {
 #[test]
 fn a_similarity_moves_light_and_all() {
     let row = coloured(0.1);
-    let (plain, _) = import(&ply(24, true, &[row.clone()]), &SplatOptions::default()).unwrap();
+    let (plain, _) = import(
+        &ply(24, true, std::slice::from_ref(&row)),
+        &SplatOptions::default(),
+    )
+    .unwrap();
     // Twice the size, a quarter turn about z, and a step.
     let rows = [
         [0.0, -2.0, 0.0, 1.0],
@@ -189,7 +197,7 @@ fn a_similarity_moves_light_and_all() {
         scene_from_file: Some(rows),
         ..SplatOptions::default()
     };
-    let (moved, _) = import(&ply(24, true, &[row.clone()]), &options).unwrap();
+    let (moved, _) = import(&ply(24, true, std::slice::from_ref(&row)), &options).unwrap();
     let turn = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
     let (a, b) = (plain.get(0), moved.get(0));
     assert!((b.position - Vec3::X).length() < 1e-6);
