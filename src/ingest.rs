@@ -34,13 +34,18 @@ use std::process::ExitCode;
 /// 2: dark in all shots); and capture.json (what was decided), report.html and report.json (what to
 /// take again).
 ///
+/// Where there is no RAW, brackets of JPEG, or of PNG or TIFF of 8 bits, are merged as well: the
+/// camera's response, one curve for each channel of a capture, is recovered from pixels that
+/// several shots show, and is in the report. Primaries are those of the ICC profile or of EXIF,
+/// else sRGB's; the white balance is the camera's. RAW files have less noise and need no such curve.
+///
 /// The same command resumes where it was stopped, and adds stacks that are new; what is done is
 /// known by its content.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct IngestArgs {
-    /// Folder with the photographs: RAW of the camera, or linear EXR, TIFF (16 bits, float) or PNG
-    /// (16 bits)
+    /// Folder with the photographs: RAW of the camera; or linear EXR, TIFF (16 bits, float) or PNG
+    /// (16 bits); or JPEG, or PNG and TIFF of 8 bits
     #[arg(value_name = "CAPTURE")]
     pub(crate) capture: PathBuf,
     /// Folder for the results
@@ -50,7 +55,7 @@ pub(crate) struct IngestArgs {
     #[arg(long)]
     stacks_in_folders: bool,
     /// Exposure times of the shots of a stack in the order of their names, for files that do not
-    /// state them, seconds above 0
+    /// state them or state 0, seconds above 0
     #[arg(long, value_name = "S,S,…", value_delimiter = ',')]
     exposures: Option<Vec<f64>>,
     /// Longest pause within a capture, minutes above 0; a longer one means two rooms in one folder

@@ -4,6 +4,7 @@ use crate::color::ColorTransform;
 use crate::noise::Noise;
 use crate::options::IngestOptions;
 use crate::problem::Problem;
+use crate::response::Response;
 use crate::vignetting::Falloff;
 use eagpt_scene::lens::Pinhole;
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,8 @@ pub struct Capture {
     pub focal_mm: Option<f64>,
     /// Effective options.
     pub options: IngestOptions,
+    /// Response of the camera, for pictures for display.
+    pub response: Option<Response>,
     /// Transform of colours.
     pub color: ColorTransform,
     /// The falloff that was divided by; `None`: none was.

@@ -133,6 +133,7 @@ fn deviating(stacks: &[Stack], problems: &mut Vec<Problem>) {
 fn layout(shot: &Photograph) -> String {
     use crate::raw::Layout;
     match &shot.header.layout {
+        Layout::Rgb if shot.header.display.is_some() => "RGB of 8 bits".to_owned(),
         Layout::Rgb => "linear RGB".to_owned(),
         Layout::Mosaic {
             columns,

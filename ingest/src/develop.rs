@@ -6,6 +6,7 @@ use crate::merge::{CLIPPED, DARK, MergeCounts, merge};
 use crate::noise::Noise;
 use crate::raw::{Layout, RawFrame};
 use crate::resample::{fitted, shrink, shrink_flags};
+use crate::response::Response;
 use crate::stack::Shot;
 use crate::vignetting::Falloff;
 use eagpt_scene::Image;
@@ -15,6 +16,8 @@ use rayon::prelude::*;
 /// Parameters shared by a whole capture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recipe {
+    /// Response of the camera, for pictures for display.
+    pub(crate) response: Option<Response>,
     pub(crate) color: ColorTransform,
     pub(crate) falloff: Option<Falloff>,
     /// Radiance of the range per exposure.

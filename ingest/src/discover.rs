@@ -104,11 +104,8 @@ fn photographs(
         let fitting = files.iter().filter(|file| kind_of(file) == Some(kind));
         fitting.cloned().collect()
     };
-    let (raw, linear, display) = (
-        of_kind(FileKind::Raw),
-        of_kind(FileKind::Linear),
-        of_kind(FileKind::Display),
-    );
+    let (raw, linear) = (of_kind(FileKind::Raw), of_kind(FileKind::Linear));
+    let (jpeg, display) = (of_kind(FileKind::Jpeg), of_kind(FileKind::Display));
     let names = |files: &[PathBuf]| files.iter().map(|f| name_of(f)).collect::<Vec<_>>();
     let label = if label.is_empty() {
         capture.display().to_string()
@@ -126,19 +123,25 @@ fn photographs(
     };
     if !raw.is_empty() {
         aside(&linear, "no RAW beside RAW");
+        aside(&jpeg, "8-bit pictures beside RAW");
         aside(&display, "8-bit pictures beside RAW");
         return Some(raw);
     }
     if !linear.is_empty() {
+        aside(&jpeg, "8-bit pictures");
         aside(&display, "8-bit pictures");
         return Some(linear);
+    }
+    if !jpeg.is_empty() {
+        aside(&display, "no JPEG beside JPEG");
+        return Some(jpeg);
     }
     if !display.is_empty() {
         found.problems.push(Problem::new(
             label,
             Remedy::LeaveOutFile,
             format!(
-                "{} of 8 bits and no RAW ({}): they do not hold the light; copy the camera's RAW files",
+                "{} for display and neither RAW nor JPEG ({}): copy the camera's RAW files",
                 counted(display.len(), "picture"),
                 listed(&names(&display), 3)
             ),

@@ -51,6 +51,14 @@ pub enum IngestError {
         /// Stacks that were found.
         num_stacks: usize,
     },
+    /// The response of the camera cannot be recovered from pictures for display.
+    #[error("{}: response of the camera: {problem}", capture.display())]
+    Response {
+        /// The capture.
+        capture: PathBuf,
+        /// The reason.
+        problem: String,
+    },
     /// Nothing in the capture can be used.
     #[error("{}: {problem}", capture.display())]
     Empty {

@@ -77,6 +77,11 @@ fn listed_stacks(
             if let Some(exposures_s) = &stack.exposures_s {
                 shot.header.metadata.exposure_s = Some(exposures_s[index]);
             }
+            if let Some(problem) = shot.header.metadata.exposure_problem() {
+                let problem = Problem::new(&shot.name, Remedy::LeaveOutStack, problem);
+                gathered.problems.push(problem);
+                continue;
+            }
             shots.push(shot);
         }
         let whole = shots.len() == stack.files.len();
@@ -187,18 +192,19 @@ fn folder_stacks(
             shot.header.metadata.exposure_s = Some(exposures_s[index]);
         }
     }
-    let unknown: Vec<String> = shots
-        .iter()
-        .filter(|shot| shot.header.metadata.exposure_s.is_none())
-        .map(|shot| shot.name.clone())
-        .collect();
-    if !unknown.is_empty() {
-        gathered.problems.push(Problem::new(
-            crate::problem::listed(&unknown, 3),
-            Remedy::LeaveOutFile,
-            "no exposure time in the metadata: --exposures states it, or a capture.toml",
-        ));
-        shots.retain(|shot| shot.header.metadata.exposure_s.is_some());
+    let mut unknown: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    shots.retain(|shot| {
+        let problem = shot.header.metadata.exposure_problem();
+        let known = problem.is_none();
+        if let Some(problem) = problem {
+            unknown.entry(problem).or_default().push(shot.name.clone());
+        }
+        known
+    });
+    for (problem, names) in unknown {
+        let subject = crate::problem::listed(&names, 3);
+        let problem = Problem::new(subject, Remedy::LeaveOutFile, problem);
+        gathered.problems.push(problem);
     }
     if shots.is_empty() {
         return;

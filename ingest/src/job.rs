@@ -2,16 +2,15 @@
 
 use crate::capture::Capture;
 use crate::check::check;
-use crate::color::ColorTransform;
 use crate::error::{IngestError, Result};
 use crate::gather::{Gathered, file_problem, gather};
 use crate::merge_all::{Prepared, merge_all};
 use crate::options::IngestOptions;
 use crate::output::{self, COMMAND};
-use crate::prepare;
+use crate::prepare::{self, Decisions};
 use crate::problem::{Problem, Remedy, counted};
 use crate::raw::Decoding;
-use crate::survey::{Survey, survey};
+use crate::survey::{Reader, Survey, survey};
 use eagpt_scene::Shard;
 use eagpt_scene::files::ledger::{self, Item};
 use eagpt_scene::files::{Key, Ledger};
@@ -128,7 +127,7 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
     // Colours are needed to survey, but a capture whose first stack is bad has none yet.
     let decisions = prepare::decide(request, &gathered);
     let surveys = match &decisions {
-        Ok(decisions) => survey_all(request, &mut gathered, &decisions.color, &mut ledger, tell)?,
+        Ok(decisions) => survey_all(request, &mut gathered, decisions, &mut ledger, tell)?,
         Err(_) => Vec::new(),
     };
     let all: Vec<Problem> = left_out.iter().chain(&gathered.problems).cloned().collect();
@@ -152,6 +151,14 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
         Some(&mut surveys),
     )?);
     let decisions = decisions?;
+    let first = gathered
+        .stacks
+        .first()
+        .and_then(|stack| stack.shots.first());
+    let display = first.and_then(|shot| shot.header.display.as_ref());
+    if let (Some(response), Some(display)) = (&decisions.response, display) {
+        gathered.notes.push(response.note(&display.primaries));
+    }
     for note in &gathered.notes {
         tell(IngestProgress::Note { text: note.clone() });
     }
@@ -214,12 +221,17 @@ fn settle(
 fn survey_all(
     request: &IngestRequest,
     gathered: &mut Gathered,
-    color: &ColorTransform,
+    decisions: &Decisions,
     ledger: &mut Ledger,
     tell: Tell<'_>,
 ) -> Result<Vec<Option<Survey>>> {
     let total = gathered.stacks.len();
     let clip = request.options.clip();
+    let color = &decisions.color;
+    let reader = Reader {
+        decoding: &request.decoding,
+        response: decisions.response.as_ref(),
+    };
     let mut surveys = vec![None; total];
     let mut unreadable_shots = Vec::new();
     let (own, others): (Vec<usize>, Vec<usize>) =
@@ -228,7 +240,8 @@ fn survey_all(
         stop(request, 0, total)?;
         let stack = &gathered.stacks[index];
         let name = output::item("survey", stack);
-        let key = prepare::item_key(&(prepare::shots_key(stack), color, clip))?;
+        let key =
+            prepare::item_key(&(prepare::shots_key(stack), color, clip, &decisions.response))?;
         if !request.shard.has(index) && ledger.noted(&name).is_none() {
             ledger.take_others()?;
         }
@@ -236,7 +249,7 @@ fn survey_all(
         let noted = noted.filter(|item| item.key.as_ref() == Some(&key));
         surveys[index] = match noted.and_then(Item::value) {
             Some(survey) => Some(survey),
-            None => match survey(stack, &request.decoding, color, clip) {
+            None => match survey(stack, &reader, color, clip) {
                 Ok(value) => {
                     ledger.add_with(&name, 0.0, Some(key), &value, &[])?;
                     Some(value)

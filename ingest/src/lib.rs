@@ -1,4 +1,4 @@
-//! RAW brackets to linear HDR images.
+//! RAW brackets, or brackets of pictures for display, to linear HDR images.
 //!
 //! A capture is a folder of photographs: positions of the camera, times lighting conditions, times
 //! exposures. [`ingest`] finds out which shots belong together, says what is wrong with them,
@@ -7,6 +7,7 @@
 //!
 //! - [`raw`]: decoders behind one seam; `manifest`, `stack`: which photographs belong together;
 //! - `noise`, `merge`: the sensor's noise, and the most likely radiance given all shots;
+//! - `response`: the light that the codes of a JPEG stand for;
 //! - `demosaic`, `color`, `vignetting`: from the sensor's samples to colours;
 //! - `capture`: what was decided and measured, as it is written.
 //!
@@ -36,6 +37,7 @@ mod problem;
 pub mod raw;
 mod report;
 mod resample;
+mod response;
 mod stack;
 mod survey;
 mod thumb;
@@ -52,4 +54,5 @@ pub use options::{ExposureRatios, IngestOptions, LensOption};
 pub use prepare::check_places;
 pub use problem::Problem;
 pub use raw::{Decoding, serve_decoding};
+pub use response::Response;
 pub use vignetting::Vignetting;

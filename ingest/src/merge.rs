@@ -146,6 +146,7 @@ mod tests {
                 },
                 white: [1100.0; 3],
                 color: CameraColor::default(),
+                display: None,
                 metadata: Metadata::default(),
             },
             samples: Samples::Integer(samples.to_vec()),

@@ -12,7 +12,7 @@ use crate::problem::Problem;
 use crate::report;
 use crate::resample::fitted;
 use crate::stack::{Photograph, Stack};
-use crate::survey::{self, Survey, estimated, read_shots};
+use crate::survey::{self, Reader, Survey, estimated, read_shots};
 use crate::warnings;
 use eagpt_scene::Shard;
 use eagpt_scene::files::Key;
@@ -68,6 +68,7 @@ pub(crate) fn merge_all(
     let surveys: Vec<Survey> = surveys.into_iter().flatten().collect();
     let (scale, preview_exposure) = prepare::scales(options.scale, &surveys);
     let recipe = Recipe {
+        response: decisions.response.clone(),
         color: decisions.color,
         falloff: decisions.falloff.clone(),
         scale,
@@ -114,6 +115,7 @@ pub(crate) fn merge_all(
         camera: first.camera(),
         focal_mm: first.focal_mm,
         options: options.clone(),
+        response: recipe.response,
         color: recipe.color,
         falloff: recipe.falloff,
         pinhole: recipe
@@ -173,7 +175,13 @@ fn plan(
         let files = output::stack_files(&stack, several);
         let decided = (
             (prepare::shots_key(&stack), &exposures, survey.noise),
-            (recipe.color, &recipe.falloff, recipe.scale, recipe.clip),
+            (
+                &recipe.response,
+                recipe.color,
+                &recipe.falloff,
+                recipe.scale,
+                recipe.clip,
+            ),
             (
                 recipe.demosaic,
                 &request.options.lens,
@@ -239,7 +247,11 @@ fn merge_one(
     ledger: &mut Ledger,
 ) -> Result<MergedStack> {
     let stack = &planned.stack;
-    let frames = read_shots(stack, &request.decoding).map_err(|unreadable| unreadable.error)?;
+    let reader = Reader {
+        decoding: &request.decoding,
+        response: recipe.response.as_ref(),
+    };
+    let frames = read_shots(stack, &reader).map_err(|unreadable| unreadable.error)?;
     // By the exposures that are used: an estimate may turn an order around.
     let mut order: Vec<usize> = (0..frames.len()).collect();
     order.sort_by(|&a, &b| planned.exposures[a].total_cmp(&planned.exposures[b]));

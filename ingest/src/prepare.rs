@@ -8,9 +8,10 @@ use crate::job::IngestRequest;
 use crate::merge::{CLIPPED, merge};
 use crate::noise::Noise;
 use crate::options::IngestOptions;
-use crate::raw::{CameraColor, FileKind, Layout, RawFrame, kind_of};
+use crate::raw::{FileKind, Header, Layout, RawFrame, kind_of};
+use crate::response::{self, Response};
 use crate::stack::{Photograph, Shot, Stack};
-use crate::survey::{Survey, read_shots};
+use crate::survey::{Reader, Survey, read_shots};
 use crate::vignetting::{Falloff, Grid, Vignetting};
 use eagpt_scene::files::Key;
 use eagpt_scene::lens::Undistortion;
@@ -23,6 +24,8 @@ const MIDDLE_GREY: f64 = 0.18;
 /// Parameters decided once for a capture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Decisions {
+    /// Response of the camera, for pictures for display.
+    pub(crate) response: Option<Response>,
     pub(crate) color: ColorTransform,
     pub(crate) falloff: Option<Falloff>,
     pub(crate) undistortion: Option<Undistortion>,
@@ -68,16 +71,24 @@ pub(crate) fn decide(request: &IngestRequest, gathered: &Gathered) -> Result<Dec
             problem: "no stack is left".to_owned(),
         });
     };
+    let response = response::recover(&request.capture, &gathered.stacks, &request.decoding)?;
+    let reader = Reader {
+        decoding: &request.decoding,
+        response: response.as_ref(),
+    };
     let manifest = gathered.manifest.as_ref();
     let falloff = match (&options.vignetting, manifest.and_then(|m| m.vignetting)) {
         (Vignetting::None, None) => None,
         (Vignetting::None, Some(abc)) => Some(Falloff::Polynomial(abc)),
         (Vignetting::Polynomial(abc), _) => Some(Falloff::Polynomial(*abc)),
-        (Vignetting::FlatField(folder), _) => {
-            Some(Falloff::Grid(flat_field(request, folder, first)?))
-        }
+        (Vignetting::FlatField(folder), _) => Some(Falloff::Grid(flat_field(
+            &reader,
+            folder,
+            first,
+            options.clip(),
+        )?)),
         (Vignetting::Fit(folder), _) => {
-            let grid = flat_field(request, folder, first)?;
+            let grid = flat_field(&reader, folder, first, options.clip())?;
             let abc = grid.fit(first.header.width as usize, first.header.height as usize);
             Some(Falloff::Polynomial(abc.ok_or_else(|| {
                 flat_error(folder, "determines no falloff")
@@ -104,16 +115,27 @@ pub(crate) fn decide(request: &IngestRequest, gathered: &Gathered) -> Result<Dec
         (WhiteBalance::Factors(factors), _) => *factors,
         (WhiteBalance::AsShot, Some(factors)) => factors,
         (WhiteBalance::AsShot, None) => as_shot(first)?,
-        (WhiteBalance::GreyCard { .. }, _) => card_factors(request, gathered, falloff.as_ref())?,
+        (WhiteBalance::GreyCard { .. }, _) => {
+            card_factors(options, &reader, gathered, falloff.as_ref())?
+        }
     };
     Ok(Decisions {
-        color: transform(&first.header.color, &first.header.layout, factors),
+        color: transform(&first.header, factors),
+        response,
         falloff,
         undistortion,
     })
 }
 
-fn transform(color: &CameraColor, layout: &Layout, factors: [f32; 3]) -> ColorTransform {
+fn transform(header: &Header, factors: [f32; 3]) -> ColorTransform {
+    let Header { color, layout, .. } = header;
+    if let Some(display) = &header.display {
+        return ColorTransform {
+            white_balance: factors,
+            rec709_from_camera: display.rec709_from_rgb,
+            white_xy: None,
+        };
+    }
     if *layout == Layout::Rgb && color.matrices.is_empty() && factors == [1.0; 3] {
         return ColorTransform::IDENTITY;
     }
@@ -123,6 +145,8 @@ fn transform(color: &CameraColor, layout: &Layout, factors: [f32; 3]) -> ColorTr
 fn as_shot(first: &Photograph) -> Result<[f32; 3]> {
     match (first.header.color.as_shot, kind_of(&first.path)) {
         (Some(factors), _) => Ok(factors),
+        // The camera has balanced them.
+        _ if first.header.display.is_some() => Ok([1.0; 3]),
         // Linear files are used unchanged: their colours are already converted.
         (None, Some(FileKind::Linear)) => Ok([1.0; 3]),
         (None, _) => Err(IngestError::photograph(
@@ -135,11 +159,11 @@ fn as_shot(first: &Photograph) -> Result<[f32; 3]> {
 
 /// Factors that make the card neutral.
 fn card_factors(
-    request: &IngestRequest,
+    options: &IngestOptions,
+    reader: &Reader<'_>,
     gathered: &Gathered,
     falloff: Option<&Falloff>,
 ) -> Result<[f32; 3]> {
-    let options = &request.options;
     let Some((name, [left, top, width, height])) = grey_card(options) else {
         return Ok([1.0; 3]);
     };
@@ -153,7 +177,7 @@ fn card_factors(
         .iter()
         .find(|stack| stack.name() == name || stack.position == name);
     let stack = stack.ok_or_else(|| option(name.to_owned(), "the name of a stack"))?;
-    let frames = read_shots(stack, &request.decoding).map_err(|unreadable| unreadable.error)?;
+    let frames = read_shots(stack, reader).map_err(|unreadable| unreadable.error)?;
     let header = &frames[0].header;
     let end = |start: u32, length: u32, limit: u32| {
         start.checked_add(length).is_some_and(|end| end <= limit)
@@ -215,7 +239,7 @@ fn flat_error(folder: &Path, problem: &str) -> IngestError {
 }
 
 /// The falloff in a folder of photographs of an even surface.
-fn flat_field(request: &IngestRequest, folder: &Path, first: &Photograph) -> Result<Grid> {
+fn flat_field(reader: &Reader<'_>, folder: &Path, first: &Photograph, clip: f32) -> Result<Grid> {
     let entries =
         std::fs::read_dir(folder).map_err(|e| eagpt_scene::SceneError::io(folder, "read", e))?;
     let mut paths: Vec<PathBuf> = Vec::new();
@@ -230,7 +254,7 @@ fn flat_field(request: &IngestRequest, folder: &Path, first: &Photograph) -> Res
     paths.sort();
     let mut frames = Vec::new();
     for path in &paths {
-        let frame = request.decoding.read(path)?;
+        let frame = reader.read(path)?;
         let (header, expected) = (&frame.header, &first.header);
         if (header.width, header.height, &header.layout)
             != (expected.width, expected.height, &expected.layout)
@@ -248,14 +272,13 @@ fn flat_field(request: &IngestRequest, folder: &Path, first: &Photograph) -> Res
     if frames.is_empty() {
         return Err(flat_error(folder, "no photographs of the capture's kind"));
     }
-    let exposure = |frame: &RawFrame| frame.header.metadata.exposure().unwrap_or(1.0);
+    let exposure = |frame: &RawFrame| {
+        let stated = frame.header.metadata.exposure();
+        stated.filter(|exposure| *exposure > 0.0).unwrap_or(1.0)
+    };
     frames.sort_by(|a, b| exposure(a).total_cmp(&exposure(b)));
     let exposures: Vec<f64> = frames.iter().map(exposure).collect();
-    let merged = merge(
-        &shots(&frames, &exposures),
-        &Noise::ASSUMED,
-        request.options.clip(),
-    );
+    let merged = merge(&shots(&frames, &exposures), &Noise::ASSUMED, clip);
     Grid::measure(&frames[0].header, &merged).ok_or_else(|| flat_error(folder, "clipped or dark"))
 }
 
@@ -298,7 +321,7 @@ pub(crate) fn needed_memory(stack: &Stack) -> u64 {
     } else {
         1
     };
-    let sample = if first.header.white[0].is_finite() {
+    let sample = if first.header.white[0].is_finite() && first.header.display.is_none() {
         2
     } else {
         4

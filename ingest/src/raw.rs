@@ -7,6 +7,7 @@
 //! that `rawler` cannot.
 
 mod decoding;
+mod display;
 mod exif;
 mod kinds;
 mod linear;
@@ -21,6 +22,7 @@ mod with_rawloader;
 mod worker;
 
 pub use decoding::Decoding;
+pub use display::Display;
 pub use kinds::FileKind;
 pub(crate) use kinds::kind_of;
 pub use worker::{Workers, serve_decoding};
@@ -72,6 +74,8 @@ pub struct Header {
     pub white: [f32; 3],
     /// Colour calibration of the camera.
     pub color: CameraColor,
+    /// Colours of a picture for display, whose samples are codes; `None`: samples are light.
+    pub display: Option<Display>,
     /// Exposure, camera, lens, time.
     pub metadata: Metadata,
 }
@@ -150,6 +154,19 @@ impl Metadata {
         let gain = self.iso.unwrap_or(100.0) / 100.0;
         let stop = self.f_number.unwrap_or(1.0);
         Some(self.exposure_s? * gain / (stop * stop))
+    }
+
+    /// The reason why the exposure cannot be used, if it cannot.
+    pub(crate) fn exposure_problem(&self) -> Option<String> {
+        const REMEDY: &str = "--exposures states it, or a capture.toml";
+        match (self.exposure(), self.exposure_s) {
+            (None, _) => Some(format!("no exposure time in the metadata: {REMEDY}")),
+            (Some(exposure), _) if exposure.is_finite() && exposure > 0.0 => None,
+            (Some(exposure), time) => Some(format!(
+                "exposure time {} s in the metadata, {exposure} s at ISO 100 and f/1: {REMEDY}",
+                time.unwrap_or_default()
+            )),
+        }
     }
 
     /// Maker and model.
@@ -252,10 +269,6 @@ impl Header {
                 format!("{least_white} with a black level of {most_black}"),
             );
         }
-        let exposure = self.metadata.exposure();
-        if let Some(exposure) = exposure.filter(|e| !(e.is_finite() && *e > 0.0)) {
-            return error("exposure", format!("{exposure} s at ISO 100 and f/1"));
-        }
         Ok(self)
     }
 }
@@ -330,12 +343,13 @@ impl Samples {
 fn decode(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawFrame> {
     let frame = match kind_of(path) {
         Some(FileKind::Linear) => linear::read(path, bytes, want)?,
+        Some(FileKind::Jpeg) => display::read_jpeg(path, bytes, want)?,
         Some(FileKind::Raw) => decode_raw(path, bytes, want)?,
         Some(FileKind::Display) => {
             return Err(IngestError::photograph(
                 path,
                 "format",
-                "an 8-bit picture: only the camera's RAW files, or linear TIFF, PNG (16 bits) and EXR, hold the light",
+                "a picture for display: the camera's RAW files hold the light; JPEG and 8-bit PNG and TIFF are read where there are none",
             ));
         }
         None => return Err(IngestError::photograph(path, "format", "no known format")),

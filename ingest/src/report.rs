@@ -3,11 +3,14 @@
 //! The page is one file that needs no script and no network: pictures are embedded, charts are
 //! inline SVG.
 
+mod curves;
+
 use crate::capture::{Capture, StackReport};
 use crate::error::{IngestError, Result};
 use crate::output::{write_json, write_text};
 use crate::problem::Problem;
 use crate::warnings::LIMITS;
+use curves::Plot;
 use eagpt_scene::SceneError;
 use minijinja::{AutoEscape, Environment, Value};
 use serde::Serialize;
@@ -29,6 +32,7 @@ struct Page<'a> {
     cells: Vec<Vec<String>>,
     titles: Vec<[&'static str; 2]>,
     charts: Vec<Chart>,
+    response: Option<Plot>,
     chart_width: f64,
     chart_height: f64,
 }
@@ -227,6 +231,7 @@ pub(crate) fn write(
         cells,
         titles,
         charts,
+        response: capture.response.as_ref().map(Plot::new),
         chart_width: CHART_WIDTH,
         chart_height: CHART_HEIGHT,
     });

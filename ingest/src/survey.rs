@@ -8,11 +8,13 @@ use crate::color::ColorTransform;
 use crate::error::IngestError;
 use crate::noise::{Noise, estimate, median};
 use crate::raw::{Decoding, RawFrame};
+use crate::response::Response;
 use crate::stack::{Photograph, Shot, Stack};
 use crate::thumb::{Comparison, Thumb, compare};
 use eagpt_scene::color::luminance;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// Results of the survey of a stack.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,15 +39,37 @@ pub(crate) struct Unreadable {
     pub(crate) error: IngestError,
 }
 
+/// Reads shots as light.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reader<'a> {
+    pub(crate) decoding: &'a Decoding,
+    /// Response of the camera, for pictures for display; without it their samples are codes.
+    pub(crate) response: Option<&'a Response>,
+}
+
+impl Reader<'_> {
+    /// Decodes a photograph.
+    ///
+    /// # Errors
+    /// As [`Decoding::read`].
+    pub(crate) fn read(&self, path: &Path) -> crate::Result<RawFrame> {
+        let frame = self.decoding.read(path)?;
+        Ok(match self.response {
+            Some(response) if frame.header.display.is_some() => response.linearised(frame),
+            _ => frame,
+        })
+    }
+}
+
 /// Reads all shots of a stack.
 ///
 /// # Errors
 /// The first shot that cannot be decoded.
-pub(crate) fn read_shots(stack: &Stack, decoding: &Decoding) -> Result<Vec<RawFrame>, Unreadable> {
+pub(crate) fn read_shots(stack: &Stack, reader: &Reader<'_>) -> Result<Vec<RawFrame>, Unreadable> {
     let read: Vec<_> = stack
         .shots
         .par_iter()
-        .map(|shot| decoding.read(&shot.path))
+        .map(|shot| reader.read(&shot.path))
         .collect();
     let mut frames = Vec::with_capacity(read.len());
     for (shot, outcome) in read.into_iter().enumerate() {
@@ -63,11 +87,11 @@ pub(crate) fn read_shots(stack: &Stack, decoding: &Decoding) -> Result<Vec<RawFr
 /// As [`read_shots`].
 pub(crate) fn survey(
     stack: &Stack,
-    decoding: &Decoding,
+    reader: &Reader<'_>,
     color: &ColorTransform,
     clip: f32,
 ) -> Result<Survey, Unreadable> {
-    let frames = read_shots(stack, decoding)?;
+    let frames = read_shots(stack, reader)?;
     let thumbs: Vec<Thumb> = frames.iter().map(Thumb::new).collect();
     let exposures: Vec<f64> = stack.shots.iter().map(Photograph::exposure).collect();
     let profile = stack

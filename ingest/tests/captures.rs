@@ -116,18 +116,18 @@ fn two_rooms_and_pictures_are_no_capture() {
 
     let place = Place::new();
     fs::create_dir_all(place.path("c")).unwrap();
-    fs::write(place.path("c/IMG_1.JPG"), b"x").unwrap();
-    fs::write(place.path("c/IMG_2.JPG"), b"x").unwrap();
+    fs::write(place.path("c/IMG_1.HEIC"), b"x").unwrap();
+    fs::write(place.path("c/IMG_2.HEIC"), b"x").unwrap();
     assert_problems(
         &place,
-        &[&["2 pictures of 8 bits and no RAW (IMG_1.JPG, IMG_2.JPG)"]],
+        &[&["2 pictures for display and neither RAW nor JPEG (IMG_1.HEIC, IMG_2.HEIC)"]],
     );
-    // 8 bits in a format that could hold more.
-    fs::remove_file(place.path("c/IMG_1.JPG")).unwrap();
-    image::RgbImage::new(8, 8)
+    // No colours.
+    fs::remove_file(place.path("c/IMG_1.HEIC")).unwrap();
+    image::GrayImage::new(8, 8)
         .save(place.path("c/a_0.png"))
         .unwrap();
-    assert_problems(&place, &[&["a_0.png: PNG: Rgb8"]]);
+    assert_problems(&place, &[&["a_0.png: PNG: L8"]]);
 }
 
 #[test]
@@ -155,28 +155,37 @@ fn an_empty_capture_and_bad_places_are_refused() {
 
 #[test]
 fn files_without_exposures_ask_for_them() {
-    let place = Place::new();
-    for index in 0..3 {
-        let shot = place.shot(0, index);
-        Shot {
-            stated_s: None,
-            ..shot
+    for (stated, part) in [(false, "no exposure time"), (true, "exposure time 0 s")] {
+        let place = Place::new();
+        for (index, exposure_s) in EXPOSURES[..3].iter().enumerate() {
+            let (shot, path) = (place.shot(0, index), place.file("c", 0, index));
+            let stated_s = stated.then_some(*exposure_s);
+            Shot { stated_s, ..shot }.write(&path);
+            if stated {
+                state_zero(&path);
+            }
         }
-        .write(&place.file("c", 0, index));
+        let files = "p0_0.dng, p0_1.dng, p0_2.dng: ";
+        assert_problems(&place, &[&[files, part, "--exposures"]]);
+        let stating = IngestOptions {
+            exposures_s: Some(EXPOSURES[..3].to_vec()),
+            ..options()
+        };
+        let summary = place.ingests("c", "stated", stating);
+        assert_eq!(summary.capture.stacks[0].shots[2].exposure_s, 0.04);
     }
-    assert_problems(
-        &place,
-        &[&[
-            "p0_0.dng, p0_1.dng, p0_2.dng: no exposure time",
-            "--exposures",
-        ]],
-    );
-    let stating = IngestOptions {
-        exposures_s: Some(EXPOSURES[..3].to_vec()),
-        ..options()
-    };
-    let summary = place.ingests("c", "stated", stating);
-    assert_eq!(summary.capture.stacks[0].shots[2].exposure_s, 0.04);
+}
+
+/// Makes the exposure time of a file 0, as cameras write it for shots that they did not time.
+fn state_zero(path: &std::path::Path) {
+    let mut bytes = fs::read(path).unwrap();
+    // The tag ExposureTime, the type of a rational number, one of them; its place follows.
+    let entry = [0x9a, 0x82, 5, 0, 1, 0, 0, 0];
+    let found = bytes.windows(8).position(|window| window == entry);
+    let at = found.unwrap() + entry.len();
+    let place = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    bytes[place..place + 4].fill(0);
+    fs::write(path, bytes).unwrap();
 }
 
 #[test]

@@ -19,6 +19,7 @@ fn bayer() -> Header {
         },
         white: [1.0; 3],
         color: CameraColor::default(),
+        display: None,
         metadata: Metadata::default(),
     }
 }

@@ -75,5 +75,9 @@ fn needs_care(path: &Path) -> bool {
     let is_exr = path
         .extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    matches!(kind_of(path), Some(FileKind::Raw | FileKind::Linear)) && !is_exr
+    let kind = kind_of(path);
+    matches!(
+        kind,
+        Some(FileKind::Raw | FileKind::Linear | FileKind::Jpeg)
+    ) && !is_exr
 }

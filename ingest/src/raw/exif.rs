@@ -7,15 +7,29 @@ use std::io::Cursor;
 /// DNG's NoiseProfile.
 const NOISE_PROFILE: Tag = Tag(Context::Tiff, 51041);
 
-/// Adds the EXIF of a file to the metadata.
-pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
+/// The EXIF of a file, as far as it can be read.
+fn read(bytes: &[u8]) -> Option<Exif> {
     let mut reader = Reader::new();
     reader.continue_on_error(true);
-    let read = reader
-        .read_from_container(&mut Cursor::new(bytes))
-        .or_else(|error| error.distill_partial_result(|_| ()));
+    let read = reader.read_from_container(&mut Cursor::new(bytes));
+    read.or_else(|error| error.distill_partial_result(|_| ()))
+        .ok()
+}
+
+/// Whether EXIF says that colours are Adobe RGB: as cameras do (DCF 2.0, "R03"), or as some
+/// programs.
+pub(super) fn is_adobe_rgb(bytes: &[u8]) -> bool {
+    let Some(found) = read(bytes) else {
+        return false;
+    };
+    let index = text(&found, Tag::InteroperabilityIndex);
+    index.is_some_and(|index| index == "R03") || number(&found, Tag::ColorSpace) == Some(2.0)
+}
+
+/// Adds the EXIF of a file to the metadata.
+pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
     // A file without EXIF adds nothing; missing values are reported where they are needed.
-    let Ok(found) = read else { return };
+    let Some(found) = read(bytes) else { return };
     let text = |tag| text(&found, tag).unwrap_or_default();
     if metadata.make.is_empty() {
         metadata.make = text(Tag::Make);

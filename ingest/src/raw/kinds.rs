@@ -7,9 +7,11 @@ use std::path::Path;
 pub enum FileKind {
     /// A camera's RAW file.
     Raw,
-    /// TIFF, PNG or EXR with light in linear numbers.
+    /// TIFF, PNG or EXR: light in linear numbers, or 8 bits for display.
     Linear,
-    /// A display-referred picture, which cannot be used.
+    /// A camera's JPEG, for display.
+    Jpeg,
+    /// A picture for display of another format, which cannot be used.
     Display,
 }
 
@@ -19,7 +21,8 @@ const RAW: [&str; 36] = [
     "rw2", "rwl", "rwz", "sr2", "srf", "srw", "tfr", "x3f", "ptx", "gpr",
 ];
 const LINEAR: [&str; 4] = ["exr", "png", "tif", "tiff"];
-const DISPLAY: [&str; 8] = ["avif", "bmp", "gif", "heic", "heif", "jpeg", "jpg", "webp"];
+const JPEG: [&str; 2] = ["jpeg", "jpg"];
+const DISPLAY: [&str; 6] = ["avif", "bmp", "gif", "heic", "heif", "webp"];
 
 /// Kind of a file, by its extension; `None` if it is not an image.
 pub(crate) fn kind_of(path: &Path) -> Option<FileKind> {
@@ -29,6 +32,8 @@ pub(crate) fn kind_of(path: &Path) -> Option<FileKind> {
         Some(FileKind::Raw)
     } else if is_in(&LINEAR) {
         Some(FileKind::Linear)
+    } else if is_in(&JPEG) {
+        Some(FileKind::Jpeg)
     } else if is_in(&DISPLAY) {
         Some(FileKind::Display)
     } else {

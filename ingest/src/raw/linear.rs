@@ -1,15 +1,19 @@
-//! Brackets that are linear already: EXR, TIFF of 16 bits or floating point, PNG of 16 bits.
+//! Brackets that are linear already: EXR, TIFF of 16 bits or floating point, PNG of 16 bits. PNG
+//! and TIFF of 8 bits are for display.
 
+use super::display::{self, Display};
 use super::{
     Black, CameraColor, Header, Layout, MAX_PIXELS, Metadata, RawFrame, Samples, Want, exif,
 };
 use crate::error::{IngestError, Result};
 use eagpt_scene::exr;
-use image::ImageDecoder;
+use image::codecs::png::PngDecoder;
+use image::{DynamicImage, ImageDecoder};
 use std::io::Cursor;
 use std::path::Path;
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::Tag;
 
 pub(super) fn read(path: &Path, bytes: &[u8], want: Want) -> Result<RawFrame> {
     let extension = path
@@ -20,24 +24,43 @@ pub(super) fn read(path: &Path, bytes: &[u8], want: Want) -> Result<RawFrame> {
         decoder: "linear".to_owned(),
         ..Metadata::default()
     };
-    let (size, white, samples) = match extension.to_ascii_lowercase().as_str() {
-        "exr" => {
-            let (size, samples) = read_exr(path, want)?;
-            (size, f32::INFINITY, samples)
-        }
+    let found = match extension.to_ascii_lowercase().as_str() {
+        "exr" => read_exr(path, want)?,
         "png" => {
             exif::fill(&mut metadata, bytes);
-            let (size, samples) = read_png(path, bytes, want)?;
-            (size, f32::from(u16::MAX), samples)
+            read_png(path, bytes, want)?
         }
         _ => {
             exif::fill(&mut metadata, bytes);
             read_tiff(path, bytes, want)?
         }
     };
-    let header = Header {
-        width: size.0,
-        height: size.1,
+    Ok(match found {
+        Found::Linear(size, white, samples) => RawFrame {
+            header: header(size, white, metadata),
+            samples,
+        },
+        Found::Display(size, codes, profile) => {
+            metadata.decoder = "display".to_owned();
+            let display = Display::of(path, profile.as_deref(), bytes)?;
+            display::frame(size, codes, metadata, display)
+        }
+    })
+}
+
+/// Content of a file, of its width and height.
+enum Found {
+    /// Light, and where it clips.
+    Linear((u32, u32), f32, Samples),
+    /// Codes, and an ICC profile.
+    Display((u32, u32), Vec<u8>, Option<Vec<u8>>),
+}
+
+/// A header of three samples a pixel.
+pub(super) fn header((width, height): (u32, u32), white: f32, metadata: Metadata) -> Header {
+    Header {
+        width,
+        height,
         layout: Layout::Rgb,
         black: Black {
             columns: 1,
@@ -46,42 +69,53 @@ pub(super) fn read(path: &Path, bytes: &[u8], want: Want) -> Result<RawFrame> {
         },
         white: [white; 3],
         color: CameraColor::default(),
+        display: None,
         metadata,
-    };
-    Ok(RawFrame { header, samples })
+    }
 }
 
-fn read_exr(path: &Path, want: Want) -> Result<((u32, u32), Samples)> {
+fn read_exr(path: &Path, want: Want) -> Result<Found> {
+    const WHITE: f32 = f32::INFINITY;
     if want == Want::Header {
-        return Ok((exr::read_size(path)?, Samples::Float(Vec::new())));
+        let size = exr::read_size(path)?;
+        return Ok(Found::Linear(size, WHITE, Samples::Float(Vec::new())));
     }
     let image = exr::read_rgb(path)?;
-    Ok((image.size(), Samples::Float(image.values().to_vec())))
+    let samples = Samples::Float(image.values().to_vec());
+    Ok(Found::Linear(image.size(), WHITE, samples))
 }
 
-fn read_png(path: &Path, bytes: &[u8], want: Want) -> Result<((u32, u32), Samples)> {
+fn read_png(path: &Path, bytes: &[u8], want: Want) -> Result<Found> {
+    const WHITE: f32 = u16::MAX as f32;
     let failed = |problem: String| IngestError::photograph(path, "PNG", problem);
-    let decoder = image::codecs::png::PngDecoder::new(Cursor::new(bytes))
-        .map_err(|error| failed(error.to_string()))?;
+    let text = |error: image::ImageError| failed(error.to_string());
+    let mut decoder = PngDecoder::new(Cursor::new(bytes)).map_err(text)?;
     let size = decoder.dimensions();
-    if decoder.color_type() != image::ColorType::Rgb16 {
+    let color = decoder.color_type();
+    if !matches!(color, image::ColorType::Rgb16 | image::ColorType::Rgb8) {
         return Err(failed(format!(
-            "{:?}: only RGB of 16 bits holds the light of a bracket",
-            decoder.color_type()
+            "{color:?}: only RGB of 16 bits holds the light of a bracket, or of 8 bits for display"
         )));
     }
     if u64::from(size.0) * u64::from(size.1) > MAX_PIXELS {
         return Err(failed(format!("{}x{} pixels", size.0, size.1)));
     }
-    if want == Want::Header {
-        return Ok((size, Samples::Integer(Vec::new())));
+    let profile = decoder.icc_profile().map_err(text)?;
+    let pixels = match want {
+        Want::Header => None,
+        Want::Samples => Some(DynamicImage::from_decoder(decoder).map_err(text)?),
+    };
+    if color == image::ColorType::Rgb8 {
+        let codes = pixels.map_or_else(Vec::new, |pixels| pixels.into_rgb8().into_raw());
+        return Ok(Found::Display(size, codes, profile));
     }
-    let image =
-        image::DynamicImage::from_decoder(decoder).map_err(|error| failed(error.to_string()))?;
-    Ok((size, Samples::Integer(image.into_rgb16().into_raw())))
+    let samples = pixels.map_or_else(Vec::new, |pixels| pixels.into_rgb16().into_raw());
+    Ok(Found::Linear(size, WHITE, Samples::Integer(samples)))
 }
 
-fn read_tiff(path: &Path, bytes: &[u8], want: Want) -> Result<((u32, u32), f32, Samples)> {
+fn read_tiff(path: &Path, bytes: &[u8], want: Want) -> Result<Found> {
+    /// The tag of an ICC profile (ICC.1, annex B).
+    const PROFILE: Tag = Tag::Unknown(34_675);
     let failed = |problem: String| IngestError::photograph(path, "TIFF", problem);
     let text = |error: tiff::TiffError| failed(error.to_string());
     let mut limits = Limits::default();
@@ -91,20 +125,35 @@ fn read_tiff(path: &Path, bytes: &[u8], want: Want) -> Result<((u32, u32), f32, 
         .with_limits(limits);
     let size = decoder.dimensions().map_err(text)?;
     let white = match decoder.colortype().map_err(text)? {
+        ColorType::RGB(8) => {
+            let profile = decoder.find_tag(PROFILE).map_err(text)?;
+            let profile = profile
+                .map(tiff::decoder::ifd::Value::into_u8_vec)
+                .transpose();
+            let profile = profile.map_err(text)?;
+            let codes = match want {
+                Want::Header => DecodingResult::U8(Vec::new()),
+                Want::Samples => decoder.read_image().map_err(text)?,
+            };
+            let DecodingResult::U8(codes) = codes else {
+                return Err(failed("8 bits that are none".to_owned()));
+            };
+            return Ok(Found::Display(size, codes, profile));
+        }
         ColorType::RGB(16) => f32::from(u16::MAX),
         ColorType::RGB(32) => f32::INFINITY,
         other => {
             return Err(failed(format!(
-                "{other:?}: only RGB of 16 bits or of floating point holds the light of a bracket"
+                "{other:?}: only RGB of 16 bits or of floating point holds the light of a bracket, or of 8 bits for display"
             )));
         }
     };
     if want == Want::Header {
-        return Ok((size, white, Samples::Integer(Vec::new())));
+        return Ok(Found::Linear(size, white, Samples::Integer(Vec::new())));
     }
     match decoder.read_image().map_err(text)? {
-        DecodingResult::U16(samples) => Ok((size, white, Samples::Integer(samples))),
-        DecodingResult::F32(samples) => Ok((size, white, Samples::Float(samples))),
+        DecodingResult::U16(samples) => Ok(Found::Linear(size, white, Samples::Integer(samples))),
+        DecodingResult::F32(samples) => Ok(Found::Linear(size, white, Samples::Float(samples))),
         _ => Err(failed(
             "samples of another type than 16 bits or floating point".to_owned(),
         )),

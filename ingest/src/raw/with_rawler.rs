@@ -135,6 +135,7 @@ fn sensor(path: &Path, image: RawImage, metadata: Metadata) -> Result<Sensor> {
         black,
         white,
         color: color(&image),
+        display: None,
         metadata,
     };
     Ok(Sensor {

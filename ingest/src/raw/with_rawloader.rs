@@ -58,6 +58,7 @@ fn sensor(path: &Path, image: RawImage, metadata: Metadata) -> Result<Sensor> {
         black: black(&image, &layout),
         white: [0, 1, 2].map(|channel| f32::from(image.whitelevels[channel])),
         color: color(&image),
+        display: None,
         layout,
         metadata,
     };
