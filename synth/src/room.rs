@@ -16,7 +16,7 @@ pub const MAX_CONDITIONS: usize = 4;
 pub const LIFT: f32 = 1e-4;
 
 /// Light in each of the conditions.
-pub type PerCondition = [Vec3; MAX_CONDITIONS];
+pub(crate) type PerCondition = [Vec3; MAX_CONDITIONS];
 
 /// Material of a surface.
 #[derive(Debug, Clone, PartialEq)]

@@ -84,7 +84,7 @@ pub fn check(name: &str, source: &str, entry: &str, bindings: &[Binding]) -> Res
 }
 
 /// A kernel: its file, its entry point, and the names that `#ifdef` of the file asks for.
-pub type KernelName<'a> = (&'a str, &'a str, &'a [&'a str]);
+pub(crate) type KernelName<'a> = (&'a str, &'a str, &'a [&'a str]);
 
 /// Checks that `files` are all WGSL files below `folder`, paths without `.wgsl`; that each is valid
 /// by itself with all it imports, as `source` puts it together for its name and names that `#ifdef`

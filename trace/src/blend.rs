@@ -250,7 +250,7 @@ impl LocalGradient {
 }
 
 /// A number for a pixel, such as its error, given its place (row by row) and its features.
-pub type PixelValue<'a> = &'a (dyn Fn(usize, &Features) -> f32 + Sync);
+pub(crate) type PixelValue<'a> = &'a (dyn Fn(usize, &Features) -> f32 + Sync);
 
 /// Contribution of a Gaussian to the pixels of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]

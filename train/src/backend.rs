@@ -82,7 +82,7 @@ pub struct AlbedoStep<'a> {
 }
 
 /// Loss of a step, or the gradient that is not finite.
-pub type StepOutcome = std::result::Result<LossTerms, BadGradient>;
+pub(crate) type StepOutcome = std::result::Result<LossTerms, BadGradient>;
 
 /// A finished step.
 #[derive(Debug, Clone)]

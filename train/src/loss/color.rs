@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// `(1 − s)·L1 + s·(1 − SSIM)` of PQ images.
 #[derive(Debug, Clone)]
-pub struct ColorLoss {
+pub(crate) struct ColorLoss {
     /// The loss.
     pub value: f64,
     /// Mean absolute error over pixels and channels.
@@ -33,7 +33,7 @@ pub fn pq_image(linear: &Image<3>) -> Image<3> {
 impl ColorLoss {
     /// Compares linear `radiance` with a target that is PQ-encoded already, where that is `known`:
     /// everywhere if nothing is said. The images have the same size.
-    pub fn new(
+    pub(crate) fn new(
         radiance: &Image<3>,
         target_pq: &Image<3>,
         ssim_share: f64,
