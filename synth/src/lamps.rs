@@ -2,6 +2,7 @@
 //! truth.
 
 use crate::light::emitters::cosine_direction;
+use crate::room::shape::Shape;
 use crate::room::{LIFT, Room, Surface};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::{Vec2, Vec3};
@@ -72,7 +73,7 @@ fn lamp(room: &Room, conditions: &[String], name: String, surfaces: &[u32]) -> L
     let shapes = surfaces
         .iter()
         .map(|&of| &room.surfaces()[of as usize].shape);
-    let boxes = shapes.map(|shape| shape.bounds());
+    let boxes = shapes.map(Shape::bounds);
     let around = |[low, high]: [Vec3; 2], [l, h]: [Vec3; 2]| [low.min(l), high.max(h)];
     let (mut area_m2, mut leaving_m2, mut direction) = (0.0, 0.0, Vec3::ZERO);
     for &surface in surfaces {

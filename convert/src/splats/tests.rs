@@ -224,7 +224,7 @@ fn a_similarity_moves_light_and_all() {
     assert!(message.contains("no rotation with one scale"), "{message}");
 }
 
-/// What `tests/spz.py` wrote from a PLY by the description of the format, with what the PLY held.
+/// What `tests/splats/spz.py` wrote from a PLY by the description of the format, with what the PLY held.
 #[test]
 fn spz_of_an_independent_writer() {
     let read = |name: &str| {
