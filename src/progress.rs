@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 
 /// Time between lines: a log of an hour stays readable.
 const LINE_EVERY: Duration = Duration::from_secs(10);
+/// Tasks that end sooner get no line: nobody waited for them, and their rate means nothing.
+const MOMENT: Duration = Duration::from_secs(1);
 /// Time between JSON messages of the same bar.
 const JSON_EVERY: Duration = Duration::from_millis(250);
 
@@ -39,6 +41,8 @@ struct Task {
     total: u64,
     started: Instant,
     told: Instant,
+    /// Whether the last line has been printed.
+    ended: bool,
 }
 
 impl Reporter {
@@ -98,6 +102,7 @@ impl Reporter {
             total,
             started: now,
             told: now,
+            ended: false,
         });
     }
 
@@ -113,10 +118,7 @@ impl Reporter {
         if let Some(bar) = &task.bar {
             bar.set_position(done);
             bar.set_message(note());
-        } else if self.style == Style::Lines
-            && (task.told.elapsed() >= LINE_EVERY || done == task.total)
-        {
-            task.told = Instant::now();
+        } else if self.style == Style::Lines && task.is_due(done, Instant::now()) {
             terminal::line(&task.line(done, &note()));
         }
     }
@@ -196,6 +198,23 @@ impl Reporter {
 }
 
 impl Task {
+    /// Whether a line is to be printed when `done` steps are done: now and then, and once at the
+    /// end of a task that took longer than a moment.
+    fn is_due(&mut self, done: u64, now: Instant) -> bool {
+        let ends = done >= self.total;
+        let is_due = !self.ended
+            && if ends {
+                now.duration_since(self.started) >= MOMENT
+            } else {
+                now.duration_since(self.told) >= LINE_EVERY
+            };
+        self.ended |= ends;
+        if is_due {
+            self.told = now;
+        }
+        is_due
+    }
+
     fn line(&self, done: u64, note: &str) -> String {
         let seconds = self.started.elapsed().as_secs_f64().max(1e-9);
         let rate = done.saturating_sub(self.first) as f64 / seconds;
@@ -243,17 +262,43 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_rate_leaves_out_what_an_earlier_process_did() {
-        let task = Task {
+    fn task(started: Instant) -> Task {
+        Task {
             name: "radiance".into(),
             unit: "iterations",
             bar: None,
             first: 900,
             total: 1000,
-            started: Instant::now() - Duration::from_secs(10),
-            told: Instant::now(),
-        };
+            started,
+            told: started,
+            ended: false,
+        }
+    }
+
+    #[test]
+    fn lines_come_now_and_then_and_once_at_the_end() {
+        let start = Instant::now();
+        let after = |seconds: f64| start + Duration::from_secs_f64(seconds);
+        let mut slow = task(start);
+        let due = [
+            (901, 0.1),
+            (902, 9.9),
+            (903, 10.0),
+            (904, 19.9),
+            (999, 20.1),
+            (1000, 20.2),
+            (1000, 40.0),
+        ]
+        .map(|(done, seconds)| slow.is_due(done, after(seconds)));
+        assert_eq!(due, [false, false, true, false, true, true, false]);
+        // Over in a moment, whatever comes after.
+        let mut fast = task(start);
+        assert!(!fast.is_due(1000, after(0.9)) && !fast.is_due(1000, after(30.0)));
+    }
+
+    #[test]
+    fn the_rate_leaves_out_what_an_earlier_process_did() {
+        let task = task(Instant::now() - Duration::from_secs(10));
         let line = task.line(950, "loss 0.1");
         assert_eq!(
             line,
