@@ -131,6 +131,7 @@ pub fn import(
     let mut writer = DatasetWriter::create(out, options.precision)?;
     let mut views = Vec::new();
     let total = source.frames.len();
+    let mut num_done = 0;
     // Views are done in batches and listed in their order.
     for batch in source.frames.chunks(rayon::current_num_threads().max(1)) {
         let done: Vec<Result<Imported>> = batch
@@ -149,9 +150,9 @@ pub fn import(
                     source.problems.push(problem);
                 }
             }
-            let done = views.len() + source.problems.len();
+            num_done += 1;
             progress(ImportProgress::Importing {
-                done: done.min(total),
+                done: num_done,
                 total,
             });
         }
@@ -172,10 +173,7 @@ pub fn import(
         *rows = turned_rows(importer.new_from_source, rows);
     }
     let is_there = |name: &String| views.iter().any(|view: &ViewReport| view.name == *name);
-    for list in [&mut info.train_names, &mut info.test_names]
-        .into_iter()
-        .flatten()
-    {
+    for list in info.lists_mut().into_iter().flatten() {
         list.retain(is_there);
     }
     writer.finish(&info)?;

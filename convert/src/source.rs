@@ -109,8 +109,10 @@ pub struct SourceDataset {
     pub format: SourceFormat,
     /// Its folder.
     pub root: PathBuf,
-    /// The file of cameras.
+    /// The file of cameras, the first if there are several.
     pub cameras_file: PathBuf,
+    /// Further files of cameras.
+    pub more_cameras: Vec<PathBuf>,
     /// Frames that can be used, in the order of the file.
     pub frames: Vec<SourceFrame>,
     /// Up axis, unit, and the source's own split.
@@ -223,6 +225,7 @@ impl SourceDataset {
             format,
             root: root.to_owned(),
             cameras_file,
+            more_cameras: Vec::new(),
             frames: Vec::new(),
             info: DatasetInfo::default(),
             points: None,
@@ -238,9 +241,14 @@ impl SourceDataset {
         self.frames.len() + self.problems.len()
     }
 
+    /// The files of cameras.
+    pub fn camera_files(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.cameras_file).chain(&self.more_cameras)
+    }
+
     /// All files that an import reads.
     pub fn files(&self) -> Vec<PathBuf> {
-        let mut all = vec![self.cameras_file.clone()];
+        let mut all: Vec<PathBuf> = self.camera_files().cloned().collect();
         all.extend(self.points.clone());
         for frame in &self.frames {
             let files = &frame.files;
@@ -282,7 +290,7 @@ impl SourceDataset {
             return Err(self.bad_frames());
         }
         let names: HashSet<&str> = self.frames.iter().map(|f| f.name.as_str()).collect();
-        for list in [&mut self.info.train_names, &mut self.info.test_names] {
+        for list in self.info.lists_mut() {
             if let Some(listed) = list {
                 let before = listed.len();
                 listed.retain(|name| names.contains(name.as_str()));

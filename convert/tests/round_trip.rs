@@ -88,6 +88,7 @@ fn a_folder_that_all_views_share_stays_in_their_names() {
         up_axis: Some(UpAxis::NegY),
         metres_per_unit: Some(0.25),
         train_names: Some(vec!["cam/000".to_owned(), "cam/002".to_owned()]),
+        validation_names: None,
         test_names: Some(vec!["cam/001".to_owned()]),
         aligned_from_model: Some([
             [2.0, 0.0, 0.0, 1.0],

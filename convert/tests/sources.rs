@@ -166,7 +166,7 @@ fn nerfstudio_with_every_kind_of_lens() {
     assert_eq!(source.format, SourceFormat::Nerfstudio);
     assert_eq!(source.info.up_axis, Some(UpAxis::Z));
     assert_cameras(&source, "nerfstudio", TOLERANCE);
-    assert_eq!(source.info.test_names.as_ref().unwrap().len(), 2);
+    assert_eq!(source.info.validation_names.as_ref().unwrap().len(), 2);
     assert!(source.points.is_some());
     assert!(
         source.notes[0].contains("applied_transform"),

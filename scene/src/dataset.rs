@@ -107,10 +107,11 @@ pub struct BadFrame {
     pub error: SceneError,
 }
 
-/// Names of frames that the file itself assigns to training and testing, as indices.
+/// Names of frames that the file itself assigns to training, validation and testing, as indices.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct ListedSplit {
     train: Option<Vec<usize>>,
+    validation: Option<Vec<usize>>,
     test: Option<Vec<usize>>,
 }
 
@@ -267,6 +268,7 @@ impl Dataset {
             up_axis: self.up_axis,
             metres_per_unit: self.metres_per_unit,
             train_names: names(&self.listed.train),
+            validation_names: names(&self.listed.validation),
             test_names: names(&self.listed.test),
             aligned_from_model: self.aligned_from_model,
         }

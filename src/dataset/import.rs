@@ -28,7 +28,9 @@ use std::process::ExitCode;
 ///
 /// FIPT: cam.txt and K_list.txt with Image/, y up; or train/ and val/ of synthetic scenes. Eyeful
 /// Tower: cameras.json with images-2k/ or images-1k/, y up, metres; white balance by the scene,
-/// DCI-P3 to Rec.709. nerfstudio, instant-NGP and Blender: transforms.json with what it names.
+/// DCI-P3 to Rec.709. nerfstudio and instant-NGP: transforms.json with what it names. Blender:
+/// transforms_train.json, transforms_val.json and transforms_test.json; the split is kept
+/// (`listed`).
 /// eagpt: our own layout, to be turned, shrunk or written anew.
 #[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
@@ -151,7 +153,9 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         import(&source, &args.out, &options, progress)
     })?;
     let record = &mut builder.record;
-    record.inputs.push(Input::of(&source.cameras_file)?);
+    for file in source.camera_files() {
+        record.inputs.push(Input::of(file)?);
+    }
     record.warnings.clone_from(&summary.report.warnings);
     let outputs = summary.outputs.iter();
     record.outputs = outputs

@@ -51,10 +51,13 @@ pub(super) fn write(dataset: &Dataset, points: Option<&PointCloud>, out: &Path) 
         top.insert("ply_file_path".to_owned(), json!(POINTS_FILE));
     }
     for (key, names) in [
-        ("train_filenames", &info.train_names),
-        ("test_filenames", &info.test_names),
+        ("train_filenames", info.train_names.as_ref()),
+        ("test_filenames", info.test_names.as_ref()),
         // nerfstudio evaluates on this list while it trains.
-        ("val_filenames", &info.test_names),
+        (
+            "val_filenames",
+            info.validation_names.as_ref().or(info.test_names.as_ref()),
+        ),
     ] {
         if let Some(names) = names {
             let paths: Vec<String> = names.iter().map(|name| image_path(name)).collect();

@@ -36,6 +36,9 @@ pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<SourceDatase
             ));
             continue;
         }
+        if split != SPLITS[0] {
+            source.more_cameras.push(path.clone());
+        }
         let value = read_json(&path)?;
         let top = Object::root(&path, &value)?;
         for (index, object) in top.objects("frames")?.iter().enumerate() {

@@ -17,8 +17,10 @@
 //! Frames are named by their path below `images/`; our images of that name beside,
 //! `Emissive-exr/NAME.exr` and so on, are imported too.
 //!
-//! A folder with `transforms_train.json`, and `transforms_val.json` or `transforms_test.json`
-//! beside it, is one dataset with that split.
+//! A folder with `transforms_train.json`, `transforms_val.json` and `transforms_test.json`, or some
+//! of these, is one dataset with that split. Frames are then named by their paths below the folder
+//! that all images share, as `train/r_0`. A photograph that several of the files list with the same
+//! pose is one frame, in several lists.
 
 use super::{
     Depth, Emission, SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, lens,
@@ -26,6 +28,7 @@ use super::{
 };
 use crate::error::{Problem, Result};
 use crate::options::ImportOptions;
+use eagpt_scene::dataset::intrinsics::{Contradictions, Dialect};
 use eagpt_scene::dataset::json::{Object, excerpt};
 use eagpt_scene::dataset::{
     ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetInfo, EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE,
@@ -49,6 +52,17 @@ enum Subset {
     Train,
     Validation,
     Test,
+}
+
+impl Subset {
+    fn list(self, info: &mut DatasetInfo) -> &mut Option<Vec<String>> {
+        let [train, validation, test] = info.lists_mut();
+        match self {
+            Self::Train => train,
+            Self::Validation => validation,
+            Self::Test => test,
+        }
+    }
 }
 
 /// Detects the writer of a `transforms.json` by its keys.
@@ -88,24 +102,36 @@ pub(super) fn read(
         Some(parent) => parent.to_owned(),
         None => PathBuf::from("."),
     };
-    let split: Vec<(PathBuf, Subset)> = SPLIT_FILES
+    let mut files: Vec<(PathBuf, Option<Subset>)> = SPLIT_FILES
         .iter()
-        .map(|(name, subset)| (root.join(name), *subset))
+        .map(|(name, subset)| (root.join(name), Some(*subset)))
         .filter(|(path, _)| path.is_file())
         .collect();
-    if file.is_file() || split.is_empty() {
-        let mut source = new_source(format, &root, &file);
-        read_file(&mut source, &file, options)?;
-        return Ok(source);
+    if file.is_file() || files.is_empty() {
+        files = vec![(file, None)];
     }
-    let mut source = new_source(format, &root, &split[0].0);
-    let mut names: HashMap<u8, Vec<String>> = HashMap::new();
-    for (path, subset) in &split {
-        names.insert(*subset as u8, read_file(&mut source, path, options)?);
+    let mut source = new_source(format, &root, &files[0].0);
+    source.more_cameras = files[1..].iter().map(|(path, _)| path.clone()).collect();
+    let values: Vec<Value> = files
+        .iter()
+        .map(|(path, _)| read_json(path))
+        .collect::<Result<_>>()?;
+    let mut lists = Vec::new();
+    for ((path, subset), value) in files.iter().zip(&values) {
+        let top = Object::root(path, value)?;
+        if subset.is_some() && top.array("frames")?.is_some_and(<[Value]>::is_empty) {
+            let path = path.display();
+            source.warnings.push(format!("{path}: frames: none"));
+            continue;
+        }
+        let frames = top.objects("frames")?;
+        lists.push(Listed {
+            subset: *subset,
+            top,
+            frames,
+        });
     }
-    source.info.train_names = names.remove(&(Subset::Train as u8));
-    let validation = names.remove(&(Subset::Validation as u8));
-    source.info.test_names = names.remove(&(Subset::Test as u8)).or(validation);
+    read_lists(&mut source, &lists, options)?;
     Ok(source)
 }
 
@@ -116,68 +142,118 @@ fn new_source(format: SourceFormat, root: &Path, file: &Path) -> SourceDataset {
     source
 }
 
-/// Adds the frames of a file and returns their names.
-fn read_file(
+/// A file of frames.
+struct Listed<'a> {
+    /// The subset that all of its frames are in.
+    subset: Option<Subset>,
+    top: Object<'a>,
+    frames: Vec<Object<'a>>,
+}
+
+/// Adds the frames of all files, under names that tell them apart.
+fn read_lists(
     source: &mut SourceDataset,
-    file: &Path,
+    lists: &[Listed<'_>],
     options: &ImportOptions,
-) -> Result<Vec<String>> {
-    let value = read_json(file)?;
-    let top = Object::root(file, &value)?;
-    let objects = top.objects("frames")?;
+) -> Result<()> {
     let root = source.root.clone();
-    let depth_unit = options.depth_unit * top.positive("applied_scale")?.unwrap_or(1.0);
-    let paths: Vec<Option<&str>> = objects
-        .iter()
-        .map(|o| o.string("file_path").ok()?)
-        .collect();
+    let all = lists.iter().flat_map(|list| &list.frames);
+    let paths: Vec<Option<&str>> = all.map(|o| o.string("file_path").ok()?).collect();
     let names = names(&paths);
-    let mut name_by_path = HashMap::new();
-    for (index, (object, name)) in objects.iter().zip(&names).enumerate() {
-        match (paths[index], name) {
-            (Some(path), Some(name)) => {
-                name_by_path.insert(path, name.as_str());
-                let frame = frame(&root, &top, object, (path, name), depth_unit);
-                source.add(name, frame);
-            }
-            _ => {
+    let mut named = paths.iter().zip(&names);
+    let mut frames: HashMap<&str, SourceFrame> = HashMap::new();
+    let mut contradictions = Contradictions::default();
+    let mut num_repeated = 0;
+    for Listed {
+        subset,
+        top,
+        frames: objects,
+    } in lists
+    {
+        let depth_unit = options.depth_unit * top.positive("applied_scale")?.unwrap_or(1.0);
+        let mut name_by_path = HashMap::new();
+        let mut listed = Vec::new();
+        for (index, (object, (path, name))) in objects.iter().zip(named.by_ref()).enumerate() {
+            let (Some(path), Some(name)) = (path, name) else {
                 let value = object.get("file_path").unwrap_or(&Value::Null);
-                let problem =
-                    object.invalid("file_path", format!("{} names no file", excerpt(value)));
-                source
-                    .problems
-                    .push(Problem::new(&format!("frames[{index}]"), problem));
+                let names_no_file = format!("{} names no file", excerpt(value));
+                let problem = object.invalid("file_path", names_no_file);
+                let problem = Problem::new(&format!("frames[{index}]"), problem);
+                source.problems.push(problem);
+                continue;
+            };
+            name_by_path.insert(*path, name.as_str());
+            listed.push(name.clone());
+            let frame = frame(&root, top, object, (path, name), depth_unit);
+            if let Ok(frame) = &frame {
+                let size = frame.lens.size();
+                contradictions.add(Dialect::Nerfstudio, top, object, size)?;
+                if frames.get(name.as_str()) == Some(frame) {
+                    num_repeated += 1;
+                    continue;
+                }
+                frames.insert(name, frame.clone());
             }
+            source.add(name, frame);
         }
+        match subset {
+            Some(subset) => *subset.list(&mut source.info) = Some(listed),
+            None => read_split(source, top, &name_by_path)?,
+        }
+        read_world(source, top)?;
     }
-    read_split(source, &top, &name_by_path)?;
-    let world = DatasetInfo::of_world(&top)?;
-    source.info.up_axis = world.up_axis.or(source.info.up_axis);
-    source.info.metres_per_unit = world.metres_per_unit;
-    source.info.aligned_from_model = world.aligned_from_model;
+    let info = &mut source.info;
+    let [train, validation, test] = info.lists_mut().map(|list| list.as_ref().map(Vec::len));
+    if train.is_some() {
+        let [train, validation, test] = [train, validation, test].map(Option::unwrap_or_default);
+        source.notes.push(format!(
+            "the split of the source is kept as `listed`: {train} views train, {validation} \
+             validate, {test} test"
+        ));
+    }
+    if num_repeated > 0 {
+        let text = format!("{num_repeated} frames are listed twice, with the same pose: once each");
+        source.notes.push(text);
+    }
+    source.warnings.extend(contradictions.warning());
+    Ok(())
+}
+
+/// What a file says beside its frames; of several files the first that says it counts.
+fn read_world(source: &mut SourceDataset, top: &Object<'_>) -> Result<()> {
+    let world = DatasetInfo::of_world(top)?;
+    if top.path == source.cameras_file {
+        source.info.up_axis = world.up_axis.or(source.info.up_axis);
+    }
+    let info = &mut source.info;
+    info.metres_per_unit = info.metres_per_unit.or(world.metres_per_unit);
+    info.aligned_from_model = info.aligned_from_model.or(world.aligned_from_model);
     if let Some(relative) = top.string("ply_file_path")? {
-        let path = root.join(relative);
+        let path = source.root.join(relative);
         if path.is_file() {
             source.points = Some(path);
         } else {
             source.warnings.push(format!(
                 "{}: ply_file_path: there is no {}: no point cloud",
-                file.display(),
+                top.path.display(),
                 path.display()
             ));
         }
     }
-    tell_of_keys(source, &top);
-    Ok(names.into_iter().flatten().collect())
+    tell_of_keys(source, top);
+    Ok(())
 }
 
 fn tell_of_keys(source: &mut SourceDataset, top: &Object<'_>) {
     for key in ["applied_transform", "applied_scale"] {
         if let Some(value) = top.get(key) {
-            source.notes.push(format!(
+            let text = format!(
                 "{key} {}: the world stays that of the file, as its points do",
                 excerpt(value)
-            ));
+            );
+            if !source.notes.contains(&text) {
+                source.notes.push(text);
+            }
         }
     }
     if let Some(value) = top.get("fisheye_crop_radius") {
@@ -300,9 +376,9 @@ fn read_split(
         read("val_filenames")?,
         read("test_filenames")?,
     );
-    if train.is_some() || validation.is_some() || test.is_some() {
-        source.info.train_names = train;
-        source.info.test_names = test.or(validation);
-    }
+    source.info.train_names = train;
+    // Our exports validate on the test views.
+    source.info.validation_names = validation.filter(|list| test.as_ref() != Some(list));
+    source.info.test_names = test;
     Ok(())
 }

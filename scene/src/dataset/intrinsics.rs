@@ -38,12 +38,13 @@ const PERSPECTIVE: [&str; 5] = [
 
 /// The camera of an image of `size` pixels: each key from the frame or from the top level.
 ///
-/// The focal length may also be an angle, `camera_angle_x`, across the image; a missing `fy` equals
-/// `fx`; a missing principal point is the centre.
+/// The focal length may also be an angle, `camera_angle_x`, across the image; where both are there
+/// the focal length counts, as in instant-NGP and nerfstudio (see [`Contradictions`]). A missing
+/// `fy` equals `fx`; a missing principal point is the centre.
 ///
 /// # Errors
-/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values,
-/// or distorted.
+/// [`crate::SceneError`] naming the key: missing, out of range, with another value at the top level
+/// than in the frame, or distorted.
 pub(super) fn camera(
     dialect: Dialect,
     top: &Object<'_>,
@@ -61,8 +62,8 @@ pub(super) fn camera(
 /// otherwise as datasets are opened.
 ///
 /// # Errors
-/// [`crate::SceneError`] naming the key: missing, out of range, stated twice with different values,
-/// or a stated size that is not `size`.
+/// [`crate::SceneError`] naming the key: missing, out of range, with another value at the top level
+/// than in the frame, or a stated size that is not `size`.
 pub fn pinhole(
     dialect: Dialect,
     top: &Object<'_>,
@@ -99,7 +100,7 @@ pub fn pinhole(
     })
 }
 
-/// A focal length in pixels, from its own key or from the angle of view across `size` pixels.
+/// A focal length in pixels, from its own key or else from the angle of view across `size` pixels.
 fn focal(
     top: &Object<'_>,
     frame: &Object<'_>,
@@ -113,23 +114,99 @@ fn focal(
     {
         return Err(object.invalid(key, format!("{value:?} is not above 0")));
     }
-    let Some((object, angle)) = lookup(top, frame, angle_key)? else {
-        return Ok(focal.map(|(_, value)| value));
+    let from_angle = focal_of_angle(top, frame, angle_key, size)?;
+    Ok(focal
+        .map(|(_, value)| value)
+        .or(from_angle.map(|angle| angle.focal)))
+}
+
+/// An angle of view and what follows from it.
+struct Angle<'o, 'a> {
+    object: &'o Object<'a>,
+    radians: f64,
+    /// Focal length in pixels.
+    focal: f64,
+}
+
+fn focal_of_angle<'o, 'a>(
+    top: &'o Object<'a>,
+    frame: &'o Object<'a>,
+    key: &str,
+    size: f64,
+) -> Result<Option<Angle<'o, 'a>>> {
+    let Some((object, radians)) = lookup(top, frame, key)? else {
+        return Ok(None);
     };
-    if !(angle > 0.0 && angle < std::f64::consts::PI) {
-        let problem = format!("{angle:?} rad is not between 0 and pi");
-        return Err(object.invalid(angle_key, problem));
+    if !(radians > 0.0 && radians < std::f64::consts::PI) {
+        let problem = format!("{radians:?} rad is not between 0 and pi");
+        return Err(object.invalid(key, problem));
     }
-    let from_angle = 0.5 * size / (0.5 * angle).tan();
-    match focal {
-        Some((_, value)) if !agree(value, from_angle) => {
-            let problem = format!(
-                "{angle:?} rad is a focal length of {from_angle:?}, but {key} is {value:?}"
-            );
-            Err(object.invalid(angle_key, problem))
+    Ok(Some(Angle {
+        object,
+        radians,
+        focal: 0.5 * size / (0.5 * radians).tan(),
+    }))
+}
+
+/// Frames whose angle of view is another than their focal length says: some programs write the
+/// angle of an image of another size, or of a camera before its calibration.
+#[derive(Debug, Clone, Default)]
+pub struct Contradictions {
+    first: Option<String>,
+    num: usize,
+}
+
+impl Contradictions {
+    /// Looks at a frame whose image has `size` pixels, of which [`pinhole`] has made a camera.
+    ///
+    /// # Errors
+    /// As [`pinhole`].
+    pub fn add(
+        &mut self,
+        dialect: Dialect,
+        top: &Object<'_>,
+        frame: &Object<'_>,
+        size: (u32, u32),
+    ) -> Result<()> {
+        let [key_x, key_y] = dialect.focal_keys();
+        let stated_size = |key: &str, size: u32| -> Result<f64> {
+            Ok(lookup(top, frame, key)?.map_or(f64::from(size), |(_, stated)| stated))
+        };
+        for (key, angle_key, size) in [
+            (key_x, "camera_angle_x", stated_size("w", size.0)?),
+            (key_y, "camera_angle_y", stated_size("h", size.1)?),
+        ] {
+            let angle = focal_of_angle(top, frame, angle_key, size)?;
+            if let (Some((_, value)), Some(angle)) = (lookup(top, frame, key)?, angle)
+                && !agree(value, angle.focal)
+            {
+                self.num += 1;
+                let Angle {
+                    object,
+                    radians,
+                    focal,
+                } = angle;
+                self.first.get_or_insert_with(|| {
+                    format!(
+                        "{}: {}: {radians:?} rad is a focal length of {focal:.2}, but {key} is \
+                         {value:?}: {key} is taken",
+                        object.path.display(),
+                        object.field(angle_key)
+                    )
+                });
+                break;
+            }
         }
-        Some((_, value)) => Ok(Some(value)),
-        None => Ok(Some(from_angle)),
+        Ok(())
+    }
+
+    /// A warning, if there were any.
+    pub fn warning(self) -> Option<String> {
+        let first = self.first?;
+        Some(match self.num {
+            1 => first,
+            num => format!("{first}, for {num} frames"),
+        })
     }
 }
 
@@ -186,5 +263,39 @@ fn check_undistorted(object: &Object<'_>) -> Result<()> {
             Err(object.unsupported(key, format!("{}; {UNDISTORT}", excerpt(value))))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+    use std::path::Path;
+
+    #[test]
+    fn one_warning_tells_of_all_contradictions() {
+        let top = json!({"camera_angle_x": 1.0, "fl_y": 2, "w": 4, "h": 2});
+        let frames = [
+            json!({"fl_x": 3.6609, "camera_angle_y": 0.9273}),
+            json!({"fl_x": 9}),
+            json!({"fl_x": 9, "camera_angle_y": 0.5}),
+        ];
+        let top = Object::root(Path::new("a.json"), &top).unwrap();
+        let mut found = Contradictions::default();
+        for (index, frame) in frames.iter().enumerate() {
+            let frame = Object {
+                within: Some(("frames", index)),
+                ..Object::root(Path::new("a.json"), frame).unwrap()
+            };
+            // Half the size that is stated: the angle is across the image either way.
+            found
+                .add(Dialect::Nerfstudio, &top, &frame, (2, 1))
+                .unwrap();
+        }
+        // 2 / tan 0.5 = 3.6609754.
+        let text = "a.json: camera_angle_x: 1.0 rad is a focal length of 3.66, but fl_x is 9.0: \
+                    fl_x is taken, for 2 frames";
+        assert_eq!(found.warning().unwrap(), text);
+        assert_eq!(Contradictions::default().warning(), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Opening a dataset: from `transforms.json` to frames whose images are there.
 
-use super::intrinsics::{self, Dialect};
+use super::intrinsics::{self, Contradictions, Dialect};
 use super::json::{Object, excerpt};
 use super::names::{is_frame_name, strip_image_folder};
 use super::{
@@ -83,11 +83,14 @@ fn read(
     let mut left_out = HashSet::new();
     // Names, in the lists of the file, of the frames that can be used.
     let mut listed_names = Vec::with_capacity(objects.len());
+    let mut contradictions = Contradictions::default();
     for (object, located) in objects.iter().zip(&located) {
         let frame = image_size(images, dialect, &top, object, located)
             .and_then(|size| frame(&root, dialect, &top, object, located, size));
         match frame {
             Ok(frame) => {
+                let size = (frame.camera.width, frame.camera.height);
+                contradictions.add(dialect, &top, object, size)?;
                 listed_names.push(located.listed_as.as_str());
                 frames.push(frame);
             }
@@ -101,6 +104,9 @@ fn read(
         }
     }
     warn_of_ignored_keys(&top, &objects);
+    if let Some(warning) = contradictions.warning() {
+        tracing::warn!("{warning}");
+    }
     let world = DatasetInfo::of_world(&top)?;
     Ok(Dataset {
         up_axis: world.up_axis,
@@ -256,6 +262,15 @@ fn frame(
 }
 
 impl DatasetInfo {
+    /// The lists of names: training, validation, test.
+    pub fn lists_mut(&mut self) -> [&mut Option<Vec<String>>; 3] {
+        [
+            &mut self.train_names,
+            &mut self.validation_names,
+            &mut self.test_names,
+        ]
+    }
+
     /// Keys of our own at the top of a `transforms.json`, without its lists.
     ///
     /// # Errors
@@ -272,8 +287,7 @@ impl DatasetInfo {
     }
 }
 
-/// The lists of nerfstudio; without a test list the validation list takes its place. Names that are
-/// `left_out` are passed over.
+/// The lists of nerfstudio. Names that are `left_out` are passed over.
 fn listed_split(top: &Object<'_>, names: &[&str], left_out: &HashSet<&str>) -> Result<ListedSplit> {
     let index_by_name: HashMap<&str, usize> = names
         .iter()
@@ -297,10 +311,13 @@ fn listed_split(top: &Object<'_>, names: &[&str], left_out: &HashSet<&str>) -> R
         });
         indices.collect::<Result<Vec<_>>>().map(Some)
     };
-    let validation = read("val_filenames")?;
+    let test = read("test_filenames")?;
+    // A test list that nerfstudio validates on as well is one list.
+    let validation = read("val_filenames")?.filter(|list| test.as_ref() != Some(list));
     Ok(ListedSplit {
         train: read("train_filenames")?,
-        test: read("test_filenames")?.or(validation),
+        validation,
+        test,
     })
 }
 

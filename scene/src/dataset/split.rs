@@ -142,15 +142,18 @@ fn every_8th(num_frames: usize) -> (Vec<usize>, Vec<usize>) {
 }
 
 fn listed(transforms: &Path, lists: &ListedSplit) -> Result<(Vec<usize>, Vec<usize>)> {
-    let list = |indices: &Option<Vec<usize>>, key: &str| {
-        indices.clone().ok_or_else(|| {
+    let list = |indices: Option<&Vec<usize>>, key: &str| {
+        indices.cloned().ok_or_else(|| {
             let problem = "missing; the split `listed` needs it";
             SceneError::invalid(transforms, key, problem)
         })
     };
     Ok((
-        list(&lists.train, "train_filenames")?,
-        list(&lists.test, "test_filenames")?,
+        list(lists.train.as_ref(), "train_filenames")?,
+        list(
+            lists.test.as_ref().or(lists.validation.as_ref()),
+            "test_filenames",
+        )?,
     ))
 }
 

@@ -22,6 +22,9 @@ pub struct DatasetInfo {
     pub metres_per_unit: Option<f64>,
     /// Names of the frames to train on, if the dataset prescribes them.
     pub train_names: Option<Vec<String>>,
+    /// Names of the frames to validate on, if the dataset prescribes them; they are tested on where
+    /// no others are.
+    pub validation_names: Option<Vec<String>>,
     /// Names of the frames to test on, if the dataset prescribes them.
     pub test_names: Option<Vec<String>>,
     /// Rows of the 4×4 similarity from the world of a structure-from-motion model to that of the
@@ -162,6 +165,7 @@ pub fn write_transforms(
     }
     for (key, names) in [
         ("train_filenames", &info.train_names),
+        ("val_filenames", &info.validation_names),
         ("test_filenames", &info.test_names),
     ] {
         if let Some(names) = names {

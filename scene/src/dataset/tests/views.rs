@@ -15,6 +15,7 @@ fn a_written_dataset_reads_back_the_same() {
         up_axis: Some(UpAxis::NegX),
         metres_per_unit: Some(0.1),
         train_names: Some(vec!["b".to_owned()]),
+        validation_names: Some(vec!["10/a".to_owned(), "b".to_owned()]),
         test_names: Some(vec!["10/a".to_owned()]),
         aligned_from_model: Some([
             [0.1, -1.0 / 3.0, 0.0, 4.0],
