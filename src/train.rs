@@ -24,7 +24,8 @@ use std::process::ExitCode;
 /// then fits the diffuse albedo through one bounce of light.
 ///
 /// The dataset is a folder with transforms.json (EAG-PT or nerfstudio keys), linear EXR images,
-/// optional masks, normals and opacities, and points3d.ply to start from.
+/// optional masks, normals and opacities, and points3d.ply to start from. Without that, training
+/// starts from points where the views agree, or whose depth they tell.
 ///
 /// Options come in layers, later ones winning: the preset, the file of --config, the flags, each
 /// --set. --dump-config prints the outcome.

@@ -16,8 +16,8 @@ mod nerfstudio;
 
 use crate::error::{ConvertError, Result};
 use eagpt_scene::dataset::{
-    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR,
-    TRANSFORMS_FILE, VALID_DIR, write_transforms,
+    ALBEDO_DIR, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
+    RADIANCE_DIR, TRANSFORMS_FILE, VALID_DIR, write_transforms,
 };
 use eagpt_scene::{Camera, Dataset, Frame, SceneError, files};
 use serde::{Deserialize, Serialize};
@@ -125,6 +125,7 @@ fn copies_of(frame: &Frame, format: ExportFormat) -> Vec<Copy> {
         (ALPHA_DIR, files.alpha.as_ref()),
         (DEPTH_DIR, files.depth.as_ref()),
         (ALBEDO_DIR, files.albedo.as_ref()),
+        (CLIPPED_DIR, files.clipped.as_ref()),
         (VALID_DIR, files.valid.as_ref()),
     ];
     let there = kinds.into_iter().filter_map(|(folder, from)| {

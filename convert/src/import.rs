@@ -19,8 +19,8 @@ use crate::error::{ConvertError, Problem, Result};
 use crate::source::{SourceDataset, SourceFrame};
 use crate::world;
 use eagpt_scene::dataset::{
-    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetWriter, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
-    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR,
+    ALBEDO_DIR, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, DatasetWriter, EMISSION_DIR, NORMAL_DIR,
+    POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR,
 };
 use eagpt_scene::lens::Undistortion;
 use eagpt_scene::ply::PointCloud;
@@ -73,13 +73,12 @@ pub fn planned_files(source: &SourceDataset) -> Vec<PathBuf> {
     }
     for frame in &source.frames {
         let files = &frame.files;
+        // A PNG may have an alpha channel, and clipped pixels as a JPEG.
+        let is_display = !eagpt_scene::pictures::is_exr(&files.radiance);
         let kinds = [
             (RADIANCE_DIR, true),
-            // A PNG may have an alpha channel.
-            (
-                ALPHA_DIR,
-                files.alpha.is_some() || !eagpt_scene::pictures::is_exr(&files.radiance),
-            ),
+            (ALPHA_DIR, files.alpha.is_some() || is_display),
+            (CLIPPED_DIR, files.clipped.is_some() || is_display),
             (EMISSION_DIR, files.emission.is_some()),
             (NORMAL_DIR, files.normal.is_some()),
             (DEPTH_DIR, files.depth.is_some()),

@@ -157,6 +157,8 @@ pub struct SourceFiles {
     pub depth: Option<Depth>,
     /// Diffuse albedo, linear Rec.709.
     pub albedo: Option<PathBuf>,
+    /// Mask of clipped channels; PNG and JPEG say themselves.
+    pub clipped: Option<PathBuf>,
     /// Mask of pixels to use: not black.
     pub valid: Option<PathBuf>,
 }
@@ -255,7 +257,13 @@ impl SourceDataset {
             all.push(files.radiance.clone());
             all.extend(files.emission.as_ref().map(|e| e.path().to_owned()));
             all.extend(files.depth.as_ref().map(|depth| depth.path.clone()));
-            let others = [&files.normal, &files.alpha, &files.albedo, &files.valid];
+            let others = [
+                &files.normal,
+                &files.alpha,
+                &files.albedo,
+                &files.clipped,
+                &files.valid,
+            ];
             all.extend(others.into_iter().flatten().cloned());
         }
         all

@@ -2,6 +2,8 @@
 //!
 //! Cameras are those of a turntable, written down here; pictures have one colour each.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use eagpt_convert::import::{ImportOptions, Ldr};
 use eagpt_convert::{SourceDataset, SourceFormat, import};
 use eagpt_scene::Dataset;

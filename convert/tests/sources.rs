@@ -319,6 +319,7 @@ fn eight_bits_come_in_only_when_asked_for() {
     let out = dir.path().join("out");
     import(&source, &out, &options, &mut |_| ()).unwrap();
     let view = Dataset::open(&out).unwrap().load_view(0).unwrap();
+    assert_eq!(view.clipped.as_ref().unwrap().get(5, 5), [0.0, 0.0, 1.0]);
     // ((128/255 + 0.055) / 1.055)^2.4 = 0.215861.
     assert!((view.radiance.get(5, 5)[0] - 0.215_861).abs() < 1e-5);
 }

@@ -16,6 +16,7 @@
 //! | `Alpha-exr` | opacity, 0 to 1 |
 //! | `Depth-exr` | depth along the optical axis, scene units |
 //! | `DiffCol` | diffuse albedo |
+//! | `Clipped-exr` | 1 in channels of which the radiance is a lower bound, else 0 |
 //! | `Valid-exr` | 1 where the images are known, less where they are not; absent, all is known |
 //!
 //! Beyond the keys of either format, `up_axis` ("z", "-y", …), `metres_per_unit` and
@@ -59,6 +60,8 @@ pub const ALPHA_DIR: &str = "Alpha-exr";
 pub const DEPTH_DIR: &str = "Depth-exr";
 /// Folder of the diffuse albedos.
 pub const ALBEDO_DIR: &str = "DiffCol";
+/// Folder of the masks of clipped channels.
+pub const CLIPPED_DIR: &str = "Clipped-exr";
 /// Folder of the masks of known pixels.
 pub const VALID_DIR: &str = "Valid-exr";
 /// The file of cameras.
@@ -94,6 +97,8 @@ pub struct ViewFiles {
     pub depth: Option<PathBuf>,
     /// Diffuse albedo.
     pub albedo: Option<PathBuf>,
+    /// Mask of clipped channels.
+    pub clipped: Option<PathBuf>,
     /// Mask of known pixels.
     pub valid: Option<PathBuf>,
 }
@@ -304,10 +309,11 @@ impl Dataset {
                 alpha,
                 depth,
                 albedo,
+                clipped,
                 valid,
             } = &frame.files;
             all.push(radiance.clone());
-            let others = [emission, normal, alpha, depth, albedo, valid];
+            let others = [emission, normal, alpha, depth, albedo, clipped, valid];
             all.extend(others.into_iter().flatten().cloned());
         }
         all

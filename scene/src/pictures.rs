@@ -5,7 +5,7 @@ use crate::color::linear_from_srgb;
 use crate::error::{Result, SceneError};
 use crate::image::Image;
 use crate::{exr, files};
-use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, Rgba};
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 use std::sync::LazyLock;
@@ -63,6 +63,9 @@ pub struct Light {
     pub radiance: Image<3>,
     /// Opacity, 0 to 1.
     pub alpha: Option<Image<1>>,
+    /// 1 in channels at the largest value that the file can hold, else 0; for EXR, and where there
+    /// are none, `None`.
+    pub clipped: Option<Image<3>>,
 }
 
 /// Reads linear light: EXR by its primaries, PNG and JPEG decoded as sRGB (IEC 61966-2-1), 8 or 16 bits.
@@ -74,6 +77,7 @@ pub fn read_light(path: &Path) -> Result<Light> {
         return Ok(Light {
             radiance: exr::read_rgb_unclipped(path)?,
             alpha: None,
+            clipped: None,
         });
     }
     let picture = decode(path)?;
@@ -89,9 +93,20 @@ pub fn read_light(path: &Path) -> Result<Light> {
     let opacities = rgba.pixels().map(|pixel| [unit(pixel.0[3])]);
     let is_opaque = !has_alpha || rgba.pixels().all(|pixel| pixel.0[3] == u16::MAX);
     let alpha = (!is_opaque).then(|| Image::from_pixels(width, height, opacities.collect()));
+    let at_most = |pixel: &Rgba<u16>| {
+        let [r, g, b, a] = pixel.0;
+        [r, g, b].map(|value| value == u16::MAX && a > 0)
+    };
+    let is_any = rgba.pixels().any(|pixel| at_most(pixel) != [false; 3]);
+    let clipped = is_any.then(|| {
+        let flags = rgba.pixels().map(at_most);
+        let pixels = flags.map(|flags| flags.map(|flag| f32::from(u8::from(flag))));
+        Image::from_pixels(width, height, pixels.collect())
+    });
     Ok(Light {
         radiance: whole(path, radiance)?,
         alpha: alpha.map(|alpha| whole(path, alpha)).transpose()?,
+        clipped: clipped.map(|clipped| whole(path, clipped)).transpose()?,
     })
 }
 
@@ -182,7 +197,7 @@ fn decode(path: &Path) -> Result<DynamicImage> {
 mod tests {
     use super::*;
     use crate::testing::assert_error;
-    use ::image::{ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+    use ::image::{ImageBuffer, Luma, Rgb, RgbImage, RgbaImage};
     use eagpt_testkit::damage::for_each_truncation;
 
     #[test]
@@ -197,10 +212,16 @@ mod tests {
         // ((128/255 + 0.055) / 1.055)^2.4 = 0.215861.
         assert!(r == 0.0 && (g - 0.215_861).abs() < 1e-6 && b == 1.0, "{g}");
         assert_eq!((light.alpha, size(&path).unwrap()), (None, (2, 1)));
-        RgbaImage::from_pixel(1, 1, Rgba([255, 255, 0, 51]))
+        assert_eq!(light.clipped.unwrap().get(1, 0), [0.0, 0.0, 1.0]);
+        RgbImage::from_pixel(2, 1, Rgb([254, 128, 0]))
+            .save(&path)
+            .unwrap();
+        assert_eq!(read_light(&path).unwrap().clipped, None);
+        RgbaImage::from_pixel(1, 1, Rgba([255, 254, 0, 51]))
             .save(&path)
             .unwrap();
         let light = read_light(&path).unwrap();
+        assert_eq!(light.clipped.unwrap().get(0, 0), [1.0, 0.0, 0.0]);
         assert!((light.radiance.get(0, 0)[0] - 0.2).abs() < 1e-6);
         assert!((light.alpha.unwrap().get(0, 0)[0] - 0.2).abs() < 1e-6);
     }

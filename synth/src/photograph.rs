@@ -149,6 +149,7 @@ impl Photograph {
             alpha: None,
             depth: Some(self.derived(|hit| [(hit.position - origin).dot(forward)])),
             albedo: Some(self.cropped(&self.albedo[condition])),
+            clipped: None,
             valid: None,
         }
     }

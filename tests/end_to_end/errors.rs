@@ -130,7 +130,17 @@ fn damaged_transforms_and_points() {
     truncate(&place, "room/points3d.ply");
     train_fails(&place, "", &["room/points3d.ply"]);
     std::fs::remove_file(place.path("room/points3d.ply")).unwrap();
-    train_fails(&place, "", &["room", "points3d.ply is missing"]);
+    // Then points are found by the views, but not from one place.
+    std::fs::remove_dir_all(place.path("room/Depth-exr")).unwrap();
+    place.edit_transforms(|t| {
+        for frame in t["frames"].as_array_mut().unwrap() {
+            for row in frame["transform_matrix"].as_array_mut().unwrap() {
+                row[3] = json!(0.5);
+            }
+        }
+    });
+    let one_place = ["room", "no points3d.ply", "all stand in one"];
+    train_fails(&place, "", &one_place);
     truncate(&place, "room/transforms.json");
     train_fails(&place, "", &["room/transforms.json", "JSON"]);
     place.fails_cleanly("train nowhere --out run", &["nowhere"]);

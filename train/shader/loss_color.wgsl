@@ -79,6 +79,24 @@ fn encode_lit(
     encoded[pixel] = encoded_as_pq(select(features.b.xyz * light.xyz, light.xyz, light.w > 0.0));
 }
 
+// What is brighter than a lower bound is as wanted.
+@compute @workgroup_size(GROUP_SIZE)
+fn clip(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = invocation_number(workgroup, workgroups, thread);
+    if pixel >= loss.num_pixels {
+        return;
+    }
+    let bounded = (vec3u(clipped[pixel]) & vec3u(1u, 2u, 4u)) != vec3u();
+    let shown = encoded[pixel];
+    let bound = pq_wanted(pixel);
+    let is_beyond = bounded & (shown.pq > bound);
+    encoded[pixel] = Encoded(select(shown.pq, bound, is_beyond), select(shown.slope, vec3f(), is_beyond));
+}
+
 fn add_moments(sum: Moments, weight: f32, x: i32, row: u32) -> Moments {
     if x < 0 || x >= i32(loss.width) {
         return sum;

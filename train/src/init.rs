@@ -6,6 +6,11 @@
 //! point's are taken to see the point, and give its linear radiance (beyond the display's white,
 //! too) and its emission.
 
+pub(crate) mod agreement;
+mod seen;
+mod smooth;
+mod sweep;
+
 use crate::error::{Result, TrainError};
 use crate::options::{InitOptions, TrainOptions};
 use eagpt_scene::color::{linear_from_srgb, srgb8_from_linear};

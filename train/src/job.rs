@@ -10,6 +10,7 @@ use crate::backend::{self, Backend, Taken};
 use crate::checkpoint::{self, Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
+use crate::init::agreement::Agreement;
 use crate::log::{Log, LogLine};
 use crate::loss::LossTerms;
 use crate::options::{Gather, Stage, StageChoice, TrainOptions};
@@ -135,7 +136,7 @@ pub fn train(
         warnings: Vec::new(),
         started: Instant::now(),
         stage_seconds: Vec::new(),
-        budget: options.gaussians_for(dataset.points()?.map_or(0, |cloud| cloud.len())),
+        budget: options.gaussians_for(options.num_points(&dataset)?),
     };
     for warning in split.warnings.iter().chain(&resumed.warnings) {
         run.warn(warning.clone());
@@ -189,12 +190,26 @@ fn initial_checkpoint(
     run: &mut Run<'_>,
 ) -> Result<Checkpoint> {
     let options = &run.request.options;
-    let cloud = dataset.points()?.ok_or_else(|| TrainError::Dataset {
-        path: dataset.root().to_owned(),
-        problem: "points3d.ply is missing: training starts from a point cloud".to_owned(),
-    })?;
-    let mut start = Initialiser::new(&cloud, options, dataset.root())?;
-    views.check(run.request.bad_views, |view| start.observe(view), run)?;
+    let bad_views = run.request.bad_views;
+    let start = match dataset.points()? {
+        Some(cloud) => {
+            let mut start = Initialiser::new(&cloud, options, dataset.root())?;
+            views.check(bad_views, |view| start.observe(view), run)?;
+            start
+        }
+        None => {
+            let mut agreement = Agreement::default();
+            views.check(bad_views, |view| agreement.add(view), run)?;
+            let num = options.num_points(dataset)?;
+            let found = agreement.points(num, options.seed, dataset.root())?;
+            run.warn(found.warning());
+            let mut start = Initialiser::new(&found.cloud, options, dataset.root())?;
+            for training in views.iter() {
+                start.observe(&training?.view);
+            }
+            start
+        }
+    };
     let extent = start.extent;
     let mut state = ParameterState::new(&start.finish(&options.init));
     state.sort_in_space();

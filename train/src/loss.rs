@@ -5,6 +5,7 @@
 //! λe mean|E − M| + λa mean|A − A_gt|`. A view without a mask has no emission term; a view without
 //! a normal map compares Ñ and Ñ_d with each other, with weight λd. Pixels that are not known take
 //! part in no term, nor do windows of SSIM that touch one; means are those over the pixels that do.
+//! Where a view is clipped the colour term sees the target in place of anything brighter.
 //!
 //! Features over pixels are taken row by row in f64, rows in order: the same bits for any number of
 //! threads.
@@ -67,7 +68,13 @@ pub fn radiance_loss(
     let known = view.valid.as_ref().map(KnownPixels::new);
     let known = known.as_ref();
 
-    let color = ColorLoss::new(&features.radiance(), target_pq, weights.ssim_share, known);
+    let color = ColorLoss::new(
+        &features.radiance(),
+        target_pq,
+        weights.ssim_share,
+        known,
+        view.clipped.as_ref(),
+    );
     terms.l1 = color.l1;
     terms.ssim = color.ssim;
     terms.total += weights.color * color.value;
@@ -148,21 +155,22 @@ impl PixelLight {
 }
 
 /// Loss of stage 1 for one view: the picture is R where an emitter is seen, and elsewhere `albedos`
-/// times the irradiance over π; pixels that are not `known` do not count. The gradient is that of
-/// the albedos, row by row.
+/// times the irradiance over π; pixels that are not `known` do not count, and channels that are
+/// `clipped` only where they are too dark. The gradient is that of the albedos, row by row.
 pub fn albedo_loss(
     albedos: &[Vec3],
     light: &PixelLight,
     target_pq: &Image<3>,
     ssim_share: f64,
     known: Option<&KnownPixels>,
+    clipped: Option<&Image<3>>,
 ) -> (LossTerms, Vec<Vec3>) {
     let pixels = || light.irradiance.iter().zip(&light.emitted);
     let shown = (albedos.iter().zip(pixels()))
         .map(|(albedo, (irradiance, emitted))| emitted.unwrap_or(*albedo * *irradiance).to_array());
     let image = Image::from_pixels(light.width, light.height, shown.collect())
         .expect("irradiance and albedo have one entry per pixel");
-    let color = ColorLoss::new(&image, target_pq, ssim_share, known);
+    let color = ColorLoss::new(&image, target_pq, ssim_share, known, clipped);
     let d_albedos = (color.d_radiance.pixels().iter().zip(pixels()))
         .map(|(d, (irradiance, emitted))| match emitted {
             None => Vec3::from(*d) * *irradiance,

@@ -9,6 +9,9 @@ mod presets;
 
 pub use arguments::OptionArgs;
 
+use crate::error::Result;
+use crate::init::agreement;
+use eagpt_scene::Dataset;
 use eagpt_scene::dataset::SplitRule;
 use serde::{Deserialize, Serialize};
 
@@ -293,6 +296,21 @@ pub struct OutputOptions {
 }
 
 impl TrainOptions {
+    /// Number of points that training on `dataset` starts from: those of its cloud, or those that
+    /// are looked for where it has none.
+    ///
+    /// # Errors
+    /// If the cloud or the split cannot be read.
+    pub(crate) fn num_points(&self, dataset: &Dataset) -> Result<usize> {
+        if let Some(cloud) = dataset.points()? {
+            return Ok(cloud.len());
+        }
+        let frames = dataset.frames();
+        let training = dataset.split(self.split)?.train;
+        let num_pixels = training.iter().map(|&i| frames[i].camera.num_pixels());
+        Ok(agreement::num_points(num_pixels.sum()))
+    }
+
     /// Number of Gaussians to train for a cloud of `num_points` points.
     pub fn gaussians_for(&self, num_points: usize) -> usize {
         self.num_gaussians

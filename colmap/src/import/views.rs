@@ -341,6 +341,7 @@ fn write_one(writer: &DatasetWriter, photograph: &Photograph) -> Result<Outcome>
         alpha: mask(&files.alpha, light.alpha)?,
         depth: None,
         albedo: None,
+        clipped: None,
         valid: (num_unknown > 0).then_some(remapped.valid),
     };
     writer.write_images(&view)?;

@@ -73,6 +73,8 @@ pub struct ViewReport {
     pub num_negative: usize,
     /// Pixels of the dataset's image that are not known.
     pub num_unknown: usize,
+    /// Pixels of the dataset's image with a clipped channel.
+    pub num_clipped: usize,
 }
 
 impl LensReport {
@@ -131,9 +133,23 @@ impl ImportReport {
                 eagpt_scene::dataset::VALID_DIR
             ));
         }
+        let num_clipped = self
+            .views
+            .iter()
+            .filter(|view| view.num_clipped > 0)
+            .count();
+        if num_clipped > 0 {
+            let pixels: usize = self.views.iter().map(|view| view.num_pixels).sum();
+            let clipped: usize = self.views.iter().map(|view| view.num_clipped).sum();
+            self.warnings.push(format!(
+                "{num_clipped} views have clipped pixels, {:.2} % of all: {} says which, and training takes their light for a lower bound",
+                100.0 * clipped as f64 / pixels as f64,
+                eagpt_scene::dataset::CLIPPED_DIR
+            ));
+        }
         if self.num_points.is_none() {
             self.warnings.push(
-                "there is no point cloud, which training starts from: put a points3d.ply with colours into the dataset".to_owned(),
+                "there is no point cloud: training will start from points where the views agree; a points3d.ply with colours in the dataset is better".to_owned(),
             );
         }
         if !self.left_out.is_empty() {

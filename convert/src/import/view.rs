@@ -12,6 +12,8 @@ use std::path::Path;
 
 /// Vectors shorter than this after resampling are taken as unknown: a mean of opposing normals.
 const MIN_NORMAL_LENGTH: f32 = 0.1;
+/// Share of clipped light from which on a resampled channel is a lower bound.
+const MIN_CLIPPED: f32 = 0.01;
 
 /// Bookkeeping of a view whose images have been written.
 pub(super) struct Imported {
@@ -41,11 +43,14 @@ pub(super) fn convert(
         let picked = undistortion.apply_nearest(&image);
         picked.map_err(|problem| resample(path, problem))
     };
+    let smooth = |path: &Path, image: &Image<3>| -> Result<Image<3>> {
+        let smooth = undistortion.apply(image);
+        Ok(smooth.map_err(|problem| resample(path, problem))?.image)
+    };
     let colour = |path: &Path| -> Result<Image<3>> {
         let image = exr::read_rgb(path)?;
         check(path, &image, expected)?;
-        let smooth = undistortion.apply(&image);
-        Ok(smooth.map_err(|problem| resample(path, problem))?.image)
+        smooth(path, &image)
     };
     let emission = match &files.emission {
         None => None,
@@ -61,6 +66,14 @@ pub(super) fn convert(
         (None, Some(alpha)) => Some(single(&files.radiance, alpha)?),
         (None, None) => None,
     };
+    let clipped = match &files.clipped {
+        Some(path) => Some(colour(path)?),
+        None => light
+            .clipped
+            .map(|mask| smooth(&files.radiance, &mask))
+            .transpose()?,
+    };
+    let clipped = clipped.map(|mask| lower_bounds(&mask, color));
     let depth = match &files.depth {
         None => None,
         Some(depth) => {
@@ -95,6 +108,10 @@ pub(super) fn convert(
         num_unknown: valid.as_ref().map_or(0, |mask| {
             mask.values().iter().filter(|v| **v == 0.0).count()
         }),
+        num_clipped: clipped.as_ref().map_or(0, |mask| {
+            let pixels = mask.pixels().iter();
+            pixels.filter(|pixel| **pixel != [0.0; 3]).count()
+        }),
     };
     let view = View {
         name: frame.name.clone(),
@@ -105,6 +122,7 @@ pub(super) fn convert(
         alpha,
         depth,
         albedo,
+        clipped,
         valid,
     };
     Ok((view, Imported { camera, report }))
@@ -121,6 +139,21 @@ fn known(remapped: Image<1>, source: Option<Image<1>>, num_unknown: usize) -> Op
             Some(source)
         }
     }
+}
+
+/// The channels, 0 or 1, to which a clipped channel of the source contributes: by resampling, and
+/// by a matrix of colours.
+fn lower_bounds(clipped: &Image<3>, matrix: Option<&DMat3>) -> Image<3> {
+    let mixes = matrix.is_some_and(|matrix| {
+        let gains = DVec3::new(matrix.x_axis.x, matrix.y_axis.y, matrix.z_axis.z);
+        *matrix != DMat3::from_diagonal(gains)
+    });
+    clipped.map(|pixel| {
+        // Interpolation overshoots to either side.
+        let flags = pixel.map(|share| share.abs() > MIN_CLIPPED);
+        let all = flags.contains(&true);
+        flags.map(|flag| f32::from(u8::from(if mixes { all } else { flag })))
+    })
 }
 
 /// Converts radiance to linear Rec.709 by a matrix, if needed; negative values become 0. Returns

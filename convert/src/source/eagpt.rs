@@ -43,6 +43,7 @@ fn files_of(frame: &Frame) -> SourceFiles {
         alpha: files.alpha.clone(),
         depth: files.depth.clone().map(|path| Depth { path, unit: 1.0 }),
         albedo: files.albedo.clone(),
+        clipped: files.clipped.clone(),
         valid: files.valid.clone(),
     }
 }

@@ -31,8 +31,8 @@ use crate::options::ImportOptions;
 use eagpt_scene::dataset::intrinsics::{Contradictions, Dialect};
 use eagpt_scene::dataset::json::{Object, excerpt};
 use eagpt_scene::dataset::{
-    ALBEDO_DIR, ALPHA_DIR, DEPTH_DIR, DatasetInfo, EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE,
-    UpAxis, VALID_DIR, pose, strip_image_folder,
+    ALBEDO_DIR, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, DatasetInfo, EMISSION_DIR, NORMAL_DIR,
+    TRANSFORMS_FILE, UpAxis, VALID_DIR, pose, strip_image_folder,
 };
 use serde_json::Value;
 use std::collections::HashMap;
@@ -307,6 +307,7 @@ fn frame(
             normal: own(NORMAL_DIR),
             alpha: own(ALPHA_DIR),
             albedo: own(ALBEDO_DIR),
+            clipped: own(CLIPPED_DIR),
         },
     })
 }

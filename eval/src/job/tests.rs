@@ -48,6 +48,7 @@ fn view(index: usize) -> View {
         alpha: None,
         depth: Some(single(2.0)),
         albedo: Some(Image::filled(SIZE.0, SIZE.1, [0.5, 0.4, 0.3])),
+        clipped: None,
         valid: None,
     }
 }

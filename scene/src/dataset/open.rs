@@ -4,9 +4,9 @@ use super::intrinsics::{self, Contradictions, Dialect};
 use super::json::{Object, excerpt};
 use super::names::{is_frame_name, strip_image_folder};
 use super::{
-    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, DEPTH_DIR, Dataset, DatasetInfo, EMISSION_DIR,
-    Frame, ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, VALID_DIR,
-    ViewFiles, pose,
+    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, CLIPPED_DIR, DEPTH_DIR, Dataset, DatasetInfo,
+    EMISSION_DIR, Frame, ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE,
+    VALID_DIR, ViewFiles, pose,
 };
 use crate::error::{Result, SceneError};
 use crate::exr;
@@ -256,6 +256,7 @@ fn frame(
             alpha: beside(ALPHA_DIR),
             depth: beside(DEPTH_DIR),
             albedo: beside(ALBEDO_DIR),
+            clipped: beside(CLIPPED_DIR),
             valid: beside(VALID_DIR),
         },
     })

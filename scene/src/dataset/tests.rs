@@ -91,6 +91,7 @@ fn some_view(name: &str, t: f64) -> View {
         alpha: Some(mask(3)),
         depth: Some(ramp(0.1).map(|p| [p[0]])),
         albedo: Some(ramp(0.01)),
+        clipped: None,
         valid: None,
     }
 }

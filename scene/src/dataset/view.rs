@@ -35,6 +35,9 @@ pub struct View {
     pub depth: Option<Image<1>>,
     /// Diffuse albedo, finite and not negative.
     pub albedo: Option<Image<3>>,
+    /// 1 in channels whose radiance is a lower bound, as a clipped photograph tells; else 0. `None`
+    /// where all radiance is the truth.
+    pub clipped: Option<Image<3>>,
     /// 1 where the images are known; 0 where no lens showed anything, and the other images are 0
     /// whatever their files hold. `None` where all pixels are known.
     pub valid: Option<Image<1>>,
@@ -56,7 +59,7 @@ impl View {
                 .map(single)
                 .iter()
                 .sum::<usize>()
-            + [&self.normal, &self.albedo]
+            + [&self.normal, &self.albedo, &self.clipped]
                 .map(colour)
                 .iter()
                 .sum::<usize>()
@@ -74,7 +77,10 @@ impl View {
         }
         let Some(valid) = &self.valid else { return };
         clear(&mut self.radiance, valid);
-        for image in [&mut self.normal, &mut self.albedo].into_iter().flatten() {
+        for image in [&mut self.normal, &mut self.albedo, &mut self.clipped]
+            .into_iter()
+            .flatten()
+        {
             clear(image, valid);
         }
         let single = [&mut self.emission, &mut self.alpha, &mut self.depth];
@@ -104,6 +110,7 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
         alpha: load_single(files.alpha.as_deref(), size)?,
         depth: load_single(files.depth.as_deref(), size)?,
         albedo: load_rgb(files.albedo.as_deref(), size, exr::read_rgb)?,
+        clipped: load_clipped(files.clipped.as_deref(), size)?,
         valid,
     };
     view.clear_unknown();
@@ -142,6 +149,21 @@ fn load_single(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<1>>
     let image = exr::read_single(path)?;
     check_size(path, &image, size, "the radiance is")?;
     Ok(Some(image))
+}
+
+/// The mask as 0 and 1, which is from half on; `None` where it says nothing.
+fn load_clipped(path: Option<&Path>, size: (u32, u32)) -> Result<Option<Image<3>>> {
+    let Some(mut mask) = load_rgb(path, size, exr::read_vectors)? else {
+        return Ok(None);
+    };
+    if let Some(path) = path {
+        clamp_mask(path, &mut mask)?;
+    }
+    for value in mask.pixels_mut().as_flattened_mut() {
+        *value = value.round();
+    }
+    let is_any = mask.values().iter().any(|value| *value > 0.0);
+    Ok(is_any.then_some(mask))
 }
 
 /// The mask as 0 and 1; `None` where it says nothing.
@@ -213,11 +235,11 @@ fn check_light(path: &Path, image: &Image<3>) -> Result<()> {
     })
 }
 
-fn clamp_mask(path: &Path, mask: &mut Image<1>) -> Result<()> {
+fn clamp_mask<const C: usize>(path: &Path, mask: &mut Image<C>) -> Result<()> {
     refuse(path, mask, "is outside 0 to 1", |v| {
         !(-MASK_TOLERANCE..=1.0 + MASK_TOLERANCE).contains(&v)
     })?;
-    for [value] in mask.pixels_mut() {
+    for value in mask.pixels_mut().as_flattened_mut() {
         *value = value.clamp(0.0, 1.0);
     }
     Ok(())

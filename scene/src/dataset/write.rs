@@ -1,8 +1,8 @@
 //! Writing datasets, as EAG-PT has them.
 
 use super::{
-    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
-    RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR, View, is_frame_name, pose,
+    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR,
+    POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR, View, is_frame_name, pose,
 };
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};
@@ -81,10 +81,16 @@ impl DatasetWriter {
         self.write_single(EMISSION_DIR, &view.name, view.emission.as_ref())?;
         self.write_single(ALPHA_DIR, &view.name, view.alpha.as_ref())?;
         self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())?;
-        if view.valid.is_none() {
-            // An earlier mask would hide pixels of the new images.
-            let earlier = format!("{}.exr", view.name);
-            files::remove_if_there(&self.root.join(VALID_DIR).join(earlier))?;
+        self.write_rgb(CLIPPED_DIR, &view.name, view.clipped.as_ref())?;
+        // An earlier mask would hide pixels of the new images.
+        for (folder, is_there) in [
+            (CLIPPED_DIR, view.clipped.is_some()),
+            (VALID_DIR, view.valid.is_some()),
+        ] {
+            if !is_there {
+                let earlier = format!("{}.exr", view.name);
+                files::remove_if_there(&self.root.join(folder).join(earlier))?;
+            }
         }
         self.write_single(VALID_DIR, &view.name, view.valid.as_ref())
     }

@@ -14,6 +14,8 @@
 @group(0) @binding(5) var<storage, read_write> blurred: array<Moments>;
 @group(0) @binding(6) var<storage, read_write> partials: array<Moments>;
 @group(0) @binding(7) var<storage, read_write> terms: array<Terms>;
+// Channels of pixels whose light is a lower bound, red in the lowest bit.
+@group(0) @binding(12) var<storage, read> clipped: array<u32>;
 // Of stage 1: the irradiance of each pixel, or with 1 beside it the light of an emitter.
 @group(0) @binding(11) var<storage, read> lit: array<vec4f>;
 

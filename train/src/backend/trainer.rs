@@ -170,8 +170,10 @@ impl<S: Tracer> Trainer<S> {
     ) -> Result<(LossTerms, Vec<LocalGradient>)> {
         let target = self.target(view).pq();
         let known = view.view.valid.as_ref().map(KnownPixels::new);
+        let clipped = view.view.clipped.as_ref();
+        let share = step.ssim_share;
         let loss = |albedos: &[Vec3], light: &PixelLight| {
-            albedo_loss(albedos, light, &target, step.ssim_share, known.as_ref())
+            albedo_loss(albedos, light, &target, share, known.as_ref(), clipped)
         };
         let threshold = step.options.emission_threshold;
         let camera = &view.view.camera;
@@ -237,13 +239,19 @@ impl<S: Tracer> Trainer<S> {
         let camera = &view.view.camera;
         let known = view.view.valid.as_ref().map(KnownPixels::new);
         let mask = view.view.emission.as_ref();
+        let clipped = view.view.clipped.as_ref();
         let error = |pixel: usize, features: &Features| {
             if known.as_ref().is_some_and(|known| !known.has(pixel)) {
                 return 0.0;
             }
             let shown = features.radiance().to_array().map(pq_from_linear);
             let wanted = target.pixels()[pixel];
-            let color: f32 = (0..3).map(|c| (shown[c] - wanted[c]).abs()).sum();
+            let color: f32 = (0..3)
+                .map(|c| match clipped {
+                    Some(mask) if mask.pixels()[pixel][c] > 0.0 => (wanted[c] - shown[c]).max(0.0),
+                    _ => (shown[c] - wanted[c]).abs(),
+                })
+                .sum();
             let emission = mask.map_or(0.0, |mask| {
                 (features.emission() - mask.pixels()[pixel][0]).abs()
             });

@@ -186,6 +186,7 @@ pub(super) fn fingerprint(dataset: &Dataset, options: &TrainOptions) -> Result<K
             f.emission.as_ref(),
             f.normal.as_ref(),
             f.alpha.as_ref(),
+            f.clipped.as_ref(),
             f.valid.as_ref(),
         ]
         .into_iter()
@@ -224,8 +225,7 @@ fn memory(dataset: &Dataset, options: &TrainOptions, split: &Split) -> Result<Me
     let pixels = |i: &usize| dataset.frames()[*i].camera.num_pixels() as u64;
     let largest = split.train.iter().map(pixels).max().unwrap_or(0);
     let images: u64 = split.train.iter().map(pixels).sum::<u64>() * BYTES_PER_VIEW_PIXEL;
-    let cloud = dataset.points()?.map_or(0, |points| points.len());
-    let num_gaussians = options.gaussians_for(cloud) as u64;
+    let num_gaussians = options.gaussians_for(options.num_points(dataset)?) as u64;
     let bytes_per_gaussian = match options.radiance.harmonics.degree {
         0 => BYTES_PER_GAUSSIAN,
         _ => BYTES_PER_GAUSSIAN + BYTES_PER_HARMONICS,

@@ -32,20 +32,32 @@ pub fn pq_image(linear: &Image<3>) -> Image<3> {
 
 impl ColorLoss {
     /// Compares linear `radiance` with a target that is PQ-encoded already, where that is `known`:
-    /// everywhere if nothing is said. The images have the same size.
+    /// everywhere if nothing is said. Radiance beyond the target of a channel that is `clipped`
+    /// (not 0) counts as the target. The images have the same size.
     pub(crate) fn new(
         radiance: &Image<3>,
         target_pq: &Image<3>,
         ssim_share: f64,
         known: Option<&KnownPixels>,
+        clipped: Option<&Image<3>>,
     ) -> Self {
         let (width, height) = radiance.size();
-        let encoded: Vec<[(f32, f32); 3]> = radiance
+        let mut encoded: Vec<[(f32, f32); 3]> = radiance
             .pixels()
             .par_iter()
             .with_min_len(2048)
             .map(|p| p.map(pq_from_linear_with_slope))
             .collect();
+        if let Some(clipped) = clipped {
+            let bounds = clipped.pixels().iter().zip(target_pq.pixels());
+            for (shown, (clipped, wanted)) in encoded.iter_mut().zip(bounds) {
+                for c in 0..3 {
+                    if clipped[c] > 0.0 && shown[c].0 > wanted[c] {
+                        shown[c] = (wanted[c], 0.0);
+                    }
+                }
+            }
+        }
         let pq = Image::from_pixels(
             width,
             height,

@@ -76,6 +76,7 @@ pub(crate) fn view(normal: bool) -> View {
         alpha: None,
         depth: None,
         albedo: None,
+        clipped: None,
         valid: None,
     }
 }
@@ -104,17 +105,67 @@ pub(crate) fn mask() -> Image<1> {
     mask
 }
 
+/// Clipped: every other channel.
+pub(crate) fn clipped() -> Image<3> {
+    let flag = |i: u32, c: u32| if (i + c).is_multiple_of(2) { 1.0 } else { 0.0 };
+    let pixels = (0..WIDTH * HEIGHT).map(|i| [flag(i, 0), flag(i, 1), flag(i, 2)]);
+    Image::from_pixels(WIDTH, HEIGHT, pixels.collect()).unwrap()
+}
+
 #[test]
 fn gradients_match_central_differences() {
-    check_gradients(None);
+    check_gradients(None, None);
 }
 
 #[test]
 fn gradients_match_central_differences_where_some_pixels_are_unknown() {
-    check_gradients(Some(&mask()));
+    check_gradients(Some(&mask()), None);
 }
 
-fn check_gradients(valid: Option<&Image<1>>) {
+#[test]
+fn gradients_match_central_differences_where_some_channels_are_clipped() {
+    check_gradients(None, Some(&clipped()));
+}
+
+#[test]
+fn clipped_channels_are_pulled_up_and_never_down() {
+    let mut view = view(false);
+    view.clipped = Some(clipped());
+    let target = pq_image(&view.radiance);
+    let features = frame();
+    let loss = |features: &GBuffer, view: &View| {
+        radiance_loss(features, view, &target, &only("color"), NormalTerms::Off)
+    };
+    let (terms, d) = loss(&features, &view);
+    let flags = clipped();
+    let mut as_bright = features.clone();
+    let (mut num_below, mut num_beyond) = (0, 0);
+    for i in 0..d.len() {
+        for c in (0..3).filter(|&c| flags.pixels()[i][c] > 0.0) {
+            let slope = d[i].0[lane::RADIANCE + c];
+            let wanted = view.radiance.pixels()[i][c];
+            let shown = &mut as_bright.pixels[i].0[lane::RADIANCE + c];
+            if *shown > wanted {
+                assert_eq!(slope, 0.0);
+                *shown = wanted;
+                num_beyond += 1;
+            } else {
+                num_below += usize::from(slope < 0.0);
+            }
+        }
+    }
+    assert!(
+        num_below > 50 && num_beyond > 50,
+        "{num_below} {num_beyond}"
+    );
+    // It is as if they were as bright as the picture says, which without the mask is right.
+    view.clipped = None;
+    let (same, _) = loss(&as_bright, &view);
+    assert!((same.total - terms.total).abs() < 1e-7 * terms.total);
+    assert!(loss(&features, &view).0.total > 1.1 * terms.total);
+}
+
+fn check_gradients(valid: Option<&Image<1>>, clipped: Option<&Image<3>>) {
     let mut failures = Vec::new();
     for (field, with_map, lanes) in [
         ("color", true, lane::RADIANCE..lane::RADIANCE + 3),
@@ -126,6 +177,7 @@ fn check_gradients(valid: Option<&Image<1>>) {
     ] {
         let (mut view, weights) = (view(with_map), only(field));
         view.valid = valid.cloned();
+        view.clipped = clipped.cloned();
         let target = pq_image(&view.radiance);
         let loss =
             |features: &GBuffer| radiance_loss(features, &view, &target, &weights, NormalTerms::On);
@@ -207,7 +259,14 @@ fn what_is_unknown_changes_no_bit() {
     let albedo = |view: &View| {
         let target = pq_image(&view.radiance);
         let light = PixelLight::new(&frame(), irradiance.clone(), 0.5);
-        albedo_loss(&albedos_of(&frame()), &light, &target, 0.2, Some(&known))
+        albedo_loss(
+            &albedos_of(&frame()),
+            &light,
+            &target,
+            0.2,
+            Some(&known),
+            None,
+        )
     };
     let ((terms, d_albedos), (wanted, wanted_d)) = (albedo(&garbled), albedo(&plain));
     assert!(terms.l1 > 0.0 && terms.ssim < 1.0);
@@ -259,6 +318,12 @@ fn a_flat_wall_has_the_normal_of_its_depth() {
 
 #[test]
 fn albedo_loss_leaves_emitters_alone_and_matches_differences() {
+    for clipped in [None, Some(clipped())] {
+        check_albedo_gradients(clipped.as_ref());
+    }
+}
+
+fn check_albedo_gradients(clipped: Option<&Image<3>>) {
     let mut base = frame();
     for (i, pixel) in base.pixels.iter_mut().enumerate() {
         pixel.0[lane::EMISSION] = if i % 3 == 0 { 0.2 } else { 0.05 };
@@ -269,7 +334,7 @@ fn albedo_loss_leaves_emitters_alone_and_matches_differences() {
         .map(|i| Vec3::new(0.5, 1.0, 1.5) * (0.5 + noise(i)[0]))
         .collect();
     let light = PixelLight::new(&base, irradiance, 0.1);
-    let loss = |albedos: &[Vec3]| albedo_loss(albedos, &light, &target, 0.2, None);
+    let loss = |albedos: &[Vec3]| albedo_loss(albedos, &light, &target, 0.2, None, clipped);
     let albedos = albedos_of(&base);
     let (_, analytic) = loss(&albedos);
     let largest = analytic

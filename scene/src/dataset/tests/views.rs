@@ -6,7 +6,8 @@ use std::sync::Arc;
 #[test]
 fn a_written_dataset_reads_back_the_same() {
     let folder = Folder::new();
-    let views = [some_view("10/a", 0.0), some_view("b", 0.0)];
+    let mut views = [some_view("10/a", 0.0), some_view("b", 0.0)];
+    views[1].clipped = Some(views[1].radiance.map(|_| [0.0, 1.0, 0.0]));
     let points = PointCloud {
         positions: vec![glam::Vec3::new(0.1, 0.2, 0.3)],
         colors_srgb8: vec![[9, 8, 7]],

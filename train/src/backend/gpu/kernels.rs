@@ -40,6 +40,10 @@ kernels! { sources;
         0 loss: Uniform LossParameters, 1 rays: Read Features, 2 means: Write Features,
         4 encoded: Write Encoded, 11 lit: Read [f32; 4],
     }
+    CLIP = "loss_color" clip [] {
+        0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
+        12 clipped: Read u32,
+    }
     BLUR_MOMENTS = "loss_color" blur_moments [] {
         0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
         5 blurred: Write Moments,

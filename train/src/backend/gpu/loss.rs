@@ -236,6 +236,11 @@ impl LossBuffers {
                 device.pass(&kernels::ENCODE_LIT, &buffers, each_pixel)
             }
         };
+        // What is brighter than a clipped target.
+        let clip = view.clipped.as_ref().map(|clipped| {
+            let buffers = [parameters, wanted, encoded, clipped];
+            device.pass(&kernels::CLIP, &buffers, each_pixel)
+        });
         // SSIM: windows of moments, the value, and the derivatives by the moments.
         let buffers = [parameters, wanted, encoded, blurred];
         let blur_moments = device.pass(&kernels::BLUR_MOMENTS, &buffers, each_pixel);
@@ -264,8 +269,8 @@ impl LossBuffers {
                 device.pass(&kernels::DERIVATIVES_LIT, &buffers, each_pixel)
             }
         };
-        vec![
-            encode,
+        let first = [Some(encode), clip].into_iter().flatten();
+        let others = [
             blur_moments,
             compare,
             blur_partials,
@@ -273,7 +278,8 @@ impl LossBuffers {
             add_pixels,
             add_groups,
             derivatives,
-        ]
+        ];
+        first.chain(others).collect()
     }
 }
 

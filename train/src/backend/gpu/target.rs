@@ -69,6 +69,8 @@ pub(super) struct TargetView {
     pub(super) num_windows: usize,
     pub(super) has_map: bool,
     pub(super) has_emission: bool,
+    /// Clipped channels of every pixel, red in the lowest bit; of views that have some.
+    pub(super) clipped: Option<Buffer>,
 }
 
 impl TargetView {
@@ -99,6 +101,14 @@ impl TargetView {
                 normal_z_flags: pair(normal[2], flags | (opacity << FLAG_BITS)),
             }
         };
+        let bits = |flags: &[f32; 3]| {
+            let flags = flags.iter().enumerate();
+            flags.fold(0, |bits, (c, flag)| bits | (u32::from(*flag > 0.0) << c))
+        };
+        let clipped = view.clipped.as_ref().map(|mask| {
+            let bits: Vec<u32> = mask.pixels().iter().map(bits).collect();
+            device.upload("clipped channels", bytemuck::cast_slice(&bits))
+        });
         let pixels: Vec<TargetPixel> = (0..num_pixels).map(pixel).collect();
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
@@ -106,6 +116,7 @@ impl TargetView {
             num_windows: windows.as_ref().map_or(num_pixels, Windows::num),
             has_map: view.normal.is_some(),
             has_emission: view.emission.is_some(),
+            clipped: clipped.transpose()?,
         })
     }
 }

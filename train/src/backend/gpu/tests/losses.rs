@@ -5,7 +5,7 @@ use crate::backend::gpu::loss::{self, LossBuffers, LossOptions, lit_pixels};
 use crate::backend::gpu::report::Report;
 use crate::backend::gpu::target::TargetView;
 use crate::loss::target::Target;
-use crate::loss::tests::{frame, mask, view};
+use crate::loss::tests::{clipped, frame, mask, view};
 use crate::loss::{LossTerms, NormalTerms, PixelLight, albedo_loss, radiance_loss};
 use crate::options::LossWeights;
 use eagpt_eval::KnownPixels;
@@ -77,14 +77,17 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
     };
     let (features, weights) = (frame(), weights());
     let (mut failures, mut worst) = (Vec::new(), 0.0_f32);
-    for (with_map, with_mask, normals) in [
-        (true, false, NormalTerms::On),
-        (false, false, NormalTerms::On),
-        (true, true, NormalTerms::On),
-        (false, true, NormalTerms::Off),
+    for (with_map, with_mask, is_clipped, normals) in [
+        (true, false, false, NormalTerms::On),
+        (false, false, false, NormalTerms::On),
+        (true, true, false, NormalTerms::On),
+        (false, true, false, NormalTerms::Off),
+        (false, false, true, NormalTerms::Off),
+        (true, true, true, NormalTerms::On),
     ] {
         let mut view = view(with_map);
         view.valid = with_mask.then(mask);
+        view.clipped = is_clipped.then(clipped);
         view.normal = view.normal.map(|map| kept(&map, -1.0..=1.0, 32_767.0));
         view.emission = view.emission.map(|mask| kept(&mask, 0.0..=1.0, 65_535.0));
         let target = Target::new(&view.radiance);
@@ -99,7 +102,7 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         };
         let (terms, d) = compared(&device, &features, (&view, &target), &options);
 
-        let name = format!("map {with_map}, mask {with_mask}, {normals:?}");
+        let name = format!("map {with_map}, mask {with_mask}, clipped {is_clipped}, {normals:?}");
         for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
             if (got - wanted).abs() > f64::from(TOLERANCE) * wanted.abs().max(0.01) {
                 failures.push(format!("{name}: {terms:?} instead of {wanted_terms:?}"));
@@ -125,12 +128,19 @@ fn losses_of_albedos_are_those_of_the_cpu() {
     let Some(device) = gpu::device("losses of albedos on a device") else {
         return;
     };
+    for is_clipped in [false, true] {
+        compare_albedos(&device, is_clipped);
+    }
+}
+
+fn compare_albedos(device: &Device, is_clipped: bool) {
     let mut features = frame();
     for pixel in features.pixels.iter_mut().step_by(5) {
         pixel.0[lane::EMISSION] = 0.9;
     }
     let mut view = view(false);
     view.valid = Some(mask());
+    view.clipped = is_clipped.then(clipped);
     let target = Target::new(&view.radiance);
     // Every pixel under a light of its own; emitters among them.
     let irradiance =
@@ -145,16 +155,22 @@ fn losses_of_albedos_are_those_of_the_cpu() {
     let albedos: Vec<Vec3> = features.pixels.iter().map(Features::albedo).collect();
     let known = view.valid.as_ref().map(KnownPixels::new);
     let share = weights.ssim_share;
-    let (wanted_terms, wanted_d) =
-        albedo_loss(&albedos, &light, &target.pq(), share, known.as_ref());
-    let lit = lit_pixels(&device, &light).unwrap();
+    let (wanted_terms, wanted_d) = albedo_loss(
+        &albedos,
+        &light,
+        &target.pq(),
+        share,
+        known.as_ref(),
+        view.clipped.as_ref(),
+    );
+    let lit = lit_pixels(device, &light).unwrap();
     let options = LossOptions {
         weights,
         normals: NormalTerms::Off,
         rays_per_axis: 1,
         lit: Some(lit),
     };
-    let (terms, d) = compared(&device, &features, (&view, &target), &options);
+    let (terms, d) = compared(device, &features, (&view, &target), &options);
     for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
         let off = (got - wanted).abs();
         assert!(off <= f64::from(TOLERANCE) * wanted.abs(), "{terms:?}");
