@@ -52,6 +52,11 @@ pub(super) fn convert(
         check(path, &image, expected)?;
         smooth(path, &image)
     };
+    let vectors = |path: &Path| -> Result<Image<3>> {
+        let image = exr::read_vectors(path)?;
+        check(path, &image, expected)?;
+        smooth(path, &image)
+    };
     let emission = match &files.emission {
         None => None,
         Some(Emission::Mask(path)) => Some(single(path, pictures::read_mask(path)?)?),
@@ -67,7 +72,7 @@ pub(super) fn convert(
         (None, None) => None,
     };
     let clipped = match &files.clipped {
-        Some(path) => Some(colour(path)?),
+        Some(path) => Some(vectors(path)?),
         None => light
             .clipped
             .map(|mask| smooth(&files.radiance, &mask))
@@ -86,7 +91,7 @@ pub(super) fn convert(
             Some(picked.map_err(|problem| resample(&depth.path, problem))?)
         }
     };
-    let normal = files.normal.as_deref().map(colour).transpose()?;
+    let normal = files.normal.as_deref().map(vectors).transpose()?;
     let mut albedo = files.albedo.as_deref().map(colour).transpose()?;
     if let Some(albedo) = &mut albedo {
         to_rec709(albedo, None);
