@@ -131,8 +131,13 @@ pub(crate) fn develop(
     if let Some(whole) = Image::from_pixels(header.width, header.height, pixels) {
         image = whole;
     }
-    let sharpness = sharpness(&image, floor * scale);
     let mut flags = flags;
+    let square = header.square_size();
+    if square != image.size() {
+        flags = shrink_flags(&flags, image.size(), square);
+        image = shrink(&image, square);
+    }
+    let sharpness = sharpness(&image, floor * scale);
     if let Some(undistortion) = &recipe.undistortion {
         (image, flags) = undistorted(undistortion, image, flags);
     }

@@ -159,6 +159,9 @@ pub fn ingest(request: &IngestRequest, tell: Tell<'_>) -> Result<Option<IngestSu
     if let (Some(response), Some(display)) = (&decisions.response, display) {
         gathered.notes.push(response.note(&display.primaries));
     }
+    if let Some(aspect) = first.and_then(|shot| shot.header.metadata.pixel_aspect) {
+        gathered.notes.extend(pixel_note(aspect));
+    }
     for note in &gathered.notes {
         tell(IngestProgress::Note { text: note.clone() });
     }
@@ -276,4 +279,10 @@ pub(crate) fn stop(request: &IngestRequest, done: usize, total: usize) -> Result
         return Err(IngestError::Stopped { done, total });
     }
     Ok(())
+}
+
+/// A note about pixels that are not square.
+fn pixel_note(aspect: f64) -> Option<String> {
+    let text = || format!("pixels are {aspect:.3} times as wide as high: made square");
+    (aspect != 1.0).then(text)
 }

@@ -105,7 +105,7 @@ pub(crate) fn decide(request: &IngestRequest, gathered: &Gathered) -> Result<Dec
             wanted: "a falloff that leaves light everywhere",
         });
     }
-    let size = (first.header.width, first.header.height);
+    let size = first.header.square_size();
     let lens = options.lens.as_ref();
     let undistortion = lens.map(|lens| lens.undistortion(size)).transpose()?;
     let factors = match (

@@ -6,6 +6,7 @@
 //! `rawler` and `rawloader` select the decoder of RAW files; with both, `rawloader` reads files
 //! that `rawler` cannot.
 
+mod ciff;
 mod decoding;
 mod display;
 mod exif;
@@ -35,6 +36,9 @@ use std::sync::Arc;
 /// Largest image that is decoded, in pixels: above any camera of today, far below what exhausts
 /// memory.
 pub(crate) const MAX_PIXELS: u64 = 1 << 28;
+
+/// Widths of a pixel over its height that are believed.
+const PIXEL_ASPECTS: std::ops::RangeInclusive<f64> = 0.125..=8.0;
 
 /// Longest period of channels times that of black levels along a row: X-Trans (6) with levels of
 /// its own for each column.
@@ -142,6 +146,9 @@ pub struct Metadata {
     pub noise: Option<[f64; 2]>,
     /// EXIF orientation, 1 to 8. Images stay as the sensor has them.
     pub orientation: Option<u16>,
+    /// Width of a pixel over its height; `None`: square.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel_aspect: Option<f64>,
     /// Decoder that read the file.
     pub decoder: String,
 }
@@ -186,6 +193,16 @@ impl Metadata {
 }
 
 impl Header {
+    /// Size with square pixels: the side with more pixels for its length has fewer.
+    pub(crate) fn square_size(&self) -> (u32, u32) {
+        let aspect = self.metadata.pixel_aspect.unwrap_or(1.0);
+        let scaled = |side: u32, factor: f64| ((f64::from(side) * factor).round() as u32).max(1);
+        match aspect > 1.0 {
+            true => (self.width, scaled(self.height, aspect.recip())),
+            false => (scaled(self.width, aspect), self.height),
+        }
+    }
+
     /// Samples of a row: the width, times three for RGB.
     pub(crate) fn row_len(&self) -> usize {
         let per_pixel = if self.layout == Layout::Rgb { 3 } else { 1 };
@@ -257,6 +274,10 @@ impl Header {
         }
         if columns * self.pattern_columns() > MAX_PERIOD {
             return error("black level", format!("repeats after {columns} columns"));
+        }
+        let aspect = self.metadata.pixel_aspect.unwrap_or(1.0);
+        if !PIXEL_ASPECTS.contains(&aspect) {
+            return error("pixels", format!("{aspect} times as wide as high"));
         }
         let most_black = levels.iter().copied().fold(0.0, f32::max);
         let least_white = self.white.into_iter().fold(f32::INFINITY, f32::min);

@@ -1,9 +1,12 @@
-//! Metadata of TIFF-like files, some of which keep it in IFD0, some in the EXIF directory.
+//! Metadata of TIFF-like files, some of which keep it in IFD0, some in the EXIF directory; that of
+//! CRW files is elsewhere.
 
-use super::Metadata;
+use super::{Metadata, ciff};
 use exif::{Context, Exif, In, Reader, Tag, Value};
 use std::io::Cursor;
 
+/// DNG's DefaultScale: factors for width and height that make pixels square.
+const DEFAULT_SCALE: Tag = Tag(Context::Tiff, 50718);
 /// DNG's NoiseProfile.
 const NOISE_PROFILE: Tag = Tag(Context::Tiff, 51041);
 
@@ -26,10 +29,12 @@ pub(super) fn is_adobe_rgb(bytes: &[u8]) -> bool {
     index.is_some_and(|index| index == "R03") || number(&found, Tag::ColorSpace) == Some(2.0)
 }
 
-/// Adds the EXIF of a file to the metadata.
+/// Adds what a file states to the metadata.
 pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
     // A file without EXIF adds nothing; missing values are reported where they are needed.
-    let Some(found) = read(bytes) else { return };
+    let Some(found) = read(bytes) else {
+        return ciff::fill(metadata, bytes);
+    };
     let text = |tag| text(&found, tag).unwrap_or_default();
     if metadata.make.is_empty() {
         metadata.make = text(Tag::Make);
@@ -66,6 +71,7 @@ pub(super) fn fill(metadata: &mut Metadata, bytes: &[u8]) {
         Some(date + format!("0.{}", fraction.trim()).parse().unwrap_or(0.0))
     });
     metadata.noise = metadata.noise.or_else(|| noise(&found));
+    metadata.pixel_aspect = metadata.pixel_aspect.or_else(|| pixel_aspect(&found));
 }
 
 fn field(exif: &Exif, tag: Tag) -> Option<&Value> {
@@ -102,6 +108,15 @@ fn text(exif: &Exif, tag: Tag) -> Option<String> {
         }
         _ => None,
     }
+}
+
+fn pixel_aspect(exif: &Exif) -> Option<f64> {
+    let Value::Rational(scales) = field(exif, DEFAULT_SCALE)? else {
+        return None;
+    };
+    let [horizontal, vertical] = [scales.first()?, scales.get(1)?].map(|scale| scale.to_f64());
+    let aspect = horizontal / vertical;
+    aspect.is_finite().then_some(aspect)
 }
 
 fn noise(exif: &Exif) -> Option<[f64; 2]> {

@@ -31,6 +31,7 @@ pub(super) fn read(path: &Path, bytes: &Arc<Vec<u8>>, want: Want) -> Result<RawF
     if known.model.is_empty() {
         known.model.clone_from(&image.model);
     }
+    known.pixel_aspect = pixel_aspect(&image);
     exif::fill(&mut known, bytes);
     known.decoder = "rawler".to_owned();
     sensor(path, image, known)?.framed(path, want)
@@ -84,8 +85,18 @@ fn described(metadata: RawMetadata) -> Metadata {
         }),
         noise: None,
         orientation: exif.orientation,
+        pixel_aspect: None,
         decoder: String::new(),
     }
+}
+
+/// Width of a pixel over its height, where the decoder knows it of the camera.
+fn pixel_aspect(image: &RawImage) -> Option<f64> {
+    let [horizontal, vertical] = image.camera.default_scale.0;
+    let [horizontal, vertical] =
+        [horizontal, vertical].map(|[scale, of]| f64::from(scale) / f64::from(of));
+    let aspect = horizontal / vertical;
+    (aspect.is_finite() && aspect != 1.0).then_some(aspect)
 }
 
 fn sensor(path: &Path, image: RawImage, metadata: Metadata) -> Result<Sensor> {
