@@ -37,7 +37,8 @@ use std::process::ExitCode;
 /// Where there is no RAW, brackets of JPEG, or of PNG or TIFF of 8 bits, are merged as well: the
 /// camera's response, one curve for each channel of a capture, is recovered from pixels that
 /// several shots show, and is in the report. Primaries are those of the ICC profile or of EXIF,
-/// else sRGB's; the white balance is the camera's. RAW files have less noise and need no such curve.
+/// else sRGB's; the white balance is the camera's. RAW files have less noise and need no such
+/// curve.
 ///
 /// The same command resumes where it was stopped, and adds stacks that are new; what is done is
 /// known by its content.

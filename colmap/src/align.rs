@@ -186,7 +186,7 @@ impl Evidence {
     }
 }
 
-/// What a search for the floor starts from.
+/// Starting point of a search for the floor.
 pub(crate) struct Seen {
     /// Points that count.
     pub(crate) num_points: usize,

@@ -208,8 +208,8 @@ impl ImportPlan {
     /// Reads the model in `model_dir`, finds its images and the floor.
     ///
     /// # Errors
-    /// [`ColmapError`]: the model, the options, the images that have no file or another shape than their camera (all of them in one
-    /// line), the floor.
+    /// [`ColmapError`]: the model, the options, the images that have no file or another shape than
+    /// their camera (all of them in one line), the floor.
     pub fn new(model_dir: &Path, options: &ImportOptions) -> Result<Self> {
         options.validate()?;
         let observations = match options.aligned_model {

@@ -259,8 +259,8 @@ impl Model {
     /// Reads the model in a folder.
     ///
     /// # Errors
-    /// [`crate::ColmapError`]: no model in the folder, or one line with file and byte or line of what is truncated, out of range, not
-    /// finite, duplicated, or a dangling reference.
+    /// [`crate::ColmapError`]: no model in the folder, or one line with file and byte or line of
+    /// what is truncated, out of range, not finite, duplicated, or a dangling reference.
     pub fn read(dir: &Path, observations: Observations) -> Result<Self> {
         read::read(dir, observations)
     }

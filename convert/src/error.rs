@@ -86,7 +86,7 @@ pub struct Problem {
     pub view: String,
     /// The problem, with file, field and value.
     pub problem: String,
-    /// What problems are counted by.
+    /// Key by which problems are counted.
     #[serde(skip)]
     pub cause: Cause,
 }
@@ -106,7 +106,7 @@ impl Problem {
         }
     }
 
-    /// What problems of one kind have in common: the cause, and the text without the file in front
+    /// Common part of problems of one kind: the cause, and the text without the file in front
     /// of it and without numbers.
     fn kind(&self) -> (Cause, String) {
         if self.cause != Cause::Other {

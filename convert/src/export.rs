@@ -141,7 +141,8 @@ fn copies_of(frame: &Frame, format: ExportFormat) -> Vec<Copy> {
 /// whole.
 ///
 /// # Errors
-/// [`ConvertError`]: a file that cannot be read or written, or a camera that the format cannot hold.
+/// [`ConvertError`]: a file that cannot be read or written, or a camera that the format cannot
+/// hold.
 pub fn export(
     dataset: &Dataset,
     format: ExportFormat,

@@ -194,7 +194,8 @@ impl SourceDataset {
     /// Reads the cameras of a source and finds its images. `format` absent: it is detected.
     ///
     /// # Errors
-    /// [`ConvertError`]: a layout that is not there, a file that is wrong as a whole, no usable frame, an option that does not fit.
+    /// [`ConvertError`]: a layout that is not there, a file that is wrong as a whole, no usable
+    /// frame, an option that does not fit.
     pub fn open(
         path: &Path,
         format: Option<SourceFormat>,

@@ -249,8 +249,8 @@ fn converted(
     Some((gaussian, flatness, fitted))
 }
 
-/// The two longest axes, the frame with the shortest as its normal, and the ratio of the shortest to
-/// the next.
+/// The two longest axes, the frame with the shortest as its normal, and the ratio of the shortest
+/// to the next.
 fn disc(splat: &Splat) -> Option<(Vec2, Quat, f32)> {
     let length = rotation::length(splat.rotation);
     if !(MIN_QUATERNION..f32::INFINITY).contains(&length) {

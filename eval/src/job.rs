@@ -121,8 +121,8 @@ fn mean_of(means: &[Mean], key: &str) -> Option<f64> {
 
 /// Compares renders with the views of a dataset and writes the results.
 ///
-/// Measured are the views that were rendered and that the dataset has: see [`Selection`]. Before any
-/// comparison it checks that sizes fit and that no result is in the way.
+/// Measured are the views that were rendered and that the dataset has: see [`Selection`]. Before
+/// any comparison it checks that sizes fit and that no result is in the way.
 ///
 /// # Errors
 /// [`EvalError`](crate::EvalError) naming the file or option: no render of a view, a missing render

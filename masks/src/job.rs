@@ -118,7 +118,8 @@ fn overlay_file(name: &str) -> PathBuf {
 /// each a reduced copy for the comparison.
 ///
 /// # Errors
-/// [`crate::MaskError`]: an option out of range, a folder of labels that fits no view, no level between surfaces and lights, or a file.
+/// [`crate::MaskError`]: an option out of range, a folder of labels that fits no view, no level
+/// between surfaces and lights, or a file.
 pub fn make_masks(
     request: &MaskRequest<'_>,
     progress: &mut dyn FnMut(MaskProgress),

@@ -110,8 +110,8 @@ impl SceneError {
         }
     }
 
-    /// An [`SceneError::Io`] for `path`, or a [`SceneError::NotThere`] where something to be read is
-    /// missing: people have mistyped its name.
+    /// An [`SceneError::Io`] for `path`, or a [`SceneError::NotThere`] where something to be read
+    /// is missing: people have mistyped its name.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         match (source.kind(), action) {
             (std::io::ErrorKind::NotFound, "read folder") => Self::no_folder(path),

@@ -68,7 +68,8 @@ pub struct Light {
     pub clipped: Option<Image<3>>,
 }
 
-/// Reads linear light: EXR by its primaries, PNG and JPEG decoded as sRGB (IEC 61966-2-1), 8 or 16 bits.
+/// Reads linear light: EXR by its primaries, PNG and JPEG decoded as sRGB (IEC 61966-2-1), 8 or 16
+/// bits.
 ///
 /// # Errors
 /// [`SceneError`] naming the file.

@@ -2,6 +2,7 @@
 //! divergence.
 
 mod plan;
+mod request;
 mod start;
 mod steps;
 pub(crate) mod views;
@@ -17,83 +18,16 @@ use crate::options::{Gather, Stage, StageChoice, TrainOptions};
 use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
-use eagpt_scene::dataset::{Split, Subset};
+use eagpt_scene::dataset::Subset;
 use eagpt_scene::files::{self, Key, digest};
 use eagpt_scene::{Dataset, SceneError, ply};
-use eagpt_trace::Device;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use views::Views;
 
-/// Policy for an output folder that already holds a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Existing {
-    /// Stop with an error.
-    Refuse,
-    /// Resume from its newest checkpoint.
-    Resume,
-    /// Start over; the old run's files go.
-    Overwrite,
-}
-
-/// Policy for training views that cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BadViews {
-    /// Stop with an error that names it.
-    Refuse,
-    /// Warn and train without it.
-    Skip,
-}
-
-/// A run to be done.
-#[derive(Debug, Clone)]
-pub struct TrainRequest {
-    /// The dataset's folder or its transforms file.
-    pub dataset: PathBuf,
-    /// Folder whose `Emissive-exr` holds the emission masks; without it, those of the dataset.
-    pub masks: Option<PathBuf>,
-    /// Folder whose `Normal-exr` holds the normals; without it, those of the dataset.
-    pub normals: Option<PathBuf>,
-    /// A scene to start from, instead of the points of the dataset.
-    pub start: Option<PathBuf>,
-    /// The folder for results.
-    pub out: PathBuf,
-    /// Options.
-    pub options: TrainOptions,
-    /// Policy for an earlier run's results.
-    pub existing: Existing,
-    /// Policy for unusable views.
-    pub bad_views: BadViews,
-    /// Bytes that images may take in memory; without it, half of what is free.
-    pub image_budget: Option<usize>,
-    /// Compute device.
-    pub device: Device,
-    /// Set from outside to stop after the current iteration with a checkpoint.
-    pub stop: Arc<AtomicBool>,
-}
-
-/// Summary of a finished or stopped run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TrainSummary {
-    /// The scene file; `None` if the run was stopped before it was complete.
-    pub scene: Option<PathBuf>,
-    /// Number of Gaussians.
-    pub num_gaussians: usize,
-    /// Compute device.
-    pub device: String,
-    /// How the views were divided.
-    pub split: Split,
-    /// Everything that decided the result, by part.
-    pub fingerprint: Key,
-    /// Extent of the point cloud, scene units.
-    pub extent: f32,
-    /// Seconds of each stage in this process.
-    pub stage_seconds: Vec<(Stage, f64)>,
-    /// Warnings given.
-    pub warnings: Vec<String>,
-}
+pub use request::{BadViews, Existing, TrainRequest, TrainSummary};
 
 /// Smoothing of the loss that is watched, per iteration.
 const MONITOR_DECAY: f64 = 0.98;

@@ -19,7 +19,7 @@ pub struct Survey {
     pub num_points: usize,
     /// Points with as many observations and as small an error as a point that is kept.
     pub num_good_points: usize,
-    /// What makes a good point.
+    /// Conditions for a good point.
     pub filter: PointFilter,
     /// The cameras' vertical; `None` if they do not tell.
     pub gravity: Option<GravityReport>,

@@ -131,8 +131,8 @@ impl Layout {
 /// Runs the network on every view and writes `<view>.exr` of its own size into `out`.
 ///
 /// # Errors
-/// [`ConvertError::Network`]: no library, a model that cannot be loaded or does not have a picture in and vectors out; an option out
-/// of its range; a file.
+/// [`ConvertError::Network`]: no library, a model that cannot be loaded or does not have a picture
+/// in and vectors out; an option out of its range; a file.
 pub fn run_network(
     dataset: &Dataset,
     options: &NetworkOptions,

@@ -219,7 +219,7 @@ fn read_lists(
     Ok(())
 }
 
-/// What a file says beside its frames; of several files the first that says it counts.
+/// The keys beside the frames; of several files the first that has one counts.
 fn read_world(source: &mut SourceDataset, top: &Object<'_>) -> Result<()> {
     let world = DatasetInfo::of_world(top)?;
     if top.path == source.cameras_file {

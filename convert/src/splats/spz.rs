@@ -139,8 +139,8 @@ fn first_three(bytes: [u8; 3]) -> Quat {
     turned([x, y, z, w])
 }
 
-/// In the upper two bits which of x, y, z, w is largest, and not negative; then the others, the last
-/// one lowest, as a sign and 9 bits of their size up to 1/√2.
+/// In the upper two bits which of x, y, z, w is largest, and not negative; then the others, the
+/// last one lowest, as a sign and 9 bits of their size up to 1/√2.
 fn smallest_three(mut word: u32) -> Quat {
     const MASK: u32 = (1 << 9) - 1;
     let largest = (word >> 30) as usize;

@@ -224,7 +224,8 @@ fn a_similarity_moves_light_and_all() {
     assert!(message.contains("no rotation with one scale"), "{message}");
 }
 
-/// What `tests/splats/spz.py` wrote from a PLY by the description of the format, with what the PLY held.
+/// Files that `tests/splats/spz.py` wrote from a PLY by the description of the format, against the
+/// PLY.
 #[test]
 fn spz_of_an_independent_writer() {
     let read = |name: &str| {

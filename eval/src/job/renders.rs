@@ -51,7 +51,8 @@ pub(super) struct Renders {
 }
 
 impl Renders {
-    /// Looks for the renders of `frames`, which are there, and reads their headers, not their pixels.
+    /// Looks for the renders of `frames`, which are there, and reads their headers, not their
+    /// pixels.
     ///
     /// # Errors
     /// [`EvalError::Render`] for another size than the view's; [`SceneError`] for a file that is no

@@ -23,7 +23,7 @@ pub struct Selection {
     pub split: Option<Split>,
     /// The subset that was rendered or asked for, where it is known.
     pub subset: Option<Subset>,
-    /// What readers of the numbers should know.
+    /// Remarks for readers of the numbers.
     pub warnings: Vec<String>,
 }
 

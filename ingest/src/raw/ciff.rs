@@ -74,7 +74,8 @@ impl Ciff {
         for index in 0..num {
             let entry = directory.checked_add(2 + 10 * index)?;
             let kind = self.u16(heap, entry)?;
-            // The two highest bits: whether the value is in the entry. The lowest fourteen: its tag.
+            // The two highest bits: whether the value is in the entry. The lowest fourteen: its
+            // tag.
             let value = if kind & 0xc000 == 0x4000 {
                 heap.get(entry + 2..entry + 10)?
             } else {

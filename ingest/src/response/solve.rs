@@ -42,7 +42,7 @@ pub(super) fn curve(chains: &[Chain], grey: usize) -> (Vec<f64>, f64) {
 /// A shot of a pixel.
 struct Shot {
     code: usize,
-    /// What the bend at the code should be, but for the logarithm of the pixel's light.
+    /// The bend wanted at the code, but for the logarithm of the pixel's light.
     wanted: f64,
     weight: f64,
     residual: f64,
