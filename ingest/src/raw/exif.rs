@@ -114,7 +114,8 @@ fn pixel_aspect(exif: &Exif) -> Option<f64> {
     let Value::Rational(scales) = field(exif, DEFAULT_SCALE)? else {
         return None;
     };
-    let [horizontal, vertical] = [scales.first()?, scales.get(1)?].map(|scale| scale.to_f64());
+    let scales = [scales.first()?, scales.get(1)?];
+    let [horizontal, vertical] = scales.map(exif::Rational::to_f64);
     let aspect = horizontal / vertical;
     aspect.is_finite().then_some(aspect)
 }
