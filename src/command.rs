@@ -2,8 +2,8 @@
 
 use crate::args::GlobalArgs;
 use crate::{
-    bake, colmap, dataset, edit, eval, export, import, ingest, masks, normals, render, report,
-    synth, train,
+    bake, colmap, dataset, edit, eval, export, import, ingest, lamps, masks, normals, render,
+    report, synth, train,
 };
 use anyhow::Result;
 use clap::Subcommand;
@@ -23,6 +23,8 @@ pub(crate) enum JobCommand {
     Dataset(dataset::DatasetArgs),
     Normals(normals::NormalsArgs),
     Train(train::TrainArgs),
+    #[serde(skip)]
+    Lamps(lamps::LampsArgs),
     Edit(edit::EditArgs),
     Render(render::RenderArgs),
     Bake(bake::BakeArgs),
@@ -53,6 +55,7 @@ impl JobCommand {
             Self::Dataset(args) => dataset::run(args, global),
             Self::Normals(args) => normals::run(args, global),
             Self::Train(args) => train::run(args, global),
+            Self::Lamps(args) => lamps::run(args, global),
             Self::Edit(args) => edit::run(args, global),
             Self::Render(args) => render::run(args, global),
             Self::Bake(args) => bake::run(args, global),

@@ -5,18 +5,18 @@ use crate::output::{self, Replace};
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
 use crate::terminal;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::Args;
 use eagpt_edit::report::Bounds;
 use eagpt_edit::{Edited, Script, StepReport};
-use eagpt_scene::ply;
+use eagpt_scene::{lamps, ply};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Change a scene by a script
 ///
-/// A script is a TOML file of steps, each of which says what (a region, a range of values, a
+/// A script is a TOML file of steps, each of which says what (a region, a range of values, a lamp, a
 /// connected cluster, a new surface, a part of another scene) and then (remove, light, albedo,
 /// move, rotate, scale, duplicate). All of it is checked before anything is touched, and it is
 /// replayed with bit-identical results. Beside E.ply comes E.record.json, with digests of scene,
@@ -33,6 +33,9 @@ pub(crate) struct EditArgs {
     /// Edit script; files it imports are relative to its folder
     #[arg(value_name = "SCRIPT.toml")]
     pub(crate) script: PathBuf,
+    /// Lamps of the scene, for scripts that select some by name [default: lamps.json in its folder]
+    #[arg(long, value_name = "LAMPS.json")]
+    pub(crate) lamps: Option<PathBuf>,
     /// Scene to write; needed unless it is a dry run
     #[arg(long, value_name = "E.ply", required_unless_present = "dry_run")]
     pub(crate) out: Option<PathBuf>,
@@ -54,14 +57,25 @@ const EXAMPLES: &str = "Examples:
 struct Options<'a> {
     scene: &'a Path,
     script: &'a Path,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lamps: Option<&'a Path>,
     num_gaussians_before: usize,
     steps: &'a [StepReport],
 }
 
 pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let mut builder = RecordBuilder::begin("edit", &(), global)?;
-    let script = Script::read(&args.script)?;
+    let mut script = Script::read(&args.script)?;
+    let lamps = script.needs_lamps().then(|| {
+        let beside = || lamps::lamps_file_beside(&args.scene);
+        args.lamps.clone().unwrap_or_else(beside)
+    });
+    if let Some(lamps) = &lamps {
+        let problem = || format!("{}: selects lamps", args.script.display());
+        script.set_lamps(lamps::read_lamps(lamps).with_context(problem)?)?;
+    }
     let mut inputs = vec![args.scene.as_path(), args.script.as_path()];
+    inputs.extend(lamps.as_deref());
     inputs.extend(script.assets.iter().map(|asset| asset.path.as_path()));
     let out = args.out.as_deref().filter(|_| !args.dry_run);
     if let Some(out) = out {
@@ -91,6 +105,7 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     builder.set_options(&Options {
         scene: &args.scene,
         script: &args.script,
+        lamps: lamps.as_deref(),
         num_gaussians_before: num_before,
         steps: &edited.steps,
     })?;
@@ -99,6 +114,9 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
         Input::of(&args.scene)?,
         digest(script.file.path(), &script.blake3),
     ];
+    if let Some(lamps) = &lamps {
+        record.inputs.push(Input::of(lamps)?);
+    }
     let assets = script.assets.iter();
     record
         .inputs

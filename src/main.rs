@@ -3,8 +3,8 @@
 //!
 //! - [`cli`]: the program and its commands; each command's options are in its module.
 //! - [`command`]: the commands that do one job each: [`synth`], [`ingest`], [`mod@colmap`],
-//!   [`dataset`], [`mod@masks`], [`normals`], [`train`], [`edit`], [`render`], [`bake`],
-//!   [`mod@eval`], [`export`], [`mod@import`], [`mod@report`].
+//!   [`dataset`], [`mod@masks`], [`normals`], [`train`], [`mod@lamps`], [`edit`],
+//!   [`render`], [`bake`], [`mod@eval`], [`export`], [`mod@import`], [`mod@report`].
 //! - [`mod@run`]: a chain of them, described by a project file. [`mod@demo`] runs it on a simulated
 //!   capture, [`paper`] on the scenes of the paper.
 //! - [`mod@bench`]: measures the speed of each stage.
@@ -42,6 +42,7 @@ mod failpoint;
 mod import;
 mod ingest;
 mod interrupt;
+mod lamps;
 mod masks;
 mod normals;
 mod output;

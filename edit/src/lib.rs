@@ -33,6 +33,7 @@
 //! | `half_space` | `{ point, normal }`: the side that the normal points to |
 //! | `cylinder` | `{ from, to, radius }` |
 //! | `emission`, `opacity`, `radiance`, `albedo`, `size` | `{ min, max }`, one or both |
+//! | `lamp` | a name, or a pattern in which `*` stands for any text |
 //! | `cluster` | `{ seed, radius or reach, within }` |
 //! | `all`, `any` | a list of selectors |
 //! | `not` | a selector |
@@ -40,9 +41,12 @@
 //! Of radiance and albedo the luminance counts, and the size is the geometric mean of the two
 //! scales. A cluster is all that is reached from the seed point in steps of at most `radius` scene
 //! units, or `reach` sizes of the Gaussian that the step starts from (3, if nothing is said), over
-//! Gaussians of the selector `within`. Regions ask for centres. Selections are looked up in the
-//! scene as it is when their step begins; a name given with `as` follows the Gaussians wherever
-//! they go.
+//! Gaussians of the selector `within`. Lamps are those of `lamps.json` beside the scene
+//! ([`eagpt_scene::lamps`]): selected are Gaussians that emit (emission above 0.1) and whose centre
+//! lies in the box of the lamp, grown by a margin; of several boxes the nearest counts. The boxes
+//! stay where training has found the lamps. Regions ask for centres. Selections are looked up in
+//! the scene as it is when their step begins; a name given with `as` follows the Gaussians wherever
+//! they go, and when they no longer emit.
 //!
 //! **A step** has one of `select`, `insert`, `import`, and a list `then` of actions, done in order:
 //!

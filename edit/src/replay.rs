@@ -6,8 +6,7 @@ use crate::report::{Bounds, SelectionReport, StepReport};
 use crate::script::{EditStep, Script, Subject};
 use crate::select::{Groups, Scope, Selector};
 use crate::trim::{Cuts, Side};
-use eagpt_scene::Result;
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::{Gaussian, Gaussians, Lamps, Result};
 use glam::Vec3;
 
 /// The result of a script.
@@ -26,10 +25,19 @@ pub struct Edited {
 ///
 /// # Errors
 /// [`eagpt_scene::SceneError::Script`] with file, line and key if a step selects nothing and does
-/// not allow it, or leaves nothing of the scene.
+/// not allow it, or leaves nothing of the scene; or if the script refers to lamps and nobody has
+/// set them.
 pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
+    if script.lamps.is_none()
+        && let Some(name) = script.lamp_names.first()
+    {
+        let problem = "the lamps of the scene are not known";
+        return Err(script.file.error(name.span(), problem));
+    }
+    let none = Lamps::default();
     let mut state = State {
         script,
+        lamps: script.lamps.as_ref().unwrap_or(&none),
         gaussians,
         groups: Groups::new(),
         selected: Vec::new(),
@@ -48,6 +56,7 @@ pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
 
 struct State<'a> {
     script: &'a Script,
+    lamps: &'a Lamps,
     gaussians: Gaussians,
     groups: Groups,
     /// Gaussians that the step acts on, one flag for each.
@@ -78,6 +87,7 @@ impl State<'_> {
             gaussians,
             definitions: &self.script.selections,
             groups: &self.groups,
+            lamps: self.lamps,
         }
     }
 

@@ -12,8 +12,8 @@ use crate::place::Placement;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
 use eagpt_scene::dataset::UpAxis;
-use eagpt_scene::script::ScriptFile;
-use eagpt_scene::{Gaussians, Result};
+use eagpt_scene::script::{ScriptFile, Spanned};
+use eagpt_scene::{Gaussians, Lamps, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +32,10 @@ pub struct Script {
     pub steps: Vec<EditStep>,
     /// Scenes that steps import from, each once.
     pub assets: Vec<Asset>,
+    /// Names and patterns of lamps that selectors refer to, with their places in the file.
+    pub(crate) lamp_names: Vec<Spanned<String>>,
+    /// Lamps of the scene to be edited, once they are known.
+    pub(crate) lamps: Option<Lamps>,
 }
 
 /// Another scene.
@@ -94,6 +98,33 @@ impl Script {
     /// have, selections that refer to each other in a circle, an asset that cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         reader::read(ScriptFile::read(path)?)
+    }
+
+    /// Whether a selector refers to lamps: such a script is replayed after [`Self::set_lamps`].
+    pub fn needs_lamps(&self) -> bool {
+        !self.lamp_names.is_empty()
+    }
+
+    /// Sets the lamps of the scene that will be edited.
+    ///
+    /// # Errors
+    /// [`eagpt_scene::SceneError::Script`] with file, line and key of a name or pattern that no
+    /// lamp has; it lists the names there are.
+    pub fn set_lamps(&mut self, lamps: Lamps) -> Result<()> {
+        for name in &self.lamp_names {
+            let pattern = name.get_ref();
+            if lamps.matching(pattern).is_empty() {
+                let there: Vec<&str> = lamps.names().collect();
+                let there = match there.len() {
+                    0 => "the scene has none".to_owned(),
+                    _ => format!("there are {}", there.join(", ")),
+                };
+                let problem = format!("`{pattern}` is no lamp: {there}");
+                return Err(self.file.error(name.span(), problem));
+            }
+        }
+        self.lamps = Some(lamps);
+        Ok(())
     }
 }
 

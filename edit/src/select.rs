@@ -2,8 +2,9 @@
 
 use crate::cluster::Cluster;
 use crate::shape::Shape;
-use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::EMISSION_THRESHOLD;
+use eagpt_scene::{Gaussians, Lamps};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -27,6 +28,8 @@ pub(crate) enum Selector {
         /// Largest value.
         max: f32,
     },
+    /// It emits, and belongs to a lamp whose name fits this pattern.
+    Lamp(String),
     /// Reached from a seed point.
     Cluster(Box<Cluster>),
     /// All of them.
@@ -82,17 +85,20 @@ pub(crate) struct Scope<'a> {
     pub(crate) gaussians: &'a Gaussians,
     pub(crate) definitions: &'a Definitions,
     pub(crate) groups: &'a Groups,
+    /// Lamps where training has found them, wherever their Gaussians have gone.
+    pub(crate) lamps: &'a Lamps,
 }
 
 impl<'a> Scope<'a> {
-    /// Makes a selector ready for questions: finds its clusters.
+    /// Makes a selector ready for questions: finds its clusters and lamps.
     pub(crate) fn prepare(self, selector: &'a Selector) -> Prepared<'a> {
         let mut prepared = Prepared {
             scope: self,
             selector,
             clusters: BTreeMap::new(),
+            lamps: BTreeMap::new(),
         };
-        prepared.find_clusters(selector);
+        prepared.find(selector);
         prepared
     }
 }
@@ -102,6 +108,8 @@ pub(crate) struct Prepared<'a> {
     scope: Scope<'a>,
     selector: &'a Selector,
     clusters: BTreeMap<usize, Vec<bool>>,
+    /// By pattern: for each lamp, whether its name fits.
+    lamps: BTreeMap<&'a str, Vec<bool>>,
 }
 
 impl<'a> Prepared<'a> {
@@ -124,6 +132,7 @@ impl<'a> Prepared<'a> {
             gaussians,
             definitions,
             groups,
+            lamps,
         } = self.scope;
         match selector {
             Selector::Everything => true,
@@ -134,6 +143,12 @@ impl<'a> Prepared<'a> {
             Selector::Range { quantity, min, max } => {
                 (*min..=*max).contains(&quantity.of(gaussians, index))
             }
+            Selector::Lamp(pattern) => {
+                gaussians.emissions[index] > EMISSION_THRESHOLD
+                    && lamps
+                        .of(point)
+                        .is_some_and(|lamp| self.lamps[pattern.as_str()][lamp])
+            }
             Selector::Cluster(cluster) => self.clusters[&cluster.id][index],
             Selector::All(parts) => parts.iter().all(|part| self.meets(part, index, point)),
             Selector::Any(parts) => parts.iter().any(|part| self.meets(part, index, point)),
@@ -141,11 +156,20 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    fn find_clusters(&mut self, selector: &'a Selector) {
+    /// Finds the clusters and lamps that a selector refers to.
+    fn find(&mut self, selector: &'a Selector) {
         match selector {
             Selector::Named(name) => {
                 let definitions = self.scope.definitions;
-                self.find_clusters(&definitions[name]);
+                self.find(&definitions[name]);
+            }
+            Selector::Lamp(pattern) => {
+                let lamps = self.scope.lamps;
+                let mut fitting = vec![false; lamps.lamps.len()];
+                for index in lamps.matching(pattern) {
+                    fitting[index] = true;
+                }
+                self.lamps.insert(pattern, fitting);
             }
             Selector::Cluster(cluster) if !self.clusters.contains_key(&cluster.id) => {
                 let candidates = self.scope.prepare(&cluster.within).mask();
@@ -154,10 +178,10 @@ impl<'a> Prepared<'a> {
             }
             Selector::All(parts) | Selector::Any(parts) => {
                 for part in parts {
-                    self.find_clusters(part);
+                    self.find(part);
                 }
             }
-            Selector::Not(part) => self.find_clusters(part),
+            Selector::Not(part) => self.find(part),
             _ => {}
         }
     }
@@ -212,6 +236,7 @@ mod tests {
             gaussians: &gaussians,
             definitions,
             groups,
+            lamps: &Lamps::default(),
         };
         let mask = scope.prepare(selector).mask();
         (0..mask.len()).filter(|i| mask[*i]).collect()

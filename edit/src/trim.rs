@@ -157,6 +157,7 @@ mod tests {
     use crate::select::{Definitions, Groups, Scope, Selector};
     use crate::shape::Shape;
     use crate::testing::disc;
+    use eagpt_scene::Lamps;
 
     /// Trims a round disc of 3σ = 3 at height 0, centred at `x`, with the half-space x ≤ 0.
     fn trimmed(x: f32, side: Side, how: Trim) -> Trimmed {
@@ -173,6 +174,7 @@ mod tests {
             gaussians: &gaussians,
             definitions: &Definitions::new(),
             groups: &Groups::new(),
+            lamps: &Lamps::default(),
         };
         trim(&scope.prepare(&selector), 0, &g, side, how)
     }

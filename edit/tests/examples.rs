@@ -27,7 +27,7 @@ fn every_example_can_be_read() {
             names.push(name.into_string().unwrap());
         }
     }
-    assert!(names.len() >= 11, "{names:?}");
+    assert!(names.len() >= 12, "{names:?}");
     // The lamp is imported by another script.
     let lamp = Script::read(&dir.path().join("make-lamp.toml")).unwrap();
     let lamp = replay(&lamp, Gaussians::default()).unwrap().gaussians;

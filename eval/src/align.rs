@@ -65,6 +65,8 @@ pub struct AlignedMetrics {
     pub psnr_pq_aligned_db: f64,
     /// Mean of [`crate::flip_hdr`]; 0 for equal images.
     pub flip_hdr_aligned: f64,
+    /// The factor, that of all views.
+    pub exposure_scale: f64,
 }
 
 /// Measures a linear Rec.709 image, multiplied by `scale`, against its reference where that is
@@ -92,6 +94,7 @@ pub(crate) fn compare_aligned(
         psnr_srgb_aligned_db: psnr(&srgb_clipped(&a), &srgb_clipped(&b)),
         psnr_pq_aligned_db: psnr(&pq_encoded(&a), &pq_encoded(&b)),
         flip_hdr_aligned: flip_hdr_known(reference, &test, known, options)?.mean,
+        exposure_scale: scale,
     })
 }
 

@@ -32,6 +32,14 @@ pub enum EvalError {
         /// The range.
         expected: &'static str,
     },
+    /// A condition that the truth does not have.
+    #[error("condition `{name}`: there are {}", listed(known))]
+    Condition {
+        /// The condition asked for.
+        name: String,
+        /// The conditions there are.
+        known: Vec<String>,
+    },
     /// HDR-FLIP would start at a longer exposure than it stops at.
     #[error("start_exposure {start} is above stop_exposure {stop}")]
     Exposures {

@@ -8,7 +8,8 @@
 //! - `pair`: all image metrics of one pair;
 //! - `align`: the same after one factor for the exposure of all views;
 //! - `regions`: the error of emitters, lit surfaces and shadows;
-//! - `known`: the same with partly unknown references.
+//! - `known`: the same with partly unknown references;
+//! - `lamps`: found lamps against true ones.
 //!
 //! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes
 //! tables and error maps, [`evaluate_conditions`] does so for several lightings of a room, and
@@ -23,6 +24,7 @@ mod error;
 mod flip;
 mod job;
 mod known;
+mod lamps;
 mod metrics;
 mod pair;
 mod psnr;
@@ -41,6 +43,7 @@ pub use job::{
     evaluate, evaluate_conditions,
 };
 pub use known::{KnownPixels, Windows};
+pub use lamps::{ComparedLamp, LampComparison, TrueLamp, TrueLamps, compare_lamps};
 pub use metrics::{METRICS, Metric};
 pub use pair::{Comparison, ImageMetrics, compare};
 pub use psnr::{psnr, psnr_linear, psnr_pq, psnr_srgb};

@@ -10,6 +10,8 @@ pub enum Better {
     Higher,
     /// Smaller values.
     Lower,
+    /// Values near 1.
+    One,
 }
 
 /// Population over which the mean of a metric is taken.
@@ -41,7 +43,7 @@ pub struct Metric {
 }
 
 /// All metrics, in the order of every output.
-pub static METRICS: [Metric; 14] = [
+pub static METRICS: [Metric; 15] = [
     Metric {
         key: "psnr_srgb_db",
         heading: "PSNR sRGB",
@@ -122,6 +124,17 @@ pub static METRICS: [Metric; 14] = [
         definition: "as flip_hdr after the renders of all views were multiplied by exposure_scale",
         mean: MeanOf::Views,
         of: |view| Some(view.aligned?.flip_hdr_aligned),
+    },
+    Metric {
+        key: "exposure_scale",
+        heading: "Exposure scale",
+        better: Better::One,
+        num_decimals: 3,
+        definition: "sum of the references over sum of the renders, over the pixels of all views that do not emit and whose reference is at most 1 in R, G and B; null where a sum is 0",
+        mean: MeanOf::Pixels(|views| {
+            Some(views.iter().find_map(|view| view.aligned)?.exposure_scale)
+        }),
+        of: |view| Some(view.aligned?.exposure_scale),
     },
     Metric {
         key: "albedo_psnr_srgb_db",

@@ -20,11 +20,7 @@ const LATEX: &str = "table.tex";
 pub const RESULT_FILES: [&str; 4] = [METRICS_FILE, CSV, MARKDOWN, LATEX];
 
 /// Definitions of the other fields of `metrics.json`.
-const MORE_DEFINITIONS: [(&str, &str); 5] = [
-    (
-        "exposure_scale",
-        "sum of the references over sum of the renders, over the pixels of all views that do not emit and whose reference is at most 1 in R, G and B; null where a sum is 0",
-    ),
+const MORE_DEFINITIONS: [(&str, &str); 4] = [
     (
         "light_change",
         "sum of luminance of the references over that under the earlier light, over the pixels of all views that emit under neither; null without an earlier light",

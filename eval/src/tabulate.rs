@@ -24,7 +24,7 @@ const MODES: [&str; 4] = ["0-bounce", "1-bounce", "path", "baked"];
 /// Files of [`ModeTable::write`].
 pub const FILES: [&str; 4] = ["table.md", "table.tex", "table.csv", "table.json"];
 /// Metrics of the table unless others are asked for.
-pub const DEFAULT_METRICS: [&str; 3] = ["psnr_srgb_db", "ssim_srgb", "flip_hdr"];
+pub const DEFAULT_METRICS: [&str; 4] = ["psnr_srgb_db", "ssim_srgb", "flip_hdr", "exposure_scale"];
 
 /// Options of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

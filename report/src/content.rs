@@ -1,5 +1,6 @@
 //! Content of the page.
 
+use crate::lamps::LampTable;
 use crate::picture::Picture;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -21,6 +22,8 @@ pub struct Content {
     pub layers: Vec<Gallery>,
     /// Pictures of emission masks.
     pub masks: Option<Gallery>,
+    /// Lamps that training has found.
+    pub lamps: Option<LampTable>,
     /// Loss curves.
     pub curves: Vec<Curve>,
     /// Commands that were run.

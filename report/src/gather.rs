@@ -5,8 +5,10 @@ use crate::content::{
 };
 use crate::curve;
 use crate::error::{ReportError, Result};
+use crate::lamps::LampTable;
 use crate::picture::Picture;
 use crate::run::{ORIGINAL, PROJECT_FILE, RunRecord, folders, read_json};
+use eagpt_scene::lamps::{LAMPS_FILE, read_lamps};
 use eagpt_scene::{Dataset, files};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -16,14 +18,19 @@ use std::path::{Path, PathBuf};
 const MAX_VIEWS: usize = 12;
 /// Most pictures of masks and of layers.
 const MAX_SAMPLES: usize = 6;
-/// Metrics of the overview and of single views: key, heading, decimals.
+/// Metrics of single views: key, heading, decimals.
 const METRICS: [(&str, &str, usize); 3] = [
     ("psnr_srgb_db", "PSNR (dB)", 2),
     ("ssim_srgb", "SSIM", 4),
     ("flip_hdr", "HDR-FLIP", 4),
 ];
+/// Metrics of the overview.
+const OVERVIEW: [(&str, &str, usize); 4] = [METRICS[0], METRICS[1], METRICS[2], EXPOSURE_SCALE];
+/// What the light of a rendering lacks.
+const EXPOSURE_SCALE: (&str, &str, usize) = ("exposure_scale", "exposure scale", 3);
 /// Further metrics of a condition, where they were measured.
-const MORE_METRICS: [(&str, &str, usize); 9] = [
+const MORE_METRICS: [(&str, &str, usize); 10] = [
+    EXPOSURE_SCALE,
     ("psnr_linear_db", "PSNR linear (dB)", 2),
     ("psnr_pq_db", "PSNR PQ (dB)", 2),
     ("flip_ldr_srgb", "LDR-FLIP", 4),
@@ -66,6 +73,7 @@ pub fn gather(dir: &Path) -> Result<Content> {
     }
     content.layers = layers(dir, &run)?;
     content.masks = masks(dir)?;
+    content.lamps = lamps(dir)?;
     content.curves = curves(dir)?;
     content.facts = facts(dir, &content)?;
     warnings(dir, &run, &mut content.warnings)?;
@@ -257,7 +265,7 @@ fn overview(dir: &Path, definitions: &mut BTreeMap<String, String>) -> Result<Op
     let rows = table["rows"].as_array().map_or(&[][..], Vec::as_slice);
     let row = |row: &Value| {
         let cells = conditions.iter().flat_map(|condition| {
-            METRICS.map(|(key, _, decimals)| {
+            OVERVIEW.map(|(key, _, decimals)| {
                 let value = row["conditions"][condition]["mean"].get(key);
                 value.map_or("–".to_owned(), |value| rounded(value, decimals))
             })
@@ -271,7 +279,7 @@ fn overview(dir: &Path, definitions: &mut BTreeMap<String, String>) -> Result<Op
         }
     };
     Ok(Some(Overview {
-        headings: METRICS.map(|(_, heading, _)| heading).into(),
+        headings: OVERVIEW.map(|(_, heading, _)| heading).into(),
         rows: rows.iter().map(row).collect(),
         conditions,
         latex: text("table.tex")?,
@@ -355,6 +363,14 @@ fn masks(dir: &Path) -> Result<Option<Gallery>> {
         text,
         pictures,
     }))
+}
+
+fn lamps(dir: &Path) -> Result<Option<LampTable>> {
+    let path = dir.join(folders::TRAIN).join(LAMPS_FILE);
+    if !path.exists() {
+        return Ok(None);
+    }
+    Ok(Some(LampTable::new(&read_lamps(&path)?)))
 }
 
 fn curves(dir: &Path) -> Result<Vec<Curve>> {

@@ -6,6 +6,7 @@
 //!
 //! - [`mod@run`]: `run.json`, what was made from what.
 //! - [`content`]: what is on the page; [`gather`]: how it is read.
+//! - [`lamps`]: the table of the lamps of a scene.
 //! - [`picture`], [`curve`]: pictures and curves as text.
 //! - [`page`]: the template.
 
@@ -13,6 +14,7 @@ pub mod content;
 pub mod curve;
 pub mod error;
 pub mod gather;
+pub mod lamps;
 pub mod page;
 pub mod picture;
 pub mod run;

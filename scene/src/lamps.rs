@@ -14,6 +14,9 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// Emission above which a Gaussian or a blended hit is an emitter, τ_E of the paper.
+pub const EMISSION_THRESHOLD: f32 = 0.1;
+
 /// Grows the box of a lamp on every side, in parts of its largest size: centres of its Gaussians
 /// scatter about the clean surface, and a panel's box has no thickness of its own.
 const BOX_MARGIN: f32 = 0.15;

@@ -21,6 +21,7 @@ use eagpt_eval::{METRICS_FILE, TableFolder};
 use eagpt_report::run::folders;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE};
+use eagpt_scene::lamps::lamps_file_beside;
 use std::path::{Path, PathBuf};
 
 /// All steps.
@@ -293,11 +294,18 @@ impl Plan {
         let command = JobCommand::Edit(EditArgs {
             scene: scene.to_owned(),
             script: relight.script.clone(),
+            lamps: None,
             out: Some(out.clone()),
             dry_run: false,
             force: false,
         });
+        // Those of a training come and go with its scene. A script that cannot be read is told of
+        // later, with all that is wrong.
+        let needs_lamps = || Script::read(&relight.script).is_ok_and(|of| of.needs_lamps());
+        let lamps = Some(lamps_file_beside(scene));
+        let lamps = lamps.filter(|path| !path.starts_with(&self.out) && needs_lamps());
         let takes = [scene.to_owned(), relight.script.clone()];
+        let takes = takes.into_iter().chain(lamps);
         self.add(
             format!("edit/{}", relight.name),
             command,

@@ -113,7 +113,10 @@ pub(super) fn set_force(command: &mut JobCommand) {
             ..
         }) => &mut args.force,
         JobCommand::Eval(args) => &mut args.force,
-        JobCommand::Dataset(_) | JobCommand::Export(_) | JobCommand::Import(_) => return,
+        JobCommand::Dataset(_)
+        | JobCommand::Export(_)
+        | JobCommand::Import(_)
+        | JobCommand::Lamps(_) => return,
     };
     *force = true;
 }

@@ -21,6 +21,7 @@ mod edit;
 mod errors;
 mod import;
 mod ingest;
+mod lamps;
 mod machine;
 mod masks;
 mod misuse;

@@ -18,7 +18,7 @@ pub mod start;
 use serde::{Deserialize, Serialize};
 
 /// Emission above which a blended hit counts as an emitter, τ_E of the paper.
-pub const EMISSION_THRESHOLD: f32 = 0.1;
+pub use eagpt_scene::lamps::EMISSION_THRESHOLD;
 
 /// Integrator of a frame. The names are those of the paper's tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -65,6 +65,7 @@ pub(super) fn read(file: ScriptFile) -> Result<Script> {
         defined: keys.selections.keys().cloned().collect(),
         groups: BTreeSet::new(),
         assets: Vec::new(),
+        lamps: Vec::new(),
         num_clusters: 0,
     };
     let selections = reader.selections(&keys)?;
@@ -72,7 +73,7 @@ pub(super) fn read(file: ScriptFile) -> Result<Script> {
     for step in keys.step.0 {
         steps.push(reader.step(step, &selections)?);
     }
-    let assets = reader.assets;
+    let Reader { assets, lamps, .. } = reader;
     Ok(Script {
         blake3: blake3::hash(file.text().as_bytes()).to_hex().to_string(),
         file,
@@ -80,6 +81,8 @@ pub(super) fn read(file: ScriptFile) -> Result<Script> {
         selections,
         steps,
         assets,
+        lamp_names: lamps,
+        lamps: None,
     })
 }
 
@@ -91,6 +94,8 @@ pub(super) struct Reader<'a> {
     /// Names given by steps that have been read.
     pub(super) groups: BTreeSet<String>,
     assets: Vec<Asset>,
+    /// Names and patterns of lamps.
+    pub(super) lamps: Vec<Spanned<String>>,
     pub(super) num_clusters: usize,
 }
 
@@ -216,6 +221,13 @@ impl Reader<'_> {
                     return Err(self.file.error(
                         select.span(),
                         "refers to Gaussians that a step of this script made, which the other scene does not have",
+                    ));
+                }
+                let is_lamp = |part: &Selector| matches!(part, Selector::Lamp(_));
+                if selector.mentions(selections, &is_lamp) {
+                    return Err(self.file.error(
+                        select.span(),
+                        "refers to lamps of the scene that is edited, which the other scene does not have",
                     ));
                 }
                 selector

@@ -44,6 +44,7 @@ pub(super) struct Conditions {
     radiance: Option<Limits<NotNegative>>,
     albedo: Option<Limits<Fraction>>,
     size: Option<Limits<NotNegative>>,
+    lamp: Option<Spanned<String>>,
     cluster: Option<ClusterKeys>,
     all: Option<NonEmpty<Spanned<SelectorKeys>>>,
     any: Option<NonEmpty<Spanned<SelectorKeys>>>,
@@ -99,6 +100,10 @@ impl Reader<'_> {
         ];
         let shapes = shapes.into_iter().flatten().cloned();
         let mut all: Vec<Selector> = shapes.chain(ranges.into_iter().flatten()).collect();
+        if let Some(lamp) = &keys.lamp {
+            self.lamps.push(lamp.clone());
+            all.push(Selector::Lamp(lamp.get_ref().clone()));
+        }
         if let Some(cluster) = &keys.cluster {
             all.push(self.cluster(cluster)?);
         }

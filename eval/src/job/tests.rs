@@ -236,7 +236,7 @@ fn the_files_say_what_was_found() {
     let csv = case.output("metrics.csv");
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 3);
-    let num_columns = 1 + 14 + 5;
+    let num_columns = 1 + 15 + 5;
     assert!(
         lines
             .iter()

@@ -52,6 +52,7 @@ impl Grid {
             let arrow = match column.better {
                 Some(Better::Higher) => " ↑",
                 Some(Better::Lower) => " ↓",
+                Some(Better::One) => " → 1",
                 None => "",
             };
             let heading = format!("{}{arrow}", column.heading);
@@ -86,6 +87,7 @@ impl Grid {
             let arrow = match column.better {
                 Some(Better::Higher) => " $\\uparrow$",
                 Some(Better::Lower) => " $\\downarrow$",
+                Some(Better::One) => " $\\to 1$",
                 None => "",
             };
             format!("{}{arrow}", escaped(&column.heading))

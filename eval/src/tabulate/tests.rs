@@ -7,7 +7,7 @@ fn evaluation(name: &str, mode: Option<&str>, db: Option<f64>, seconds: Option<f
     json!({
         "name": name,
         "render": {"mode": mode, "spp": mode.map(|_| 64), "seconds_per_frame": seconds},
-        "mean": {"psnr_srgb_db": db, "flip_hdr": 0.125},
+        "mean": {"psnr_srgb_db": db, "flip_hdr": 0.125, "exposure_scale": 0.5},
         "views": [],
     })
 }
@@ -93,35 +93,36 @@ fn modes_down_and_conditions_across() {
     assert_eq!(
         lines[0],
         "| mode | original: PSNR sRGB ↑ | original: SSIM ↑ | original: HDR-FLIP ↓ \
-         | relit: PSNR sRGB ↑ | relit: SSIM ↑ | relit: HDR-FLIP ↓ | s/frame |"
+         | original: Exposure scale → 1 | relit: PSNR sRGB ↑ | relit: SSIM ↑ | relit: HDR-FLIP ↓ \
+         | relit: Exposure scale → 1 | s/frame |"
     );
     assert_eq!(
         lines[2],
-        "| 0-bounce | 37.57 | -- | 0.1250 | -- | -- | -- | -- |"
+        "| 0-bounce | 37.57 | -- | 0.1250 | 0.500 | -- | -- | -- | -- | -- |"
     );
     // Null decibels are those of equal images.
     assert_eq!(
         lines[3],
-        "| path | 26.57 | -- | 0.1250 | inf | -- | 0.1250 | 185.00 |"
+        "| path | 26.57 | -- | 0.1250 | 0.500 | inf | -- | 0.1250 | 0.500 | 185.00 |"
     );
     assert_eq!(
         lines[4],
-        "| baked | -- | -- | -- | 28.97 | -- | 0.1250 | 0.02 |"
+        "| baked | -- | -- | -- | -- | 28.97 | -- | 0.1250 | 0.500 | 0.02 |"
     );
     assert!(markdown.contains("path, relit: "), "{markdown}");
     assert!(markdown.contains("/a, 64 spp\n"), "{markdown}");
     assert!(
         case.output("table.tex")
-            .contains("\\multicolumn{3}{c}{relit}")
+            .contains("\\multicolumn{4}{c}{relit}")
     );
 
     let csv = case.output("table.csv");
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(
         lines[0],
-        "mode,condition,psnr_srgb_db,ssim_srgb,flip_hdr,seconds_per_frame,spp,denoiser"
+        "mode,condition,psnr_srgb_db,ssim_srgb,flip_hdr,exposure_scale,seconds_per_frame,spp,denoiser"
     );
-    assert_eq!(lines[3], "path,relit,inf,,0.125,190,64,");
+    assert_eq!(lines[3], "path,relit,inf,,0.125,0.5,190,64,");
     assert_eq!(lines.len(), 1 + 5);
 
     let json: Value = serde_json::from_str(&case.output("table.json")).unwrap();
@@ -129,7 +130,7 @@ fn modes_down_and_conditions_across() {
     let cell = &json["rows"][1]["conditions"]["relit"];
     assert_eq!(
         cell["mean"],
-        json!({"psnr_srgb_db": null, "flip_hdr": 0.125})
+        json!({"psnr_srgb_db": null, "flip_hdr": 0.125, "exposure_scale": 0.5})
     );
     assert_eq!(cell["render"]["seconds_per_frame"], 190.0);
 }

@@ -47,6 +47,8 @@ fn renders_of_another_exposure_are_perfect_when_aligned() {
     assert_eq!(found.mean("flip_hdr_aligned"), Some(0.0));
     let json: Value = serde_json::from_str(&case.output("metrics.json")).unwrap();
     assert_eq!(json["exposure_scale"], 2.0);
+    assert_eq!(found.mean("exposure_scale"), Some(2.0));
+    assert_eq!(json["mean"]["exposure_scale"], 2.0);
     assert_eq!(json["mean"]["psnr_srgb_aligned_db"], Value::Null);
     assert!(case.output("table.md").contains("multiplied by 2.0000"));
 
@@ -67,6 +69,7 @@ fn black_renders_have_nothing_to_align() {
     let found = case.run().unwrap();
     assert_eq!(found.exposure_scale, None);
     assert_eq!(found.mean("psnr_srgb_aligned_db"), None);
+    assert_eq!(found.mean("exposure_scale"), None);
     let json: Value = serde_json::from_str(&case.output("metrics.json")).unwrap();
     assert_eq!(json["exposure_scale"], Value::Null);
     let back: Vec<ViewMetrics> = serde_json::from_value(json["views"].clone()).unwrap();
