@@ -1,9 +1,9 @@
 //! The lamps of a scene against those of a virtual room: which were found, and with how much power.
 //!
-//! A true lamp is a box that is aligned with the axes and the power of each condition. Both are in
-//! the world of the truth's dataset, where `eagpt synth` puts lamps and a training of that dataset
-//! finds them. The model that it writes beside may have another world; a training of that is not
-//! measured here.
+//! A true lamp is an axis-aligned box and its power in each condition. Nothing is transformed: both
+//! are in the world of the truth's dataset, where `eagpt synth` puts lamps and a training of that
+//! dataset finds them. A scene trained on the photographs may have another world, that of the model
+//! (`model_from_world`) aligned anew, and is not measured here.
 
 #[cfg(test)]
 mod tests;

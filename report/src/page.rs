@@ -28,6 +28,7 @@ pub fn render(content: &Content) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lamps::{HEADINGS, LampTable};
 
     #[test]
     fn names_are_escaped_and_an_empty_run_has_a_page() {
@@ -40,5 +41,23 @@ mod tests {
         assert!(html.contains("&lt;b&gt;room&lt;&#x2f;b&gt;"), "{html}");
         assert!(html.contains("a &lt; b"));
         assert!(!html.contains("http"), "the page must need no network");
+        assert!(!html.contains("<h2>Lamps</h2>"));
+    }
+
+    #[test]
+    fn lamps_are_a_table() {
+        let table = |rows| Content {
+            lamps: Some(LampTable {
+                headings: HEADINGS,
+                rows,
+            }),
+            ..Content::default()
+        };
+        let none = render(&table(Vec::new())).unwrap();
+        assert!(none.contains("<h2>Lamps</h2>") && none.contains("None was found"));
+        let row = HEADINGS.map(|heading| format!("{heading} & 1"));
+        let html = render(&table(vec![row])).unwrap();
+        assert!(html.contains("<th scope=\"row\">lamp &amp; 1</th><td>shape &amp; 1</td>"));
+        assert!(html.contains("<th>deviation</th><th>factor</th>"));
     }
 }
