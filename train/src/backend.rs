@@ -19,7 +19,7 @@ use crate::densify::Densified;
 use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms};
 use crate::options::{AlbedoOptions, LossWeights};
-use crate::params::{BadGradient, ParameterState, StepSizes};
+use crate::params::{BadGradient, ParameterState, SceneEdit, StepSizes};
 use eagpt_scene::{Camera, View};
 use eagpt_trace::Device;
 use eagpt_trace::features::GBuffer;
@@ -137,6 +137,16 @@ pub trait Backend {
     /// # Errors
     /// If the device fails.
     fn densify(&mut self, target: usize) -> Result<Densified>;
+
+    /// Carries out an edit after all steps, in stage 0: see [`ParameterState::edit`]. Errors of
+    /// views are reset.
+    ///
+    /// # Errors
+    /// If the device fails.
+    ///
+    /// # Panics
+    /// If the edit is one of another number of Gaussians.
+    fn edit(&mut self, edit: &SceneEdit) -> Result<()>;
 
     /// Finds the Gaussians that `cameras` see, and a point of the surface of each. Returns their
     /// number.

@@ -61,6 +61,9 @@ struct Header {
     /// Steps of the harmonics.
     #[serde(default)]
     harmonics_steps: u32,
+    /// See [`ParameterState::num_fixed`].
+    #[serde(default)]
+    num_fixed: usize,
 }
 
 impl Checkpoint {
@@ -85,6 +88,7 @@ impl Checkpoint {
             num_gaussians: self.state.len(),
             num_steps: self.state.raw.num_steps,
             harmonics_steps: self.state.harmonics.num_steps,
+            num_fixed: self.state.num_fixed,
         };
         let state = &self.state;
         let raw = state.raw.arrays().map(<[_]>::as_flattened);
@@ -101,7 +105,8 @@ impl Checkpoint {
         let (header, values): (Header, _) = FORMAT.read(path)?;
         let num_raw = 3 * NUM_PARAMETERS * header.num_gaussians;
         let num_harmonics = 3 * NUM_COEFFICIENTS * header.num_gaussians;
-        if values.len() != num_raw && values.len() != num_raw + num_harmonics {
+        let has_all = values.len() == num_raw || values.len() == num_raw + num_harmonics;
+        if !has_all || header.num_fixed > header.num_gaussians {
             return Err(SceneError::invalid(path, "arrays", "the checkpoint is damaged").into());
         }
         let (raw, harmonics) = values.split_at(num_raw);
@@ -114,6 +119,7 @@ impl Checkpoint {
             state: ParameterState {
                 raw: learned(raw, header.num_steps),
                 harmonics: learned(harmonics, header.harmonics_steps),
+                num_fixed: header.num_fixed,
             },
         })
     }
@@ -220,6 +226,7 @@ mod tests {
             state: ParameterState {
                 raw: learned(&[1.0, -0.1, 1e-20].map(array).concat(), 7),
                 harmonics: learned(&[2.0, 0.3, 1e-9].map(coefficients).concat(), 3),
+                num_fixed: 1,
             },
         }
     }

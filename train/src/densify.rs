@@ -72,6 +72,7 @@ impl Attribution {
 
 /// Splits Gaussians of `state` in two, those with the most error first, until there are `target` of
 /// them and those that no view sees are used up. `gaussians` are the activated values of `state`.
+/// Those that are fixed count, and stay as they are.
 pub(crate) fn densify(
     state: &mut ParameterState,
     gaussians: &Gaussians,
@@ -79,10 +80,11 @@ pub(crate) fn densify(
     target: usize,
 ) -> Densified {
     let n = state.len();
-    let unseen: Vec<usize> = (0..n)
+    let num_moving = state.num_moving();
+    let unseen: Vec<usize> = (0..num_moving)
         .filter(|&i| seen.largest_weight[i] < MIN_WEIGHT)
         .collect();
-    let mut worth: Vec<usize> = (0..n)
+    let mut worth: Vec<usize> = (0..num_moving)
         .filter(|&i| seen.largest_weight[i] >= MIN_WEIGHT && seen.pixels[i] >= MIN_PIXELS)
         .collect();
     worth.sort_by(|&a, &b| seen.error[b].total_cmp(&seen.error[a]).then(a.cmp(&b)));
@@ -99,6 +101,7 @@ pub(crate) fn densify(
         state.split(parent, place, axis, step, SHRINK);
         num_moved += usize::from(place < n);
     }
+    state.put_fixed_last(num_moving);
     Densified {
         num_moved,
         num_gaussians: state.len(),
@@ -178,6 +181,33 @@ mod tests {
                 after.get(kept),
                 ParameterState::new(&before).gaussians().get(kept)
             );
+        }
+    }
+
+    #[test]
+    fn what_is_fixed_is_neither_split_nor_used_up_and_stays_last() {
+        let before = row(4);
+        let mut state = ParameterState::new(&before);
+        state.num_fixed = 2;
+        let mut attribution = Attribution::new(4);
+        // Of the fixed ones, one has the most error, and nobody sees the other.
+        attribution.add(&[
+            seen(0, 9.0, 1.0, 0.9),
+            seen(1, 9.0, 2.0, 0.9),
+            seen(2, 9.0, 50.0, 0.9),
+        ]);
+        let fixed = [2, 3].map(|i| state.raw.values[i]);
+        let outcome = densify(&mut state, &before, &attribution, 6);
+        let expected = Densified {
+            num_moved: 0,
+            num_gaussians: 6,
+        };
+        assert_eq!(outcome, expected);
+        assert_eq!(state.raw.values[4..], fixed);
+        let after = state.gaussians();
+        for (parent, half) in [(1, 2), (0, 3)] {
+            let middle = (after.positions[parent] + after.positions[half]) / 2.0;
+            assert!((middle - before.positions[parent]).length() < 1e-6);
         }
     }
 

@@ -5,9 +5,11 @@
 //! have the same slope where the reference works and no cap), opacity, emission and albedo are
 //! sigmoids, quaternions are normalised.
 
+mod edit;
 mod learned;
 mod state;
 
+pub use edit::SceneEdit;
 pub use learned::Learned;
 #[cfg(feature = "gpu")]
 pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};

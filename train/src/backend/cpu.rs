@@ -4,7 +4,7 @@ use super::trainer::{HostParameters, Trainer};
 use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
-use crate::params::ParameterState;
+use crate::params::{ParameterState, SceneEdit};
 use eagpt_scene::Camera;
 use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::CpuScene;
@@ -58,6 +58,10 @@ impl Backend for CpuBackend {
 
     fn densify(&mut self, target: usize) -> Result<Densified> {
         self.trainer.densify(&mut self.parameters, target)
+    }
+
+    fn edit(&mut self, edit: &SceneEdit) -> Result<()> {
+        self.trainer.edit(&mut self.parameters, edit)
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {

@@ -21,7 +21,7 @@ use crate::densify::Densified;
 use crate::error::Result;
 use crate::loss::target::Target;
 use crate::options::Gather;
-use crate::params::ParameterState;
+use crate::params::{ParameterState, SceneEdit};
 use eagpt_scene::Camera;
 use eagpt_trace::Tracer as _;
 use eagpt_trace::features::GBuffer;
@@ -219,6 +219,11 @@ impl Backend for GpuBackend {
     fn densify(&mut self, target: usize) -> Result<Densified> {
         let (trainer, parameters) = self.host()?;
         trainer.densify(parameters, target)
+    }
+
+    fn edit(&mut self, edit: &SceneEdit) -> Result<()> {
+        let (trainer, parameters) = self.host()?;
+        trainer.edit(parameters, edit)
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {

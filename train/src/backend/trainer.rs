@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::loss::target::Target;
 use crate::loss::{LossTerms, PixelLight, albedo_loss, radiance_loss};
 use crate::options::Gather;
-use crate::params::ParameterState;
+use crate::params::{ParameterState, SceneEdit};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::color::pq_from_linear;
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -277,6 +277,13 @@ impl<S: Tracer> Trainer<S> {
         state.sort_in_space();
         self.refresh(parameters)?;
         Ok(densified)
+    }
+
+    /// See [`super::Backend::edit`].
+    pub(super) fn edit(&mut self, parameters: &mut HostParameters, edit: &SceneEdit) -> Result<()> {
+        self.attribution = None;
+        parameters.state.edit(edit);
+        self.refresh(parameters)
     }
 
     /// See [`super::Backend::begin_gathering`].

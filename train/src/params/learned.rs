@@ -78,6 +78,27 @@ impl<const K: usize> Learned<K> {
         self.first[parent] = [0.0; K];
     }
 
+    /// Forgets the moments of a row.
+    pub(super) fn forget(&mut self, row: usize) {
+        self.first[row] = [0.0; K];
+        self.second[row] = [0.0; K];
+    }
+
+    /// Leaves the rows of `keep`, `[n]`.
+    pub(super) fn retain(&mut self, keep: &[bool]) {
+        for of in [&mut self.values, &mut self.first, &mut self.second] {
+            let mut keeps = keep.iter();
+            of.retain(|_| *keeps.next().unwrap_or(&false));
+        }
+    }
+
+    /// Puts rows without moments at the end.
+    pub(super) fn append(&mut self, values: &[[f32; K]]) {
+        self.values.extend_from_slice(values);
+        self.first.resize(self.values.len(), [0.0; K]);
+        self.second.resize(self.values.len(), [0.0; K]);
+    }
+
     /// Puts the rows in another order.
     pub(super) fn reorder(&mut self, order: &[u32]) {
         for of in [&mut self.values, &mut self.first, &mut self.second] {
@@ -85,20 +106,21 @@ impl<const K: usize> Learned<K> {
         }
     }
 
-    /// One step along the gradient of each row. `decay`: see [`super::StepSizes::harmonics_decay`].
+    /// One step of the first `num_moving` rows, each along its gradient. `decay`: see
+    /// [`super::StepSizes::harmonics_decay`].
     pub(super) fn step(
         &mut self,
-        sizes: &[f32; K],
-        decay: f32,
+        num_moving: usize,
+        (sizes, decay): (&[f32; K], f32),
         gradient: impl Fn(usize) -> [f32; K] + Sync,
     ) {
         self.num_steps += 1;
         let adam = Adam::new(self.num_steps);
         let kept = sizes.map(|size| 1.0 - size * decay);
-        self.values
+        self.values[..num_moving]
             .par_chunks_mut(CHUNK)
-            .zip(self.first.par_chunks_mut(CHUNK))
-            .zip(self.second.par_chunks_mut(CHUNK))
+            .zip(self.first[..num_moving].par_chunks_mut(CHUNK))
+            .zip(self.second[..num_moving].par_chunks_mut(CHUNK))
             .enumerate()
             .for_each(|(chunk, ((values, first), second))| {
                 // Next to the processor: gradients of all rows are as long as the rows.

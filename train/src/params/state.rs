@@ -22,6 +22,9 @@ pub struct ParameterState {
     /// Coefficients of [`Harmonics`], `[n]`; empty where radiance does not differ with the
     /// direction.
     pub harmonics: Learned<NUM_COEFFICIENTS>,
+    /// So many Gaussians, the last ones, stay as they are in stage 0. In stage 1 their albedos move
+    /// as all others do.
+    pub num_fixed: usize,
 }
 
 /// Adam's step sizes; 0 keeps a parameter as it is.
@@ -78,6 +81,17 @@ impl StepSizes {
         self.harmonics.iter().any(|&size| size != 0.0)
     }
 
+    /// How many Gaussians move, of `num_gaussians` of which `num_fixed` are fixed: those that are
+    /// fixed take part where the albedo alone moves.
+    pub(crate) fn num_moving(&self, num_gaussians: usize, num_fixed: usize) -> usize {
+        let albedo_alone =
+            self.raw[..ALBEDO].iter().all(|&size| size == 0.0) && !self.move_harmonics();
+        match albedo_alone {
+            true => num_gaussians,
+            false => num_gaussians - num_fixed,
+        }
+    }
+
     /// Steps of stage 1: albedo only.
     pub fn albedo(rate: f32) -> Self {
         let mut sizes = [0.0; NUM_PARAMETERS];
@@ -96,6 +110,7 @@ impl ParameterState {
         Self {
             raw: Learned::new(gaussians.iter().map(|g| raw_from_gaussian(&g)).collect()),
             harmonics: Learned::new(gaussians.harmonics.iter().map(|h| h.0).collect()),
+            num_fixed: 0,
         }
     }
 
@@ -119,11 +134,18 @@ impl ParameterState {
         }
     }
 
-    /// Puts one half of a Gaussian at `place` (another Gaussian, which is lost, or the end) and
-    /// makes itself the other: both with the scale of `axis` times `shrink`, `step` (scene units)
+    /// Puts one half of a Gaussian at `place` (another Gaussian, which is lost, or the end: see
+    /// [`Self::put_fixed_last`]) and makes itself the other: both with the scale of `axis` times `shrink`, `step` (scene units)
     /// to either side of where it was. The halves know its second moments, so that their first
     /// steps are not longer than its own; the direction they find out.
-    pub fn split(&mut self, parent: usize, place: usize, axis: usize, step: Vec3, shrink: f32) {
+    pub(crate) fn split(
+        &mut self,
+        parent: usize,
+        place: usize,
+        axis: usize,
+        step: Vec3,
+        shrink: f32,
+    ) {
         let mut half = self.raw.values[parent];
         half[SCALE + axis] += shrink.ln();
         let moved = |by: Vec3| {
@@ -139,13 +161,30 @@ impl ParameterState {
         }
     }
 
-    /// Puts Gaussians that are close in space close together in memory.
+    /// Puts Gaussians that are close in space close together in memory; those that are fixed stay
+    /// at the end, in order.
     pub fn sort_in_space(&mut self) {
         let position = |raw: &Raw| Vec3::from_slice(&raw[POSITION..SCALE]);
-        let order = order::along_curve(&self.raw.values.iter().map(position).collect::<Vec<_>>());
-        self.raw.reorder(&order);
+        let moving = &self.raw.values[..self.num_moving()];
+        let mut order = order::along_curve(&moving.iter().map(position).collect::<Vec<_>>());
+        order.extend(self.num_moving() as u32..self.len() as u32);
+        self.reorder(&order);
+    }
+
+    /// Puts those that are fixed at the end again, after [`Self::split`] has put halves there:
+    /// `first_fixed` is the first of them.
+    pub(crate) fn put_fixed_last(&mut self, first_fixed: usize) {
+        if self.num_fixed > 0 {
+            let mut order: Vec<u32> = (0..self.len() as u32).collect();
+            order[first_fixed..].rotate_left(self.num_fixed);
+            self.reorder(&order);
+        }
+    }
+
+    fn reorder(&mut self, order: &[u32]) {
+        self.raw.reorder(order);
         if !self.harmonics.is_empty() {
-            self.harmonics.reorder(&order);
+            self.harmonics.reorder(order);
         }
     }
 
@@ -209,8 +248,9 @@ impl ParameterState {
     }
 
     /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the
-    /// activated values) as they look from `eye`. Nothing changes if a gradient is not finite: then
-    /// the class of the parameter, the index of the Gaussian and the value are returned.
+    /// activated values) as they look from `eye`. Gaussians that are fixed stay to the bit, but for
+    /// their albedos where these alone move. Nothing changes if a gradient is not finite: then the
+    /// class of the parameter, the index of the Gaussian and the value are returned.
     pub fn step(
         &mut self,
         gaussians: &Gaussians,
@@ -219,10 +259,9 @@ impl ParameterState {
         sizes: &StepSizes,
     ) -> Result<(), BadGradient> {
         let first_bad = AtomicUsize::new(usize::MAX);
+        let num_moving = sizes.num_moving(self.len(), self.num_fixed);
         let moves_harmonics = !self.harmonics.is_empty() && sizes.move_harmonics();
-        let raw: Vec<Raw> = self
-            .raw
-            .values
+        let raw: Vec<Raw> = self.raw.values[..num_moving]
             .par_iter()
             .zip(gradients)
             .with_min_len(1024)
@@ -244,13 +283,13 @@ impl ParameterState {
                 return Err(bad);
             }
         }
-        self.raw.step(&sizes.raw, 0.0, |i| raw[i]);
+        (self.raw).step(num_moving, (&sizes.raw, 0.0), |i| raw[i]);
         if moves_harmonics {
             let gradient = |i: usize| {
                 harmonics_gradient(&raw[i], &functions_from(eye, gaussians.positions[i]))
             };
-            let decay = sizes.harmonics_decay;
-            self.harmonics.step(&sizes.harmonics, decay, gradient);
+            let sizes = (&sizes.harmonics, sizes.harmonics_decay);
+            self.harmonics.step(num_moving, sizes, gradient);
         }
         Ok(())
     }

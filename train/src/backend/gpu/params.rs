@@ -25,6 +25,7 @@ pub(super) struct AdamParameters {
     correction_2: f32,
     harmonics_correction_1: f32,
     harmonics_correction_2: f32,
+    /// Those that the kernels are about, the first ones; what is fixed is behind them.
     num_gaussians: u32,
     padding: u32,
     more_padding: [u32; 2],
@@ -94,6 +95,8 @@ pub(super) struct ResidentState {
     harmonics: Option<ResidentRows<NUM_COEFFICIENTS>>,
     report: Buffer,
     num_gaussians: usize,
+    /// See [`ParameterState::num_fixed`].
+    num_fixed: usize,
 }
 
 impl ResidentState {
@@ -114,6 +117,7 @@ impl ResidentState {
             harmonics: harmonics.transpose()?,
             report: device.buffer("report", size_of::<Report>() as u64)?,
             num_gaussians: state.len(),
+            num_fixed: state.num_fixed,
             device: Arc::clone(device),
         };
         let parameters = AdamParameters {
@@ -189,7 +193,7 @@ impl ResidentState {
             correction_2: adam.correction_2,
             harmonics_correction_1: of_harmonics.correction_1,
             harmonics_correction_2: of_harmonics.correction_2,
-            num_gaussians: self.num_gaussians as u32,
+            num_gaussians: sizes.num_moving(self.num_gaussians, self.num_fixed) as u32,
             ..bytemuck::Zeroable::zeroed()
         };
         let parameters = &self.device.uniform("Adam", &parameters);
@@ -267,6 +271,7 @@ impl ResidentState {
         Ok(ParameterState {
             raw: self.raw.learned(device, num)?,
             harmonics: harmonics.unwrap_or_default(),
+            num_fixed: self.num_fixed,
         })
     }
 }

@@ -14,6 +14,7 @@ use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::gpu::{Device, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Of a parameter or moment, relative to the largest of its kind: ten times the 3e-7 seen on
 /// lavapipe.
@@ -28,9 +29,19 @@ fn reported(device: &Device, state: &ResidentState) -> Report {
 /// parameters.
 #[test]
 fn steps_of_adam_are_those_of_the_cpu() {
-    let Some(device) = gpu::device("Adam on a device") else {
-        return;
-    };
+    if let Some(device) = gpu::device("Adam on a device") {
+        check_steps(&device, 0);
+    }
+}
+
+#[test]
+fn fixed_gaussians_stay_to_the_bit_and_the_others_move_as_on_the_cpu() {
+    if let Some(device) = gpu::device("fixed Gaussians on a device") {
+        check_steps(&device, 67);
+    }
+}
+
+fn check_steps(device: &Arc<Device>, num_fixed: usize) {
     let mut cpu = ParameterState::new(&directional(random_cloud(130, 4), 5));
     // Quaternions do not stay of unit length.
     for (i, raw) in cpu.raw.values.iter_mut().enumerate() {
@@ -38,10 +49,12 @@ fn steps_of_adam_are_those_of_the_cpu() {
             .iter_mut()
             .for_each(|q| *q *= 1.0 + 0.01 * i as f32);
     }
+    cpu.num_fixed = num_fixed;
+    let before = cpu.clone();
     let mut gaussians = cpu.gaussians();
     let mut set = SurfelSet::new(&gaussians);
-    let fit = GpuScene::new(&device, &gaussians).unwrap();
-    let mut gpu = ResidentState::new(&device, &cpu, &fit).unwrap();
+    let fit = GpuScene::new(device, &gaussians).unwrap();
+    let mut gpu = ResidentState::new(device, &cpu, &fit).unwrap();
     let camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, 16, 16);
     let eye = camera.origin();
     let frame = fit.frame(&camera).unwrap().unwrap();
@@ -71,13 +84,29 @@ fn steps_of_adam_are_those_of_the_cpu() {
             .run(&gpu.passes(&fit, (&frame, eye), &sizes))
             .unwrap();
         gpu.count(&sizes);
-        let report = reported(&device, &gpu);
+        let report = reported(device, &gpu);
         assert_eq!(gpu.bad_gradient(&report).unwrap(), None);
     }
     set.update(&gaussians);
     let state = gpu.state().unwrap();
     let steps = |state: &ParameterState| (state.raw.num_steps, state.harmonics.num_steps);
     assert_eq!((steps(&state), steps(&cpu)), ((4, 4), (4, 4)));
+    assert_eq!(state.num_fixed, num_fixed);
+    let first = cpu.num_moving();
+    for got in [&state.raw, &cpu.raw] {
+        for (got, old) in got.arrays().into_iter().zip(before.raw.arrays()) {
+            assert_eq!(got[first..], old[first..]);
+            assert_ne!(got[first - 1], old[first - 1]);
+        }
+    }
+    for (got, old) in state
+        .harmonics
+        .arrays()
+        .into_iter()
+        .zip(before.harmonics.arrays())
+    {
+        assert_eq!(got[first..], old[first..]);
+    }
     let mut failures = Vec::new();
     for (name, got, wanted) in [
         ("values", &state.raw.values, &cpu.raw.values),

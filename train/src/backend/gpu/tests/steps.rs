@@ -6,7 +6,7 @@ use crate::backend::{Backend as _, RadianceStep, TrainingView};
 use crate::loss::tests::view;
 use crate::loss::{LossTerms, NormalTerms};
 use crate::options::{Preset, TrainOptions};
-use crate::params::{ParameterState, StepSizes};
+use crate::params::{ParameterState, SceneEdit, StepSizes};
 use eagpt_scene::Camera;
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Tracer as _;
@@ -119,6 +119,66 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
     assert!(at_once.0.iter().map(|(iteration, _)| *iteration).eq(1..=9));
     assert!(at_once == one_by_one);
     assert_eq!(at_once.1.raw.num_steps, 9);
+}
+
+/// An edit between two steps: on the device is what it makes of the state, and the steps behind it
+/// leave fixed Gaussians alone.
+#[test]
+fn an_edited_scene_goes_on() {
+    let Some(device) = gpu::device("an edit between steps") else {
+        return;
+    };
+    let cloud = random_cloud(200, 4);
+    let mut backend = GpuBackend::new(&device, ParameterState::new(&cloud), 1 << 20).unwrap();
+    let mut view = view(false);
+    let (width, height) = (view.camera.width, view.camera.height);
+    view.camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, width, height);
+    let view = TrainingView {
+        index: 0,
+        view: Arc::new(view),
+    };
+    let weights = weights();
+    let rates = TrainOptions::preset(Preset::Draft).radiance.rates;
+    let step = |backend: &mut GpuBackend, iteration| {
+        let step = RadianceStep {
+            iteration,
+            weights: &weights,
+            normals: NormalTerms::Off,
+            rays_per_axis: 1,
+            sizes: StepSizes::radiance(&rates, 2.0, 0.1),
+        };
+        let mut taken = backend.radiance_step(&view, &step).unwrap();
+        taken.extend(backend.finish().unwrap());
+        assert!(taken.len() == 1 && taken[0].outcome.is_ok());
+    };
+    step(&mut backend, 1);
+    let mut edited = backend.state().unwrap();
+    let edit = SceneEdit {
+        keep: (0..200).map(|i| i % 3 != 0).collect(),
+        moved: vec![(4, cloud.get(0))],
+        fixed: random_cloud(30, 5),
+    };
+    backend.edit(&edit).unwrap();
+    edited.edit(&edit);
+    assert_eq!(backend.state().unwrap(), edited);
+    step(&mut backend, 2);
+    let after = backend.state().unwrap();
+    assert_eq!(
+        (after.num_fixed, after.num_moving()),
+        (30, edited.num_moving())
+    );
+    let first = after.num_moving();
+    for (got, old) in after.raw.arrays().into_iter().zip(edited.raw.arrays()) {
+        assert_eq!(got[first..], old[first..]);
+        assert_ne!(got[..first], old[..first]);
+    }
+    backend.attribute(&view).unwrap();
+    backend.densify(240).unwrap();
+    let split = backend.state().unwrap();
+    assert_ne!(split.raw.values, after.raw.values);
+    assert_eq!(split.num_fixed, 30);
+    let first_fixed = split.num_moving();
+    assert_eq!(split.raw.values[first_fixed..], edited.raw.values[first..]);
 }
 
 fn capacity(backend: &GpuBackend, camera: &Camera) -> Capacity {
