@@ -12,7 +12,7 @@
 #import points
 #import sampling
 #import surface
-#import lights
+#import light_list
 #import pending
 
 @group(0) @binding(1) var<uniform> light: TransportParameters;
@@ -58,9 +58,9 @@ fn realization_hit(ray: Ray, realization: u32) -> u32 {
 
 // Light of an emitter that a direction found: L q / (n q + m p), for n BSDF samples of density q
 // and m light samples of density p.
-fn light_of(emitter: u32, surface: Surface, direction: vec3f) -> vec3f {
+fn light_of(emitter: u32, realization: u32, surface: Surface, direction: vec3f) -> vec3f {
     let q = dot(direction, surface.normal) / PI;
-    let p = light_density(light.light_root, surface.position, direction);
+    let p = light_list_density(light.num_clusters, light.light_root, realization, surface, direction);
     let all = f32(light.num_bsdf) * q + f32(light.num_to_lights) * p;
     return attributes[emitter].a.xyz * (q / all);
 }
@@ -68,24 +68,24 @@ fn light_of(emitter: u32, surface: Surface, direction: vec3f) -> vec3f {
 fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundEntry {
     let surface = Surface(true, receiver.position, receiver.normal, receiver.offset);
     let numbers = block_of(light.key, receiver.element, sample, light.is_towards_lights);
+    // Samples of a receiver take turns in the realizations, and receivers begin with different
+    // ones.
+    let realization = (word_of(light.key, receiver.element, 0u) + sample) % NUM_REALIZATIONS;
     var direction = vec3f();
     if light.is_towards_lights == 1u {
-        direction = sample_light(light.num_emitters, surface.position, numbers.x, numbers.y, numbers.z);
+        direction = sample_light_list(light.num_clusters, realization, surface, numbers.x, numbers.y, numbers.z);
         if dot(direction, surface.normal) <= 0.0 {
             return FoundEntry(vec3f(), NO_NODE);
         }
     } else {
         direction = cosine_direction(surface.normal, numbers.x, numbers.y);
     }
-    // Samples of a receiver take turns in the realizations, and receivers begin with different
-    // ones.
-    let realization = (word_of(light.key, receiver.element, 0u) + sample) % NUM_REALIZATIONS;
     let hit = realization_hit(ray_from(surface, direction), realization);
     if hit == NO_NODE {
         return FoundEntry(vec3f(), NOTHING);
     }
     if attributes[hit].a.w > light.emission_threshold {
-        return FoundEntry(light_of(hit, surface, direction), hit | EMITTER);
+        return FoundEntry(light_of(hit, realization, surface, direction), hit | EMITTER);
     }
     return FoundEntry(vec3f(), hit);
 }

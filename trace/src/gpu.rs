@@ -44,6 +44,7 @@ mod frame;
 mod kernels;
 mod layout;
 mod light;
+mod light_list;
 mod matrix;
 mod passes;
 mod rays;

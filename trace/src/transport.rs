@@ -9,6 +9,7 @@
 //! Directions are cosine-weighted, as in the paper, or emitters are sampled as well ([`Sampling`]);
 //! the mean is the same.
 
+pub mod light_list;
 pub mod lights;
 pub mod matrix;
 pub mod points;

@@ -9,7 +9,8 @@ use eagpt_scene::Gaussians;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
-use eagpt_trace::transport::lights::Lights;
+use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::matrix::{Directions, EMITTER, NOTHING, Receiver, TransportMatrix};
 use glam::Vec3;
 use receivers::receivers;
@@ -42,7 +43,7 @@ fn relit(
             change(other.positions[i], &mut other.radiances[i]);
         }
     }
-    let lights = Lights::new(scene);
+    let lights = LightList::new(&SurfelSet::new(scene));
     matrix.relight(
         receivers,
         DIRECTIONS,

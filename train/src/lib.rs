@@ -20,6 +20,7 @@ mod densify;
 mod error;
 pub mod init;
 pub mod job;
+pub mod irradiance;
 mod log;
 pub mod loss;
 pub mod options;
@@ -28,7 +29,7 @@ pub mod params;
 mod preview;
 mod progress;
 mod sealed;
-mod surfaces;
+pub mod surfaces;
 
 pub use error::{Result, TrainError};
 pub use job::{TrainRequest, TrainSummary, train};

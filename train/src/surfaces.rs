@@ -18,14 +18,14 @@ const LONE_OFFSET: f32 = 0.5;
 const RAYS_AT_ONCE: usize = 1 << 18;
 
 /// The best-seen surfaces so far.
-pub(crate) struct BestSeen {
+pub struct BestSeen {
     /// Weight of each Gaussian in its best pixel, 0 to 1, and the surface there.
     best: Vec<Option<(f32, Surface)>>,
 }
 
 impl BestSeen {
     /// Nothing seen of `num` Gaussians.
-    pub(crate) fn new(num: usize) -> Self {
+    pub fn new(num: usize) -> Self {
         Self {
             best: vec![None; num],
         }
@@ -36,7 +36,7 @@ impl BestSeen {
     ///
     /// # Errors
     /// If the device of the `scene` fails.
-    pub(crate) fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
+    pub fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
         let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
         let frame = camera.ray_frame();
         for found in contributions {
@@ -57,7 +57,7 @@ impl BestSeen {
     }
 
     /// Each Gaussian as it is seen best; `None` where no camera saw it.
-    pub(crate) fn finish(self) -> Vec<Option<Surface>> {
+    pub fn finish(self) -> Vec<Option<Surface>> {
         let surface = |best: Option<(f32, Surface)>| Some(best?.1);
         self.best.into_iter().map(surface).collect()
     }
@@ -68,7 +68,7 @@ impl BestSeen {
 ///
 /// # Errors
 /// If the device of the `scene` fails.
-pub(crate) fn lone(
+pub fn lone(
     scene: &dyn Tracer,
     gaussians: impl Iterator<Item = Gaussian>,
 ) -> Result<Vec<Surface>> {

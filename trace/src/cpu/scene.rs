@@ -10,6 +10,7 @@ use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
+use crate::transport::light_list::LightList;
 use crate::transport::lights::{self, Lights};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
@@ -43,6 +44,7 @@ pub struct CpuScene {
     /// The Gaussians that emit.
     emissive: Gaussians,
     lights: OnceLock<Option<Lights>>,
+    light_list: OnceLock<Option<LightList>>,
     realizations: OnceLock<Realizations>,
     /// Blended hits of the camera that was recorded last; without a camera where Gaussians have
     /// changed since.
@@ -57,6 +59,7 @@ impl CpuScene {
             bvh: OnceLock::new(),
             emissive: lights::emissive(gaussians),
             lights: OnceLock::new(),
+            light_list: OnceLock::new(),
             realizations: OnceLock::new(),
             record: CameraRecord::default(),
         }
@@ -113,6 +116,12 @@ impl CpuScene {
             .as_ref()
     }
 
+    /// The scene's emitters as light samples of the transport matrix choose among them.
+    pub fn light_list(&self) -> Option<&LightList> {
+        let make = || LightList::new(&self.set);
+        self.light_list.get_or_init(make).as_ref()
+    }
+
     /// Records `camera` if it is not the one recorded last.
     fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
         if self.record.camera.as_ref() != Some(camera) {
@@ -143,6 +152,7 @@ impl Tracer for CpuScene {
         }
         self.emissive = lights::emissive(gaussians);
         self.lights.take();
+        self.light_list.take();
         self.record.camera = None;
         Ok(())
     }

@@ -4,6 +4,7 @@
 use super::bins::{Seen, View};
 use super::camera::Band;
 use super::light::{Emitter, Gathered, LightParameters, PathState};
+use super::light_list::{LightCluster, LightDisc};
 use super::matrix::{DirectLight, FoundEntry, ReceiverOnDevice, TransportParameters};
 use super::rays::RayQuery;
 use super::scan::ScanParameters;
@@ -231,8 +232,8 @@ kernels! { shader::sources;
     FOLLOW_DIRECTIONS = "matrix" follow_directions [] {
         1 light: Uniform TransportParameters, 2 surfels: Read Surfel,
         3 attributes: Read Attributes, 4 nodes: Read HalfNode, 5 leaf_indices: Read u32,
-        6 emitters: Read Emitter, 7 radii: Read f32, 8 receivers: Read ReceiverOnDevice,
-        9 found: Write FoundEntry,
+        6 light_discs: Read LightDisc, 7 radii: Read f32, 8 receivers: Read ReceiverOnDevice,
+        9 found: Write FoundEntry, 12 light_clusters: Uniform LightCluster,
     }
     ADD_UP = "matrix" add_up [] {
         1 light: Uniform TransportParameters, 9 found: Write FoundEntry, 10 targets: Write u32,

@@ -3,12 +3,13 @@
 
 use super::bins::{self, Seen, View};
 use super::kernels::GROUP_SIZE;
-use super::{adjoint, bvh, camera, capacity, light, matrix, rays, scan, sort};
+use super::{adjoint, bvh, camera, capacity, light, light_list, matrix, rays, scan, sort};
 use crate::blend::Contribution;
 use crate::cpu::bins::MARGIN_PIXELS;
 use crate::features::lane;
 use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::surfel::Surfel;
+use crate::transport::light_list::MAX_CLUSTERS;
 use crate::transport::matrix::{EMITTER, NOTHING, NUM_REALIZATIONS};
 use crate::transport::start;
 use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
@@ -157,6 +158,8 @@ pub(super) fn layouts() -> Vec<Layout> {
         light::Emitter::layout(),
         light::Gathered::layout(),
         light::PathState::layout(),
+        light_list::LightCluster::layout(),
+        light_list::LightDisc::layout(),
         matrix::TransportParameters::layout(),
         matrix::ReceiverOnDevice::layout(),
         matrix::FoundEntry::layout(),
@@ -203,6 +206,7 @@ pub(super) fn declarations() -> String {
         ("ROULETTE", light::ROULETTE),
         ("LAST_BOUNCE", light::LAST_BOUNCE),
         ("NUM_REALIZATIONS", NUM_REALIZATIONS),
+        ("MAX_CLUSTERS", MAX_CLUSTERS as u32),
         ("NUM_FUNCTIONS", NUM_FUNCTIONS as u32),
         ("NOTHING", NOTHING),
         ("EMITTER", EMITTER),

@@ -11,12 +11,12 @@ use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{self, groups};
 use super::layout::{Layout, layout};
-use super::light::TreeBuffers;
+use super::light_list::LightListBuffers;
 use super::scene::SceneBuffers;
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
-use crate::transport::lights::Lights;
+use crate::transport::light_list::LightList;
 use crate::transport::matrix::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, TransportMatrix};
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::RandomKey;
@@ -38,7 +38,7 @@ pub(super) struct TransportParameters {
     /// Key of the random numbers.
     key: [u32; 4],
     emission_threshold: f32,
-    num_emitters: u32,
+    num_clusters: u32,
     scene_root: u32,
     light_root: u32,
     /// BSDF samples of each receiver, in all.
@@ -58,7 +58,7 @@ impl TransportParameters {
         layout!(TransportParameters {
             key: "vec4u",
             emission_threshold: "f32",
-            num_emitters: "u32",
+            num_clusters: "u32",
             scene_root: "u32",
             light_root: "u32",
             num_bsdf: "u32",
@@ -143,7 +143,7 @@ impl DirectLight {
 #[derive(Debug)]
 pub(super) struct TransportBuffers {
     /// Of discs that are as large as the largest of all realizations.
-    trees: TreeBuffers,
+    lights: LightListBuffers,
     /// Squared radii of discs in standard deviations, `[n, NUM_REALIZATIONS]`: as many bytes as the
     /// Gaussians themselves.
     radii: wgpu::Buffer,
@@ -153,7 +153,7 @@ impl TransportBuffers {
     pub(super) fn new(
         device: &Device,
         set: &SurfelSet,
-        lights: Option<&Lights>,
+        lights: Option<&LightList>,
     ) -> Result<Self, GpuError> {
         let realized: Vec<[f32; NUM_REALIZATIONS as usize]> = (0..set.len())
             .into_par_iter()
@@ -178,7 +178,7 @@ impl TransportBuffers {
             })
             .collect();
         Ok(Self {
-            trees: TreeBuffers::new(device, &largest, lights)?,
+            lights: LightListBuffers::new(device, &largest, lights)?,
             radii: device.upload("radii of discs", bytemuck::cast_slice(&realized))?,
         })
     }
@@ -236,7 +236,7 @@ impl TransportRays<'_> {
         if receivers.is_empty() {
             return Ok(matrix);
         }
-        let TransportBuffers { trees, radii } = self.matrix;
+        let TransportBuffers { lights, radii } = self.matrix;
         let (device, scene) = (self.device, self.scene);
         // As many receivers and samples at once as a buffer holds entries.
         let samples = directions.bsdf.max(directions.to_lights);
@@ -250,12 +250,13 @@ impl TransportRays<'_> {
             &piece.uniform,
             &scene.surfels,
             &scene.attributes,
-            &trees.nodes,
-            &trees.leaf_indices,
-            &trees.emitters,
+            &lights.nodes,
+            &lights.leaf_indices,
+            &lights.discs,
             radii,
             &piece.receivers,
             &piece.found,
+            &lights.clusters,
         ];
         let add = [&piece.uniform, &piece.found, &piece.targets, &piece.direct];
         for some in receivers.chunks(receivers_at_once) {
@@ -270,16 +271,16 @@ impl TransportRays<'_> {
             ] {
                 let start = targets.len();
                 targets.resize(start + some.len() * num_samples as usize, NOTHING);
-                if is_towards_lights == 1 && trees.num_emitters == 0 {
+                if is_towards_lights == 1 && lights.num_clusters == 0 {
                     continue;
                 }
                 for samples in piece.samples(num_samples) {
                     let parameters = TransportParameters {
                         key: key.words(),
                         emission_threshold: EMISSION_THRESHOLD,
-                        num_emitters: trees.num_emitters,
-                        scene_root: trees.scene_root,
-                        light_root: trees.light_root,
+                        num_clusters: lights.num_clusters,
+                        scene_root: lights.scene_root,
+                        light_root: lights.light_root,
                         num_bsdf: directions.bsdf,
                         num_to_lights: directions.to_lights,
                         num_receivers: some.len() as u32,

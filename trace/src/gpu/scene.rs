@@ -13,6 +13,7 @@ use crate::features::{Features, GBuffer, NUM_LANES};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, Surfel, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
+use crate::transport::light_list::LightList;
 use crate::transport::lights::{self, Lights};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
@@ -184,8 +185,8 @@ impl GpuScene {
     /// Structures for the transport matrix, made when first needed.
     fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
         made_once(&self.matrix, || {
-            let HostCopy { set, emissive } = self.host()?;
-            TransportBuffers::new(&self.device, set, Lights::new(emissive).as_ref())
+            let set = &self.host()?.set;
+            TransportBuffers::new(&self.device, set, LightList::new(set).as_ref())
         })
     }
 

@@ -29,7 +29,7 @@ pub(super) const FILES: &[(&str, &str)] = shaders! {
     "matrix" "path" "rays" "scan" "sort"
     "shared/band" "shared/blend" "shared/bvh" "shared/camera_no_record" "shared/camera_record"
     "shared/contribution_row" "shared/exp" "shared/features" "shared/gradient_row"
-    "shared/harmonics" "shared/integrator" "shared/lights" "shared/pending" "shared/points"
+    "shared/harmonics" "shared/integrator" "shared/light_list" "shared/lights" "shared/pending" "shared/points"
     "shared/prefix_sum" "shared/random" "shared/ray_search" "shared/sampling" "shared/surface"
     "shared/surfel" "shared/tile_lists" "shared/tile_rect" "shared/view" "shared/workgroup"
 };

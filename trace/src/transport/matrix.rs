@@ -13,7 +13,7 @@
 //! device.
 
 use super::EMISSION_THRESHOLD;
-use super::lights::Lights;
+use super::light_list::{Importances, LightList};
 use super::points::Points;
 use super::sampling::cosine_direction;
 use super::start::Surface;
@@ -86,7 +86,7 @@ impl TransportMatrix {
         key: RandomKey,
     ) -> Self {
         let sampler = Sampler {
-            lights: scene.lights(),
+            lights: scene.light_list(),
             directions,
             key,
         };
@@ -107,15 +107,15 @@ impl TransportMatrix {
             light_targets: vec![NOTHING; to_lights as usize * receivers.len()],
             num_rays: 0,
         };
+        let aims: Vec<Aim<'_>> = receivers.iter().map(|one| sampler.aim(one)).collect();
         for realization in 0..NUM_REALIZATIONS {
-            for (at, receiver) in receivers.iter().enumerate() {
-                for sample in sampler.samples(receiver, realization) {
-                    let Some(direction) = sampler.direction(receiver, sample) else {
+            for (at, aim) in aims.iter().enumerate() {
+                for sample in aim.samples(realization) {
+                    let Some(direction) = aim.direction(sample, realization) else {
                         continue;
                     };
                     matrix.num_rays += 1;
-                    let surface = &receiver.1;
-                    let ray = surface.ray(direction);
+                    let ray = aim.surface.ray(direction);
                     let Some(hit) = scene.realization_hit(&ray, realization) else {
                         continue;
                     };
@@ -123,7 +123,7 @@ impl TransportMatrix {
                     let emits = attributes.0[lane::EMISSION] > EMISSION_THRESHOLD;
                     *matrix.entry(at, sample, sampler.directions) = if emits {
                         matrix.direct[at] +=
-                            attributes.radiance() * sampler.weight(surface, direction);
+                            attributes.radiance() * aim.weight(direction, realization);
                         hit.index | EMITTER
                     } else {
                         hit.index
@@ -173,7 +173,7 @@ impl TransportMatrix {
         receivers: &[Receiver],
         directions: Directions,
         key: RandomKey,
-        lights: Option<&Lights>,
+        lights: Option<&LightList>,
         radiances: &[Vec3],
     ) {
         let sampler = Sampler {
@@ -188,17 +188,18 @@ impl TransportMatrix {
                 let targets = &self.targets[at * bsdf..][..bsdf];
                 let light_targets = &self.light_targets[at * to_lights..][..to_lights];
                 let mut direct = Vec3::ZERO;
+                let aim = sampler.aim(receiver);
                 for realization in 0..NUM_REALIZATIONS {
-                    for sample in sampler.samples(receiver, realization) {
+                    for sample in aim.samples(realization) {
                         let target = match sample {
                             Sample::Bsdf(i) => targets[i as usize],
                             Sample::Light(i) => light_targets[i as usize],
                         };
                         if target & EMITTER != 0
-                            && let Some(direction) = sampler.direction(receiver, sample)
+                            && let Some(direction) = aim.direction(sample, realization)
                         {
                             direct += radiances[(target & !EMITTER) as usize]
-                                * sampler.weight(&receiver.1, direction);
+                                * aim.weight(direction, realization);
                         }
                     }
                 }
@@ -215,60 +216,76 @@ enum Sample {
     Light(u32),
 }
 
-/// Directions of receivers, and weights of emitters that they meet.
+/// Chooses directions.
 #[derive(Debug, Clone, Copy)]
 struct Sampler<'a> {
-    lights: Option<&'a Lights>,
+    lights: Option<&'a LightList>,
     directions: Directions,
     key: RandomKey,
 }
 
-impl Sampler<'_> {
-    /// Random numbers of a receiver.
-    fn points(&self, (element, _): &Receiver) -> Points {
-        Points::new(self.key, *element)
+impl<'a> Sampler<'a> {
+    fn aim(&self, &(element, surface): &Receiver) -> Aim<'a> {
+        let points = Points::new(self.key, element);
+        Aim {
+            surface,
+            points,
+            first_realization: points.word(0),
+            directions: self.directions,
+            lights: (self.lights).map(|lights| (lights, lights.importances(&surface))),
+        }
     }
+}
 
-    /// Samples of a receiver that meet `realization`: they take turns in the realizations, and
-    /// receivers begin with different ones.
-    fn samples(
-        &self,
-        receiver: &Receiver,
-        realization: u32,
-    ) -> impl Iterator<Item = Sample> + use<> {
-        let first = realization.wrapping_sub(self.points(receiver).word(0)) % NUM_REALIZATIONS;
+/// Directions of a receiver, and weights of emitters that they meet.
+#[derive(Debug, Clone)]
+struct Aim<'a> {
+    surface: Surface,
+    /// Random numbers.
+    points: Points,
+    /// Realization that its first sample meets, modulo [`NUM_REALIZATIONS`].
+    first_realization: u32,
+    directions: Directions,
+    lights: Option<(&'a LightList, Importances)>,
+}
+
+impl Aim<'_> {
+    /// Samples that meet `realization`: they take turns in the realizations, and receivers begin
+    /// with different ones.
+    fn samples(&self, realization: u32) -> impl Iterator<Item = Sample> + use<> {
+        let first = realization.wrapping_sub(self.first_realization) % NUM_REALIZATIONS;
         let turn = move |num: u32| (first..num).step_by(NUM_REALIZATIONS as usize);
         let Directions { bsdf, to_lights } = self.directions;
         (turn(bsdf).map(Sample::Bsdf)).chain(turn(to_lights).map(Sample::Light))
     }
 
     /// A direction; `None` for a light sample below the surface, or without lights.
-    fn direction(&self, receiver: &Receiver, sample: Sample) -> Option<Vec3> {
-        let surface = &receiver.1;
-        let points = self.points(receiver);
+    fn direction(&self, sample: Sample, realization: u32) -> Option<Vec3> {
+        let Surface {
+            position, normal, ..
+        } = self.surface;
         match sample {
             Sample::Bsdf(i) => {
-                let [a, b, ..] = points.block(i, 0);
-                Some(cosine_direction(surface.normal, a, b))
+                let [a, b, ..] = self.points.block(i, 0);
+                Some(cosine_direction(normal, a, b))
             }
             Sample::Light(i) => {
-                let [pick, a, b, _] = points.block(i, 1);
-                (self.lights)
-                    .and_then(|lights| lights.sample(surface.position, pick, a, b))
-                    .filter(|direction| direction.dot(surface.normal) > 0.0)
+                let [pick, a, b, _] = self.points.block(i, 1);
+                let (lights, importances) = self.lights.as_ref()?;
+                lights
+                    .sample(importances, realization, position, [pick, a, b])
+                    .filter(|direction| direction.dot(normal) > 0.0)
             }
         }
     }
 
     /// Weight of an emitter's radiance that a direction found: q / (n q + m p), for n BSDF samples
     /// of density q and m light samples of density p.
-    fn weight(&self, surface: &Surface, direction: Vec3) -> f32 {
-        let density = |lights: &Lights| lights.density(surface.position, direction);
-        let (q, p) = (
-            direction.dot(surface.normal) * FRAC_1_PI,
-            self.lights.map_or(0.0, density),
-        );
-        let all = self.directions.bsdf as f32 * q + self.directions.to_lights as f32 * p;
-        q / all
+    fn weight(&self, direction: Vec3, realization: u32) -> f32 {
+        let q = direction.dot(self.surface.normal) * FRAC_1_PI;
+        let p = self.lights.as_ref().map_or(0.0, |(lights, importances)| {
+            lights.density(importances, realization, self.surface.position, direction)
+        });
+        q / (self.directions.bsdf as f32 * q + self.directions.to_lights as f32 * p)
     }
 }

@@ -16,7 +16,9 @@ use crate::sealed::SealedFormat;
 use eagpt_scene::files::{Key, digest};
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Gaussian, Gaussians, SceneError};
-use eagpt_trace::transport::lights::{self, Lights};
+use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::transport::light_list::LightList;
+use eagpt_trace::transport::lights;
 use eagpt_trace::transport::matrix::{Directions, EMITTER, NOTHING, Receiver, TransportMatrix};
 use eagpt_trace::transport::start::Surface;
 use glam::Vec3;
@@ -30,7 +32,7 @@ const MAX_UNDERRATED: f64 = 4.0;
 
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
-    version: 1,
+    version: 2,
     noun: "transport matrix",
 };
 
@@ -116,12 +118,16 @@ impl TracedTransport {
         if self.num_rows() < self.receivers.len() || !self.suits(scene) {
             return false;
         }
-        let sampled: Gaussians = self.sampled(scene).collect();
+        let mut sampled = scene.clone();
+        let emitting = (0..scene.len()).filter(|&i| emits(scene.emissions[i]));
+        for (i, g) in emitting.zip(self.sampled(scene)) {
+            (sampled.radiances[i], sampled.emissions[i]) = (g.radiance, g.emission);
+        }
         self.matrix.relight(
             &self.receivers,
             self.directions,
             key,
-            Lights::new(&sampled).as_ref(),
+            LightList::new(&SurfelSet::new(&sampled)).as_ref(),
             &scene.radiances,
         );
         true

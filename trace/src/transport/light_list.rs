@@ -1,0 +1,235 @@
+//! Emitters of a scene as the receivers of the transport matrix choose among them.
+//!
+//! A direction of the matrix meets one realization of the scene, in which emitters are opaque discs
+//! of known size. Light samples go to points spread evenly over the discs that are there, so that
+//! each finds light where nothing is in its way. Discs are grouped into clusters, at most
+//! [`MAX_CLUSTERS`], of what lies close together. A receiver weighs each cluster by what it may get
+//! from there, luminance · area · cosines over the squared distance (light lists and cuts: Walter
+//! et al. 2005, "Lightcuts"); within a cluster, discs are chosen by luminance · area. One
+//! stratified number picks cluster and disc in the order of the list, in which neighbours in space
+//! follow each other: every lamp gets its share of the samples, from all over it.
+
+mod clusters;
+
+use crate::cpu::bvh::{Bvh, RayScratch, Reach};
+use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
+use crate::features::lane;
+use crate::ray::Ray;
+use crate::surfel::{Surfel, SurfelSet};
+use crate::transport::EMISSION_THRESHOLD;
+use crate::transport::matrix::NUM_REALIZATIONS;
+use crate::transport::start::Surface;
+pub(crate) use clusters::Cluster;
+use eagpt_scene::color::luminance;
+use glam::Vec3;
+use std::cell::RefCell;
+use std::f32::consts::{PI, TAU};
+
+/// Most clusters of a list.
+pub(crate) const MAX_CLUSTERS: usize = 64;
+
+const REALIZATIONS: usize = NUM_REALIZATIONS as usize;
+
+thread_local! {
+    static SCRATCH: RefCell<RayScratch> = RefCell::default();
+}
+
+/// The emissive Gaussians of a scene, in clusters.
+#[derive(Debug, Clone)]
+pub struct LightList {
+    clusters: Vec<Cluster>,
+    discs: Vec<Disc>,
+    /// Those of `discs`, as large as the largest of all realizations.
+    set: SurfelSet,
+    bvh: Bvh,
+}
+
+/// An emitter.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Disc {
+    pub(crate) luminance: f32,
+    /// Number of its cluster.
+    pub(crate) cluster: u32,
+    /// In-plane axes times scales, scene units.
+    axis_u: Vec3,
+    axis_v: Vec3,
+    /// Squared radius in standard deviations in each realization; negative where it is not there.
+    pub(crate) radii: [f32; REALIZATIONS],
+    /// Luminance times area of the discs of its cluster up to this one, in each realization.
+    pub(crate) cumulative: [f32; REALIZATIONS],
+}
+
+/// What a receiver may get of each cluster, relative to its luminance times area.
+pub type Importances = [f32; MAX_CLUSTERS];
+
+impl Disc {
+    fn new(index: u32, surfel: &Surfel, luminance: f32) -> Self {
+        let along = |axis: [f32; 3]| Vec3::from(axis) / Vec3::from(axis).length_squared();
+        Self {
+            luminance,
+            cluster: 0,
+            axis_u: along(surfel.axis_u),
+            axis_v: along(surfel.axis_v),
+            radii: std::array::from_fn(|realization| {
+                realized_radius_squared(surfel, index, SCENE_SEED, realization as u32)
+            }),
+            cumulative: [0.0; REALIZATIONS],
+        }
+    }
+
+    /// Luminance times area in a realization.
+    fn power(&self, surfel: &Surfel, realization: usize) -> f32 {
+        PI * self.radii[realization].max(0.0) * surfel.size * surfel.size * self.luminance
+    }
+}
+
+impl LightList {
+    /// The emitters of `set`, or `None` if there are none that shine.
+    pub fn new(set: &SurfelSet) -> Option<Self> {
+        let mut emitters: Vec<(Disc, Surfel)> = (0..)
+            .zip(set.surfels.iter().zip(&set.attributes))
+            .filter(|(_, (_, attributes))| attributes.0[lane::EMISSION] > EMISSION_THRESHOLD)
+            .map(|(i, (surfel, attributes))| {
+                let light = luminance(attributes.radiance().to_array());
+                let disc = Disc::new(i, surfel, light);
+                let largest = disc.radii.iter().fold(-1.0_f32, |most, &r| most.max(r));
+                let surfel = Surfel {
+                    cut2: largest,
+                    ..*surfel
+                };
+                (disc, surfel)
+            })
+            .filter(|(disc, surfel)| disc.luminance > 0.0 && surfel.cut2 > 0.0)
+            .collect();
+        if emitters.is_empty() {
+            return None;
+        }
+        let clusters = clusters::divide(&mut emitters);
+        for (number, cluster) in (0..).zip(&clusters) {
+            let mut sums = [0.0; REALIZATIONS];
+            for (disc, surfel) in &mut emitters[cluster.range()] {
+                disc.cluster = number;
+                for (realization, sum) in sums.iter_mut().enumerate() {
+                    *sum += disc.power(surfel, realization);
+                }
+                disc.cumulative = sums;
+            }
+        }
+        let (discs, surfels) = emitters.into_iter().unzip();
+        // On one thread: a scene makes its list when it is first needed, perhaps by one of many
+        // threads, and the others wait for it.
+        let set = SurfelSet {
+            surfels,
+            ..SurfelSet::default()
+        };
+        Some(Self {
+            clusters,
+            discs,
+            bvh: Bvh::new(&set),
+            set,
+        })
+    }
+
+    /// The clusters, and the discs in their order, for kernels.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn parts(&self) -> (&[Cluster], impl Iterator<Item = (&Disc, &Surfel)>) {
+        (&self.clusters, self.discs.iter().zip(&self.set.surfels))
+    }
+
+    /// What a receiver may get of each cluster.
+    pub fn importances(&self, receiver: &Surface) -> Importances {
+        let mut importances = [0.0; MAX_CLUSTERS];
+        for (importance, cluster) in importances.iter_mut().zip(&self.clusters) {
+            *importance = cluster.importance(receiver);
+        }
+        importances
+    }
+
+    /// Sum over the clusters of importance times power.
+    fn total(&self, importances: &Importances, realization: usize) -> f32 {
+        let clusters = self.clusters.iter().zip(importances);
+        clusters.fold(0.0, |sum, (cluster, importance)| {
+            sum + importance * cluster.powers[realization]
+        })
+    }
+
+    /// A unit direction from `origin` to a random point of a random emitter in `realization`;
+    /// `None` if nothing shines that it may see. `pick` chooses the emitter, `a` and `b` the point;
+    /// all in [0, 1).
+    pub fn sample(
+        &self,
+        importances: &Importances,
+        realization: u32,
+        origin: Vec3,
+        [pick, a, b]: [f32; 3],
+    ) -> Option<Vec3> {
+        let realization = realization as usize;
+        let mut left = pick * self.total(importances, realization);
+        let mut chosen = None;
+        for (cluster, importance) in self.clusters.iter().zip(importances) {
+            let share = importance * cluster.powers[realization];
+            if share > 0.0 {
+                // Rounding may leave a little at the end.
+                chosen = Some((cluster, left / importance));
+                if left < share {
+                    break;
+                }
+            }
+            left -= share;
+        }
+        let (cluster, power) = chosen?;
+        let discs = &self.discs[cluster.range()];
+        let number = discs
+            .partition_point(|disc| disc.cumulative[realization] <= power)
+            .min(discs.len() - 1);
+        let disc = &discs[number];
+        let surfel = &self.set.surfels[cluster.first as usize + number];
+        let radius = (a * disc.radii[realization].max(0.0)).sqrt();
+        let (sin, cos) = (TAU * b).sin_cos();
+        let point = Vec3::from(surfel.position)
+            + disc.axis_u * (radius * cos)
+            + disc.axis_v * (radius * sin);
+        (point - origin).try_normalize()
+    }
+
+    /// Density over solid angle with which [`Self::sample`] chooses unit `direction`: every emitter
+    /// along the ray could have been the one.
+    pub fn density(
+        &self,
+        importances: &Importances,
+        realization: u32,
+        origin: Vec3,
+        direction: Vec3,
+    ) -> f32 {
+        let realization = realization as usize;
+        let ray = Ray::free(origin.to_array(), direction.to_array());
+        let sum: f32 = SCRATCH.with_borrow_mut(|scratch| {
+            self.bvh.find_hits(&ray, Reach::Everything, scratch);
+            // Any order would do for the sum; a fixed one gives the same bits for any shape of the
+            // tree.
+            scratch.sort();
+            let hits = scratch.hits().iter().map(|hit| hit.index() as usize);
+            hits.map(|i| {
+                let disc = &self.discs[i];
+                let mut seen = self.set.surfels[i].seen_from(ray.origin);
+                seen.cut2 = disc.radii[realization];
+                let hit = seen.meet(ray.direction);
+                if seen.counts(&hit) {
+                    let importance = importances[disc.cluster as usize];
+                    importance * disc.luminance * hit.t * hit.t / hit.cosine.abs()
+                } else {
+                    0.0
+                }
+            })
+            .sum()
+        });
+        if sum > 0.0 {
+            sum / self.total(importances, realization)
+        } else {
+            0.0
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

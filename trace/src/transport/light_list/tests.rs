@@ -1,0 +1,119 @@
+use super::*;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics};
+use glam::{Quat, Vec2};
+
+fn lamps(num: u32) -> Gaussians {
+    let key = RandomKey::new(8, Purpose::Initialise, 0);
+    (0..num)
+        .map(|i| {
+            let [x, y, z, turn] = key.stream(i, 0).next_uniforms();
+            Gaussian {
+                position: Vec3::new(3.0 * x - 1.5, 3.0 * y - 1.5, 0.5 + z),
+                scale: Vec2::new(0.05, 0.02 + 0.1 * x),
+                rotation: Quat::from_rotation_x(3.0 * turn),
+                opacity: 0.6 + 0.39 * y,
+                radiance: Vec3::splat(1.0 + 9.0 * z),
+                harmonics: Harmonics::NONE,
+                emission: if i % 5 == 4 { 0.0 } else { 1.0 },
+                albedo: Vec3::ZERO,
+            }
+        })
+        .collect()
+}
+
+fn receiver() -> Surface {
+    Surface {
+        position: Vec3::new(0.1, 0.3, 0.0),
+        normal: Vec3::new(0.3, 0.0, 1.0).normalize(),
+        offset: 0.01,
+    }
+}
+
+/// The density integrates to one over the sphere, and sampled directions follow it: the mean of
+/// `g/f` over samples of density f is `∫ g`, here for `g = f²`.
+#[test]
+fn density_is_that_of_the_samples() {
+    for num in [3, 400] {
+        let list = LightList::new(&SurfelSet::new(&lamps(num))).unwrap();
+        let surface = receiver();
+        let origin = surface.position;
+        let importances = list.importances(&surface);
+        let realization = 5;
+        let density = |direction| {
+            f64::from(list.density(&importances, realization, origin, direction))
+        };
+        let cells = 1_000_000_u32;
+        let (mut integral, mut square) = (0.0, 0.0);
+        for i in 0..cells {
+            let z = 1.0 - (2 * i + 1) as f32 / cells as f32;
+            let (sin, cos) = (i as f32 * 2.399_963_2 % TAU).sin_cos();
+            let flat = (1.0 - z * z).sqrt();
+            let f = density(Vec3::new(flat * cos, flat * sin, z).normalize());
+            integral += f;
+            square += f * f;
+        }
+        let cell = 4.0 * std::f64::consts::PI / f64::from(cells);
+        let (integral, square) = (integral * cell, square * cell);
+        // Cells at the rims of small discs.
+        assert!((integral - 1.0).abs() < 1e-2, "{num}: {integral}");
+        let key = RandomKey::new(3, Purpose::Render, 0);
+        let samples = 100_000;
+        let values: Vec<f64> = (0..samples)
+            .map(|i| {
+                let [a, b, pick, _] = key.stream(i, 0).next_uniforms();
+                density(list.sample(&importances, realization, origin, [pick, a, b]).unwrap())
+            })
+            .collect();
+        let mean = values.iter().sum::<f64>() / f64::from(samples);
+        let sd =
+            (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(samples)).sqrt();
+        let error = sd / f64::from(samples).sqrt();
+        assert!(
+            (mean - square).abs() < 4.0 * error + 1e-2 * square,
+            "{num}: {mean} ± {error} instead of {square}"
+        );
+    }
+}
+
+/// Every emitter is in one cluster, clusters follow each other, and the last cumulative power is
+/// that of the cluster.
+#[test]
+fn clusters_divide_the_emitters() {
+    for (num, expected) in [(1, 1), (6, 5), (1000, MAX_CLUSTERS)] {
+        let list = LightList::new(&SurfelSet::new(&lamps(num))).unwrap();
+        assert_eq!(list.clusters.len(), expected);
+        let mut end = 0;
+        for (number, cluster) in list.clusters.iter().enumerate() {
+            assert_eq!(cluster.first, end);
+            end = cluster.end;
+            let discs = &list.discs[cluster.range()];
+            assert_eq!(discs.last().unwrap().cumulative, cluster.powers);
+            assert!(discs.iter().all(|disc| disc.cluster as usize == number));
+            for surfel in &list.set.surfels[cluster.range()] {
+                let far = Vec3::from(surfel.position).distance(cluster.centre);
+                assert!(far <= cluster.radius);
+            }
+        }
+        assert_eq!(end as usize, list.discs.len());
+        assert_eq!(end, num - num / 5);
+    }
+}
+
+#[test]
+fn what_is_below_or_dark_is_not_chosen() {
+    let list = LightList::new(&SurfelSet::new(&lamps(50))).unwrap();
+    let below = Surface {
+        position: Vec3::new(0.0, 0.0, 5.0),
+        normal: Vec3::Z,
+        offset: 0.01,
+    };
+    let importances = list.importances(&below);
+    assert!(importances.iter().all(|&importance| importance == 0.0));
+    let sample = list.sample(&importances, 0, below.position, [0.3, 0.4, 0.5]);
+    assert_eq!(sample, None);
+    assert!(LightList::new(&SurfelSet::new(&Gaussians::default())).is_none());
+    let mut dark = lamps(5);
+    dark.radiances.fill(Vec3::ZERO);
+    assert!(LightList::new(&SurfelSet::new(&dark)).is_none());
+}

@@ -1,0 +1,3 @@
+//! Irradiance of Gaussians, as baking and stage 1 gather it.
+
+pub mod smooth;
