@@ -121,6 +121,8 @@ fn add_up(
         let number = receiver * num_samples + sample;
         let one = found[number];
         total.light += one.light;
+        let luminance = dot(one.light, vec3f(0.2126, 0.7152, 0.0722));
+        total.squares += luminance * luminance;
         total.num_rays += u32(one.gaussian != NO_NODE);
         targets[number] = select(one.gaussian, NOTHING, one.gaussian == NO_NODE);
     }

@@ -1,3 +1,60 @@
-//! Irradiance of Gaussians, as baking and stage 1 gather it.
+//! Irradiance of Gaussians, as light baking and stage 1 gather it: the directions, and what is made
+//! of the light that they find.
+//!
+//! Direct light comes from emitters, indirect light from all other Gaussians
+//! ([`eagpt_trace::transport::matrix`]). Both are noisy; each is smoothed by what its own directions
+//! tell of its noise ([`smooth`]). Irradiance alone is smoothed, no radiance and no albedo.
 
 pub mod smooth;
+
+use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
+use glam::Vec3;
+use smooth::Smoothing;
+
+/// One in so many directions goes towards an emitter. Measured on three rooms lit by small lamps:
+/// with a quarter of the directions, 90 % of the Gaussians are within 18 % of their light, with
+/// half of them within 16 %; smoothing then evens out the indirect light.
+const LIGHTS_EVERY: u32 = 2;
+
+/// `num_samples` directions at each Gaussian, at least 1.
+pub fn directions(num_samples: u32) -> Directions {
+    Directions::divided(num_samples, LIGHTS_EVERY)
+}
+
+/// Light that receivers get, with its noise.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NoisyLight {
+    /// Irradiance over π, `[receivers]`.
+    pub irradiance: Vec<Vec3>,
+    /// Variance of its luminance, `[receivers]`.
+    pub variances: Vec<f32>,
+}
+
+impl NoisyLight {
+    /// The light of emitters.
+    pub fn direct(matrix: &TransportMatrix, directions: Directions) -> Self {
+        Self {
+            irradiance: matrix.direct.clone(),
+            variances: matrix.variance_of_direct(directions),
+        }
+    }
+
+    /// The light of all other Gaussians, which carry `radiances`.
+    pub fn indirect(matrix: &TransportMatrix, directions: Directions, radiances: &[Vec3]) -> Self {
+        Self {
+            irradiance: matrix.from_others(directions, radiances),
+            variances: matrix.variance_from_others(directions, radiances),
+        }
+    }
+
+    /// Adds that of more receivers.
+    pub fn append(&mut self, mut more: Self) {
+        self.irradiance.append(&mut more.irradiance);
+        self.variances.append(&mut more.variances);
+    }
+
+    /// The irradiance over π without most of its noise, `[receivers]`.
+    pub fn smoothed(&self, smoothing: &Smoothing) -> Vec<Vec3> {
+        smoothing.apply(&self.irradiance, &self.variances)
+    }
+}

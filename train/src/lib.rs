@@ -10,6 +10,7 @@
 //! - `densify`: the choice of Gaussians to split, and of those to reuse for it.
 //! - [`backend`]: one training step on a device.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
+//! - [`irradiance`]: light that Gaussians receive, gathered and smoothed, for stage 1 and baking.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
 
@@ -19,8 +20,8 @@ pub mod checkpoint;
 mod densify;
 mod error;
 pub mod init;
-pub mod job;
 pub mod irradiance;
+pub mod job;
 mod log;
 pub mod loss;
 pub mod options;

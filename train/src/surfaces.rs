@@ -68,10 +68,7 @@ impl BestSeen {
 ///
 /// # Errors
 /// If the device of the `scene` fails.
-pub fn lone(
-    scene: &dyn Tracer,
-    gaussians: impl Iterator<Item = Gaussian>,
-) -> Result<Vec<Surface>> {
+pub fn lone(scene: &dyn Tracer, gaussians: impl Iterator<Item = Gaussian>) -> Result<Vec<Surface>> {
     let sides: Vec<Surface> = gaussians.flat_map(|gaussian| sides(&gaussian)).collect();
     let rays: Vec<Ray> = sides.iter().map(|side| side.ray(side.normal)).collect();
     let mut met = Vec::with_capacity(rays.len());

@@ -44,7 +44,12 @@ fn bright(light: &[Vec3]) -> Vec<f64> {
 fn errors(got: &[f64], wanted: &[f64], all: &[f64]) -> String {
     let num = got.len() as f64;
     let mean = wanted.iter().sum::<f64>() / num;
-    let ms = got.iter().zip(wanted).map(|(g, w)| (g - w).powi(2)).sum::<f64>() / num;
+    let ms = got
+        .iter()
+        .zip(wanted)
+        .map(|(g, w)| (g - w).powi(2))
+        .sum::<f64>()
+        / num;
     let bias = got.iter().zip(wanted).map(|(g, w)| g - w).sum::<f64>() / num;
     let mut relative: Vec<f64> = (got.iter().zip(wanted).zip(all))
         .map(|((g, w), a)| (g - w).abs() / a.max(1e-9))
@@ -127,25 +132,53 @@ fn noise_of_a_trained_scene() {
         let others = matrix.from_others(directions, &scene.radiances);
         let seconds = start.elapsed().as_secs_f64();
         let whole = [matrix.direct.clone(), others.clone()];
-        let chosen = |of: &[Vec3]| bright(of).into_iter().step_by(every_of(&receivers)).collect::<Vec<f64>>();
+        let chosen = |of: &[Vec3]| {
+            bright(of)
+                .into_iter()
+                .step_by(every_of(&receivers))
+                .collect::<Vec<f64>>()
+        };
         let (direct, others) = (chosen(&matrix.direct), chosen(&others));
         let both: Vec<f64> = direct.iter().zip(&others).map(|(a, b)| a + b).collect();
-        println!("{num} directions, 1/{every} to lights: {seconds:.1} s, {} rays", matrix.num_rays);
+        println!(
+            "{num} directions, 1/{every} to lights: {seconds:.1} s, {} rays",
+            matrix.num_rays
+        );
         println!("  direct    {}", errors(&direct, &wanted_direct, &all));
         println!("  indirect  {}", errors(&others, &wanted_others, &all));
         println!("  both      {}", errors(&both, &all, &all));
-        for num in [12, 24, 48] {
-            let start = Instant::now();
-            let smoothing = Smoothing::new(&receivers, num);
-            let [a, b] = whole.each_ref().map(|of| chosen(&smoothing.apply(of)));
-            let ab: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + b).collect();
-            let d: Vec<f64> = direct.iter().zip(&b).map(|(a, b)| a + b).collect();
-            println!("  {num} neighbours: {:.1} s", start.elapsed().as_secs_f64());
-            println!("    direct    {}", errors(&a, &wanted_direct, &all));
-            println!("    indirect  {}", errors(&b, &wanted_others, &all));
-            println!("    both      {}", errors(&ab, &all, &all));
-            println!("    direct + smooth indirect {}", errors(&d, &all, &all));
-        }
+        let variances = [
+            matrix.variance_of_direct(directions),
+            matrix.variance_from_others(directions, &scene.radiances),
+        ];
+        let predicted = |of: &[f32], got: &[f64], wanted: &[f64]| {
+            let picked = of.iter().step_by(every_of(&receivers));
+            let mut ratios: Vec<f64> = (picked.zip(got).zip(wanted))
+                .map(|((v, g), w)| (g - w).abs() / f64::from(v.sqrt()).max(1e-9))
+                .collect();
+            ratios.sort_by(f64::total_cmp);
+            (ratios[ratios.len() / 2], ratios[ratios.len() * 9 / 10])
+        };
+        println!(
+            "  error over standard error, median and p90: {:.2?} {:.2?}",
+            predicted(&variances[0], &direct, &wanted_direct),
+            predicted(&variances[1], &others, &wanted_others)
+        );
+        let smoothing = Smoothing::new(&receivers);
+        let smoothed: [Vec<Vec3>; 2] =
+            std::array::from_fn(|k| smoothing.apply(&whole[k], &variances[k]));
+        let sum = |of: &[Vec3]| bright(of).iter().sum::<f64>();
+        let kept = |k: usize| sum(&smoothed[k]) / sum(&whole[k]) - 1.0;
+        let [a, b] = smoothed.each_ref().map(|of| chosen(of));
+        let ab: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + b).collect();
+        println!(
+            "  smoothed, sums kept within {:+.1e} {:+.1e}",
+            kept(0),
+            kept(1)
+        );
+        println!("  direct    {}", errors(&a, &wanted_direct, &all));
+        println!("  indirect  {}", errors(&b, &wanted_others, &all));
+        println!("  both      {}", errors(&ab, &all, &all));
         if std::env::var_os("EAGPT_WORST").is_some() {
             let mut order: Vec<usize> = (0..some.len()).collect();
             let off = |i: usize| (direct[i] - wanted_direct[i]).abs();
@@ -186,7 +219,11 @@ fn noise_of_a_trained_scene() {
             order.sort_by(|a, b| a.0.total_cmp(&b.0));
             for part in order.chunks(order.len() / 6) {
                 let pick = |of: &[f64]| part.iter().map(|&(_, i)| of[i]).collect::<Vec<f64>>();
-                println!("   to {:.3}: {}", part.last().unwrap().0, errors(&pick(&direct), &pick(&wanted_direct), &pick(&all)));
+                println!(
+                    "   to {:.3}: {}",
+                    part.last().unwrap().0,
+                    errors(&pick(&direct), &pick(&wanted_direct), &pick(&all))
+                );
             }
         }
     }
@@ -197,5 +234,12 @@ fn every_of(receivers: &[Receiver]) -> usize {
 }
 
 fn bytemuck_floats(bytes: &[u8; 12]) -> [f32; 3] {
-    std::array::from_fn(|i| f32::from_le_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]))
+    std::array::from_fn(|i| {
+        f32::from_le_bytes([
+            bytes[4 * i],
+            bytes[4 * i + 1],
+            bytes[4 * i + 2],
+            bytes[4 * i + 3],
+        ])
+    })
 }

@@ -128,6 +128,9 @@ impl FoundEntry {
 pub(super) struct DirectLight {
     light: [f32; 3],
     num_rays: u32,
+    /// Sum of squared luminances.
+    squares: f32,
+    padding: [u32; 3],
 }
 
 impl DirectLight {
@@ -135,6 +138,8 @@ impl DirectLight {
         layout!(DirectLight {
             light: "vec3f",
             num_rays: "u32",
+            squares: "f32",
+            padding: "array<u32, 3>",
         })
     }
 }
@@ -309,6 +314,7 @@ impl TransportRays<'_> {
             }
             for one in device.read::<DirectLight>(&piece.direct, 0..some.len())? {
                 matrix.direct.push(Vec3::from_array(one.light));
+                matrix.direct_squares.push(one.squares);
                 matrix.num_rays += u64::from(one.num_rays);
             }
         }

@@ -19,6 +19,7 @@ use super::sampling::cosine_direction;
 use super::start::Surface;
 use crate::cpu::CpuScene;
 use crate::features::lane;
+use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -67,6 +68,9 @@ impl Directions {
 pub struct TransportMatrix {
     /// Irradiance over π that comes from emitters, `[receivers]`.
     pub direct: Vec<Vec3>,
+    /// Squared luminance of the parts of [`Self::direct`] that the directions have found, summed,
+    /// `[receivers]`: what its noise is told from.
+    pub direct_squares: Vec<f32>,
     /// Entries of BSDF samples, `[receivers, directions.bsdf]`: index of the Gaussian met first,
     /// with [`EMITTER`] set if it emits, or [`NOTHING`].
     pub targets: Vec<u32>,
@@ -103,6 +107,7 @@ impl TransportMatrix {
         let Directions { bsdf, to_lights } = sampler.directions;
         let mut matrix = Self {
             direct: vec![Vec3::ZERO; receivers.len()],
+            direct_squares: vec![0.0; receivers.len()],
             targets: vec![NOTHING; bsdf as usize * receivers.len()],
             light_targets: vec![NOTHING; to_lights as usize * receivers.len()],
             num_rays: 0,
@@ -122,8 +127,9 @@ impl TransportMatrix {
                     let attributes = scene.attributes(hit.index);
                     let emits = attributes.0[lane::EMISSION] > EMISSION_THRESHOLD;
                     *matrix.entry(at, sample, sampler.directions) = if emits {
-                        matrix.direct[at] +=
-                            attributes.radiance() * aim.weight(direction, realization);
+                        let light = attributes.radiance() * aim.weight(direction, realization);
+                        matrix.direct[at] += light;
+                        matrix.direct_squares[at] += luminance(light.to_array()).powi(2);
                         hit.index | EMITTER
                     } else {
                         hit.index
@@ -146,6 +152,7 @@ impl TransportMatrix {
     /// Adds those of more receivers, traced in as many directions.
     pub fn append(&mut self, mut more: Self) {
         self.direct.append(&mut more.direct);
+        self.direct_squares.append(&mut more.direct_squares);
         self.targets.append(&mut more.targets);
         self.light_targets.append(&mut more.light_targets);
         self.num_rays += more.num_rays;
@@ -162,6 +169,36 @@ impl TransportMatrix {
             .with_min_len(1024)
             .map(|targets| targets.iter().filter_map(light).sum::<Vec3>() / bsdf as f32)
             .collect()
+    }
+
+    /// Variance of the luminance of what [`Self::from_others`] gives for the same light, as far as
+    /// the entries tell it.
+    pub fn variance_from_others(&self, directions: Directions, radiances: &[Vec3]) -> Vec<f32> {
+        let num = directions.bsdf as f32;
+        let light = |target: &u32| {
+            let radiance = radiances.get(*target as usize);
+            radiance.map_or(0.0, |radiance| luminance(radiance.to_array()))
+        };
+        self.targets
+            .par_chunks_exact(directions.bsdf as usize)
+            .with_min_len(1024)
+            .map(|targets| {
+                let mean = targets.iter().map(light).sum::<f32>() / num;
+                let squares = targets.iter().map(|target| (light(target) - mean).powi(2));
+                squares.sum::<f32>() / (num * (num - 1.0).max(1.0))
+            })
+            .collect()
+    }
+
+    /// Variance of the luminance of [`Self::direct`], as far as the directions tell it.
+    pub fn variance_of_direct(&self, directions: Directions) -> Vec<f32> {
+        let num = (directions.bsdf + directions.to_lights) as f32;
+        let variance = |(direct, squares): (&Vec3, &f32)| {
+            let sum = luminance(direct.to_array());
+            (squares - sum * sum / num).max(0.0)
+        };
+        let pairs = self.direct.iter().zip(&self.direct_squares);
+        pairs.map(variance).collect()
     }
 
     /// Replaces [`Self::direct`] by that of emitters with other light, `radiances`, `[n]`. The
@@ -182,12 +219,12 @@ impl TransportMatrix {
             key,
         };
         let (bsdf, to_lights) = (directions.bsdf as usize, directions.to_lights as usize);
-        let direct = receivers.par_iter().enumerate().with_min_len(64);
-        self.direct = direct
+        let all = receivers.par_iter().enumerate().with_min_len(64);
+        (self.direct, self.direct_squares) = all
             .map(|(at, receiver)| {
                 let targets = &self.targets[at * bsdf..][..bsdf];
                 let light_targets = &self.light_targets[at * to_lights..][..to_lights];
-                let mut direct = Vec3::ZERO;
+                let (mut direct, mut squares) = (Vec3::ZERO, 0.0);
                 let aim = sampler.aim(receiver);
                 for realization in 0..NUM_REALIZATIONS {
                     for sample in aim.samples(realization) {
@@ -198,14 +235,16 @@ impl TransportMatrix {
                         if target & EMITTER != 0
                             && let Some(direction) = aim.direction(sample, realization)
                         {
-                            direct += radiances[(target & !EMITTER) as usize]
+                            let light = radiances[(target & !EMITTER) as usize]
                                 * aim.weight(direction, realization);
+                            direct += light;
+                            squares += luminance(light.to_array()).powi(2);
                         }
                     }
                 }
-                direct
+                (direct, squares)
             })
-            .collect();
+            .unzip();
     }
 }
 

@@ -7,11 +7,13 @@
 //! irradiance is its albedo in closed form, `ρ = π r / E`: the start of the image loss.
 
 use crate::error::Result;
+use crate::irradiance::smooth::Smoothing;
+use crate::irradiance::{self, NoisyLight};
 use crate::surfaces::BestSeen;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
-use eagpt_trace::transport::matrix::{Directions, Receiver};
+use eagpt_trace::transport::matrix::Receiver;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
@@ -27,7 +29,11 @@ const MIN_KNOWN: f32 = 1e-3;
 pub(super) struct GaussianIrradiance {
     /// Indices and surfaces of the Gaussians seen.
     seen: Vec<Receiver>,
-    /// Irradiance over π, of the first of `seen`.
+    /// Light of emitters, of the first of `seen`.
+    direct: NoisyLight,
+    /// Light of all others.
+    indirect: NoisyLight,
+    /// Irradiance over π, once all is gathered.
     irradiance: Vec<Vec3>,
 }
 
@@ -47,6 +53,8 @@ impl GaussianIrradiance {
             .collect();
         Ok(Self {
             seen,
+            direct: NoisyLight::default(),
+            indirect: NoisyLight::default(),
             irradiance: Vec::new(),
         })
     }
@@ -56,8 +64,9 @@ impl GaussianIrradiance {
         self.seen.len()
     }
 
-    /// Gathers for the next of them, `range`, in `directions` at each. `radiances` are those of all
-    /// Gaussians of the `scene`, and random numbers are those of `key`.
+    /// Gathers for the next of them, `range`, in `num_samples` directions at each. `radiances` are
+    /// those of all Gaussians of the `scene`, and random numbers are those of `key`. The light is
+    /// known once all is gathered.
     ///
     /// # Errors
     /// If the device of the `scene` fails.
@@ -66,14 +75,21 @@ impl GaussianIrradiance {
         scene: &dyn Tracer,
         radiances: &[Vec3],
         range: Range<usize>,
-        directions: Directions,
+        num_samples: u32,
         key: RandomKey,
     ) -> Result<()> {
-        debug_assert_eq!(range.start, self.irradiance.len());
+        debug_assert_eq!(range.start, self.direct.irradiance.len());
+        let directions = irradiance::directions(num_samples);
         let matrix = scene.trace_transport(&self.seen[range], directions, key)?;
-        let others = matrix.from_others(directions, radiances);
-        let both = matrix.direct.iter().zip(&others).map(|(e, o)| *e + *o);
-        self.irradiance.extend(both);
+        let indirect = NoisyLight::indirect(&matrix, directions, radiances);
+        self.direct.append(NoisyLight::direct(&matrix, directions));
+        self.indirect.append(indirect);
+        if self.direct.irradiance.len() == self.seen.len() {
+            let smoothing = Smoothing::new(&self.seen);
+            let [direct, indirect] =
+                [&self.direct, &self.indirect].map(|light| light.smoothed(&smoothing));
+            self.irradiance = direct.iter().zip(&indirect).map(|(d, i)| *d + *i).collect();
+        }
         Ok(())
     }
 

@@ -18,7 +18,6 @@ use eagpt_trace::Tracer;
 use eagpt_trace::blend::{GradientMask, LocalGradient, grad_lane};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::{Features, lane};
-use eagpt_trace::transport::matrix::Directions;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -313,9 +312,8 @@ impl<S: Tracer> Trainer<S> {
             return Ok(());
         };
         let radiances = &parameters.gaussians.radiances;
-        let directions = Directions::divided(num_samples, LIGHTS_EVERY);
         let key = RandomKey::new(seed, Purpose::Albedo, 0);
-        irradiance.gather(&**scene, radiances, range, directions, key)
+        irradiance.gather(&**scene, radiances, range, num_samples, key)
     }
 
     /// See [`super::Backend::begin_albedo`].
@@ -342,10 +340,6 @@ fn taken(iteration: u32, view: &TrainingView, outcome: StepOutcome) -> Taken {
         outcome,
     }
 }
-
-/// One in so many directions goes towards an emitter. Measured on a room lit through a window: with
-/// half of the directions irradiance is noisier by an eighth, for most of it comes from walls.
-const LIGHTS_EVERY: u32 = 4;
 
 /// Gradient of every ray's features, given those of the means over `factor` × `factor` rays;
 /// `width` is that of the means.

@@ -10,6 +10,8 @@
 use super::transport::{self, TracedTransport};
 use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
+use crate::irradiance::smooth::Smoothing;
+use crate::irradiance::{self, NoisyLight};
 use crate::surfaces::{self, BestSeen};
 use eagpt_scene::SceneError;
 use eagpt_scene::files::{Key, digest};
@@ -37,8 +39,16 @@ pub struct GaussianBake {
 
 impl GaussianBake {
     fn directions(&self) -> Directions {
-        Directions::divided(self.num_samples, 2)
+        irradiance::directions(self.num_samples)
     }
+}
+
+/// Who lights whom.
+struct Exchange<'a> {
+    receivers: &'a [Receiver],
+    matrix: &'a TransportMatrix,
+    directions: Directions,
+    smoothing: Smoothing,
 }
 
 /// The sum of the bounces so far.
@@ -63,24 +73,20 @@ impl Series {
 
     /// Adds a bounce: what `receivers` reflect of the light of emitters, then of that of the last
     /// bounce.
-    fn add(
-        &mut self,
-        albedos: &[Vec3],
-        receivers: &[Receiver],
-        matrix: &TransportMatrix,
-        directions: Directions,
-    ) {
-        let gathered;
-        let irradiance = if self.bounce == 0 {
-            &matrix.direct
+    fn add(&mut self, albedos: &[Vec3], light: &Exchange<'_>) {
+        let &Exchange {
+            matrix, directions, ..
+        } = light;
+        let noisy = if self.bounce == 0 {
+            NoisyLight::direct(matrix, directions)
         } else {
-            gathered = matrix.from_others(directions, &self.last);
-            &gathered
+            NoisyLight::indirect(matrix, directions, &self.last)
         };
+        let irradiance = noisy.smoothed(&light.smoothing);
         self.last.fill(Vec3::ZERO);
-        for ((i, _), light) in receivers.iter().zip(irradiance) {
+        for ((i, _), light) in light.receivers.iter().zip(irradiance) {
             let i = *i as usize;
-            self.last[i] = albedos[i] * *light;
+            self.last[i] = albedos[i] * light;
             self.total[i] += self.last[i];
         }
         self.bounce += 1;
@@ -105,14 +111,15 @@ impl Bake<'_> {
         let Some(traced) = self.trace(&*tracer, directions)? else {
             return Ok(None);
         };
+        let light = Exchange {
+            receivers: &traced.receivers,
+            matrix: &traced.matrix,
+            directions,
+            smoothing: Smoothing::new(&traced.receivers),
+        };
         let mut series = Series::new(self.scene.len());
         while series.bounce < self.request.options.max_bounces {
-            series.add(
-                &self.scene.albedos,
-                &traced.receivers,
-                &traced.matrix,
-                directions,
-            );
+            series.add(&self.scene.albedos, &light);
             (self.progress)(BakeProgress::Bounced {
                 bounce: series.bounce,
                 share: series.share(),
@@ -273,11 +280,11 @@ mod tests {
     /// `a L f Σ_{k<K} (a (1 − f))^k`.
     #[test]
     fn bounces_inside_a_sphere_follow_the_geometric_series() {
-        let (share, albedo, light) = (0.25_f32, 0.6_f32, 3.0_f32);
+        let (share, albedo, radiance) = (0.25_f32, 0.6_f32, 3.0_f32);
         // Archimedes: the cap above z = 1 − 2f has the share f of the area.
         let scene = sphere(6000, 2.0, |direction| {
             if direction.z > 1.0 - 2.0 * share {
-                material(Vec3::splat(light), 1.0, Vec3::ZERO)
+                material(Vec3::splat(radiance), 1.0, Vec3::ZERO)
             } else {
                 // Radiance that must not count.
                 material(Vec3::splat(50.0), 0.0, Vec3::splat(albedo))
@@ -301,11 +308,17 @@ mod tests {
         };
         let key = RandomKey::new(1, Purpose::Bake, 1);
         let matrix = TransportMatrix::trace(&CpuScene::new(&scene), &receivers, rays, key);
+        let light = Exchange {
+            receivers: &receivers,
+            matrix: &matrix,
+            directions: rays,
+            smoothing: Smoothing::new(&receivers),
+        };
         let mut series = Series::new(scene.len());
         let mut expected = 0.0;
         for bounce in 1..=4 {
-            series.add(&scene.albedos, &receivers, &matrix, rays);
-            expected += albedo * light * share * (albedo * (1.0 - share)).powi(bounce - 1);
+            series.add(&scene.albedos, &light);
+            expected += albedo * radiance * share * (albedo * (1.0 - share)).powi(bounce - 1);
             let mean: f32 = receivers
                 .iter()
                 .map(|(i, _)| series.total[*i as usize].x)

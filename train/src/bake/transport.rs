@@ -5,8 +5,8 @@
 //! of these are the same to the bit, the rays are; everything else is traced anew. Albedos are not
 //! among them, nor is the light of emitters: new light of the same emitters is weighted as light of
 //! those that directions were chosen for ([`TransportMatrix::relight`]). Light samples are shared
-//! among emitters by their power, so that an emitter that has become much brighter beside others
-//! would be sampled too little: then, too, all is traced anew.
+//! among emitters by the light they give, so that an emitter that has become much brighter beside
+//! others would be sampled too little: then, too, all is traced anew.
 //!
 //! The same file holds a bake under way, with the rows done so far.
 
@@ -174,6 +174,7 @@ impl TracedTransport {
                 self.lights.as_flattened(),
                 &receivers,
                 &direct,
+                &self.matrix.direct_squares,
                 &targets,
                 &light_targets,
             ],
@@ -193,17 +194,18 @@ impl TracedTransport {
             header.num_lights.checked_mul(4),
             header.num_receivers.checked_mul(RECEIVER),
             header.num_rows.checked_mul(3),
+            Some(header.num_rows),
             header.num_rows.checked_mul(bsdf as usize),
             header.num_rows.checked_mul(to_lights as usize),
         ];
         let mut rest = values.as_slice();
-        let mut arrays = [&rest[..0]; 5];
+        let mut arrays = [&rest[..0]; 6];
         for (array, length) in arrays.iter_mut().zip(lengths) {
             (*array, rest) = length
                 .and_then(|length| rest.split_at_checked(length))
                 .ok_or_else(damaged)?;
         }
-        let [lights, receivers, direct, targets, light_targets] = arrays;
+        let [lights, receivers, direct, squares, targets, light_targets] = arrays;
         let bits = |of: &[f32]| of.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
         let traced = Self {
             key: header.key,
@@ -217,6 +219,7 @@ impl TracedTransport {
                     .iter()
                     .map(|l| Vec3::from_array(*l))
                     .collect(),
+                direct_squares: squares.to_vec(),
                 targets: bits(targets),
                 light_targets: bits(light_targets),
                 num_rays: 0,

@@ -1,24 +1,32 @@
-//! Irradiance smoothed among receivers of one surface.
+//! Irradiance smoothed among receivers of one surface, as far as its noise says.
 //!
-//! Indirect light varies little from one Gaussian of a wall to the next; what differs is the noise
-//! of few directions. The mean over neighbours, by Gaussian weights of their distance, takes most
-//! of it. Neighbours are near in place, face the same way, and lie in each other's tangent planes:
-//! no light goes around an edge, through a wall, or from a table to the floor below.
+//! Light varies little from one Gaussian of a wall to the next; what differs is mostly the noise of
+//! few directions. Neighbours exchange part of their difference (a bilateral filter: Tomasi and
+//! Manduchi 1998). They are near in place, face the same way and lie in each other's tangent
+//! planes: no light goes around an edge, through a wall, or from a table to the floor below.
+//! Differences far beyond the standard errors of both are shadows or lamps nearby, and stay. What
+//! one gets the other gives, so that the sum over all receivers is kept.
 
+use eagpt_scene::color::luminance;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
 
+/// Nearest receivers of each, itself included, that may be neighbours.
+const NUM_NEAREST: usize = 24;
 /// Cosine between the normals of neighbours, at least.
 const MIN_COSINE: f32 = 0.9;
 /// Height of a neighbour over the tangent plane, at most, in parts of its distance.
 const MAX_SLOPE: f32 = 0.3;
 /// Distance of the farthest neighbour, in standard deviations of the weights.
-const REACH: f32 = 2.0;
+const FARTHEST: f32 = 2.0;
+/// Standard deviation of the weights by difference, in standard errors of the difference.
+/// Stratified directions have about half the error that their spread tells.
+const NOISE_REACH: f32 = 2.0;
 
-/// Neighbours of receivers, with weights that add up to one.
+/// Neighbours of receivers, with weights that are the same both ways.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smoothing {
     /// Of each receiver, the first of its neighbours, and the end.
@@ -26,9 +34,15 @@ pub struct Smoothing {
     neighbours: Vec<(u32, f32)>,
 }
 
+/// Indices of the nearest, in order of their distance, and the distance of the farthest.
+struct Nearest {
+    indices: Vec<u32>,
+    farthest: f32,
+}
+
 impl Smoothing {
-    /// Chooses among the `num` nearest of each receiver, itself included.
-    pub fn new(receivers: &[Receiver], num: usize) -> Self {
+    /// Looks for the neighbours of all.
+    pub fn new(receivers: &[Receiver]) -> Self {
         let places: Vec<[f32; 3]> = (receivers.iter())
             .map(|(_, surface)| surface.position.to_array())
             .collect();
@@ -36,64 +50,82 @@ impl Smoothing {
             starts: vec![0],
             neighbours: Vec::new(),
         };
-        let Some(num) = NonZero::new(num.min(places.len())) else {
-            smoothing.starts.resize(receivers.len() + 1, 0);
+        let Some(num) = NonZero::new(NUM_NEAREST.min(places.len())) else {
             return smoothing;
         };
         let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&places);
-        let rows: Vec<Vec<(u32, f32)>> = (0..receivers.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map(|i| {
-                let near = tree.nearest_n::<SquaredEuclidean>(&places[i], num);
-                let mut near: Vec<(f32, u32)> = (near.iter())
-                    .map(|found| (found.distance, found.item as u32))
-                    .collect();
-                near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                row(receivers, i, &near)
+        let nearest: Vec<Nearest> = (places.par_iter().with_min_len(256))
+            .map(|place| {
+                let found = tree.nearest_n::<SquaredEuclidean>(place, num);
+                let farthest2 = found
+                    .iter()
+                    .fold(0.0_f32, |most, one| most.max(one.distance));
+                Nearest {
+                    indices: found.iter().map(|one| one.item as u32).collect(),
+                    farthest: farthest2.sqrt(),
+                }
             })
             .collect();
-        for row in rows {
-            smoothing.neighbours.extend(row);
+        let rows: Vec<Vec<(u32, f32)>> = (0..receivers.len() as u32)
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| row(receivers, &nearest, i))
+            .collect();
+        // Both ways alike, and to all others together no more than is there.
+        let sums: Vec<f32> = (rows.iter())
+            .map(|row| 1.0 + row.iter().map(|(_, weight)| weight).sum::<f32>())
+            .collect();
+        for (row, sum) in rows.iter().zip(&sums) {
+            let weights = row
+                .iter()
+                .map(|&(j, weight)| (j, weight / sum.max(sums[j as usize])));
+            smoothing.neighbours.extend(weights);
             smoothing.starts.push(smoothing.neighbours.len());
         }
         smoothing
     }
 
-    /// The weighted means of `irradiance`, `[receivers]`.
-    pub fn apply(&self, irradiance: &[Vec3]) -> Vec<Vec3> {
-        (self.starts.par_windows(2).with_min_len(1024))
-            .map(|range| {
-                let row = &self.neighbours[range[0]..range[1]];
-                row.iter()
-                    .map(|&(i, weight)| irradiance[i as usize] * weight)
-                    .sum()
+    /// `irradiance` smoothed, `[receivers]`; `variances` are those of its luminance.
+    pub fn apply(&self, irradiance: &[Vec3], variances: &[f32]) -> Vec<Vec3> {
+        let all = (self.starts.par_windows(2), irradiance, variances).into_par_iter();
+        all.with_min_len(1024)
+            .map(|(range, own, variance)| {
+                let mut smoothed = *own;
+                for &(j, weight) in &self.neighbours[range[0]..range[1]] {
+                    let difference = irradiance[j as usize] - *own;
+                    let error2 = NOISE_REACH * NOISE_REACH * (variance + variances[j as usize]);
+                    let apart = luminance(difference.to_array());
+                    if error2 > 0.0 {
+                        smoothed += difference * (weight * (-0.5 * apart * apart / error2).exp());
+                    }
+                }
+                smoothed
             })
             .collect()
     }
 }
 
-fn row(receivers: &[Receiver], i: usize, near: &[(f32, u32)]) -> Vec<(u32, f32)> {
-    let surface = receivers[i].1;
-    let farthest2 = near.last().map_or(0.0, |(distance2, _)| *distance2);
-    let mut row: Vec<(u32, f32)> = (near.iter())
-        .filter_map(|&(distance2, j)| {
-            let other = receivers[j as usize].1;
-            let offset = other.position - surface.position;
-            let height = offset.dot(surface.normal).abs().max(offset.dot(other.normal).abs());
-            let thickness = surface.offset + other.offset;
-            let is_one = j as usize == i
-                || (surface.normal.dot(other.normal) > MIN_COSINE
-                    && height <= MAX_SLOPE * distance2.sqrt() + thickness);
-            let weight = if farthest2 > 0.0 {
-                (-0.5 * REACH * REACH * distance2 / farthest2).exp()
-            } else {
-                1.0
-            };
-            is_one.then_some((j, weight))
-        })
-        .collect();
-    let sum: f32 = row.iter().map(|(_, weight)| weight).sum();
-    row.iter_mut().for_each(|(_, weight)| *weight /= sum);
+/// Neighbours of a receiver, and their weights by distance.
+fn row(receivers: &[Receiver], nearest: &[Nearest], i: u32) -> Vec<(u32, f32)> {
+    let surface = receivers[i as usize].1;
+    let own = &nearest[i as usize];
+    let weight = |&j: &u32| {
+        let (theirs, other) = (&nearest[j as usize], receivers[j as usize].1);
+        let offset = other.position - surface.position;
+        let distance2 = offset.length_squared();
+        let along = |normal: Vec3| offset.dot(normal).abs();
+        let height = along(surface.normal).max(along(other.normal));
+        let is_neighbour = j != i
+            && theirs.indices.contains(&i)
+            && surface.normal.dot(other.normal) > MIN_COSINE
+            && height <= MAX_SLOPE * distance2.sqrt() + surface.offset + other.offset;
+        let scale = (own.farthest * theirs.farthest).max(f32::MIN_POSITIVE);
+        is_neighbour.then(|| (j, (-0.5 * FARTHEST * FARTHEST * distance2 / scale).exp()))
+    };
+    let mut row: Vec<(u32, f32)> = own.indices.iter().filter_map(weight).collect();
+    row.sort_by_key(|(j, _)| *j);
     row
 }
+
+#[cfg(test)]
+mod tests;

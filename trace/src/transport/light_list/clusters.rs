@@ -45,7 +45,8 @@ impl Cluster {
             sum += power;
             centre += power * Vec3::from(surfel.position);
             squares += power * normal * normal;
-            products += power * Vec3::new(normal.y, normal.z, normal.x)
+            products += power
+                * Vec3::new(normal.y, normal.z, normal.x)
                 * Vec3::new(normal.z, normal.x, normal.y);
         }
         let centre = centre / sum;

@@ -40,9 +40,8 @@ fn density_is_that_of_the_samples() {
         let origin = surface.position;
         let importances = list.importances(&surface);
         let realization = 5;
-        let density = |direction| {
-            f64::from(list.density(&importances, realization, origin, direction))
-        };
+        let density =
+            |direction| f64::from(list.density(&importances, realization, origin, direction));
         let cells = 1_000_000_u32;
         let (mut integral, mut square) = (0.0, 0.0);
         for i in 0..cells {
@@ -62,7 +61,10 @@ fn density_is_that_of_the_samples() {
         let values: Vec<f64> = (0..samples)
             .map(|i| {
                 let [a, b, pick, _] = key.stream(i, 0).next_uniforms();
-                density(list.sample(&importances, realization, origin, [pick, a, b]).unwrap())
+                density(
+                    list.sample(&importances, realization, origin, [pick, a, b])
+                        .unwrap(),
+                )
             })
             .collect();
         let mean = values.iter().sum::<f64>() / f64::from(samples);

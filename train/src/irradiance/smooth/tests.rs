@@ -1,0 +1,75 @@
+use super::*;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_trace::transport::start::Surface;
+
+const SIDE: u32 = 40;
+
+/// Two walls that meet at a right angle, and a table top below which the first goes on.
+fn receivers() -> Vec<Receiver> {
+    let wall = |num: u32, normal: Vec3, place: fn(f32, f32) -> Vec3| {
+        (0..SIDE * SIDE).map(move |i| {
+            let along = |i: u32| (i as f32 + 0.5) / SIDE as f32;
+            let surface = Surface {
+                position: place(along(i % SIDE), along(i / SIDE)),
+                normal,
+                offset: 0.01,
+            };
+            (num * SIDE * SIDE + i, surface)
+        })
+    };
+    wall(0, Vec3::Z, |x, y| Vec3::new(x, y, 0.0))
+        .chain(wall(1, Vec3::X, |y, z| Vec3::new(0.0, y, z)))
+        .chain(wall(2, Vec3::Z, |x, y| Vec3::new(x, y, 0.06)))
+        .collect()
+}
+
+/// Noise about `light`, of standard deviation `deviation`.
+fn noisy(light: impl Fn(u32) -> f32, deviation: f32) -> Vec<Vec3> {
+    let key = RandomKey::new(4, Purpose::Initialise, 0);
+    (0..3 * SIDE * SIDE)
+        .map(|i| {
+            let uniform = key.stream(i, 0).next_uniforms();
+            let sum: f32 = uniform.iter().map(|u| u - 0.5).sum();
+            // Four uniform numbers: the variance of their sum is a third.
+            Vec3::splat(light(i) + deviation * sum * 3.0_f32.sqrt())
+        })
+        .collect()
+}
+
+fn rms(of: &[Vec3], light: impl Fn(u32) -> f32) -> f32 {
+    let off = (0..).zip(of).map(|(i, l)| (l.x - light(i)).powi(2));
+    (off.sum::<f32>() / of.len() as f32).sqrt()
+}
+
+/// Each surface with a light of its own, the first with the edge of a shadow: noise goes, surfaces
+/// and shadow stay, and so does the sum.
+#[test]
+fn noise_goes_and_shadows_stay() {
+    let light = |i: u32| match i / (SIDE * SIDE) {
+        0 if i % SIDE < SIDE / 2 => 1.0,
+        0 => 3.0,
+        1 => 2.0,
+        _ => 6.0,
+    };
+    let deviation = 0.2;
+    let before = noisy(light, deviation);
+    let variances = vec![deviation * deviation; before.len()];
+    let after = Smoothing::new(&receivers()).apply(&before, &variances);
+    // Sixteen or so neighbours that count take three quarters of the noise.
+    assert!((rms(&before, light) / deviation - 1.0).abs() < 0.05);
+    assert!(
+        rms(&after, light) < 0.35 * deviation,
+        "{}",
+        rms(&after, light)
+    );
+    let sum = |of: &[Vec3]| of.iter().map(|l| f64::from(l.x)).sum::<f64>();
+    assert!((sum(&after) / sum(&before) - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn light_without_noise_stays() {
+    let exact = noisy(|i| 1.0 + (i % 7) as f32, 0.0);
+    let smoothing = Smoothing::new(&receivers());
+    assert_eq!(smoothing.apply(&exact, &vec![0.0; exact.len()]), exact);
+    assert_eq!(Smoothing::new(&[]).apply(&[], &[]), Vec::new());
+}
