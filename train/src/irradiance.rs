@@ -11,9 +11,9 @@ use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use glam::Vec3;
 use smooth::Smoothing;
 
-/// One in so many directions goes towards an emitter. Measured on three rooms lit by small lamps:
-/// with a quarter of the directions, 90 % of the Gaussians are within 18 % of their light, with
-/// half of them within 16 %; smoothing then evens out the indirect light.
+/// One in so many directions goes towards an emitter. Measured on three rooms lit by small lamps,
+/// 128 directions, smoothed: the light of nine in ten Gaussians is within 10 %, with a quarter of
+/// the directions towards emitters within 11 to 13 %.
 const LIGHTS_EVERY: u32 = 2;
 
 /// `num_samples` directions at each Gaussian, at least 1.

@@ -14,14 +14,13 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
 
-/// Nearest receivers of each, itself included, that may be neighbours.
-const NUM_NEAREST: usize = 24;
+/// Nearest receivers of each, itself included, that may be neighbours. The farthest has no weight:
+/// it makes no difference which of several at the same distance it is.
+const NUM_NEAREST: usize = 32;
 /// Cosine between the normals of neighbours, at least.
 const MIN_COSINE: f32 = 0.9;
 /// Height of a neighbour over the tangent plane, at most, in parts of its distance.
 const MAX_SLOPE: f32 = 0.3;
-/// Distance of the farthest neighbour, in standard deviations of the weights.
-const FARTHEST: f32 = 2.0;
 /// Standard deviation of the weights by difference, in standard errors of the difference.
 /// Stratified directions have about half the error that their spread tells.
 const NOISE_REACH: f32 = 2.0;
@@ -34,10 +33,18 @@ pub struct Smoothing {
     neighbours: Vec<(u32, f32)>,
 }
 
-/// Indices of the nearest, in order of their distance, and the distance of the farthest.
+/// The nearest of a receiver.
 struct Nearest {
     indices: Vec<u32>,
-    farthest: f32,
+    /// Squared distance of the farthest.
+    farthest2: f32,
+}
+
+impl Nearest {
+    /// Weight of what is at a squared distance: 1 to 0.
+    fn weight(&self, distance2: f32) -> f32 {
+        (1.0 - distance2 / self.farthest2.max(f32::MIN_POSITIVE)).max(0.0)
+    }
 }
 
 impl Smoothing {
@@ -57,12 +64,10 @@ impl Smoothing {
         let nearest: Vec<Nearest> = (places.par_iter().with_min_len(256))
             .map(|place| {
                 let found = tree.nearest_n::<SquaredEuclidean>(place, num);
-                let farthest2 = found
-                    .iter()
-                    .fold(0.0_f32, |most, one| most.max(one.distance));
+                let distances = found.iter().map(|one| one.distance);
                 Nearest {
                     indices: found.iter().map(|one| one.item as u32).collect(),
-                    farthest: farthest2.sqrt(),
+                    farthest2: distances.fold(0.0, f32::max),
                 }
             })
             .collect();
@@ -116,11 +121,11 @@ fn row(receivers: &[Receiver], nearest: &[Nearest], i: u32) -> Vec<(u32, f32)> {
         let along = |normal: Vec3| offset.dot(normal).abs();
         let height = along(surface.normal).max(along(other.normal));
         let is_neighbour = j != i
-            && theirs.indices.contains(&i)
             && surface.normal.dot(other.normal) > MIN_COSINE
             && height <= MAX_SLOPE * distance2.sqrt() + surface.offset + other.offset;
-        let scale = (own.farthest * theirs.farthest).max(f32::MIN_POSITIVE);
-        is_neighbour.then(|| (j, (-0.5 * FARTHEST * FARTHEST * distance2 / scale).exp()))
+        // Nothing if either is not among the nearest of the other.
+        let weight = own.weight(distance2) * theirs.weight(distance2);
+        (is_neighbour && weight > 0.0).then_some((j, weight))
     };
     let mut row: Vec<(u32, f32)> = own.indices.iter().filter_map(weight).collect();
     row.sort_by_key(|(j, _)| *j);
