@@ -104,8 +104,8 @@ impl LightList {
         if emitters.is_empty() {
             return None;
         }
-        let clusters = clusters::divide(&mut emitters);
-        for (number, cluster) in (0..).zip(&clusters) {
+        let mut clusters = clusters::divide(&mut emitters);
+        for (number, cluster) in (0..).zip(&mut clusters) {
             let mut sums = [0.0; REALIZATIONS];
             for (disc, surfel) in &mut emitters[cluster.range()] {
                 disc.cluster = number;
@@ -114,6 +114,7 @@ impl LightList {
                 }
                 disc.cumulative = sums;
             }
+            cluster.powers = sums;
         }
         let (discs, surfels) = emitters.into_iter().unzip();
         // On one thread: a scene makes its list when it is first needed, perhaps by one of many

@@ -10,7 +10,7 @@ fn lamps(num: u32) -> Gaussians {
             let [x, y, z, turn] = key.stream(i, 0).next_uniforms();
             Gaussian {
                 position: Vec3::new(3.0 * x - 1.5, 3.0 * y - 1.5, 0.5 + z),
-                scale: Vec2::new(0.05, 0.02 + 0.1 * x),
+                scale: Vec2::new(0.25, 0.15 + 0.2 * x),
                 rotation: Quat::from_rotation_x(3.0 * turn),
                 opacity: 0.6 + 0.39 * y,
                 radiance: Vec3::splat(1.0 + 9.0 * z),
@@ -54,8 +54,8 @@ fn density_is_that_of_the_samples() {
         }
         let cell = 4.0 * std::f64::consts::PI / f64::from(cells);
         let (integral, square) = (integral * cell, square * cell);
-        // Cells at the rims of small discs.
-        assert!((integral - 1.0).abs() < 1e-2, "{num}: {integral}");
+        // Cells at the rims of discs, some of which are seen from the side.
+        assert!((integral - 1.0).abs() < 2e-2, "{num}: {integral}");
         let key = RandomKey::new(3, Purpose::Render, 0);
         let samples = 100_000;
         let values: Vec<f64> = (0..samples)
@@ -72,7 +72,7 @@ fn density_is_that_of_the_samples() {
             (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(samples)).sqrt();
         let error = sd / f64::from(samples).sqrt();
         assert!(
-            (mean - square).abs() < 4.0 * error + 1e-2 * square,
+            (mean - square).abs() < 4.0 * error + 3e-2 * square,
             "{num}: {mean} ± {error} instead of {square}"
         );
     }
