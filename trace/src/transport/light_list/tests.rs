@@ -9,9 +9,9 @@ fn lamps(num: u32) -> Gaussians {
         .map(|i| {
             let [x, y, z, turn] = key.stream(i, 0).next_uniforms();
             Gaussian {
-                position: Vec3::new(3.0 * x - 1.5, 3.0 * y - 1.5, 0.5 + z),
+                position: Vec3::new(1.6 * x - 0.8, 1.6 * y - 0.8, 1.0 + z),
                 scale: Vec2::new(0.25, 0.15 + 0.2 * x),
-                rotation: Quat::from_rotation_x(3.0 * turn),
+                rotation: Quat::from_rotation_x(0.6 * turn),
                 opacity: 0.6 + 0.39 * y,
                 radiance: Vec3::splat(1.0 + 9.0 * z),
                 harmonics: Harmonics::NONE,
@@ -54,7 +54,7 @@ fn density_is_that_of_the_samples() {
         }
         let cell = 4.0 * std::f64::consts::PI / f64::from(cells);
         let (integral, square) = (integral * cell, square * cell);
-        // Cells at the rims of discs, some of which are seen from the side.
+        // Cells at the rims of discs.
         assert!((integral - 1.0).abs() < 2e-2, "{num}: {integral}");
         let key = RandomKey::new(3, Purpose::Render, 0);
         let samples = 100_000;
