@@ -39,6 +39,9 @@ pub(crate) struct Record {
     pub(crate) split: Option<SplitRecord>,
     /// Notes for readers of the result.
     pub(crate) warnings: Vec<String>,
+    /// What the job has measured of its result, by name.
+    #[serde(default)]
+    pub(crate) measured: Map<String, Value>,
     /// Whether the job came to its end; a stopped one can be resumed.
     pub(crate) complete: bool,
     /// When the job began, UTC, RFC 3339.
@@ -137,6 +140,7 @@ impl RecordBuilder {
             inputs: Vec::new(),
             split: None,
             warnings: Vec::new(),
+            measured: Map::new(),
             complete: true,
             started: now_rfc3339(),
             seconds: Map::new(),
@@ -155,6 +159,15 @@ impl RecordBuilder {
     /// If they cannot be put into JSON.
     pub(crate) fn set_options(&mut self, options: &impl Serialize) -> Result<()> {
         self.record.options = json(options)?;
+        Ok(())
+    }
+
+    /// Notes what was measured of the result.
+    ///
+    /// # Errors
+    /// If it cannot be put into JSON.
+    pub(crate) fn measured(&mut self, name: &str, value: &impl Serialize) -> Result<()> {
+        self.record.measured.insert(name.to_owned(), json(value)?);
         Ok(())
     }
 

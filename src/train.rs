@@ -11,12 +11,14 @@ use anyhow::Result;
 use clap::Args;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{POINTS_FILE, Subset};
+use eagpt_train::bake::BakeProgress;
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::{OptionArgs, StageChoice};
 use eagpt_train::{TrainOptions, TrainProgress, TrainRequest, TrainSummary};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 /// Train a scene of 2D Gaussians on a dataset
 ///
@@ -89,7 +91,8 @@ const OUTPUTS_AND_EXAMPLES: &str = "Files in RUN:
   log.jsonl      loss curves, one JSON object a line
   previews/      photographs and renderings of a few views, side by side
   checkpoints/   the full state; a run continues from the newest
-  record.json    version, options, seed, inputs, times, memory
+  record.json    version, options, seed, inputs, times, memory; how the scene in its own light,
+                 all bounces of it, compares with the photographs
 
 Examples:
   eagpt train kitchen --out runs/kitchen
@@ -168,7 +171,26 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         path.display(),
         summary.num_gaussians
     ));
+    if request.options.stage != StageChoice::Radiance {
+        reporter.note(&own_light(&request, &summary));
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// One line on the light of the scene against the photographs.
+fn own_light(request: &TrainRequest, summary: &TrainSummary) -> String {
+    let Some(found) = &summary.own_light else {
+        return match request.stop.load(Ordering::Relaxed) {
+            true => "own light: stopped; --resume compares it".to_owned(),
+            false => "own light: not compared, nothing emits".to_owned(),
+        };
+    };
+    let factor = found.exposure_scale;
+    let factor = factor.map_or(String::new(), |factor| format!(", factor {factor:.2}"));
+    format!(
+        "own light: {:.1} dB{factor} over {} training views",
+        found.psnr_srgb_db, found.num_views
+    )
 }
 
 /// Refuses a folder with results of other commands, or with a scene that no run left there. Earlier
@@ -203,6 +225,7 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
             reporter.advance(*done as u64, String::new);
             return reporter.step_message(*done as u64, message);
         }
+        TrainProgress::OwnLight { step } => return tell_own_light(reporter, step, message),
         TrainProgress::StageStarted {
             stage,
             done,
@@ -242,6 +265,24 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
     reporter.message(message)
 }
 
+/// Shows how far the light of the finished scene is solved.
+fn tell_own_light(
+    reporter: &mut Reporter,
+    step: &BakeProgress,
+    message: &TrainProgress,
+) -> Result<()> {
+    let (done, total, task, unit) = match *step {
+        BakeProgress::Looking { done, total } => (done, total, "own light: surfaces", "views"),
+        BakeProgress::Gathering { done, total } => (done, total, "own light: rays", "Gaussians"),
+        _ => return reporter.message(message),
+    };
+    if !reporter.is_at(task) {
+        reporter.begin(task, unit, 0, total as u64);
+    }
+    reporter.advance(done as u64, String::new);
+    reporter.step_message(done as u64, message)
+}
+
 fn fill_record(
     builder: &mut RecordBuilder,
     request: &TrainRequest,
@@ -274,6 +315,10 @@ fn fill_record(
     record.split = Some(SplitRecord::new(&summary.split, Subset::Train));
     record.warnings.clone_from(&summary.warnings);
     record.complete = summary.scene.is_some();
+    if let Some(own_light) = &summary.own_light {
+        builder.measured("own_light", own_light)?;
+    }
+    let record = &mut builder.record;
     let outputs = ["scene.ply", "train.toml", "log.jsonl"];
     record.outputs = outputs
         .into_iter()

@@ -21,37 +21,47 @@ use serde::{Deserialize, Serialize};
 /// adds to the squares in its denominator, so that noisier renders would be made darker. A sum has
 /// no such bias, and the reference alone decides which pixels count.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct ExposureFit {
-    reference: f64,
-    test: f64,
+pub struct ExposureFit {
+    reference: [f64; 3],
+    test: [f64; 3],
 }
 
 impl ExposureFit {
     /// Adds a view; all are linear Rec.709. `emission` marks emitters by values above
-    /// [`EMITTER_THRESHOLD`](crate::scene_metrics::EMITTER_THRESHOLD).
+    /// 0.1.
     ///
     /// # Panics
     /// If the sizes differ or the images have no pixels.
-    pub(crate) fn add(
-        &mut self,
-        reference: &Image<3>,
-        test: &Image<3>,
-        emission: Option<&Image<1>>,
-    ) {
+    pub fn add(&mut self, reference: &Image<3>, test: &Image<3>, emission: Option<&Image<1>>) {
         assert_comparable(reference, test);
         let pairs = reference.pixels().iter().zip(test.pixels());
         for (i, (r, t)) in pairs.enumerate() {
             if !emits(emission, i) && r.iter().all(|value| *value <= 1.0) {
-                self.reference += r.iter().map(|v| f64::from(*v)).sum::<f64>();
-                self.test += t.iter().map(|v| f64::from(*v)).sum::<f64>();
+                for channel in 0..3 {
+                    self.reference[channel] += f64::from(r[channel]);
+                    self.test[channel] += f64::from(t[channel]);
+                }
             }
         }
     }
 
     /// Factor of the test images, above 0; `None` if no pixel counts or one of the sums is black.
-    pub(crate) fn scale(&self) -> Option<f64> {
-        (self.reference > 0.0 && self.test > 0.0).then(|| self.reference / self.test)
+    pub fn scale(&self) -> Option<f64> {
+        quotient(self.reference.iter().sum(), self.test.iter().sum())
     }
+
+    /// Factor of each channel by itself; `None` if one of them has none.
+    pub fn scale_of_channels(&self) -> Option<[f64; 3]> {
+        let mut scales = [0.0; 3];
+        for (scale, pair) in scales.iter_mut().zip(self.reference.iter().zip(&self.test)) {
+            *scale = quotient(*pair.0, *pair.1)?;
+        }
+        Some(scales)
+    }
+}
+
+fn quotient(reference: f64, test: f64) -> Option<f64> {
+    (reference > 0.0 && test > 0.0).then(|| reference / test)
 }
 
 /// Image metrics of a test image multiplied by the factor of its condition.
@@ -143,6 +153,23 @@ mod tests {
         assert_eq!(fitted(&reference, &test, Some(&emission)), Some(2.0));
         let unmasked = fitted(&reference, &test, None).unwrap();
         assert!((unmasked - 2.4 / 9.75).abs() < 1e-6, "{unmasked}");
+    }
+
+    #[test]
+    fn channels_have_factors_of_their_own() {
+        let test = reference();
+        let tinted = test.map(|[r, g, b]| [2.0 * r, *g, 0.5 * b]);
+        let mut fit = ExposureFit::default();
+        fit.add(&tinted, &test, None);
+        let found = fit.scale_of_channels().unwrap();
+        for (found, wanted) in found.into_iter().zip([2.0, 1.0, 0.5]) {
+            assert!((found - wanted).abs() < 0.02, "{found} {wanted}");
+        }
+        let black = test.map(|[r, g, _]| [*r, *g, 0.0]);
+        let mut fit = ExposureFit::default();
+        fit.add(&test, &black, None);
+        assert_eq!(fit.scale_of_channels(), None);
+        assert!(fit.scale().is_some());
     }
 
     #[test]

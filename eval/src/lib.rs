@@ -35,6 +35,7 @@ pub mod ssim;
 pub mod tabulate;
 pub mod window;
 
+pub use align::ExposureFit;
 pub use encode::{pq_encoded, srgb_clipped};
 pub use error::{EvalError, Result};
 pub use flip::{FlipOptions, ToneMapper, flip_hdr, flip_ldr, magma_rgb8};

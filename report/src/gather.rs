@@ -418,6 +418,12 @@ fn facts(dir: &Path, content: &Content) -> Result<Vec<Fact>> {
         if let Some(device) = record["device"].as_str() {
             add("computed on", device.to_owned());
         }
+        let own_light = &record["measured"]["own_light"];
+        if let Some(psnr) = own_light["psnr_srgb_db"].as_f64() {
+            let factor = own_light["exposure_scale"].as_f64();
+            let factor = factor.map_or(String::new(), |factor| format!(", factor {factor:.2}"));
+            add("own light, training views", format!("{psnr:.1} dB{factor}"));
+        }
     }
     for condition in &content.conditions {
         let best = condition.modes.iter().filter_map(|mode| {

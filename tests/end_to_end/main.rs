@@ -25,6 +25,7 @@ mod lamps;
 mod machine;
 mod masks;
 mod misuse;
+mod own_light;
 mod paper;
 mod pipeline;
 mod relight;

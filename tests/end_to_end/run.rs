@@ -121,6 +121,7 @@ fn only_what_has_changed_runs_again() {
     assert!(first.iter().all(|step| step.1 == "new"), "{first:?}");
     let page = String::from_utf8(place.bytes("run/report.html")).unwrap();
     for part in [
+        "own light, training views",
         "Light: original",
         "Light: dim",
         "baked",

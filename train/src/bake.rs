@@ -6,6 +6,7 @@
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
+pub(crate) mod solution;
 mod transport;
 pub mod views;
 
@@ -209,14 +210,6 @@ struct Bake<'a> {
 impl Bake<'_> {
     fn stopped(&self) -> bool {
         self.request.stop.load(Ordering::Relaxed)
-    }
-
-    /// Indices of the Gaussians that reflect.
-    fn reflecting(&self) -> impl Iterator<Item = u32> {
-        (0..)
-            .zip(&self.scene.emissions)
-            .filter(|(_, e)| !emits(**e))
-            .map(|(i, _)| i)
     }
 }
 

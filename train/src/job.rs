@@ -1,6 +1,7 @@
 //! The training job: which view comes when, with which step sizes; logs, previews, checkpoints,
 //! divergence.
 
+mod finish;
 mod plan;
 mod request;
 mod start;
@@ -100,18 +101,24 @@ pub fn train(
     let mut position = start;
     position.state = ParameterState::default();
     let finished = run.stages(backend.as_mut(), &views, &mut position)?;
-    let state = backend.state()?;
+    let gaussians = backend.state()?.gaussians();
+    // Its memory, for what is done with the scene.
+    drop(backend);
+    let num_gaussians = gaussians.len();
     let scene = request.out.join("scene.ply");
+    let mut own_light = None;
     if finished {
-        ply::write_gaussians(&scene, &state.gaussians())?;
+        ply::write_gaussians(&scene, &gaussians)?;
+        own_light = run.own_light(gaussians, &views);
     }
     Ok(TrainSummary {
         scene: finished.then_some(scene),
-        num_gaussians: state.len(),
+        num_gaussians,
         device: request.device.name(),
         split,
         fingerprint,
         extent: position.extent,
+        own_light,
         stage_seconds: run.stage_seconds,
         warnings: run.warnings,
     })

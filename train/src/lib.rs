@@ -9,6 +9,7 @@
 //!   pixel.
 //! - `densify`: the choice of Gaussians to split, and of those to reuse for it.
 //! - [`backend`]: one training step on a device.
+//! - `own_light`: whether emitters and albedos explain the photographs.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
 //! - [`irradiance`]: light that Gaussians receive, gathered and smoothed, for stage 1 and baking.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
@@ -26,6 +27,7 @@ mod log;
 pub mod loss;
 pub mod options;
 mod order;
+mod own_light;
 pub mod params;
 mod preview;
 mod progress;
@@ -35,4 +37,5 @@ pub mod surfaces;
 pub use error::{Result, TrainError};
 pub use job::{TrainRequest, TrainSummary, train};
 pub use options::{Preset, TrainOptions};
+pub use own_light::OwnLight;
 pub use progress::TrainProgress;

@@ -1,5 +1,6 @@
 //! Progress messages of a run.
 
+use crate::bake::BakeProgress;
 use crate::options::Stage;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -68,6 +69,11 @@ pub enum TrainProgress {
         iteration: u32,
         /// Mean PSNR of the preview views, clipped sRGB, dB.
         psnr_srgb_db: f64,
+    },
+    /// The light of the trained scene is solved, to compare it with the photographs.
+    OwnLight {
+        /// How far.
+        step: BakeProgress,
     },
     /// Something the user should know.
     Warning {

@@ -7,25 +7,28 @@
 //! That is the first term, and the matrix T of all further ones: a bounce more is a product of it
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 
+use super::solution::Told;
 use super::transport::{self, TracedTransport};
-use super::{Bake, BakeProgress, with_emitters};
+use super::{Bake, BakeProgress, emits, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::irradiance::smooth::Smoothing;
 use crate::irradiance::{self, NoisyLight};
 use crate::surfaces::{self, BestSeen};
-use eagpt_scene::SceneError;
 use eagpt_scene::files::{Key, digest};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, Gaussians, SceneError};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::{Directions, Receiver, TransportMatrix};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Receivers traced between two checks for a request to stop.
-const PIECE: usize = 4096;
+pub(super) const PIECE: usize = 4096;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
 
@@ -38,17 +41,33 @@ pub struct GaussianBake {
 }
 
 impl GaussianBake {
-    fn directions(&self) -> Directions {
+    pub(super) fn directions(&self) -> Directions {
         irradiance::directions(self.num_samples)
     }
 }
 
 /// Who lights whom.
-struct Exchange<'a> {
+pub(super) struct Exchange<'a> {
     receivers: &'a [Receiver],
     matrix: &'a TransportMatrix,
     directions: Directions,
     smoothing: Smoothing,
+}
+
+impl<'a> Exchange<'a> {
+    /// The rows of `matrix` are those of `receivers`.
+    pub(super) fn new(
+        receivers: &'a [Receiver],
+        matrix: &'a TransportMatrix,
+        directions: Directions,
+    ) -> Self {
+        Self {
+            receivers,
+            matrix,
+            directions,
+            smoothing: Smoothing::new(receivers),
+        }
+    }
 }
 
 /// The sum of the bounces so far.
@@ -111,21 +130,11 @@ impl Bake<'_> {
         let Some(traced) = self.trace(&*tracer, directions)? else {
             return Ok(None);
         };
-        let light = Exchange {
-            receivers: &traced.receivers,
-            matrix: &traced.matrix,
-            directions,
-            smoothing: Smoothing::new(&traced.receivers),
-        };
-        let mut series = Series::new(self.scene.len());
-        while series.bounce < self.request.options.max_bounces {
-            series.add(&self.scene.albedos, &light);
-            (self.progress)(BakeProgress::Bounced {
-                bounce: series.bounce,
-                share: series.share(),
-            });
-        }
-        Ok(Some(with_emitters(&self.scene, &series.total)))
+        let light = Exchange::new(&traced.receivers, &traced.matrix, directions);
+        let max_bounces = self.request.options.max_bounces;
+        let reflected =
+            sum_of_bounces(&self.scene.albedos, &light, max_bounces, &mut self.progress);
+        Ok(Some(with_emitters(&self.scene, &reflected)))
     }
 
     fn check_memory(&self, directions: Directions) -> Result<()> {
@@ -169,7 +178,7 @@ impl Bake<'_> {
             .with_value("seed", &self.request.options.seed)?;
         let traced = match self.traced_before(&path, &key)? {
             Some(traced) => traced,
-            None => match self.receivers(tracer)? {
+            None => match self.find_receivers(tracer)? {
                 Some(receivers) => TracedTransport::new(key, directions, &self.scene, receivers),
                 None => return Ok(None),
             },
@@ -245,31 +254,68 @@ impl Bake<'_> {
         RandomKey::new(self.request.options.seed, Purpose::Bake, 1)
     }
 
-    /// All Gaussians that reflect, and where light is gathered for them: where a camera sees them
-    /// best, or, of those that no camera sees, which still light others, on their own plane. `None`
-    /// if it was stopped.
-    fn receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Vec<Receiver>>> {
-        let total = self.frames.len();
-        let mut best = BestSeen::new(self.scene.len());
-        for (done, &frame) in (1..).zip(&self.frames) {
-            if self.stopped() {
-                return Ok(None);
+    /// The receivers for the views to bake for; `None` if it was stopped.
+    fn find_receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Vec<Receiver>>> {
+        let frames = self.dataset.frames();
+        let cameras = self.frames.iter().map(|&frame| &frames[frame].camera);
+        let stop = &self.request.stop;
+        let mut told = |progress| {
+            (self.progress)(progress);
+            match stop.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
             }
-            best.add(tracer, &self.dataset.frames()[frame].camera)?;
-            (self.progress)(BakeProgress::Looking { done, total });
-        }
-        let seen = best.finish();
-        let unseen = self.reflecting().filter(|&i| seen[i as usize].is_none());
-        let unseen = unseen.map(|i| self.scene.get(i as usize));
-        let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
-        let surface = |i: u32| seen[i as usize].or_else(|| lone.next()).map(|s| (i, s));
-        Ok(Some(self.reflecting().filter_map(surface).collect()))
+        };
+        receivers(tracer, &self.scene, cameras, &mut told)
     }
+}
+
+/// All Gaussians of `scene` that reflect, and where light is gathered for them: where one of the
+/// `cameras` sees them best, or, of those that no camera sees, which still light others, on their
+/// own plane. `None` if `told` has ended it.
+pub(super) fn receivers<'a>(
+    tracer: &dyn Tracer,
+    scene: &Gaussians,
+    cameras: impl ExactSizeIterator<Item = &'a Camera>,
+    told: &mut Told<'_>,
+) -> Result<Option<Vec<Receiver>>> {
+    let total = cameras.len();
+    let mut best = BestSeen::new(scene.len());
+    for (done, camera) in (1..).zip(cameras) {
+        best.add(tracer, camera)?;
+        if told(BakeProgress::Looking { done, total }).is_break() {
+            return Ok(None);
+        }
+    }
+    let seen = best.finish();
+    let reflecting = || (0..scene.len() as u32).filter(|&i| !emits(scene.emissions[i as usize]));
+    let unseen = reflecting().filter(|&i| seen[i as usize].is_none());
+    let unseen = unseen.map(|i| scene.get(i as usize));
+    let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
+    let surface = |i: u32| seen[i as usize].or_else(|| lone.next()).map(|s| (i, s));
+    Ok(Some(reflecting().filter_map(surface).collect()))
+}
+
+/// Reflected radiance of all Gaussians, `[n]`, after so many bounces; zero for what emits.
+pub(super) fn sum_of_bounces(
+    albedos: &[Vec3],
+    light: &Exchange<'_>,
+    max_bounces: u32,
+    told: &mut dyn FnMut(BakeProgress),
+) -> Vec<Vec3> {
+    let mut series = Series::new(albedos.len());
+    while series.bounce < max_bounces {
+        series.add(albedos, light);
+        told(BakeProgress::Bounced {
+            bounce: series.bounce,
+            share: series.share(),
+        });
+    }
+    series.total
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::emits;
     use super::*;
     use eagpt_testkit::gaussians::{material, sphere};
     use eagpt_trace::cpu::CpuScene;
@@ -308,12 +354,7 @@ mod tests {
         };
         let key = RandomKey::new(1, Purpose::Bake, 1);
         let matrix = TransportMatrix::trace(&CpuScene::new(&scene), &receivers, rays, key);
-        let light = Exchange {
-            receivers: &receivers,
-            matrix: &matrix,
-            directions: rays,
-            smoothing: Smoothing::new(&receivers),
-        };
+        let light = Exchange::new(&receivers, &matrix, rays);
         let mut series = Series::new(scene.len());
         let mut expected = 0.0;
         for bounce in 1..=4 {

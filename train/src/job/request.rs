@@ -1,6 +1,7 @@
 //! A run to be done, and its result.
 
 use crate::options::{Stage, TrainOptions};
+use crate::own_light::OwnLight;
 use eagpt_scene::dataset::Split;
 use eagpt_scene::files::Key;
 use eagpt_trace::Device;
@@ -70,6 +71,9 @@ pub struct TrainSummary {
     pub fingerprint: Key,
     /// Extent of the point cloud, scene units.
     pub extent: f32,
+    /// The light of the scene, solved, against the photographs; `None` where stage 1 was not asked
+    /// for, where nothing emits, or where it was stopped.
+    pub own_light: Option<OwnLight>,
     /// Seconds of each stage in this process.
     pub stage_seconds: Vec<(Stage, f64)>,
     /// Warnings given.

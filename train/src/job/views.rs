@@ -122,11 +122,14 @@ impl Views {
         self.get(order[place as usize].1)
     }
 
-    /// Fixed views for previews, spread over the dataset.
-    pub(super) fn previews(&self, num: usize) -> Result<Vec<TrainingView>> {
+    /// At most `num` views, spread over the dataset.
+    pub(super) fn spread(&self, num: usize) -> impl Iterator<Item = Result<TrainingView>> + '_ {
         let num = num.min(self.indices.len());
-        (0..num)
-            .map(|i| self.get(self.indices[i * self.indices.len() / num]))
-            .collect()
+        (0..num).map(move |i| self.get(self.indices[i * self.indices.len() / num]))
+    }
+
+    /// Fixed views for previews.
+    pub(super) fn previews(&self, num: usize) -> Result<Vec<TrainingView>> {
+        self.spread(num).collect()
     }
 }
