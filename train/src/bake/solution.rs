@@ -1,6 +1,7 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
-use super::gaussians::{self, Exchange, GaussianBake};
+use super::gaussians::{self, GaussianBake};
+use super::series::{Exchange, sum_of_bounces};
 use super::{BakeProgress, emits, forget_directions, with_emitters};
 use crate::error::Result;
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -65,7 +66,7 @@ impl Solution<'_> {
         };
         let light = Exchange::new(&receivers, &matrix, directions);
         let bounces = self.max_bounces;
-        let reflected = gaussians::sum_of_bounces(&scene.albedos, &light, bounces, &mut tell);
+        let reflected = sum_of_bounces(&scene.albedos, &light, bounces, &mut tell);
         if goes_on.is_break() {
             return Ok(None);
         }

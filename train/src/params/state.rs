@@ -135,9 +135,9 @@ impl ParameterState {
     }
 
     /// Puts one half of a Gaussian at `place` (another Gaussian, which is lost, or the end: see
-    /// [`Self::put_fixed_last`]) and makes itself the other: both with the scale of `axis` times `shrink`, `step` (scene units)
-    /// to either side of where it was. The halves know its second moments, so that their first
-    /// steps are not longer than its own; the direction they find out.
+    /// [`Self::put_fixed_last`]) and makes itself the other: both with the scale of `axis` times
+    /// `shrink`, `step` (scene units) to either side of where it was. The halves know its second
+    /// moments, so that their first steps are not longer than its own; the direction they find out.
     pub(crate) fn split(
         &mut self,
         parent: usize,
