@@ -2,7 +2,6 @@
 //! whole before the scene is touched; replays are bit-identical.
 //!
 //! - [`script`]: scripts and their reader.
-//! - [`insert`]: surfaces made of discs.
 //! - [`mod@replay`], [`report`]: the loop over the steps, and its reports.
 //!
 //! # The grammar
@@ -79,7 +78,7 @@
 
 mod act;
 mod cluster;
-pub mod insert;
+use eagpt_scene::discs as insert;
 mod place;
 pub mod replay;
 pub mod report;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
 
-use eagpt_edit::insert::{Material, Solid, Surface};
+use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::Features;

@@ -11,6 +11,7 @@ pub mod camera_path;
 pub mod clock;
 pub mod color;
 pub mod dataset;
+pub mod discs;
 pub mod error;
 pub mod exr;
 pub mod files;

@@ -1,9 +1,9 @@
-//! Surfaces made of overlapping discs: balls, quads and boxes that need no training.
+//! Surfaces made of overlapping discs: balls, tubes, quads, ellipses and boxes that need no training.
 //!
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred
 //! through anywhere.
 
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, rotation};
+use crate::{Gaussian, Gaussians, Harmonics, rotation};
 use glam::{Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -18,7 +18,7 @@ const INSET_IN_SPACINGS: f32 = 1.14;
 /// Discs of a surface whose spacing is not given.
 const DEFAULT_NUM_DISCS: f32 = 2500.0;
 /// Most discs of one surface: a spacing in the wrong unit must not fill the memory.
-pub(crate) const MAX_DISCS: usize = 4_000_000;
+pub const MAX_DISCS: usize = 4_000_000;
 /// Discs that touch a ball stick out of it and widen its shadow by this times (spacing / radius)²,
 /// relative to the radius (measured by tracing parallel rays past balls of spacing 0.07 and 0.2
 /// radii: 1.67 and 1.58). The discs are put that much further in.
@@ -26,6 +26,7 @@ const BALL_EXCESS: f32 = 1.6;
 /// Least number of discs on a ball, and along each edge of a flat surface.
 const MIN_BALL_DISCS: usize = 200;
 const MIN_ROW_DISCS: usize = 2;
+const MIN_RING_DISCS: usize = 12;
 
 /// A surface to cover with discs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +56,22 @@ pub enum Solid {
         /// Its edges, scene units, not parallel; the normal is `u × v`.
         edges: [Vec3; 2],
     },
+    /// An ellipse.
+    Ellipse {
+        /// Middle, scene units.
+        centre: Vec3,
+        /// Its whole axes, scene units, at right angles; the normal is `u × v`.
+        axes: [Vec3; 2],
+    },
+    /// The surface of a cylinder, or of a cone without its tip, with flat ends.
+    Tube {
+        /// Middle, scene units.
+        centre: Vec3,
+        /// Axis from end to end, scene units, not zero.
+        axis: Vec3,
+        /// Radii of the first and the last end, scene units, positive.
+        radii: [f32; 2],
+    },
     /// The surface of a box.
     Box {
         /// Middle, scene units.
@@ -77,7 +94,7 @@ pub struct Material {
 
 impl Surface {
     /// Number of discs, without making them; in double precision, for it may be absurd.
-    pub(crate) fn num_discs(&self) -> f64 {
+    pub fn num_discs(&self) -> f64 {
         let spacing = self.spacing();
         let quad = |edges| {
             let [across, up] = rows(edges, spacing);
@@ -85,7 +102,15 @@ impl Surface {
         };
         match self.solid {
             Solid::Ball { .. } => self.num_ball_discs() as f64,
-            Solid::Quad { edges, .. } => quad(edges),
+            Solid::Quad { edges, .. } | Solid::Ellipse { axes: edges, .. } => quad(edges),
+            // More than there are.
+            Solid::Tube { axis, radii, .. } => {
+                let radius = radii[0].max(radii[1]);
+                let slant = axis.length().hypot(radii[0] - radii[1]);
+                let around = Ring::new(radius, spacing).num as f64;
+                let ends = quad([Vec3::X, Vec3::Y].map(|edge| edge * 2.0 * radius));
+                around * Row::new(slant, spacing).num as f64 + 2.0 * ends
+            }
             Solid::Box { size, .. } => faces(size).map(|(edges, _)| quad(edges)).iter().sum(),
         }
     }
@@ -97,6 +122,14 @@ impl Surface {
         match self.solid {
             Solid::Ball { centre, radius } => self.cover_ball(centre, radius, &mut discs),
             Solid::Quad { centre, edges } => self.cover_quad(centre, edges, spacing, &mut discs),
+            Solid::Ellipse { centre, axes } => {
+                self.cover_ellipse(centre, axes, spacing, &mut discs);
+            }
+            Solid::Tube {
+                centre,
+                axis,
+                radii,
+            } => self.cover_tube(centre, axis, radii, &mut discs),
             Solid::Box {
                 centre,
                 size,
@@ -126,6 +159,10 @@ impl Surface {
         match self.solid {
             Solid::Ball { radius, .. } => 4.0 * PI * radius * radius,
             Solid::Quad { edges: [u, v], .. } => u.cross(v).length(),
+            Solid::Ellipse { axes: [u, v], .. } => 0.25 * PI * u.cross(v).length(),
+            Solid::Tube { axis, radii: [a, b], .. } => {
+                PI * ((a + b) * axis.length().hypot(a - b) + a * a + b * b)
+            }
             Solid::Box { size, .. } => 2.0 * size.dot(Vec3::new(size.y, size.z, size.x)),
         }
     }
@@ -165,6 +202,61 @@ impl Surface {
         }
     }
 
+    /// Rows along the first axis, each as long as the ellipse is there.
+    fn cover_ellipse(
+        &self,
+        centre: Vec3,
+        [u, v]: [Vec3; 2],
+        spacing: f32,
+        out: &mut Vec<Gaussian>,
+    ) {
+        let up = Row::new(v.length(), spacing);
+        for j in 0..up.num {
+            let place = up.place(j);
+            // Twice the place is in parts of the half axis.
+            let share = (1.0 - 4.0 * place * place).max(0.0).sqrt();
+            let across = Row::new(u.length() * share, spacing);
+            let normal = u.cross(v).normalize();
+            let x_axis = u.normalize();
+            let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
+            let rotation = rotation::unit(Quat::from_mat3(&frame));
+            let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
+            for i in 0..across.num {
+                let position = centre + u * (share * across.place(i)) + v * place;
+                out.push(self.disc(position, scale, rotation));
+            }
+        }
+    }
+
+    fn cover_tube(&self, centre: Vec3, axis: Vec3, radii: [f32; 2], out: &mut Vec<Gaussian>) {
+        let spacing = self.spacing();
+        let slope = (radii[1] - radii[0]) / axis.length();
+        let along = Row::new(axis.length().hypot(radii[1] - radii[0]), spacing);
+        let to_world = rotation::from_z_to(axis.normalize());
+        for j in 0..along.num {
+            let place = along.place(j);
+            let ring = Ring::new(radii[0] + (radii[1] - radii[0]) * (place + 0.5), spacing);
+            for i in 0..ring.num {
+                // Rows are shifted against each other by half a disc.
+                let angle = (i as f32 + 0.5 * (j % 2) as f32) / ring.num as f32 * 2.0 * PI;
+                let (sin, cos) = angle.sin_cos();
+                let radial = to_world * Vec3::new(cos, sin, 0.0);
+                let normal = (to_world * Vec3::new(cos, sin, -slope)).normalize();
+                let x_axis = to_world * Vec3::new(-sin, cos, 0.0);
+                let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
+                let scale = Vec2::new(ring.spacing, along.spacing) * SCALE_IN_SPACINGS;
+                let position = centre + axis * place + radial * ring.radius;
+                let rotation = rotation::unit(Quat::from_mat3(&frame));
+                out.push(self.disc(position, scale, rotation));
+            }
+        }
+        let [x, y] = [Vec3::X, Vec3::Y].map(|edge| to_world * edge * 2.0);
+        let ends = [(0.5, [x * radii[1], y * radii[1]]), (-0.5, [y * radii[0], x * radii[0]])];
+        for (place, axes) in ends {
+            self.cover_ellipse(centre + axis * place, axes, spacing, out);
+        }
+    }
+
     fn disc(&self, position: Vec3, scale: Vec2, rotation: Quat) -> Gaussian {
         Gaussian {
             position,
@@ -184,6 +276,27 @@ fn rows([u, v]: [Vec3; 2], spacing: f32) -> [Row; 2] {
     // Rows of a slanted one are nearer to each other than its edge is long.
     let height = u.cross(v).length() / u.length();
     [u.length(), height].map(|length| Row::new(length, spacing))
+}
+
+/// Discs around a tube.
+struct Ring {
+    num: usize,
+    spacing: f32,
+    radius: f32,
+}
+
+impl Ring {
+    fn new(radius: f32, wanted: f32) -> Self {
+        let num = ((2.0 * PI * radius / wanted).round() as usize).max(MIN_RING_DISCS);
+        // As on a ball, but curved in one direction alone.
+        let angle = 2.0 * PI / num as f32;
+        let radius = radius / (1.0 + 0.5 * BALL_EXCESS * angle * angle);
+        Self {
+            num,
+            spacing: radius * angle,
+            radius,
+        }
+    }
 }
 
 /// Discs along an edge.

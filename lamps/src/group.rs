@@ -1,0 +1,196 @@
+//! Which lit pixels of which views are one lamp's.
+//!
+//! A lit pixel is a point where the trained scene has it. Regions of lit pixels are taken view by
+//! view, those that show most detail first: a region whose points are where those of a lamp are
+//! belongs to it; one that covers several lamps, which run into each other from afar, is divided
+//! among them; any other is a new lamp.
+
+use crate::evidence::{Evidence, Sight};
+use glam::Vec3;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Points are at one place if they are nearer than this many widths of their pixels.
+const NEAR_PIXELS: f32 = 2.0;
+/// Share of a region's pixels that have to be near lamps for it to show these.
+const SHARE_KNOWN: f32 = 0.4;
+/// Share of the pixels of the smaller of two lamps that have to be near the other for both to be
+/// one, divided by something in front of it.
+const SHARE_ADJACENT: f32 = 0.3;
+/// Points of a lamp that others are compared with.
+const MAX_POINTS: usize = 600;
+
+/// The pixels of a lamp: numbers of views and of their pixels.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Group {
+    pub(crate) members: Vec<(u32, u32)>,
+    points: Vec<Point>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    position: Vec3,
+    /// Width of its pixel there.
+    width: f32,
+}
+
+impl Group {
+    fn distance(&self, point: &Point) -> f32 {
+        let relative = |own: &Point| {
+            own.position.distance(point.position) / (NEAR_PIXELS * (own.width + point.width))
+        };
+        self.points.iter().map(relative).fold(f32::INFINITY, f32::min)
+    }
+
+    fn add(&mut self, view: usize, pixel: usize, point: Point) {
+        self.members.push((view as u32, pixel as u32));
+        self.points.push(point);
+    }
+
+    /// Keeps evenly chosen points of many.
+    fn thin(&mut self) {
+        let step = self.points.len().div_ceil(MAX_POINTS).max(1);
+        self.points = self.points.iter().copied().step_by(step).collect();
+    }
+
+    /// Share of its points that are near those of `other`.
+    fn share_near(&self, other: &Self) -> f32 {
+        let near = (self.points.iter()).filter(|point| other.distance(point) <= 1.0);
+        near.count() as f32 / self.points.len() as f32
+    }
+}
+
+/// The lamps that the views show.
+pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for (view, region) in by_detail(evidence) {
+        let sight = &evidence.sights[view];
+        let points = points_of(sight, region);
+        let nearest: Vec<Option<usize>> = points
+            .iter()
+            .map(|(_, point)| {
+                let distances = groups.iter().map(|group| group.distance(point));
+                let (at, distance) = (distances.enumerate()).min_by(|a, b| a.1.total_cmp(&b.1))?;
+                (distance <= 1.0).then_some(at)
+            })
+            .collect();
+        let num_known = nearest.iter().flatten().count();
+        if points.is_empty() {
+            continue;
+        }
+        if (num_known as f32) < SHARE_KNOWN * points.len() as f32 {
+            let mut new = Group::default();
+            for (pixel, point) in &points {
+                new.add(view, *pixel, *point);
+            }
+            new.thin();
+            groups.push(new);
+            continue;
+        }
+        let most = most_frequent(nearest.iter().flatten().copied());
+        for ((pixel, point), lamp) in points.iter().zip(&nearest) {
+            groups[lamp.unwrap_or(most)].add(view, *pixel, *point);
+        }
+        groups.iter_mut().for_each(Group::thin);
+    }
+    merged(evidence, groups)
+}
+
+/// All regions, those with the narrowest pixels first.
+fn by_detail(evidence: &Evidence) -> Vec<(usize, u32)> {
+    let mut order = Vec::new();
+    for (view, sight) in evidence.sights.iter().enumerate() {
+        for region in 0..sight.num_regions {
+            let mut widths: Vec<f32> =
+                (points_of(sight, region).iter().map(|(_, p)| p.width)).collect();
+            widths.sort_unstable_by(f32::total_cmp);
+            if let Some(width) = widths.get(widths.len() / 2) {
+                order.push((*width, view, region));
+            }
+        }
+    }
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    order.into_iter().map(|(_, view, region)| (view, region)).collect()
+}
+
+fn points_of(sight: &Sight, region: u32) -> Vec<(usize, Point)> {
+    let lit = (sight.pixels.iter().enumerate())
+        .filter(|(_, p)| p.lit.is_lit() && p.region == region && p.distance.is_finite());
+    lit.map(|(i, pixel)| {
+        let point = Point {
+            position: sight.origin + pixel.direction * pixel.distance,
+            width: pixel.distance * sight.pixel_width(),
+        };
+        (i, point)
+    })
+    .collect()
+}
+
+fn most_frequent(values: impl Iterator<Item = usize>) -> usize {
+    let mut counts = BTreeMap::new();
+    for value in values {
+        *counts.entry(value).or_insert(0_usize) += 1;
+    }
+    (counts.into_iter())
+        .max_by_key(|&(value, count)| (count, std::cmp::Reverse(value)))
+        .map_or(0, |(value, _)| value)
+}
+
+/// Makes one of lamps that views show to be: that are near each other along an edge, or that a view
+/// shows in one region unless another one shows them apart with more detail.
+fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
+    let mut first = 0;
+    while first < groups.len() {
+        let other = (first + 1..groups.len()).find(|&other| {
+            let (a, b) = (&groups[first], &groups[other]);
+            let (small, large) = if a.points.len() <= b.points.len() {
+                (a, b)
+            } else {
+                (b, a)
+            };
+            small.share_near(large) >= SHARE_ADJACENT || are_connected(evidence, a, b)
+        });
+        match other {
+            Some(other) => {
+                let more = groups.remove(other);
+                groups[first].members.extend(more.members);
+                groups[first].points.extend(more.points);
+                groups[first].thin();
+                // It may now touch one that it did not before.
+            }
+            None => first += 1,
+        }
+    }
+    for group in &mut groups {
+        group.members.sort_unstable();
+    }
+    groups
+}
+
+/// Whether the view that shows most detail of both shows them in one region.
+fn are_connected(evidence: &Evidence, a: &Group, b: &Group) -> bool {
+    let (mut together, mut apart) = (f32::INFINITY, f32::INFINITY);
+    let of_views = |group: &Group| {
+        let mut views: BTreeMap<u32, (BTreeSet<u32>, f32)> = BTreeMap::new();
+        for &(view, pixel) in &group.members {
+            let sight = &evidence.sights[view as usize];
+            let pixel = &sight.pixels[pixel as usize];
+            let (regions, width) = views.entry(view).or_insert((BTreeSet::new(), f32::INFINITY));
+            regions.insert(pixel.region);
+            *width = width.min(pixel.distance * sight.pixel_width());
+        }
+        views
+    };
+    let (a, b) = (of_views(a), of_views(b));
+    for (view, (regions, width)) in &a {
+        if let Some((others, other_width)) = b.get(view) {
+            let width = width.min(*other_width);
+            let value = if regions.is_disjoint(others) {
+                &mut apart
+            } else {
+                &mut together
+            };
+            *value = value.min(width);
+        }
+    }
+    together.is_finite() && together <= apart
+}

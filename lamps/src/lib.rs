@@ -1,0 +1,189 @@
+//! Lamps of a scene: what masks of photographs show to shine, as clean surfaces of known power.
+//!
+//! Training gives pixels the right light from where cameras stand, by heaps of tilted discs that
+//! overlap. What such a heap sends past the cameras, along the wall beside it, has no reason to be
+//! right, and is what lights the wall. Here each lamp is made the simplest surface that explains
+//! its silhouettes ([`mod@shape`]), with the radiance that gives the flux that the views measured,
+//! and nothing before it that would hide it.
+//!
+//! - [`Evidence`]: lit pixels of the views, and where the trained scene has them.
+//! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
+
+mod clear;
+mod evidence;
+mod fit;
+mod group;
+mod measure;
+mod names;
+mod place;
+mod search;
+pub mod shape;
+
+pub use clear::Cleared;
+pub use evidence::Evidence;
+
+use eagpt_scene::color::luminance;
+use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
+use eagpt_scene::Gaussians;
+use eagpt_trace::{Device, TraceError};
+use glam::Vec3;
+use group::Group;
+use shape::Shape;
+
+/// Residual of a fit beyond which a lamp is left as it was trained.
+const MAX_RESIDUAL: f32 = 0.45;
+/// Least number of lit pixels over all views, and of views, of a lamp.
+const MIN_PIXELS: usize = 6;
+const MIN_VIEWS: usize = 2;
+/// Share of its pixels on other lamps from which on a group is taken for a part of these.
+const SHARE_ELSEWHERE: f32 = 0.5;
+
+/// Lamps and the scene that they take the place of.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Found {
+    /// The lamps, those with most power first.
+    pub lamps: Lamps,
+    /// What happens to the Gaussians there were.
+    pub cleared: Cleared,
+    /// The Gaussians of the lamps.
+    pub discs: Gaussians,
+}
+
+/// A lamp under way.
+struct Candidate {
+    group: Group,
+    shape: Shape,
+    radiance: Vec3,
+    deviation: f32,
+}
+
+/// Finds the lamps that views show in the scene of `gaussians`; `up` is the unit vector upwards.
+///
+/// # Errors
+/// If the device fails.
+pub fn find(
+    evidence: &Evidence,
+    gaussians: &Gaussians,
+    up: Vec3,
+    device: &Device,
+) -> Result<Found, TraceError> {
+    let mut candidates = candidates(evidence);
+    let power = |c: &Candidate| luminance(place::power(&c.shape, c.radiance).to_array());
+    candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));
+    let shapes: Vec<Shape> = candidates.iter().map(|c| c.shape).collect();
+    let mut cleared = Cleared {
+        keep: vec![true; gaussians.len()],
+        moved: Vec::new(),
+    };
+    let nums = clear::replaced(gaussians, &shapes, &mut cleared.keep);
+    for flat in shapes.iter().filter_map(Shape::flat) {
+        let mut one = Cleared {
+            keep: cleared.keep.clone(),
+            moved: Vec::new(),
+        };
+        clear::flatten_mount(gaussians, flat, &mut one);
+        for (i, moved) in one.moved {
+            if !cleared.moved.iter().any(|(j, _)| *j == i) {
+                cleared.moved.push((i, moved));
+            }
+        }
+    }
+    let own: Vec<Gaussians> = (candidates.iter())
+        .map(|c| place::discs(&c.shape, c.radiance, pixel_width(evidence, &c.group)))
+        .collect();
+    let discs: Gaussians = own.iter().flat_map(Gaussians::iter).collect();
+    if !candidates.is_empty() {
+        clear::remove_what_hides(device, evidence, gaussians, &shapes, &discs, &mut cleared)?;
+    }
+    let heights = || gaussians.positions.iter().map(|p| p.dot(up));
+    let names = names::names(
+        &shapes,
+        up,
+        heights().fold(f32::INFINITY, f32::min),
+        heights().fold(f32::NEG_INFINITY, f32::max),
+    );
+    let lamps = (candidates.iter().zip(names).zip(nums))
+        .map(|((c, name), num)| lamp(evidence, c, name, num))
+        .collect();
+    Ok(Found {
+        lamps: Lamps { lamps },
+        cleared,
+        discs,
+    })
+}
+
+/// Width of a pixel on the lamp in the views that see it nearest.
+fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
+    let mut widths: Vec<f32> = (group.members.iter())
+        .map(|&(view, pixel)| {
+            let sight = &evidence.sights[view as usize];
+            sight.pixels[pixel as usize].distance * sight.pixel_width()
+        })
+        .collect();
+    widths.sort_unstable_by(f32::total_cmp);
+    widths[widths.len() / 10]
+}
+
+fn candidates(evidence: &Evidence) -> Vec<Candidate> {
+    let mut groups = group::group(evidence);
+    groups.sort_by_key(|group| std::cmp::Reverse(group.members.len()));
+    let mut found: Vec<Candidate> = Vec::new();
+    for group in groups {
+        if group.members.len() < MIN_PIXELS || num_views(&group) < MIN_VIEWS {
+            continue;
+        }
+        let elsewhere = group.members.iter().filter(|&&(view, pixel)| {
+            let sight = &evidence.sights[view as usize];
+            let direction = sight.pixels[pixel as usize].direction;
+            found.iter().any(|c| c.shape.meet(sight.origin, direction).is_some())
+        });
+        if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
+            continue;
+        }
+        let Some(fit) = fit::fit(evidence, &group) else { continue };
+        if fit.residual > MAX_RESIDUAL {
+            continue;
+        }
+        if let Some(measured) = measure::measure(evidence, &group, &fit.shape) {
+            found.push(Candidate {
+                group,
+                shape: fit.shape,
+                radiance: measured.radiance,
+                deviation: measured.deviation,
+            });
+        }
+    }
+    found
+}
+
+fn num_views(group: &Group) -> usize {
+    let mut views: Vec<u32> = group.members.iter().map(|m| m.0).collect();
+    views.dedup();
+    views.len()
+}
+
+fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) -> Lamp {
+    let r = c.shape.rotation();
+    let mut views: Vec<usize> = c.group.members.iter().map(|m| m.0 as usize).collect();
+    views.dedup();
+    Lamp {
+        name,
+        shape: match c.shape {
+            Shape::Rectangle(_) | Shape::Ellipse(_) => LampShape::Panel,
+            Shape::Ball { .. } => LampShape::Ball,
+            Shape::Tube { .. } => LampShape::Tube,
+        },
+        centre: c.shape.centre().to_array(),
+        rotation: [r.w, r.x, r.y, r.z],
+        size: c.shape.size().to_array(),
+        one_sided: c.shape.flat().is_some(),
+        area: c.shape.area(),
+        radiance: c.radiance.to_array(),
+        power: place::power(&c.shape, c.radiance).to_array(),
+        num_gaussians,
+        views: views.into_iter().map(|v| evidence.sights[v].name.clone()).collect(),
+        num_pixels: c.group.members.len(),
+        deviation: c.deviation,
+        factor: [1.0; 3],
+    }
+}

@@ -1,0 +1,146 @@
+//! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
+
+use crate::evidence::{Evidence, Lit, Sight};
+use crate::group::Group;
+use crate::shape::Shape;
+use eagpt_scene::color::luminance;
+use glam::Vec3;
+use std::collections::HashSet;
+
+/// Rays along each axis of a pixel.
+const RAYS: u32 = 4;
+/// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
+/// that measures it.
+const MAX_HIDDEN: f32 = 0.05;
+/// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
+const NEARER: f32 = 0.08;
+
+/// Radiance of a lamp and how sure it is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Measured {
+    /// Linear, as of a shape that shines alike everywhere.
+    pub(crate) radiance: Vec3,
+    /// Standard deviation between views over the mean; 0 for one view.
+    pub(crate) deviation: f32,
+}
+
+/// A view's measurement.
+#[derive(Debug, Clone, Copy)]
+struct Reading {
+    /// Radiance times solid angle.
+    flux: Vec3,
+    /// Solid angle of the shape where the view shows it, sr.
+    solid_angle: f32,
+    /// That of what hides it.
+    hidden: f32,
+}
+
+/// Measures the lamp of `group`, which has `shape`; `None` where no view sees the shape.
+pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Option<Measured> {
+    let mut by_view: Vec<(usize, HashSet<u32>)> = Vec::new();
+    for &(view, pixel) in &group.members {
+        match by_view.last_mut() {
+            Some((last, pixels)) if *last == view as usize => {
+                pixels.insert(pixel);
+            }
+            _ => by_view.push((view as usize, HashSet::from([pixel]))),
+        }
+    }
+    let readings: Vec<Reading> = (by_view.iter())
+        .map(|(view, own)| reading(&evidence.sights[*view], own, shape))
+        .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
+        .collect();
+    let whole: Vec<Reading> = (readings.iter().copied())
+        .filter(|r| r.hidden <= MAX_HIDDEN * r.solid_angle)
+        .collect();
+    let used = if whole.is_empty() { readings } else { whole };
+    let all: f32 = used.iter().map(|r| r.solid_angle).sum();
+    if all <= 0.0 {
+        return None;
+    }
+    let radiance = Vec3::from_array([0, 1, 2].map(|channel| {
+        let ratios = used.iter().map(|r| (r.flux[channel] / r.solid_angle, r.solid_angle));
+        weighted_median(ratios)
+    }));
+    let mean = luminance(radiance.to_array());
+    let squares = used.iter().map(|r| {
+        let ratio = luminance((r.flux / r.solid_angle).to_array()) / mean;
+        r.solid_angle * (ratio - 1.0).powi(2)
+    });
+    let deviation = if used.len() > 1 {
+        (squares.sum::<f32>() / all).sqrt()
+    } else {
+        0.0
+    };
+    Some(Measured {
+        radiance,
+        deviation,
+    })
+}
+
+fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
+    let frame = sight.camera.ray_frame();
+    let nearest = {
+        let size = shape.size().length();
+        (shape.centre().distance(sight.origin) - size) * (1.0 - NEARER)
+    };
+    let columns: HashSet<(u32, u32)> = (own.iter())
+        .map(|&i| &sight.pixels[i as usize])
+        .flat_map(|p| {
+            (0..3).flat_map(move |dy| (0..3).map(move |dx| (p.x + dx, p.y + dy)))
+        })
+        .collect();
+    let background = {
+        let mut values: Vec<Vec3> = (sight.pixels.iter())
+            .filter(|p| p.lit == Lit::Dark)
+            .map(|p| p.radiance)
+            .collect();
+        values.sort_by(|a, b| a.element_sum().total_cmp(&b.element_sum()));
+        values.get(values.len() / 2).copied().unwrap_or(Vec3::ZERO)
+    };
+    let mut reading = Reading {
+        flux: Vec3::ZERO,
+        solid_angle: 0.0,
+        hidden: 0.0,
+    };
+    for (i, pixel) in (0_u32..).zip(&sight.pixels) {
+        let met = (0..RAYS * RAYS).filter(|k| {
+            let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
+            let (x, y) = (
+                pixel.x as f32 + within(k % RAYS),
+                pixel.y as f32 + within(k / RAYS),
+            );
+            shape.meet(sight.origin, frame.direction(x, y)).is_some()
+        });
+        let cover = met.count() as f32 / (RAYS * RAYS) as f32;
+        let is_own = own.contains(&i);
+        // Neighbours of its own pixels count as far as they are brighter than what is behind.
+        let beside = pixel.lit == Lit::Beside && columns.contains(&(pixel.x + 1, pixel.y + 1));
+        let is_hidden = !is_own && !beside && pixel.distance < nearest;
+        if (is_hidden || sight.at_edge(pixel)) && cover > 0.0 {
+            reading.hidden += cover * pixel.solid_angle;
+            continue;
+        }
+        reading.solid_angle += cover * pixel.solid_angle;
+        if is_own || beside {
+            // What is behind the lamp counts where the lamp does not cover the pixel.
+            let behind = background * (1.0 - cover);
+            reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
+        }
+    }
+    reading
+}
+
+fn weighted_median(values: impl Iterator<Item = (f32, f32)>) -> f32 {
+    let mut values: Vec<(f32, f32)> = values.collect();
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * values.iter().map(|v| v.1).sum::<f32>();
+    let mut sum = 0.0;
+    for (value, weight) in &values {
+        sum += weight;
+        if sum >= half {
+            return *value;
+        }
+    }
+    values.last().map_or(0.0, |v| v.0)
+}

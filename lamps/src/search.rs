@@ -1,0 +1,86 @@
+//! The minimum of a function of few numbers that has no derivative (Nelder and Mead 1965, with the
+//! coefficients of that paper).
+
+/// Spread of values at which a search has arrived.
+const ARRIVED: f32 = 1e-5;
+
+/// Searches from zeros with first steps `steps`, of which there is at least one; returns where
+/// `value` is least and what it is there.
+pub(crate) fn minimum(
+    value: impl Fn(&[f32]) -> f32,
+    steps: &[f32],
+    num_trials: usize,
+) -> (Vec<f32>, f32) {
+    let num = steps.len();
+    let mut corners: Vec<(Vec<f32>, f32)> = (0..=num)
+        .map(|i| {
+            let mut at = vec![0.0; num];
+            if i > 0 {
+                at[i - 1] = steps[i - 1];
+            }
+            let v = value(&at);
+            (at, v)
+        })
+        .collect();
+    for _ in num + 1..num_trials {
+        corners.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let (best, worst) = (corners[0].1, corners[num].1);
+        if worst - best < ARRIVED {
+            break;
+        }
+        let middle: Vec<f32> = (0..num)
+            .map(|k| corners[..num].iter().map(|c| c.0[k]).sum::<f32>() / num as f32)
+            .collect();
+        let along = |factor: f32| {
+            let at: Vec<f32> = (middle.iter().zip(&corners[num].0))
+                .map(|(m, w)| m + factor * (m - w))
+                .collect();
+            let v = value(&at);
+            (at, v)
+        };
+        let reflected = along(1.0);
+        let new = if reflected.1 < best {
+            let farther = along(2.0);
+            if farther.1 < reflected.1 { farther } else { reflected }
+        } else if reflected.1 < corners[num - 1].1 {
+            reflected
+        } else {
+            let nearer = along(if reflected.1 < worst { 0.5 } else { -0.5 });
+            if nearer.1 < worst.min(reflected.1) {
+                nearer
+            } else {
+                let first = corners[0].0.clone();
+                for corner in &mut corners[1..] {
+                    for (x, f) in corner.0.iter_mut().zip(&first) {
+                        *x = 0.5 * (*x + f);
+                    }
+                    corner.1 = value(&corner.0);
+                }
+                continue;
+            }
+        };
+        corners[num] = new;
+    }
+    corners.sort_by(|a, b| a.1.total_cmp(&b.1));
+    corners.swap_remove(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A narrow curved valley (Rosenbrock) and a bowl in five dimensions.
+    #[test]
+    fn known_minima_are_found() {
+        let valley = |x: &[f32]| {
+            let (a, b) = (x[0] + 1.2 - 1.0 + 1.0, x[1] + 1.0);
+            let a = a - 2.2;
+            (1.0 - a).powi(2) + 100.0 * (b - a * a).powi(2)
+        };
+        let (at, v) = minimum(valley, &[0.5, 0.5], 2000);
+        assert!(v < 1e-3, "{at:?} {v}");
+        let bowl = |x: &[f32]| (0..5).map(|i| (x[i] - 0.1 * i as f32).powi(2)).sum::<f32>();
+        let (at, v) = minimum(bowl, &[0.3; 5], 1000);
+        assert!(v < 1e-3, "{at:?} {v}");
+    }
+}

@@ -1,0 +1,307 @@
+//! Surfaces that lamps can have, as few numbers.
+
+use eagpt_scene::rotation;
+use glam::{Mat3, Quat, Vec3};
+use std::f32::consts::PI;
+
+/// A surface that shines alike everywhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A rectangle.
+    Rectangle(Flat),
+    /// An ellipse.
+    Ellipse(Flat),
+    /// A ball.
+    Ball {
+        /// Middle, world space.
+        centre: Vec3,
+        /// Radius, scene units.
+        radius: f32,
+    },
+    /// A cylinder, or a cone without its tip, with flat ends.
+    Tube {
+        /// Middle, world space.
+        centre: Vec3,
+        /// World from its own axes; it lies along z.
+        rotation: Quat,
+        /// Mean radius, scene units.
+        radius: f32,
+        /// Length, scene units.
+        length: f32,
+        /// Radii of the ends, at +z and −z, differ from the mean by this share of it; −1 to 1.
+        taper: f32,
+    },
+}
+
+/// Place and size of a flat shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flat {
+    /// Middle, world space.
+    pub centre: Vec3,
+    /// World from its own axes; z is the normal, towards where it shines.
+    pub rotation: Quat,
+    /// Whole lengths along x and y, scene units.
+    pub size: [f32; 2],
+}
+
+impl Flat {
+    /// The unit normal.
+    pub fn normal(&self) -> Vec3 {
+        self.rotation * Vec3::Z
+    }
+}
+
+/// Most that the ends of a tube differ from its middle: not quite a tip.
+const MAX_TAPER: f32 = 0.95;
+
+/// Number of values that a shape can be changed by; see [`Shape::changed`].
+pub(crate) const MAX_CHANGES: usize = 8;
+
+impl Shape {
+    /// Middle, world space.
+    pub fn centre(&self) -> Vec3 {
+        match self {
+            Self::Rectangle(flat) | Self::Ellipse(flat) => flat.centre,
+            Self::Ball { centre, .. } | Self::Tube { centre, .. } => *centre,
+        }
+    }
+
+    /// World from the shape's own axes.
+    pub fn rotation(&self) -> Quat {
+        match self {
+            Self::Rectangle(flat) | Self::Ellipse(flat) => flat.rotation,
+            Self::Ball { .. } => Quat::IDENTITY,
+            Self::Tube { rotation, .. } => *rotation,
+        }
+    }
+
+    /// Whole lengths along its own axes, scene units.
+    pub fn size(&self) -> Vec3 {
+        match *self {
+            Self::Rectangle(flat) | Self::Ellipse(flat) => {
+                Vec3::new(flat.size[0], flat.size[1], 0.0)
+            }
+            Self::Ball { radius, .. } => Vec3::splat(2.0 * radius),
+            Self::Tube {
+                radius,
+                length,
+                taper,
+                ..
+            } => {
+                let widest = 2.0 * radius * (1.0 + taper.abs());
+                Vec3::new(widest, widest, length)
+            }
+        }
+    }
+
+    /// The flat shape, if it is one.
+    pub fn flat(&self) -> Option<&Flat> {
+        match self {
+            Self::Rectangle(flat) | Self::Ellipse(flat) => Some(flat),
+            Self::Ball { .. } | Self::Tube { .. } => None,
+        }
+    }
+
+    /// Area that shines, scene units²; of a flat shape one side.
+    pub fn area(&self) -> f32 {
+        match *self {
+            Self::Rectangle(flat) => flat.size[0] * flat.size[1],
+            Self::Ellipse(flat) => 0.25 * PI * flat.size[0] * flat.size[1],
+            Self::Ball { radius, .. } => 4.0 * PI * radius * radius,
+            Self::Tube {
+                radius,
+                length,
+                taper,
+                ..
+            } => {
+                let slant = length.hypot(2.0 * radius * taper);
+                let ends = radius * radius * (1.0 + taper * taper);
+                2.0 * PI * (radius * slant + ends)
+            }
+        }
+    }
+
+    /// Smallest whole length that is not 0, scene units.
+    pub fn thinnest(&self) -> f32 {
+        let size = self.size();
+        if size.z > 0.0 {
+            size.min_element()
+        } else {
+            size.x.min(size.y)
+        }
+    }
+
+    /// Distance along a ray of unit `direction` to the shape's first point, if it is met; a flat
+    /// shape only from the side of its normal.
+    pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        match *self {
+            Self::Rectangle(flat) => {
+                let (t, [x, y]) = meet_plane(&flat, origin, direction)?;
+                (x.abs() <= 1.0 && y.abs() <= 1.0).then_some(t)
+            }
+            Self::Ellipse(flat) => {
+                let (t, [x, y]) = meet_plane(&flat, origin, direction)?;
+                (x * x + y * y <= 1.0).then_some(t)
+            }
+            Self::Ball { centre, radius } => {
+                let to_centre = centre - origin;
+                let along = to_centre.dot(direction);
+                let short = radius * radius - (to_centre - direction * along).length_squared();
+                (short >= 0.0 && along > 0.0).then(|| along - short.sqrt())
+            }
+            Self::Tube {
+                centre,
+                rotation,
+                radius,
+                length,
+                taper,
+            } => {
+                let inverse = rotation.conjugate();
+                let (o, d) = (inverse * (origin - centre), inverse * direction);
+                meet_tube(o, d, radius, 0.5 * length, taper)
+            }
+        }
+    }
+
+    /// Number of values of [`Self::changed`] that count.
+    pub(crate) fn num_changes(&self) -> usize {
+        match self {
+            Self::Rectangle(_) | Self::Ellipse(_) => 8,
+            Self::Ball { .. } => 4,
+            Self::Tube { .. } => 8,
+        }
+    }
+
+    /// The shape moved, sized and turned by small numbers: shifts in sizes of the lamp, `extent`;
+    /// logarithms of the sizes; and angles in radians. Of a flat shape the last two tilt it.
+    pub(crate) fn changed(&self, by: &[f32; MAX_CHANGES], extent: f32) -> Self {
+        let shift = Vec3::new(by[0], by[1], by[2]) * extent;
+        let turned = |r: Quat, angles: Vec3| rotation::unit(r * Quat::from_scaled_axis(angles));
+        let flat = |flat: Flat| Flat {
+            centre: flat.centre + shift,
+            rotation: turned(flat.rotation, Vec3::new(by[6], by[7], by[5])),
+            size: [flat.size[0] * by[3].exp(), flat.size[1] * by[4].exp()],
+        };
+        match *self {
+            Self::Rectangle(of) => Self::Rectangle(flat(of)),
+            Self::Ellipse(of) => Self::Ellipse(flat(of)),
+            Self::Ball { centre, radius } => Self::Ball {
+                centre: centre + shift,
+                radius: radius * by[3].exp(),
+            },
+            Self::Tube {
+                centre,
+                rotation,
+                radius,
+                length,
+                taper,
+            } => Self::Tube {
+                centre: centre + shift,
+                rotation: turned(rotation, Vec3::new(by[5], by[6], 0.0)),
+                radius: radius * by[3].exp(),
+                length: length * by[4].exp(),
+                taper: (taper + by[7]).clamp(-MAX_TAPER, MAX_TAPER),
+            },
+        }
+    }
+}
+
+/// Distance to the plane of `flat`, met against its normal, and where, in half sizes.
+fn meet_plane(flat: &Flat, origin: Vec3, direction: Vec3) -> Option<(f32, [f32; 2])> {
+    let frame = Mat3::from_quat(flat.rotation);
+    let cosine = direction.dot(frame.z_axis);
+    if cosine >= 0.0 {
+        return None;
+    }
+    let t = (flat.centre - origin).dot(frame.z_axis) / cosine;
+    let at = origin + direction * t - flat.centre;
+    let [width, height] = flat.size;
+    let place = [
+        2.0 * at.dot(frame.x_axis) / width,
+        2.0 * at.dot(frame.y_axis) / height,
+    ];
+    (t > 0.0).then_some((t, place))
+}
+
+/// Distance to a closed cone about z of half its length `half`, from outside; its radius is
+/// `radius · (1 + taper · z / half)`.
+fn meet_tube(o: Vec3, d: Vec3, radius: f32, half: f32, taper: f32) -> Option<f32> {
+    let slope = radius * taper / half;
+    let mut nearest: Option<f32> = None;
+    let mut add = |t: f32| nearest = Some(nearest.map_or(t, |n| n.min(t)));
+    // x² + y² = (radius + slope z)² along the ray.
+    let (r, dr) = (radius + slope * o.z, slope * d.z);
+    let a = d.x * d.x + d.y * d.y - dr * dr;
+    let b = o.x * d.x + o.y * d.y - r * dr;
+    let c = o.x * o.x + o.y * o.y - r * r;
+    let discriminant = b * b - a * c;
+    if discriminant >= 0.0 && a != 0.0 {
+        for root in [-discriminant.sqrt(), discriminant.sqrt()] {
+            let t = (-b + root) / a;
+            if t > 0.0 && (o.z + t * d.z).abs() <= half {
+                add(t);
+            }
+        }
+    }
+    if d.z != 0.0 {
+        for end in [-half, half] {
+            let t = (end - o.z) / d.z;
+            let (at, radius) = (o + d * t, radius + slope * end);
+            if t > 0.0 && at.x * at.x + at.y * at.y <= radius * radius {
+                add(t);
+            }
+        }
+    }
+    nearest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean projected area of a convex body over all directions is a quarter of its surface
+    /// (Cauchy): of rays in random directions through a large ball as many meet it.
+    #[test]
+    fn as_many_rays_meet_a_shape_as_its_area_says() {
+        let ball = Shape::Ball {
+            centre: Vec3::new(0.1, -0.2, 0.3),
+            radius: 0.5,
+        };
+        let tube = Shape::Tube {
+            centre: Vec3::new(-0.1, 0.1, 0.0),
+            rotation: Quat::from_scaled_axis(Vec3::new(0.4, -0.7, 0.2)),
+            radius: 0.2,
+            length: 1.1,
+            taper: 0.4,
+        };
+        let flat = Flat {
+            centre: Vec3::new(0.2, 0.0, -0.1),
+            rotation: Quat::from_scaled_axis(Vec3::new(-0.3, 0.9, 0.5)),
+            size: [0.8, 0.5],
+        };
+        for shape in [ball, tube, Shape::Rectangle(flat), Shape::Ellipse(flat)] {
+            let num = 200_000;
+            let mut met = 0;
+            for i in 0..num {
+                // A spiral of directions, and for each a point of the disc of radius 1 across it.
+                let z = 1.0 - (2 * i + 1) as f32 / num as f32;
+                let angle = (f64::from(i) * 2.399_963_229_728_653).rem_euclid(6.283_185_307);
+                let (sin, cos) = (angle as f32).sin_cos();
+                let flat = (1.0 - z * z).sqrt();
+                let direction = Vec3::new(flat * cos, flat * sin, z);
+                let (a, b) = direction.any_orthonormal_pair();
+                let r = (f64::from(i) * 0.754_877_666_246_69).fract().sqrt() as f32;
+                let turn = (f64::from(i) * 0.569_840_290_998_05).fract() as f32 * 2.0 * PI;
+                let origin = a * (r * turn.cos()) + b * (r * turn.sin()) - direction * 3.0;
+                met += u32::from(shape.meet(origin, direction).is_some());
+            }
+            let projected = met as f32 / num as f32 * PI;
+            // A flat shape is met from one side alone: half of its area's quarter of both sides.
+            let expected = 0.25 * shape.area();
+            assert!(
+                (projected / expected - 1.0).abs() < 0.02,
+                "{shape:?}: {projected} instead of {expected}"
+            );
+        }
+    }
+}
