@@ -1,14 +1,16 @@
 //! The shape of a lamp: of a rectangle, an ellipse, a ball and a tube the one whose silhouettes
 //! are most like what the views show.
 
-use crate::evidence::{Evidence, Lit, rim};
+use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
 use crate::group::Group;
+use crate::measure::measure;
 use crate::search;
 use crate::shape::{Flat, MAX_CHANGES, Shape};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::f32::consts::PI;
 
 /// Views that a shape is fitted to: those with most pixels.
@@ -17,14 +19,32 @@ const MAX_VIEWS: usize = 16;
 const RAYS: u32 = 3;
 /// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
 const NEARER: f32 = 0.08;
+/// What is farther than the scene by so many widths of a pixel, and by this share, is hidden …
+const HIDDEN_PIXELS: f32 = 2.0;
+const HIDDEN_SHARE: f32 = 0.01;
+/// … and counts so much where a view does not show it.
+const HIDDEN: f32 = 0.25;
 /// Pixels of a view that a lamp fills or has nothing in that a fit compares.
 const MAX_PLAIN: usize = 500;
 /// How much better a shape with more freedom has to fit than one with less.
-const BETTER: f32 = 0.85;
-/// Evaluations of a search.
+const BETTER: f32 = 0.8;
+/// Residuals below this are alike.
+const MIN_RESIDUAL: f32 = 0.002;
+/// Evaluations of the first search from every start, and of later ones from the best of these.
+const NUM_FIRST_TRIALS: usize = 200;
 const NUM_TRIALS: usize = 500;
-/// A mount that is turned by more than this (cosine) against the points of a lamp is none.
+const NUM_PROMISING: usize = 3;
+/// The surface that a lamp is mounted on is looked for within this many pixels of the lamp; …
+const MOUNT_RING: u32 = 3;
+/// … has at least so many pixels and this share of those that are there; …
+const MIN_MOUNT: usize = 12;
+const MOUNT_SHARE: f32 = 0.6;
+/// … normals within this (cosine), and heights within so many extents.
 const MOUNT_COSINE: f32 = 0.8;
+const MOUNT_HEIGHT: f32 = 0.5;
+/// Standard deviation of the flux between views that speaks against a shape as much as a residual
+/// that is twice as large.
+const DEVIATION: f32 = 0.03;
 
 /// A pixel as a fit wants it.
 struct Target {
@@ -34,6 +54,8 @@ struct Target {
     cover: f32,
     /// Pixels that it stands for.
     weight: f32,
+    /// Distance along its rays at which a lamp is behind what the scene has there.
+    hidden_from: f32,
 }
 
 /// A view of a lamp.
@@ -65,8 +87,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
         return None;
     }
     let towards: Vec3 = points.iter().map(|p| p.towards).sum();
-    let mount: Vec3 = points.iter().map(|p| p.normal).sum();
-    let flats = normals(&points, towards, mount);
+    let flats = normals(&points, towards, mount(evidence, group, centre, extent));
     let mut starts: Vec<(Shape, bool)> = Vec::new();
     for (normal, is_mount) in flats {
         let flat = first_flat(&points, centre, normal, pixel);
@@ -77,33 +98,52 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
     for axis in axes(&points) {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }
-    let fits: Vec<Fit> = starts
+    let fits: Vec<(Fit, bool)> = starts
         .par_iter()
-        .map(|(start, is_fixed)| refined(start, *is_fixed, &patches, extent))
+        .map(|(start, is_fixed)| {
+            let fit = refined(start, *is_fixed, NUM_FIRST_TRIALS, &patches, extent);
+            (fit, *is_fixed)
+        })
         .collect();
-    best(&fits, &starts)
+    let promising = ranked(evidence, group, fits).into_iter().take(NUM_PROMISING);
+    let promising: Vec<(Fit, bool)> = promising.collect();
+    let fits: Vec<(Fit, bool)> = (promising.into_par_iter())
+        .map(|(fit, is_fixed)| {
+            // The corners of a search grow flat: another one starts from where it ended.
+            let mut fit = fit;
+            for _ in 0..2 {
+                fit = refined(&fit.shape, is_fixed, NUM_TRIALS, &patches, extent);
+            }
+            (fit, is_fixed)
+        })
+        .collect();
+    ranked(evidence, group, fits).first().map(|(fit, _)| *fit)
 }
 
-/// Of all fits the one with the least residual, where those with more freedom have to be better by
-/// [`BETTER`].
-fn best(fits: &[Fit], starts: &[(Shape, bool)]) -> Option<Fit> {
-    let freedom = |fit: &Fit, is_mount: bool| match fit.shape {
-        Shape::Ball { .. } => 0,
-        Shape::Rectangle(_) | Shape::Ellipse(_) if is_mount => 0,
-        Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Tube { .. } => 1,
+/// Fits, and whether they keep the normal of a mount, the best first: those with the least residual,
+/// where those with more freedom have to be better by [`BETTER`], and views have to agree on the
+/// flux.
+fn ranked(evidence: &Evidence, group: &Group, fits: Vec<(Fit, bool)>) -> Vec<(Fit, bool)> {
+    let score = |(fit, is_mount): &(Fit, bool)| {
+        let freedom = match fit.shape {
+            Shape::Ball { .. } => 0,
+            Shape::Rectangle(_) | Shape::Ellipse(_) if *is_mount => 0,
+            Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Tube { .. } => 1,
+        };
+        let measured = measure(evidence, group, &fit.shape)?;
+        let doubt = 1.0 + (measured.deviation / DEVIATION).powi(2);
+        if std::env::var_os("LAMPS").is_some() { eprintln!("   {:?} residual {:.4} deviation {:.4} fixed {is_mount}", fit.shape, fit.residual, measured.deviation); }
+        Some((fit.residual + MIN_RESIDUAL) * BETTER.powi(-freedom) * doubt)
     };
-    let score = |(fit, (_, is_mount)): &(&Fit, &(Shape, bool))| {
-        fit.residual * BETTER.powi(-freedom(fit, *is_mount))
-    };
-    let all = fits.iter().zip(starts);
-    all.min_by(|a, b| score(a).total_cmp(&score(b))).map(|(fit, _)| *fit)
+    let mut scored: Vec<(f32, (Fit, bool))> =
+        (fits.into_iter()).filter_map(|fit| Some((score(&fit)?, fit))).collect();
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    scored.into_iter().map(|(_, fit)| fit).collect()
 }
 
 /// A lit pixel in space.
 struct Point {
     position: Vec3,
-    /// Unit normal of the scene there.
-    normal: Vec3,
     /// Unit vector to the camera.
     towards: Vec3,
     width: f32,
@@ -115,7 +155,6 @@ fn points(evidence: &Evidence, group: &Group) -> Vec<Point> {
         let pixel = &sight.pixels[pixel as usize];
         Point {
             position: sight.origin + pixel.direction * pixel.distance,
-            normal: pixel.normal,
             towards: -pixel.direction,
             width: pixel.distance * sight.pixel_width(),
         }
@@ -139,9 +178,9 @@ fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec
         .map(|(view, own)| {
             let sight = &evidence.sights[*view];
             let frame = sight.camera.ray_frame();
-            let own: std::collections::HashSet<u32> = own.iter().copied().collect();
+            let own: HashSet<u32> = own.iter().copied().collect();
             let of_own = || own.iter().map(|&i| &sight.pixels[i as usize]);
-            let bounds = |of: fn(&crate::evidence::Pixel) -> u32| {
+            let bounds = |of: fn(&Pixel) -> u32| {
                 let values = of_own().map(of);
                 (values.clone().min().unwrap_or(0), values.max().unwrap_or(0))
             };
@@ -183,6 +222,7 @@ fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec
                     rays,
                     cover,
                     weight: 1.0,
+                    hidden_from: hidden_from(sight, pixel),
                 });
             }
             Patch {
@@ -208,6 +248,12 @@ fn thinned(targets: Vec<Target>) -> Vec<Target> {
             (!is_plain(&target) || at % step == 0).then_some(target)
         })
         .collect()
+}
+
+/// Distance along the ray of a pixel at which something is behind what the scene has there.
+pub(crate) fn hidden_from(sight: &Sight, pixel: &Pixel) -> f32 {
+    let tolerance = (HIDDEN_PIXELS * sight.pixel_width()).max(HIDDEN_SHARE);
+    pixel.distance * (1.0 + tolerance)
 }
 
 /// Radiance of the lamp where it fills a pixel: the brightest channel of most of the pixels that it
@@ -239,50 +285,83 @@ fn residual(shape: &Shape, patches: &[Patch]) -> f32 {
     let (mut error, mut all) = (0.0_f32, 0.0_f32);
     for patch in patches {
         for target in &patch.targets {
-            let met = (target.rays.iter())
-                .filter(|ray| shape.meet(patch.origin, **ray).is_some())
-                .count();
+            let (mut met, mut farthest) = (0, 0.0_f32);
+            for distance in target.rays.iter().filter_map(|ray| shape.meet(patch.origin, *ray)) {
+                met += 1;
+                farthest = farthest.max(distance);
+            }
             let cover = met as f32 / (RAYS * RAYS) as f32;
-            error += target.weight * (cover - target.cover).powi(2);
+            // A lamp may go on behind what hides it, but has no reason to.
+            let is_hidden = cover > target.cover && farthest > target.hidden_from;
+            let weight = target.weight * if is_hidden { HIDDEN } else { 1.0 };
+            error += weight * (cover - target.cover).powi(2);
             all += target.weight * target.cover * target.cover;
         }
     }
     error / all.max(f32::MIN_POSITIVE)
 }
 
-fn refined(start: &Shape, keeps_normal: bool, patches: &[Patch], extent: f32) -> Fit {
+fn refined(
+    start: &Shape,
+    keeps_normal: bool,
+    num_trials: usize,
+    patches: &[Patch],
+    extent: f32,
+) -> Fit {
     let num = start.num_changes() - if keeps_normal { 2 } else { 0 };
-    let value = |by: &[f32]| {
+    let with = |by: &[f32]| {
         let mut all = [0.0; MAX_CHANGES];
         all[..num].copy_from_slice(by);
-        residual(&start.changed(&all, extent), patches)
+        start.changed(&all, extent)
     };
     let mut steps = [0.2_f32; MAX_CHANGES];
     steps[..3].fill(0.15);
-    let (by, residual) = search::minimum(value, &steps[..num], NUM_TRIALS);
-    let mut all = [0.0; MAX_CHANGES];
-    all[..num].copy_from_slice(&by);
+    let value = |by: &[f32]| residual(&with(by), patches);
+    let (by, residual) = search::minimum(value, &steps[..num], num_trials);
     Fit {
-        shape: start.changed(&all, extent),
+        shape: with(&by),
         residual,
     }
 }
 
 /// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
 /// is mounted on.
-fn normals(points: &[Point], towards: Vec3, mount: Vec3) -> Vec<(Vec3, bool)> {
+fn normals(points: &[Point], towards: Vec3, mount: Option<Vec3>) -> Vec<(Vec3, bool)> {
     let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
     let plane = FittedPlane::through(points.iter().map(|p| p.position));
-    let mut found = Vec::new();
-    let aligned = (points.iter()).filter(|p| p.normal.dot(mount) > MOUNT_COSINE * mount.length());
-    if let Some(mount) = mount.try_normalize()
-        && 2 * aligned.count() > points.len()
-    {
-        found.push((turned(mount), true));
-    }
+    let mut found: Vec<(Vec3, bool)> = mount.map(|n| (turned(n), true)).into_iter().collect();
+    found.extend(mount.map(|n| (turned(n), false)));
     found.extend(plane.normal.map(|n| (turned(n), false)));
     found.extend(towards.try_normalize().map(|n| (n, false)));
     found
+}
+
+/// Normal of the surface around a lamp, if there is one in which it may lie.
+fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Option<Vec3> {
+    let mut near: HashSet<(u32, u32, u32)> = HashSet::new();
+    for &(view, pixel) in &group.members {
+        let Pixel { x, y, .. } = evidence.sights[view as usize].pixels[pixel as usize];
+        for v in y.saturating_sub(MOUNT_RING)..=y + MOUNT_RING {
+            let row = x.saturating_sub(MOUNT_RING)..=x + MOUNT_RING;
+            near.extend(row.map(|u| (view, u, v)));
+        }
+    }
+    let mut around = Vec::new();
+    for (view, sight) in (0_u32..).zip(&evidence.sights) {
+        for pixel in sight.pixels.iter().filter(|p| !p.lit.is_lit() && p.distance.is_finite()) {
+            if pixel.normal != Vec3::ZERO && near.contains(&(view, pixel.x, pixel.y)) {
+                let position = sight.origin + pixel.direction * pixel.distance;
+                around.push((position, pixel.normal));
+            }
+        }
+    }
+    let normal = median(around.iter().map(|a| a.1)).try_normalize()?;
+    let holds = |(position, own): &&(Vec3, Vec3)| {
+        own.dot(normal) > MOUNT_COSINE
+            && (*position - centre).dot(normal).abs() < MOUNT_HEIGHT * extent
+    };
+    let num = around.iter().filter(holds).count();
+    (num >= MIN_MOUNT && num as f32 > MOUNT_SHARE * around.len() as f32).then_some(normal)
 }
 
 fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f32) -> Flat {

@@ -1,6 +1,7 @@
 //! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
 
 use crate::evidence::{Evidence, Lit, Sight};
+use crate::fit::hidden_from;
 use crate::group::Group;
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
@@ -12,8 +13,6 @@ const RAYS: u32 = 4;
 /// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
 /// that measures it.
 const MAX_HIDDEN: f32 = 0.05;
-/// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
-const NEARER: f32 = 0.08;
 
 /// Radiance of a lamp and how sure it is.
 #[derive(Debug, Clone, Copy)]
@@ -80,10 +79,6 @@ pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Opti
 
 fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
     let frame = sight.camera.ray_frame();
-    let nearest = {
-        let size = shape.size().length();
-        (shape.centre().distance(sight.origin) - size) * (1.0 - NEARER)
-    };
     let columns: HashSet<(u32, u32)> = (own.iter())
         .map(|&i| &sight.pixels[i as usize])
         .flat_map(|p| {
@@ -104,19 +99,24 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
         hidden: 0.0,
     };
     for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-        let met = (0..RAYS * RAYS).filter(|k| {
+        let met = (0..RAYS * RAYS).filter_map(|k| {
             let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
             let (x, y) = (
                 pixel.x as f32 + within(k % RAYS),
                 pixel.y as f32 + within(k / RAYS),
             );
-            shape.meet(sight.origin, frame.direction(x, y)).is_some()
+            shape.meet(sight.origin, frame.direction(x, y))
         });
-        let cover = met.count() as f32 / (RAYS * RAYS) as f32;
+        let (mut num_met, mut farthest) = (0, 0.0_f32);
+        for distance in met {
+            num_met += 1;
+            farthest = farthest.max(distance);
+        }
+        let cover = num_met as f32 / (RAYS * RAYS) as f32;
         let is_own = own.contains(&i);
         // Neighbours of its own pixels count as far as they are brighter than what is behind.
         let beside = pixel.lit == Lit::Beside && columns.contains(&(pixel.x + 1, pixel.y + 1));
-        let is_hidden = !is_own && !beside && pixel.distance < nearest;
+        let is_hidden = !is_own && !beside && farthest > hidden_from(sight, pixel);
         if (is_hidden || sight.at_edge(pixel)) && cover > 0.0 {
             reading.hidden += cover * pixel.solid_angle;
             continue;
