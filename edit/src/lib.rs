@@ -78,7 +78,6 @@
 
 mod act;
 mod cluster;
-use eagpt_scene::discs as insert;
 mod place;
 pub mod replay;
 pub mod report;

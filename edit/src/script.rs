@@ -7,11 +7,11 @@ mod shapes;
 mod surfaces;
 
 use crate::act::Action;
-use crate::insert::Surface;
 use crate::place::Placement;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
 use eagpt_scene::dataset::UpAxis;
+use eagpt_scene::discs::Surface;
 use eagpt_scene::script::{ScriptFile, Spanned};
 use eagpt_scene::{Gaussians, Lamps, Result};
 use std::ops::Range;

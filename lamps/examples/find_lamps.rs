@@ -28,9 +28,17 @@ fn main() {
     for lamp in &found.lamps.lamps {
         println!(
             "{} {:?} at {:.3?} size {:.3?} z {:.2?} radiance {:.1?} power {:.2?} views {} pixels {} deviation {:.3} replaced {}",
-            lamp.name, lamp.shape, lamp.centre, lamp.size,
-            lamp.world_from_lamp() * Vec3::Z, lamp.radiance, lamp.power,
-            lamp.views.len(), lamp.num_pixels, lamp.deviation, lamp.num_gaussians
+            lamp.name,
+            lamp.shape,
+            lamp.centre,
+            lamp.size,
+            lamp.world_from_lamp() * Vec3::Z,
+            lamp.radiance,
+            lamp.power,
+            lamp.views.len(),
+            lamp.num_pixels,
+            lamp.deviation,
+            lamp.num_gaussians
         );
     }
     let after = found.cleared.applied(&scene);

@@ -2,8 +2,8 @@
 //! although cameras see it, and the rough surface that it is mounted on.
 
 use crate::evidence::{Evidence, Lit};
-use crate::shape::{Flat, Shape};
 use crate::fit::median_of;
+use crate::shape::{Flat, Shape};
 use eagpt_scene::{Gaussian, Gaussians, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, TraceError};
@@ -49,11 +49,7 @@ impl Cleared {
 }
 
 /// Marks the Gaussians that lamps of `shapes` replace; returns how many each does.
-pub(crate) fn replaced(
-    gaussians: &Gaussians,
-    shapes: &[Shape],
-    keep: &mut [bool],
-) -> Vec<usize> {
+pub(crate) fn replaced(gaussians: &Gaussians, shapes: &[Shape], keep: &mut [bool]) -> Vec<usize> {
     let mut nums = vec![0; shapes.len()];
     for i in 0..gaussians.len() {
         if gaussians.emissions[i] <= EMISSION_THRESHOLD {
@@ -102,9 +98,8 @@ pub(crate) fn flatten_mount(gaussians: &Gaussians, flat: &Flat, cleared: &mut Cl
         );
         (outside.length(), local.z)
     };
-    let reflects = |i: &usize| {
-        cleared.keep[*i] && gaussians.emissions[*i] <= EMISSION_THRESHOLD && along(*i)
-    };
+    let reflects =
+        |i: &usize| cleared.keep[*i] && gaussians.emissions[*i] <= EMISSION_THRESHOLD && along(*i);
     let near: Vec<usize> = (0..gaussians.len())
         .filter(reflects)
         .filter(|&i| {
@@ -114,8 +109,10 @@ pub(crate) fn flatten_mount(gaussians: &Gaussians, flat: &Flat, cleared: &mut Cl
         .collect();
     let size = median_of(near.iter().map(|&i| gaussians.scales[i].max_element()));
     let limit = (3.0 * size).min(reach);
-    let mount: Vec<usize> =
-        near.into_iter().filter(|&i| place(i).1.abs() <= limit).collect();
+    let mount: Vec<usize> = near
+        .into_iter()
+        .filter(|&i| place(i).1.abs() <= limit)
+        .collect();
     if mount.len() < MIN_MOUNT {
         return;
     }
@@ -178,7 +175,11 @@ pub(crate) fn remove_what_hides(
                 Lit::Border => covers(shapes, sight, pixel.x, pixel.y),
                 Lit::Beside | Lit::Dark => false,
             };
-            if whole && shapes.iter().any(|s| s.meet(sight.origin, pixel.direction).is_some()) {
+            if whole
+                && shapes
+                    .iter()
+                    .any(|s| s.meet(sight.origin, pixel.direction).is_some())
+            {
                 lit[(pixel.y * sight.camera.width + pixel.x) as usize] = true;
             }
         }
@@ -222,7 +223,9 @@ fn covers(shapes: &[Shape], sight: &crate::evidence::Sight, x: u32, y: u32) -> b
 /// Whether a place is in front of all flat shapes near it.
 fn in_front(shapes: &[Shape], position: Vec3) -> bool {
     let behind = |shape: &Shape| {
-        let Some(flat) = shape.flat() else { return false };
+        let Some(flat) = shape.flat() else {
+            return false;
+        };
         let height = (position - flat.centre).dot(flat.normal());
         let near = position.distance(flat.centre) < 2.0 * shape.size().length();
         near && height <= 0.0

@@ -23,7 +23,7 @@ const NEARER: f32 = 0.08;
 const HIDDEN_PIXELS: f32 = 2.0;
 const HIDDEN_SHARE: f32 = 0.01;
 /// … and counts so much where a view does not show it.
-const HIDDEN: f32 = 0.25;
+const HIDDEN: f32 = 0.5;
 /// Pixels of a view that a lamp fills or has nothing in that a fit compares.
 const MAX_PLAIN: usize = 500;
 /// How much better a shape with more freedom has to fit than one with less.
@@ -94,7 +94,13 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
         starts.push((Shape::Rectangle(flat), is_mount));
         starts.push((Shape::Ellipse(flat), is_mount));
     }
-    starts.push((Shape::Ball { centre, radius: 0.5 * extent }, false));
+    starts.push((
+        Shape::Ball {
+            centre,
+            radius: 0.5 * extent,
+        },
+        false,
+    ));
     for axis in axes(&points) {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }
@@ -105,7 +111,9 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
             (fit, *is_fixed)
         })
         .collect();
-    let promising = ranked(evidence, group, fits).into_iter().take(NUM_PROMISING);
+    let promising = ranked(evidence, group, fits)
+        .into_iter()
+        .take(NUM_PROMISING);
     let promising: Vec<(Fit, bool)> = promising.collect();
     let fits: Vec<(Fit, bool)> = (promising.into_par_iter())
         .map(|(fit, is_fixed)| {
@@ -132,11 +140,11 @@ fn ranked(evidence: &Evidence, group: &Group, fits: Vec<(Fit, bool)>) -> Vec<(Fi
         };
         let measured = measure(evidence, group, &fit.shape)?;
         let doubt = 1.0 + (measured.deviation / DEVIATION).powi(2);
-        if std::env::var_os("LAMPS").is_some() { eprintln!("   {:?} residual {:.4} deviation {:.4} fixed {is_mount}", fit.shape, fit.residual, measured.deviation); }
         Some((fit.residual + MIN_RESIDUAL) * BETTER.powi(-freedom) * doubt)
     };
-    let mut scored: Vec<(f32, (Fit, bool))> =
-        (fits.into_iter()).filter_map(|fit| Some((score(&fit)?, fit))).collect();
+    let mut scored: Vec<(f32, (Fit, bool))> = (fits.into_iter())
+        .filter_map(|fit| Some((score(&fit)?, fit)))
+        .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.into_iter().map(|(_, fit)| fit).collect()
 }
@@ -260,9 +268,10 @@ pub(crate) fn hidden_from(sight: &Sight, pixel: &Pixel) -> f32 {
 /// is alone in, or else of its brightest ones.
 fn brightness(evidence: &Evidence, group: &Group) -> f32 {
     let values = |inside: bool| {
-        let pixels = group.members.iter().map(|&(view, pixel)| {
-            &evidence.sights[view as usize].pixels[pixel as usize]
-        });
+        let pixels = group
+            .members
+            .iter()
+            .map(|&(view, pixel)| &evidence.sights[view as usize].pixels[pixel as usize]);
         let mut values: Vec<f32> = pixels
             .filter(|p| !inside || p.lit == Lit::Inside)
             .map(|p| p.radiance.max_element())
@@ -286,7 +295,11 @@ fn residual(shape: &Shape, patches: &[Patch]) -> f32 {
     for patch in patches {
         for target in &patch.targets {
             let (mut met, mut farthest) = (0, 0.0_f32);
-            for distance in target.rays.iter().filter_map(|ray| shape.meet(patch.origin, *ray)) {
+            for distance in target
+                .rays
+                .iter()
+                .filter_map(|ray| shape.meet(patch.origin, *ray))
+            {
                 met += 1;
                 farthest = farthest.max(distance);
             }
@@ -348,7 +361,11 @@ fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Optio
     }
     let mut around = Vec::new();
     for (view, sight) in (0_u32..).zip(&evidence.sights) {
-        for pixel in sight.pixels.iter().filter(|p| !p.lit.is_lit() && p.distance.is_finite()) {
+        for pixel in sight
+            .pixels
+            .iter()
+            .filter(|p| !p.lit.is_lit() && p.distance.is_finite())
+        {
             if pixel.normal != Vec3::ZERO && near.contains(&(view, pixel.x, pixel.y)) {
                 let position = sight.origin + pixel.direction * pixel.distance;
                 around.push((position, pixel.normal));

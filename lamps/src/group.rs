@@ -38,7 +38,10 @@ impl Group {
         let relative = |own: &Point| {
             own.position.distance(point.position) / (NEAR_PIXELS * (own.width + point.width))
         };
-        self.points.iter().map(relative).fold(f32::INFINITY, f32::min)
+        self.points
+            .iter()
+            .map(relative)
+            .fold(f32::INFINITY, f32::min)
     }
 
     fn add(&mut self, view: usize, pixel: usize, point: Point) {
@@ -109,7 +112,10 @@ fn by_detail(evidence: &Evidence) -> Vec<(usize, u32)> {
         }
     }
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    order.into_iter().map(|(_, view, region)| (view, region)).collect()
+    order
+        .into_iter()
+        .map(|(_, view, region)| (view, region))
+        .collect()
 }
 
 fn points_of(sight: &Sight, region: u32) -> Vec<(usize, Point)> {
@@ -174,7 +180,9 @@ fn are_connected(evidence: &Evidence, a: &Group, b: &Group) -> bool {
         for &(view, pixel) in &group.members {
             let sight = &evidence.sights[view as usize];
             let pixel = &sight.pixels[pixel as usize];
-            let (regions, width) = views.entry(view).or_insert((BTreeSet::new(), f32::INFINITY));
+            let (regions, width) = views
+                .entry(view)
+                .or_insert((BTreeSet::new(), f32::INFINITY));
             regions.insert(pixel.region);
             *width = width.min(pixel.distance * sight.pixel_width());
         }

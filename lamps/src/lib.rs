@@ -22,9 +22,9 @@ pub mod shape;
 pub use clear::Cleared;
 pub use evidence::Evidence;
 
+use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
-use eagpt_scene::Gaussians;
 use eagpt_trace::{Device, TraceError};
 use glam::Vec3;
 use group::Group;
@@ -135,12 +135,16 @@ fn candidates(evidence: &Evidence) -> Vec<Candidate> {
         let elsewhere = group.members.iter().filter(|&&(view, pixel)| {
             let sight = &evidence.sights[view as usize];
             let direction = sight.pixels[pixel as usize].direction;
-            found.iter().any(|c| c.shape.meet(sight.origin, direction).is_some())
+            found
+                .iter()
+                .any(|c| c.shape.meet(sight.origin, direction).is_some())
         });
         if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
             continue;
         }
-        let Some(fit) = fit::fit(evidence, &group) else { continue };
+        let Some(fit) = fit::fit(evidence, &group) else {
+            continue;
+        };
         if fit.residual > MAX_RESIDUAL {
             continue;
         }
@@ -181,7 +185,10 @@ fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) 
         radiance: c.radiance.to_array(),
         power: place::power(&c.shape, c.radiance).to_array(),
         num_gaussians,
-        views: views.into_iter().map(|v| evidence.sights[v].name.clone()).collect(),
+        views: views
+            .into_iter()
+            .map(|v| evidence.sights[v].name.clone())
+            .collect(),
         num_pixels: c.group.members.len(),
         deviation: c.deviation,
         factor: [1.0; 3],

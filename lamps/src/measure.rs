@@ -58,7 +58,9 @@ pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Opti
         return None;
     }
     let radiance = Vec3::from_array([0, 1, 2].map(|channel| {
-        let ratios = used.iter().map(|r| (r.flux[channel] / r.solid_angle, r.solid_angle));
+        let ratios = used
+            .iter()
+            .map(|r| (r.flux[channel] / r.solid_angle, r.solid_angle));
         weighted_median(ratios)
     }));
     let mean = luminance(radiance.to_array());
@@ -81,9 +83,7 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
     let frame = sight.camera.ray_frame();
     let columns: HashSet<(u32, u32)> = (own.iter())
         .map(|&i| &sight.pixels[i as usize])
-        .flat_map(|p| {
-            (0..3).flat_map(move |dy| (0..3).map(move |dx| (p.x + dx, p.y + dy)))
-        })
+        .flat_map(|p| (0..3).flat_map(move |dy| (0..3).map(move |dx| (p.x + dx, p.y + dy))))
         .collect();
     let background = {
         let mut values: Vec<Vec3> = (sight.pixels.iter())

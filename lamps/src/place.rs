@@ -23,7 +23,10 @@ const GRID: u16 = 48;
 /// What the discs show to a viewer in front is as much as the shape would.
 pub(crate) fn discs(shape: &Shape, radiance: Vec3, pixel: f32) -> Gaussians {
     let least = (shape.area() / MAX_DISCS).sqrt();
-    let spacing = pixel.max(least).min(shape.thinnest() / MIN_ACROSS).max(least);
+    let spacing = pixel
+        .max(least)
+        .min(shape.thinnest() / MIN_ACROSS)
+        .max(least);
     let surface = |radiance: Option<Vec3>| Surface {
         solid: solid(shape),
         material: Material {

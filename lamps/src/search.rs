@@ -41,7 +41,11 @@ pub(crate) fn minimum(
         let reflected = along(1.0);
         let new = if reflected.1 < best {
             let farther = along(2.0);
-            if farther.1 < reflected.1 { farther } else { reflected }
+            if farther.1 < reflected.1 {
+                farther
+            } else {
+                reflected
+            }
         } else if reflected.1 < corners[num - 1].1 {
             reflected
         } else {

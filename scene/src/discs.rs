@@ -160,9 +160,11 @@ impl Surface {
             Solid::Ball { radius, .. } => 4.0 * PI * radius * radius,
             Solid::Quad { edges: [u, v], .. } => u.cross(v).length(),
             Solid::Ellipse { axes: [u, v], .. } => 0.25 * PI * u.cross(v).length(),
-            Solid::Tube { axis, radii: [a, b], .. } => {
-                PI * ((a + b) * axis.length().hypot(a - b) + a * a + b * b)
-            }
+            Solid::Tube {
+                axis,
+                radii: [a, b],
+                ..
+            } => PI * ((a + b) * axis.length().hypot(a - b) + a * a + b * b),
             Solid::Box { size, .. } => 2.0 * size.dot(Vec3::new(size.y, size.z, size.x)),
         }
     }
@@ -251,7 +253,10 @@ impl Surface {
             }
         }
         let [x, y] = [Vec3::X, Vec3::Y].map(|edge| to_world * edge * 2.0);
-        let ends = [(0.5, [x * radii[1], y * radii[1]]), (-0.5, [y * radii[0], x * radii[0]])];
+        let ends = [
+            (0.5, [x * radii[1], y * radii[1]]),
+            (-0.5, [y * radii[0], x * radii[0]]),
+        ];
         for (place, axes) in ends {
             self.cover_ellipse(centre + axis * place, axes, spacing, out);
         }

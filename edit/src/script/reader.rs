@@ -2,9 +2,9 @@
 
 use super::actions::PlacementKeys;
 use super::selectors::{self, SelectorKeys, is_reserved};
+use super::surfaces::ReadSurface;
 use super::{Asset, EditStep, Script, Subject};
 use crate::act::Action;
-use crate::insert::Surface;
 use crate::place::Pivot;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
@@ -32,7 +32,7 @@ struct ScriptKeys {
 struct StepKeys {
     title: Option<String>,
     select: Option<Spanned<SelectorKeys>>,
-    insert: Option<Spanned<Surface>>,
+    insert: Option<Spanned<ReadSurface>>,
     import: Option<Spanned<ImportKeys>>,
     #[serde(default)]
     allow_empty: bool,
@@ -151,7 +151,7 @@ impl Reader<'_> {
             (Some(keys), None, None) => (Subject::Select(self.selector(&keys)?), keys.span()),
             (None, Some(keys), None) => {
                 let span = keys.span();
-                (Subject::Insert(keys.into_inner()), span)
+                (Subject::Insert(keys.into_inner().0), span)
             }
             (None, None, Some(keys)) => {
                 let span = keys.span();

@@ -1,6 +1,6 @@
 //! New surfaces in a script.
 
-use crate::insert::{MAX_DISCS, Material, Solid, Surface};
+use eagpt_scene::discs::{MAX_DISCS, Material, Solid, Surface};
 use eagpt_scene::script::value::{Albedo, Array, Color, Number, Positive, Rotation, checked};
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Deserializer};
@@ -17,11 +17,14 @@ enum SurfaceKeys {
     Box(#[serde(deserialize_with = "cuboid")] Surface),
 }
 
-impl<'de> Deserialize<'de> for Surface {
+/// A [`Surface`] as it is read from a script.
+pub(super) struct ReadSurface(pub(super) Surface);
+
+impl<'de> Deserialize<'de> for ReadSurface {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Ok(match SurfaceKeys::deserialize(deserializer)? {
             SurfaceKeys::Ball(surface) | SurfaceKeys::Quad(surface) | SurfaceKeys::Box(surface) => {
-                surface
+                Self(surface)
             }
         })
     }
