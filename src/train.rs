@@ -252,6 +252,14 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
         } => reporter.note(&format!(
             "{num_gaussians} Gaussians after iteration {iteration}"
         )),
+        TrainProgress::Lamps {
+            iteration,
+            num_lamps,
+            num_gaussians,
+        } => reporter.note(&format!(
+            "{num_lamps} lamp{} after iteration {iteration}, {num_gaussians} Gaussians",
+            if *num_lamps == 1 { "" } else { "s" }
+        )),
         TrainProgress::Checkpoint { .. } => {}
         TrainProgress::Preview {
             iteration,

@@ -2,6 +2,7 @@
 //! divergence.
 
 mod finish;
+mod lamps;
 mod plan;
 mod request;
 mod start;
@@ -261,13 +262,17 @@ impl Run<'_> {
                 Stage::Radiance => options.radiance.densify.time_at(iteration, total),
                 Stage::Albedo => None,
             };
-            if stores || shows || splits.is_some() {
+            let cleans = stage == Stage::Radiance && options.radiance.lamps.is_due(iteration, total);
+            if stores || shows || splits.is_some() || cleans {
                 for step in backend.finish()? {
                     self.note(&mut log, position, total, &step)?;
                 }
             }
             if let Some(time) = splits {
                 self.densify(backend, views, iteration, time)?;
+            }
+            if cleans {
+                self.clean_lamps(backend, views, iteration)?;
             }
             if shows {
                 let psnr_srgb_db =

@@ -208,6 +208,28 @@ pub struct RadianceOptions {
     pub weights: LossWeights,
     /// How the number of Gaussians grows.
     pub densify: DensifyOptions,
+    /// What becomes of emitters.
+    pub lamps: LampOptions,
+}
+
+/// Lamps as clean surfaces of known power (crate `eagpt-lamps`), in place of the heaps of discs that
+/// training makes of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LampOptions {
+    /// Whether lamps become clean; in the paper they stay as they were trained.
+    pub clean: bool,
+    /// Share of the iterations after which they do, 0 to 1: geometry has to be right by then, and
+    /// what is around them has to fit them afterwards.
+    pub after: f32,
+}
+
+impl LampOptions {
+    /// Whether lamps become clean after `iteration` of `total`.
+    pub fn is_due(&self, iteration: u32, total: u32) -> bool {
+        let due = (f64::from(self.after) * f64::from(total)).round() as u32;
+        self.clean && iteration == due.clamp(1, total)
+    }
 }
 
 /// Splitting of Gaussians during stage 0.

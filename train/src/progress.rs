@@ -56,6 +56,15 @@ pub enum TrainProgress {
         /// Gaussians now.
         num_gaussians: usize,
     },
+    /// Emitters became clean lamps.
+    Lamps {
+        /// Iteration.
+        iteration: u32,
+        /// Lamps.
+        num_lamps: usize,
+        /// Gaussians now.
+        num_gaussians: usize,
+    },
     /// A checkpoint lies on disk.
     Checkpoint {
         /// Where.

@@ -6,6 +6,7 @@ use crate::error::{Result, TrainError};
 use crate::options::{Stage, StageChoice, TrainOptions};
 use eagpt_scene::dataset::Split;
 use eagpt_scene::files::{self, Key, digest};
+use eagpt_scene::lamps::LAMPS_FILE;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Dataset, SceneError};
 use std::path::PathBuf;
@@ -93,6 +94,7 @@ impl Folder {
                 self.previews(),
                 self.log(),
                 self.root.join("scene.ply"),
+                self.root.join(LAMPS_FILE),
                 self.root.join("record.json"),
             ] {
                 files::remove_if_there(&path)?;

@@ -8,6 +8,7 @@ use crate::progress::TrainProgress;
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Dataset, View};
+use glam::Vec3;
 use std::sync::Arc;
 
 /// The views a run trains on.
@@ -33,6 +34,11 @@ impl Views {
 
     pub(super) fn len(&self) -> usize {
         self.indices.len()
+    }
+
+    /// Upwards, a unit vector.
+    pub(super) fn up(&self) -> Vec3 {
+        self.cache.dataset().up().vector()
     }
 
     /// The cameras of all training views.

@@ -117,6 +117,7 @@ impl TrainOptions {
         ] {
             not_negative(&format!("radiance.weights.{field}"), value)?;
         }
+        share("radiance.lamps.after", self.radiance.lamps.after.into())?;
         let densify = &self.radiance.densify;
         share("radiance.densify.from", densify.from.into())?;
         share("radiance.densify.until", densify.until.into())?;

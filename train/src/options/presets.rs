@@ -1,7 +1,7 @@
 //! The values of the presets.
 
 use super::{
-    AlbedoOptions, DensifyOptions, Gather, HarmonicsOptions, InitOptions, LearningRates,
+    AlbedoOptions, DensifyOptions, Gather, HarmonicsOptions, InitOptions, LampOptions, LearningRates,
     LossWeights, OutputOptions, Preset, RadianceOptions, StageChoice, TrainOptions,
 };
 use eagpt_scene::dataset::SplitRule;
@@ -83,6 +83,10 @@ impl TrainOptions {
                     from: 0.08,
                     until: 0.6,
                     start_share: 0.4,
+                },
+                lamps: LampOptions {
+                    clean: preset != Preset::Paper,
+                    after: 0.7,
                 },
             },
             albedo: match preset {
