@@ -167,7 +167,7 @@ pub(crate) fn remove_what_hides(
     let mut before = vec![0.0_f32; num];
     let mut weight = vec![0.0_f32; num];
     for sight in &evidence.sights {
-        let mut lit = vec![false; sight.camera.num_pixels()];
+        let mut lit = vec![0.0_f32; sight.camera.num_pixels()];
         for pixel in &sight.pixels {
             // At a border the lamp is there in part; of thin lamps nothing else is seen.
             let whole = match pixel.lit {
@@ -180,10 +180,10 @@ pub(crate) fn remove_what_hides(
                     .iter()
                     .any(|s| s.meet(sight.origin, pixel.direction).is_some())
             {
-                lit[(pixel.y * sight.camera.width + pixel.x) as usize] = true;
+                lit[(pixel.y * sight.camera.width + pixel.x) as usize] = pixel.weight;
             }
         }
-        let value = |pixel: usize, _: &eagpt_trace::Features| f32::from(u8::from(lit[pixel]));
+        let value = |pixel: usize, _: &eagpt_trace::Features| lit[pixel];
         let (_, contributions) = tracer.contributions(&sight.camera, &value)?;
         for c in contributions.iter().filter(|c| (c.gaussian as usize) < num) {
             before[c.gaussian as usize] += c.weighted_value;

@@ -10,6 +10,8 @@ use std::collections::{BTreeMap, HashMap};
 const RIM: u32 = 4;
 /// … and in parts of the region's width and height: they say where a lamp ends.
 const RIM_SHARE: f32 = 0.5;
+/// Pixels of a view, inside lamps or dark, that are kept, about; those at borders are all kept.
+const MAX_PLAIN: usize = 20_000;
 /// Value of a mask from which on a pixel is lit: it is an emitter's if that covers at least half.
 const LIT: f32 = 0.5;
 
@@ -20,8 +22,10 @@ pub(crate) struct Pixel {
     pub(crate) y: u32,
     /// Unit direction of the ray through its centre.
     pub(crate) direction: Vec3,
-    /// Solid angle, sr.
+    /// Solid angle, sr, of all the pixels that it stands for.
     pub(crate) solid_angle: f32,
+    /// Number of pixels that it stands for: where a picture is large, not all are kept.
+    pub(crate) weight: f32,
     /// Photographed radiance, linear.
     pub(crate) radiance: Vec3,
     /// Distance of the scene along the ray, scene units; infinite where there is nothing.
@@ -101,6 +105,8 @@ impl Evidence {
         let near = around(&regions, &lit, mask.size());
         let region_of: HashMap<[u32; 2], u32> =
             lit.iter().copied().zip(regions.iter().copied()).collect();
+        let num_near = near.iter().filter(|near| **near).count();
+        let step = (1..).find(|k| num_near <= MAX_PLAIN * k * k).unwrap_or(1) as u32;
         let frame = view.camera.ray_frame();
         let forward = view.camera.forward();
         let area = (1.0 / (view.camera.fx * view.camera.fy)) as f32;
@@ -122,11 +128,19 @@ impl Evidence {
                     (false, 0) => Lit::Dark,
                     (false, _) => Lit::Beside,
                 };
+                let weight = match state {
+                    Lit::Border | Lit::Beside => 1.0,
+                    Lit::Inside | Lit::Dark => (step * step) as f32,
+                };
+                if weight > 1.0 && (column % step != 0 || row % step != 0) {
+                    continue;
+                }
                 pixels.push(Pixel {
                     x: column,
                     y: row,
                     direction,
-                    solid_angle: area * direction.dot(forward).powi(3),
+                    solid_angle: weight * area * direction.dot(forward).powi(3),
+                    weight,
                     radiance: view.radiance.get(column, row).into(),
                     distance: if features.alpha() > 0.5 {
                         features.mean_distance()

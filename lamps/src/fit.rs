@@ -229,7 +229,7 @@ fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec
                 targets.push(Target {
                     rays,
                     cover,
-                    weight: 1.0,
+                    weight: pixel.weight,
                     hidden_from: hidden_from(sight, pixel),
                 });
             }
@@ -251,7 +251,7 @@ fn thinned(targets: Vec<Target>) -> Vec<Target> {
         .filter_map(|mut target| {
             if is_plain(&target) {
                 at += 1;
-                target.weight = step as f32;
+                target.weight *= step as f32;
             }
             (!is_plain(&target) || at % step == 0).then_some(target)
         })

@@ -7,6 +7,7 @@
 
 use crate::evidence::{Evidence, Sight};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Points are at one place if they are nearer than this many widths of their pixels.
@@ -68,19 +69,24 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
     for (view, region) in by_detail(evidence) {
         let sight = &evidence.sights[view];
         let points = points_of(sight, region);
-        let nearest: Vec<Option<usize>> = points
-            .iter()
-            .map(|(_, point)| {
-                let distances = groups.iter().map(|group| group.distance(point));
-                let (at, distance) = (distances.enumerate()).min_by(|a, b| a.1.total_cmp(&b.1))?;
-                (distance <= 1.0).then_some(at)
-            })
-            .collect();
-        let num_known = nearest.iter().flatten().count();
         if points.is_empty() {
             continue;
         }
-        if (num_known as f32) < SHARE_KNOWN * points.len() as f32 {
+        let nearest = |point: &Point, of: &[usize]| -> Option<usize> {
+            let distances = of.iter().map(|&lamp| (lamp, groups[lamp].distance(point)));
+            let (lamp, distance) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            (distance <= 1.0).then_some(lamp)
+        };
+        // Some points say which lamps a region shows.
+        let all: Vec<usize> = (0..groups.len()).collect();
+        let some = points.iter().step_by(points.len().div_ceil(MAX_POINTS));
+        let known: Vec<Option<usize>> = some
+            .collect::<Vec<_>>()
+            .par_iter()
+            .map(|(_, point)| nearest(point, &all))
+            .collect();
+        let num_known = known.iter().flatten().count();
+        if (num_known as f32) < SHARE_KNOWN * known.len() as f32 {
             let mut new = Group::default();
             for (pixel, point) in &points {
                 new.add(view, *pixel, *point);
@@ -89,9 +95,21 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
             groups.push(new);
             continue;
         }
-        let most = most_frequent(nearest.iter().flatten().copied());
-        for ((pixel, point), lamp) in points.iter().zip(&nearest) {
-            groups[lamp.unwrap_or(most)].add(view, *pixel, *point);
+        let most = most_frequent(known.iter().flatten().copied());
+        let shown: Vec<usize> = known
+            .into_iter()
+            .flatten()
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect();
+        let lamps: Vec<usize> = if shown.len() == 1 {
+            vec![most; points.len()]
+        } else {
+            let of_point = |(_, point): &(usize, Point)| nearest(point, &shown).unwrap_or(most);
+            points.par_iter().map(of_point).collect()
+        };
+        for ((pixel, point), lamp) in points.iter().zip(lamps) {
+            groups[lamp].add(view, *pixel, *point);
         }
         groups.iter_mut().for_each(Group::thin);
     }

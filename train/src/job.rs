@@ -262,7 +262,8 @@ impl Run<'_> {
                 Stage::Radiance => options.radiance.densify.time_at(iteration, total),
                 Stage::Albedo => None,
             };
-            let cleans = stage == Stage::Radiance && options.radiance.lamps.is_due(iteration, total);
+            let cleans =
+                stage == Stage::Radiance && options.radiance.lamps.is_due(iteration, total);
             if stores || shows || splits.is_some() || cleans {
                 for step in backend.finish()? {
                     self.note(&mut log, position, total, &step)?;

@@ -1,8 +1,8 @@
 //! The values of the presets.
 
 use super::{
-    AlbedoOptions, DensifyOptions, Gather, HarmonicsOptions, InitOptions, LampOptions, LearningRates,
-    LossWeights, OutputOptions, Preset, RadianceOptions, StageChoice, TrainOptions,
+    AlbedoOptions, DensifyOptions, Gather, HarmonicsOptions, InitOptions, LampOptions,
+    LearningRates, LossWeights, OutputOptions, Preset, RadianceOptions, StageChoice, TrainOptions,
 };
 use eagpt_scene::dataset::SplitRule;
 
