@@ -1,6 +1,7 @@
 //! What is in the way of a clean lamp: the Gaussians that it replaces, what stands in front of it
 //! although cameras see it, and the rough surface that it is mounted on.
 
+use crate::Candidate;
 use crate::evidence::{Evidence, Lit};
 use crate::fit::median_of;
 use crate::shape::{Flat, Shape};
@@ -48,21 +49,25 @@ impl Cleared {
     }
 }
 
-/// Marks the Gaussians that lamps of `shapes` replace; returns how many each does.
-pub(crate) fn replaced(gaussians: &Gaussians, shapes: &[Shape], keep: &mut [bool]) -> Vec<usize> {
-    let mut nums = vec![0; shapes.len()];
+/// Marks the Gaussians that clean lamps replace; returns how many are each lamp's.
+pub(crate) fn replaced(
+    gaussians: &Gaussians,
+    lamps: &[Candidate],
+    keep: &mut [bool],
+) -> Vec<usize> {
+    let mut nums = vec![0; lamps.len()];
     for i in 0..gaussians.len() {
         if gaussians.emissions[i] <= EMISSION_THRESHOLD {
             continue;
         }
         let (position, scale) = (gaussians.positions[i], gaussians.scales[i].max_element());
-        let nearest = (shapes.iter().enumerate())
-            .map(|(k, shape)| (k, excess(shape, position, scale)))
+        let nearest = (lamps.iter().enumerate())
+            .map(|(k, lamp)| (k, excess(&lamp.shape, position, scale)))
             .min_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((k, distance)) = nearest
             && distance <= 0.0
         {
-            keep[i] = false;
+            keep[i] &= !lamps[k].is_clean;
             nums[k] += 1;
         }
     }

@@ -28,6 +28,9 @@ const HIDDEN: f32 = 0.5;
 const MAX_PLAIN: usize = 500;
 /// How much better a shape with more freedom has to fit than one with less.
 const BETTER: f32 = 0.8;
+/// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
+const BETTER_OF_FEW: f32 = 0.4;
+const FEW: usize = 120;
 /// Residuals below this are alike.
 const MIN_RESIDUAL: f32 = 0.002;
 /// Evaluations of the first search from every start, and of later ones from the best of these.
@@ -43,8 +46,10 @@ const MOUNT_SHARE: f32 = 0.6;
 const MOUNT_COSINE: f32 = 0.8;
 const MOUNT_HEIGHT: f32 = 0.5;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
-/// that is twice as large.
+/// that is twice as large, at least; …
 const DEVIATION: f32 = 0.03;
+/// … of a lamp that has few pixels in a view, over the square root of their number.
+const DOUBT: f32 = 0.25;
 
 /// A pixel as a fit wants it.
 struct Target {
@@ -72,8 +77,8 @@ pub(crate) struct Fit {
     pub(crate) residual: f32,
 }
 
-/// Fits the lamp of `group`; `None` where its pixels have no extent.
-pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
+/// Fits the lamp of `group`, `up` being the unit vector upwards; `None` where its pixels have no extent.
+pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let points = points(evidence, group);
     if points.is_empty() {
         return None;
@@ -87,7 +92,8 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
         return None;
     }
     let towards: Vec3 = points.iter().map(|p| p.towards).sum();
-    let flats = normals(&points, towards, mount(evidence, group, centre, extent));
+    let doubtful = DOUBT / (group.members.len() as f32 / patches.len() as f32).sqrt();
+    let flats = normals(&points, towards, mount(evidence, group, centre, extent), up);
     let mut starts: Vec<(Shape, bool)> = Vec::new();
     for (normal, is_mount) in flats {
         let flat = first_flat(&points, centre, normal, pixel);
@@ -111,7 +117,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
             (fit, *is_fixed)
         })
         .collect();
-    let promising = ranked(evidence, group, fits)
+    let promising = ranked(evidence, group, fits, doubtful)
         .into_iter()
         .take(NUM_PROMISING);
     let promising: Vec<(Fit, bool)> = promising.collect();
@@ -125,13 +131,25 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
             (fit, is_fixed)
         })
         .collect();
-    ranked(evidence, group, fits).first().map(|(fit, _)| *fit)
+    ranked(evidence, group, fits, doubtful)
+        .first()
+        .map(|(fit, _)| *fit)
 }
 
 /// Fits, and whether they keep the normal of a mount, the best first: those with the least residual,
 /// where those with more freedom have to be better by [`BETTER`], and views have to agree on the
 /// flux.
-fn ranked(evidence: &Evidence, group: &Group, fits: Vec<(Fit, bool)>) -> Vec<(Fit, bool)> {
+fn ranked(
+    evidence: &Evidence,
+    group: &Group,
+    fits: Vec<(Fit, bool)>,
+    doubtful: f32,
+) -> Vec<(Fit, bool)> {
+    let better = if group.members.len() < FEW {
+        BETTER_OF_FEW
+    } else {
+        BETTER
+    };
     let score = |(fit, is_mount): &(Fit, bool)| {
         let freedom = match fit.shape {
             Shape::Ball { .. } => 0,
@@ -139,8 +157,8 @@ fn ranked(evidence: &Evidence, group: &Group, fits: Vec<(Fit, bool)>) -> Vec<(Fi
             Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Tube { .. } => 1,
         };
         let measured = measure(evidence, group, &fit.shape)?;
-        let doubt = 1.0 + (measured.deviation / DEVIATION).powi(2);
-        Some((fit.residual + MIN_RESIDUAL) * BETTER.powi(-freedom) * doubt)
+        let doubt = 1.0 + (measured.deviation / DEVIATION.max(doubtful)).powi(2);
+        Some((fit.residual + MIN_RESIDUAL) * better.powi(-freedom) * doubt)
     };
     let mut scored: Vec<(f32, (Fit, bool))> = (fits.into_iter())
         .filter_map(|fit| Some((score(&fit)?, fit)))
@@ -339,10 +357,14 @@ fn refined(
 
 /// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
 /// is mounted on.
-fn normals(points: &[Point], towards: Vec3, mount: Option<Vec3>) -> Vec<(Vec3, bool)> {
+fn normals(points: &[Point], towards: Vec3, mount: Option<Vec3>, up: Vec3) -> Vec<(Vec3, bool)> {
     let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
     let plane = FittedPlane::through(points.iter().map(|p| p.position));
     let mut found: Vec<(Vec3, bool)> = mount.map(|n| (turned(n), true)).into_iter().collect();
+    // Most lamps face up or down, if they are flat.
+    if mount.is_none_or(|n| n.dot(up).abs() < MOUNT_COSINE) {
+        found.push((turned(up), true));
+    }
     found.extend(mount.map(|n| (turned(n), false)));
     found.extend(plane.normal.map(|n| (turned(n), false)));
     found.extend(towards.try_normalize().map(|n| (n, false)));

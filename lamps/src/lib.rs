@@ -30,8 +30,14 @@ use glam::Vec3;
 use group::Group;
 use shape::Shape;
 
-/// Residual of a fit beyond which a lamp is left as it was trained.
-const MAX_RESIDUAL: f32 = 0.45;
+/// Residual of a fit beyond which a lamp is left as it was trained, if views show it as large as
+/// [`LARGE`], or smaller.
+const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
+/// Pixels of a lamp in the view that shows it largest from which on it is large. Training gives
+/// such lamps the right power, and what stands before them its place.
+const LARGE: usize = 400;
+/// Standard deviation of the flux between views beyond which there is no such lamp.
+const MAX_DEVIATION: f32 = 0.5;
 /// Least number of lit pixels over all views, and of views, of a lamp.
 const MIN_PIXELS: usize = 6;
 const MIN_VIEWS: usize = 2;
@@ -55,6 +61,8 @@ struct Candidate {
     shape: Shape,
     radiance: Vec3,
     deviation: f32,
+    /// Whether its shape explains what the views show.
+    is_clean: bool,
 }
 
 /// Finds the lamps that views show in the scene of `gaussians`; `up` is the unit vector upwards.
@@ -67,16 +75,18 @@ pub fn find(
     up: Vec3,
     device: &Device,
 ) -> Result<Found, TraceError> {
-    let mut candidates = candidates(evidence);
+    let mut candidates = candidates(evidence, up);
     let power = |c: &Candidate| luminance(place::power(&c.shape, c.radiance).to_array());
     candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));
     let shapes: Vec<Shape> = candidates.iter().map(|c| c.shape).collect();
+    let clean = || candidates.iter().filter(|c| c.is_clean);
+    let clean_shapes: Vec<Shape> = clean().map(|c| c.shape).collect();
     let mut cleared = Cleared {
         keep: vec![true; gaussians.len()],
         moved: Vec::new(),
     };
-    let nums = clear::replaced(gaussians, &shapes, &mut cleared.keep);
-    for flat in shapes.iter().filter_map(Shape::flat) {
+    let nums = clear::replaced(gaussians, &candidates, &mut cleared.keep);
+    for flat in clean_shapes.iter().filter_map(Shape::flat) {
         let mut one = Cleared {
             keep: cleared.keep.clone(),
             moved: Vec::new(),
@@ -88,12 +98,19 @@ pub fn find(
             }
         }
     }
-    let own: Vec<Gaussians> = (candidates.iter())
+    let own: Vec<Gaussians> = clean()
         .map(|c| place::discs(&c.shape, c.radiance, pixel_width(evidence, &c.group)))
         .collect();
     let discs: Gaussians = own.iter().flat_map(Gaussians::iter).collect();
-    if !candidates.is_empty() {
-        clear::remove_what_hides(device, evidence, gaussians, &shapes, &discs, &mut cleared)?;
+    if !clean_shapes.is_empty() {
+        clear::remove_what_hides(
+            device,
+            evidence,
+            gaussians,
+            &clean_shapes,
+            &discs,
+            &mut cleared,
+        )?;
     }
     let heights = || gaussians.positions.iter().map(|p| p.dot(up));
     let names = names::names(
@@ -124,7 +141,7 @@ fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
     widths[widths.len() / 10]
 }
 
-fn candidates(evidence: &Evidence) -> Vec<Candidate> {
+fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut groups = group::group(evidence);
     groups.sort_by_key(|group| std::cmp::Reverse(group.members.len()));
     let mut found: Vec<Candidate> = Vec::new();
@@ -142,14 +159,20 @@ fn candidates(evidence: &Evidence) -> Vec<Candidate> {
         if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
             continue;
         }
-        let Some(fit) = fit::fit(evidence, &group) else {
+        let Some(fit) = fit::fit(evidence, &group, up) else {
             continue;
         };
-        if fit.residual > MAX_RESIDUAL {
-            continue;
-        }
-        if let Some(measured) = measure::measure(evidence, &group, &fit.shape) {
+        let [large, small] = MAX_RESIDUAL;
+        let limit = if most_pixels(&group) >= LARGE {
+            large
+        } else {
+            small
+        };
+        if let Some(measured) = measure::measure(evidence, &group, &fit.shape)
+            && measured.deviation <= MAX_DEVIATION
+        {
             found.push(Candidate {
+                is_clean: fit.residual <= limit,
                 group,
                 shape: fit.shape,
                 radiance: measured.radiance,
@@ -158,6 +181,12 @@ fn candidates(evidence: &Evidence) -> Vec<Candidate> {
         }
     }
     found
+}
+
+/// Pixels in the view that has most of them.
+fn most_pixels(group: &Group) -> usize {
+    let by_view = group.members.chunk_by(|a, b| a.0 == b.0);
+    by_view.map(<[_]>::len).max().unwrap_or(0)
 }
 
 fn num_views(group: &Group) -> usize {
@@ -173,6 +202,7 @@ fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) 
     Lamp {
         name,
         shape: match c.shape {
+            _ if !c.is_clean => LampShape::Other,
             Shape::Rectangle(_) | Shape::Ellipse(_) => LampShape::Panel,
             Shape::Ball { .. } => LampShape::Ball,
             Shape::Tube { .. } => LampShape::Tube,
@@ -180,7 +210,7 @@ fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) 
         centre: c.shape.centre().to_array(),
         rotation: [r.w, r.x, r.y, r.z],
         size: c.shape.size().to_array(),
-        one_sided: c.shape.flat().is_some(),
+        one_sided: c.is_clean && c.shape.flat().is_some(),
         area: c.shape.area(),
         radiance: c.radiance.to_array(),
         power: place::power(&c.shape, c.radiance).to_array(),

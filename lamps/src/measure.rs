@@ -6,8 +6,11 @@ use crate::group::Group;
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::collections::HashSet;
 
+/// Views that measure a lamp: those that show most of it.
+const MAX_VIEWS: usize = 16;
 /// Rays along each axis of a pixel.
 const RAYS: u32 = 4;
 /// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
@@ -45,7 +48,9 @@ pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Opti
             _ => by_view.push((view as usize, HashSet::from([pixel]))),
         }
     }
-    let readings: Vec<Reading> = (by_view.iter())
+    by_view.sort_by_key(|(view, own)| (std::cmp::Reverse(own.len()), *view));
+    by_view.truncate(MAX_VIEWS);
+    let readings: Vec<Reading> = (by_view.par_iter())
         .map(|(view, own)| reading(&evidence.sights[*view], own, shape))
         .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
         .collect();
@@ -99,20 +104,21 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
         hidden: 0.0,
     };
     for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-        let met = (0..RAYS * RAYS).filter_map(|k| {
-            let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
-            let (x, y) = (
-                pixel.x as f32 + within(k % RAYS),
-                pixel.y as f32 + within(k / RAYS),
-            );
+        let meet = |x: f32, y: f32| {
+            let (x, y) = (pixel.x as f32 + x, pixel.y as f32 + y);
             shape.meet(sight.origin, frame.direction(x, y))
-        });
-        let (mut num_met, mut farthest) = (0, 0.0_f32);
-        for distance in met {
-            num_met += 1;
-            farthest = farthest.max(distance);
-        }
-        let cover = num_met as f32 / (RAYS * RAYS) as f32;
+        };
+        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| meet(x, y));
+        let farthest = corners.into_iter().flatten().fold(0.0, f32::max);
+        let num_corners = corners.iter().flatten().count();
+        let is_plain = matches!(pixel.lit, Lit::Inside | Lit::Dark);
+        let cover = if is_plain && num_corners.is_multiple_of(corners.len()) {
+            num_corners as f32 / corners.len() as f32
+        } else {
+            let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
+            let met = (0..RAYS * RAYS).filter(|k| meet(within(k % RAYS), within(k / RAYS)).is_some());
+            met.count() as f32 / (RAYS * RAYS) as f32
+        };
         let is_own = own.contains(&i);
         // Neighbours of its own pixels count as far as they are brighter than what is behind.
         let beside = pixel.lit == Lit::Beside && columns.contains(&(pixel.x + 1, pixel.y + 1));

@@ -65,6 +65,7 @@ pub fn train(
     }
     let folder = plan::Folder::new(request);
     let resumed = folder.prepare(request.existing, options, &fingerprint)?;
+    start::take_lamps(request)?;
     let mut run = Run {
         request,
         folder,

@@ -4,9 +4,10 @@ use super::TrainRequest;
 use crate::checkpoint::{Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init;
-use crate::options::{Stage, TrainOptions};
+use crate::options::{Stage, StageChoice, TrainOptions};
 use crate::params::ParameterState;
 use eagpt_scene::files::Key;
+use eagpt_scene::lamps::{LAMPS_FILE, lamps_file_beside, read_lamps, write_lamps};
 use eagpt_scene::{Gaussians, ply};
 
 /// The scene that the request names.
@@ -29,6 +30,22 @@ pub(super) fn read(request: &TrainRequest) -> Result<Option<Gaussians>> {
         });
     }
     Ok(Some(gaussians))
+}
+
+/// Takes the lamps of the scene that the request names, if they are listed beside it and stage 0
+/// does not find them anew.
+///
+/// # Errors
+/// If the list cannot be read or written.
+pub(super) fn take_lamps(request: &TrainRequest) -> Result<()> {
+    let Some(path) = &request.start else {
+        return Ok(());
+    };
+    let beside = lamps_file_beside(path);
+    if request.options.stage == StageChoice::Albedo && beside.exists() {
+        write_lamps(&request.out.join(LAMPS_FILE), &read_lamps(&beside)?)?;
+    }
+    Ok(())
 }
 
 /// The state before the first iteration, with the radiance, emission and albedo of a scene.
