@@ -116,7 +116,8 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
             num_corners as f32 / corners.len() as f32
         } else {
             let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
-            let met = (0..RAYS * RAYS).filter(|k| meet(within(k % RAYS), within(k / RAYS)).is_some());
+            let met =
+                (0..RAYS * RAYS).filter(|k| meet(within(k % RAYS), within(k / RAYS)).is_some());
             met.count() as f32 / (RAYS * RAYS) as f32
         };
         let is_own = own.contains(&i);

@@ -13,6 +13,7 @@ use crate::surfaces::BestSeen;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
+use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
@@ -93,10 +94,15 @@ impl GaussianIrradiance {
         Ok(())
     }
 
-    /// The closed form for every Gaussian that light reaches; others keep their albedo. `[n]`
+    /// The closed form for every Gaussian that reflects and that light reaches; others keep their
+    /// albedo. `[n]`
     pub(super) fn albedos(&self, gaussians: &Gaussians) -> Vec<Vec3> {
         let mut albedos = gaussians.albedos.clone();
         for ((i, _), irradiance) in self.seen.iter().zip(&self.irradiance) {
+            // What an emitter reflects is not seen beside its own light.
+            if gaussians.emissions[*i as usize] > EMISSION_THRESHOLD {
+                continue;
+            }
             let radiance = gaussians.radiances[*i as usize];
             if irradiance.min_element() > MIN_IRRADIANCE * radiance.max_element() {
                 albedos[*i as usize] =
