@@ -23,20 +23,20 @@ const NEARER: f32 = 0.08;
 const HIDDEN_PIXELS: f32 = 2.0;
 const HIDDEN_SHARE: f32 = 0.01;
 /// … and counts so much where a view does not show it.
-const HIDDEN: f32 = 0.5;
+const HIDDEN: f32 = 0.25;
 /// Pixels of a view that a lamp fills or has nothing in that a fit compares.
 const MAX_PLAIN: usize = 500;
 /// How much better a shape with more freedom has to fit than one with less.
-const BETTER: f32 = 0.8;
+const BETTER: f32 = 0.6;
 /// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
 /// Residuals below this are alike.
 const MIN_RESIDUAL: f32 = 0.002;
 /// Evaluations of the first search from every start, and of later ones from the best of these.
-const NUM_FIRST_TRIALS: usize = 200;
+const NUM_FIRST_TRIALS: usize = 300;
 const NUM_TRIALS: usize = 500;
-const NUM_PROMISING: usize = 3;
+const NUM_PROMISING: usize = 4;
 /// The surface that a lamp is mounted on is looked for within this many pixels of the lamp; …
 const MOUNT_RING: u32 = 3;
 /// … has at least so many pixels and this share of those that are there; …
@@ -47,7 +47,7 @@ const MOUNT_COSINE: f32 = 0.8;
 const MOUNT_HEIGHT: f32 = 0.5;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
 /// that is twice as large, at least; …
-const DEVIATION: f32 = 0.03;
+const DEVIATION: f32 = 0.05;
 /// … of a lamp that has few pixels in a view, over the square root of their number.
 const DOUBT: f32 = 0.25;
 
@@ -113,7 +113,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let fits: Vec<(Fit, bool)> = starts
         .par_iter()
         .map(|(start, is_fixed)| {
-            let fit = refined(start, *is_fixed, NUM_FIRST_TRIALS, &patches, extent);
+            let fit = refined(start, *is_fixed, NUM_FIRST_TRIALS, &patches);
             (fit, *is_fixed)
         })
         .collect();
@@ -126,7 +126,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
             // The corners of a search grow flat: another one starts from where it ended.
             let mut fit = fit;
             for _ in 0..2 {
-                fit = refined(&fit.shape, is_fixed, NUM_TRIALS, &patches, extent);
+                fit = refined(&fit.shape, is_fixed, NUM_TRIALS, &patches);
             }
             (fit, is_fixed)
         })
@@ -152,9 +152,8 @@ fn ranked(
     };
     let score = |(fit, is_mount): &(Fit, bool)| {
         let freedom = match fit.shape {
-            Shape::Ball { .. } => 0,
-            Shape::Rectangle(_) | Shape::Ellipse(_) if *is_mount => 0,
-            Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Tube { .. } => 1,
+            Shape::Rectangle(_) | Shape::Ellipse(_) => i32::from(!*is_mount),
+            Shape::Ball { .. } | Shape::Tube { .. } => 0,
         };
         let measured = measure(evidence, group, &fit.shape)?;
         let doubt = 1.0 + (measured.deviation / DEVIATION.max(doubtful)).powi(2);
@@ -332,21 +331,14 @@ fn residual(shape: &Shape, patches: &[Patch]) -> f32 {
     error / all.max(f32::MIN_POSITIVE)
 }
 
-fn refined(
-    start: &Shape,
-    keeps_normal: bool,
-    num_trials: usize,
-    patches: &[Patch],
-    extent: f32,
-) -> Fit {
+fn refined(start: &Shape, keeps_normal: bool, num_trials: usize, patches: &[Patch]) -> Fit {
     let num = start.num_changes() - if keeps_normal { 2 } else { 0 };
     let with = |by: &[f32]| {
         let mut all = [0.0; MAX_CHANGES];
         all[..num].copy_from_slice(by);
-        start.changed(&all, extent)
+        start.changed(&all)
     };
-    let mut steps = [0.2_f32; MAX_CHANGES];
-    steps[..3].fill(0.15);
+    let steps = start.first_steps();
     let value = |by: &[f32]| residual(&with(by), patches);
     let (by, residual) = search::minimum(value, &steps[..num], num_trials);
     Fit {

@@ -120,6 +120,8 @@ pub fn find(
         heights().fold(f32::NEG_INFINITY, f32::max),
     );
     let lamps = (candidates.iter().zip(names).zip(nums))
+        // Where there is neither a shape nor what training left, there is no lamp.
+        .filter(|((c, _), num)| c.is_clean || *num > 0)
         .map(|((c, name), num)| lamp(evidence, c, name, num))
         .collect();
     Ok(Found {

@@ -172,10 +172,17 @@ impl Shape {
         }
     }
 
-    /// The shape moved, sized and turned by small numbers: shifts in sizes of the lamp, `extent`;
-    /// logarithms of the sizes; and angles in radians. Of a flat shape the last two tilt it.
-    pub(crate) fn changed(&self, by: &[f32; MAX_CHANGES], extent: f32) -> Self {
-        let shift = Vec3::new(by[0], by[1], by[2]) * extent;
+    /// The shape moved, sized and turned by small numbers: shifts along its axes in its own sizes,
+    /// logarithms of the sizes, and angles in radians. Of a flat shape the last two tilt it.
+    pub(crate) fn changed(&self, by: &[f32; MAX_CHANGES]) -> Self {
+        let size = match self {
+            Self::Rectangle(flat) | Self::Ellipse(flat) => {
+                let [x, y] = flat.size;
+                Vec3::new(x, y, (x * y).sqrt())
+            }
+            Self::Ball { .. } | Self::Tube { .. } => self.size(),
+        };
+        let shift = self.rotation() * (Vec3::new(by[0], by[1], by[2]) * size);
         let turned = |r: Quat, angles: Vec3| rotation::unit(r * Quat::from_scaled_axis(angles));
         let flat = |flat: Flat| Flat {
             centre: flat.centre + shift,
@@ -203,6 +210,26 @@ impl Shape {
                 taper: (taper + by[7]).clamp(-MAX_TAPER, MAX_TAPER),
             },
         }
+    }
+}
+
+impl Shape {
+    /// First steps of a search among [`Self::changed`]: long shapes turn little.
+    pub(crate) fn first_steps(&self) -> [f32; MAX_CHANGES] {
+        let turn = match *self {
+            Self::Rectangle(flat) | Self::Ellipse(flat) => {
+                let [x, y] = flat.size;
+                x.min(y) / x.max(y)
+            }
+            Self::Ball { .. } => 1.0,
+            Self::Tube { radius, length, .. } => 2.0 * radius / length,
+        };
+        let turn = (0.5 * turn).min(0.2);
+        let tilt = match self {
+            Self::Tube { .. } => turn,
+            Self::Rectangle(_) | Self::Ellipse(_) | Self::Ball { .. } => 0.2,
+        };
+        [0.2, 0.2, 0.2, 0.2, 0.2, turn, tilt, 0.2]
     }
 }
 

@@ -78,10 +78,9 @@ impl<const K: usize> Learned<K> {
         self.first[parent] = [0.0; K];
     }
 
-    /// Forgets the moments of a row.
+    /// Forgets where a row was going; how far its steps went stays, or the next ones would be long.
     pub(super) fn forget(&mut self, row: usize) {
         self.first[row] = [0.0; K];
-        self.second[row] = [0.0; K];
     }
 
     /// Leaves the rows of `keep`, `[n]`.
