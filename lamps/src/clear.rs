@@ -3,8 +3,8 @@
 
 use crate::Candidate;
 use crate::evidence::{Evidence, Lit};
-use crate::fit::median_of;
 use crate::shape::{Flat, Shape};
+use crate::starts::median_of;
 use eagpt_scene::{Gaussian, Gaussians, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, TraceError};

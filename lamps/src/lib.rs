@@ -15,9 +15,11 @@ mod fit;
 mod group;
 mod measure;
 mod names;
+mod patches;
 mod place;
 mod search;
 pub mod shape;
+mod starts;
 
 pub use clear::Cleared;
 pub use evidence::Evidence;

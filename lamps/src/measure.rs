@@ -1,8 +1,8 @@
 //! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
 
 use crate::evidence::{Evidence, Lit, Sight};
-use crate::fit::hidden_from;
 use crate::group::Group;
+use crate::patches::hidden_from;
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
 use glam::Vec3;

@@ -77,8 +77,7 @@ mod tests {
     #[test]
     fn known_minima_are_found() {
         let valley = |x: &[f32]| {
-            let (a, b) = (x[0] + 1.2 - 1.0 + 1.0, x[1] + 1.0);
-            let a = a - 2.2;
+            let (a, b) = (x[0] - 1.0, x[1] + 1.0);
             (1.0 - a).powi(2) + 100.0 * (b - a * a).powi(2)
         };
         let (at, v) = minimum(valley, &[0.5, 0.5], 2000);

@@ -312,7 +312,8 @@ mod tests {
             for i in 0..num {
                 // A spiral of directions, and for each a point of the disc of radius 1 across it.
                 let z = 1.0 - (2 * i + 1) as f32 / num as f32;
-                let angle = (f64::from(i) * 2.399_963_229_728_653).rem_euclid(6.283_185_307);
+                let angle =
+                    (f64::from(i) * 2.399_963_229_728_653).rem_euclid(std::f64::consts::TAU);
                 let (sin, cos) = (angle as f32).sin_cos();
                 let flat = (1.0 - z * z).sqrt();
                 let direction = Vec3::new(flat * cos, flat * sin, z);

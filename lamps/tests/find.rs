@@ -136,13 +136,9 @@ fn a_panel_at_the_ceiling_is_flat_and_nothing_hides_it() {
         0.9,
         Some(RADIANCE * 2.0),
     ));
-    let film = num_room..;
-    let film = {
-        let start = scene.len();
-        scene.extend(patch(flat.centre - Vec3::Z * 0.03, 0.12, 0.4, None));
-        let _ = film;
-        start..scene.len()
-    };
+    let first = scene.len();
+    scene.extend(patch(flat.centre - Vec3::Z * 0.03, 0.12, 0.4, None));
+    let film = first..scene.len();
     let scene: Gaussians = scene.into_iter().collect();
     let found = found(&Shape::Rectangle(flat), &scene);
     let [lamp] = found.lamps.lamps.as_slice() else {

@@ -1,0 +1,183 @@
+//! Pixels of the views that show a lamp, as fits of its shape compare them.
+
+use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
+use crate::group::Group;
+use crate::shape::Shape;
+use glam::Vec3;
+use std::collections::HashSet;
+
+/// Views that a shape is fitted to: those with most pixels.
+const MAX_VIEWS: usize = 16;
+/// Rays along each axis of a pixel.
+const RAYS: u32 = 3;
+/// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
+const NEARER: f32 = 0.08;
+/// What is farther than the scene by so many widths of a pixel, and by this share, is hidden …
+const HIDDEN_PIXELS: f32 = 2.0;
+const HIDDEN_SHARE: f32 = 0.01;
+/// … and counts so much where a view does not show it.
+const HIDDEN: f32 = 0.25;
+/// Pixels of a view that a lamp fills or has nothing in that a fit compares.
+const MAX_PLAIN: usize = 500;
+
+/// A pixel as a fit wants it.
+struct Target {
+    /// Unit directions of its rays.
+    rays: [Vec3; (RAYS * RAYS) as usize],
+    /// Part of it that the lamp covers, 0 to 1.
+    cover: f32,
+    /// Pixels that it stands for.
+    weight: f32,
+    /// Distance along its rays at which a lamp is behind what the scene has there.
+    hidden_from: f32,
+}
+
+/// A view of a lamp.
+pub(crate) struct Patch {
+    origin: Vec3,
+    targets: Vec<Target>,
+}
+
+/// What the views with most pixels of the lamp show.
+pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec<Patch> {
+    let mut by_view: Vec<(usize, Vec<u32>)> = Vec::new();
+    for &(view, pixel) in &group.members {
+        match by_view.last_mut() {
+            Some((last, pixels)) if *last == view as usize => pixels.push(pixel),
+            _ => by_view.push((view as usize, vec![pixel])),
+        }
+    }
+    by_view.sort_by_key(|(view, pixels)| (std::cmp::Reverse(pixels.len()), *view));
+    by_view.truncate(MAX_VIEWS);
+    let bright = brightness(evidence, group);
+    (by_view.iter())
+        .map(|(view, own)| {
+            let sight = &evidence.sights[*view];
+            let frame = sight.camera.ray_frame();
+            let own: HashSet<u32> = own.iter().copied().collect();
+            let of_own = || own.iter().map(|&i| &sight.pixels[i as usize]);
+            let bounds = |of: fn(&Pixel) -> u32| {
+                let values = of_own().map(of);
+                (values.clone().min().unwrap_or(0), values.max().unwrap_or(0))
+            };
+            let ((x0, x1), (y0, y1)) = (bounds(|p| p.x), bounds(|p| p.y));
+            let (rim_x, rim_y) = (rim(x1 - x0 + 1), rim(y1 - y0 + 1));
+            let distance = centre.distance(sight.origin);
+            let nearest = (distance - extent) * (1.0 - NEARER);
+            let mut targets = Vec::new();
+            for (i, pixel) in (0_u32..).zip(&sight.pixels) {
+                let near = pixel.x + rim_x >= x0
+                    && pixel.x <= x1 + rim_x
+                    && pixel.y + rim_y >= y0
+                    && pixel.y <= y1 + rim_y;
+                if !near {
+                    continue;
+                }
+                let is_own = own.contains(&i);
+                // Another lamp's, or what stands before the lamp, which hides what it does.
+                if pixel.lit.is_lit() != is_own || (!is_own && pixel.distance < nearest) {
+                    continue;
+                }
+                let share = pixel.radiance.max_element() / bright;
+                let cover = match pixel.lit {
+                    Lit::Inside => 1.0,
+                    Lit::Border => share.clamp(0.5, 1.0),
+                    Lit::Beside => share.clamp(0.0, 0.5),
+                    Lit::Dark => 0.0,
+                };
+                let mut rays = [Vec3::ZERO; (RAYS * RAYS) as usize];
+                for (k, ray) in (0..).zip(&mut rays) {
+                    let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
+                    let (x, y) = (
+                        pixel.x as f32 + within(k % RAYS),
+                        pixel.y as f32 + within(k / RAYS),
+                    );
+                    *ray = frame.direction(x, y);
+                }
+                targets.push(Target {
+                    rays,
+                    cover,
+                    weight: pixel.weight,
+                    hidden_from: hidden_from(sight, pixel),
+                });
+            }
+            Patch {
+                origin: sight.origin,
+                targets: thinned(targets),
+            }
+        })
+        .collect()
+}
+
+/// Of many pixels that a lamp fills, or has nothing in, some that stand for all.
+fn thinned(targets: Vec<Target>) -> Vec<Target> {
+    let is_plain = |t: &Target| t.cover == 0.0 || t.cover == 1.0;
+    let num_plain = targets.iter().filter(|t| is_plain(t)).count();
+    let step = num_plain.div_ceil(MAX_PLAIN).max(1);
+    let mut at = 0;
+    (targets.into_iter())
+        .filter_map(|mut target| {
+            if is_plain(&target) {
+                at += 1;
+                target.weight *= step as f32;
+            }
+            (!is_plain(&target) || at % step == 0).then_some(target)
+        })
+        .collect()
+}
+
+/// Distance along the ray of a pixel at which something is behind what the scene has there.
+pub(crate) fn hidden_from(sight: &Sight, pixel: &Pixel) -> f32 {
+    let tolerance = (HIDDEN_PIXELS * sight.pixel_width()).max(HIDDEN_SHARE);
+    pixel.distance * (1.0 + tolerance)
+}
+
+/// Radiance of the lamp where it fills a pixel: the brightest channel of most of the pixels that it
+/// is alone in, or else of its brightest ones.
+fn brightness(evidence: &Evidence, group: &Group) -> f32 {
+    let values = |inside: bool| {
+        let pixels = group
+            .members
+            .iter()
+            .map(|&(view, pixel)| &evidence.sights[view as usize].pixels[pixel as usize]);
+        let mut values: Vec<f32> = pixels
+            .filter(|p| !inside || p.lit == Lit::Inside)
+            .map(|p| p.radiance.max_element())
+            .collect();
+        values.sort_unstable_by(f32::total_cmp);
+        values
+    };
+    let inside = values(true);
+    let of = |values: &[f32], share: f32| values[((values.len() - 1) as f32 * share) as usize];
+    let value = if inside.is_empty() {
+        of(&values(false), 0.9)
+    } else {
+        of(&inside, 0.5)
+    };
+    value.max(f32::MIN_POSITIVE)
+}
+
+/// Residual of a shape.
+pub(crate) fn residual(shape: &Shape, patches: &[Patch]) -> f32 {
+    let (mut error, mut all) = (0.0_f32, 0.0_f32);
+    for patch in patches {
+        for target in &patch.targets {
+            let (mut met, mut farthest) = (0, 0.0_f32);
+            for distance in target
+                .rays
+                .iter()
+                .filter_map(|ray| shape.meet(patch.origin, *ray))
+            {
+                met += 1;
+                farthest = farthest.max(distance);
+            }
+            let cover = met as f32 / (RAYS * RAYS) as f32;
+            // A lamp may go on behind what hides it, but has no reason to.
+            let is_hidden = cover > target.cover && farthest > target.hidden_from;
+            let weight = target.weight * if is_hidden { HIDDEN } else { 1.0 };
+            error += weight * (cover - target.cover).powi(2);
+            all += target.weight * target.cover * target.cover;
+        }
+    }
+    error / all.max(f32::MIN_POSITIVE)
+}

@@ -1,0 +1,165 @@
+//! Shapes that a search for a lamp's own begins with.
+
+use crate::evidence::{Evidence, Pixel};
+use crate::group::Group;
+use crate::shape::{Flat, Shape};
+use eagpt_scene::plane::FittedPlane;
+use eagpt_scene::rotation;
+use glam::{Mat3, Quat, Vec3};
+use std::collections::HashSet;
+use std::f32::consts::PI;
+
+/// The surface that a lamp is mounted on is looked for within this many pixels of the lamp; …
+const MOUNT_RING: u32 = 3;
+/// … has at least so many pixels and this share of those that are there; …
+const MIN_MOUNT: usize = 12;
+const MOUNT_SHARE: f32 = 0.6;
+/// … normals within this (cosine), and heights within so many extents.
+const MOUNT_COSINE: f32 = 0.8;
+const MOUNT_HEIGHT: f32 = 0.5;
+
+/// A lit pixel in space.
+pub(crate) struct Point {
+    pub(crate) position: Vec3,
+    /// Unit vector to the camera.
+    pub(crate) towards: Vec3,
+    /// Width of the pixel there.
+    pub(crate) width: f32,
+}
+
+pub(crate) fn points(evidence: &Evidence, group: &Group) -> Vec<Point> {
+    let members = group.members.iter().map(|&(view, pixel)| {
+        let sight = &evidence.sights[view as usize];
+        let pixel = &sight.pixels[pixel as usize];
+        Point {
+            position: sight.origin + pixel.direction * pixel.distance,
+            towards: -pixel.direction,
+            width: pixel.distance * sight.pixel_width(),
+        }
+    });
+    members.collect()
+}
+
+/// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
+/// is mounted on.
+pub(crate) fn normals(
+    points: &[Point],
+    towards: Vec3,
+    mount: Option<Vec3>,
+    up: Vec3,
+) -> Vec<(Vec3, bool)> {
+    let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
+    let plane = FittedPlane::through(points.iter().map(|p| p.position));
+    let mut found: Vec<(Vec3, bool)> = mount.map(|n| (turned(n), true)).into_iter().collect();
+    // Most lamps face up or down, if they are flat.
+    if mount.is_none_or(|n| n.dot(up).abs() < MOUNT_COSINE) {
+        found.push((turned(up), true));
+    }
+    found.extend(mount.map(|n| (turned(n), false)));
+    found.extend(plane.normal.map(|n| (turned(n), false)));
+    found.extend(towards.try_normalize().map(|n| (n, false)));
+    found
+}
+
+/// Normal of the surface around a lamp, if there is one in which it may lie.
+pub(crate) fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Option<Vec3> {
+    let mut near: HashSet<(u32, u32, u32)> = HashSet::new();
+    for &(view, pixel) in &group.members {
+        let Pixel { x, y, .. } = evidence.sights[view as usize].pixels[pixel as usize];
+        for v in y.saturating_sub(MOUNT_RING)..=y + MOUNT_RING {
+            let row = x.saturating_sub(MOUNT_RING)..=x + MOUNT_RING;
+            near.extend(row.map(|u| (view, u, v)));
+        }
+    }
+    let mut around = Vec::new();
+    for (view, sight) in (0_u32..).zip(&evidence.sights) {
+        for pixel in sight
+            .pixels
+            .iter()
+            .filter(|p| !p.lit.is_lit() && p.distance.is_finite())
+        {
+            if pixel.normal != Vec3::ZERO && near.contains(&(view, pixel.x, pixel.y)) {
+                let position = sight.origin + pixel.direction * pixel.distance;
+                around.push((position, pixel.normal));
+            }
+        }
+    }
+    let normal = median(&around.iter().map(|a| a.1)).try_normalize()?;
+    let holds = |(position, own): &&(Vec3, Vec3)| {
+        own.dot(normal) > MOUNT_COSINE
+            && (*position - centre).dot(normal).abs() < MOUNT_HEIGHT * extent
+    };
+    let num = around.iter().filter(holds).count();
+    (num >= MIN_MOUNT && num as f32 > MOUNT_SHARE * around.len() as f32).then_some(normal)
+}
+
+pub(crate) fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f32) -> Flat {
+    let start = Mat3::from_quat(rotation::from_z_to(normal));
+    let flat: Vec<[f32; 2]> = (points.iter().map(|p| p.position - centre))
+        .map(|d| [d.dot(start.x_axis), d.dot(start.y_axis)])
+        .collect();
+    // The direction in which a box around the points is smallest.
+    let spread = |turn: f32| -> [f32; 2] {
+        let (sin, cos) = turn.sin_cos();
+        let along = |f: &dyn Fn(&[f32; 2]) -> f32| {
+            let mut values: Vec<f32> = flat.iter().map(f).collect();
+            values.sort_unstable_by(f32::total_cmp);
+            let tail = values.len() / 20;
+            values[values.len() - 1 - tail] - values[tail]
+        };
+        [
+            along(&|p| p[0] * cos + p[1] * sin),
+            along(&|p| p[1] * cos - p[0] * sin),
+        ]
+    };
+    let turns = (0..18).map(|i| i as f32 * (0.5 * PI / 18.0));
+    let area = |turn: f32| spread(turn).iter().map(|s| s + pixel).product::<f32>();
+    let turn = (turns.min_by(|a, b| area(*a).total_cmp(&area(*b)))).unwrap_or(0.0);
+    let size = spread(turn).map(|s| s + pixel);
+    Flat {
+        centre,
+        rotation: rotation::unit(
+            rotation::from_z_to(normal) * Quat::from_scaled_axis(Vec3::Z * turn),
+        ),
+        size,
+    }
+}
+
+/// Directions that a tube may have.
+pub(crate) fn axes(points: &[Point]) -> Vec<Vec3> {
+    let centre = median(&points.iter().map(|p| p.position));
+    let farthest = (points.iter().map(|p| p.position - centre))
+        .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let mut found = vec![Vec3::Z];
+    found.extend(farthest.and_then(Vec3::try_normalize));
+    found
+}
+
+pub(crate) fn first_tube(points: &[Point], centre: Vec3, axis: Vec3, pixel: f32) -> Shape {
+    let along = median_of(points.iter().map(|p| (p.position - centre).dot(axis).abs()));
+    let across = median_of(points.iter().map(|p| {
+        let d = p.position - centre;
+        (d - axis * d.dot(axis)).length()
+    }));
+    Shape::Tube {
+        centre,
+        rotation: rotation::from_z_to(axis),
+        radius: across.max(0.5 * pixel),
+        length: (4.0 * along).max(pixel),
+        taper: 0.0,
+    }
+}
+
+pub(crate) fn median_of(values: impl Iterator<Item = f32>) -> f32 {
+    let mut values: Vec<f32> = values.collect();
+    values.sort_unstable_by(f32::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+pub(crate) fn median(points: &(impl Iterator<Item = Vec3> + Clone)) -> Vec3 {
+    Vec3::from_array([0, 1, 2].map(|axis| median_of(points.clone().map(|p| p[axis]))))
+}
+
+pub(crate) fn median_distance(centre: Vec3, points: impl Iterator<Item = Vec3>) -> f32 {
+    median_of(points.map(|p| p.distance(centre)))
+}
