@@ -98,7 +98,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         .map(|(fit, _)| *fit)
 }
 
-/// Fits, and whether they keep the normal of a mount, the best first: those with the least residual,
+/// Fits, and whether they keep the normal of a mount, the best first: those with least residual,
 /// where those with more freedom have to be better by [`BETTER`], and views have to agree on the
 /// flux.
 fn ranked(

@@ -1,4 +1,5 @@
-//! Surfaces made of overlapping discs: balls, tubes, quads, ellipses and boxes that need no training.
+//! Surfaces made of overlapping discs: balls, tubes, quads, ellipses and boxes that need no
+//! training.
 //!
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred
 //! through anywhere.
