@@ -219,8 +219,8 @@ pub struct RadianceOptions {
 pub struct LampOptions {
     /// Whether lamps become clean; in the paper they stay as they were trained.
     pub clean: bool,
-    /// Share of the iterations after which they do, 0 to 1: geometry has to be right by then, and
-    /// what is around them has to fit them afterwards.
+    /// Share of the iterations after which they do, 0 to 1: geometry has to be right by then, what is
+    /// around them has to fit them afterwards, and in a long rest films form before them again.
     pub after: f32,
 }
 

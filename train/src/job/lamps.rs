@@ -1,4 +1,4 @@
-//! Emitters become clean lamps, once, in the middle of stage 0.
+//! Emitters become clean lamps, once, towards the end of stage 0.
 
 use super::Run;
 use super::views::Views;

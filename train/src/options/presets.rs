@@ -86,7 +86,7 @@ impl TrainOptions {
                 },
                 lamps: LampOptions {
                     clean: preset != Preset::Paper,
-                    after: 0.7,
+                    after: 0.95,
                 },
             },
             albedo: match preset {
