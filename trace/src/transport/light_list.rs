@@ -3,7 +3,7 @@
 //! A direction of the matrix meets one realization of the scene, in which emitters are opaque discs
 //! of known size. Light samples go to points spread evenly over the discs that are there, so that
 //! each finds light where nothing is in its way. Discs are grouped into clusters, at most
-//! [`MAX_CLUSTERS`], of what lies close together. A receiver weighs each cluster by what it may get
+//! `MAX_CLUSTERS`, of what lies close together. A receiver weighs each cluster by what it may get
 //! from there, luminance · area · cosines over the squared distance (light lists and cuts: Walter
 //! et al. 2005, "Lightcuts"); within a cluster, discs are chosen by luminance · area. One
 //! stratified number picks cluster and disc in the order of the list, in which neighbours in space
