@@ -2,17 +2,17 @@
 //! although cameras see it, and the rough surface that it is mounted on.
 
 use crate::Candidate;
-use crate::evidence::{Evidence, Lit};
+use crate::evidence::{Evidence, Lit, Pixel, Sight};
+use crate::median::median_of;
 use crate::shape::{Flat, Shape};
-use crate::starts::median_of;
-use eagpt_scene::{Gaussian, Gaussians, rotation};
+
+use eagpt_scene::lamps::BOX_MARGIN;
+use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, TraceError};
 use glam::{Mat3, Quat, Vec3};
 
-/// Grows the box of a lamp on every side, in parts of its largest size …
-const BOX_MARGIN: f32 = 0.15;
-/// … and in sizes of the Gaussian that may lie in it.
+/// Grows the box of a lamp beyond [`BOX_MARGIN`], in sizes of the Gaussian that may lie in it.
 const SIZE_MARGIN: f32 = 1.0;
 /// Opaque pixels' worth of weight that a Gaussian may have before lit pixels.
 const MAX_BEFORE: f32 = 0.05;
@@ -27,27 +27,6 @@ const MOUNT_DEVIATIONS: f32 = 3.0;
 const MIN_MOUNT: usize = 8;
 /// Depth of the mount's Gaussians behind the lamp, in sizes of the thinnest side.
 const MOUNT_DEPTH: f32 = 0.03;
-
-/// What happens to the Gaussians of a scene.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Cleared {
-    /// Whether each stays, `[n]`.
-    pub keep: Vec<bool>,
-    /// Those that stay at another place.
-    pub moved: Vec<(u32, Gaussian)>,
-}
-
-impl Cleared {
-    /// The scene after it.
-    pub fn applied(&self, gaussians: &Gaussians) -> Gaussians {
-        let mut all: Vec<Gaussian> = gaussians.iter().collect();
-        for (i, moved) in &self.moved {
-            all[*i as usize] = *moved;
-        }
-        let kept = all.into_iter().zip(&self.keep).filter(|(_, keep)| **keep);
-        kept.map(|(gaussian, _)| gaussian).collect()
-    }
-}
 
 /// Marks the Gaussians that clean lamps replace; returns how many are each lamp's.
 pub(crate) fn replaced(
@@ -84,7 +63,12 @@ fn excess(shape: &Shape, position: Vec3, scale: f32) -> f32 {
 
 /// Flattens the surface around a flat lamp: of Gaussians in its plane those that stick out before
 /// it go behind it, and all of them lie along it.
-pub(crate) fn flatten_mount(gaussians: &Gaussians, flat: &Flat, cleared: &mut Cleared) {
+/// Those that are not to `keep` do not count. Returns what becomes of which.
+pub(crate) fn flatten_mount(
+    gaussians: &Gaussians,
+    flat: &Flat,
+    keep: &[bool],
+) -> Vec<(u32, Gaussian)> {
     let normal = flat.normal();
     let inverse = flat.rotation.conjugate();
     let [width, height] = flat.size;
@@ -104,7 +88,7 @@ pub(crate) fn flatten_mount(gaussians: &Gaussians, flat: &Flat, cleared: &mut Cl
         (outside.length(), local.z)
     };
     let reflects =
-        |i: &usize| cleared.keep[*i] && gaussians.emissions[*i] <= EMISSION_THRESHOLD && along(*i);
+        |i: &usize| keep[*i] && gaussians.emissions[*i] <= EMISSION_THRESHOLD && along(*i);
     let near: Vec<usize> = (0..gaussians.len())
         .filter(reflects)
         .filter(|&i| {
@@ -119,25 +103,25 @@ pub(crate) fn flatten_mount(gaussians: &Gaussians, flat: &Flat, cleared: &mut Cl
         .filter(|&i| place(i).1.abs() <= limit)
         .collect();
     if mount.len() < MIN_MOUNT {
-        return;
+        return Vec::new();
     }
     let middle = median_of(mount.iter().map(|&i| place(i).1));
     let spread = 1.4826 * median_of(mount.iter().map(|&i| (place(i).1 - middle).abs()));
     let thickness = MOUNT_DEVIATIONS * spread.max(MOUNT_DEPTH * thin);
     if middle.abs() > thickness {
-        return;
+        return Vec::new();
     }
-    for i in mount {
-        let (_, height) = place(i);
-        if height.abs() > thickness + middle.abs() {
-            continue;
-        }
-        let mut gaussian = gaussians.get(i);
-        let level = height.min(-MOUNT_DEPTH * thin);
-        gaussian.position += normal * (level - height);
-        gaussian.rotation = laid_along(gaussian.rotation, normal);
-        cleared.moved.push((i as u32, gaussian));
-    }
+    (mount.into_iter())
+        .map(|i| (i, place(i).1))
+        .filter(|(_, height)| height.abs() <= thickness + middle.abs())
+        .map(|(i, height)| {
+            let mut gaussian = gaussians.get(i);
+            let level = height.min(-MOUNT_DEPTH * thin);
+            gaussian.position += normal * (level - height);
+            gaussian.rotation = laid_along(gaussian.rotation, normal);
+            (i as u32, gaussian)
+        })
+        .collect()
 }
 
 /// `rotation` turned so that its plane has `normal` or its opposite.
@@ -152,8 +136,8 @@ fn laid_along(rotation: Quat, normal: Vec3) -> Quat {
     rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, z.cross(x), z)))
 }
 
-/// Takes out what is in front of lamps in pixels that show them. `scene` is that of `cleared` with
-/// the lamps' `discs` after it.
+/// Takes out what is in front of lamps of `shapes` in pixels that show them; their discs are what
+/// `edit` adds.
 ///
 /// # Errors
 /// If the device fails.
@@ -162,12 +146,10 @@ pub(crate) fn remove_what_hides(
     evidence: &Evidence,
     gaussians: &Gaussians,
     shapes: &[Shape],
-    discs: &Gaussians,
-    cleared: &mut Cleared,
+    edit: &mut SceneEdit,
 ) -> Result<(), TraceError> {
-    let after = cleared.applied(gaussians);
-    let num = after.len();
-    let scene: Gaussians = after.iter().chain(discs.iter()).collect();
+    let scene = edit.applied(gaussians);
+    let num = scene.len() - edit.fixed.len();
     let tracer = device.scene(&scene)?;
     let mut before = vec![0.0_f32; num];
     let mut weight = vec![0.0_f32; num];
@@ -177,13 +159,13 @@ pub(crate) fn remove_what_hides(
             // At a border the lamp is there in part; of thin lamps nothing else is seen.
             let whole = match pixel.lit {
                 Lit::Inside => true,
-                Lit::Border => covers(shapes, sight, pixel.x, pixel.y),
+                Lit::Border => covers(shapes, sight, pixel),
                 Lit::Beside | Lit::Dark => false,
             };
             if whole
                 && shapes
                     .iter()
-                    .any(|s| s.meet(sight.origin, pixel.direction).is_some())
+                    .any(|s| s.meet(sight.origin(), pixel.direction).is_some())
             {
                 lit[(pixel.y * sight.camera.width + pixel.x) as usize] = pixel.weight;
             }
@@ -195,33 +177,23 @@ pub(crate) fn remove_what_hides(
             weight[c.gaussian as usize] += c.weight;
         }
     }
-    let mut at = 0;
-    for (i, keep) in cleared.keep.iter_mut().enumerate() {
-        if !*keep {
-            continue;
-        }
-        let position = after.positions[at];
-        let is_before = before[at] > MAX_BEFORE
-            && (in_front(shapes, position) || before[at] > SHARE_LIT * weight[at]);
-        if is_before {
-            *keep = false;
-        }
-        at += 1;
-        debug_assert!(i < gaussians.len());
+    let stay = edit.keep.iter_mut().filter(|keep| **keep);
+    for (at, keep) in stay.enumerate() {
+        let is_of_lit = before[at] > SHARE_LIT * weight[at];
+        let hides = is_of_lit || in_front(shapes, scene.positions[at]);
+        *keep = !(before[at] > MAX_BEFORE && hides);
     }
-    cleared.moved.retain(|(i, _)| cleared.keep[*i as usize]);
+    edit.moved.retain(|(i, _)| edit.keep[*i as usize]);
     Ok(())
 }
 
 /// Whether one shape covers a whole pixel.
-fn covers(shapes: &[Shape], sight: &crate::evidence::Sight, x: u32, y: u32) -> bool {
-    let frame = sight.camera.ray_frame();
-    let corners = [(0.1, 0.1), (0.9, 0.1), (0.1, 0.9), (0.9, 0.9)];
+fn covers(shapes: &[Shape], sight: &Sight, pixel: &Pixel) -> bool {
+    let corners =
+        [(0.1, 0.1), (0.9, 0.1), (0.1, 0.9), (0.9, 0.9)].map(|(x, y)| sight.direction(pixel, x, y));
     shapes.iter().any(|shape| {
-        corners.iter().all(|(dx, dy)| {
-            let direction = frame.direction(x as f32 + dx, y as f32 + dy);
-            shape.meet(sight.origin, direction).is_some()
-        })
+        let meets = |direction: &Vec3| shape.meet(sight.origin(), *direction).is_some();
+        corners.iter().all(meets)
     })
 }
 

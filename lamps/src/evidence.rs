@@ -1,10 +1,12 @@
 //! What photographs show of lamps: the lit pixels of their masks and those around, with the place
 //! where the trained scene has them.
 
+use eagpt_masks::{Mask, Region};
+use eagpt_scene::camera::RayFrame;
 use eagpt_scene::{Camera, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 /// Pixels around a region of lit ones that are kept, at least, …
 const RIM: u32 = 4;
@@ -61,16 +63,42 @@ impl Lit {
 pub(crate) struct Sight {
     pub(crate) name: String,
     pub(crate) camera: Camera,
-    pub(crate) origin: Vec3,
+    pub(crate) frame: RayFrame,
     /// Row by row.
     pub(crate) pixels: Vec<Pixel>,
-    pub(crate) num_regions: u32,
+    pub(crate) num_regions: usize,
 }
 
 impl Sight {
+    /// Place of the camera, world space.
+    pub(crate) fn origin(&self) -> Vec3 {
+        self.frame.origin
+    }
+
     /// Width of a pixel at distance 1, scene units.
     pub(crate) fn pixel_width(&self) -> f32 {
         (1.0 / self.camera.fx.min(self.camera.fy)) as f32
+    }
+
+    /// Where the scene has a pixel, world space.
+    pub(crate) fn position(&self, pixel: &Pixel) -> Vec3 {
+        self.origin() + pixel.direction * pixel.distance
+    }
+
+    /// Width of a pixel where the scene has it, scene units.
+    pub(crate) fn width(&self, pixel: &Pixel) -> f32 {
+        pixel.distance * self.pixel_width()
+    }
+
+    /// Unit direction through a place in a pixel, 0 to 1 from its upper left corner.
+    pub(crate) fn direction(&self, pixel: &Pixel, x: f32, y: f32) -> Vec3 {
+        self.frame.direction(pixel.x as f32 + x, pixel.y as f32 + y)
+    }
+
+    /// Unit directions through the middles of `num` × `num` equal parts of a pixel.
+    pub(crate) fn directions(&self, pixel: &Pixel, num: u32) -> impl Iterator<Item = Vec3> {
+        let within = move |k: u32| (k as f32 + 0.5) / num as f32;
+        (0..num * num).map(move |k| self.direction(pixel, within(k % num), within(k / num)))
     }
 
     /// Whether a pixel is at the edge of the picture.
@@ -90,39 +118,36 @@ impl Evidence {
     /// Adds a view, whose scene is `seen` from its camera; views without a lit pixel say nothing.
     pub fn add(&mut self, view: &View, seen: &GBuffer) {
         let Some(mask) = &view.emission else { return };
-        let (width, height) = (i64::from(mask.width()), i64::from(mask.height()));
         let is_known = |x, y| view.valid.as_ref().is_none_or(|v| v.get(x, y) != [0.0]);
-        let is_lit = |x: i64, y: i64| {
-            let inside = x >= 0 && y >= 0 && x < width && y < height;
-            inside && mask.get(x as u32, y as u32)[0] >= LIT && is_known(x as u32, y as u32)
+        let lit = Mask::from_fn(mask.width(), mask.height(), |x, y| {
+            mask.get(x, y)[0] >= LIT && is_known(x, y)
+        });
+        let regions = lit.regions();
+        let near = around(&regions, mask.size());
+        let of_pixels = |(number, region): (u32, &Region)| {
+            let pixels = region.pixels.clone();
+            pixels.into_iter().map(move |pixel| (pixel, number))
         };
-        let lit: Vec<[u32; 2]> = (0..height)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .filter(|&(x, y)| is_lit(x, y))
-            .map(|(x, y)| [x as u32, y as u32])
-            .collect();
-        let regions = regions(&lit, mask.width());
-        let near = around(&regions, &lit, mask.size());
-        let region_of: HashMap<[u32; 2], u32> =
-            lit.iter().copied().zip(regions.iter().copied()).collect();
+        let region_of: HashMap<[u32; 2], u32> = (0..).zip(&regions).flat_map(of_pixels).collect();
         let num_near = near.iter().filter(|near| **near).count();
         let step = (1..).find(|k| num_near <= MAX_PLAIN * k * k).unwrap_or(1) as u32;
         let frame = view.camera.ray_frame();
         let forward = view.camera.forward();
         let area = (1.0 / (view.camera.fx * view.camera.fy)) as f32;
         let mut pixels = Vec::new();
-        for y in 0..height {
-            for x in 0..width {
-                let at = (y * width + x) as usize;
-                let (column, row) = (x as u32, y as u32);
-                if !near[at] || !is_known(column, row) {
+        for y in 0..mask.height() {
+            for x in 0..mask.width() {
+                let at = (y * mask.width() + x) as usize;
+                if !near[at] || !is_known(x, y) {
                     continue;
                 }
-                let direction = frame.direction(column as f32 + 0.5, row as f32 + 0.5);
                 let features = &seen.pixels[at];
-                let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
-                let num_lit = around.filter(|(dx, dy)| is_lit(x + dx, y + dy)).count();
-                let state = match (is_lit(x, y), num_lit) {
+                // Columns and rows before the first wrap around, and are outside as well.
+                let around = [u32::MAX, 0, 1].map(|dy| [u32::MAX, 0, 1].map(|dx| (dx, dy)));
+                let is_lit =
+                    |(dx, dy): &(u32, u32)| lit.has(x.wrapping_add(*dx), y.wrapping_add(*dy));
+                let num_lit = around.as_flattened().iter().filter(|d| is_lit(d)).count();
+                let state = match (lit.has(x, y), num_lit) {
                     (true, 9) => Lit::Inside,
                     (true, _) => Lit::Border,
                     (false, 0) => Lit::Dark,
@@ -132,16 +157,17 @@ impl Evidence {
                     Lit::Border | Lit::Beside => 1.0,
                     Lit::Inside | Lit::Dark => (step * step) as f32,
                 };
-                if weight > 1.0 && (column % step != 0 || row % step != 0) {
+                if weight > 1.0 && (x % step != 0 || y % step != 0) {
                     continue;
                 }
+                let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
                 pixels.push(Pixel {
-                    x: column,
-                    y: row,
+                    x,
+                    y,
                     direction,
                     solid_angle: weight * area * direction.dot(forward).powi(3),
                     weight,
-                    radiance: view.radiance.get(column, row).into(),
+                    radiance: view.radiance.get(x, y).into(),
                     distance: if features.alpha() > 0.5 {
                         features.mean_distance()
                     } else {
@@ -149,21 +175,26 @@ impl Evidence {
                     },
                     normal: features.unit_normal(),
                     lit: state,
-                    region: region_of.get(&[column, row]).copied().unwrap_or(0),
+                    region: region_of.get(&[x, y]).copied().unwrap_or(0),
                 });
             }
         }
         if pixels.is_empty() {
             return;
         }
-        let num_regions = regions.iter().max().map_or(0, |last| last + 1);
         self.sights.push(Sight {
             name: view.name.clone(),
             camera: view.camera,
-            origin: frame.origin,
+            frame,
             pixels,
-            num_regions,
+            num_regions: regions.len(),
         });
+    }
+
+    /// A pixel of a view, by their numbers.
+    pub(crate) fn pixel(&self, &(view, pixel): &(u32, u32)) -> (&Sight, &Pixel) {
+        let sight = &self.sights[view as usize];
+        (sight, &sight.pixels[pixel as usize])
     }
 
     /// Whether no view shows a lamp.
@@ -172,47 +203,18 @@ impl Evidence {
     }
 }
 
-/// Numbers of the connected regions that `lit` pixels are in, each in turn.
-fn regions(lit: &[[u32; 2]], width: u32) -> Vec<u32> {
-    let at: HashMap<[u32; 2], usize> = lit.iter().copied().zip(0..).collect();
-    let mut regions = vec![u32::MAX; lit.len()];
-    let mut num = 0;
-    for first in 0..lit.len() {
-        if regions[first] != u32::MAX {
-            continue;
-        }
-        regions[first] = num;
-        let mut open = vec![first];
-        while let Some(i) = open.pop() {
-            let [x, y] = lit[i];
-            for v in y.saturating_sub(1)..=y + 1 {
-                for u in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                    if let Some(&next) = at.get(&[u, v])
-                        && regions[next] == u32::MAX
-                    {
-                        regions[next] = num;
-                        open.push(next);
-                    }
-                }
+/// The pixels in the boxes around regions, grown by their rims.
+fn around(regions: &[Region], (width, height): (u32, u32)) -> Vec<bool> {
+    let mut near = vec![false; (width * height) as usize];
+    for region in regions {
+        let mut low = region.pixels[0];
+        let mut high = low;
+        for pixel in &region.pixels {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(pixel[axis]);
+                high[axis] = high[axis].max(pixel[axis]);
             }
         }
-        num += 1;
-    }
-    regions
-}
-
-/// The pixels in the boxes around regions, grown by their rims.
-fn around(regions: &[u32], lit: &[[u32; 2]], (width, height): (u32, u32)) -> Vec<bool> {
-    let mut boxes: BTreeMap<u32, [[u32; 2]; 2]> = BTreeMap::new();
-    for (region, pixel) in regions.iter().zip(lit) {
-        let [low, high] = boxes.entry(*region).or_insert([*pixel; 2]);
-        for axis in 0..2 {
-            low[axis] = low[axis].min(pixel[axis]);
-            high[axis] = high[axis].max(pixel[axis]);
-        }
-    }
-    let mut near = vec![false; (width * height) as usize];
-    for [low, high] in boxes.into_values() {
         let rim = [0, 1].map(|k| rim(high[k] - low[k] + 1));
         for y in low[1].saturating_sub(rim[1])..(high[1] + rim[1] + 1).min(height) {
             let row = (y * width) as usize;

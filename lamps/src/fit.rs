@@ -4,12 +4,11 @@
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::measure::measure;
+use crate::median::{median, median_distance, median_of};
 use crate::patches::{Patch, patches, residual};
 use crate::search;
 use crate::shape::{MAX_CHANGES, Shape};
-use crate::starts::{
-    axes, first_flat, first_tube, median, median_distance, median_of, mount, normals, points,
-};
+use crate::starts::{axes, first_flat, first_tube, mount, normals, points};
 use glam::Vec3;
 use rayon::prelude::*;
 

@@ -6,9 +6,11 @@
 //! among them; any other is a new lamp.
 
 use crate::evidence::{Evidence, Sight};
+use crate::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Points are at one place if they are nearer than this many widths of their pixels.
 const NEAR_PIXELS: f32 = 2.0;
@@ -20,13 +22,15 @@ const SHARE_ADJACENT: f32 = 0.3;
 /// Points of a lamp that others are compared with.
 const MAX_POINTS: usize = 600;
 
-/// The pixels of a lamp: numbers of views and of their pixels.
+/// The pixels of a lamp.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Group {
+    /// Numbers of views and of their pixels, ascending in the end.
     pub(crate) members: Vec<(u32, u32)>,
     points: Vec<Point>,
 }
 
+/// A lit pixel in space.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     position: Vec3,
@@ -34,7 +38,30 @@ struct Point {
     width: f32,
 }
 
+/// A 2-D region of lit pixels.
+struct LitRegion {
+    view: usize,
+    /// Numbers of its pixels, and where they are.
+    points: Vec<(usize, Point)>,
+}
+
 impl Group {
+    /// Its pixels view by view.
+    pub(crate) fn by_view(&self) -> impl Iterator<Item = (usize, &[(u32, u32)])> {
+        let views = self.members.chunk_by(|a, b| a.0 == b.0);
+        views.map(|members| (members[0].0 as usize, members))
+    }
+
+    /// The numbers of its pixels in the `num` views that show most of them.
+    pub(crate) fn best_views(&self, num: usize) -> Vec<(usize, HashSet<u32>)> {
+        let mut views: Vec<(usize, &[(u32, u32)])> = self.by_view().collect();
+        views.sort_by_key(|(view, members)| (Reverse(members.len()), *view));
+        let numbers = |members: &[(u32, u32)]| members.iter().map(|member| member.1).collect();
+        (views.into_iter().take(num))
+            .map(|(view, members)| (view, numbers(members)))
+            .collect()
+    }
+
     fn distance(&self, point: &Point) -> f32 {
         let relative = |own: &Point| {
             own.position.distance(point.position) / (NEAR_PIXELS * (own.width + point.width))
@@ -66,12 +93,7 @@ impl Group {
 /// The lamps that the views show.
 pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
-    for (view, region) in by_detail(evidence) {
-        let sight = &evidence.sights[view];
-        let points = points_of(sight, region);
-        if points.is_empty() {
-            continue;
-        }
+    for LitRegion { view, points } in by_detail(evidence) {
         let nearest = |point: &Point, of: &[usize]| -> Option<usize> {
             let distances = of.iter().map(|&lamp| (lamp, groups[lamp].distance(point)));
             let (lamp, distance) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -116,37 +138,38 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
     merged(evidence, groups)
 }
 
-/// All regions, those with the narrowest pixels first.
-fn by_detail(evidence: &Evidence) -> Vec<(usize, u32)> {
-    let mut order = Vec::new();
-    for (view, sight) in evidence.sights.iter().enumerate() {
-        for region in 0..sight.num_regions {
-            let mut widths: Vec<f32> =
-                (points_of(sight, region).iter().map(|(_, p)| p.width)).collect();
-            widths.sort_unstable_by(f32::total_cmp);
-            if let Some(width) = widths.get(widths.len() / 2) {
-                order.push((*width, view, region));
-            }
-        }
-    }
-    order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    order
-        .into_iter()
-        .map(|(_, view, region)| (view, region))
-        .collect()
+/// All regions that the scene has anything of, those with the narrowest pixels first.
+fn by_detail(evidence: &Evidence) -> Vec<LitRegion> {
+    let regions = evidence.sights.iter().enumerate().flat_map(regions_of);
+    let mut order: Vec<(f32, LitRegion)> = regions
+        .filter(|region| !region.points.is_empty())
+        .map(|region| {
+            let width = median_of(region.points.iter().map(|(_, point)| point.width));
+            (width, region)
+        })
+        .collect();
+    // Of equally narrow ones in the order of views, and of each in its own.
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order.into_iter().map(|(_, region)| region).collect()
 }
 
-fn points_of(sight: &Sight, region: u32) -> Vec<(usize, Point)> {
-    let lit = (sight.pixels.iter().enumerate())
-        .filter(|(_, p)| p.lit.is_lit() && p.region == region && p.distance.is_finite());
-    lit.map(|(i, pixel)| {
-        let point = Point {
-            position: sight.origin + pixel.direction * pixel.distance,
-            width: pixel.distance * sight.pixel_width(),
-        };
-        (i, point)
-    })
-    .collect()
+fn regions_of((view, sight): (usize, &Sight)) -> Vec<LitRegion> {
+    let mut regions: Vec<LitRegion> = (0..sight.num_regions)
+        .map(|_| LitRegion {
+            view,
+            points: Vec::new(),
+        })
+        .collect();
+    for (i, pixel) in sight.pixels.iter().enumerate() {
+        if pixel.lit.is_lit() && pixel.distance.is_finite() {
+            let point = Point {
+                position: sight.position(pixel),
+                width: sight.width(pixel),
+            };
+            regions[pixel.region as usize].points.push((i, point));
+        }
+    }
+    regions
 }
 
 fn most_frequent(values: impl Iterator<Item = usize>) -> usize {
@@ -179,7 +202,6 @@ fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
                 groups[first].members.extend(more.members);
                 groups[first].points.extend(more.points);
                 groups[first].thin();
-                // It may now touch one that it did not before.
             }
             None => first += 1,
         }
@@ -195,14 +217,13 @@ fn are_connected(evidence: &Evidence, a: &Group, b: &Group) -> bool {
     let (mut together, mut apart) = (f32::INFINITY, f32::INFINITY);
     let of_views = |group: &Group| {
         let mut views: BTreeMap<u32, (BTreeSet<u32>, f32)> = BTreeMap::new();
-        for &(view, pixel) in &group.members {
-            let sight = &evidence.sights[view as usize];
-            let pixel = &sight.pixels[pixel as usize];
+        for member in &group.members {
+            let (sight, pixel) = evidence.pixel(member);
             let (regions, width) = views
-                .entry(view)
+                .entry(member.0)
                 .or_insert((BTreeSet::new(), f32::INFINITY));
             regions.insert(pixel.region);
-            *width = width.min(pixel.distance * sight.pixel_width());
+            *width = width.min(sight.width(pixel));
         }
         views
     };

@@ -14,6 +14,7 @@ mod evidence;
 mod fit;
 mod group;
 mod measure;
+mod median;
 mod names;
 mod patches;
 mod place;
@@ -21,16 +22,16 @@ mod search;
 pub mod shape;
 mod starts;
 
-pub use clear::Cleared;
 pub use evidence::Evidence;
 
-use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
+use eagpt_scene::{Gaussian, Gaussians, SceneEdit};
 use eagpt_trace::{Device, TraceError};
 use glam::Vec3;
 use group::Group;
 use shape::Shape;
+use std::collections::BTreeMap;
 
 /// Residual of a fit beyond which a lamp is left as it was trained, if views show it as large as
 /// [`LARGE`], or smaller.
@@ -51,10 +52,8 @@ const SHARE_ELSEWHERE: f32 = 0.5;
 pub struct Found {
     /// The lamps, those with most power first.
     pub lamps: Lamps,
-    /// What happens to the Gaussians there were.
-    pub cleared: Cleared,
-    /// The Gaussians of the lamps.
-    pub discs: Gaussians,
+    /// How the scene makes room for their Gaussians, which are fixed.
+    pub edit: SceneEdit,
 }
 
 /// A lamp under way.
@@ -83,36 +82,25 @@ pub fn find(
     let shapes: Vec<Shape> = candidates.iter().map(|c| c.shape).collect();
     let clean = || candidates.iter().filter(|c| c.is_clean);
     let clean_shapes: Vec<Shape> = clean().map(|c| c.shape).collect();
-    let mut cleared = Cleared {
-        keep: vec![true; gaussians.len()],
-        moved: Vec::new(),
-    };
-    let nums = clear::replaced(gaussians, &candidates, &mut cleared.keep);
+    let mut keep = vec![true; gaussians.len()];
+    let nums = clear::replaced(gaussians, &candidates, &mut keep);
+    let mut moved: BTreeMap<u32, Gaussian> = BTreeMap::new();
     for flat in clean_shapes.iter().filter_map(Shape::flat) {
-        let mut one = Cleared {
-            keep: cleared.keep.clone(),
-            moved: Vec::new(),
-        };
-        clear::flatten_mount(gaussians, flat, &mut one);
-        for (i, moved) in one.moved {
-            if !cleared.moved.iter().any(|(j, _)| *j == i) {
-                cleared.moved.push((i, moved));
-            }
+        for (i, gaussian) in clear::flatten_mount(gaussians, flat, &keep) {
+            // Where mounts meet, that of the stronger lamp counts.
+            moved.entry(i).or_insert(gaussian);
         }
     }
-    let own: Vec<Gaussians> = clean()
+    let discs: Vec<Gaussians> = clean()
         .map(|c| place::discs(&c.shape, c.radiance, pixel_width(evidence, &c.group)))
         .collect();
-    let discs: Gaussians = own.iter().flat_map(Gaussians::iter).collect();
+    let mut edit = SceneEdit {
+        keep,
+        moved: moved.into_iter().collect(),
+        fixed: discs.iter().flat_map(Gaussians::iter).collect(),
+    };
     if !clean_shapes.is_empty() {
-        clear::remove_what_hides(
-            device,
-            evidence,
-            gaussians,
-            &clean_shapes,
-            &discs,
-            &mut cleared,
-        )?;
+        clear::remove_what_hides(device, evidence, gaussians, &clean_shapes, &mut edit)?;
     }
     let heights = || gaussians.positions.iter().map(|p| p.dot(up));
     let names = names::names(
@@ -128,17 +116,16 @@ pub fn find(
         .collect();
     Ok(Found {
         lamps: Lamps { lamps },
-        cleared,
-        discs,
+        edit,
     })
 }
 
 /// Width of a pixel on the lamp in the views that see it nearest.
 fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
     let mut widths: Vec<f32> = (group.members.iter())
-        .map(|&(view, pixel)| {
-            let sight = &evidence.sights[view as usize];
-            sight.pixels[pixel as usize].distance * sight.pixel_width()
+        .map(|member| {
+            let (sight, pixel) = evidence.pixel(member);
+            sight.width(pixel)
         })
         .collect();
     widths.sort_unstable_by(f32::total_cmp);
@@ -150,15 +137,13 @@ fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     groups.sort_by_key(|group| std::cmp::Reverse(group.members.len()));
     let mut found: Vec<Candidate> = Vec::new();
     for group in groups {
-        if group.members.len() < MIN_PIXELS || num_views(&group) < MIN_VIEWS {
+        if group.members.len() < MIN_PIXELS || group.by_view().count() < MIN_VIEWS {
             continue;
         }
-        let elsewhere = group.members.iter().filter(|&&(view, pixel)| {
-            let sight = &evidence.sights[view as usize];
-            let direction = sight.pixels[pixel as usize].direction;
-            found
-                .iter()
-                .any(|c| c.shape.meet(sight.origin, direction).is_some())
+        let elsewhere = group.members.iter().filter(|member| {
+            let (sight, pixel) = evidence.pixel(member);
+            let meets = |c: &Candidate| c.shape.meet(sight.origin(), pixel.direction).is_some();
+            found.iter().any(meets)
         });
         if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
             continue;
@@ -167,7 +152,8 @@ fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             continue;
         };
         let [large, small] = MAX_RESIDUAL;
-        let limit = if most_pixels(&group) >= LARGE {
+        let most_pixels = group.by_view().map(|(_, pixels)| pixels.len()).max();
+        let limit = if most_pixels.unwrap_or(0) >= LARGE {
             large
         } else {
             small
@@ -187,22 +173,9 @@ fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     found
 }
 
-/// Pixels in the view that has most of them.
-fn most_pixels(group: &Group) -> usize {
-    let by_view = group.members.chunk_by(|a, b| a.0 == b.0);
-    by_view.map(<[_]>::len).max().unwrap_or(0)
-}
-
-fn num_views(group: &Group) -> usize {
-    let mut views: Vec<u32> = group.members.iter().map(|m| m.0).collect();
-    views.dedup();
-    views.len()
-}
-
 fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) -> Lamp {
     let r = c.shape.rotation();
-    let mut views: Vec<usize> = c.group.members.iter().map(|m| m.0 as usize).collect();
-    views.dedup();
+    let views = c.group.by_view().map(|(view, _)| view);
     Lamp {
         name,
         shape: match c.shape {
@@ -219,10 +192,7 @@ fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) 
         radiance: c.radiance.to_array(),
         power: place::power(&c.shape, c.radiance).to_array(),
         num_gaussians,
-        views: views
-            .into_iter()
-            .map(|v| evidence.sights[v].name.clone())
-            .collect(),
+        views: views.map(|v| evidence.sights[v].name.clone()).collect(),
         num_pixels: c.group.members.len(),
         deviation: c.deviation,
         factor: [1.0; 3],

@@ -2,15 +2,14 @@
 
 use crate::evidence::{Evidence, Lit, Sight};
 use crate::group::Group;
-use crate::patches::hidden_from;
+use crate::median::weighted_median;
+use crate::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// Views that measure a lamp: those that show most of it.
-const MAX_VIEWS: usize = 16;
 /// Rays along each axis of a pixel.
 const RAYS: u32 = 4;
 /// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
@@ -39,18 +38,7 @@ struct Reading {
 
 /// Measures the lamp of `group`, which has `shape`; `None` where no view sees the shape.
 pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Option<Measured> {
-    let mut by_view: Vec<(usize, HashSet<u32>)> = Vec::new();
-    for &(view, pixel) in &group.members {
-        match by_view.last_mut() {
-            Some((last, pixels)) if *last == view as usize => {
-                pixels.insert(pixel);
-            }
-            _ => by_view.push((view as usize, HashSet::from([pixel]))),
-        }
-    }
-    by_view.sort_by_key(|(view, own)| (std::cmp::Reverse(own.len()), *view));
-    by_view.truncate(MAX_VIEWS);
-    let readings: Vec<Reading> = (by_view.par_iter())
+    let readings: Vec<Reading> = (group.best_views(MAX_VIEWS).par_iter())
         .map(|(view, own)| reading(&evidence.sights[*view], own, shape))
         .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
         .collect();
@@ -85,7 +73,6 @@ pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Opti
 }
 
 fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
-    let frame = sight.camera.ray_frame();
     let columns: HashSet<(u32, u32)> = (own.iter())
         .map(|&i| &sight.pixels[i as usize])
         .flat_map(|p| (0..3).flat_map(move |dy| (0..3).map(move |dx| (p.x + dx, p.y + dy))))
@@ -104,21 +91,17 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
         hidden: 0.0,
     };
     for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-        let meet = |x: f32, y: f32| {
-            let (x, y) = (pixel.x as f32 + x, pixel.y as f32 + y);
-            shape.meet(sight.origin, frame.direction(x, y))
-        };
-        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| meet(x, y));
+        let meet = |direction: Vec3| shape.meet(sight.origin(), direction);
+        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
+            .map(|(x, y)| meet(sight.direction(pixel, x, y)));
         let farthest = corners.into_iter().flatten().fold(0.0, f32::max);
         let num_corners = corners.iter().flatten().count();
         let is_plain = matches!(pixel.lit, Lit::Inside | Lit::Dark);
         let cover = if is_plain && num_corners.is_multiple_of(corners.len()) {
             num_corners as f32 / corners.len() as f32
         } else {
-            let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
-            let met =
-                (0..RAYS * RAYS).filter(|k| meet(within(k % RAYS), within(k / RAYS)).is_some());
-            met.count() as f32 / (RAYS * RAYS) as f32
+            let met = sight.directions(pixel, RAYS).filter_map(meet).count();
+            met as f32 / (RAYS * RAYS) as f32
         };
         let is_own = own.contains(&i);
         // Neighbours of its own pixels count as far as they are brighter than what is behind.
@@ -136,18 +119,4 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
         }
     }
     reading
-}
-
-fn weighted_median(values: impl Iterator<Item = (f32, f32)>) -> f32 {
-    let mut values: Vec<(f32, f32)> = values.collect();
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = 0.5 * values.iter().map(|v| v.1).sum::<f32>();
-    let mut sum = 0.0;
-    for (value, weight) in &values {
-        sum += weight;
-        if sum >= half {
-            return *value;
-        }
-    }
-    values.last().map_or(0.0, |v| v.0)
 }

@@ -27,14 +27,10 @@ pub(crate) fn names(shapes: &[Shape], up: Vec3, lowest: f32, highest: f32) -> Ve
 
 fn place(shape: &Shape, up: Vec3, lowest: f32, highest: f32) -> &'static str {
     let share = (shape.centre().dot(up) - lowest) / (highest - lowest).max(f32::MIN_POSITIVE);
-    let kind = match shape {
-        Shape::Rectangle(_) | Shape::Ellipse(_) => None,
-        Shape::Ball { .. } => Some("ball"),
-        Shape::Tube { .. } => Some("tube"),
-    };
-    match (shape.flat(), kind) {
-        (_, Some(kind)) => kind,
-        (Some(flat), _) => {
+    match shape {
+        Shape::Ball { .. } => "ball",
+        Shape::Tube { .. } => "tube",
+        Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
             let facing = flat.normal().dot(up);
             if facing < -FACING && share > HIGH {
                 "ceiling"
@@ -44,6 +40,5 @@ fn place(shape: &Shape, up: Vec3, lowest: f32, highest: f32) -> &'static str {
                 "panel"
             }
         }
-        (None, None) => "lamp",
     }
 }

@@ -4,10 +4,9 @@ use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
 use crate::group::Group;
 use crate::shape::Shape;
 use glam::Vec3;
-use std::collections::HashSet;
 
-/// Views that a shape is fitted to: those with most pixels.
-const MAX_VIEWS: usize = 16;
+/// Views that a shape is fitted to and that measure its light: those with most pixels.
+pub(crate) const MAX_VIEWS: usize = 16;
 /// Rays along each axis of a pixel.
 const RAYS: u32 = 3;
 /// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
@@ -38,23 +37,12 @@ pub(crate) struct Patch {
     targets: Vec<Target>,
 }
 
-/// What the views with most pixels of the lamp show.
+/// The views with most pixels of the lamp.
 pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec<Patch> {
-    let mut by_view: Vec<(usize, Vec<u32>)> = Vec::new();
-    for &(view, pixel) in &group.members {
-        match by_view.last_mut() {
-            Some((last, pixels)) if *last == view as usize => pixels.push(pixel),
-            _ => by_view.push((view as usize, vec![pixel])),
-        }
-    }
-    by_view.sort_by_key(|(view, pixels)| (std::cmp::Reverse(pixels.len()), *view));
-    by_view.truncate(MAX_VIEWS);
     let bright = brightness(evidence, group);
-    (by_view.iter())
+    (group.best_views(MAX_VIEWS).into_iter())
         .map(|(view, own)| {
-            let sight = &evidence.sights[*view];
-            let frame = sight.camera.ray_frame();
-            let own: HashSet<u32> = own.iter().copied().collect();
+            let sight = &evidence.sights[view];
             let of_own = || own.iter().map(|&i| &sight.pixels[i as usize]);
             let bounds = |of: fn(&Pixel) -> u32| {
                 let values = of_own().map(of);
@@ -62,7 +50,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
             };
             let ((x0, x1), (y0, y1)) = (bounds(|p| p.x), bounds(|p| p.y));
             let (rim_x, rim_y) = (rim(x1 - x0 + 1), rim(y1 - y0 + 1));
-            let distance = centre.distance(sight.origin);
+            let distance = centre.distance(sight.origin());
             let nearest = (distance - extent) * (1.0 - NEARER);
             let mut targets = Vec::new();
             for (i, pixel) in (0_u32..).zip(&sight.pixels) {
@@ -85,15 +73,8 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     Lit::Beside => share.clamp(0.0, 0.5),
                     Lit::Dark => 0.0,
                 };
-                let mut rays = [Vec3::ZERO; (RAYS * RAYS) as usize];
-                for (k, ray) in (0..).zip(&mut rays) {
-                    let within = |k: u32| (k as f32 + 0.5) / RAYS as f32;
-                    let (x, y) = (
-                        pixel.x as f32 + within(k % RAYS),
-                        pixel.y as f32 + within(k / RAYS),
-                    );
-                    *ray = frame.direction(x, y);
-                }
+                let mut directions = sight.directions(pixel, RAYS);
+                let rays = std::array::from_fn(|_| directions.next().unwrap_or(Vec3::ZERO));
                 targets.push(Target {
                     rays,
                     cover,
@@ -102,7 +83,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                 });
             }
             Patch {
-                origin: sight.origin,
+                origin: sight.origin(),
                 targets: thinned(targets),
             }
         })
@@ -136,10 +117,7 @@ pub(crate) fn hidden_from(sight: &Sight, pixel: &Pixel) -> f32 {
 /// is alone in, or else of its brightest ones.
 fn brightness(evidence: &Evidence, group: &Group) -> f32 {
     let values = |inside: bool| {
-        let pixels = group
-            .members
-            .iter()
-            .map(|&(view, pixel)| &evidence.sights[view as usize].pixels[pixel as usize]);
+        let pixels = group.members.iter().map(|member| evidence.pixel(member).1);
         let mut values: Vec<f32> = pixels
             .filter(|p| !inside || p.lit == Lit::Inside)
             .map(|p| p.radiance.max_element())

@@ -2,6 +2,7 @@
 
 use crate::evidence::{Evidence, Pixel};
 use crate::group::Group;
+use crate::median::{median, median_of};
 use crate::shape::{Flat, Shape};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::rotation;
@@ -28,13 +29,12 @@ pub(crate) struct Point {
 }
 
 pub(crate) fn points(evidence: &Evidence, group: &Group) -> Vec<Point> {
-    let members = group.members.iter().map(|&(view, pixel)| {
-        let sight = &evidence.sights[view as usize];
-        let pixel = &sight.pixels[pixel as usize];
+    let members = group.members.iter().map(|member| {
+        let (sight, pixel) = evidence.pixel(member);
         Point {
-            position: sight.origin + pixel.direction * pixel.distance,
+            position: sight.position(pixel),
             towards: -pixel.direction,
-            width: pixel.distance * sight.pixel_width(),
+            width: sight.width(pixel),
         }
     });
     members.collect()
@@ -64,11 +64,11 @@ pub(crate) fn normals(
 /// Normal of the surface around a lamp, if there is one in which it may lie.
 pub(crate) fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Option<Vec3> {
     let mut near: HashSet<(u32, u32, u32)> = HashSet::new();
-    for &(view, pixel) in &group.members {
-        let Pixel { x, y, .. } = evidence.sights[view as usize].pixels[pixel as usize];
+    for member in &group.members {
+        let Pixel { x, y, .. } = *evidence.pixel(member).1;
         for v in y.saturating_sub(MOUNT_RING)..=y + MOUNT_RING {
             let row = x.saturating_sub(MOUNT_RING)..=x + MOUNT_RING;
-            near.extend(row.map(|u| (view, u, v)));
+            near.extend(row.map(|u| (member.0, u, v)));
         }
     }
     let mut around = Vec::new();
@@ -79,8 +79,7 @@ pub(crate) fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f3
             .filter(|p| !p.lit.is_lit() && p.distance.is_finite())
         {
             if pixel.normal != Vec3::ZERO && near.contains(&(view, pixel.x, pixel.y)) {
-                let position = sight.origin + pixel.direction * pixel.distance;
-                around.push((position, pixel.normal));
+                around.push((sight.position(pixel), pixel.normal));
             }
         }
     }
@@ -148,18 +147,4 @@ pub(crate) fn first_tube(points: &[Point], centre: Vec3, axis: Vec3, pixel: f32)
         length: (4.0 * along).max(pixel),
         taper: 0.0,
     }
-}
-
-pub(crate) fn median_of(values: impl Iterator<Item = f32>) -> f32 {
-    let mut values: Vec<f32> = values.collect();
-    values.sort_unstable_by(f32::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
-pub(crate) fn median(points: &(impl Iterator<Item = Vec3> + Clone)) -> Vec3 {
-    Vec3::from_array([0, 1, 2].map(|axis| median_of(points.clone().map(|p| p[axis]))))
-}
-
-pub(crate) fn median_distance(centre: Vec3, points: impl Iterator<Item = Vec3>) -> f32 {
-    median_of(points.map(|p| p.distance(centre)))
 }

@@ -6,7 +6,7 @@ use eagpt_lamps::shape::{Flat, Shape};
 use eagpt_lamps::{Evidence, Found, find};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::lamps::LampShape;
-use eagpt_scene::{Camera, Gaussian, Gaussians, Image, View, rotation};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Image, SceneEdit, View, rotation};
 use eagpt_trace::Device;
 use glam::{DVec3, Quat, Vec3};
 use std::f32::consts::PI;
@@ -163,9 +163,13 @@ fn a_panel_at_the_ceiling_is_flat_and_nothing_hides_it() {
         "{:?}",
         lamp.power
     );
-    assert!(film.into_iter().all(|i| !found.cleared.keep[i]));
+    assert!(film.into_iter().all(|i| !found.edit.keep[i]));
     // The ceiling stays, behind the lamp.
-    let after = found.cleared.applied(&scene);
+    let without_lamps = SceneEdit {
+        fixed: Gaussians::default(),
+        ..found.edit
+    };
+    let after = without_lamps.applied(&scene);
     assert!(after.len() + 40 > num_room, "{} of {num_room}", after.len());
     let sticks_out = |p: &&Vec3| p.z < lamp.centre[2] && p.distance(lamp.centre()) < 0.15;
     assert_eq!(after.positions.iter().filter(sticks_out).count(), 0);
@@ -227,6 +231,7 @@ fn round_and_long_lamps_have_their_power() {
 fn where_no_mask_shows_a_lamp_nothing_changes() {
     let scene = room();
     let found = find(&Evidence::default(), &scene, Vec3::Z, &Device::Cpu).unwrap();
-    assert!(found.lamps.lamps.is_empty() && found.discs.is_empty());
-    assert_eq!(found.cleared.applied(&scene), scene);
+    assert!(found.lamps.lamps.is_empty());
+    assert_eq!(found.edit, SceneEdit::nothing(scene.len()));
+    assert_eq!(found.edit.applied(&scene), scene);
 }

@@ -24,5 +24,6 @@ mod report;
 pub use consistency::Verdict;
 pub use error::{MaskError, Result};
 pub use job::{MaskProgress, MaskRequest, MaskSummary, make_masks, planned_files};
+pub use mask::{Mask, Region};
 pub use options::{Border, CheckOptions, Inconsistent, MaskOptions, MaskSource, Rule};
 pub use report::ViewVerdict;

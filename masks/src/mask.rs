@@ -21,13 +21,13 @@ const OFF: Luma<u8> = Luma([0]);
 
 /// A set of pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Mask {
+pub struct Mask {
     pixels: GrayImage,
 }
 
 /// A connected part of a mask, diagonal neighbours included.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Region {
+pub struct Region {
     /// Its pixels (column, row), row by row; never empty.
     pub pixels: Vec<[u32; 2]>,
 }
@@ -51,7 +51,7 @@ impl Mask {
     }
 
     /// The mask of the pixels (column, row) for which `is_in` is true.
-    pub(crate) fn from_fn(width: u32, height: u32, is_in: impl Fn(u32, u32) -> bool) -> Self {
+    pub fn from_fn(width: u32, height: u32, is_in: impl Fn(u32, u32) -> bool) -> Self {
         let pixels = GrayImage::from_fn(width, height, |x, y| if is_in(x, y) { ON } else { OFF });
         Self { pixels }
     }
@@ -67,7 +67,7 @@ impl Mask {
     }
 
     /// Whether a pixel is in the mask; what is outside of the image is not.
-    pub(crate) fn has(&self, x: u32, y: u32) -> bool {
+    pub fn has(&self, x: u32, y: u32) -> bool {
         self.pixels.get_pixel_checked(x, y) == Some(&ON)
     }
 
@@ -113,7 +113,7 @@ impl Mask {
     }
 
     /// Connected regions in the order of their first pixels.
-    pub(crate) fn regions(&self) -> Vec<Region> {
+    pub fn regions(&self) -> Vec<Region> {
         let labels = connected_components(&self.pixels, Connectivity::Eight, OFF);
         let mut regions: Vec<Region> = Vec::new();
         let mut index_of_label = Vec::new();

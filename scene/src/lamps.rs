@@ -19,7 +19,7 @@ pub const EMISSION_THRESHOLD: f32 = 0.1;
 
 /// Grows the box of a lamp on every side, in parts of its largest size: centres of its Gaussians
 /// scatter about the clean surface, and a panel's box has no thickness of its own.
-const BOX_MARGIN: f32 = 0.15;
+pub const BOX_MARGIN: f32 = 0.15;
 
 /// The form of a lamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -9,7 +9,6 @@ mod edit;
 mod learned;
 mod state;
 
-pub use edit::SceneEdit;
 pub use learned::Learned;
 #[cfg(feature = "gpu")]
 pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};

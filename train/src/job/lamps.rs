@@ -4,7 +4,6 @@ use super::Run;
 use super::views::Views;
 use crate::backend::Backend;
 use crate::error::Result;
-use crate::params::SceneEdit;
 use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
 use eagpt_scene::lamps::{LAMPS_FILE, write_lamps};
@@ -31,15 +30,11 @@ impl Run<'_> {
         let found = eagpt_lamps::find(&evidence, &gaussians, up, &self.request.device)?;
         write_lamps(&self.request.out.join(LAMPS_FILE), &found.lamps)?;
         let num_lamps = found.lamps.lamps.len();
-        backend.edit(&SceneEdit {
-            keep: found.cleared.keep,
-            moved: found.cleared.moved,
-            fixed: found.discs,
-        })?;
+        backend.edit(&found.edit)?;
         (self.progress)(TrainProgress::Lamps {
             iteration,
             num_lamps,
-            num_gaussians: backend.state()?.len(),
+            num_gaussians: found.edit.num_after(),
         });
         Ok(())
     }

@@ -1,31 +1,8 @@
 //! Edits of a scene while it is optimised: Gaussians go, move, and come to stay where they are.
 
 use super::{ParameterState, RADIANCE, Raw, raw_from_gaussian};
+use eagpt_scene::SceneEdit;
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
-use eagpt_scene::{Gaussian, Gaussians};
-
-/// What becomes of the Gaussians of a scene, `[n]` before it.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct SceneEdit {
-    /// Which Gaussians stay, `[n]`.
-    pub keep: Vec<bool>,
-    /// Some that stay, by their index before the edit, with new position, scale, rotation and
-    /// opacity. Their light and material stay; where they were going is forgotten.
-    pub moved: Vec<(u32, Gaussian)>,
-    /// Gaussians that are put at the end, where stage 0 leaves them as they are. Their light is the
-    /// same in all directions.
-    pub fixed: Gaussians,
-}
-
-impl SceneEdit {
-    /// An edit of `num_gaussians` that changes nothing.
-    pub fn nothing(num_gaussians: usize) -> Self {
-        Self {
-            keep: vec![true; num_gaussians],
-            ..Self::default()
-        }
-    }
-}
 
 impl ParameterState {
     /// Carries out an edit. Gaussians that stay keep their order, their values and their moments;
@@ -71,6 +48,7 @@ mod tests {
     use super::*;
     use crate::params::tests::sample;
     use crate::params::{ALBEDO, Learned, NUM_PARAMETERS, POSITION, StepSizes};
+    use eagpt_scene::Gaussian;
     use eagpt_trace::blend::LocalGradient;
     use glam::Vec3;
 

@@ -1,0 +1,42 @@
+//! Edits of a scene: Gaussians go, move, and come to stay where they are.
+
+use crate::gaussians::{Gaussian, Gaussians};
+
+/// What becomes of the Gaussians of a scene, `[n]` before it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SceneEdit {
+    /// Which Gaussians stay, `[n]`.
+    pub keep: Vec<bool>,
+    /// Some that stay, by their index before the edit, with new position, scale, rotation and
+    /// opacity. Their light and material stay.
+    pub moved: Vec<(u32, Gaussian)>,
+    /// Gaussians that are put at the end, where stage 0 of training leaves them as they are. Their
+    /// light is the same in all directions.
+    pub fixed: Gaussians,
+}
+
+impl SceneEdit {
+    /// An edit of `num_gaussians` that changes nothing.
+    pub fn nothing(num_gaussians: usize) -> Self {
+        Self {
+            keep: vec![true; num_gaussians],
+            ..Self::default()
+        }
+    }
+
+    /// Number of Gaussians after it.
+    pub fn num_after(&self) -> usize {
+        self.keep.iter().filter(|stays| **stays).count() + self.fixed.len()
+    }
+
+    /// The scene after it.
+    pub fn applied(&self, gaussians: &Gaussians) -> Gaussians {
+        let mut all: Vec<Gaussian> = gaussians.iter().collect();
+        for (i, moved) in &self.moved {
+            all[*i as usize] = *moved;
+        }
+        let kept = all.into_iter().zip(&self.keep).filter(|(_, keep)| **keep);
+        let kept = kept.map(|(gaussian, _)| gaussian);
+        kept.chain(self.fixed.iter()).collect()
+    }
+}
