@@ -158,22 +158,31 @@ pub(crate) fn check_file(
 ) -> Result<()> {
     let record = record_path(out);
     for path in [out, &record] {
-        let real = path.canonicalize().ok();
-        if real.is_some() && inputs.iter().any(|input| input.canonicalize().ok() == real) {
-            bail!("{}: --out would replace an input", path.display());
-        }
-        if path.exists() && replace == Replace::Refuse {
-            bail!(
-                "{}: is there already: --force replaces it, --out names another file",
-                path.display()
-            );
-        }
+        check_part(path, inputs, replace)?;
     }
     if !out.exists() && !record.exists() {
         return Ok(());
     }
     // A trained scene takes hours: no slip of --out may cost it.
     read_record(&record, command).map(|_| ())
+}
+
+/// Finds out whether a result may have the file `path`, without touching anything.
+///
+/// # Errors
+/// If it is an input, or there already and not to be replaced.
+pub(crate) fn check_part(path: &Path, inputs: &[&Path], replace: Replace) -> Result<()> {
+    let real = path.canonicalize().ok();
+    if real.is_some() && inputs.iter().any(|input| input.canonicalize().ok() == real) {
+        bail!("{}: --out would replace an input", path.display());
+    }
+    if path.exists() && replace == Replace::Refuse {
+        bail!(
+            "{}: is there already: --force replaces it, --out names another file",
+            path.display()
+        );
+    }
+    Ok(())
 }
 
 /// The record of an earlier result that `--force` of `command` may replace.

@@ -5,10 +5,12 @@ pub mod digest;
 mod key;
 pub mod ledger;
 mod lock;
+mod sealed;
 
 pub use key::Key;
 pub use ledger::Ledger;
 pub use lock::FolderLock;
+pub use sealed::SealedFormat;
 
 use crate::error::{Result, SceneError};
 use std::collections::{BTreeMap, BTreeSet};

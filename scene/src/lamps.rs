@@ -181,7 +181,7 @@ impl Lamps {
 }
 
 /// Whether a name is the pattern with some text in place of each `*`.
-fn fits(name: &str, pattern: &str) -> bool {
+pub(crate) fn fits(name: &str, pattern: &str) -> bool {
     let Some((first, rest)) = pattern.split_once('*') else {
         return name == pattern;
     };

@@ -127,6 +127,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
         out: folder.join("baked.ply"),
         work: folder.join("work"),
         transport: None,
+        per_light: None,
         options: BakeOptions {
             method: BakeMethod::Gaussians(GaussianBake {
                 num_samples: SWEEP_DIRECTIONS,

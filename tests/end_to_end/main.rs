@@ -22,6 +22,7 @@ mod errors;
 mod import;
 mod ingest;
 mod lamps;
+mod light_basis;
 mod machine;
 mod masks;
 mod misuse;

@@ -11,7 +11,9 @@ use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::light_list::LightList;
-use eagpt_trace::transport::matrix::{Directions, EMITTER, NOTHING, Receiver, TransportMatrix};
+use eagpt_trace::transport::matrix::{
+    Directions, EMITTER, Groups, NOTHING, Receiver, Tracing, TransportMatrix,
+};
 use glam::Vec3;
 use receivers::receivers;
 use room::lit_room;
@@ -29,6 +31,15 @@ fn trace(scene: &Gaussians, receivers: &[Receiver]) -> TransportMatrix {
     TransportMatrix::trace(&CpuScene::new(scene), receivers, DIRECTIONS, key())
 }
 
+fn tracing<'a>(receivers: &'a [Receiver], lights: Option<&'a LightList>) -> Tracing<'a> {
+    Tracing {
+        receivers,
+        directions: DIRECTIONS,
+        key: key(),
+        lights,
+    }
+}
+
 /// `matrix`, traced in `scene`, with the radiance of emitters changed by `change`; and that scene
 /// with its matrix traced anew.
 fn relit(
@@ -44,13 +55,7 @@ fn relit(
         }
     }
     let lights = LightList::new(&SurfelSet::new(scene));
-    matrix.relight(
-        receivers,
-        DIRECTIONS,
-        key(),
-        lights.as_ref(),
-        &other.radiances,
-    );
+    matrix.relight(&tracing(receivers, lights.as_ref()), &other.radiances);
     [matrix, trace(&other, receivers)]
 }
 
@@ -107,4 +112,48 @@ fn other_light_has_the_mean_of_a_trace() {
     let off = (relit_mean / traced_mean - Vec3::ONE).abs();
     // 16 to 40 directions at each of some thousand receivers.
     assert!(off.max_element() < 0.03, "{off}");
+}
+
+/// Each group of emitters gives the bits that a scene has in which the others are dark, and all
+/// together what was traced; light of others is that of each group alone.
+#[test]
+fn groups_of_emitters_give_their_light_apart() {
+    let scene = lit_room();
+    let receivers = receivers(&scene);
+    let matrix = trace(&scene, &receivers);
+    let lights = LightList::new(&SurfelSet::new(&scene));
+    let tracing = tracing(&receivers, lights.as_ref());
+    let of: Vec<u32> = (scene.positions.iter())
+        .map(|position| 1 + u32::from(position.x > 0.0))
+        .collect();
+    // Nothing belongs to the first of three.
+    let num = 3;
+    let apart = matrix.direct_of_groups(&tracing, &scene.radiances, Groups { num, of: &of });
+    let group = |k: usize| -> Vec<Vec3> { apart.chunks_exact(num).map(|row| row[k]).collect() };
+    assert!(group(0).iter().all(|light| *light == Vec3::ZERO));
+    for k in [1, 2] {
+        let mut alone = scene.radiances.clone();
+        for i in (0..scene.len()).filter(|&i| of[i] as usize != k) {
+            alone[i] = Vec3::ZERO;
+        }
+        let mut expected = matrix.clone();
+        expected.relight(&tracing, &alone);
+        assert!(expected.direct.iter().any(|light| light.x > 0.0));
+        assert_eq!(group(k), expected.direct);
+    }
+    for (row, direct) in apart.chunks_exact(num).zip(&matrix.direct) {
+        let sum: Vec3 = row.iter().sum();
+        assert!((sum - direct).abs().max_element() <= 1e-5 * direct.max_element());
+    }
+
+    let carried = |i: usize, k: usize| Vec3::new(i as f32, 1.0, k as f32);
+    let all: Vec<[Vec3; 3]> = (0..scene.len())
+        .map(|i| [0, 1, 2].map(|k| carried(i, k)))
+        .collect();
+    let together = matrix.from_others_of_groups(DIRECTIONS, all.as_flattened(), num);
+    for k in 0..num {
+        let mine: Vec<Vec3> = together.chunks_exact(num).map(|row| row[k]).collect();
+        let alone: Vec<Vec3> = (0..scene.len()).map(|i| carried(i, k)).collect();
+        assert_eq!(mine, matrix.from_others(DIRECTIONS, &alone));
+    }
 }

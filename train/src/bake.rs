@@ -14,10 +14,11 @@ pub mod views;
 use crate::error::Result;
 use eagpt_scene::dataset::{RADIANCE_DIR, Split, SplitRule, Subset, TRANSFORMS_FILE};
 use eagpt_scene::files::{self, Key, Ledger, ledger};
+use eagpt_scene::light_basis::lights_file_beside;
 use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, ply};
 use eagpt_trace::Device;
 use eagpt_trace::transport::EMISSION_THRESHOLD;
-use gaussians::GaussianBake;
+use gaussians::{GaussianBake, Solved};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -65,6 +66,9 @@ pub struct BakeRequest {
     /// File for the traced transport matrix of [`BakeMethod::Gaussians`], in place of the work
     /// folder: kept for later bakes, which reuse it if the geometry is the same.
     pub transport: Option<PathBuf>,
+    /// File of the lamps of the scene, for [`BakeMethod::Gaussians`]: beside the scene, the light of
+    /// each lamp is written ([`eagpt_scene::light_basis::lights_file_beside`]).
+    pub per_light: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,
     /// Device that traces rays and, with [`BakeMethod::Views`], fits.
@@ -128,6 +132,8 @@ pub enum BakeProgress {
 pub struct BakeSummary {
     /// The scene file; `None` if the bake was stopped, or was one shard of several.
     pub scene: Option<PathBuf>,
+    /// Lights whose light was written apart; `None` if that was not asked for.
+    pub num_lights: Option<usize>,
     /// Rays traced in this process; those of cameras are not counted.
     pub num_rays: u64,
     /// Division of the views.
@@ -163,8 +169,14 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_rays: 0,
     };
-    let radiances = match &request.options.method {
-        BakeMethod::Views(method) => bake.fit_views(method, open_work(request)?)?,
+    let solved = match &request.options.method {
+        BakeMethod::Views(method) => {
+            let fitted = bake.fit_views(method, open_work(request)?)?;
+            fitted.map(|radiances| Solved {
+                radiances,
+                basis: None,
+            })
+        }
         BakeMethod::Gaussians(method) => {
             if request.transport.is_none() {
                 open_work(request)?;
@@ -173,12 +185,20 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         }
     };
     let num_rays = bake.num_rays;
-    let scene = match radiances {
-        Some(radiances) => {
+    let mut num_lights = None;
+    let scene = match solved {
+        Some(Solved { radiances, basis }) => {
             let baked = Gaussians {
                 radiances,
                 ..bake.scene
             };
+            let lights = lights_file_beside(&request.out);
+            match &basis {
+                Some(basis) => basis.write(&lights)?,
+                // That of an earlier bake.
+                None => files::remove_if_there(&lights)?,
+            }
+            num_lights = basis.map(|basis| basis.lights().len());
             ply::write_gaussians(&request.out, &baked)?;
             let is_solved = matches!(request.options.method, BakeMethod::Gaussians(_));
             if is_solved && request.transport.is_none() {
@@ -191,6 +211,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
     };
     Ok(BakeSummary {
         scene,
+        num_lights,
         num_rays,
         split,
         device: request.device.name(),

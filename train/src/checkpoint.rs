@@ -7,9 +7,8 @@
 use crate::error::Result;
 use crate::options::Stage;
 use crate::params::{Learned, NUM_PARAMETERS, ParameterState};
-use crate::sealed::SealedFormat;
 use eagpt_scene::SceneError;
-use eagpt_scene::files::{self, Key};
+use eagpt_scene::files::{self, Key, SealedFormat};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

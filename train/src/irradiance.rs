@@ -57,4 +57,9 @@ impl NoisyLight {
     pub fn smoothed(&self, smoothing: &Smoothing) -> Vec<Vec3> {
         smoothing.apply(&self.irradiance, &self.variances)
     }
+
+    /// Parts that make up the irradiance, `[receivers, num]`, smoothed alike.
+    pub fn smoothed_parts(&self, smoothing: &Smoothing, parts: &[Vec3], num: usize) -> Vec<Vec3> {
+        smoothing.apply_to_parts(&self.irradiance, &self.variances, parts, num)
+    }
 }

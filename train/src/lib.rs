@@ -31,7 +31,6 @@ mod own_light;
 pub mod params;
 mod preview;
 mod progress;
-mod sealed;
 pub mod surfaces;
 
 pub use error::{Result, TrainError};

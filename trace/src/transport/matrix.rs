@@ -7,10 +7,14 @@
 //! An entry of the matrix is the Gaussian that a direction meets first. Whatever light the
 //! Gaussians carry, `E/π` is then the emitters' part plus the mean light of the entries: further
 //! bounces, or other albedos, cost a look-up for each entry and no ray. Nor does other light of the
-//! same emitters, whose entries are kept, too ([`TransportMatrix::relight`]).
+//! same emitters, whose entries are kept, too ([`TransportMatrix::relight`]), or the light of each
+//! lamp alone ([`TransportMatrix::direct_of_groups`]).
 //!
 //! [`TransportMatrix::trace`] is the CPU's way; [`crate::Tracer::trace_transport`] is that of any
 //! device.
+
+mod groups;
+mod relight;
 
 use super::EMISSION_THRESHOLD;
 use super::light_list::{Importances, LightList};
@@ -24,6 +28,9 @@ use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
+
+pub use groups::Groups;
+pub use relight::Tracing;
 
 /// Entry of a direction that meets nothing, or that was not traced. It is no index.
 pub const NOTHING: u32 = 0x7f7f_ffff;
@@ -199,52 +206,6 @@ impl TransportMatrix {
         };
         let pairs = self.direct.iter().zip(&self.direct_squares);
         pairs.map(variance).collect()
-    }
-
-    /// Replaces [`Self::direct`] by that of emitters with other light, `radiances`, `[n]`. The
-    /// matrix has been traced for `receivers` in `directions` with random numbers of `key` and
-    /// `lights`, which still decide the weights: the mean is right, and the noise that of sampling
-    /// those lights. As [`Self::trace`] has it to the bit, if all lights have changed alike.
-    pub fn relight(
-        &mut self,
-        receivers: &[Receiver],
-        directions: Directions,
-        key: RandomKey,
-        lights: Option<&LightList>,
-        radiances: &[Vec3],
-    ) {
-        let sampler = Sampler {
-            lights,
-            directions,
-            key,
-        };
-        let (bsdf, to_lights) = (directions.bsdf as usize, directions.to_lights as usize);
-        let all = receivers.par_iter().enumerate().with_min_len(64);
-        (self.direct, self.direct_squares) = all
-            .map(|(at, receiver)| {
-                let targets = &self.targets[at * bsdf..][..bsdf];
-                let light_targets = &self.light_targets[at * to_lights..][..to_lights];
-                let (mut direct, mut squares) = (Vec3::ZERO, 0.0);
-                let aim = sampler.aim(receiver);
-                for realization in 0..NUM_REALIZATIONS {
-                    for sample in aim.samples(realization) {
-                        let target = match sample {
-                            Sample::Bsdf(i) => targets[i as usize],
-                            Sample::Light(i) => light_targets[i as usize],
-                        };
-                        if target & EMITTER != 0
-                            && let Some(direction) = aim.direction(sample, realization)
-                        {
-                            let light = radiances[(target & !EMITTER) as usize]
-                                * aim.weight(direction, realization);
-                            direct += light;
-                            squares += luminance(light.to_array()).powi(2);
-                        }
-                    }
-                }
-                (direct, squares)
-            })
-            .unzip();
     }
 }
 

@@ -6,18 +6,24 @@
 //! reaches each Gaussian, and which other Gaussians it sees ([`eagpt_trace::transport::matrix`]).
 //! That is the first term, and the matrix T of all further ones: a bounce more is a product of it
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
+//!
+//! Light is linear in the lamps. Where the light of each is asked for, it goes through the same
+//! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
+//! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
-use super::series::{Exchange, sum_of_bounces};
+use super::series::{DirectParts, Exchange, sum_of_bounces};
 use super::solution::Told;
-use super::transport::{self, TracedTransport};
+use super::transport::TracedTransport;
 use super::{Bake, BakeProgress, emits, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::irradiance;
 use crate::surfaces::{self, BestSeen};
 use eagpt_scene::files::{Key, digest};
+use eagpt_scene::lamps::read_lamps;
+use eagpt_scene::light_basis::geometry_digest;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussians, SceneError};
+use eagpt_scene::{Camera, Gaussians, LightBasis, LightGroups, SceneError};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::matrix::{Directions, Receiver};
 use glam::Vec3;
@@ -46,26 +52,56 @@ impl GaussianBake {
     }
 }
 
+/// A solution.
+pub(super) struct Solved {
+    /// Of all Gaussians, `[n]`.
+    pub(super) radiances: Vec<Vec3>,
+    /// What Gaussians reflect of each lamp.
+    pub(super) basis: Option<LightBasis>,
+}
+
 /// File of the traced rows in the work folder.
 pub(super) const STATE: &str = "transport.state";
 
 impl Bake<'_> {
-    /// Radiances of all Gaussians, or `None` if it was stopped from outside.
-    pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Vec<Vec3>>> {
+    /// Radiances of all Gaussians, and the basis of their light if that is asked for; `None` if it
+    /// was stopped from outside.
+    pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Solved>> {
         let directions = method.directions();
-        self.check_memory(directions)?;
+        let lights = match &self.request.per_light {
+            Some(lamps) => Some(self.lights(lamps)?),
+            None => None,
+        };
+        let num_lights = lights.as_ref().map_or(0, |lights| lights.names.len());
+        self.check_memory(directions, num_lights)?;
         let tracer = self.request.device.scene(&self.scene)?;
         let Some(traced) = self.trace(&*tracer, directions)? else {
             return Ok(None);
         };
         let light = Exchange::new(&traced.receivers, &traced.matrix, directions);
         let max_bounces = self.request.options.max_bounces;
-        let reflected =
-            sum_of_bounces(&self.scene.albedos, &light, max_bounces, &mut self.progress);
-        Ok(Some(with_emitters(&self.scene, &reflected)))
+        let parts = lights.as_ref().map(|lights| DirectParts {
+            num: num_lights,
+            direct: traced.direct_of(&self.scene, self.key(), lights),
+        });
+        let albedos = &self.scene.albedos;
+        let told = &mut self.progress;
+        let reflected = sum_of_bounces(albedos, &light, max_bounces, parts.as_ref(), told);
+        let basis = |lights| LightBasis::new(&self.scene, lights, &reflected.parts);
+        Ok(Some(Solved {
+            radiances: with_emitters(&self.scene, &reflected.total),
+            basis: lights.as_ref().map(basis),
+        }))
     }
 
-    fn check_memory(&self, directions: Directions) -> Result<()> {
+    /// What emits, by the lamps of a file.
+    fn lights(&self, lamps: &Path) -> Result<LightGroups> {
+        let list = read_lamps(lamps)?;
+        let groups = LightGroups::new(&self.scene, &list);
+        Ok(groups.map_err(|problem| SceneError::invalid(lamps, "name", problem))?)
+    }
+
+    fn check_memory(&self, directions: Directions, num_lights: usize) -> Result<()> {
         // Beside the entries, a copy and the bytes of a file that is written.
         let copies = if self.request.transport.is_some() {
             3
@@ -73,7 +109,10 @@ impl Bake<'_> {
             1
         };
         let entries = u64::from(directions.bsdf + directions.to_lights);
-        let needed = copies * self.scene.len() as u64 * entries * 4;
+        // Of each light: its direct light, that of a bounce before and after smoothing, that of the
+        // last bounce and of all.
+        let of_lights = 5 * size_of::<Vec3>() as u64 * num_lights as u64;
+        let needed = self.scene.len() as u64 * (copies * entries * 4 + of_lights);
         match available_memory() {
             Some(available) if needed > available / 2 => Err(TrainError::Memory {
                 needed_mib: needed >> 20,
@@ -100,7 +139,7 @@ impl Bake<'_> {
             self.frames.clone(),
         );
         let key = Key::new()
-            .with("geometry", transport::geometry(&self.scene))
+            .with("geometry", geometry_digest(&self.scene))
             .with_value("cameras", &cameras)?
             .with_value("samples", &[directions.bsdf, directions.to_lights])?
             .with_value("seed", &self.request.options.seed)?;

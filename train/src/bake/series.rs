@@ -30,7 +30,8 @@ impl<'a> Exchange<'a> {
     }
 }
 
-/// The sum of the bounces so far.
+/// The sum of the bounces so far, and of the last one: of the light of all emitters, and where they
+/// are asked for of its parts, which add up to it.
 #[derive(Debug, Clone, PartialEq)]
 struct Series {
     /// Bounces done.
@@ -39,20 +40,43 @@ struct Series {
     total: Vec<Vec3>,
     /// That of the last bounce alone, `[n]`.
     last: Vec<Vec3>,
+    /// Those of the parts, `[n, parts]`.
+    parts: Vec<Vec3>,
+    last_parts: Vec<Vec3>,
+}
+
+/// The light of emitters in parts.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct DirectParts {
+    /// Number of parts.
+    pub(super) num: usize,
+    /// Irradiance over π that comes from each, `[receivers, num]`.
+    pub(super) direct: Vec<Vec3>,
+}
+
+/// Light that Gaussians reflect.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Reflected {
+    /// Radiance, `[n]`; zero for what emits.
+    pub(super) total: Vec<Vec3>,
+    /// Of each part, `[n, parts]`; empty without parts.
+    pub(super) parts: Vec<Vec3>,
 }
 
 impl Series {
-    fn new(num: usize) -> Self {
+    fn new(num: usize, num_parts: usize) -> Self {
         Self {
             bounce: 0,
             total: vec![Vec3::ZERO; num],
             last: vec![Vec3::ZERO; num],
+            parts: vec![Vec3::ZERO; num * num_parts],
+            last_parts: vec![Vec3::ZERO; num * num_parts],
         }
     }
 
     /// Adds a bounce: what `receivers` reflect of the light of emitters, then of that of the last
     /// bounce.
-    fn add(&mut self, albedos: &[Vec3], light: &Exchange<'_>) {
+    fn add(&mut self, albedos: &[Vec3], light: &Exchange<'_>, parts: Option<&DirectParts>) {
         let &Exchange {
             matrix, directions, ..
         } = light;
@@ -61,6 +85,9 @@ impl Series {
         } else {
             NoisyLight::indirect(matrix, directions, &self.last)
         };
+        if let Some(parts) = parts {
+            self.add_parts(albedos, light, parts, &noisy);
+        }
         let irradiance = noisy.smoothed(&light.smoothing);
         self.last.fill(Vec3::ZERO);
         for ((i, _), light) in light.receivers.iter().zip(irradiance) {
@@ -71,6 +98,36 @@ impl Series {
         self.bounce += 1;
     }
 
+    /// The same of the parts of the light, whose sum is `noisy`.
+    fn add_parts(
+        &mut self,
+        albedos: &[Vec3],
+        light: &Exchange<'_>,
+        parts: &DirectParts,
+        noisy: &NoisyLight,
+    ) {
+        let num = parts.num;
+        let indirect;
+        let irradiance = if self.bounce == 0 {
+            &parts.direct
+        } else {
+            let matrix = light.matrix;
+            indirect = matrix.from_others_of_groups(light.directions, &self.last_parts, num);
+            &indirect
+        };
+        let irradiance = noisy.smoothed_parts(&light.smoothing, irradiance, num);
+        self.last_parts.fill(Vec3::ZERO);
+        for ((i, _), light) in light.receivers.iter().zip(irradiance.chunks_exact(num)) {
+            let i = *i as usize;
+            let rows = num * i..num * (i + 1);
+            let row = self.last_parts[rows.clone()].iter_mut();
+            for ((last, total), light) in row.zip(&mut self.parts[rows]).zip(light) {
+                *last = albedos[i] * *light;
+                *total += *last;
+            }
+        }
+    }
+
     /// Light of the last bounce as a share of all.
     fn share(&self) -> f64 {
         let sum = |of: &[Vec3]| -> f64 { of.iter().map(|l| f64::from(l.element_sum())).sum() };
@@ -78,85 +135,27 @@ impl Series {
     }
 }
 
-/// Reflected radiance of all Gaussians, `[n]`, after so many bounces; zero for what emits.
+/// What all Gaussians reflect after so many bounces, and of `parts` of the light of emitters each.
 pub(super) fn sum_of_bounces(
     albedos: &[Vec3],
     light: &Exchange<'_>,
     max_bounces: u32,
+    parts: Option<&DirectParts>,
     told: &mut dyn FnMut(BakeProgress),
-) -> Vec<Vec3> {
-    let mut series = Series::new(albedos.len());
+) -> Reflected {
+    let mut series = Series::new(albedos.len(), parts.map_or(0, |parts| parts.num));
     while series.bounce < max_bounces {
-        series.add(albedos, light);
+        series.add(albedos, light, parts);
         told(BakeProgress::Bounced {
             bounce: series.bounce,
             share: series.share(),
         });
     }
-    series.total
+    Reflected {
+        total: series.total,
+        parts: series.parts,
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::{emits, with_emitters};
-    use super::*;
-    use eagpt_scene::rng::{Purpose, RandomKey};
-    use eagpt_testkit::gaussians::{material, sphere};
-    use eagpt_trace::cpu::CpuScene;
-    use eagpt_trace::transport::start::Surface;
-
-    /// Inside a sphere every patch sees every other at the same `cos cos / r²`: light from a cap of
-    /// area share f is spread evenly, and with albedo a the radiance of the rest after K bounces is
-    /// `a L f Σ_{k<K} (a (1 − f))^k`.
-    #[test]
-    fn bounces_inside_a_sphere_follow_the_geometric_series() {
-        let (share, albedo, radiance) = (0.25_f32, 0.6_f32, 3.0_f32);
-        // Archimedes: the cap above z = 1 − 2f has the share f of the area.
-        let scene = sphere(6000, 2.0, |direction| {
-            if direction.z > 1.0 - 2.0 * share {
-                material(Vec3::splat(radiance), 1.0, Vec3::ZERO)
-            } else {
-                // Radiance that must not count.
-                material(Vec3::splat(50.0), 0.0, Vec3::splat(albedo))
-            }
-        });
-        let receivers: Vec<Receiver> = (0..scene.len() as u32)
-            .filter(|&i| !emits(scene.emissions[i as usize]))
-            .map(|i| {
-                let g = scene.get(i as usize);
-                let surface = Surface {
-                    position: g.position,
-                    normal: -g.position.normalize(),
-                    offset: 0.3 * g.scale.x,
-                };
-                (i, surface)
-            })
-            .collect();
-        let rays = Directions {
-            bsdf: 32,
-            to_lights: 16,
-        };
-        let key = RandomKey::new(1, Purpose::Bake, 1);
-        let matrix = TransportMatrix::trace(&CpuScene::new(&scene), &receivers, rays, key);
-        let light = Exchange::new(&receivers, &matrix, rays);
-        let mut series = Series::new(scene.len());
-        let mut expected = 0.0;
-        for bounce in 1..=4 {
-            series.add(&scene.albedos, &light);
-            expected += albedo * radiance * share * (albedo * (1.0 - share)).powi(bounce - 1);
-            let mean: f32 = receivers
-                .iter()
-                .map(|(i, _)| series.total[*i as usize].x)
-                .sum::<f32>()
-                / receivers.len() as f32;
-            // 6000 × 32 directions leave 0.3 %; the soft rim of the cap and discs that do not quite
-            // close 1 %.
-            assert!(
-                (mean / expected - 1.0).abs() < 0.015,
-                "bounce {bounce}: {mean} instead of {expected}"
-            );
-        }
-        let baked = with_emitters(&scene, &series.total);
-        assert_eq!(baked[0], scene.radiances[0]);
-    }
-}
+mod tests;

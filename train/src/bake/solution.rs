@@ -66,11 +66,11 @@ impl Solution<'_> {
         };
         let light = Exchange::new(&receivers, &matrix, directions);
         let bounces = self.max_bounces;
-        let reflected = sum_of_bounces(&scene.albedos, &light, bounces, &mut tell);
+        let reflected = sum_of_bounces(&scene.albedos, &light, bounces, None, &mut tell);
         if goes_on.is_break() {
             return Ok(None);
         }
-        scene.radiances = with_emitters(&scene, &reflected);
+        scene.radiances = with_emitters(&scene, &reflected.total);
         Ok(Some(scene))
     }
 }

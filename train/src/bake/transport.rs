@@ -12,14 +12,15 @@
 
 use super::emits;
 use crate::error::Result;
-use crate::sealed::SealedFormat;
-use eagpt_scene::files::{Key, digest};
+use eagpt_scene::files::{Key, SealedFormat};
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Gaussian, Gaussians, SceneError};
+use eagpt_scene::{Gaussian, Gaussians, LightGroups, SceneError};
 use eagpt_trace::surfel::SurfelSet;
 use eagpt_trace::transport::light_list::LightList;
 use eagpt_trace::transport::lights;
-use eagpt_trace::transport::matrix::{Directions, EMITTER, NOTHING, Receiver, TransportMatrix};
+use eagpt_trace::transport::matrix::{
+    Directions, EMITTER, Groups, NOTHING, Receiver, Tracing, TransportMatrix,
+};
 use eagpt_trace::transport::start::Surface;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -35,18 +36,6 @@ const FORMAT: SealedFormat = SealedFormat {
     version: 2,
     noun: "transport matrix",
 };
-
-/// Digest of all that rays meet: positions, scales, rotations, opacities, and what emits.
-pub(super) fn geometry(scene: &Gaussians) -> String {
-    let mut bytes = Vec::with_capacity(41 * scene.len());
-    for g in scene.iter() {
-        let numbers = g.position.to_array().into_iter().chain(g.scale.to_array());
-        let numbers = numbers.chain(g.rotation.to_array()).chain([g.opacity]);
-        numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
-        bytes.push(u8::from(emits(g.emission)));
-    }
-    digest::of_bytes(&bytes)
-}
 
 /// Radiance and emission of an emitter.
 type EmitterLight = [f32; 4];
@@ -118,19 +107,48 @@ impl TracedTransport {
         if self.num_rows() < self.receivers.len() || !self.suits(scene) {
             return false;
         }
+        let lights = self.sampled_lights(scene);
+        let tracing = Tracing {
+            receivers: &self.receivers,
+            directions: self.directions,
+            key,
+            lights: lights.as_ref(),
+        };
+        self.matrix.relight(&tracing, &scene.radiances);
+        true
+    }
+
+    /// The direct light of all rows, traced with random numbers of `key`, by lights:
+    /// `[receivers, lights]`.
+    pub(super) fn direct_of(
+        &self,
+        scene: &Gaussians,
+        key: RandomKey,
+        lights: &LightGroups,
+    ) -> Vec<Vec3> {
+        let sampled = self.sampled_lights(scene);
+        let tracing = Tracing {
+            receivers: &self.receivers,
+            directions: self.directions,
+            key,
+            lights: sampled.as_ref(),
+        };
+        let groups = Groups {
+            num: lights.names.len(),
+            of: &lights.of,
+        };
+        self.matrix
+            .direct_of_groups(&tracing, &scene.radiances, groups)
+    }
+
+    /// The lights that light samples were chosen from.
+    fn sampled_lights(&self, scene: &Gaussians) -> Option<LightList> {
         let mut sampled = scene.clone();
         let emitting = (0..scene.len()).filter(|&i| emits(scene.emissions[i]));
         for (i, g) in emitting.zip(self.sampled(scene)) {
             (sampled.radiances[i], sampled.emissions[i]) = (g.radiance, g.emission);
         }
-        self.matrix.relight(
-            &self.receivers,
-            self.directions,
-            key,
-            LightList::new(&SurfelSet::new(&sampled)).as_ref(),
-            &scene.radiances,
-        );
-        true
+        LightList::new(&SurfelSet::new(&sampled))
     }
 
     /// The emitters of `scene` with the light that light samples were chosen for.
@@ -178,7 +196,8 @@ impl TracedTransport {
                 &targets,
                 &light_targets,
             ],
-        )
+        )?;
+        Ok(())
     }
 
     /// Reads a file.

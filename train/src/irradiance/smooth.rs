@@ -98,16 +98,55 @@ impl Smoothing {
                 let mut smoothed = *own;
                 for &(j, weight) in &self.neighbours[range[0]..range[1]] {
                     let difference = irradiance[j as usize] - *own;
-                    let error2 = NOISE_REACH * NOISE_REACH * (variance + variances[j as usize]);
-                    let apart = luminance(difference.to_array());
-                    if error2 > 0.0 {
-                        smoothed += difference * (weight * (-0.5 * apart * apart / error2).exp());
+                    let error2 = variance + variances[j as usize];
+                    if let Some(weight) = weight_by_noise(weight, difference, error2) {
+                        smoothed += difference * weight;
                     }
                 }
                 smoothed
             })
             .collect()
     }
+
+    /// The parts of light that make up `irradiance`, `[receivers, num]`, smoothed as
+    /// [`Self::apply`] smooths their sum: linear in the parts, which stay parts of the whole.
+    pub fn apply_to_parts(
+        &self,
+        irradiance: &[Vec3],
+        variances: &[f32],
+        parts: &[Vec3],
+        num: usize,
+    ) -> Vec<Vec3> {
+        let mut smoothed = parts.to_vec();
+        let all = (
+            smoothed.par_chunks_exact_mut(num.max(1)),
+            self.starts.par_windows(2),
+            irradiance,
+            variances,
+        );
+        (all.into_par_iter().with_min_len(256)).for_each(|(row, range, own, variance)| {
+            let mine = row.to_vec();
+            for &(j, weight) in &self.neighbours[range[0]..range[1]] {
+                let difference = irradiance[j as usize] - *own;
+                let error2 = variance + variances[j as usize];
+                if let Some(weight) = weight_by_noise(weight, difference, error2) {
+                    let theirs = &parts[j as usize * num..][..num];
+                    for ((part, mine), theirs) in row.iter_mut().zip(&mine).zip(theirs) {
+                        *part += (*theirs - *mine) * weight;
+                    }
+                }
+            }
+        });
+        smoothed
+    }
+}
+
+/// The weight of a neighbour, that by distance times that by a `difference` of irradiance with this
+/// variance; `None` where that is certain.
+fn weight_by_noise(by_distance: f32, difference: Vec3, variance: f32) -> Option<f32> {
+    let error2 = NOISE_REACH * NOISE_REACH * variance;
+    let apart = luminance(difference.to_array());
+    (error2 > 0.0).then(|| by_distance * (-0.5 * apart * apart / error2).exp())
 }
 
 /// Neighbours of a receiver, and their weights by distance.

@@ -73,3 +73,33 @@ fn light_without_noise_stays() {
     assert_eq!(smoothing.apply(&exact, &vec![0.0; exact.len()]), exact);
     assert_eq!(Smoothing::new(&[]).apply(&[], &[]), Vec::new());
 }
+
+/// Parts are smoothed by the weights of their sum: they add up to it, and one that is the same share
+/// of all light stays so.
+#[test]
+fn parts_are_smoothed_as_their_sum() {
+    let before = noisy(|i| 1.0 + (i % SIDE) as f32 / SIDE as f32, 0.2);
+    let variances = vec![0.04; before.len()];
+    let parts: Vec<Vec3> = (0..)
+        .zip(&before)
+        .flat_map(|(i, all)| {
+            let some = *all * (0.5 + 0.5 * (i as f32).sin());
+            [some, 0.25 * *all, 0.75 * *all - some]
+        })
+        .collect();
+    let smoothing = Smoothing::new(&receivers());
+    let whole = smoothing.apply(&before, &variances);
+    let smoothed = smoothing.apply_to_parts(&before, &variances, &parts, 3);
+    assert_ne!(whole, before);
+    for (row, all) in smoothed.chunks_exact(3).zip(&whole) {
+        let sum: Vec3 = row.iter().sum();
+        assert!((sum - *all).abs().max_element() < 1e-5, "{sum} {all}");
+        assert!((row[1] - 0.25 * *all).abs().max_element() < 1e-6);
+    }
+    let twice: Vec<Vec3> = parts.iter().map(|part| 2.0 * *part).collect();
+    let double: Vec<Vec3> = smoothed.iter().map(|part| 2.0 * *part).collect();
+    assert_eq!(
+        smoothing.apply_to_parts(&before, &variances, &twice, 3),
+        double
+    );
+}

@@ -1,0 +1,243 @@
+//! The light of a scene by its lamps: what each Gaussian reflects of each of them.
+//!
+//! Light is linear in its causes. Once what Gaussians reflect of every lamp alone is known, any mix
+//! of powers and colours is a sum, without a ray: the radiance of Gaussian i is
+//! `Σ factorₖ · reflected[k, i]` over the lights k. A light is a lamp of the scene, or all that
+//! emits and belongs to none ([`REST`]); its factor, of each channel, is 1 for the light that it had
+//! when the basis was made ([`LightGroups`] says what belongs to which). Gaussians that emit carry
+//! their own radiance times the factor of their light.
+//!
+//! The file, [`lights_file_beside`] a scene, has half floats with a power of two for each light:
+//! values are within 2⁻¹¹ of what was solved, from the brightest down to 2⁻²⁹ of it. Sums are of
+//! these values, in f32 and in the order of the lights, the same everywhere.
+
+mod file;
+mod groups;
+
+#[cfg(test)]
+mod tests;
+
+pub use file::lights_file_beside;
+pub use groups::{LightGroups, NO_LIGHT, REST};
+
+use crate::files::{Key, digest};
+use crate::gaussians::Gaussians;
+use crate::lamps::{self, EMISSION_THRESHOLD};
+use glam::Vec3;
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+
+/// Exponent of the brightest value of a light in its half floats, which end below 2^16.
+const TOP_EXPONENT: i32 = 15;
+/// Gaussians that are summed together.
+const TOGETHER: usize = 1024;
+
+/// A lamp, or the rest, and how it shines now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// Name that no other light has.
+    pub name: String,
+    /// Its light as parts of that when the basis was made, by channel, not negative.
+    pub factor: Vec3,
+}
+
+/// A Gaussian that emits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Emitter {
+    /// Index of the Gaussian.
+    index: u32,
+    /// Index of its light.
+    light: u32,
+    /// Its radiance at the factor 1.
+    radiance: Vec3,
+}
+
+/// What each Gaussian of a scene reflects of each light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightBasis {
+    lights: Vec<Light>,
+    num_gaussians: usize,
+    /// In the order of their indices.
+    emitters: Vec<Emitter>,
+    /// Powers of two, `[lights]`: half floats times these are radiances.
+    scales: Vec<f32>,
+    /// Reflected radiance at the factor 1 in units of `scales`, `[lights, n, 3]`.
+    reflected: Vec<f16>,
+    /// Digests of what it depends on: parts "geometry" and "albedos".
+    key: Key,
+}
+
+/// Digest of all that rays meet: positions, scales, rotations, opacities, and what emits.
+pub fn geometry_digest(scene: &Gaussians) -> String {
+    let mut bytes = Vec::with_capacity(41 * scene.len());
+    for g in scene.iter() {
+        let numbers = g.position.to_array().into_iter().chain(g.scale.to_array());
+        let numbers = numbers.chain(g.rotation.to_array()).chain([g.opacity]);
+        numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+        bytes.push(u8::from(g.emission > EMISSION_THRESHOLD));
+    }
+    digest::of_bytes(&bytes)
+}
+
+/// Everything that the basis of a scene depends on, but for its light.
+fn key(scene: &Gaussians) -> Key {
+    let albedos = scene.albedos.iter().flat_map(Vec3::to_array);
+    let albedos: Vec<u8> = albedos.flat_map(f32::to_le_bytes).collect();
+    Key::new()
+        .with("geometry", geometry_digest(scene))
+        .with("albedos", digest::of_bytes(&albedos))
+}
+
+impl LightBasis {
+    /// The basis of `scene` as it shines now. Of `groups.names` each Gaussian reflects `reflected`,
+    /// `[n, lights]`; nothing where it emits.
+    pub fn new(scene: &Gaussians, groups: &LightGroups, reflected: &[Vec3]) -> Self {
+        let num = groups.names.len();
+        let emitters = (0..scene.len() as u32).zip(&groups.of);
+        let emitters = emitters.filter(|(_, light)| **light != NO_LIGHT);
+        let mut basis = Self {
+            lights: (groups.names.iter())
+                .map(|name| Light {
+                    name: name.clone(),
+                    factor: Vec3::ONE,
+                })
+                .collect(),
+            num_gaussians: scene.len(),
+            emitters: emitters
+                .map(|(index, &light)| Emitter {
+                    index,
+                    light,
+                    radiance: scene.radiances[index as usize],
+                })
+                .collect(),
+            scales: Vec::with_capacity(num),
+            reflected: Vec::with_capacity(3 * num * scene.len()),
+            key: key(scene),
+        };
+        for k in 0..num {
+            let mine = reflected.iter().skip(k).step_by(num);
+            let brightest = mine.clone().fold(0.0, |most, l| l.max_element().max(most));
+            let scale = unit(brightest);
+            basis.scales.push(scale);
+            let values = mine.flat_map(|light| (*light / scale).to_array());
+            basis.reflected.extend(values.map(f16::from_f32));
+        }
+        basis
+    }
+
+    /// The lights, in order.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Number of Gaussians of the scene.
+    pub fn num_gaussians(&self) -> usize {
+        self.num_gaussians
+    }
+
+    /// Gaussians that emit and their lights, as indices, in order.
+    pub fn emitters(&self) -> impl Iterator<Item = (usize, usize)> {
+        let pair = |emitter: &Emitter| (emitter.index as usize, emitter.light as usize);
+        self.emitters.iter().map(pair)
+    }
+
+    /// Indices of the lights whose name fits a pattern, in which `*` stands for any text.
+    pub fn matching(&self, pattern: &str) -> Vec<usize> {
+        let lights = self.lights.iter().enumerate();
+        let fitting = lights.filter(|(_, light)| lamps::fits(&light.name, pattern));
+        fitting.map(|(index, _)| index).collect()
+    }
+
+    /// Sets the factor of light `index`: by channel, not negative.
+    ///
+    /// # Panics
+    /// If there is no such light.
+    pub fn set_factor(&mut self, index: usize, factor: Vec3) {
+        self.lights[index].factor = factor;
+    }
+
+    /// Whether it is the basis of `scene` in its present light.
+    ///
+    /// # Errors
+    /// In words, how the scene differs: in another number of Gaussians, in geometry or albedos, or
+    /// in the light of what emits.
+    pub fn check(&self, scene: &Gaussians) -> Result<(), String> {
+        let (here, there) = (self.num_gaussians, scene.len());
+        if here != there {
+            return Err(format!(
+                "of a scene of {here} Gaussians, this one has {there}"
+            ));
+        }
+        let key = key(scene);
+        if key != self.key {
+            return Err(format!(
+                "of a scene with {}",
+                key.differences_in_words(&self.key)
+            ));
+        }
+        let is_same = |e: &Emitter| self.own(e) == scene.radiances[e.index as usize];
+        if !self.emitters.iter().all(is_same) {
+            return Err("of a scene whose emitters have another light".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Radiance of a Gaussian that emits.
+    fn own(&self, emitter: &Emitter) -> Vec3 {
+        emitter.radiance * self.lights[emitter.light as usize].factor
+    }
+
+    /// Radiances of all Gaussians, `[n]`, with the lights at their factors.
+    pub fn radiances(&self) -> Vec<Vec3> {
+        let factors: Vec<Vec3> = (self.lights.iter().zip(&self.scales))
+            .map(|(light, scale)| light.factor * *scale)
+            .collect();
+        let mut radiances = vec![Vec3::ZERO; self.num_gaussians];
+        let pieces = radiances.par_chunks_mut(TOGETHER).enumerate();
+        pieces.for_each(|(piece, radiances)| {
+            let mut values = [0.0; 3 * TOGETHER];
+            let values = &mut values[..3 * radiances.len()];
+            for (k, &factor) in factors.iter().enumerate() {
+                let first = 3 * (k * self.num_gaussians + piece * TOGETHER);
+                self.reflected[first..][..values.len()].convert_to_f32_slice(values);
+                let (lights, _) = values.as_chunks();
+                for (radiance, light) in radiances.iter_mut().zip(lights) {
+                    *radiance += factor * Vec3::from_array(*light);
+                }
+            }
+        });
+        for emitter in &self.emitters {
+            radiances[emitter.index as usize] = self.own(emitter);
+        }
+        radiances
+    }
+
+    /// Radiances of all Gaussians, `[n]`, with light `index` alone at the factor 1.
+    ///
+    /// # Panics
+    /// If there is no such light.
+    pub fn alone(&self, index: usize) -> Vec<Vec3> {
+        let first = 3 * index * self.num_gaussians;
+        let values = self.reflected[first..][..3 * self.num_gaussians].to_f32_vec();
+        let (lights, _) = values.as_chunks();
+        let scale = self.scales[index];
+        let mut radiances: Vec<Vec3> = (lights.iter())
+            .map(|light| Vec3::from_array(*light) * scale)
+            .collect();
+        for emitter in self.emitters.iter().filter(|e| e.light as usize == index) {
+            radiances[emitter.index as usize] = emitter.radiance;
+        }
+        radiances
+    }
+}
+
+/// The power of two in whose units `brightest` is between 2^14 and 2^15; 1 if that is none.
+fn unit(brightest: f32) -> f32 {
+    if brightest < f32::MIN_POSITIVE {
+        return 1.0;
+    }
+    let exponent = brightest.log2().floor() as i32 + 1;
+    // Both ends are f32 that are not subnormal.
+    f32::exp2((exponent - TOP_EXPONENT).clamp(-126, 127) as f32)
+}

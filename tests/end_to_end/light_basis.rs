@@ -1,0 +1,145 @@
+//! The light of a scene by its lamps: `bake --per-light` and what reads it.
+
+use crate::support::Workplace;
+use eagpt_scene::{Gaussians, Lamp, LampShape, LightBasis, lamps, ply};
+use glam::Vec3;
+
+/// A ball of light that a script inserts, as a lamp.
+fn ball(name: &str, centre: [f32; 3], radius: f32) -> Lamp {
+    Lamp {
+        name: name.to_owned(),
+        shape: LampShape::Ball,
+        centre,
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        size: [2.0 * radius; 3],
+        one_sided: false,
+        area: 1.0,
+        radiance: [1.0; 3],
+        power: [1.0, 2.0, 4.0],
+        num_gaussians: 0,
+        views: Vec::new(),
+        num_pixels: 0,
+        deviation: 0.0,
+        factor: [1.0; 3],
+    }
+}
+
+/// A room with three balls of light: `edits/lit.ply`, two of them in `edits/lamps.json`; baked with
+/// the light of each, `baked.ply` and `baked.lights`.
+fn workplace() -> Workplace {
+    Workplace::shared("light-basis", || {
+        let place = Workplace::trained();
+        let balls = [
+            ([-0.5, 0.3, 1.0], "[3, 2, 1]"),
+            ([0.6, 0.0, 1.3], "4"),
+            ([0.0, -0.6, 0.8], "2"),
+        ];
+        let inserted = balls.map(|(centre, radiance)| {
+            format!("[[step]]\ninsert = {{ ball = {{ centre = {centre:?}, radius = 0.15, radiance = {radiance} }} }}\n")
+        });
+        let off = "[[step]]\nselect = { emission = { min = 0.1 } }\nthen = [\"lights_off\", { set_albedo = 0.5 }]\n";
+        place.write("lit.toml", off.to_owned() + &inserted.concat());
+        std::fs::create_dir(place.path("edits")).unwrap();
+        place.succeeds("edit run/scene.ply lit.toml --out edits/lit.ply");
+        let list = eagpt_scene::Lamps {
+            lamps: vec![
+                ball("left", balls[0].0, 0.15),
+                ball("right", balls[1].0, 0.15),
+            ],
+        };
+        lamps::write_lamps(&place.path("edits/lamps.json"), &list).unwrap();
+        place
+            .succeeds("bake edits/lit.ply --cameras room --samples 32 --out baked.ply --per-light");
+        place
+    })
+}
+
+fn scene(place: &Workplace, name: &str) -> Gaussians {
+    ply::read_gaussians(&place.path(name)).unwrap()
+}
+
+fn close(found: &[Vec3], expected: &[Vec3], relative: f32) {
+    for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let off = (*found - *expected).abs().max_element();
+        assert!(
+            off <= relative * expected.max_element(),
+            "{i}: {found} not {expected}"
+        );
+    }
+}
+
+/// The light of all lamps is a plain bake; that of one what a bake gives of it alone.
+#[test]
+fn lamps_add_up_to_the_bake() {
+    let place = workplace();
+    place.succeeds("bake edits/lit.ply --cameras room --samples 32 --out plain.ply");
+    assert_eq!(place.bytes("plain.ply"), place.bytes("baked.ply"));
+    assert!(!place.path("plain.lights").exists());
+    let outputs = &place.json("baked.record.json")["outputs"];
+    assert_eq!(*outputs, serde_json::json!(["baked.ply", "baked.lights"]));
+    let baked = scene(&place, "baked.ply");
+    let basis = LightBasis::read(&place.path("baked.lights")).unwrap();
+    let names: Vec<&str> = basis
+        .lights()
+        .iter()
+        .map(|light| light.name.as_str())
+        .collect();
+    assert_eq!(names, ["left", "right", "rest"]);
+    basis.check(&baked).unwrap();
+    close(&basis.radiances(), &baked.radiances, 1e-3);
+
+    // The same rays with two lamps dark: they are smoothed by what they tell of themselves.
+    let dark = "[[step]]\nselect = { any = [{ lamp = \"right\" }, { sphere = { centre = [0, -0.6, 0.8], radius = 0.2 }, emission = { min = 0.1 } }] }
+then = [{ scale_light = 0 }]\n";
+    place.write("dark.toml", dark);
+    place.succeeds("edit edits/lit.ply dark.toml --out left.ply");
+    place.succeeds("bake left.ply --cameras room --samples 256 --out left-baked.ply");
+    let left = scene(&place, "left-baked.ply");
+    let alone = basis.alone(0);
+    let mean = |of: &[Vec3]| -> Vec3 {
+        let dark = of.iter().zip(&baked.emissions).filter(|(_, e)| **e <= 0.1);
+        dark.map(|(light, _)| *light).sum::<Vec3>() / of.len() as f32
+    };
+    let off = mean(&alone) / mean(&left.radiances) - Vec3::ONE;
+    assert!(off.abs().max_element() < 0.03, "{off}");
+
+    // Without the option, what an earlier bake has left goes.
+    place.succeeds("bake edits/lit.ply --cameras room --samples 8 --out baked.ply --force");
+    assert!(!place.path("baked.lights").exists());
+}
+
+/// Rays that are kept serve the light of each lamp as well.
+#[test]
+fn a_transport_matrix_serves_lamps() {
+    let place = workplace();
+    let bake = "bake edits/lit.ply --cameras room --samples 32 --transport k.transport";
+    place.succeeds(&format!("{bake} --out first.ply"));
+    place.succeeds(&format!("{bake} --out second.ply --per-light"));
+    assert_eq!(place.json("second.record.json")["options"]["num_rays"], 0);
+    assert_eq!(place.bytes("second.lights"), place.bytes("baked.lights"));
+}
+
+#[test]
+fn what_has_no_lamps_is_told() {
+    let place = workplace();
+    place.fails(
+        "bake baked.ply --cameras room --out b.ply --per-light",
+        &["lamps.json: no such file"],
+    );
+    place.fails(
+        "bake baked.ply --cameras room --out b.ply --per-light --method views",
+        &["--per-light", "--method gaussians"],
+    );
+    let mut list = lamps::read_lamps(&place.path("edits/lamps.json")).unwrap();
+    list.lamps[1].name = "rest".to_owned();
+    lamps::write_lamps(&place.path("mine.json"), &list).unwrap();
+    place.fails(
+        "bake baked.ply --cameras room --out b.ply --per-light --lamps mine.json",
+        &["mine.json: name: `rest`"],
+    );
+    std::fs::write(place.path("b.lights"), "mine").unwrap();
+    place.fails(
+        "bake edits/lit.ply --cameras room --out b.ply",
+        &["b.lights", "--force"],
+    );
+}
