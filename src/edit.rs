@@ -9,7 +9,8 @@ use anyhow::{Context, Result};
 use clap::Args;
 use eagpt_edit::report::Bounds;
 use eagpt_edit::{Edited, Script, StepReport};
-use eagpt_scene::{lamps, ply};
+use eagpt_scene::light_basis::lights_file_beside;
+use eagpt_scene::{LightBasis, files, lamps, ply};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,7 +24,8 @@ use std::process::ExitCode;
 /// script and imported scenes and what every step found.
 ///
 /// After an edit the radiance that Gaussians carry is no longer what they would reflect: render
-/// with --mode path.
+/// with --mode path. Unless it only sets lights of a scene that was baked with --per-light: then all
+/// Gaussians carry the new light, and E.lights beside E.ply goes on from there.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct EditArgs {
@@ -36,6 +38,10 @@ pub(crate) struct EditArgs {
     /// Lamps of the scene, for scripts that select some by name [default: lamps.json in its folder]
     #[arg(long, value_name = "LAMPS.json")]
     pub(crate) lamps: Option<PathBuf>,
+    /// What each Gaussian reflects of each lamp, for scripts that set lights [default: SCENE.lights,
+    /// as `eagpt bake --per-light` writes it]
+    #[arg(long, value_name = "SCENE.lights")]
+    pub(crate) lights: Option<PathBuf>,
     /// Scene to write; needed unless it is a dry run
     #[arg(long, value_name = "E.ply", required_unless_present = "dry_run")]
     pub(crate) out: Option<PathBuf>,
@@ -59,6 +65,8 @@ struct Options<'a> {
     script: &'a Path,
     #[serde(skip_serializing_if = "Option::is_none")]
     lamps: Option<&'a Path>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lights: Option<&'a Path>,
     num_gaussians_before: usize,
     steps: &'a [StepReport],
 }
@@ -74,12 +82,23 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
         let problem = || format!("{}: selects lamps", args.script.display());
         script.set_lamps(lamps::read_lamps(lamps).with_context(problem)?)?;
     }
+    let lights = script.needs_basis().then(|| {
+        let beside = || lights_file_beside(&args.scene);
+        args.lights.clone().unwrap_or_else(beside)
+    });
+    if let Some(lights) = &lights {
+        let problem = || format!("{}: sets lights", args.script.display());
+        script.set_basis(LightBasis::read(lights).with_context(problem)?)?;
+    }
     let mut inputs = vec![args.scene.as_path(), args.script.as_path()];
     inputs.extend(lamps.as_deref());
+    inputs.extend(lights.as_deref());
     inputs.extend(script.assets.iter().map(|asset| asset.path.as_path()));
     let out = args.out.as_deref().filter(|_| !args.dry_run);
     if let Some(out) = out {
-        output::check_file(out, "edit", &inputs, Replace::from_flag(args.force))?;
+        let replace = Replace::from_flag(args.force);
+        output::check_file(out, "edit", &inputs, replace)?;
+        output::check_part(&lights_file_beside(out), &inputs, replace)?;
     }
     let gaussians = ply::read_gaussians(&args.scene)?;
     let num_before = gaussians.len();
@@ -101,11 +120,22 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     };
     output::create_parent(out)?;
+    let lights_out = lights_file_beside(out);
+    let mut written = vec![out];
+    match &edited.basis {
+        Some(basis) => {
+            basis.write(&lights_out)?;
+            written.push(&lights_out);
+        }
+        // That of an earlier edit.
+        None => files::remove_if_there(&lights_out)?,
+    }
     ply::write_gaussians(out, &edited.gaussians)?;
     builder.set_options(&Options {
         scene: &args.scene,
         script: &args.script,
         lamps: lamps.as_deref(),
+        lights: lights.as_deref(),
         num_gaussians_before: num_before,
         steps: &edited.steps,
     })?;
@@ -114,19 +144,17 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
         Input::of(&args.scene)?,
         digest(script.file.path(), &script.blake3),
     ];
-    if let Some(lamps) = &lamps {
-        record.inputs.push(Input::of(lamps)?);
+    for file in lamps.iter().chain(&lights) {
+        record.inputs.push(Input::of(file)?);
     }
     let assets = script.assets.iter();
     record
         .inputs
         .extend(assets.map(|asset| digest(&asset.path, &asset.blake3)));
-    record.outputs = vec![
-        out.file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned(),
-    ];
+    let names = written.into_iter().filter_map(Path::file_name);
+    record.outputs = names
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect();
     let record_path = output::record_path(out);
     builder.write_to(&record_path)?;
     reporter.note(&format!(

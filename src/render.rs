@@ -5,9 +5,11 @@ mod args;
 mod denoise;
 mod display;
 mod files;
+mod light;
 mod shots;
 
 use crate::args::GlobalArgs;
+use crate::command_line;
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
@@ -22,6 +24,7 @@ use eagpt_scene::files::{Key, Ledger, ledger};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Shard, ply};
 use eagpt_trace::{Integrator, LightOptions, RenderedView};
+use light::SetLight;
 use serde::Serialize;
 use shots::{PathRecord, Shots};
 use std::path::{Path, PathBuf};
@@ -33,6 +36,11 @@ struct Options<'a> {
     scene: &'a Path,
     cameras: &'a Path,
     views: &'a [String],
+    #[serde(
+        skip_serializing_if = "<[_]>::is_empty",
+        serialize_with = "command_line::texts"
+    )]
+    set_light: &'a [SetLight],
     /// Samples are counted for each camera ray.
     integrator: Integrator,
     rays_per_axis: u32,
@@ -62,6 +70,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let path_file = shots.path.as_ref().and_then(|path| path.file.clone());
     inputs.push(args.scene.clone());
     inputs.extend(path_file.clone());
+    let lights = light::file(&args.scene, args.lights.as_deref(), &args.set_light);
+    inputs.extend(lights.clone());
     let target = |replace| Target {
         dir: &args.out,
         record: FILE_NAME,
@@ -71,9 +81,12 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     let shard = args.shard.unwrap_or(Shard::WHOLE);
     check(args, shard, &shots, &outputs, target)?;
-    let gaussians = ply::read_gaussians(&args.scene)?;
+    let mut gaussians = ply::read_gaussians(&args.scene)?;
+    if let Some(file) = &lights {
+        light::apply(&mut gaussians, file, &args.set_light)?;
+    }
     builder.record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
-    if let Some(file) = &path_file {
+    for file in path_file.iter().chain(&lights) {
         builder.record.inputs.push(Input::of(file)?);
     }
     let mut reporter = Reporter::new(global);
@@ -86,6 +99,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         scene: &args.scene,
         cameras: &args.cameras,
         views: &args.views,
+        set_light: &args.set_light,
         integrator,
         rays_per_axis: args.antialias,
         light,

@@ -1,12 +1,13 @@
 //! Replaying a script: the same script and scene give the same result to the bit.
 
 use crate::act::{self, Action};
+use crate::lights::{self, LightFactor};
 use crate::place::{Goal, Placement};
 use crate::report::{Bounds, SelectionReport, StepReport};
 use crate::script::{EditStep, Script, Subject};
 use crate::select::{Groups, Scope, Selector};
 use crate::trim::{Cuts, Side};
-use eagpt_scene::{Gaussian, Gaussians, Lamps, Result};
+use eagpt_scene::{Gaussian, Gaussians, Lamps, LightBasis, Result};
 use glam::Vec3;
 
 /// The result of a script.
@@ -19,14 +20,18 @@ pub struct Edited {
     pub selections: Vec<SelectionReport>,
     /// Effects of each step.
     pub steps: Vec<StepReport>,
+    /// The light of the scene by its lamps, if steps have set lights and it is that of the scene
+    /// after the last step.
+    pub basis: Option<LightBasis>,
 }
 
 /// Replays a script on a scene.
 ///
 /// # Errors
 /// [`eagpt_scene::SceneError::Script`] with file, line and key if a step selects nothing and does
-/// not allow it, or leaves nothing of the scene; or if the script refers to lamps and nobody has
-/// set them.
+/// not allow it, or leaves nothing of the scene; if it sets lights of a scene that is no longer the
+/// one whose light was baked; or if the script refers to lamps, or sets lights, and nobody has set
+/// them.
 pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
     if script.lamps.is_none()
         && let Some(name) = script.lamp_names.first()
@@ -34,10 +39,17 @@ pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
         let problem = "the lamps of the scene are not known";
         return Err(script.file.error(name.span(), problem));
     }
+    if script.basis.is_none()
+        && let Some((step, _)) = script.light_steps().next()
+    {
+        let problem = "the light of the scene by its lamps is not known";
+        return Err(script.file.error(step.subject_span.clone(), problem));
+    }
     let none = Lamps::default();
     let mut state = State {
         script,
         lamps: script.lamps.as_ref().unwrap_or(&none),
+        basis: script.basis.clone().filter(|_| script.needs_basis()),
         gaussians,
         groups: Groups::new(),
         selected: Vec::new(),
@@ -47,8 +59,12 @@ pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
     for (index, step) in script.steps.iter().enumerate() {
         steps.push(state.step(index, step)?);
     }
+    let State {
+        gaussians, basis, ..
+    } = state;
     Ok(Edited {
-        gaussians: state.gaussians,
+        basis: basis.filter(|basis| basis.check(&gaussians).is_ok()),
+        gaussians,
         selections,
         steps,
     })
@@ -57,6 +73,7 @@ pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
 struct State<'a> {
     script: &'a Script,
     lamps: &'a Lamps,
+    basis: Option<LightBasis>,
     gaussians: Gaussians,
     groups: Groups,
     /// Gaussians that the step acts on, one flag for each.
@@ -93,6 +110,7 @@ impl State<'_> {
 
     fn step(&mut self, index: usize, step: &EditStep) -> Result<StepReport> {
         let (source, found) = match &step.subject {
+            Subject::SetLight(set) => ("set_light", self.set_light(step, set)?),
             Subject::Select(selector) => ("select", self.select(step, selector)),
             Subject::Insert(surface) => {
                 self.append(&surface.discs());
@@ -107,7 +125,8 @@ impl State<'_> {
                 ("import", self.import(step, asset, selector, placement))
             }
         };
-        let error = |problem| self.script.file.error(step.subject_span.clone(), problem);
+        let file = &self.script.file;
+        let error = |problem| file.error(step.subject_span.clone(), problem);
         if found.num == 0 && !step.allow_empty {
             let problem = "selects nothing; allow_empty = true in the step would allow it";
             return Err(error(problem));
@@ -170,6 +189,29 @@ impl State<'_> {
             }
         }
         Found { num, cuts }
+    }
+
+    /// Sets lights, and selects what emits of them.
+    fn set_light(&mut self, step: &EditStep, set: &[LightFactor]) -> Result<Found> {
+        let file = &self.script.file;
+        let basis = self.basis.as_mut().expect("replay begins with it");
+        basis.check(&self.gaussians).map_err(|problem| {
+            let problem = format!("the light by lamps is {problem}");
+            file.error(step.subject_span.clone(), problem)
+        })?;
+        let factors = lights::factors(basis, set);
+        let factors = factors.map_err(|(span, problem)| file.error(span, problem))?;
+        let mut is_set = vec![false; basis.lights().len()];
+        for (index, factor) in factors {
+            basis.set_factor(index, factor);
+            is_set[index] = true;
+        }
+        self.gaussians.radiances = basis.radiances();
+        self.selected = vec![false; self.gaussians.len()];
+        for (gaussian, light) in basis.emitters() {
+            self.selected[gaussian] = is_set[light];
+        }
+        Ok(Found::in_scene(&self.selected))
     }
 
     fn import(

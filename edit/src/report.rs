@@ -25,9 +25,9 @@ pub struct StepReport {
     pub line: usize,
     /// Its title, if it has one.
     pub title: Option<String>,
-    /// "select", "insert" or "import".
+    /// "select", "insert", "import" or "set_light".
     pub source: &'static str,
-    /// Number of Gaussians that were selected, inserted or imported.
+    /// Number of Gaussians that were selected, inserted or imported, or whose light was set.
     pub num_selected: usize,
     /// Their bounds before the actions; `None` if there were none.
     pub bounds: Option<Bounds>,

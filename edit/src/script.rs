@@ -7,13 +7,14 @@ mod shapes;
 mod surfaces;
 
 use crate::act::Action;
+use crate::lights::{self, LightFactor};
 use crate::place::Placement;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::discs::Surface;
 use eagpt_scene::script::{ScriptFile, Spanned};
-use eagpt_scene::{Gaussians, Lamps, Result};
+use eagpt_scene::{Gaussians, Lamps, LightBasis, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -36,6 +37,8 @@ pub struct Script {
     pub(crate) lamp_names: Vec<Spanned<String>>,
     /// Lamps of the scene to be edited, once they are known.
     pub(crate) lamps: Option<Lamps>,
+    /// Light of the scene to be edited by its lamps, once it is known.
+    pub(crate) basis: Option<LightBasis>,
 }
 
 /// Another scene.
@@ -86,6 +89,8 @@ pub(crate) enum Subject {
         /// Placement of the copy.
         placement: Placement,
     },
+    /// What emits of some lights, whose light changes, and with it that of the scene.
+    SetLight(Vec<LightFactor>),
 }
 
 impl Script {
@@ -126,6 +131,33 @@ impl Script {
         self.lamps = Some(lamps);
         Ok(())
     }
+
+    /// Whether a step sets lights: such a script is replayed after [`Self::set_basis`].
+    pub fn needs_basis(&self) -> bool {
+        self.light_steps().next().is_some()
+    }
+
+    /// Sets the light of the scene that will be edited, by its lamps.
+    ///
+    /// # Errors
+    /// [`eagpt_scene::SceneError::Script`] with file, line and key of a name or pattern that no
+    /// light has, or of two patterns for one light.
+    pub fn set_basis(&mut self, basis: LightBasis) -> Result<()> {
+        for (_, set) in self.light_steps() {
+            lights::factors(&basis, set)
+                .map_err(|(span, problem)| self.file.error(span, problem))?;
+        }
+        self.basis = Some(basis);
+        Ok(())
+    }
+
+    /// Steps that set lights.
+    pub(crate) fn light_steps(&self) -> impl Iterator<Item = (&EditStep, &[LightFactor])> {
+        self.steps.iter().filter_map(|step| match &step.subject {
+            Subject::SetLight(set) => Some((step, set.as_slice())),
+            _ => None,
+        })
+    }
 }
 
 impl Subject {
@@ -136,7 +168,7 @@ impl Subject {
             Self::Select(selector) | Self::Import { selector, .. } => {
                 selector.mentions(selections, &is_shape)
             }
-            Self::Insert(_) => false,
+            Self::Insert(_) | Self::SetLight(_) => false,
         }
     }
 }

@@ -43,7 +43,7 @@ fn every_complaint_names_line_key_and_value() {
             "[[step]]\nthen = [\"remove\"]",
             3,
             "step[0]",
-            "select, insert, import is missing",
+            "select, insert, import, set_light is missing",
         ),
         (
             "[[step]]\nselect = \"everything\"",

@@ -3,6 +3,7 @@
 use super::aov::Aov;
 use super::denoise::Choice;
 use super::display::DisplayArgs;
+use super::light::SetLight;
 use super::shots::PathArgs;
 use crate::args;
 use crate::command_line;
@@ -89,6 +90,15 @@ pub(crate) struct RenderArgs {
     /// keeps libraries]
     #[arg(long, value_name = "PATH")]
     pub(super) oidn: Option<PathBuf>,
+    /// Factor of a light, 1 as it was baked, as `ceiling-2=0.5`, `window=1,0.8,0.6` or `wall-*=0`;
+    /// may be given several times, in this order. Of a scene that was baked with --per-light; in
+    /// all modes
+    #[arg(long, value_name = "NAME=F|NAME=R,G,B")]
+    #[serde(serialize_with = "command_line::texts")]
+    pub(super) set_light: Vec<SetLight>,
+    /// --set-light: what each Gaussian reflects of each lamp [default: SCENE.lights beside SCENE.ply]
+    #[arg(long, value_name = "SCENE.lights", requires = "set_light")]
+    pub(super) lights: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -116,6 +126,7 @@ const EXAMPLES: &str = "Examples:
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --aov normal,depth,albedo --out renders/0
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 256 --views 0000,0016 --out renders/path
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --spp 16 --denoise auto --out renders/quick
+  eagpt render bakes/lamps.ply --cameras kitchen --mode 0-bounce --set-light window=0 --out renders/night
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode path --out renders/path --shard 1/4   (and 2/4 … elsewhere,
       then without --shard)
   eagpt render runs/kitchen/scene.ply --cameras kitchen --mode 0-bounce --camera-path fly:0000,0016,0032 --out fly

@@ -295,6 +295,7 @@ impl Plan {
             scene: scene.to_owned(),
             script: relight.script.clone(),
             lamps: None,
+            lights: None,
             out: Some(out.clone()),
             dry_run: false,
             force: false,

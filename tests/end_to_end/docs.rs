@@ -28,8 +28,8 @@ const PAGES: [&str; 8] = [
 
 /// Commands on all pages together; whoever adds one that does not run has to say so here.
 const COUNTS: Counts = Counts {
-    run: 48,
-    asked_for_help: 33,
+    run: 50,
+    asked_for_help: 34,
     not_ours: 6,
 };
 

@@ -143,3 +143,66 @@ fn what_has_no_lamps_is_told() {
         &["b.lights", "--force"],
     );
 }
+
+/// Lights are set by scripts and at rendering, one after the other, without a ray.
+#[test]
+fn lights_are_set_in_scripts_and_renderings() {
+    let place = workplace();
+    let basis = LightBasis::read(&place.path("baked.lights")).unwrap();
+    place.write("double.toml", "[[step]]\nset_light = { \"*\" = 2 }\n");
+    place.succeeds("edit baked.ply double.toml --out double.ply");
+    let double = scene(&place, "double.ply");
+    let expected: Vec<Vec3> = basis.radiances().iter().map(|light| 2.0 * *light).collect();
+    assert_eq!(double.radiances, expected);
+    let record = place.json("double.record.json");
+    assert_eq!(record["options"]["lights"], "baked.lights");
+    assert_eq!(
+        record["outputs"],
+        serde_json::json!(["double.ply", "double.lights"])
+    );
+
+    place.write(
+        "mix.toml",
+        "[[step]]\nset_light = { \"*\" = 0, left = [1, 0.8, 0.6], rest = 0.25 }\n",
+    );
+    place.succeeds("edit double.ply mix.toml --out mix.ply");
+    let mix = scene(&place, "mix.ply");
+    let [left, rest] = [basis.alone(0), basis.alone(2)];
+    let expected: Vec<Vec3> = (left.iter().zip(&rest))
+        .map(|(left, rest)| Vec3::new(1.0, 0.8, 0.6) * *left + 0.25 * *rest)
+        .collect();
+    close(&mix.radiances, &expected, 1e-6);
+
+    // Rendered without an edit: the same pictures.
+    let render = "--cameras room --split test --mode 0-bounce";
+    place.succeeds(&format!("render mix.ply {render} --out mix"));
+    place.succeeds(&format!(
+        "render baked.ply {render} --set-light *=0 --set-light left=1,0.8,0.6 --set-light rest=0.25 --out set"
+    ));
+    assert_eq!(place.bytes("mix/000.exr"), place.bytes("set/000.exr"));
+    let record = place.json("set/record.json");
+    assert_eq!(record["options"]["set_light"][1], "left=1,0.8,0.6");
+    assert_eq!(record["inputs"][2]["path"], "baked.lights");
+    place.fails(
+        &format!("render baked.ply {render} --set-light lamp=0 --out none"),
+        &[
+            "--set-light",
+            "`lamp` is no light: there are left, right, rest",
+        ],
+    );
+    place.fails(
+        &format!("render mix.ply {render} --set-light left=0 --lights baked.lights --out none"),
+        &["baked.lights", "another light"],
+    );
+    place.fails(
+        "edit edits/lit.ply mix.toml --out none.ply",
+        &["mix.toml: sets lights", "edits/lit.lights: no such file"],
+    );
+    // What no longer is the light of the scene goes.
+    place.write(
+        "grey.toml",
+        "[[step]]\nselect = \"everything\"\nthen = [{ set_albedo = 0.5 }]\n",
+    );
+    place.succeeds("edit mix.ply grey.toml --out double.ply --force");
+    assert!(!place.path("double.lights").exists());
+}

@@ -5,11 +5,12 @@ use super::selectors::{self, SelectorKeys, is_reserved};
 use super::surfaces::ReadSurface;
 use super::{Asset, EditStep, Script, Subject};
 use crate::act::Action;
+use crate::lights::LightFactor;
 use crate::place::Pivot;
 use crate::select::{Definitions, Selector};
 use crate::trim::Trim;
 use eagpt_scene::dataset::UpAxis;
-use eagpt_scene::script::value::{Array, NonEmpty, Number, Parsed, Positive, Rotation};
+use eagpt_scene::script::value::{Array, Color, NonEmpty, Number, Parsed, Positive, Rotation};
 use eagpt_scene::script::{ScriptFile, Spanned};
 use eagpt_scene::{Result, ply};
 use serde::Deserialize;
@@ -34,6 +35,7 @@ struct StepKeys {
     select: Option<Spanned<SelectorKeys>>,
     insert: Option<Spanned<ReadSurface>>,
     import: Option<Spanned<ImportKeys>>,
+    set_light: Option<Spanned<LightKeys>>,
     #[serde(default)]
     allow_empty: bool,
     trim: Option<Spanned<Trim>>,
@@ -56,6 +58,9 @@ struct ImportKeys {
     offset: Option<Array<Number, 3>>,
     to: Option<Array<Number, 3>>,
 }
+
+/// Names and patterns of lights, and their factors.
+type LightKeys = BTreeMap<Spanned<String>, Color>;
 
 /// Checks a script and reads the scenes it names.
 pub(super) fn read(file: ScriptFile) -> Result<Script> {
@@ -83,6 +88,7 @@ pub(super) fn read(file: ScriptFile) -> Result<Script> {
         assets,
         lamp_names: lamps,
         lamps: None,
+        basis: None,
     })
 }
 
@@ -142,31 +148,40 @@ impl Reader<'_> {
             select,
             insert,
             import,
+            set_light,
             allow_empty,
             trim,
             then,
             group,
         } = step.into_inner();
-        let (subject, subject_span) = match (select, insert, import) {
-            (Some(keys), None, None) => (Subject::Select(self.selector(&keys)?), keys.span()),
-            (None, Some(keys), None) => {
+        let (subject, subject_span) = match (select, insert, import, set_light) {
+            (Some(keys), None, None, None) => (Subject::Select(self.selector(&keys)?), keys.span()),
+            (None, Some(keys), None, None) => {
                 let span = keys.span();
                 (Subject::Insert(keys.into_inner().0), span)
             }
-            (None, None, Some(keys)) => {
+            (None, None, Some(keys), None) => {
                 let span = keys.span();
                 (self.import(keys.get_ref(), selections)?, span)
             }
-            (None, None, None) => {
-                return Err(file.error(span, "one of select, insert, import is missing"));
+            (None, None, None, Some(keys)) => {
+                let span = keys.span();
+                let set = keys.into_inner().into_iter();
+                let set = set.map(|(pattern, Color(factor))| LightFactor { pattern, factor });
+                (Subject::SetLight(set.collect()), span)
             }
-            (_, insert, import) => {
+            (None, None, None, None) => {
+                let problem = "one of select, insert, import, set_light is missing";
+                return Err(file.error(span, problem));
+            }
+            (_, insert, import, set_light) => {
                 let spans = [
                     insert.map(|keys| keys.span()),
                     import.map(|keys| keys.span()),
+                    set_light.map(|keys| keys.span()),
                 ];
                 let second = spans.into_iter().flatten().next().unwrap_or(span);
-                let problem = "is one too many: only one of select, insert, import";
+                let problem = "is one too many: only one of select, insert, import, set_light";
                 return Err(file.error(second, problem));
             }
         };
