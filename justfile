@@ -23,6 +23,11 @@ doc:
 bench:
     cargo run --release -- bench
 
+# The page of the viewer, built from its sources; needs npm
+viewer:
+    npm ci --prefix viewer/page --ignore-scripts
+    npm run --prefix viewer/page build
+
 # Licences, sources and spelling; need cargo-deny and typos
 hygiene:
     cargo deny check bans licenses sources

@@ -1,25 +1,29 @@
-//! `eagpt export`: a scene for other programs.
+//! `eagpt export`: a scene for other programs, and for people with a browser.
 
 use crate::args::GlobalArgs;
 use crate::output;
+use crate::page::{PageArgs, ScenePage};
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
+use eagpt_scene::files;
 use eagpt_scene::ply::{self, Preview};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Write a scene as PLY for other programs
+/// Write a scene as PLY for other programs, or as a page for a browser
 ///
+/// The format `html` is one file that needs nothing else, opened from disk or sent to someone: the
+/// scene to walk through, with its lamps and, with --dataset, its cameras and photographs. Every
+/// pixel blends the discs that its ray meets, as renderings of --mode 0-bounce do. Values are
+/// quantised; their largest errors are printed.
 /// The formats `2dgs` and `3dgs` are for looking: splat viewers open them, with the radiance as
 /// display colour, clipped at white. Emission and albedo are lost: `eagpt import` reads such files
 /// without them.
 /// The format `eagpt` is the scene itself, written anew as binary little endian whatever the file's
 /// own encoding was.
 #[derive(Debug, Clone, Args)]
-#[command(
-    after_long_help = "Example:\n  eagpt export out/run/scene.ply --format 3dgs --out preview.ply"
-)]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct ExportArgs {
     /// Scene of 2D Gaussians, as `eagpt train` writes it
     #[arg(value_name = "SCENE.ply")]
@@ -28,12 +32,18 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_enum)]
     format: Format,
     /// File to write
-    #[arg(long, value_name = "FILE.ply")]
+    #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Replace the file if it is there
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    page: PageArgs,
 }
+
+const EXAMPLES: &str = "Examples:
+  eagpt export out/run/scene.ply --format 3dgs --out preview.ply
+  eagpt export out/run/scene.ply --format html --dataset kitchen --out kitchen.html";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
@@ -45,6 +55,8 @@ enum Format {
     ThreeD,
     /// The scene with all its properties
     Eagpt,
+    /// A page with the scene, for a browser
+    Html,
 }
 
 /// Refuses to replace the input, and without `force` any file.
@@ -66,12 +78,21 @@ pub(crate) fn check_target(out: &Path, input: &Path, force: bool) -> Result<()> 
 
 pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     check_target(&args.out, &args.scene, args.force)?;
+    if args.format != Format::Html {
+        args.page.refuse()?;
+    }
     let gaussians = ply::read_gaussians(&args.scene)?;
     output::create_parent(&args.out)?;
+    let mut error = None;
     match args.format {
         Format::TwoD => ply::write_preview(&args.out, &gaussians, Preview::TwoD)?,
         Format::ThreeD => ply::write_preview(&args.out, &gaussians, Preview::ThreeD)?,
         Format::Eagpt => ply::write_gaussians(&args.out, &gaussians)?,
+        Format::Html => {
+            let page = ScenePage::new(&args.scene, &gaussians, &args.page)?;
+            files::write_bytes_atomic(&args.out, page.html(&gaussians)?.as_bytes())?;
+            error = Some(page.pack.error(&gaussians)?);
+        }
     }
     let reporter = Reporter::new(global);
     reporter.note(&format!(
@@ -79,10 +100,14 @@ pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         args.out.display(),
         gaussians.len()
     ));
+    if let Some(error) = &error {
+        reporter.note(&format!("largest errors of the quantised values: {error}"));
+    }
     reporter.message(&serde_json::json!({
         "message": "done",
         "path": args.out,
         "num_gaussians": gaussians.len(),
+        "quantisation_error": error,
     }))?;
     Ok(ExitCode::SUCCESS)
 }

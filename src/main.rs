@@ -13,6 +13,7 @@
 //! - [`args`]: arguments that commands share.
 //! - [`command_line`]: typed options printed as a command.
 //! - [`device`]: the compute device, CPU or GPU.
+//! - [`page`]: a scene as a page for a browser.
 //! - [`progress`]: bars, lines or JSON.
 //! - [`record`]: the record.json beside every result.
 //! - [`output`]: folders and files for results.
@@ -46,6 +47,7 @@ mod lamps;
 mod masks;
 mod normals;
 mod output;
+mod page;
 mod paper;
 mod progress;
 mod record;

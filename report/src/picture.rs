@@ -42,7 +42,7 @@ impl Picture {
         let bytes = files::read(path)?;
         let decoded = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png).decode();
         let image = decoded.map_err(|e| ReportError::content(path, &e))?;
-        Self::of(path, image.into_rgb8())
+        Self::embed(path, image.into_rgb8(), MAX_SIDE, QUALITY)
     }
 
     /// Linear light, shown as sRGB and cut off at display white.
@@ -57,20 +57,25 @@ impl Picture {
             .map(|&v| srgb8_from_linear(v.max(0.0)));
         let image = RgbImage::from_raw(light.width(), light.height(), bytes.collect())
             .ok_or_else(|| ReportError::content(path, &"no pixels"))?;
-        Self::of(path, image)
+        Self::embed(path, image, MAX_SIDE, QUALITY)
     }
 
-    fn of(path: &Path, image: RgbImage) -> Result<Self> {
+    /// The `image` that `path` was made into, at most `max_side` pixels along each edge, as JPEG of
+    /// a `quality` of 1 to 100.
+    ///
+    /// # Errors
+    /// [`ReportError`] naming the file if it has no pixels.
+    pub fn embed(path: &Path, image: RgbImage, max_side: u32, quality: u8) -> Result<Self> {
         let longest = image.width().max(image.height());
-        let shown = if longest > MAX_SIDE {
-            let scaled = |side: u32| (side * MAX_SIDE / longest).max(1);
+        let shown = if longest > max_side {
+            let scaled = |side: u32| (side * max_side / longest).max(1);
             let (width, height) = (scaled(image.width()), scaled(image.height()));
             image::imageops::resize(&image, width, height, FilterType::Triangle)
         } else {
             image
         };
         let mut encoded = Vec::new();
-        JpegEncoder::new_with_quality(&mut encoded, QUALITY)
+        JpegEncoder::new_with_quality(&mut encoded, quality)
             .encode_image(&shown)
             .map_err(|e| ReportError::content(path, &e))?;
         Ok(Self {

@@ -57,8 +57,9 @@ impl ToneMapper {
         }
     }
 
-    /// (a x² + b x + c) / (d x² + e x + f).
-    fn coefficients(self) -> [f32; 6] {
+    /// `[a, b, c, d, e, f]` of the curve (a x² + b x + c) / (d x² + e x + f); Reinhard's is of the
+    /// luminance.
+    pub fn coefficients(self) -> [f32; 6] {
         // ACES is published for light that was multiplied by 0.6 before.
         const PRE: f32 = 0.6;
         match self {
@@ -131,17 +132,27 @@ impl ToneMap {
         (Self::Agx, "agx"),
     ];
 
+    /// The rational curve, where it is one.
+    pub fn mapper(self) -> Option<ToneMapper> {
+        match self {
+            Self::Filmic => Some(ToneMapper::Hable),
+            Self::Aces => Some(ToneMapper::Aces),
+            Self::Reinhard => Some(ToneMapper::Reinhard),
+            Self::Srgb | Self::Agx => None,
+        }
+    }
+
     /// Displayed value of exposed light: linear, 0 to 1. Negative light and NaN are shown as
     /// 0.
     pub fn shown(self, light: [f32; 3]) -> [f32; 3] {
         // NaN compares with nothing.
         let light = light.map(|v| if v > 0.0 { v.min(BRIGHTEST) } else { 0.0 });
         match self {
-            Self::Srgb => light.map(|v| v.min(1.0)),
-            Self::Filmic => ToneMapper::Hable.shown(light),
-            Self::Aces => ToneMapper::Aces.shown(light),
-            Self::Reinhard => ToneMapper::Reinhard.shown(light),
             Self::Agx => agx::shown(light),
+            _ => match self.mapper() {
+                Some(mapper) => mapper.shown(light),
+                None => light.map(|v| v.min(1.0)),
+            },
         }
     }
 }

@@ -15,12 +15,13 @@ use crate::support::Workplace;
 use std::path::{Path, PathBuf};
 
 /// The pages in the order in which they are followed.
-const PAGES: [&str; 8] = [
+const PAGES: [&str; 9] = [
     "capture.md",
     "dataset.md",
     "train.md",
     "edit.md",
     "bake.md",
+    "view.md",
     "numbers.md",
     "cluster.md",
     "reference.md",
@@ -34,7 +35,7 @@ const COUNTS: Counts = Counts {
 };
 
 /// Files of somebody who followed all pages.
-const RESULTS: [&str; 21] = [
+const RESULTS: [&str; 22] = [
     "hdr/report.html",
     "room/evening/transforms.json",
     "room/day/masks/table.md",
@@ -47,6 +48,7 @@ const RESULTS: [&str; 21] = [
     "renders/day-path/p000.png",
     "bakes/day.ply",
     "bakes/dimmer.ply",
+    "day.html",
     "day-3dgs.ply",
     "renders/fly/frame_0005.png",
     "eval/day-path/metrics.json",

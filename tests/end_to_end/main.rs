@@ -34,4 +34,5 @@ mod run;
 mod shards;
 mod support;
 mod synth;
+mod view;
 mod workflow;

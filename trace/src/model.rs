@@ -13,7 +13,7 @@ pub const MIN_WEIGHT: f32 = 1e-6;
 
 /// A ray ends with the hit that brings its transmittance under this value (the reference's
 /// constant).
-pub(crate) const MIN_TRANSMITTANCE: f32 = 1e-4;
+pub const MIN_TRANSMITTANCE: f32 = 1e-4;
 
 /// Hits on planes seen more edge-on than this cosine do not count: the distance `(p−o)·n / (ω·n)`
 /// has lost its digits there (a relative rounding error of 6e-8 in the numerator grows beyond

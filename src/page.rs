@@ -1,0 +1,177 @@
+//! A scene as a page for a browser.
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use eagpt_scene::dataset::{Frame, UpAxis};
+use eagpt_scene::tonemap::{Display, ToneMap};
+use eagpt_scene::{Dataset, Gaussians, Lamps, lamps};
+use eagpt_viewer::pack::Pack;
+use eagpt_viewer::page::{PageContent, PageView};
+use eagpt_viewer::{page, photograph};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Views that a page has unless more are asked for.
+const DEFAULT_VIEWS: u32 = 24;
+/// Longest edge of a photograph, pixels, unless another is asked for.
+const DEFAULT_PHOTOGRAPH: u32 = 480;
+
+/// Content of a page beside the scene.
+#[derive(Debug, Clone, Default, Args, Serialize)]
+#[command(next_help_heading = "Page")]
+pub(crate) struct PageArgs {
+    /// Dataset whose cameras and photographs the page has: a folder with a transforms.json, or that
+    /// file [default: none, the page opens in the middle of the scene]
+    #[arg(long, value_name = "DATASET")]
+    dataset: Option<PathBuf>,
+    /// Names of the views, separated by commas [default: up to 24, evenly spread]
+    #[arg(
+        long,
+        value_name = "A,B,…",
+        value_delimiter = ',',
+        requires = "dataset"
+    )]
+    views: Vec<String>,
+    /// Number of views, evenly spread, 1 to 1000 [default: 24]
+    #[arg(long, value_name = "N", requires = "dataset", conflicts_with = "views", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    max_views: Option<u32>,
+    /// Longest edge of the photographs in pixels, 0 to 4096; 0 leaves them out [default: 480]
+    #[arg(long, value_name = "PIXELS", requires = "dataset", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    photograph_size: Option<u32>,
+    /// Lamps of the scene [default: lamps.json in its folder, if it is there]
+    #[arg(long, value_name = "LAMPS.json")]
+    lamps: Option<PathBuf>,
+    /// Exposure that the page opens with, stops, -8 to 8 [default: 0]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops)]
+    exposure: Option<f32>,
+    /// Tone map that the page opens with [default: srgb]
+    #[arg(long, value_name = "CURVE", value_enum)]
+    tone_map: Option<ToneMap>,
+    /// Title of the page [default: the name of the scene's file]
+    #[arg(long, value_name = "TEXT")]
+    title: Option<String>,
+}
+
+fn stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(value) if (-8.0..=8.0).contains(&value) => Ok(value),
+        Ok(value) => Err(format!("{value} is outside -8 to 8")),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+impl PageArgs {
+    /// Refuses options of a page where none is written.
+    ///
+    /// # Errors
+    /// If one was given.
+    pub(crate) fn refuse(&self) -> Result<()> {
+        let given = [
+            ("--dataset", self.dataset.is_some()),
+            ("--lamps", self.lamps.is_some()),
+            ("--exposure", self.exposure.is_some()),
+            ("--tone-map", self.tone_map.is_some()),
+            ("--title", self.title.is_some()),
+        ];
+        if let Some((name, _)) = given.iter().find(|(_, is_given)| *is_given) {
+            bail!("{name}: only a page has it: --format html");
+        }
+        Ok(())
+    }
+}
+
+/// A scene packed, with all that its page shows.
+pub(crate) struct ScenePage {
+    pub(crate) pack: Pack,
+    pub(crate) lamps: Lamps,
+    title: String,
+    up: UpAxis,
+    views: Vec<PageView>,
+    display: Display,
+}
+
+impl ScenePage {
+    /// Packs the Gaussians of the file `scene` and gathers what stands beside it.
+    ///
+    /// # Errors
+    /// If dataset, lamps or photographs cannot be read, a view is not there, or the scene cannot be
+    /// packed.
+    pub(crate) fn new(scene: &Path, gaussians: &Gaussians, args: &PageArgs) -> Result<Self> {
+        let lamps = read_lamps(scene, args.lamps.as_deref())?;
+        let (views, up) = match &args.dataset {
+            None => (Vec::new(), UpAxis::default()),
+            Some(path) => {
+                let dataset = Dataset::open_cameras(path)?;
+                (read_views(&dataset, args)?, dataset.up())
+            }
+        };
+        let pack = Pack::new(gaussians, &lamps).with_context(|| scene.display().to_string())?;
+        let name = || scene.file_stem().unwrap_or_default().to_string_lossy();
+        Ok(Self {
+            pack,
+            lamps,
+            title: args.title.clone().unwrap_or_else(|| name().into_owned()),
+            up,
+            views,
+            display: Display {
+                stops: args.exposure.unwrap_or_default(),
+                tone_map: args.tone_map.unwrap_or_default(),
+            },
+        })
+    }
+
+    /// The page as HTML.
+    ///
+    /// # Errors
+    /// If the content has numbers that JSON has not.
+    pub(crate) fn html(&self, gaussians: &Gaussians) -> Result<String> {
+        let content = PageContent {
+            title: &self.title,
+            up: self.up.vector(),
+            display: self.display,
+            views: &self.views,
+            lamps: &self.lamps,
+        };
+        Ok(page::html(&self.pack, gaussians, &content)?)
+    }
+}
+
+/// The lamps of a scene: of the file that was named, or of the one beside it if that is there.
+fn read_lamps(scene: &Path, named: Option<&Path>) -> Result<Lamps> {
+    let beside = lamps::lamps_file_beside(scene);
+    match named {
+        Some(path) => Ok(lamps::read_lamps(path)?),
+        None if beside.exists() => Ok(lamps::read_lamps(&beside)?),
+        None => Ok(Lamps::default()),
+    }
+}
+
+fn read_views(dataset: &Dataset, args: &PageArgs) -> Result<Vec<PageView>> {
+    let frames = dataset.frames();
+    let chosen: Vec<&Frame> = if args.views.is_empty() {
+        let num = frames
+            .len()
+            .min(args.max_views.unwrap_or(DEFAULT_VIEWS) as usize);
+        (0..num).map(|i| &frames[i * frames.len() / num]).collect()
+    } else {
+        let named = |name: &String| {
+            let found = frames.iter().find(|frame| frame.name == *name);
+            found.with_context(|| format!("--views: {}", dataset.no_such_view(name)))
+        };
+        args.views.iter().map(named).collect::<Result<_>>()?
+    };
+    let side = args.photograph_size.unwrap_or(DEFAULT_PHOTOGRAPH);
+    let view = |frame: &&Frame| {
+        let path = &frame.files.radiance;
+        // A dataset of cameras alone has none.
+        let has_photograph = side > 0 && path.is_file();
+        let photograph = has_photograph.then(|| photograph::embed(path, side));
+        Ok(PageView {
+            name: frame.name.clone(),
+            camera: frame.camera,
+            photograph: photograph.transpose()?,
+        })
+    };
+    chosen.par_iter().map(view).collect()
+}

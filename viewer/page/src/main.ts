@@ -1,0 +1,247 @@
+// The page: a scene to walk through.
+
+import { viewCamera, Walker, unit, type Vec } from "./camera.ts";
+import { Controls, type Mode } from "./controls.ts";
+import { button, checkbox, choice, element, section, select, slider } from "./panel.ts";
+import type { Look } from "./renderer.ts";
+import { unpack, type LampInfo, type Meta, type ViewInfo } from "./scene.ts";
+import { LAYERS, type Layer } from "./shaders.ts";
+import { Stage } from "./stage.ts";
+
+const byId = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const status = byId("status");
+
+function fail(error: unknown): void {
+  status.className = "error";
+  status.setAttribute("role", "alert");
+  status.textContent = error instanceof Error ? error.message : String(error);
+}
+
+/** A photograph of the page, decoded. */
+async function photograph(view: ViewInfo): Promise<ImageBitmap | null> {
+  if (!view.photograph) return null;
+  const image = new Image();
+  image.src = view.photograph;
+  await image.decode();
+  // No conversion of colour: the bytes are codes of light.
+  return createImageBitmap(image, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+}
+
+class Page {
+  private readonly canvas = byId<HTMLCanvasElement>("canvas");
+  private readonly walker: Walker;
+  private readonly stage: Stage;
+  private readonly look: Look;
+  private view: ViewInfo | null = null;
+  private comparing = false;
+  private readonly compareSlider = slider("photograph", { min: 0, max: 1, step: 0.01 }, 0.5, (value) => {
+    this.stage.split = value;
+    this.stage.display();
+  });
+  private readonly compareBox = checkbox("compare with the photograph", (on) => void this.compare(on));
+
+  constructor(private readonly meta: Meta, scene: Awaited<ReturnType<typeof unpack>>, private readonly loadMs: number) {
+    this.look = { layer: "radiance", exposure: meta.display.exposure, toneMap: meta.display.toneMap };
+    const [low, high] = meta.bounds;
+    const middle = low.map((value, k) => 0.5 * (value + high[k])) as Vec;
+    const size = Math.hypot(...low.map((value, k) => high[k] - value));
+    this.walker = new Walker(unit(meta.up), middle);
+    this.stage = new Stage(this.canvas, meta, scene, (w, h) => this.walker.camera(w, h), this.look);
+    this.stage.onPicture = () => this.tell();
+    const controls = new Controls(this.canvas, this.walker, 0.12 * size, () => this.walked(), (x, y) => this.clicked(x, y));
+    this.fillPanel(controls);
+    new ResizeObserver(() => this.layOut()).observe(byId("stage"));
+    if (meta.views.length > 0) this.jump(meta.views[0]);
+    else this.stage.move();
+  }
+
+  private tell(): void {
+    const { binMs, traceMs, width, height } = this.stage.timing;
+    const num = this.meta.num.toLocaleString("en");
+    status.textContent =
+      `${num} Gaussians · loaded in ${Math.round(this.loadMs)} ms · sorted in ${Math.round(binMs)} ms · ` +
+      `${width} × ${height} rays in ${Math.round(traceMs)} ms`;
+  }
+
+  /** The canvas has the shape of the photograph it is compared with, else that of the window. */
+  private layOut(): void {
+    const { style } = this.canvas;
+    if (this.comparing && this.view) {
+      const { clientWidth, clientHeight } = byId("stage");
+      const by = Math.min(clientWidth / this.view.width, clientHeight / this.view.height);
+      style.width = `${Math.round(this.view.width * by)}px`;
+      style.height = `${Math.round(this.view.height * by)}px`;
+    } else {
+      style.width = style.height = "";
+    }
+    this.stage.move();
+  }
+
+  private jump(view: ViewInfo): void {
+    this.view = view;
+    this.walker.take(viewCamera(view, view.width, view.height));
+    this.stage.camera = (width, height) => viewCamera(view, width, height);
+    const has = view.photograph !== undefined;
+    this.compareBox.input.disabled = !has;
+    if (this.comparing) void this.compare(has);
+    else this.layOut();
+  }
+
+  private walked(): void {
+    this.stage.camera = (width, height) => this.walker.camera(width, height);
+    if (this.comparing) void this.compare(false);
+    this.stage.move();
+  }
+
+  private async compare(on: boolean): Promise<void> {
+    this.comparing = on && this.view !== null;
+    this.compareBox.input.checked = this.comparing;
+    this.compareSlider.input.disabled = !this.comparing;
+    if (this.comparing && this.view) {
+      const view = this.view;
+      this.stage.camera = (width, height) => viewCamera(view, width, height);
+      this.stage.renderer.setPhotograph(await photograph(view));
+      this.stage.split = this.compareSlider.input.valueAsNumber;
+    } else {
+      this.stage.split = 1;
+    }
+    this.layOut();
+  }
+
+  private clicked(x: number, y: number): void {
+    const picked = this.stage.pick(x, y);
+    if (picked) this.status(`Gaussian ${picked.disc}, ${picked.distance.toFixed(3)} units away`);
+  }
+
+  private status(text: string): void {
+    status.textContent = text;
+  }
+
+  private setLook(change: Partial<Look>): void {
+    const retrace = change.layer !== undefined;
+    Object.assign(this.look, change);
+    if (retrace) this.stage.move();
+    else this.stage.display();
+  }
+
+  private fillPanel(controls: Controls): void {
+    const { meta } = this;
+    const panel = byId("panel");
+    panel.append(element("h1", {}, meta.title));
+    if (meta.views.length > 0) {
+      const views = meta.views.map((view) => {
+        const made = button("", () => this.jump(view));
+        made.setAttribute("aria-label", `view ${view.name}`);
+        if (view.photograph) made.append(element("img", { src: view.photograph, alt: "", loading: "lazy" }));
+        made.append(view.name);
+        return made;
+      });
+      const parts: Node[] = [element("div", { class: "views" }, ...views)];
+      if (meta.views.some((view) => view.photograph)) {
+        this.compareSlider.input.disabled = true;
+        parts.push(this.compareBox.label, this.compareSlider.label);
+      }
+      panel.append(section("Views", ...parts));
+    }
+    const exposure = slider("exposure", { min: -8, max: 8, step: 0.1 }, this.look.exposure, (value) => this.setLook({ exposure: value }));
+    panel.append(
+      section(
+        "Picture",
+        select("show", LAYERS, "radiance", (layer) => this.setLook({ layer: layer as Layer })),
+        exposure.label,
+        select("tone map", meta.toneMaps.map((one) => one.name), this.look.toneMap, (toneMap) => this.setLook({ toneMap })),
+      ),
+      section(
+        "Moving",
+        choice<Mode>(["walk", "orbit"], "walk", (mode) => {
+          const centre = this.stage.pick(0.5, 0.5);
+          if (centre) controls.distance = centre.distance;
+          controls.mode = mode;
+        }),
+        element("p", {}, "W A S D walk, Q and E go down and up, Shift hurries, drag or arrows turn, L locks the pointer. Two fingers move."),
+      ),
+    );
+    if (meta.lamps.length > 0) panel.append(section("Lamps", ...meta.lamps.map((lamp, i) => this.lamp(lamp, i + 1))));
+  }
+
+  private lamp(lamp: LampInfo, id: number): HTMLElement {
+    const mark = button("mark", () => {
+      const { renderer } = this.stage;
+      renderer.highlighted = renderer.highlighted === id ? 0 : id;
+      document.querySelectorAll(".lamp button.mark").forEach((other) => other.setAttribute("aria-pressed", "false"));
+      mark.setAttribute("aria-pressed", `${renderer.highlighted === id}`);
+      this.stage.move();
+    });
+    mark.classList.add("mark");
+    mark.setAttribute("aria-pressed", "false");
+    const power = lamp.power.map((value) => value.toPrecision(3)).join(", ");
+    return element(
+      "div",
+      { class: "lamp" },
+      element("header", {}, element("b", {}, lamp.name), mark),
+      element("p", {}, `${lamp.shape}, power ${power}`),
+    );
+  }
+
+  /** For tests: a picture of a view, as `eagpt render` makes it. */
+  picture(name: string, width: number, height: number, antialias: number, look: Partial<Look>): Promise<string> {
+    const view = this.meta.views.find((one) => one.name === name);
+    if (!view) throw new Error(`view: no \`${name}\``);
+    const whole: Look = { ...this.look, ...look };
+    return this.stage.picture((w, h) => viewCamera(view, w, h), width, height, antialias, whole);
+  }
+
+  /** For tests: whether the picture is complete. */
+  isWhole(): boolean {
+    return this.stage.isWhole();
+  }
+
+  /** For tests: mean differences of either half of a compared view to the scene alone, 0 to 1. */
+  async comparisonShares() {
+    const view = this.meta.views.find((one) => one.photograph)!;
+    this.jump(view);
+    const rested = async () => {
+      while (!this.stage.isWhole()) await new Promise((resolve) => setTimeout(resolve, 20));
+    };
+    const pixels = () => {
+      const { gl } = this.stage.renderer;
+      const { width, height } = this.canvas;
+      const bytes = new Uint8Array(4 * width * height);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+      return { width, bytes };
+    };
+    await this.compare(true);
+    await rested();
+    const both = pixels();
+    this.stage.split = 1;
+    this.stage.display();
+    const alone = pixels();
+    const sums = [0, 0];
+    both.bytes.forEach((value, i) => {
+      const half = (i >> 2) % both.width < both.width / 2 ? 0 : 1;
+      sums[half] += Math.abs(value - alone.bytes[i]) / 255;
+    });
+    const [sceneDiffers, photographDiffers] = sums.map((sum) => sum / (both.bytes.length / 2));
+    return { sceneDiffers, photographDiffers };
+  }
+
+  timing() {
+    return { loadMs: this.loadMs, ...this.stage.timing };
+  }
+}
+
+async function main(): Promise<void> {
+  const started = performance.now();
+  const meta = JSON.parse(byId("meta").textContent!) as Meta;
+  const scene = await unpack(meta, byId("data").textContent!.trim());
+  const page = new Page(meta, scene, performance.now() - started);
+  Object.assign(window, { eagptViewer: page });
+}
+
+window.addEventListener("error", (event) => fail(event.error ?? event.message));
+window.addEventListener("unhandledrejection", (event) => fail(event.reason));
+void main().catch((error) => {
+  fail(error);
+  throw error;
+});

@@ -1,0 +1,39 @@
+// A room of the virtual rig, trained in seconds: scenes to show, and what the program renders.
+import { execFileSync } from "node:child_process";
+import { existsSync, readFileSync } from "node:fs";
+import { fileURLToPath } from "node:url";
+import { join } from "node:path";
+
+/** The program: EAGPT, or the debug build of this workspace. */
+export const PROGRAM =
+  process.env.EAGPT ?? fileURLToPath(new URL("../../../target/debug/eagpt", import.meta.url));
+
+/** Test views. */
+export const VIEWS = ["p000", "p001", "p003", "p004", "p006", "p008"];
+
+export function eagpt(...args) {
+  if (!existsSync(PROGRAM)) throw new Error(`${PROGRAM}: is not there: cargo build`);
+  execFileSync(PROGRAM, [...args, "--quiet"], { stdio: ["ignore", "ignore", "inherit"] });
+}
+
+/** The room with light that differs with the direction, of `degree`; 0 is without. */
+export function makeRoom(folder, degree) {
+  const room = join(folder, "room");
+  const dataset = join(room, "truth/all");
+  if (!existsSync(room)) {
+    eagpt("synth", "bedroom", "--parts", "truth", "--size", "96x64", "--views", "10", "--spp", "4", "--out", room);
+  }
+  const run = join(folder, `run-${degree}`);
+  const options = ["--stage", "radiance", "--preset", "draft", "--iterations", "300", "--gaussians", "8000"];
+  eagpt("train", dataset, ...options, "--set", `radiance.harmonics.degree=${degree}`, "--out", run);
+  const scene = join(run, "scene.ply");
+  const page = join(folder, `room-${degree}.html`);
+  eagpt("export", scene, "--format", "html", "--dataset", dataset, "--out", page);
+  return { scene, dataset, page, render: (name, ...more) => render(folder, name, scene, dataset, more) };
+}
+
+function render(folder, name, scene, dataset, more) {
+  const out = join(folder, name);
+  eagpt("render", scene, "--cameras", dataset, "--mode", "0-bounce", "--views", VIEWS.join(","), "--out", out, ...more);
+  return (view, aov = ".") => readFileSync(join(out, aov, `${view}.png`));
+}

@@ -1,0 +1,141 @@
+// The page in a browser: its pictures against those of the program, and what people do with it.
+// Prints `skipped: …` where there is no Chromium.
+import assert from "node:assert/strict";
+import { mkdtemp, rm } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { findChromium, withBrowser } from "./browser.mjs";
+import { decode, decodeUri, psnr } from "./psnr.mjs";
+import { makeRoom, VIEWS } from "./room.mjs";
+
+/** dB that a picture of the page has at least against the program's. */
+const LEAST_PSNR = 35;
+/** Rays along each axis of a pixel, as `eagpt render` has unless told otherwise. */
+const ANTIALIAS = 2;
+
+if (!findChromium()) {
+  console.log("skipped: tests of the viewer: no Chromium (CHROMIUM names one)");
+  process.exit(0);
+}
+
+const picture = (page, view, reference, look) =>
+  page
+    .evaluate(
+      (...args) => window.eagptViewer.picture(...args),
+      view, reference.width, reference.height, ANTIALIAS, look,
+    )
+    .then(decodeUri);
+
+async function compare(page, title, reference, look, view, least = LEAST_PSNR) {
+  const wanted = decode(reference);
+  const value = psnr(await picture(page, view, wanted, look), wanted);
+  console.log(`${title} ${view}: ${value.toFixed(2)} dB`);
+  assert.ok(value >= least, `${title} ${view}: ${value.toFixed(2)} dB, less than ${least}`);
+}
+
+/** Pictures of a room as the program renders them, and that the comparison would notice. */
+async function pictures(open, folder, degree) {
+  const room = makeRoom(folder, degree);
+  const { page, complaints } = await open(`file://${room.page}`);
+  const reference = room.render(`renders-${degree}`, "--aov", "albedo,normal,emission");
+  for (const view of VIEWS) await compare(page, `harmonics ${degree}`, reference(view), {}, view);
+  const other = decode(reference(VIEWS[1]));
+  const wrong = psnr(await picture(page, VIEWS[0], other, {}), other);
+  assert.ok(wrong < LEAST_PSNR - 10, `another view has ${wrong} dB`);
+  const timing = await page.evaluate(() => window.eagptViewer.timing());
+  console.log(`harmonics ${degree}: loaded in ${Math.round(timing.loadMs)} ms`);
+  if (degree === 0) await looks(page, room, reference);
+  assert.deepEqual(complaints, []);
+  await page.close();
+  return room;
+}
+
+/** Tone maps, exposure and quantities. */
+async function looks(page, room, reference) {
+  const view = VIEWS[2];
+  for (const toneMap of ["filmic", "aces", "reinhard", "agx"]) {
+    const shown = room.render(`renders-${toneMap}`, "--tone-map", toneMap, "--exposure", "1.5");
+    await compare(page, `${toneMap}, 1.5 stops`, shown(view), { toneMap, exposure: 1.5 }, view);
+  }
+  // The PNGs of the program show these with the same encodings.
+  await compare(page, "albedo", reference(view, "albedo"), { layer: "albedo" }, view);
+  await compare(page, "normal", reference(view, "normal"), { layer: "normal" }, view, 30);
+  await compare(page, "emission", reference(view, "emission"), { layer: "emission" }, view);
+}
+
+/** Keys, drags, views, comparison: the picture follows, and the console stays empty. */
+async function actions(open, path, size) {
+  const { page, complaints } = await open(`file://${path}`, size);
+  const eye = () => page.evaluate(() => [...window.eagptViewer.walker.eye, ...window.eagptViewer.walker.forward()]);
+  const rested = () => page.waitForFunction(() => window.eagptViewer.isWhole(), { timeout: 60_000 });
+  await rested();
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+  assert.ok(wide <= size.width, `the page is ${wide} pixels wide at ${size.width}`);
+  const before = await eye();
+  await page.focus("#canvas");
+  await page.keyboard.down("KeyW");
+  await new Promise((resolve) => setTimeout(resolve, 300));
+  await page.keyboard.up("KeyW");
+  const walked = await eye();
+  assert.notDeepEqual(walked.slice(0, 3), before.slice(0, 3));
+  assert.deepEqual(walked.slice(3), before.slice(3));
+  const box = await (await page.$("#canvas")).boundingBox();
+  const drag = async (dx, dy) => {
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.down();
+    await page.mouse.move(box.x + box.width / 2 + dx, box.y + box.height / 2 + dy, { steps: 3 });
+    await page.mouse.up();
+  };
+  await drag(60, 10);
+  const turned = await eye();
+  assert.deepEqual(turned.slice(0, 3), walked.slice(0, 3));
+  assert.notDeepEqual(turned.slice(3), walked.slice(3));
+  // Numbers of a fixed sequence choose what is done.
+  let state = 7;
+  const next = (num) => (state = (state * 48271) % 2147483647) % num;
+  const buttons = await page.$$("#panel button, #panel input, #panel select");
+  for (let i = 0; i < 60; i++) {
+    const kind = next(4);
+    if (kind === 0) await page.keyboard.press(["KeyA", "KeyE", "ArrowLeft", "ArrowUp", "KeyD"][next(5)]);
+    else if (kind === 1) await drag(next(80) - 40, next(40) - 20);
+    else if (kind === 2) await page.mouse.wheel({ deltaY: next(2) * 200 - 100 });
+    else await buttons[next(buttons.length)].evaluate((one) => {
+      one.focus();
+      if (one.type === "range") {
+        one.valueAsNumber = Number(one.min) + 0.4 * (one.max - one.min);
+        one.dispatchEvent(new Event("input", { bubbles: true }));
+      } else if (one.tagName === "SELECT") {
+        one.selectedIndex = (one.selectedIndex + 1) % one.options.length;
+        one.dispatchEvent(new Event("change", { bubbles: true }));
+      } else one.click();
+    });
+  }
+  await rested();
+  assert.equal(await page.$eval("#status", (one) => one.className), "");
+  assert.deepEqual(complaints, []);
+  await page.close();
+}
+
+/** At a dataset's camera the photograph is on the right of the slider, the scene on the left. */
+async function comparison(open, room) {
+  const { page, complaints } = await open(`file://${room.page}`);
+  const halves = await page.evaluate(async () => window.eagptViewer.comparisonShares());
+  // Far from equal where they are not the same picture, near where they show the same room.
+  assert.ok(halves.photographDiffers > 0.002 && halves.photographDiffers < 0.15, JSON.stringify(halves));
+  assert.ok(halves.sceneDiffers < 1e-6, JSON.stringify(halves));
+  assert.deepEqual(complaints, []);
+  await page.close();
+}
+
+const folder = await mkdtemp(join(tmpdir(), "eagpt-viewer-room-"));
+try {
+  await withBrowser(async (open) => {
+    const room = await pictures(open, folder, 0);
+    await pictures(open, folder, 2);
+    await comparison(open, room);
+    for (const width of [1280, 390]) await actions(open, room.page, { width, height: 760 });
+  });
+  console.log("the viewer's tests have passed");
+} finally {
+  await rm(folder, { recursive: true, force: true });
+}

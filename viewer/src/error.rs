@@ -1,0 +1,27 @@
+//! The error of this crate.
+
+use eagpt_report::ReportError;
+use eagpt_scene::SceneError;
+
+/// Result with [`ViewerError`].
+pub type Result<T, E = ViewerError> = std::result::Result<T, E>;
+
+/// Why there is no page. Every variant prints as one line.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewerError {
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A photograph could not be embedded.
+    #[error(transparent)]
+    Photograph(#[from] ReportError),
+    /// The scene cannot be packed.
+    #[error("scene: {0}")]
+    Unfit(String),
+    /// Packed bytes are not those of a scene.
+    #[error("packed scene: {0}")]
+    Packed(String),
+    /// Content that is no JSON.
+    #[error("page: {0}")]
+    Json(#[from] serde_json::Error),
+}
