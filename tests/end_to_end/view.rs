@@ -13,7 +13,7 @@ fn part<'a>(page: &'a str, id: &str) -> &'a str {
 fn a_page_has_the_scene_and_its_views() {
     let place = Workplace::trained();
     let export = "export run/scene.ply --format html";
-    let told = place.succeeds(&format!("{export} --dataset data --out room.html --json"));
+    let told = place.succeeds(&format!("{export} --dataset room --out room.html --json"));
     let done: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
     let error = &done["quantisation_error"];
     assert!(error["radiance"].as_f64().unwrap() < 0.0028, "{done}");
@@ -33,7 +33,7 @@ fn a_page_has_the_scene_and_its_views() {
         &["room.html", "--force"],
     );
     place.fails_cleanly(
-        &format!("{export} --dataset data --views 999 --out b.html"),
+        &format!("{export} --dataset room --views 999 --out b.html"),
         &["--views", "there is no view `999`"],
     );
     place.fails_cleanly(
@@ -42,7 +42,7 @@ fn a_page_has_the_scene_and_its_views() {
     );
     let first = views[0]["name"].as_str().unwrap();
     place.succeeds(&format!(
-        "{export} --dataset data --views {first} --photograph-size 0 --title Room --out c.html"
+        "{export} --dataset room --views {first} --photograph-size 0 --title Room --out c.html"
     ));
     let page = String::from_utf8(place.bytes("c.html")).unwrap();
     let meta: serde_json::Value = serde_json::from_str(part(&page, "meta")).unwrap();
