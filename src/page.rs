@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::dataset::{Frame, UpAxis};
 use eagpt_scene::tonemap::{Display, ToneMap};
-use eagpt_scene::{Dataset, Gaussians, Lamps, lamps};
+use eagpt_scene::{Dataset, Gaussians, Lamps, LightBasis, lamps, light_basis};
 use eagpt_viewer::pack::Pack;
 use eagpt_viewer::page::{PageContent, PageView};
 use eagpt_viewer::{page, photograph};
@@ -42,6 +42,10 @@ pub(crate) struct PageArgs {
     /// Lamps of the scene [default: lamps.json in its folder, if it is there]
     #[arg(long, value_name = "LAMPS.json")]
     lamps: Option<PathBuf>,
+    /// Basis of light, as `eagpt bake --per-light` writes it: lamps get sliders of power and colour
+    /// [default: SCENE.lights beside the scene, if it is there]
+    #[arg(long, value_name = "SCENE.lights")]
+    lights: Option<PathBuf>,
     /// Exposure that the page opens with, stops, -8 to 8 [default: 0]
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops)]
     exposure: Option<f32>,
@@ -70,6 +74,7 @@ impl PageArgs {
         let given = [
             ("--dataset", self.dataset.is_some()),
             ("--lamps", self.lamps.is_some()),
+            ("--lights", self.lights.is_some()),
             ("--exposure", self.exposure.is_some()),
             ("--tone-map", self.tone_map.is_some()),
             ("--title", self.title.is_some()),
@@ -106,7 +111,9 @@ impl ScenePage {
                 (read_views(&dataset, args)?, dataset.up())
             }
         };
-        let pack = Pack::new(gaussians, &lamps).with_context(|| scene.display().to_string())?;
+        let basis = read_lights(scene, gaussians, args.lights.as_deref())?;
+        let pack = Pack::new(gaussians, &lamps, basis.as_ref())
+            .with_context(|| scene.display().to_string())?;
         let name = || scene.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pack,
@@ -145,6 +152,27 @@ fn read_lamps(scene: &Path, named: Option<&Path>) -> Result<Lamps> {
         None if beside.exists() => Ok(lamps::read_lamps(&beside)?),
         None => Ok(Lamps::default()),
     }
+}
+
+/// The basis of light of a scene: of the file that was named, or of the one beside it if that is
+/// there. One that does not fit the scene is an error.
+fn read_lights(
+    scene: &Path,
+    gaussians: &Gaussians,
+    named: Option<&Path>,
+) -> Result<Option<LightBasis>> {
+    let beside = light_basis::lights_file_beside(scene);
+    let path = match named {
+        Some(path) => path,
+        None if beside.exists() => &beside,
+        None => return Ok(None),
+    };
+    let basis = LightBasis::read(path)?;
+    if let Err(difference) = basis.check(gaussians) {
+        let (path, scene) = (path.display(), scene.display());
+        bail!("{path}: {difference}; {scene} is another");
+    }
+    Ok(Some(basis))
 }
 
 fn read_views(dataset: &Dataset, args: &PageArgs) -> Result<Vec<PageView>> {

@@ -15,6 +15,7 @@
 //! | 3 bytes | albedo |
 //! | 1 byte | lamp, from 1; 0 is none |
 //! | 24 words | harmonics, where there are any |
+//! | 3 words for each light | radiance by that light alone, where there is a basis of light |
 //!
 //! Differences and harmonics have a sign: 0, −1, 1, −2, …
 
@@ -32,7 +33,7 @@ use crate::error::{Result, ViewerError};
 use columns::{Reader, Writer};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::lamps::EMISSION_THRESHOLD;
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, Lamps};
+use eagpt_scene::{Gaussian, Gaussians, Harmonics, Lamps, LightBasis};
 use eagpt_trace::model::MIN_ALPHA;
 use glam::{Vec2, Vec3};
 use quantise::{RotationCode, signed_from_code, signed_to_code};
@@ -47,6 +48,8 @@ pub struct Pack {
     pub num: usize,
     /// Whether it has harmonics.
     pub has_harmonics: bool,
+    /// Names of the lights whose light alone is in it, in order; none without a basis of light.
+    pub lights: Vec<String>,
     /// Sizes of the steps of quantities.
     pub steps: Steps,
     /// The columns, compressed.
@@ -56,11 +59,13 @@ pub struct Pack {
 }
 
 impl Pack {
-    /// Packs a scene; Gaussians that emit are given to the lamp that they are a part of.
+    /// Packs a scene; Gaussians that emit are given to the lamp that they are a part of. With the
+    /// `basis` of its light, which fits it ([`LightBasis::check`]), the light of each lamp alone is
+    /// packed as well.
     ///
     /// # Errors
     /// [`ViewerError::Unfit`] if no ray can hit any Gaussian, or there are more than 255 lamps.
-    pub fn new(gaussians: &Gaussians, lamps: &Lamps) -> Result<Self> {
+    pub fn new(gaussians: &Gaussians, lamps: &Lamps, basis: Option<&LightBasis>) -> Result<Self> {
         if lamps.lamps.len() > MAX_LAMPS {
             let num = lamps.lamps.len();
             let problem = format!("{num} lamps, a page has at most {MAX_LAMPS}");
@@ -73,7 +78,8 @@ impl Pack {
         let has_harmonics = !gaussians.harmonics.is_empty();
         let mut columns = Writer::new(rows.len());
         write_geometry(&mut columns, &rows, &steps);
-        write_light(&mut columns, &rows, &steps);
+        write_radiances(&mut columns, rows.iter().map(|g| g.radiance), &steps);
+        write_material(&mut columns, &rows);
         columns.bytes(rows.iter().map(|g| lamp_of(lamps, g)));
         if has_harmonics {
             for k in 0..NUM_COEFFICIENTS {
@@ -81,9 +87,16 @@ impl Pack {
                 columns.words(rows.iter().map(|g| signed_to_code(code(g))));
             }
         }
+        let lights = basis.map(LightBasis::lights).unwrap_or_default();
+        let alone = (basis.iter()).flat_map(|basis| (0..lights.len()).map(|k| basis.alone(k)));
+        for alone in alone {
+            let packed = order.iter().map(|&i| alone[i as usize]);
+            write_radiances(&mut columns, packed, &steps);
+        }
         Ok(Self {
             num: rows.len(),
             has_harmonics,
+            lights: lights.iter().map(|light| light.name.clone()).collect(),
             steps,
             bytes: columns.compressed()?,
             order,
@@ -96,7 +109,8 @@ impl Pack {
     /// # Errors
     /// [`ViewerError::Packed`] if the bytes are not those of a scene of this size.
     pub fn unpack(&self) -> Result<(Gaussians, Vec<u8>)> {
-        let mut columns = Reader::new(&self.bytes, self.num, self.has_harmonics)?;
+        let mut columns =
+            Reader::new(&self.bytes, self.num, self.has_harmonics, self.lights.len())?;
         let steps = &self.steps;
         let position = [0, 1, 2].map(|axis| {
             let mut at = 0_u16;
@@ -109,7 +123,7 @@ impl Pack {
         let scale = [columns.words(), columns.words()];
         let rotation: [Vec<u8>; 5] = std::array::from_fn(|_| columns.bytes());
         let opacity = columns.words();
-        let light = [columns.words(), columns.words(), columns.words()];
+        let radiance = read_radiances(&mut columns, steps);
         let emission = columns.bytes();
         let albedo = [columns.bytes(), columns.bytes(), columns.bytes()];
         let lamps = columns.bytes();
@@ -117,8 +131,6 @@ impl Pack {
             .map(|_| columns.words())
             .collect();
         let gaussian = |i: usize| {
-            let green = i32::from(light[0][i]);
-            let beside = |code: u16| steps.radiance(green + i32::from(signed_from_code(code)));
             let mut coefficients = [0.0; NUM_COEFFICIENTS];
             for (value, codes) in coefficients.iter_mut().zip(&harmonics) {
                 *value = steps.harmonic(signed_from_code(codes[i]));
@@ -128,17 +140,29 @@ impl Pack {
                 scale: Vec2::new(steps.scale(scale[0][i]), steps.scale(scale[1][i])),
                 rotation: RotationCode(rotation.each_ref().map(|column| column[i])).rotation(),
                 opacity: steps.opacity(opacity[i]),
-                radiance: Vec3::new(
-                    beside(light[1][i]),
-                    steps.radiance(green),
-                    beside(light[2][i]),
-                ),
+                radiance: radiance[i],
                 harmonics: Harmonics(coefficients),
                 emission: f32::from(emission[i]) / 255.0,
                 albedo: Vec3::from(albedo.each_ref().map(|column| f32::from(column[i]) / 255.0)),
             }
         };
         Ok(((0..self.num).map(gaussian).collect(), lamps))
+    }
+
+    /// Radiances of the packed Gaussians by light `index` alone, `[num]`, as a browser unpacks
+    /// them.
+    ///
+    /// # Errors
+    /// As [`Self::unpack`].
+    ///
+    /// # Panics
+    /// If there is no such light.
+    pub fn unpack_light(&self, index: usize) -> Result<Vec<Vec3>> {
+        assert!(index < self.lights.len(), "light {index} is not there");
+        let mut columns =
+            Reader::new(&self.bytes, self.num, self.has_harmonics, self.lights.len())?;
+        columns.skip_to_light(index);
+        Ok(read_radiances(&mut columns, &self.steps))
     }
 
     /// Largest differences of the packed scene to `gaussians`, which it was made of.
@@ -185,13 +209,35 @@ fn write_geometry(columns: &mut Writer, rows: &[Gaussian], steps: &Steps) {
     columns.words(rows.iter().map(|g| steps.opacity_code(g.opacity)));
 }
 
-fn write_light(columns: &mut Writer, rows: &[Gaussian], steps: &Steps) {
-    let code = |g: &Gaussian, channel: usize| steps.radiance_code(g.radiance[channel]);
-    columns.words(rows.iter().map(|g| code(g, 1) as u16));
+/// The logarithm of green, and the differences of red and of blue to it.
+fn write_radiances(
+    columns: &mut Writer,
+    radiances: impl Iterator<Item = Vec3> + Clone,
+    steps: &Steps,
+) {
+    let code = |radiance: Vec3, channel: usize| steps.radiance_code(radiance[channel]);
+    columns.words(radiances.clone().map(|radiance| code(radiance, 1) as u16));
     for channel in [0, 2] {
-        let difference = |g: &Gaussian| (code(g, channel) - code(g, 1)) as i16;
-        columns.words(rows.iter().map(|g| signed_to_code(difference(g))));
+        let difference = |radiance| (code(radiance, channel) - code(radiance, 1)) as i16;
+        columns.words(
+            radiances
+                .clone()
+                .map(|radiance| signed_to_code(difference(radiance))),
+        );
     }
+}
+
+fn read_radiances(columns: &mut Reader, steps: &Steps) -> Vec<Vec3> {
+    let [green, red, blue] = [columns.words(), columns.words(), columns.words()];
+    let radiance = |((&green, red), blue): ((&u16, u16), u16)| {
+        let green = i32::from(green);
+        let beside = |code| steps.radiance(green + i32::from(signed_from_code(code)));
+        Vec3::new(beside(red), steps.radiance(green), beside(blue))
+    };
+    green.iter().zip(red).zip(blue).map(radiance).collect()
+}
+
+fn write_material(columns: &mut Writer, rows: &[Gaussian]) {
     let unit = |value: f32| (value * 255.0).round() as u8;
     columns.bytes(rows.iter().map(|g| unit(g.emission)));
     for channel in 0..3 {

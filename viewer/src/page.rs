@@ -82,6 +82,7 @@ fn meta(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Result
         "up": content.up,
         "bounds": [low, high],
         "views": content.views.iter().map(view).collect::<Vec<_>>(),
+        "lights": pack.lights,
         "lamps": serde_json::to_value(&content.lamps.lamps)?,
         "live": null,
     });
@@ -146,7 +147,7 @@ mod tests {
     #[test]
     fn the_page_is_whole_and_names_cannot_leave_their_place() {
         let gaussians = random_cloud(20, 1);
-        let pack = Pack::new(&gaussians, &Lamps::default()).unwrap();
+        let pack = Pack::new(&gaussians, &Lamps::default(), None).unwrap();
         let title = "</script>{{DATA}}<b>";
         let content = PageContent {
             title,

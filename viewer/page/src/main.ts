@@ -2,9 +2,10 @@
 
 import { viewCamera, Walker, unit, type Vec } from "./camera.ts";
 import { Controls, type Mode } from "./controls.ts";
+import { Lights } from "./lights.ts";
 import { button, checkbox, choice, element, section, select, slider } from "./panel.ts";
 import type { Look } from "./renderer.ts";
-import { unpack, type LampInfo, type Meta, type ViewInfo } from "./scene.ts";
+import { unpack, type Meta, type ViewInfo } from "./scene.ts";
 import { LAYERS, type Layer } from "./shaders.ts";
 import { Stage } from "./stage.ts";
 
@@ -32,6 +33,7 @@ class Page {
   private readonly walker: Walker;
   private readonly stage: Stage;
   private readonly look: Look;
+  private readonly lights: Lights;
   private view: ViewInfo | null = null;
   private comparing = false;
   private readonly compareSlider = slider("photograph", { min: 0, max: 1, step: 0.01 }, 0.5, (value) => {
@@ -48,6 +50,15 @@ class Page {
     this.walker = new Walker(unit(meta.up), middle);
     this.stage = new Stage(this.canvas, meta, scene, (w, h) => this.walker.camera(w, h), this.look);
     this.stage.onPicture = () => this.tell();
+    const shown = (radiances: Float32Array) => {
+      this.stage.renderer.setRadiances(radiances);
+      this.stage.move();
+    };
+    const marked = (lamp: number) => {
+      this.stage.renderer.highlighted = lamp;
+      this.stage.move();
+    };
+    this.lights = new Lights(meta, scene, shown, marked);
     const controls = new Controls(this.canvas, this.walker, 0.12 * size, () => this.walked(), (x, y) => this.clicked(x, y));
     this.fillPanel(controls);
     new ResizeObserver(() => this.layOut()).observe(byId("stage"));
@@ -161,33 +172,17 @@ class Page {
         element("p", {}, "W A S D walk, Q and E go down and up, Shift hurries, drag or arrows turn, L locks the pointer. Two fingers move."),
       ),
     );
-    if (meta.lamps.length > 0) panel.append(section("Lamps", ...meta.lamps.map((lamp, i) => this.lamp(lamp, i + 1))));
-  }
-
-  private lamp(lamp: LampInfo, id: number): HTMLElement {
-    const mark = button("mark", () => {
-      const { renderer } = this.stage;
-      renderer.highlighted = renderer.highlighted === id ? 0 : id;
-      document.querySelectorAll(".lamp button.mark").forEach((other) => other.setAttribute("aria-pressed", "false"));
-      mark.setAttribute("aria-pressed", `${renderer.highlighted === id}`);
-      this.stage.move();
-    });
-    mark.classList.add("mark");
-    mark.setAttribute("aria-pressed", "false");
-    const power = lamp.power.map((value) => value.toPrecision(3)).join(", ");
-    return element(
-      "div",
-      { class: "lamp" },
-      element("header", {}, element("b", {}, lamp.name), mark),
-      element("p", {}, `${lamp.shape}, power ${power}`),
-    );
+    const boxes = this.lights.boxes();
+    if (boxes.length > 0) panel.append(section("Lamps", ...boxes));
   }
 
   /** For tests: a picture of a view, as `eagpt render` makes it. */
-  picture(name: string, width: number, height: number, antialias: number, look: Partial<Look>): Promise<string> {
+  async picture(name: string, width: number, height: number, antialias: number, look: Partial<Look>): Promise<string> {
     const view = this.meta.views.find((one) => one.name === name);
     if (!view) throw new Error(`view: no \`${name}\``);
     const whole: Look = { ...this.look, ...look };
+    // Lights that were just set come with the next frame.
+    await new Promise(requestAnimationFrame);
     return this.stage.picture((w, h) => viewCamera(view, w, h), width, height, antialias, whole);
   }
 

@@ -39,6 +39,8 @@ export interface Meta {
   bounds: number[][];
   views: ViewInfo[];
   lamps: LampInfo[];
+  /** Lights whose light alone is packed: names of lamps, or "rest". */
+  lights: string[];
   live: string | null;
 }
 
@@ -57,6 +59,8 @@ export interface Scene {
   lamps: Uint8Array;
   /** Codes of the coefficients, `[24 n]`; empty where radiance is the same in all directions. */
   harmonics: Int16Array;
+  /** Radiances by each light alone, `[3 n]` each. */
+  lights: Float32Array[];
 }
 
 /** Bytes of base64. */
@@ -118,11 +122,12 @@ export async function unpack(meta: Meta, base64: string): Promise<Scene> {
     axesU: vectors(),
     axesV: vectors(),
     opacities: new Float32Array(num),
-    radiances: vectors(),
+    radiances: new Float32Array(0),
     albedos: vectors(),
     emissions: new Float32Array(num),
     lamps: new Uint8Array(num),
     harmonics: new Int16Array(meta.harmonics ? 24 * num : 0),
+    lights: [],
   };
   for (let axis = 0; axis < 3; axis++) {
     const codes = columns.runningWords();
@@ -134,7 +139,7 @@ export async function unpack(meta: Meta, base64: string): Promise<Scene> {
   );
   unpackRotations(columns, scene, scales);
   scene.opacities = Float32Array.from(columns.words(), (code) => code * meta.opacity.step);
-  unpackRadiances(columns, scene, meta.radiance);
+  scene.radiances = unpackRadiances(columns, num, meta.radiance);
   scene.emissions = Float32Array.from(columns.plane(), (code) => code / 255);
   for (let channel = 0; channel < 3; channel++) {
     columns.plane().forEach((code, i) => (scene.albedos[3 * i + channel] = code / 255));
@@ -143,6 +148,7 @@ export async function unpack(meta: Meta, base64: string): Promise<Scene> {
   for (let k = 0; k < (meta.harmonics ? 24 : 0); k++) {
     columns.signedWords().forEach((code, i) => (scene.harmonics[24 * i + k] = code));
   }
+  scene.lights = meta.lights.map(() => unpackRadiances(columns, num, meta.radiance));
   columns.end();
   return scene;
 }
@@ -175,15 +181,27 @@ function unpackRotations(columns: Columns, scene: Scene, [su, sv]: Float32Array[
 }
 
 /** Logarithms; red and blue as differences to green. Code 0 is no light. */
-function unpackRadiances(columns: Columns, scene: Scene, how: { low: number; step: number }): void {
+function unpackRadiances(columns: Columns, num: number, how: { low: number; step: number }): Float32Array {
   const green = columns.words();
-  const value = (code: number) => (code === 0 ? 0 : 2 ** (how.low + how.step * (code - 1)));
+  const value = (code: number) => (code <= 0 ? 0 : 2 ** (how.low + how.step * (code - 1)));
   const [red, blue] = [columns.signedWords(), columns.signedWords()];
-  for (let i = 0; i < scene.num; i++) {
-    scene.radiances[3 * i] = value(green[i] + red[i]);
-    scene.radiances[3 * i + 1] = value(green[i]);
-    scene.radiances[3 * i + 2] = value(green[i] + blue[i]);
+  const radiances = new Float32Array(3 * num);
+  for (let i = 0; i < num; i++) {
+    radiances[3 * i] = value(green[i] + red[i]);
+    radiances[3 * i + 1] = value(green[i]);
+    radiances[3 * i + 2] = value(green[i] + blue[i]);
   }
+  return radiances;
+}
+
+/** Radiances with every light at its factor, `[r, g, b]`, of that alone. */
+export function mixed(scene: Scene, factors: number[][]): Float32Array {
+  const sum = new Float32Array(3 * scene.num);
+  scene.lights.forEach((light, k) => {
+    const factor = factors[k];
+    for (let i = 0; i < sum.length; i++) sum[i] += factor[i % 3] * light[i];
+  });
+  return sum;
 }
 
 /** The discs that a camera's rays may hit. */

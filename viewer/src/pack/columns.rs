@@ -10,6 +10,8 @@ use std::io::{Read, Write};
 /// Columns of a scene without harmonics, and what harmonics add.
 const NUM_COLUMNS: usize = 28;
 const NUM_HARMONIC_COLUMNS: usize = 2 * NUM_COEFFICIENTS;
+/// Columns of a light.
+const NUM_LIGHT_COLUMNS: usize = 6;
 
 pub(super) struct Writer {
     bytes: Vec<u8>,
@@ -45,12 +47,20 @@ pub(super) struct Reader {
     bytes: Vec<u8>,
     num: usize,
     at: usize,
+    num_lights: usize,
 }
 
 impl Reader {
     /// Decompresses the columns of `num` Gaussians.
-    pub(super) fn new(compressed: &[u8], num: usize, has_harmonics: bool) -> Result<Self> {
-        let columns = NUM_COLUMNS + NUM_HARMONIC_COLUMNS * usize::from(has_harmonics);
+    pub(super) fn new(
+        compressed: &[u8],
+        num: usize,
+        has_harmonics: bool,
+        num_lights: usize,
+    ) -> Result<Self> {
+        let columns = NUM_COLUMNS
+            + NUM_HARMONIC_COLUMNS * usize::from(has_harmonics)
+            + NUM_LIGHT_COLUMNS * num_lights;
         let expected = columns * num;
         let mut bytes = Vec::with_capacity(expected);
         // One byte more than there should be shows that there are too many.
@@ -62,7 +72,18 @@ impl Reader {
             let problem = format!("not the {expected} bytes of {num} Gaussians");
             return Err(ViewerError::Packed(problem));
         }
-        Ok(Self { bytes, num, at: 0 })
+        Ok(Self {
+            bytes,
+            num,
+            at: 0,
+            num_lights,
+        })
+    }
+
+    /// Goes on with the columns of a light.
+    pub(super) fn skip_to_light(&mut self, index: usize) {
+        let columns_from_there = NUM_LIGHT_COLUMNS * (self.num_lights - index);
+        self.at = self.bytes.len() - self.num * columns_from_there;
     }
 
     pub(super) fn bytes(&mut self) -> Vec<u8> {

@@ -1,6 +1,7 @@
 use super::*;
 use eagpt_scene::gaussians::random_cloud;
 use eagpt_scene::lamps::LampShape;
+use eagpt_scene::light_basis::LightGroups;
 use eagpt_scene::{Lamp, rng};
 use glam::Quat;
 
@@ -24,7 +25,7 @@ fn cloud(num: usize) -> Gaussians {
 #[test]
 fn what_was_packed_is_within_the_stated_error() {
     let gaussians = cloud(2000);
-    let pack = Pack::new(&gaussians, &Lamps::default()).unwrap();
+    let pack = Pack::new(&gaussians, &Lamps::default(), None).unwrap();
     assert!(pack.num > 1900 && pack.has_harmonics);
     let error = pack.error(&gaussians).unwrap();
     // Boxes of 2 units in 65,536 steps.
@@ -51,7 +52,7 @@ fn what_was_packed_is_within_the_stated_error() {
 fn neighbours_stand_together_and_the_invisible_is_left_out() {
     let mut gaussians = cloud(500);
     gaussians.opacities[7] = 0.9 * MIN_ALPHA;
-    let pack = Pack::new(&gaussians, &Lamps::default()).unwrap();
+    let pack = Pack::new(&gaussians, &Lamps::default(), None).unwrap();
     assert!(!pack.order.contains(&7));
     let steps = |order: &mut dyn Iterator<Item = usize>| {
         let places: Vec<Vec3> = order.map(|i| gaussians.positions[i]).collect();
@@ -63,7 +64,7 @@ fn neighbours_stand_together_and_the_invisible_is_left_out() {
     let packed = steps(&mut pack.order.iter().map(|&i| i as usize));
     assert!(packed < 0.4 * steps(&mut (0..500)), "{packed}");
     gaussians.opacities.fill(0.0);
-    let refused = Pack::new(&gaussians, &Lamps::default()).unwrap_err();
+    let refused = Pack::new(&gaussians, &Lamps::default(), None).unwrap_err();
     assert!(refused.to_string().contains("no Gaussian"));
 }
 
@@ -88,7 +89,7 @@ fn what_emits_knows_its_lamp() {
         factor: [1.0; 3],
     };
     let lamps = Lamps { lamps: vec![lamp] };
-    let pack = Pack::new(&gaussians, &lamps).unwrap();
+    let pack = Pack::new(&gaussians, &lamps, None).unwrap();
     let (_, ids) = pack.unpack().unwrap();
     let mut num = [0; 2];
     for (&index, &id) in pack.order.iter().zip(&ids) {
@@ -101,8 +102,36 @@ fn what_emits_knows_its_lamp() {
     let many = Lamps {
         lamps: vec![lamps.lamps[0].clone(); 256],
     };
-    let refused = Pack::new(&gaussians, &many).unwrap_err().to_string();
+    let refused = Pack::new(&gaussians, &many, None).unwrap_err().to_string();
     assert!(refused.contains("256 lamps"), "{refused}");
+}
+
+/// The light of each lamp alone stands at its Gaussians, and their sum is the light of the scene.
+#[test]
+fn lights_are_packed_one_by_one() {
+    let gaussians = random_cloud(200, 8);
+    let groups = LightGroups::new(&gaussians, &Lamps::default()).unwrap();
+    let reflected: Vec<Vec3> = (0..200)
+        .map(|i| Vec3::new(0.5, 1.0, 2.0) * i as f32)
+        .collect();
+    let basis = LightBasis::new(&gaussians, &groups, &reflected);
+    let pack = Pack::new(&gaussians, &Lamps::default(), Some(&basis)).unwrap();
+    assert_eq!(pack.lights, ["rest"]);
+    let wanted = basis.alone(0);
+    let mut num_lit = 0;
+    for (light, &index) in pack.unpack_light(0).unwrap().iter().zip(&pack.order) {
+        let wanted = wanted[index as usize];
+        num_lit += u32::from(wanted.y > 0.0);
+        assert!(
+            (*light - wanted).abs().cmple(0.002_75 * wanted).all(),
+            "{light} {wanted}"
+        );
+    }
+    assert!(num_lit > 150);
+    // The columns before are those of the pack without.
+    let (with, _) = pack.unpack().unwrap();
+    let plain = Pack::new(&gaussians, &Lamps::default(), None).unwrap();
+    assert_eq!(with, plain.unpack().unwrap().0);
 }
 
 #[test]
@@ -130,7 +159,7 @@ fn signs_survive() {
 #[test]
 fn broken_bytes_are_refused() {
     let gaussians = cloud(50);
-    let mut pack = Pack::new(&gaussians, &Lamps::default()).unwrap();
+    let mut pack = Pack::new(&gaussians, &Lamps::default(), None).unwrap();
     pack.num += 1;
     assert!(
         pack.unpack()

@@ -1,0 +1,97 @@
+// The lamps of the panel: where the page has the light of each alone, with power and colour.
+
+import { button, element, slider } from "./panel.ts";
+import { mixed, type LampInfo, type Meta, type Scene } from "./scene.ts";
+
+/** How a light shines: as a part of what it was, and a tint that keeps its luminance. */
+export interface Dial {
+  on: boolean;
+  /** Stops; 0 is as it was. */
+  stops: number;
+  /** `#rrggbb`; white is as it was. */
+  colour: string;
+}
+
+const luminance = (rgb: number[]) => 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+
+/** Factors of the channels. */
+export function factorOf(dial: Dial): number[] {
+  if (!dial.on) return [0, 0, 0];
+  const codes = [1, 3, 5].map((at) => parseInt(dial.colour.slice(at, at + 2), 16) / 255);
+  const light = codes.map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+  const brightness = luminance(light);
+  const tint = brightness > 0 ? light.map((v) => v / brightness) : [1, 1, 1];
+  return tint.map((v) => v * 2 ** dial.stops);
+}
+
+export class Lights {
+  private readonly dials: Dial[];
+  private waiting = false;
+
+  /** `shown` gets new radiances, `marked` the lamp to mark, from 1, or 0. */
+  constructor(
+    private readonly meta: Meta,
+    private readonly scene: Scene,
+    private readonly shown: (radiances: Float32Array) => void,
+    private readonly marked: (lamp: number) => void,
+  ) {
+    this.dials = meta.lights.map(() => ({ on: true, stops: 0, colour: "#ffffff" }));
+  }
+
+  /** Sets a light, as its controls do. */
+  set(name: string, change: Partial<Dial>): void {
+    const index = this.meta.lights.indexOf(name);
+    if (index < 0) throw new Error(`light: no \`${name}\``);
+    Object.assign(this.dials[index], change);
+    if (this.waiting) return;
+    this.waiting = true;
+    // Sliders tell more often than pictures are shown.
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.shown(mixed(this.scene, this.dials.map(factorOf)));
+    });
+  }
+
+  /** Boxes of all lamps, and of the light that belongs to none. */
+  boxes(): HTMLElement[] {
+    const { lamps, lights } = this.meta;
+    const boxes = lamps.map((lamp, i) => this.box(lamp.name, lamp, i + 1));
+    const others = lights.filter((name) => !lamps.some((lamp) => lamp.name === name));
+    return [...boxes, ...others.map((name) => this.box(name, null, 0))];
+  }
+
+  private box(name: string, lamp: LampInfo | null, id: number): HTMLElement {
+    const header = element("header", {}, element("b", {}, name));
+    const box = element("div", { class: "lamp" }, header);
+    if (this.meta.lights.includes(name)) box.append(...this.controls(name, header));
+    if (lamp) {
+      header.append(this.mark(id));
+      const power = lamp.power.map((value) => value.toPrecision(3)).join(", ");
+      box.append(element("p", {}, `${lamp.shape}, power ${power}`));
+    }
+    return box;
+  }
+
+  private controls(name: string, header: HTMLElement): Node[] {
+    const power = slider("power, stops", { min: -6, max: 4, step: 0.1 }, 0, (stops) => this.set(name, { stops }));
+    power.input.setAttribute("aria-label", `power of ${name}, stops`);
+    const colour = element("input", { type: "color", value: "#ffffff", "aria-label": `colour of ${name}` });
+    colour.addEventListener("input", () => this.set(name, { colour: colour.value }));
+    const on = element("input", { type: "checkbox", "aria-label": `${name} is on` });
+    on.checked = true;
+    on.addEventListener("change", () => this.set(name, { on: on.checked }));
+    header.prepend(on);
+    return [power.label, element("label", {}, "colour", colour)];
+  }
+
+  private mark(id: number): HTMLButtonElement {
+    const made = button("mark", () => {
+      const isMarked = made.getAttribute("aria-pressed") === "true";
+      document.querySelectorAll(".lamp button").forEach((other) => other.setAttribute("aria-pressed", "false"));
+      made.setAttribute("aria-pressed", `${!isMarked}`);
+      this.marked(isMarked ? 0 : id);
+    });
+    made.setAttribute("aria-pressed", "false");
+    return made;
+  }
+}
