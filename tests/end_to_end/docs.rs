@@ -48,7 +48,7 @@ const RESULTS: [&str; 22] = [
     "renders/day-path/p000.png",
     "bakes/day.ply",
     "bakes/dimmer.ply",
-    "day.html",
+    "evening.html",
     "day-3dgs.ply",
     "renders/fly/frame_0005.png",
     "eval/day-path/metrics.json",

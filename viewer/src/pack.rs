@@ -78,7 +78,7 @@ impl Pack {
         let has_harmonics = !gaussians.harmonics.is_empty();
         let mut columns = Writer::new(rows.len());
         write_geometry(&mut columns, &rows, &steps);
-        write_radiances(&mut columns, rows.iter().map(|g| g.radiance), &steps);
+        write_radiances(&mut columns, &rows.iter().map(|g| g.radiance), &steps);
         write_material(&mut columns, &rows);
         columns.bytes(rows.iter().map(|g| lamp_of(lamps, g)));
         if has_harmonics {
@@ -88,10 +88,9 @@ impl Pack {
             }
         }
         let lights = basis.map(LightBasis::lights).unwrap_or_default();
-        let alone = (basis.iter()).flat_map(|basis| (0..lights.len()).map(|k| basis.alone(k)));
-        for alone in alone {
+        for alone in (basis.iter()).flat_map(|basis| (0..lights.len()).map(|k| basis.alone(k))) {
             let packed = order.iter().map(|&i| alone[i as usize]);
-            write_radiances(&mut columns, packed, &steps);
+            write_radiances(&mut columns, &packed, &steps);
         }
         Ok(Self {
             num: rows.len(),
@@ -212,7 +211,7 @@ fn write_geometry(columns: &mut Writer, rows: &[Gaussian], steps: &Steps) {
 /// The logarithm of green, and the differences of red and of blue to it.
 fn write_radiances(
     columns: &mut Writer,
-    radiances: impl Iterator<Item = Vec3> + Clone,
+    radiances: &(impl Iterator<Item = Vec3> + Clone),
     steps: &Steps,
 ) {
     let code = |radiance: Vec3, channel: usize| steps.radiance_code(radiance[channel]);

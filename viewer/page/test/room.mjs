@@ -32,6 +32,20 @@ export function makeRoom(folder, degree) {
   return { scene, dataset, page, render: (name, ...more) => render(folder, name, scene, dataset, more) };
 }
 
+/** The room baked with the light of each lamp. */
+export function makeLit(folder) {
+  const dataset = join(folder, "room/truth/all");
+  const run = join(folder, "run-lit");
+  const options = ["--preset", "draft", "--iterations", "300", "--albedo-iterations", "20", "--gaussians", "8000"];
+  eagpt("train", dataset, ...options, "--out", run);
+  const scene = join(run, "lit.ply");
+  eagpt("bake", join(run, "scene.ply"), "--cameras", dataset, "--per-light", "--samples", "32", "--out", scene);
+  const page = join(folder, "lit.html");
+  // lamps.json and lit.lights stand beside the scene.
+  eagpt("export", scene, "--format", "html", "--dataset", dataset, "--out", page);
+  return { scene, dataset, page, render: (name, ...more) => render(folder, name, scene, dataset, more) };
+}
+
 function render(folder, name, scene, dataset, more) {
   const out = join(folder, name);
   eagpt("render", scene, "--cameras", dataset, "--mode", "0-bounce", "--views", VIEWS.join(","), "--out", out, ...more);

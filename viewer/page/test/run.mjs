@@ -6,7 +6,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { findChromium, withBrowser } from "./browser.mjs";
 import { decode, decodeUri, psnr } from "./psnr.mjs";
-import { makeRoom, VIEWS } from "./room.mjs";
+import { makeLit, makeRoom, VIEWS } from "./room.mjs";
 
 /** dB that a picture of the page has at least against the program's. */
 const LEAST_PSNR = 35;
@@ -61,6 +61,34 @@ async function looks(page, room, reference) {
   await compare(page, "albedo", reference(view, "albedo"), { layer: "albedo" }, view);
   await compare(page, "normal", reference(view, "normal"), { layer: "normal" }, view, 30);
   await compare(page, "emission", reference(view, "emission"), { layer: "emission" }, view);
+}
+
+/** Power and colour of lamps against the program's sum of their lights. */
+async function lights(open, folder) {
+  const lit = makeLit(folder);
+  const { page, complaints } = await open(`file://${lit.page}`);
+  const names = await page.evaluate(() => window.eagptViewer.meta.lights);
+  const lamp = names.find((name) => name !== "rest");
+  assert.ok(lamp, `no lamp among ${names}`);
+  const view = VIEWS[1];
+  const set = (change) => page.evaluate((...args) => window.eagptViewer.lights.set(...args), lamp, change);
+  const cases = [
+    ["as baked", {}, []],
+    ["two stops up", { stops: 2 }, ["--set-light", `${lamp}=4`]],
+    // Luminance 0.2126 of pure red becomes 1.
+    ["red", { stops: 0, colour: "#ff0000" }, ["--set-light", `${lamp}=4.703669,0,0`]],
+    ["off", { on: false }, ["--set-light", `${lamp}=0`]],
+  ];
+  const shown = [];
+  for (const [title, change, options] of cases) {
+    await set(change);
+    const reference = lit.render(`lit-${title.replaceAll(" ", "-")}`, ...options)(view);
+    await compare(page, `lamp ${lamp} ${title}`, reference, {}, view);
+    shown.push(decode(reference));
+  }
+  for (const other of shown.slice(1)) assert.ok(psnr(shown[0], other) < 32, "the lamp does not show");
+  assert.deepEqual(complaints, []);
+  await page.close();
 }
 
 /** Keys, drags, views, comparison: the picture follows, and the console stays empty. */
@@ -132,6 +160,7 @@ try {
   await withBrowser(async (open) => {
     const room = await pictures(open, folder, 0);
     await pictures(open, folder, 2);
+    await lights(open, folder);
     await comparison(open, room);
     for (const width of [1280, 390]) await actions(open, room.page, { width, height: 760 });
   });
