@@ -1,12 +1,14 @@
 //! `eagpt lamps`: the lamps of a scene, and how they compare with those of a virtual room.
 
+mod fit;
+
 use crate::args::GlobalArgs;
 use crate::export::check_target;
 use crate::output;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::Result;
-use clap::Args;
+use clap::{Args, Subcommand};
 use eagpt_eval::{ComparedLamp, LampComparison, TrueLamps, compare_lamps};
 use eagpt_report::lamps::LampTable;
 use eagpt_scene::lamps::{LAMPS_FILE, read_lamps};
@@ -28,11 +30,17 @@ const TRUTH_FILE: &str = "synth.json";
 /// found, which are none, and the ratio of found to true power. The scene has to be trained on the
 /// truth of that room, or in its world.
 #[derive(Debug, Clone, Args)]
-#[command(after_long_help = EXAMPLES)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_long_help = EXAMPLES
+)]
 pub(crate) struct LampsArgs {
+    #[command(subcommand)]
+    command: Option<LampsCommand>,
     /// lamps.json, or the folder of a training with that file
-    #[arg(value_name = "LAMPS")]
-    lamps: PathBuf,
+    #[arg(value_name = "LAMPS", required = true)]
+    lamps: Option<PathBuf>,
     /// True lamps: synth.json, or the folder of a capture of `eagpt synth`
     #[arg(long, value_name = "SYNTH.json")]
     reference: Option<PathBuf>,
@@ -47,9 +55,15 @@ pub(crate) struct LampsArgs {
     force: bool,
 }
 
+#[derive(Debug, Clone, Subcommand)]
+enum LampsCommand {
+    Fit(Box<fit::FitArgs>),
+}
+
 const EXAMPLES: &str = "Examples:
   eagpt lamps runs/kitchen
-  eagpt lamps runs/bedroom/lamps.json --reference captures/bedroom --out bedroom-lamps.json";
+  eagpt lamps runs/bedroom/lamps.json --reference captures/bedroom --out bedroom-lamps.json
+  eagpt lamps fit bakes/room.ply --reference room/evening --before room/day --out evening.toml";
 
 /// What is told and written.
 #[derive(Serialize)]
@@ -59,7 +73,11 @@ struct Outcome<'a> {
 }
 
 pub(crate) fn run(args: &LampsArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    let path = file_in(&args.lamps, LAMPS_FILE);
+    if let Some(LampsCommand::Fit(fit)) = &args.command {
+        return fit::run(fit, global);
+    }
+    // Without a command, the argument is required.
+    let path = file_in(args.lamps.as_deref().unwrap_or(Path::new("")), LAMPS_FILE);
     let reference = args.reference.as_deref();
     let reference = reference.map(|path| file_in(path, TRUTH_FILE));
     if let Some(out) = &args.out {

@@ -83,7 +83,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     check(args, shard, &shots, &outputs, target)?;
     let mut gaussians = ply::read_gaussians(&args.scene)?;
     if let Some(file) = &lights {
-        light::apply(&mut gaussians, file, &args.set_light)?;
+        let seconds = light::apply(&mut gaussians, file, &args.set_light)?;
+        builder.took("set_light", seconds);
     }
     builder.record.inputs = vec![Input::of(&args.scene)?, Input::of_cameras(&dataset)?];
     for file in path_file.iter().chain(&lights) {

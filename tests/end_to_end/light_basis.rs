@@ -206,3 +206,73 @@ fn lights_are_set_in_scripts_and_renderings() {
     place.succeeds("edit mix.ply grey.toml --out double.ply --force");
     assert!(!place.path("double.lights").exists());
 }
+
+/// A mix that is photographed is found again, as a script that gives the scene that light.
+#[test]
+fn lights_are_fitted_to_photographs() {
+    let place = workplace();
+    let dataset = |name: &str, lights: &str| {
+        let out = format!("{name}/Radiance-exr");
+        place.succeeds(&format!(
+            "render baked.ply --cameras room --split all --mode 0-bounce --antialias 1 {lights} --out {out}"
+        ));
+        let cameras = std::fs::read(place.path("room/transforms.json")).unwrap();
+        std::fs::write(place.path(&format!("{name}/transforms.json")), cameras).unwrap();
+    };
+    dataset(
+        "evening",
+        "--set-light left=0.5,1,2 --set-light right=0 --set-light rest=3",
+    );
+    dataset("day", "");
+    let fit = "lamps fit baked.ply --reference evening";
+    let told = place.succeeds(&format!("{fit} --out evening.toml"));
+    assert!(
+        told.contains("left") && told.contains("0.500 1.000 2.000"),
+        "{told}"
+    );
+    assert!(told.contains("0.0 % of the light of"), "{told}");
+    place.succeeds("edit baked.ply evening.toml --out evening.ply");
+    let mut basis = LightBasis::read(&place.path("baked.lights")).unwrap();
+    let mix = [Vec3::new(0.5, 1.0, 2.0), Vec3::ZERO, Vec3::splat(3.0)];
+    for (k, factor) in mix.into_iter().enumerate() {
+        basis.set_factor(k, factor);
+    }
+    // The script has five digits.
+    close(
+        &scene(&place, "evening.ply").radiances,
+        &basis.radiances(),
+        1e-3,
+    );
+
+    let told = place.succeeds(&format!("{fit} --before day --views 001,004 --json"));
+    let done: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
+    let lights = done["lights"].as_array().unwrap();
+    assert_eq!(lights.len(), 3);
+    for (light, factor) in lights.iter().zip(mix) {
+        for channel in 0..3 {
+            let found = light["factor"][channel].as_f64().unwrap() as f32;
+            assert!((found - factor[channel]).abs() < 2e-3, "{light}");
+            let before = light["before"][channel].as_f64().unwrap();
+            assert!((before - 1.0).abs() < 2e-3, "{light}");
+        }
+    }
+    place.fails(
+        &format!("{fit} --out evening.toml"),
+        &["evening.toml", "--force"],
+    );
+    place.fails(
+        &format!("{fit} --out baked.lights --force"),
+        &["baked.lights", "an input"],
+    );
+    place.fails(
+        &format!("{fit} --num-views 99"),
+        &[
+            "evening/transforms.json",
+            "99 views are asked for, there are 12",
+        ],
+    );
+    place.fails(
+        "lamps fit run/scene.ply --reference evening --lights baked.lights",
+        &["baked.lights: scene: of a scene of"],
+    );
+}

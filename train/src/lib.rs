@@ -13,6 +13,7 @@
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
 //! - [`irradiance`]: light that Gaussians receive, gathered and smoothed, for stage 1 and baking.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
+//! - [`light_fit`]: powers of lamps that explain photographs in another light.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
 
 pub mod backend;
@@ -23,6 +24,7 @@ mod error;
 pub mod init;
 pub mod irradiance;
 pub mod job;
+pub mod light_fit;
 mod log;
 pub mod loss;
 pub mod options;
