@@ -24,8 +24,8 @@ use std::process::ExitCode;
 /// script and imported scenes and what every step found.
 ///
 /// After an edit the radiance that Gaussians carry is no longer what they would reflect: render
-/// with --mode path. Unless it only sets lights of a scene that was baked with --per-light: then all
-/// Gaussians carry the new light, and E.lights beside E.ply goes on from there.
+/// with --mode path. Unless it only sets lights of a scene that was baked with --per-light: then
+/// all Gaussians carry the new light, and E.lights beside E.ply goes on from there.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct EditArgs {
@@ -38,8 +38,8 @@ pub(crate) struct EditArgs {
     /// Lamps of the scene, for scripts that select some by name [default: lamps.json in its folder]
     #[arg(long, value_name = "LAMPS.json")]
     pub(crate) lamps: Option<PathBuf>,
-    /// What each Gaussian reflects of each lamp, for scripts that set lights [default: SCENE.lights,
-    /// as `eagpt bake --per-light` writes it]
+    /// What each Gaussian reflects of each lamp, for scripts that set lights [default:
+    /// SCENE.lights, as `eagpt bake --per-light` writes it]
     #[arg(long, value_name = "SCENE.lights")]
     pub(crate) lights: Option<PathBuf>,
     /// Scene to write; needed unless it is a dry run

@@ -47,8 +47,8 @@
 //! the scene as it is when their step begins; a name given with `as` follows the Gaussians wherever
 //! they go, and when they no longer emit.
 //!
-//! **A step** has one of `select`, `insert`, `import`, `set_light`, and a list `then` of actions, done
-//! in order:
+//! **A step** has one of `select`, `insert`, `import`, `set_light`, and a list `then` of actions,
+//! done in order:
 //!
 //! | action | effect |
 //! |---|---|
@@ -72,12 +72,12 @@
 //! or both, and the `spacing` of its discs. `import` is `{ file, select }` and the keys of a
 //! placement; the file is relative to the script.
 //!
-//! `set_light` is a table of names of lights, or patterns, and factors, as `{ "ceiling-2" = [1, 0.8,
-//! 0.6], "wall-*" = 0 }`: their light as parts of that which they had when the light basis of the
-//! scene was baked ([`eagpt_scene::light_basis`]). Other lights stay as they are, and a name outranks
-//! a pattern. All Gaussians get the radiance that they reflect then, and what emits its own; those
-//! that emit are what `then` acts on. Neither geometry nor albedos may have changed since the bake,
-//! nor the light in another way.
+//! `set_light` is a table of names of lights, or patterns, and factors, as `{ "ceiling-2" = [1,
+//! 0.8, 0.6], "wall-*" = 0 }`: their light as parts of that which they had when the light basis of
+//! the scene was baked ([`eagpt_scene::light_basis`]). Other lights stay as they are, and a name
+//! outranks a pattern. All Gaussians get the radiance that they reflect then, and what emits its
+//! own; those that emit are what `then` acts on. Neither geometry nor albedos may have changed
+//! since the bake, nor the light in another way.
 //!
 //! A step that finds nothing is an error unless it says `allow_empty = true`. With `trim =
 //! "shrink"` or `"drop"`, discs that cross the boundary of the selection's regions are made smaller

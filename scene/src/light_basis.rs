@@ -3,9 +3,9 @@
 //! Light is linear in its causes. Once what Gaussians reflect of every lamp alone is known, any mix
 //! of powers and colours is a sum, without a ray: the radiance of Gaussian i is
 //! `Σ factorₖ · reflected[k, i]` over the lights k. A light is a lamp of the scene, or all that
-//! emits and belongs to none ([`REST`]); its factor, of each channel, is 1 for the light that it had
-//! when the basis was made ([`LightGroups`] says what belongs to which). Gaussians that emit carry
-//! their own radiance times the factor of their light.
+//! emits and belongs to none ([`REST`]); its factor, of each channel, is 1 for the light that it
+//! had when the basis was made ([`LightGroups`] says what belongs to which). Gaussians that emit
+//! carry their own radiance times the factor of their light.
 //!
 //! The file, [`lights_file_beside`] a scene, has half floats with a power of two for each light:
 //! values are within 2⁻¹¹ of what was solved, from the brightest down to 2⁻²⁹ of it. Sums are of

@@ -21,9 +21,9 @@ use std::process::ExitCode;
 /// Find the powers and colours of all lamps that explain photographs in another light
 ///
 /// The scene has been baked with `--per-light`. Of a few views in the new light, non-negative least
-/// squares gives each light's factor, by channel: its light as parts of that of the bake. Prints the
-/// factors with their standard errors, and writes an edit script that sets them: `eagpt edit` then
-/// gives the whole scene that light.
+/// squares gives each light's factor, by channel: its light as parts of that of the bake. Prints
+/// the factors with their standard errors, and writes an edit script that sets them: `eagpt edit`
+/// then gives the whole scene that light.
 ///
 /// A scene reflects somewhat too much or too little of a lamp. --before names photographs of the
 /// same views in the light of the bake: factors are then relative to those that explain these, and
@@ -47,8 +47,8 @@ pub(crate) struct FitArgs {
     /// Views to fit, separated by commas [default: --num-views of them]
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     views: Vec<String>,
-    /// Views to fit, at least 1: of those of the reference the ones that tell most of the lights, as
-    /// they show the lamps themselves
+    /// Views to fit, at least 1: of those of the reference the ones that tell most of the lights,
+    /// as they show the lamps themselves
     #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "views", value_parser = clap::value_parser!(u32).range(1..))]
     num_views: u32,
     /// What each Gaussian reflects of each lamp [default: BAKED.lights beside BAKED.ply]

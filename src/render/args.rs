@@ -96,7 +96,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME=F|NAME=R,G,B")]
     #[serde(serialize_with = "command_line::texts")]
     pub(super) set_light: Vec<SetLight>,
-    /// --set-light: what each Gaussian reflects of each lamp [default: SCENE.lights beside SCENE.ply]
+    /// --set-light: what each Gaussian reflects of each lamp [default: SCENE.lights beside
+    /// SCENE.ply]
     #[arg(long, value_name = "SCENE.lights", requires = "set_light")]
     pub(super) lights: Option<PathBuf>,
     /// Folder for results; created

@@ -12,7 +12,11 @@ use eagpt_testkit::gaussians::{material, sphere};
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
-use eagpt_trace::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
+use eagpt_trace::surfel::SurfelSet;
+use eagpt_trace::transport::light_list::LightList;
+use eagpt_trace::transport::matrix::{
+    Directions, Groups, NOTHING, Receiver, Tracing, TransportMatrix,
+};
 use glam::{EulerRot, Quat, Vec3};
 use receivers::receivers;
 use room::lit_room;
@@ -101,6 +105,42 @@ fn entries_and_light_are_those_of_the_cpu() {
         assert!(num_met > 100 && wanted.direct.iter().any(|light| light.x > 0.0));
         compare(name, &got, &wanted, LIGHT_TOLERANCE);
     }
+}
+
+/// Entries of a device with the weights of the host: the light of groups of emitters adds up to
+/// what the device has found.
+#[test]
+fn groups_of_emitters_add_up_to_the_light_of_the_device() {
+    let Some(device) = gpu::device("groups of emitters") else {
+        return;
+    };
+    let scene = uneven(&lit_room());
+    let receivers = receivers(&scene);
+    let directions = Directions::divided(32, 2);
+    let matrix = trace(
+        &GpuScene::new(&device, &scene).unwrap(),
+        &receivers,
+        directions,
+    );
+    let lights = LightList::new(&SurfelSet::new(&scene));
+    let tracing = Tracing {
+        receivers: &receivers,
+        directions,
+        key: key(),
+        lights: lights.as_ref(),
+    };
+    let side = |position: &Vec3| u32::from(position.x > 0.0);
+    let of: Vec<u32> = scene.positions.iter().map(side).collect();
+    let apart = matrix.direct_of_groups(&tracing, &scene.radiances, Groups { num: 2, of: &of });
+    assert!(
+        [0, 1].map(|k| apart.iter().skip(k).step_by(2).any(|light| light.x > 0.0)) == [true; 2]
+    );
+    let sums = apart.chunks_exact(2).map(|row| row[0] + row[1]).collect();
+    let together = TransportMatrix {
+        direct: sums,
+        ..matrix.clone()
+    };
+    compare("groups", &together, &matrix, LIGHT_TOLERANCE);
 }
 
 /// More directions than a dispatch takes. Features of 33,500 values in another order: their

@@ -66,8 +66,8 @@ pub struct BakeRequest {
     /// File for the traced transport matrix of [`BakeMethod::Gaussians`], in place of the work
     /// folder: kept for later bakes, which reuse it if the geometry is the same.
     pub transport: Option<PathBuf>,
-    /// File of the lamps of the scene, for [`BakeMethod::Gaussians`]: beside the scene, the light of
-    /// each lamp is written ([`eagpt_scene::light_basis::lights_file_beside`]).
+    /// File of the lamps of the scene, for [`BakeMethod::Gaussians`]: beside the scene, the light
+    /// of each lamp is written ([`eagpt_scene::light_basis::lights_file_beside`]).
     pub per_light: Option<PathBuf>,
     /// Options.
     pub options: BakeOptions,

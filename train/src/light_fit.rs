@@ -1,9 +1,9 @@
 //! Powers and colours of lamps that explain photographs in another light.
 //!
 //! Of a scene with the light of each lamp ([`LightBasis`]) every view is a sum of pictures, one for
-//! each light. Which factors give the photographs is a linear least squares problem for each channel
-//! of a few views. The differences of light count as they are: where a lamp itself is seen, it
-//! decides, and elsewhere what is brightest. Clipped channels and unknown pixels do not count.
+//! each light. Which factors give the photographs is a linear least squares problem for each
+//! channel of a few views. The differences of light count as they are: where a lamp itself is seen,
+//! it decides, and elsewhere what is brightest. Clipped channels and unknown pixels do not count.
 //!
 //! A scene may reflect too much or too little of a lamp. Photographs of the same views in the light
 //! of the bake tell by how much, and factors are then relative to those that explain these.
@@ -317,7 +317,8 @@ fn fitted(k: usize, name: String, now: &Channels, then: Option<&Channels>) -> Fi
             Some(then) => {
                 let then = &then.solutions[channel];
                 let factor = solution.x[k] / then.x[k];
-                // The same block pulls at both: what a scene gets wrong is wrong twice, and cancels.
+                // The same block pulls at both: what a scene gets wrong is wrong twice, and
+                // cancels.
                 let pairs = solution.pulls.iter().zip(&then.pulls);
                 let pull = pairs.map(|(now, before)| (now[k] - factor * before[k]) / then.x[k]);
                 (factor, standard_error(pull))

@@ -74,8 +74,8 @@ fn light_without_noise_stays() {
     assert_eq!(Smoothing::new(&[]).apply(&[], &[]), Vec::new());
 }
 
-/// Parts are smoothed by the weights of their sum: they add up to it, and one that is the same share
-/// of all light stays so.
+/// Parts are smoothed by the weights of their sum: they add up to it, and one that is the same
+/// share of all light stays so.
 #[test]
 fn parts_are_smoothed_as_their_sum() {
     let before = noisy(|i| 1.0 + (i % SIDE) as f32 / SIDE as f32, 0.2);
