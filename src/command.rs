@@ -3,7 +3,7 @@
 use crate::args::GlobalArgs;
 use crate::{
     bake, colmap, dataset, edit, eval, export, import, ingest, lamps, masks, normals, render,
-    report, synth, train,
+    report, synth, train, view,
 };
 use anyhow::Result;
 use clap::Subcommand;
@@ -31,6 +31,8 @@ pub(crate) enum JobCommand {
     Eval(eval::EvalArgs),
     #[serde(skip)]
     Export(export::ExportArgs),
+    #[serde(skip)]
+    View(view::ViewArgs),
     #[serde(skip)]
     Import(import::ImportArgs),
     Synth(synth::SynthArgs),
@@ -61,6 +63,7 @@ impl JobCommand {
             Self::Bake(args) => bake::run(args, global),
             Self::Eval(args) => eval::run(args, global),
             Self::Export(args) => export::run(args, global),
+            Self::View(args) => view::run(args, global),
             Self::Import(args) => import::run(args, global),
             Self::Synth(args) => synth::run(args, global),
         }

@@ -2,7 +2,7 @@
 
 use crate::args::GlobalArgs;
 use crate::output;
-use crate::page::{PageArgs, ScenePage};
+use crate::page::{PageArgs, PageKind, ScenePage};
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -90,7 +90,10 @@ pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         Format::Eagpt => ply::write_gaussians(&args.out, &gaussians)?,
         Format::Html => {
             let page = ScenePage::new(&args.scene, &gaussians, &args.page)?;
-            files::write_bytes_atomic(&args.out, page.html(&gaussians)?.as_bytes())?;
+            files::write_bytes_atomic(
+                &args.out,
+                page.html(&gaussians, PageKind::File)?.as_bytes(),
+            )?;
             error = Some(page.pack.error(&gaussians)?);
         }
     }

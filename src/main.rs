@@ -4,7 +4,7 @@
 //! - [`cli`]: the program and its commands; each command's options are in its module.
 //! - [`command`]: the commands that do one job each: [`synth`], [`ingest`], [`mod@colmap`],
 //!   [`dataset`], [`mod@masks`], [`normals`], [`train`], [`mod@lamps`], [`edit`],
-//!   [`render`], [`bake`], [`mod@eval`], [`export`], [`mod@import`], [`mod@report`].
+//!   [`render`], [`bake`], [`mod@eval`], [`export`], [`view`], [`mod@import`], [`mod@report`].
 //! - [`mod@run`]: a chain of them, described by a project file. [`mod@demo`] runs it on a simulated
 //!   capture, [`paper`] on the scenes of the paper.
 //! - [`mod@bench`]: measures the speed of each stage.
@@ -58,6 +58,7 @@ mod shell;
 mod synth;
 mod terminal;
 mod train;
+mod view;
 
 use clap::Parser;
 use eagpt_ingest::LimitedAllocator;

@@ -86,6 +86,15 @@ impl PageArgs {
     }
 }
 
+/// Where a page is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PageKind {
+    /// In a file of its own.
+    File,
+    /// At a server that keeps an edit.
+    Live,
+}
+
 /// A scene packed, with all that its page shows.
 pub(crate) struct ScenePage {
     pub(crate) pack: Pack,
@@ -132,13 +141,14 @@ impl ScenePage {
     ///
     /// # Errors
     /// If the content has numbers that JSON has not.
-    pub(crate) fn html(&self, gaussians: &Gaussians) -> Result<String> {
+    pub(crate) fn html(&self, gaussians: &Gaussians, kind: PageKind) -> Result<String> {
         let content = PageContent {
             title: &self.title,
             up: self.up.vector(),
             display: self.display,
             views: &self.views,
             lamps: &self.lamps,
+            live: kind == PageKind::Live,
         };
         Ok(page::html(&self.pack, gaussians, &content)?)
     }

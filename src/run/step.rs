@@ -115,6 +115,7 @@ pub(super) fn set_force(command: &mut JobCommand) {
         JobCommand::Eval(args) => &mut args.force,
         JobCommand::Dataset(_)
         | JobCommand::Export(_)
+        | JobCommand::View(_)
         | JobCommand::Import(_)
         | JobCommand::Lamps(_) => return,
     };

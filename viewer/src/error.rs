@@ -2,6 +2,8 @@
 
 use eagpt_report::ReportError;
 use eagpt_scene::SceneError;
+use std::io;
+use std::net::SocketAddr;
 
 /// Result with [`ViewerError`].
 pub type Result<T, E = ViewerError> = std::result::Result<T, E>;
@@ -21,6 +23,20 @@ pub enum ViewerError {
     /// Packed bytes are not those of a scene.
     #[error("packed scene: {0}")]
     Packed(String),
+    /// An act that cannot be a step of an edit script.
+    #[error("edit: {0}")]
+    Script(String),
+    /// The server could not be started.
+    #[error("{address}: {error}")]
+    Address {
+        /// Where it was to listen.
+        address: SocketAddr,
+        /// Why it does not.
+        error: io::Error,
+    },
+    /// The system has no random numbers for a token.
+    #[error("token: {0}")]
+    Token(String),
     /// Content that is no JSON.
     #[error("page: {0}")]
     Json(#[from] serde_json::Error),

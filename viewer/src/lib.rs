@@ -2,6 +2,7 @@
 //!
 //! - [`mod@pack`]: Gaussians as few bytes, with the error that this makes.
 //! - [`page`]: the page, filled: scene, cameras, photographs, lamps.
+//! - [`live`], [`server`]: the same page with an edit under way, from a server on this machine.
 //! - [`photograph`]: photographs of a dataset as text.
 //!
 //! The page itself is TypeScript, in the folder `page` beside this one; what is made of it,
@@ -9,8 +10,10 @@
 //! ray of every pixel meets the discs as [`eagpt_trace`] has it, constants included.
 
 pub mod error;
+pub mod live;
 pub mod pack;
 pub mod page;
 pub mod photograph;
+pub mod server;
 
 pub use error::{Result, ViewerError};

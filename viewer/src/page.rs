@@ -38,6 +38,8 @@ pub struct PageContent<'a> {
     pub views: &'a [PageView],
     /// Lamps of the scene.
     pub lamps: &'a Lamps,
+    /// Whether a server shows the page, and keeps an edit.
+    pub live: bool,
 }
 
 /// The page as one HTML file that needs no other.
@@ -84,7 +86,7 @@ fn meta(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Result
         "views": content.views.iter().map(view).collect::<Vec<_>>(),
         "lights": pack.lights,
         "lamps": serde_json::to_value(&content.lamps.lamps)?,
-        "live": null,
+        "live": content.live,
     });
     if let (Value::Object(meta), Value::Object(steps)) =
         (&mut meta, serde_json::to_value(pack.steps.on_page())?)
@@ -155,6 +157,7 @@ mod tests {
             display: Display::default(),
             views: &[],
             lamps: &Lamps::default(),
+            live: false,
         };
         for place in ["{{TITLE}}", "{{META}}", "{{DATA}}"] {
             assert_eq!(PAGE.matches(place).count(), 1, "{place}");

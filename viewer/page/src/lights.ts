@@ -24,8 +24,34 @@ export function factorOf(dial: Dial): number[] {
   return tint.map((v) => v * 2 ** dial.stops);
 }
 
+/** The dial of a factor, as far as a display can show its colour. */
+export function dialOf(factor: number[]): Dial {
+  const brightness = luminance(factor);
+  if (brightness <= 0) return { on: false, stops: 0, colour: "#ffffff" };
+  const brightest = Math.max(...factor);
+  const codes = factor.map((v) => {
+    const x = v / brightest;
+    return Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055));
+  });
+  const colour = `#${codes.map((code) => code.toString(16).padStart(2, "0")).join("")}`;
+  return { on: true, stops: Math.log2(brightness), colour };
+}
+
+/** Elements that show a dial. */
+interface DialInputs {
+  on: HTMLInputElement;
+  colour: HTMLInputElement;
+  power: (stops: number) => void;
+}
+
 export class Lights {
+  /** Told of a light when its controls are let go. */
+  onSet: ((name: string, factor: number[]) => void) | null = null;
   private readonly dials: Dial[];
+  /** What is shown: of a server, or of the dials. */
+  private readonly factors: number[][];
+  private readonly marks = new Map<number, HTMLButtonElement>();
+  private readonly inputs = new Map<string, DialInputs>();
   private waiting = false;
 
   /** `shown` gets new radiances, `marked` the lamp to mark, from 1, or 0. */
@@ -36,19 +62,59 @@ export class Lights {
     private readonly marked: (lamp: number) => void,
   ) {
     this.dials = meta.lights.map(() => ({ on: true, stops: 0, colour: "#ffffff" }));
+    this.factors = meta.lights.map(() => [1, 1, 1]);
+  }
+
+  /** Factors in single precision, as a server has them. */
+  shownFactors(): number[][] {
+    return this.factors.map((factor) => factor.map(Math.fround));
+  }
+
+  private index(name: string): number {
+    const index = this.meta.lights.indexOf(name);
+    if (index < 0) throw new Error(`light: no \`${name}\``);
+    return index;
+  }
+
+  /** Factors of another page, or of an act that was undone. */
+  follow(factors: Record<string, number[]>): void {
+    for (const [name, factor] of Object.entries(factors)) {
+      const index = this.index(name);
+      if (this.factors[index].every((value, k) => Math.fround(value) === Math.fround(factor[k]))) continue;
+      this.factors[index] = factor;
+      const dial = dialOf(factor);
+      // A lamp that is off keeps the power that it comes back with.
+      this.dials[index] = dial.on ? dial : { ...this.dials[index], on: false };
+      const inputs = this.inputs.get(name);
+      if (inputs) {
+        inputs.on.checked = dial.on;
+        inputs.colour.value = this.dials[index].colour;
+        inputs.power(this.dials[index].stops);
+      }
+    }
+    this.show();
   }
 
   /** Sets a light, as its controls do. */
   set(name: string, change: Partial<Dial>): void {
-    const index = this.meta.lights.indexOf(name);
-    if (index < 0) throw new Error(`light: no \`${name}\``);
+    const index = this.index(name);
     Object.assign(this.dials[index], change);
+    this.factors[index] = factorOf(this.dials[index]);
+    this.show();
+  }
+
+  /** The controls of a light were let go. */
+  private settle(name: string): void {
+    this.onSet?.(name, this.factors[this.index(name)]);
+  }
+
+  private show(): void {
     if (this.waiting) return;
     this.waiting = true;
     // Sliders tell more often than pictures are shown.
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.shown(mixed(this.scene, this.dials.map(factorOf)));
+      this.shown(mixed(this.scene, this.factors));
     });
   }
 
@@ -81,7 +147,18 @@ export class Lights {
     on.checked = true;
     on.addEventListener("change", () => this.set(name, { on: on.checked }));
     header.prepend(on);
+    for (const input of [power.input, colour, on]) input.addEventListener("change", () => this.settle(name));
+    this.inputs.set(name, { on, colour, power: power.set });
     return [power.label, element("label", {}, "colour", colour)];
+  }
+
+  /** Shows the box of a lamp, from 1, and marks the lamp. */
+  select(id: number): void {
+    const box = this.marks.get(id);
+    if (!box) return;
+    if (box.getAttribute("aria-pressed") !== "true") box.click();
+    box.closest("details")!.open = true;
+    box.scrollIntoView({ block: "nearest" });
   }
 
   private mark(id: number): HTMLButtonElement {
@@ -92,6 +169,7 @@ export class Lights {
       this.marked(isMarked ? 0 : id);
     });
     made.setAttribute("aria-pressed", "false");
+    this.marks.set(id, made);
     return made;
   }
 }

@@ -1,11 +1,12 @@
 // The page: a scene to walk through.
 
-import { viewCamera, Walker, unit, type Vec } from "./camera.ts";
+import { add, dot, viewCamera, Walker, unit, type Vec } from "./camera.ts";
 import { Controls, type Mode } from "./controls.ts";
+import { Live } from "./live.ts";
 import { Lights } from "./lights.ts";
 import { button, checkbox, choice, element, section, select, slider } from "./panel.ts";
 import type { Look } from "./renderer.ts";
-import { unpack, type Meta, type ViewInfo } from "./scene.ts";
+import { unpack, type Meta, type Scene, type ViewInfo } from "./scene.ts";
 import { LAYERS, type Layer } from "./shaders.ts";
 import { Stage } from "./stage.ts";
 
@@ -42,7 +43,7 @@ class Page {
   });
   private readonly compareBox = checkbox("compare with the photograph", (on) => void this.compare(on));
 
-  constructor(private readonly meta: Meta, scene: Awaited<ReturnType<typeof unpack>>, private readonly loadMs: number) {
+  constructor(private readonly meta: Meta, private readonly scene: Scene, private readonly loadMs: number) {
     this.look = { layer: "radiance", exposure: meta.display.exposure, toneMap: meta.display.toneMap };
     const [low, high] = meta.bounds;
     const middle = low.map((value, k) => 0.5 * (value + high[k])) as Vec;
@@ -121,7 +122,11 @@ class Page {
 
   private clicked(x: number, y: number): void {
     const picked = this.stage.pick(x, y);
-    if (picked) this.status(`Gaussian ${picked.disc}, ${picked.distance.toFixed(3)} units away`);
+    if (!picked) return;
+    const lamp = this.scene.lamps[picked.disc];
+    const what = lamp > 0 ? `lamp ${this.meta.lamps[lamp - 1].name}` : "a surface";
+    this.status(`${what}, ${picked.distance.toFixed(3)} units away`);
+    if (lamp > 0) this.lights.select(lamp);
   }
 
   private status(text: string): void {
@@ -174,6 +179,11 @@ class Page {
     );
     const boxes = this.lights.boxes();
     if (boxes.length > 0) panel.append(section("Lamps", ...boxes));
+    if (meta.live) {
+      const live = new Live((state) => this.lights.follow(state.factors), (problem) => this.status(problem));
+      this.lights.onSet = (name, factor) => void live.act({ "set-light": { name, factor } });
+      panel.append(section("Edit script", ...live.parts()));
+    }
   }
 
   /** For tests: a picture of a view, as `eagpt render` makes it. */
@@ -184,6 +194,21 @@ class Page {
     // Lights that were just set come with the next frame.
     await new Promise(requestAnimationFrame);
     return this.stage.picture((w, h) => viewCamera(view, w, h), width, height, antialias, whole);
+  }
+
+  /** For tests: factors of the lights. */
+  factors(): number[][] {
+    return this.lights.shownFactors();
+  }
+
+  /** For tests: where the present camera sees a point, 0 to 1 from the top left corner. */
+  placeOf(point: number[]): number[] {
+    const camera = this.stage.camera(this.canvas.clientWidth, this.canvas.clientHeight);
+    const offset = add(point, camera.eye, -1);
+    const depth = dot(offset, camera.forward);
+    const x = (camera.fx * dot(offset, camera.right)) / depth + camera.cx;
+    const y = (camera.fy * dot(offset, camera.down)) / depth + camera.cy;
+    return [x / camera.width, y / camera.height];
   }
 
   /** For tests: whether the picture is complete. */

@@ -41,7 +41,8 @@ export interface Meta {
   lamps: LampInfo[];
   /** Lights whose light alone is packed: names of lamps, or "rest". */
   lights: string[];
-  live: string | null;
+  /** Whether a server shows the page, and keeps an edit. */
+  live: boolean;
 }
 
 /** Columns, one value or vector for each Gaussian. */

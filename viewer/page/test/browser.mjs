@@ -42,7 +42,7 @@ export async function withBrowser(use) {
       await page.setViewport({ width, height });
       await page.goto(url);
       try {
-        await page.waitForFunction("window.eagptViewer", { timeout: 60_000 });
+        await page.waitForFunction("window.eagptViewer", { timeout: 60_000, polling: 100 });
       } catch (error) {
         throw new Error(`the page did not open: ${complaints.join("; ") || error.message}`);
       }

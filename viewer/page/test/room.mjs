@@ -1,5 +1,5 @@
 // A room of the virtual rig, trained in seconds: scenes to show, and what the program renders.
-import { execFileSync } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import { existsSync, readFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { join } from "node:path";
@@ -44,6 +44,23 @@ export function makeLit(folder) {
   // lamps.json and lit.lights stand beside the scene.
   eagpt("export", scene, "--format", "html", "--dataset", dataset, "--out", page);
   return { scene, dataset, page, render: (name, ...more) => render(folder, name, scene, dataset, more) };
+}
+
+/** `eagpt view` of a scene: its address, once it listens, and how to end it. */
+export async function serve(scene, dataset) {
+  const child = spawn(PROGRAM, ["view", scene, "--dataset", dataset, "--json"], { stdio: ["ignore", "pipe", "inherit"] });
+  const line = await new Promise((resolve, reject) => {
+    child.stdout.once("data", (data) => resolve(String(data)));
+    child.once("exit", (code) => reject(new Error(`eagpt view ended with ${code}`)));
+  });
+  const { url, script } = JSON.parse(line);
+  const end = (signal) =>
+    new Promise((resolve) => {
+      child.removeAllListeners("exit");
+      child.once("exit", (code) => resolve(code));
+      child.kill(signal);
+    });
+  return { url, script, end };
 }
 
 function render(folder, name, scene, dataset, more) {

@@ -1,12 +1,13 @@
 // The page in a browser: its pictures against those of the program, and what people do with it.
 // Prints `skipped: …` where there is no Chromium.
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { findChromium, withBrowser } from "./browser.mjs";
 import { decode, decodeUri, psnr } from "./psnr.mjs";
-import { makeLit, makeRoom, VIEWS } from "./room.mjs";
+import { eagpt, makeLit, makeRoom, serve, VIEWS } from "./room.mjs";
 
 /** dB that a picture of the page has at least against the program's. */
 const LEAST_PSNR = 35;
@@ -89,13 +90,104 @@ async function lights(open, folder) {
   for (const other of shown.slice(1)) assert.ok(psnr(shown[0], other) < 32, "the lamp does not show");
   assert.deepEqual(complaints, []);
   await page.close();
+  return { lit, lamp };
+}
+
+/** Does with a control of a lamp what a person does. */
+const control = (page, label, value) =>
+  page.$eval(
+    `[aria-label="${label}"]`,
+    (input, value) => {
+      if (input.type === "checkbox") input.checked = value;
+      else input.value = value;
+      for (const name of ["input", "change"]) input.dispatchEvent(new Event(name, { bubbles: true }));
+    },
+    value,
+  );
+
+/** A server: two pages, an edit script with undo and redo, a kill, and the program's replay. */
+async function served(open, folder, { lit, lamp }) {
+  let server = await serve(lit.scene, lit.dataset);
+  const { page, complaints } = await open(server.url);
+  const { page: other } = await open(server.url);
+  const factors = (page) => page.evaluate(() => window.eagptViewer.factors());
+  const agree = async (steps) => {
+    const text = () => readFileSync(server.script, "utf8");
+    for (const one of [page, other]) {
+      await one.waitForFunction(
+        (num) => document.querySelector(".script").textContent.split("[[step]]").length - 1 === num,
+        { timeout: 10_000, polling: 100 },
+        steps,
+      );
+      assert.equal(await one.$eval(".script", (script) => script.textContent), text());
+    }
+    assert.deepEqual(await factors(page), await factors(other));
+    return text();
+  };
+  await control(page, `power of ${lamp}, stops`, 2);
+  const first = await agree(1);
+  assert.match(first, new RegExp(`"${lamp}" = \\[4.0, 4.0, 4.0\\]`));
+  const bits = await factors(page);
+  await control(other, `colour of ${lamp}`, "#ff8040");
+  const second = await agree(2);
+  await control(page, "rest is on", false).catch(() => control(page, `${lamp} is on`, false));
+  await agree(3);
+  const press = (page, title) =>
+    page.evaluate((title) => [...document.querySelectorAll("button")].find((one) => one.textContent === title).click(), title);
+  await press(other, "undo");
+  assert.equal(await agree(2), second);
+  await press(page, "undo");
+  assert.equal(await agree(1), first);
+  assert.deepEqual(await factors(other), bits);
+  await press(page, "redo");
+  assert.equal(await agree(2), second);
+
+  // What the program makes of the script is what the page shows.
+  const edited = join(folder, "edited.ply");
+  eagpt("edit", lit.scene, server.script, "--out", edited);
+  const out = join(folder, "edited");
+  // Pages in the background draw nothing.
+  await page.bringToFront();
+  eagpt("render", edited, "--cameras", lit.dataset, "--mode", "0-bounce", "--views", VIEWS[1], "--out", out);
+  await compare(page, "edited by the script", readFileSync(join(out, `${VIEWS[1]}.png`)), {}, VIEWS[1]);
+  await selects(page, lamp);
+
+  assert.equal((await fetch(server.url.replace(/[0-9a-f]{32}/, "0".repeat(32)))).status, 403);
+  await other.close();
+  await server.end("SIGKILL");
+  const killed = readFileSync(server.script, "utf8");
+  server = await serve(lit.scene, lit.dataset);
+  const { page: again } = await open(server.url);
+  await again.waitForFunction(() => document.querySelector(".script").textContent.includes("[[step]]"), { polling: 100 });
+  assert.equal(await again.$eval(".script", (script) => script.textContent), killed);
+  await again.close();
+  assert.equal(await server.end("SIGINT"), 0);
+  // Only the server that was killed is missed.
+  assert.deepEqual(complaints.filter((text) => !/ERR_|Failed to load resource/.test(text)), []);
+  await page.close();
+}
+
+/** A press on a lamp selects it in the panel. */
+async function selects(page, lamp) {
+  const place = await page.evaluate(async (name) => {
+    const viewer = window.eagptViewer;
+    const lamp = viewer.meta.lamps.find((one) => one.name === name);
+    viewer.jump(viewer.meta.views.find((one) => lamp.views.includes(one.name)));
+    while (!viewer.isWhole()) await new Promise((resolve) => setTimeout(resolve, 20));
+    return viewer.placeOf(lamp.centre);
+  }, lamp);
+  const box = await (await page.$("#canvas")).boundingBox();
+  await page.mouse.click(box.x + place[0] * box.width, box.y + place[1] * box.height);
+  await page.waitForFunction(() => document.querySelector('.lamp button[aria-pressed="true"]'), { timeout: 10_000, polling: 100 });
+  const marked = await page.$eval('.lamp button[aria-pressed="true"]', (one) => one.parentElement.textContent);
+  assert.ok(marked.startsWith(lamp), marked);
 }
 
 /** Keys, drags, views, comparison: the picture follows, and the console stays empty. */
 async function actions(open, path, size) {
   const { page, complaints } = await open(`file://${path}`, size);
   const eye = () => page.evaluate(() => [...window.eagptViewer.walker.eye, ...window.eagptViewer.walker.forward()]);
-  const rested = () => page.waitForFunction(() => window.eagptViewer.isWhole(), { timeout: 60_000 });
+  const rested = () => page.waitForFunction(() => window.eagptViewer.isWhole(), { timeout: 60_000, polling: 100 });
   await rested();
   const wide = await page.evaluate(() => document.documentElement.scrollWidth);
   assert.ok(wide <= size.width, `the page is ${wide} pixels wide at ${size.width}`);
@@ -160,7 +252,7 @@ try {
   await withBrowser(async (open) => {
     const room = await pictures(open, folder, 0);
     await pictures(open, folder, 2);
-    await lights(open, folder);
+    await served(open, folder, await lights(open, folder));
     await comparison(open, room);
     for (const width of [1280, 390]) await actions(open, room.page, { width, height: 760 });
   });

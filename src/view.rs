@@ -1,0 +1,72 @@
+//! `eagpt view`: a scene in a browser, with an edit under way.
+
+use crate::args::GlobalArgs;
+use crate::interrupt;
+use crate::page::{PageArgs, PageKind, ScenePage};
+use crate::progress::Reporter;
+use anyhow::{Result, bail};
+use clap::Args;
+use eagpt_scene::ply;
+use eagpt_viewer::live::Edit;
+use eagpt_viewer::server::Server;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Show a scene in a browser, and edit its lamps
+///
+/// A server for browsers of this machine shows the page of `eagpt export --format html` at the
+/// address that is printed, until Ctrl-C. Of a scene that was baked with --per-light each change of
+/// a lamp is a step of an edit script, shown beside, with undo and redo. The script is on disk after
+/// every change; `eagpt edit` replays it, and the same command goes on from it.
+///
+/// The address has a token that nobody else knows. The server has the page and the edit, and no
+/// file of the disk.
+#[derive(Debug, Clone, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct ViewArgs {
+    /// Scene of 2D Gaussians, as `eagpt train` or `eagpt bake` writes it
+    #[arg(value_name = "SCENE.ply")]
+    scene: PathBuf,
+    /// Port of the server, 0 to 65535; 0 is any that is free
+    #[arg(long, value_name = "PORT", default_value_t = 0)]
+    port: u16,
+    /// Address to listen at; any but 127.0.0.1 lets other machines in that know the token
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    address: IpAddr,
+    /// Edit script, written after every change; goes on from it if it is there [default:
+    /// SCENE.view.toml beside the scene]
+    #[arg(long, value_name = "SCRIPT.toml")]
+    script: Option<PathBuf>,
+    #[command(flatten)]
+    page: PageArgs,
+}
+
+const EXAMPLES: &str = "Examples:
+  eagpt view bakes/lamps.ply --dataset room/evening
+  eagpt edit bakes/lamps.ply bakes/lamps.view.toml --out edits/dimmed.ply";
+
+pub(crate) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let script = match &args.script {
+        Some(path) => path.clone(),
+        None => args.scene.with_extension("view.toml"),
+    };
+    if script.is_dir() {
+        bail!("{}: --script is a folder", script.display());
+    }
+    let gaussians = ply::read_gaussians(&args.scene)?;
+    let page = ScenePage::new(&args.scene, &gaussians, &args.page)?;
+    let edit = Edit::open(&script, page.pack.lights.clone())?;
+    let html = page.html(&gaussians, PageKind::Live)?;
+    let stop = interrupt::stop_flag()?;
+    let server = Server::bind(SocketAddr::new(args.address, args.port), html, edit)?;
+    let reporter = Reporter::new(global);
+    reporter.note(&format!("{}: {}", args.scene.display(), server.url()));
+    reporter.message(&serde_json::json!({
+        "message": "listening",
+        "url": server.url(),
+        "script": script,
+    }))?;
+    server.run(&stop)?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,273 @@
+//! A server of one page for browsers of this machine.
+//!
+//! It knows three places, all below a token that nobody can guess, and no file of the disk:
+//!
+//! | place | |
+//! |---|---|
+//! | `GET /TOKEN/` | the page |
+//! | `GET /TOKEN/state?after=N` | the state of the edit, as soon as its revision is not N |
+//! | `POST /TOKEN/act` | an act, as JSON |
+//!
+//! Requests have to name the address of the server as their host: a page of another site that has
+//! its name point here is refused. Requests are small, and have some seconds to arrive.
+
+mod request;
+
+#[cfg(test)]
+mod tests;
+
+use crate::error::{Result, ViewerError};
+use crate::live::{Act, Edit, refusal};
+use request::{Refused, Request};
+use serde_json::Value;
+use std::io::Write;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Most connections at once: each page waits with one for a change.
+const MAX_CONNECTIONS: usize = 64;
+/// Time for a request to arrive, and for an answer to leave.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest wait for a change before a page has to ask again.
+const LONGEST_WAIT: Duration = Duration::from_secs(20);
+/// How often it is looked whether to stop.
+const STOP_INTERVAL: Duration = Duration::from_millis(50);
+
+/// What a page may load and where it may connect to: itself.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+    img-src data: blob:; worker-src blob:; connect-src 'self'; base-uri 'none'; \
+    form-action 'none'; frame-ancestors 'none'";
+
+/// A server that listens.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+    token: String,
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    page: String,
+    edit: Mutex<Edit>,
+    changed: Condvar,
+    num_connections: AtomicUsize,
+    is_stopping: AtomicBool,
+}
+
+/// An answer.
+struct Reply {
+    status: &'static str,
+    kind: &'static str,
+    body: String,
+}
+
+impl Reply {
+    fn html(body: &str) -> Self {
+        Self {
+            status: "200 OK",
+            kind: "text/html; charset=utf-8",
+            body: body.to_owned(),
+        }
+    }
+
+    fn json(status: &'static str, body: &Value) -> Self {
+        Self {
+            status,
+            kind: "application/json",
+            body: body.to_string(),
+        }
+    }
+}
+
+impl Server {
+    /// Listens at `address` for pages that show `page` and act on `edit`; port 0 is any that is
+    /// free.
+    ///
+    /// # Errors
+    /// [`ViewerError::Address`] if it cannot listen there, [`ViewerError::Token`] if the system has
+    /// no random numbers.
+    pub fn bind(address: SocketAddr, page: String, edit: Edit) -> Result<Self> {
+        let failed = |error| ViewerError::Address { address, error };
+        let listener = TcpListener::bind(address).map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        Ok(Self {
+            address: listener.local_addr().map_err(failed)?,
+            listener,
+            token: token()?,
+            shared: Arc::new(Shared {
+                page,
+                edit: Mutex::new(edit),
+                changed: Condvar::new(),
+                num_connections: AtomicUsize::new(0),
+                is_stopping: AtomicBool::new(false),
+            }),
+        })
+    }
+
+    /// Address of the page, token included.
+    pub fn url(&self) -> String {
+        format!("http://{}/{}/", self.address, self.token)
+    }
+
+    /// Serves until `stop` is set.
+    ///
+    /// # Errors
+    /// [`ViewerError::Address`] if it cannot listen any longer.
+    pub fn run(&self, stop: &AtomicBool) -> Result<()> {
+        while !stop.load(Ordering::Relaxed) {
+            match self.listener.accept() {
+                Ok((stream, _)) => self.take(stream),
+                Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
+                    std::thread::sleep(STOP_INTERVAL);
+                }
+                // A client that went before it was heard is no fault of the server.
+                Err(error) if error.kind() == std::io::ErrorKind::ConnectionAborted => {}
+                Err(error) => {
+                    let address = self.address;
+                    return Err(ViewerError::Address { address, error });
+                }
+            }
+        }
+        self.shared.is_stopping.store(true, Ordering::Relaxed);
+        self.shared.changed.notify_all();
+        Ok(())
+    }
+
+    /// Answers a connection in a thread of its own, unless there are too many.
+    fn take(&self, stream: TcpStream) {
+        let shared = Arc::clone(&self.shared);
+        if shared.num_connections.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
+            shared.num_connections.fetch_sub(1, Ordering::Relaxed);
+            return;
+        }
+        let (token, address) = (self.token.clone(), self.address);
+        std::thread::spawn(move || {
+            // Who hangs up needs no answer.
+            if let Err(error) = serve(stream, &shared, &token, address) {
+                tracing::debug!("connection: {error}");
+            }
+            shared.num_connections.fetch_sub(1, Ordering::Relaxed);
+        });
+    }
+}
+
+/// 128 random bits as text.
+fn token() -> Result<String> {
+    let mut bytes = [0_u8; 16];
+    getrandom::fill(&mut bytes).map_err(|e| ViewerError::Token(e.to_string()))?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+fn serve(
+    mut stream: TcpStream,
+    shared: &Shared,
+    token: &str,
+    address: SocketAddr,
+) -> std::io::Result<()> {
+    // Some systems hand the listener's mode on.
+    stream.set_nonblocking(false)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let reply = match request::read(&mut stream) {
+        Ok(request) => answer(&request, shared, token, address),
+        Err(Refused { status, problem }) => refused(status, problem),
+    };
+    let head = format!(
+        "HTTP/1.1 {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\n\
+         Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n\
+         Referrer-Policy: no-referrer\r\nContent-Security-Policy: {POLICY}\r\n\r\n",
+        reply.status,
+        reply.kind,
+        reply.body.len(),
+    );
+    stream.write_all(head.as_bytes())?;
+    stream.write_all(reply.body.as_bytes())?;
+    stream.flush()
+}
+
+fn refused(status: &'static str, problem: &str) -> Reply {
+    Reply::json(status, &serde_json::json!({ "error": problem }))
+}
+
+fn answer(request: &Request, shared: &Shared, token: &str, address: SocketAddr) -> Reply {
+    let is_host = |host: &str| is_host(host, address);
+    if !request.host.as_deref().is_some_and(is_host) {
+        return refused("403 Forbidden", "the host is not this server's");
+    }
+    // Scripts of other sites say where they come from.
+    let is_ours = |origin: &str| origin.strip_prefix("http://").is_some_and(is_host);
+    if !request.origin.as_deref().is_none_or(is_ours) {
+        return refused("403 Forbidden", "the request comes from another site");
+    }
+    let place = request
+        .path
+        .strip_prefix('/')
+        .and_then(|path| path.split_once('/'));
+    let Some((_, place)) = place.filter(|(given, _)| is_same(given, token)) else {
+        return refused("403 Forbidden", "the token is not this server's");
+    };
+    match (request.method.as_str(), place) {
+        ("GET", "") => Reply::html(&shared.page),
+        ("GET", "state") => state(request, shared),
+        ("POST", "act") => act(request, shared),
+        (_, "" | "state" | "act") => refused("405 Method Not Allowed", "not this method"),
+        _ => refused("404 Not Found", "there is no such place"),
+    }
+}
+
+/// Whether a host is this server's. A name is never that of a machine of a network: only who has a
+/// name's DNS knows where it will point.
+fn is_host(host: &str, address: SocketAddr) -> bool {
+    let port = address.port();
+    let given: Option<SocketAddr> = host.parse().ok();
+    if address.ip().is_loopback() {
+        return given == Some(address) || host == format!("localhost:{port}");
+    }
+    given.is_some_and(|given| given.port() == port)
+}
+
+/// Compares in a time that does not tell how much is the same.
+fn is_same(given: &str, token: &str) -> bool {
+    let pairs = given.bytes().zip(token.bytes());
+    given.len() == token.len() && pairs.fold(0, |all, (a, b)| all | (a ^ b)) == 0
+}
+
+fn state(request: &Request, shared: &Shared) -> Reply {
+    let after: Option<u64> = match request.query.strip_prefix("after=").map(str::parse) {
+        Some(Ok(after)) => Some(after),
+        None if request.query.is_empty() => None,
+        _ => return refused("400 Bad Request", "the query is not after=N"),
+    };
+    let edit = shared.edit.lock().unwrap_or_else(PoisonError::into_inner);
+    let is_old = |edit: &mut Edit| {
+        Some(edit.revision()) == after && !shared.is_stopping.load(Ordering::Relaxed)
+    };
+    let (edit, _) = shared
+        .changed
+        .wait_timeout_while(edit, LONGEST_WAIT, is_old)
+        .unwrap_or_else(PoisonError::into_inner);
+    state_of(&edit)
+}
+
+fn state_of(edit: &Edit) -> Reply {
+    Reply::json("200 OK", &serde_json::json!(edit.state()))
+}
+
+fn act(request: &Request, shared: &Shared) -> Reply {
+    let act: Act = match serde_json::from_slice(&request.body) {
+        Ok(act) => act,
+        Err(error) => {
+            return refused("400 Bad Request", &format!("the body is no act: {error}"));
+        }
+    };
+    let mut edit = shared.edit.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Err(error) = edit.act(act) {
+        return Reply::json("422 Unprocessable Content", &refusal(&error));
+    }
+    shared.changed.notify_all();
+    state_of(&edit)
+}
