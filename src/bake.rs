@@ -16,7 +16,9 @@ use eagpt_scene::{Dataset, Shard};
 use eagpt_trace::transport::Sampling;
 use eagpt_train::bake::gaussians::GaussianBake;
 use eagpt_train::bake::views::ViewBake;
-use eagpt_train::bake::{BakeMethod, BakeOptions, BakeProgress, BakeRequest, BakeSummary, bake};
+use eagpt_train::bake::{
+    self, BakeMethod, BakeOptions, BakeProgress, BakeRequest, BakeSummary, bake,
+};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -55,12 +57,12 @@ pub(crate) struct BakeArgs {
     /// Method of baking
     #[arg(long, value_enum, default_value = "gaussians")]
     pub(crate) method: MethodArg,
-    /// Maximum path depth: bounces of light, at least 1
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
-    bounces: u32,
+    /// Maximum path depth: bounces of light, at least 1 [default: 16, with --method views 7]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    bounces: Option<u32>,
     /// gaussians: directions traced at each Gaussian, at least 1; half of them are light samples,
     /// the others serve all bounces
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = bake::NUM_SAMPLES, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: u32,
     /// views: samples per pixel, at least 1
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
@@ -250,7 +252,10 @@ fn options(args: &BakeArgs) -> BakeOptions {
     };
     BakeOptions {
         method,
-        max_bounces: args.bounces,
+        max_bounces: args.bounces.unwrap_or(match args.method {
+            MethodArg::Gaussians => bake::MAX_BOUNCES,
+            MethodArg::Views => bake::MAX_BOUNCES_OF_VIEWS,
+        }),
         seed: args.seed,
         split: args.split_rule,
         subset: args.split,

@@ -260,6 +260,9 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
             "{num_lamps} lamp{} after iteration {iteration}, {num_gaussians} Gaussians",
             if *num_lamps == 1 { "" } else { "s" }
         )),
+        TrainProgress::Luminous { num } => reporter.note(&format!(
+            "{num} Gaussians near lamps are brighter than they can reflect, and emit"
+        )),
         TrainProgress::Checkpoint { .. } => {}
         TrainProgress::Preview {
             iteration,

@@ -3,7 +3,9 @@
 
 use crate::Candidate;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
+use crate::fit::Fit;
 use crate::median::median_of;
+use crate::patches::Gaps;
 use crate::shape::{Flat, Shape};
 
 use eagpt_scene::lamps::BOX_MARGIN;
@@ -41,7 +43,7 @@ pub(crate) fn replaced(
         }
         let (position, scale) = (gaussians.positions[i], gaussians.scales[i].max_element());
         let nearest = (lamps.iter().enumerate())
-            .map(|(k, lamp)| (k, excess(&lamp.shape, position, scale)))
+            .map(|(k, lamp)| (k, excess(&lamp.fit.shape, position, scale)))
             .min_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((k, distance)) = nearest
             && distance <= 0.0
@@ -51,6 +53,11 @@ pub(crate) fn replaced(
         }
     }
     nums
+}
+
+/// Whether a point, of something of a size of `scale`, is in the grown box of a shape.
+pub(crate) fn is_near(shape: &Shape, position: Vec3, scale: f32) -> bool {
+    excess(shape, position, scale) <= 0.0
 }
 
 /// Distance of a point from the grown box of a shape, negative inside.
@@ -136,8 +143,7 @@ fn laid_along(rotation: Quat, normal: Vec3) -> Quat {
     rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, z.cross(x), z)))
 }
 
-/// Takes out what is in front of lamps of `shapes` in pixels that show them; their discs are what
-/// `edit` adds.
+/// Takes out what is in front of `lamps` in pixels that show them; their discs are what `edit` adds.
 ///
 /// # Errors
 /// If the device fails.
@@ -145,7 +151,7 @@ pub(crate) fn remove_what_hides(
     device: &Device,
     evidence: &Evidence,
     gaussians: &Gaussians,
-    shapes: &[Shape],
+    lamps: &[Fit],
     edit: &mut SceneEdit,
 ) -> Result<(), TraceError> {
     let scene = edit.applied(gaussians);
@@ -159,14 +165,10 @@ pub(crate) fn remove_what_hides(
             // At a border the lamp is there in part; of thin lamps nothing else is seen.
             let whole = match pixel.lit {
                 Lit::Inside => true,
-                Lit::Border => covers(shapes, sight, pixel),
+                Lit::Border => covers(lamps, sight, pixel),
                 Lit::Beside | Lit::Dark => false,
             };
-            if whole
-                && shapes
-                    .iter()
-                    .any(|s| s.meet(sight.origin(), pixel.direction).is_some())
-            {
+            if whole && meet(lamps, sight, pixel.direction) {
                 lit[(pixel.y * sight.camera.width + pixel.x) as usize] = pixel.weight;
             }
         }
@@ -180,32 +182,38 @@ pub(crate) fn remove_what_hides(
     let stay = edit.keep.iter_mut().filter(|keep| **keep);
     for (at, keep) in stay.enumerate() {
         let is_of_lit = before[at] > SHARE_LIT * weight[at];
-        let hides = is_of_lit || in_front(shapes, scene.positions[at]);
+        let hides = is_of_lit || in_front(lamps, scene.positions[at]);
         *keep = !(before[at] > MAX_BEFORE && hides);
     }
     edit.moved.retain(|(i, _)| edit.keep[*i as usize]);
     Ok(())
 }
 
-/// Whether one shape covers a whole pixel.
-fn covers(shapes: &[Shape], sight: &Sight, pixel: &Pixel) -> bool {
+/// Whether a ray from the camera meets one of the lamps.
+fn meet(lamps: &[Fit], sight: &Sight, direction: Vec3) -> bool {
+    let mut shapes = lamps.iter().map(|lamp| lamp.shape);
+    shapes.any(|shape| shape.meet(sight.origin(), direction).is_some())
+}
+
+/// Whether one lamp covers a whole pixel.
+fn covers(lamps: &[Fit], sight: &Sight, pixel: &Pixel) -> bool {
     let corners =
         [(0.1, 0.1), (0.9, 0.1), (0.1, 0.9), (0.9, 0.9)].map(|(x, y)| sight.direction(pixel, x, y));
-    shapes.iter().any(|shape| {
-        let meets = |direction: &Vec3| shape.meet(sight.origin(), *direction).is_some();
+    lamps.iter().any(|lamp| {
+        let meets = |direction: &Vec3| lamp.shape.meet(sight.origin(), *direction).is_some();
         corners.iter().all(meets)
     })
 }
 
-/// Whether a place is in front of all flat shapes near it.
-fn in_front(shapes: &[Shape], position: Vec3) -> bool {
-    let behind = |shape: &Shape| {
-        let Some(flat) = shape.flat() else {
+/// Whether a place is in front of all flat lamps near it, where none of them has bars.
+fn in_front(lamps: &[Fit], position: Vec3) -> bool {
+    let may_stay = |lamp: &Fit| {
+        let Some(flat) = lamp.shape.flat() else {
             return false;
         };
         let height = (position - flat.centre).dot(flat.normal());
-        let near = position.distance(flat.centre) < 2.0 * shape.size().length();
-        near && height <= 0.0
+        let near = position.distance(flat.centre) < 2.0 * lamp.shape.size().length();
+        near && (height <= 0.0 || lamp.gaps == Gaps::Bars)
     };
-    !shapes.iter().any(behind)
+    !lamps.iter().any(may_stay)
 }

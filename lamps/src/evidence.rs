@@ -112,12 +112,15 @@ impl Sight {
 #[derive(Debug, Clone, Default)]
 pub struct Evidence {
     pub(crate) sights: Vec<Sight>,
+    /// The cameras of all views that have a mask.
+    pub(crate) cameras: Vec<Camera>,
 }
 
 impl Evidence {
-    /// Adds a view, whose scene is `seen` from its camera; views without a lit pixel say nothing.
+    /// Adds a view, whose scene is `seen` from its camera.
     pub fn add(&mut self, view: &View, seen: &GBuffer) {
         let Some(mask) = &view.emission else { return };
+        self.cameras.push(view.camera);
         let is_known = |x, y| view.valid.as_ref().is_none_or(|v| v.get(x, y) != [0.0]);
         let lit = Mask::from_fn(mask.width(), mask.height(), |x, y| {
             mask.get(x, y)[0] >= LIT && is_known(x, y)

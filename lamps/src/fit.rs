@@ -1,11 +1,12 @@
 //! The shape of a lamp: of a rectangle, an ellipse, a ball and a tube the one whose silhouettes
 //! are most like what the views show.
 
+use crate::bars::behind_bars;
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::measure::measure;
 use crate::median::{median, median_distance, median_of};
-use crate::patches::{Patch, patches, residual};
+use crate::patches::{Gaps, Patch, patches, residual};
 use crate::search;
 use crate::shape::{MAX_CHANGES, Shape};
 use crate::starts::{axes, first_flat, first_tube, mount, normals, points};
@@ -29,12 +30,42 @@ const DEVIATION: f32 = 0.05;
 /// … of a lamp that has few pixels in a view, over the square root of their number.
 const DOUBT: f32 = 0.25;
 
+/// Residual of a fit beyond which a lamp is left as it was trained, if views show it as large as
+/// [`LARGE`], or smaller.
+const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
+/// … of one behind bars, …
+const MAX_RESIDUAL_BARS: f32 = 0.12;
+/// … which a large lamp may be whose residual is more than this.
+const PERFECT: f32 = 0.015;
+/// Pixels of a lamp in the view that shows it largest from which on it is large. Training gives
+/// such lamps the right power, and what stands before them its place.
+const LARGE: usize = 400;
+
 /// A shape and how well it fits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fit {
     pub(crate) shape: Shape,
     /// Squared difference of covers over squared covers, 0 for a perfect fit.
     pub(crate) residual: f32,
+    /// Where views do not show it, as the fit takes it.
+    pub(crate) gaps: Gaps,
+}
+
+impl Fit {
+    /// Whether the shape explains what the views show of a lamp of `group`.
+    pub(crate) fn is_clean(&self, group: &Group) -> bool {
+        let [large, small] = MAX_RESIDUAL;
+        self.residual
+            <= match self.gaps {
+                Gaps::Bars => MAX_RESIDUAL_BARS,
+                Gaps::Seen if is_large(group) => large,
+                Gaps::Seen => small,
+            }
+    }
+}
+
+fn is_large(group: &Group) -> bool {
+    group.by_view().any(|(_, pixels)| pixels.len() >= LARGE)
 }
 
 /// Fits the lamp of `group`, `up` being the unit vector upwards; `None` where its pixels have no
@@ -45,8 +76,8 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         return None;
     }
     let centre = median(&points.iter().map(|p| p.position));
-    let extent = 2.0 * median_distance(centre, points.iter().map(|p| p.position));
     let pixel = median_of(points.iter().map(|p| p.width));
+    let extent = 2.0 * median_distance(centre, points.iter().map(|p| p.position));
     let extent = extent.max(pixel);
     let patches = patches(evidence, group, centre, extent);
     if patches.is_empty() {
@@ -74,7 +105,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let fits: Vec<(Fit, bool)> = starts
         .par_iter()
         .map(|(start, is_fixed)| {
-            let fit = refined(start, *is_fixed, NUM_FIRST_TRIALS, &patches);
+            let fit = refined(start, *is_fixed, NUM_FIRST_TRIALS, &patches, Gaps::Seen);
             (fit, *is_fixed)
         })
         .collect();
@@ -84,17 +115,29 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let promising: Vec<(Fit, bool)> = promising.collect();
     let fits: Vec<(Fit, bool)> = (promising.into_par_iter())
         .map(|(fit, is_fixed)| {
-            // The corners of a search grow flat: another one starts from where it ended.
-            let mut fit = fit;
-            for _ in 0..2 {
-                fit = refined(&fit.shape, is_fixed, NUM_TRIALS, &patches);
-            }
-            (fit, is_fixed)
+            (
+                refined_again(&fit.shape, is_fixed, &patches, Gaps::Seen),
+                is_fixed,
+            )
         })
         .collect();
-    ranked(evidence, group, fits, doubtful)
-        .first()
-        .map(|(fit, _)| *fit)
+    let (best, _) = *ranked(evidence, group, fits, doubtful).first()?;
+    Some(with_bars(evidence, group, &best, &patches).unwrap_or(best))
+}
+
+/// A flat lamp of many pixels behind bars, if that explains more than the `best` fit without.
+fn with_bars(evidence: &Evidence, group: &Group, best: &Fit, patches: &[Patch]) -> Option<Fit> {
+    if best.residual <= PERFECT || !is_large(group) {
+        return None;
+    }
+    let start = Shape::Rectangle(*best.shape.flat()?);
+    let fit = refined_again(&start, false, patches, Gaps::Bars);
+    if fit.residual > MAX_RESIDUAL_BARS.min(BETTER * best.residual) {
+        return None;
+    }
+    let flat = behind_bars(evidence, group, fit.shape.flat()?, patches)?;
+    let shape = Shape::Rectangle(flat);
+    Some(Fit { shape, ..fit })
 }
 
 /// Fits, and whether they keep the normal of a mount, the best first: those with least residual,
@@ -127,7 +170,21 @@ fn ranked(
     scored.into_iter().map(|(_, fit)| fit).collect()
 }
 
-fn refined(start: &Shape, keeps_normal: bool, num_trials: usize, patches: &[Patch]) -> Fit {
+/// The best shape of two searches from `start`: the corners of a search grow flat, so another one
+/// starts from where it ended.
+fn refined_again(start: &Shape, keeps_normal: bool, patches: &[Patch], gaps: Gaps) -> Fit {
+    let first = refined(start, keeps_normal, NUM_TRIALS, patches, gaps);
+    refined(&first.shape, keeps_normal, NUM_TRIALS, patches, gaps)
+}
+
+/// The best of `num_trials` shapes about `start`.
+fn refined(
+    start: &Shape,
+    keeps_normal: bool,
+    num_trials: usize,
+    patches: &[Patch],
+    gaps: Gaps,
+) -> Fit {
     let num = start.num_changes() - if keeps_normal { 2 } else { 0 };
     let with = |by: &[f32]| {
         let mut all = [0.0; MAX_CHANGES];
@@ -135,10 +192,11 @@ fn refined(start: &Shape, keeps_normal: bool, num_trials: usize, patches: &[Patc
         start.changed(&all)
     };
     let steps = start.first_steps();
-    let value = |by: &[f32]| residual(&with(by), patches);
+    let value = |by: &[f32]| residual(&with(by), patches, gaps);
     let (by, residual) = search::minimum(value, &steps[..num], num_trials);
     Fit {
         shape: with(&by),
         residual,
+        gaps,
     }
 }

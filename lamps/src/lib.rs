@@ -9,6 +9,7 @@
 //! - [`Evidence`]: lit pixels of the views, and where the trained scene has them.
 //! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
 
+mod bars;
 mod clear;
 mod evidence;
 mod fit;
@@ -19,6 +20,7 @@ mod names;
 mod patches;
 mod place;
 mod search;
+mod seen;
 pub mod shape;
 mod starts;
 
@@ -28,17 +30,13 @@ use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit};
 use eagpt_trace::{Device, TraceError};
+use fit::Fit;
 use glam::Vec3;
 use group::Group;
+use patches::Gaps;
 use shape::Shape;
 use std::collections::BTreeMap;
 
-/// Residual of a fit beyond which a lamp is left as it was trained, if views show it as large as
-/// [`LARGE`], or smaller.
-const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
-/// Pixels of a lamp in the view that shows it largest from which on it is large. Training gives
-/// such lamps the right power, and what stands before them its place.
-const LARGE: usize = 400;
 /// Standard deviation of the flux between views beyond which there is no such lamp.
 const MAX_DEVIATION: f32 = 0.5;
 /// Least number of lit pixels over all views, and of views, of a lamp.
@@ -59,7 +57,7 @@ pub struct Found {
 /// A lamp under way.
 struct Candidate {
     group: Group,
-    shape: Shape,
+    fit: Fit,
     radiance: Vec3,
     deviation: f32,
     /// Whether its shape explains what the views show.
@@ -76,31 +74,38 @@ pub fn find(
     up: Vec3,
     device: &Device,
 ) -> Result<Found, TraceError> {
-    let mut candidates = candidates(evidence, up);
-    let power = |c: &Candidate| luminance(place::power(&c.shape, c.radiance).to_array());
+    let tracer = device.scene(gaussians)?;
+    let mut candidates = Vec::new();
+    for candidate in explained(evidence, up) {
+        if seen::is_seen(evidence, &candidate.group, &candidate.fit.shape, &*tracer)? {
+            candidates.push(candidate);
+        }
+    }
+    let power = |c: &Candidate| luminance(place::power(&c.fit.shape, c.radiance).to_array());
     candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));
-    let shapes: Vec<Shape> = candidates.iter().map(|c| c.shape).collect();
+    let shapes: Vec<Shape> = candidates.iter().map(|c| c.fit.shape).collect();
     let clean = || candidates.iter().filter(|c| c.is_clean);
-    let clean_shapes: Vec<Shape> = clean().map(|c| c.shape).collect();
+    let clean_fits: Vec<Fit> = clean().map(|c| c.fit).collect();
     let mut keep = vec![true; gaussians.len()];
     let nums = clear::replaced(gaussians, &candidates, &mut keep);
     let mut moved: BTreeMap<u32, Gaussian> = BTreeMap::new();
-    for flat in clean_shapes.iter().filter_map(Shape::flat) {
+    let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
+    for flat in mounted.filter_map(|c| c.fit.shape.flat()) {
         for (i, gaussian) in clear::flatten_mount(gaussians, flat, &keep) {
             // Where mounts meet, that of the stronger lamp counts.
             moved.entry(i).or_insert(gaussian);
         }
     }
     let discs: Vec<Gaussians> = clean()
-        .map(|c| place::discs(&c.shape, c.radiance, pixel_width(evidence, &c.group)))
+        .map(|c| place::discs(&c.fit.shape, c.radiance, pixel_width(evidence, &c.group)))
         .collect();
     let mut edit = SceneEdit {
         keep,
         moved: moved.into_iter().collect(),
         fixed: discs.iter().flat_map(Gaussians::iter).collect(),
     };
-    if !clean_shapes.is_empty() {
-        clear::remove_what_hides(device, evidence, gaussians, &clean_shapes, &mut edit)?;
+    if !clean_fits.is_empty() {
+        clear::remove_what_hides(device, evidence, gaussians, &clean_fits, &mut edit)?;
     }
     let heights = || gaussians.positions.iter().map(|p| p.dot(up));
     let names = names::names(
@@ -132,7 +137,8 @@ fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
     widths[widths.len() / 10]
 }
 
-fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
+/// The groups of lit pixels that a shape explains.
+fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut groups = group::group(evidence);
     groups.sort_by_key(|group| std::cmp::Reverse(group.members.len()));
     let mut found: Vec<Candidate> = Vec::new();
@@ -142,7 +148,13 @@ fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         }
         let elsewhere = group.members.iter().filter(|member| {
             let (sight, pixel) = evidence.pixel(member);
-            let meets = |c: &Candidate| c.shape.meet(sight.origin(), pixel.direction).is_some();
+            let meets = |c: &Candidate| {
+                let shows = c.fit.shape.meet(sight.origin(), pixel.direction).is_some();
+                // Bars and frames divide the lit pixels of a window.
+                let is_pane = c.fit.gaps == Gaps::Bars
+                    && clear::is_near(&c.fit.shape, sight.position(pixel), 0.0);
+                shows || is_pane
+            };
             found.iter().any(meets)
         });
         if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
@@ -151,20 +163,17 @@ fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         let Some(fit) = fit::fit(evidence, &group, up) else {
             continue;
         };
-        let [large, small] = MAX_RESIDUAL;
-        let most_pixels = group.by_view().map(|(_, pixels)| pixels.len()).max();
-        let limit = if most_pixels.unwrap_or(0) >= LARGE {
-            large
-        } else {
-            small
+        let measured = match (fit.gaps, fit.shape.flat()) {
+            (Gaps::Bars, Some(flat)) => bars::measure(evidence, &group, flat),
+            _ => measure::measure(evidence, &group, &fit.shape),
         };
-        if let Some(measured) = measure::measure(evidence, &group, &fit.shape)
+        if let Some(measured) = measured
             && measured.deviation <= MAX_DEVIATION
         {
             found.push(Candidate {
-                is_clean: fit.residual <= limit,
+                is_clean: fit.is_clean(&group),
                 group,
-                shape: fit.shape,
+                fit,
                 radiance: measured.radiance,
                 deviation: measured.deviation,
             });
@@ -174,23 +183,23 @@ fn candidates(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
 }
 
 fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) -> Lamp {
-    let r = c.shape.rotation();
+    let r = c.fit.shape.rotation();
     let views = c.group.by_view().map(|(view, _)| view);
     Lamp {
         name,
-        shape: match c.shape {
+        shape: match c.fit.shape {
             _ if !c.is_clean => LampShape::Other,
             Shape::Rectangle(_) | Shape::Ellipse(_) => LampShape::Panel,
             Shape::Ball { .. } => LampShape::Ball,
             Shape::Tube { .. } => LampShape::Tube,
         },
-        centre: c.shape.centre().to_array(),
+        centre: c.fit.shape.centre().to_array(),
         rotation: [r.w, r.x, r.y, r.z],
-        size: c.shape.size().to_array(),
-        one_sided: c.is_clean && c.shape.flat().is_some(),
-        area: c.shape.area(),
+        size: c.fit.shape.size().to_array(),
+        one_sided: c.is_clean && c.fit.shape.flat().is_some(),
+        area: c.fit.shape.area(),
         radiance: c.radiance.to_array(),
-        power: place::power(&c.shape, c.radiance).to_array(),
+        power: place::power(&c.fit.shape, c.radiance).to_array(),
         num_gaussians,
         views: views.map(|v| evidence.sights[v].name.clone()).collect(),
         num_pixels: c.group.members.len(),

@@ -46,30 +46,36 @@ pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Opti
         .filter(|r| r.hidden <= MAX_HIDDEN * r.solid_angle)
         .collect();
     let used = if whole.is_empty() { readings } else { whole };
-    let all: f32 = used.iter().map(|r| r.solid_angle).sum();
-    if all <= 0.0 {
-        return None;
+    let means = used.iter().map(|r| (r.flux / r.solid_angle, r.solid_angle));
+    Measured::of_views(&means.collect::<Vec<_>>())
+}
+
+impl Measured {
+    /// The median of what views measured, which count by their solid angles; `None` without any.
+    pub(crate) fn of_views(views: &[(Vec3, f32)]) -> Option<Self> {
+        let all: f32 = views.iter().map(|(_, weight)| weight).sum();
+        if all <= 0.0 {
+            return None;
+        }
+        let radiance = Vec3::from_array([0, 1, 2].map(|channel| {
+            let values = views.iter().map(|(mean, weight)| (mean[channel], *weight));
+            weighted_median(values)
+        }));
+        let median = luminance(radiance.to_array());
+        let squares = views.iter().map(|(mean, weight)| {
+            let ratio = luminance(mean.to_array()) / median;
+            weight * (ratio - 1.0).powi(2)
+        });
+        let deviation = if views.len() > 1 {
+            (squares.sum::<f32>() / all).sqrt()
+        } else {
+            0.0
+        };
+        Some(Self {
+            radiance,
+            deviation,
+        })
     }
-    let radiance = Vec3::from_array([0, 1, 2].map(|channel| {
-        let ratios = used
-            .iter()
-            .map(|r| (r.flux[channel] / r.solid_angle, r.solid_angle));
-        weighted_median(ratios)
-    }));
-    let mean = luminance(radiance.to_array());
-    let squares = used.iter().map(|r| {
-        let ratio = luminance((r.flux / r.solid_angle).to_array()) / mean;
-        r.solid_angle * (ratio - 1.0).powi(2)
-    });
-    let deviation = if used.len() > 1 {
-        (squares.sum::<f32>() / all).sqrt()
-    } else {
-        0.0
-    };
-    Some(Measured {
-        radiance,
-        deviation,
-    })
 }
 
 fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {

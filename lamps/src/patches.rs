@@ -16,6 +16,8 @@ const HIDDEN_PIXELS: f32 = 2.0;
 const HIDDEN_SHARE: f32 = 0.01;
 /// … and counts so much where a view does not show it.
 const HIDDEN: f32 = 0.25;
+/// … and so much where it may be behind bars.
+const BEHIND_BARS: f32 = 0.1;
 /// Pixels of a view that a lamp fills or has nothing in that a fit compares.
 const MAX_PLAIN: usize = 500;
 
@@ -135,8 +137,17 @@ fn brightness(evidence: &Evidence, group: &Group) -> f32 {
     value.max(f32::MIN_POSITIVE)
 }
 
+/// Pixels inside a shape that do not show it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Gaps {
+    /// The scene has there what hides it, or else they speak against the shape.
+    Seen,
+    /// Bars before it may hide it, too thin or too near for the scene to tell.
+    Bars,
+}
+
 /// Residual of a shape.
-pub(crate) fn residual(shape: &Shape, patches: &[Patch]) -> f32 {
+pub(crate) fn residual(shape: &Shape, patches: &[Patch], gaps: Gaps) -> f32 {
     let (mut error, mut all) = (0.0_f32, 0.0_f32);
     for patch in patches {
         for target in &patch.targets {
@@ -151,8 +162,13 @@ pub(crate) fn residual(shape: &Shape, patches: &[Patch]) -> f32 {
             }
             let cover = met as f32 / (RAYS * RAYS) as f32;
             // A lamp may go on behind what hides it, but has no reason to.
-            let is_hidden = cover > target.cover && farthest > target.hidden_from;
-            let weight = target.weight * if is_hidden { HIDDEN } else { 1.0 };
+            let counts = match gaps {
+                _ if cover <= target.cover => 1.0,
+                Gaps::Bars => BEHIND_BARS,
+                Gaps::Seen if farthest > target.hidden_from => HIDDEN,
+                Gaps::Seen => 1.0,
+            };
+            let weight = target.weight * counts;
             error += weight * (cover - target.cover).powi(2);
             all += target.weight * target.cover * target.cover;
         }

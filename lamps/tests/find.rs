@@ -2,117 +2,32 @@
 
 #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
 
+mod rig;
+
 use eagpt_lamps::shape::{Flat, Shape};
 use eagpt_lamps::{Evidence, Found, find};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::lamps::LampShape;
-use eagpt_scene::{Camera, Gaussian, Gaussians, Image, SceneEdit, View, rotation};
+use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::Device;
-use glam::{DVec3, Quat, Vec3};
+use glam::{Quat, Vec3};
+use rig::{RADIANCE, cameras, patch, photograph, room};
 use std::f32::consts::PI;
-
-/// Rays along each axis of a pixel of a photograph.
-const RAYS: u32 = 8;
-const RADIANCE: Vec3 = Vec3::new(40.0, 30.0, 20.0);
-const WALL: Vec3 = Vec3::new(0.3, 0.25, 0.2);
-
-/// A closed room of 4 × 4 × 2.5 from the floor at z = 0.
-fn room() -> Gaussians {
-    let material = Material {
-        albedo: Vec3::splat(0.5),
-        radiance: None,
-    };
-    let size = Vec3::new(4.0, 4.0, 2.5);
-    let solid = Solid::Box {
-        centre: Vec3::new(0.0, 0.0, 1.25),
-        size,
-        rotation: Quat::IDENTITY,
-    };
-    let surface = Surface {
-        solid,
-        material,
-        spacing: Some(0.12),
-    };
-    (surface.discs().iter())
-        .map(|disc| Gaussian {
-            radiance: WALL,
-            ..disc
-        })
-        .collect()
-}
-
-fn cameras() -> Vec<Camera> {
-    (0..9_u8)
-        .map(|i| {
-            let angle = f64::from(i) * 2.2;
-            let out = 1.1 + 0.06 * f64::from(i);
-            let eye = DVec3::new(
-                out * angle.cos(),
-                out * angle.sin(),
-                1.0 + 0.1 * f64::from(i % 4),
-            );
-            let target = DVec3::new(0.1, 0.1, 2.2);
-            let pose = Camera::level_pose(eye, (target - eye).normalize());
-            Camera::centred([120, 80], 1.3, pose)
-        })
-        .collect()
-}
-
-/// What `camera` sees of the room with a lamp.
-fn photograph(name: usize, camera: Camera, lamp: &Shape) -> View {
-    let frame = camera.ray_frame();
-    let (mut radiance, mut mask) = (Vec::new(), Vec::new());
-    for y in 0..camera.height {
-        for x in 0..camera.width {
-            let met = (0..RAYS * RAYS).filter(|k| {
-                let at = |k: u32| (k as f32 + 0.5) / RAYS as f32;
-                let (u, v) = (x as f32 + at(k % RAYS), y as f32 + at(k / RAYS));
-                lamp.meet(frame.origin, frame.direction(u, v)).is_some()
-            });
-            let cover = met.count() as f32 / (RAYS * RAYS) as f32;
-            radiance.push(WALL.lerp(RADIANCE, cover).to_array());
-            mask.push([f32::from(u8::from(cover >= 0.5))]);
-        }
-    }
-    let (width, height) = (camera.width, camera.height);
-    View {
-        name: format!("view-{name}"),
-        camera,
-        radiance: Image::from_pixels(width, height, radiance).unwrap(),
-        emission: Image::from_pixels(width, height, mask),
-        normal: None,
-        alpha: None,
-        depth: None,
-        albedo: None,
-        clipped: None,
-        valid: None,
-    }
-}
 
 fn found(lamp: &Shape, scene: &Gaussians) -> Found {
     let tracer = Device::Cpu.scene(scene).unwrap();
     let mut evidence = Evidence::default();
     for (i, camera) in cameras().into_iter().enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, lamp), &seen);
+        evidence.add(&photograph(i, camera, lamp, &[]), &seen);
     }
     find(&evidence, scene, Vec3::Z, &Device::Cpu).unwrap()
 }
 
-/// A flat square that shines or does not, where training left the lamp or something near it.
-fn patch(centre: Vec3, size: f32, opacity: f32, radiance: Option<Vec3>) -> Vec<Gaussian> {
-    let surface = Surface {
-        solid: Solid::Quad {
-            centre,
-            edges: [Vec3::X, Vec3::NEG_Y].map(|edge| edge * size),
-        },
-        material: Material {
-            albedo: Vec3::splat(0.5),
-            radiance,
-        },
-        spacing: Some(0.05),
-    };
-    let discs = surface.discs();
+/// A flat square of 5 cm discs of this opacity.
+fn film(centre: Vec3, size: f32, opacity: f32, radiance: Option<Vec3>) -> Vec<Gaussian> {
+    let edges = [Vec3::X, Vec3::NEG_Y].map(|edge| edge * size);
+    let discs = patch(centre, edges, radiance);
     discs
         .iter()
         .map(|disc| Gaussian { opacity, ..disc })
@@ -130,14 +45,14 @@ fn a_panel_at_the_ceiling_is_flat_and_nothing_hides_it() {
     };
     let mut scene: Vec<Gaussian> = room().iter().collect();
     let num_room = scene.len();
-    scene.extend(patch(
+    scene.extend(film(
         flat.centre + Vec3::Z * 0.02,
         0.3,
         0.9,
         Some(RADIANCE * 2.0),
     ));
     let first = scene.len();
-    scene.extend(patch(flat.centre - Vec3::Z * 0.03, 0.12, 0.4, None));
+    scene.extend(film(flat.centre - Vec3::Z * 0.03, 0.12, 0.4, None));
     let film = first..scene.len();
     let scene: Gaussians = scene.into_iter().collect();
     let found = found(&Shape::Rectangle(flat), &scene);

@@ -103,13 +103,14 @@ pub fn train(
     let mut position = start;
     position.state = ParameterState::default();
     let finished = run.stages(backend.as_mut(), &views, &mut position)?;
-    let gaussians = backend.state()?.gaussians();
+    let mut gaussians = backend.state()?.gaussians();
     // Its memory, for what is done with the scene.
     drop(backend);
     let num_gaussians = gaussians.len();
     let scene = request.out.join("scene.ply");
     let mut own_light = None;
     if finished {
+        run.mark_luminous(&mut gaussians, &views)?;
         ply::write_gaussians(&scene, &gaussians)?;
         own_light = run.own_light(gaussians, &views);
     }

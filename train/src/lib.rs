@@ -27,6 +27,7 @@ pub mod job;
 pub mod light_fit;
 mod log;
 pub mod loss;
+mod luminous;
 pub mod options;
 mod order;
 mod own_light;

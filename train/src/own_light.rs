@@ -6,9 +6,9 @@
 //! ([`eagpt_eval::psnr_srgb`], [`eagpt_eval::ExposureFit`]). Before an edit nothing should change.
 
 use crate::backend::TrainingView;
-use crate::bake::BakeProgress;
 use crate::bake::gaussians::GaussianBake;
 use crate::bake::solution::Solution;
+use crate::bake::{BakeProgress, MAX_BOUNCES, NUM_SAMPLES};
 use crate::error::Result;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
 use eagpt_scene::machine::available_memory;
@@ -19,9 +19,6 @@ use std::ops::ControlFlow;
 
 /// Views compared, at most.
 pub(crate) const MOST_VIEWS: usize = 16;
-/// Directions at each Gaussian and bounces, those that `eagpt bake` takes of itself.
-const NUM_SAMPLES: u32 = 64;
-const MAX_BOUNCES: u32 = 7;
 
 /// How a scene in its own light compares with the photographs of training views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -65,6 +65,11 @@ pub enum TrainProgress {
         /// Gaussians now.
         num_gaussians: usize,
     },
+    /// Parts of lamps that masks leave out emit.
+    Luminous {
+        /// Gaussians.
+        num: usize,
+    },
     /// A checkpoint lies on disk.
     Checkpoint {
         /// Where.

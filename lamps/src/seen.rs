@@ -1,0 +1,63 @@
+//! Whether views show a lamp as large and as often as they would if it were there: a glint on a
+//! table is as bright as a lamp, but only from where it mirrors one.
+
+use crate::evidence::Evidence;
+use crate::group::Group;
+use crate::shape::Shape;
+use eagpt_trace::{Ray, TraceError, Tracer};
+
+/// Share of the pixels that a lamp would have which views have to show.
+const MIN_SHARE: f32 = 0.3;
+/// Rays to a lamp from each camera, along each axis of a square across it.
+const GRID: u16 = 6;
+/// A lamp is hidden where the scene is nearer by this share of its distance: as trained, it may
+/// be some way before the lamp's clean surface.
+const HIDDEN: f32 = 0.1;
+
+/// Whether the views of `evidence`, whose scene `tracer` traces, show enough of what they would of
+/// a lamp of `shape` to have `group` be one.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn is_seen(
+    evidence: &Evidence,
+    group: &Group,
+    shape: &Shape,
+    tracer: &dyn Tracer,
+) -> Result<bool, TraceError> {
+    let half = 0.5 * shape.size().length();
+    let step = 2.0 * half / f32::from(GRID);
+    let (mut rays, mut expected) = (Vec::new(), Vec::new());
+    for camera in &evidence.cameras {
+        let origin = camera.origin();
+        let Some(towards) = (shape.centre() - origin).try_normalize() else {
+            continue;
+        };
+        let (right, up) = towards.any_orthonormal_pair();
+        let place = |i: u16| (f32::from(i) + 0.5) * step - half;
+        for i in 0..GRID * GRID {
+            let aim = shape.centre() + right * place(i % GRID) + up * place(i / GRID);
+            let at = camera.project(aim);
+            let in_picture = at.z > 0.0
+                && (0.0..camera.width as f32).contains(&at.x)
+                && (0.0..camera.height as f32).contains(&at.y);
+            let direction = (aim - origin).normalize_or_zero();
+            if let Some(distance) = shape.meet(origin, direction)
+                && in_picture
+            {
+                let pixel_width = at.z / camera.fx as f32;
+                rays.push(Ray::free(origin.to_array(), direction.to_array()));
+                expected.push((distance, (step / pixel_width).powi(2)));
+            }
+        }
+    }
+    let met = tracer.trace_rays(&rays)?;
+    let shown = |(features, (distance, num)): (&eagpt_trace::Features, &(f32, f32))| {
+        let is_free =
+            features.alpha() < 0.5 || features.mean_distance() > distance * (1.0 - HIDDEN);
+        if is_free { *num } else { 0.0 }
+    };
+    let expected: f32 = met.iter().zip(&expected).map(shown).sum();
+    let weights = group.members.iter().map(|m| evidence.pixel(m).1.weight);
+    Ok(weights.sum::<f32>() >= MIN_SHARE * expected)
+}

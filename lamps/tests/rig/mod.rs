@@ -1,0 +1,99 @@
+//! A room photographed by exact rays.
+
+use eagpt_lamps::shape::Shape;
+use eagpt_scene::discs::{Material, Solid, Surface};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Image, View};
+use glam::{DVec3, Quat, Vec3};
+
+/// Rays along each axis of a pixel of a photograph.
+const RAYS: u32 = 8;
+pub(crate) const RADIANCE: Vec3 = Vec3::new(40.0, 30.0, 20.0);
+const WALL: Vec3 = Vec3::new(0.3, 0.25, 0.2);
+
+/// A closed room of 4 × 4 × 2.5 from the floor at z = 0.
+pub(crate) fn room() -> Gaussians {
+    let material = Material {
+        albedo: Vec3::splat(0.5),
+        radiance: None,
+    };
+    let size = Vec3::new(4.0, 4.0, 2.5);
+    let solid = Solid::Box {
+        centre: Vec3::new(0.0, 0.0, 1.25),
+        size,
+        rotation: Quat::IDENTITY,
+    };
+    let surface = Surface {
+        solid,
+        material,
+        spacing: Some(0.12),
+    };
+    (surface.discs().iter())
+        .map(|disc| Gaussian {
+            radiance: WALL,
+            ..disc
+        })
+        .collect()
+}
+
+pub(crate) fn cameras() -> Vec<Camera> {
+    (0..9_u8)
+        .map(|i| {
+            let angle = f64::from(i) * 2.2;
+            let out = 1.1 + 0.06 * f64::from(i);
+            let eye = DVec3::new(
+                out * angle.cos(),
+                out * angle.sin(),
+                1.0 + 0.1 * f64::from(i % 4),
+            );
+            let target = DVec3::new(0.1, 0.1, 2.2);
+            let pose = Camera::level_pose(eye, (target - eye).normalize());
+            Camera::centred([120, 80], 1.3, pose)
+        })
+        .collect()
+}
+
+/// What `camera` sees of the room with a lamp that is behind what `hides` it.
+pub(crate) fn photograph(name: usize, camera: Camera, lamp: &Shape, hides: &[Shape]) -> View {
+    let frame = camera.ray_frame();
+    let (mut radiance, mut mask) = (Vec::new(), Vec::new());
+    for y in 0..camera.height {
+        for x in 0..camera.width {
+            let met = (0..RAYS * RAYS).filter(|k| {
+                let at = |k: u32| (k as f32 + 0.5) / RAYS as f32;
+                let (u, v) = (x as f32 + at(k % RAYS), y as f32 + at(k / RAYS));
+                let direction = frame.direction(u, v);
+                let meets = |shape: &Shape| shape.meet(frame.origin, direction).is_some();
+                meets(lamp) && !hides.iter().any(meets)
+            });
+            let cover = met.count() as f32 / (RAYS * RAYS) as f32;
+            radiance.push(WALL.lerp(RADIANCE, cover).to_array());
+            mask.push([f32::from(u8::from(cover >= 0.5))]);
+        }
+    }
+    let (width, height) = (camera.width, camera.height);
+    View {
+        name: format!("view-{name}"),
+        camera,
+        radiance: Image::from_pixels(width, height, radiance).unwrap(),
+        emission: Image::from_pixels(width, height, mask),
+        normal: None,
+        alpha: None,
+        depth: None,
+        albedo: None,
+        clipped: None,
+        valid: None,
+    }
+}
+
+/// A flat square, `edges` long, that shines or does not, where training left a lamp or what is near.
+pub(crate) fn patch(centre: Vec3, edges: [Vec3; 2], radiance: Option<Vec3>) -> Gaussians {
+    let surface = Surface {
+        solid: Solid::Quad { centre, edges },
+        material: Material {
+            albedo: Vec3::splat(0.5),
+            radiance,
+        },
+        spacing: Some(0.05),
+    };
+    surface.discs()
+}

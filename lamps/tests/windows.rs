@@ -1,0 +1,87 @@
+//! Windows behind bars are one lamp of their whole area; glints are none.
+
+#![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
+
+mod rig;
+
+use eagpt_lamps::shape::{Flat, Shape};
+use eagpt_lamps::{Evidence, Found, find};
+use eagpt_scene::lamps::LampShape;
+use eagpt_scene::{Gaussian, Gaussians, rotation};
+use eagpt_trace::Device;
+use glam::Vec3;
+use rig::{RADIANCE, cameras, patch, photograph, room};
+
+fn facing(centre: Vec3, normal: Vec3, size: [f32; 2]) -> Shape {
+    Shape::Rectangle(Flat {
+        centre,
+        rotation: rotation::from_z_to(normal),
+        size,
+    })
+}
+
+/// Lamps of a scene whose photographs show `lamp` behind `bars`; those from `num_lit` on have it
+/// off.
+fn found(lamp: &Shape, bars: &[Shape], num_lit: usize, scene: &Gaussians) -> Found {
+    let tracer = Device::Cpu.scene(scene).unwrap();
+    let mut evidence = Evidence::default();
+    let nothing = facing(Vec3::splat(90.0), Vec3::X, [0.01; 2]);
+    for (i, camera) in cameras().into_iter().enumerate() {
+        let shown = if i < num_lit { lamp } else { &nothing };
+        let seen = tracer.gbuffer(&camera).unwrap();
+        evidence.add(&photograph(i, camera, shown, bars), &seen);
+    }
+    find(&evidence, scene, Vec3::Z, &Device::Cpu).unwrap()
+}
+
+#[test]
+fn a_window_shines_with_the_radiance_of_its_panes_behind_its_bars() {
+    let (centre, size) = (Vec3::new(0.1, 0.1, 2.5), [1.2, 0.9]);
+    let window = facing(centre, Vec3::NEG_Z, size);
+    let below = centre - Vec3::Z * 0.08;
+    let bar = |at: f32, along: bool| {
+        let (shift, size) = if along {
+            (Vec3::X, [0.035, 1.0])
+        } else {
+            (Vec3::Y, [1.3, 0.035])
+        };
+        facing(below + shift * at, Vec3::NEG_Z, size)
+    };
+    let mut bars: Vec<Shape> = [-0.3, 0.0, 0.3].map(|at| bar(at, true)).to_vec();
+    bars.extend([-0.2, 0.2].map(|at| bar(at, false)));
+    // Training has the light among the bars, in tilted discs.
+    let mut scene: Vec<Gaussian> = room().iter().collect();
+    let heap = patch(below, [Vec3::X * 1.2, Vec3::NEG_Y * 0.9], Some(RADIANCE));
+    let tilt = |i: usize| 0.03 * (i % 5) as f32;
+    scene.extend(heap.iter().enumerate().map(|(i, disc)| Gaussian {
+        position: disc.position + Vec3::Z * (tilt(i) - 0.06),
+        ..disc
+    }));
+    let scene: Gaussians = scene.into_iter().collect();
+    let found = found(&window, &bars, usize::MAX, &scene);
+    let [lamp] = found.lamps.lamps.as_slice() else {
+        panic!("{:?}", found.lamps)
+    };
+    assert_eq!(lamp.shape, LampShape::Panel);
+    // Pixels at bars are no measure of the panes.
+    let share = lamp.radiance[0] / RADIANCE.x;
+    assert!((share - 1.0).abs() < 0.02, "{share}");
+    assert!((lamp.world_from_lamp() * Vec3::Z).dot(Vec3::NEG_Z) > 0.99);
+    // Bars hide a fifth of it; silhouettes leave its distance open by some centimetres.
+    let share = lamp.area / (size[0] * size[1]);
+    assert!((0.9..1.1).contains(&share), "{share}");
+    assert!(lamp.centre().distance(centre) < 0.12, "{lamp:?}");
+}
+
+#[test]
+fn a_glint_that_few_views_show_is_no_lamp() {
+    // All cameras look at it from below.
+    let (centre, size) = (Vec3::new(0.1, 0.1, 2.2), [0.3, 0.2]);
+    let spot = facing(centre, Vec3::NEG_Z, size);
+    let mut scene: Vec<Gaussian> = room().iter().collect();
+    let edges = [Vec3::X * 0.2, Vec3::NEG_Y * 0.3];
+    scene.extend(patch(centre, edges, Some(RADIANCE)).iter());
+    let scene: Gaussians = scene.into_iter().collect();
+    let num = |num_lit| found(&spot, &[], num_lit, &scene).lamps.lamps.len();
+    assert_eq!((num(cameras().len()), num(6), num(2)), (1, 1, 0));
+}

@@ -1,0 +1,122 @@
+//! Parts of lamps that masks leave out, and that emit nevertheless: blinds and shades that light
+//! shines through, edges of panes.
+//!
+//! A surface reflects no more than the light it receives. What is brighter is lit from within or
+//! from behind, which an albedo cannot explain: its light would be missing in every room that is
+//! lit by its lamp. It counts as a part of the lamp that it is near, and is selected with it.
+
+use crate::error::Result;
+use crate::irradiance;
+use crate::surfaces::BestSeen;
+use eagpt_scene::color::luminance;
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Gaussians, Lamps};
+use eagpt_trace::Device;
+use eagpt_trace::transport::EMISSION_THRESHOLD;
+use eagpt_trace::transport::matrix::Receiver;
+
+/// Radiance over that of a white surface from which on a Gaussian emits; above what noise of the
+/// irradiance and a gloss make of white.
+const EXCESS: f32 = 1.5;
+/// and over that of its lamp.
+const MIN_SHARE: f32 = 0.05;
+
+/// The Gaussians of `scene` that are parts of `lamps` though they do not emit, ascending. The irradiance of what `cameras` see near lamps is gathered in
+/// `num_samples` directions.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn luminous(
+    device: &Device,
+    scene: &Gaussians,
+    lamps: &Lamps,
+    cameras: &[Camera],
+    (num_samples, key): (u32, RandomKey),
+) -> Result<Vec<usize>> {
+    let light = |i: usize| luminance(scene.radiances[i].to_array());
+    let may_be = |i: usize| {
+        let lamp = lamps.of(scene.positions[i]).map(|lamp| &lamps.lamps[lamp]);
+        let reflects = scene.emissions[i] <= EMISSION_THRESHOLD;
+        lamp.is_some_and(|lamp| reflects && light(i) >= MIN_SHARE * luminance(lamp.radiance))
+    };
+    if !(0..scene.len()).any(may_be) {
+        return Ok(Vec::new());
+    }
+    let tracer = device.scene(scene)?;
+    let mut best = BestSeen::new(scene.len());
+    for camera in cameras {
+        best.add(&*tracer, camera)?;
+    }
+    let receivers: Vec<Receiver> = (0..)
+        .zip(best.finish())
+        .filter_map(|(i, surface)| Some((i, surface.filter(|_| may_be(i as usize))?)))
+        .collect();
+    let directions = irradiance::directions(num_samples);
+    let matrix = tracer.trace_transport(&receivers, directions, key)?;
+    let indirect = matrix.from_others(directions, &scene.radiances);
+    let white = (matrix.direct.iter().zip(&indirect)).map(|(direct, others)| *direct + *others);
+    Ok((receivers.iter().zip(white))
+        .map(|((i, _), white)| (*i as usize, luminance(white.to_array())))
+        .filter(|(i, white)| light(*i) > EXCESS * white)
+        .map(|(i, _)| i)
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::LampShape;
+    use eagpt_scene::rng::Purpose;
+    use eagpt_testkit::gaussians::{look_at, material, sphere};
+    use glam::{DVec3, Vec3};
+
+    fn lamp_at(centre: Vec3, size: f32, radiance: f32) -> Lamps {
+        let lamp = eagpt_scene::Lamp {
+            name: "ball-1".to_owned(),
+            shape: LampShape::Ball,
+            centre: centre.to_array(),
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            size: [size; 3],
+            one_sided: false,
+            area: 1.0,
+            radiance: [radiance; 3],
+            power: [1.0; 3],
+            num_gaussians: 1,
+            views: Vec::new(),
+            num_pixels: 1,
+            deviation: 0.0,
+            factor: [1.0; 3],
+        };
+        Lamps { lamps: vec![lamp] }
+    }
+
+    /// Inside a sphere of radiance 1 all surfaces receive what makes white ones reflect 1.
+    #[test]
+    fn what_is_brighter_than_white_near_a_lamp_emits_and_nothing_else() {
+        let light = |towards: Vec3| match towards {
+            t if t.x.abs() > 0.94 && t.y > 0.0 => 2.0,
+            t if t.x.abs() > 0.94 => 1.2,
+            _ => 1.0,
+        };
+        let grey = |towards: Vec3| material(Vec3::splat(light(towards)), 0.0, Vec3::splat(0.5));
+        let scene = sphere(3000, 1.0, grey);
+        let cameras: Vec<_> = [DVec3::X, -DVec3::X]
+            .map(|target| look_at(DVec3::ZERO, target, 160, 160))
+            .to_vec();
+        let found = |lamps: &Lamps| {
+            let key = RandomKey::new(1, Purpose::Albedo, 1);
+            luminous(&Device::Cpu, &scene, lamps, &cameras, (256, key)).unwrap()
+        };
+        let lamps = lamp_at(Vec3::X, 0.4, 10.0);
+        let all: Vec<usize> = (0..scene.len())
+            .filter(|&i| {
+                lamps.of(scene.positions[i]).is_some() && scene.radiances[i] == Vec3::splat(2.0)
+            })
+            .collect();
+        assert!(all.len() > 10);
+        assert_eq!(found(&lamps), all);
+        // Beside a lamp that is far brighter it is nothing.
+        assert!(found(&lamp_at(Vec3::X, 0.4, 41.0)).is_empty());
+        assert!(found(&Lamps::default()).is_empty());
+    }
+}
