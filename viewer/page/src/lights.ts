@@ -139,7 +139,7 @@ export class Lights {
   }
 
   private controls(name: string, header: HTMLElement): Node[] {
-    const power = slider("power, stops", { min: -6, max: 4, step: 0.1 }, 0, (stops) => this.set(name, { stops }));
+    const power = slider("power", { min: -6, max: 4, step: 0.1 }, 0, (stops) => this.set(name, { stops }));
     power.input.setAttribute("aria-label", `power of ${name}, stops`);
     const colour = element("input", { type: "color", value: "#ffffff", "aria-label": `colour of ${name}` });
     colour.addEventListener("input", () => this.set(name, { colour: colour.value }));
