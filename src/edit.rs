@@ -38,7 +38,7 @@ pub(crate) struct EditArgs {
     /// Lamps of the scene, for scripts that select some by name [default: lamps.json in its folder]
     #[arg(long, value_name = "LAMPS.json")]
     pub(crate) lamps: Option<PathBuf>,
-    /// What each Gaussian reflects of each lamp, for scripts that set lights [default:
+    /// Light basis, reflected light of each lamp, for scripts that set lights [default:
     /// SCENE.lights, as `eagpt bake --per-light` writes it]
     #[arg(long, value_name = "SCENE.lights")]
     pub(crate) lights: Option<PathBuf>,

@@ -65,7 +65,7 @@ const EXAMPLES: &str = "Examples:
   eagpt lamps runs/bedroom/lamps.json --reference captures/bedroom --out bedroom-lamps.json
   eagpt lamps fit bakes/room.ply --reference room/evening --before room/day --out evening.toml";
 
-/// What is told and written.
+/// The list as it is told and written.
 #[derive(Serialize)]
 struct Outcome<'a> {
     lamps: &'a [eagpt_scene::Lamp],

@@ -39,7 +39,7 @@ pub(crate) struct Record {
     pub(crate) split: Option<SplitRecord>,
     /// Notes for readers of the result.
     pub(crate) warnings: Vec<String>,
-    /// What the job has measured of its result, by name.
+    /// Measurements of the result by the job, by name.
     #[serde(default)]
     pub(crate) measured: Map<String, Value>,
     /// Whether the job came to its end; a stopped one can be resumed.

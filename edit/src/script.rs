@@ -89,7 +89,7 @@ pub(crate) enum Subject {
         /// Placement of the copy.
         placement: Placement,
     },
-    /// What emits of some lights, whose light changes, and with it that of the scene.
+    /// Emitters of some lights, whose light changes, and with it that of the scene.
     SetLight(Vec<LightFactor>),
 }
 

@@ -1,4 +1,4 @@
-//! What is in the way of a clean lamp: the Gaussians that it replaces, what stands in front of it
+//! Gaussians in the way of a clean lamp: those that it replaces, what stands in front of it
 //! although cameras see it, and the rough surface that it is mounted on.
 
 use crate::Candidate;

@@ -1,4 +1,4 @@
-//! What photographs show of lamps: the lit pixels of their masks and those around, with the place
+//! Photographs of lamps: the lit pixels of their masks and those around, with the place
 //! where the trained scene has them.
 
 use eagpt_masks::{Mask, Region};
@@ -39,7 +39,7 @@ pub(crate) struct Pixel {
     pub(crate) region: u32,
 }
 
-/// What the mask says of a pixel and its eight neighbours.
+/// A pixel and its eight neighbours in the mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Lit {
     /// All are lit.
@@ -58,7 +58,7 @@ impl Lit {
     }
 }
 
-/// What one view shows.
+/// Pixels of one view.
 #[derive(Debug, Clone)]
 pub(crate) struct Sight {
     pub(crate) name: String,
@@ -108,7 +108,7 @@ impl Sight {
     }
 }
 
-/// What the training views show of lamps, view by view.
+/// Pixels that show lamps, of all training views.
 #[derive(Debug, Clone, Default)]
 pub struct Evidence {
     pub(crate) sights: Vec<Sight>,

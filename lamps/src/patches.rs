@@ -11,7 +11,7 @@ pub(crate) const MAX_VIEWS: usize = 16;
 const RAYS: u32 = 3;
 /// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
 const NEARER: f32 = 0.08;
-/// What is farther than the scene by so many widths of a pixel, and by this share, is hidden …
+/// A place farther than the scene by so many widths of a pixel, and by this share, is hidden …
 const HIDDEN_PIXELS: f32 = 2.0;
 const HIDDEN_SHARE: f32 = 0.01;
 /// … and counts so much where a view does not show it.

@@ -20,7 +20,7 @@ const GRID: u16 = 48;
 
 /// The discs of a lamp of `shape` and `radiance`, with spacings of about `pixel`, the width of a
 /// pixel of the views that see it best; those of a flat lamp's back follow, which do not shine.
-/// What the discs show to a viewer in front is as much as the shape would.
+/// A viewer in front sees as much light of the discs as of the shape.
 pub(crate) fn discs(shape: &Shape, radiance: Vec3, pixel: f32) -> Gaussians {
     let least = (shape.area() / MAX_DISCS).sqrt();
     let spacing = pixel
@@ -87,7 +87,7 @@ fn solid(shape: &Shape) -> Solid {
     }
 }
 
-/// What discs show, over what the shape would, seen from a few directions.
+/// Light of the discs over that of the shape, seen from a few directions.
 fn shown(shape: &Shape, discs: &Gaussians) -> f32 {
     let scene = CpuScene::new(discs);
     let rotation = shape.rotation();

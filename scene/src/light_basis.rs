@@ -53,7 +53,7 @@ struct Emitter {
     radiance: Vec3,
 }
 
-/// What each Gaussian of a scene reflects of each light.
+/// Reflected light of each Gaussian of a scene, light by light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightBasis {
     lights: Vec<Light>,

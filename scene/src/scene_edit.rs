@@ -2,7 +2,7 @@
 
 use crate::gaussians::{Gaussian, Gaussians};
 
-/// What becomes of the Gaussians of a scene, `[n]` before it.
+/// Changes of the Gaussians of a scene, `[n]` before it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SceneEdit {
     /// Which Gaussians stay, `[n]`.

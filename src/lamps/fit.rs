@@ -51,7 +51,7 @@ pub(crate) struct FitArgs {
     /// as they show the lamps themselves
     #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "views", value_parser = clap::value_parser!(u32).range(1..))]
     num_views: u32,
-    /// What each Gaussian reflects of each lamp [default: BAKED.lights beside BAKED.ply]
+    /// Light basis, reflected light of each lamp [default: BAKED.lights beside BAKED.ply]
     #[arg(long, value_name = "BAKED.lights")]
     lights: Option<PathBuf>,
     /// Edit script to write, which sets the lights

@@ -1,4 +1,4 @@
-//! What `eagpt train` says of the light of its scene.
+//! The check of a scene's own light that ends `eagpt train`.
 
 use crate::support::Workplace;
 use serde_json::Value;

@@ -205,7 +205,7 @@ fn best_views(
     Ok(best.map(|i| frames[i].name.clone()).collect())
 }
 
-/// What each camera sees in each light alone, at the factor 1: `[lights][cameras]`.
+/// Pictures of each camera in each light alone, at the factor 1: `[lights][cameras]`.
 fn pictures(
     device: &Device,
     scene: &Gaussians,

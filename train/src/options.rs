@@ -208,7 +208,7 @@ pub struct RadianceOptions {
     pub weights: LossWeights,
     /// How the number of Gaussians grows.
     pub densify: DensifyOptions,
-    /// What becomes of emitters.
+    /// Treatment of emitters.
     pub lamps: LampOptions,
 }
 

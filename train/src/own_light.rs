@@ -92,7 +92,7 @@ pub(crate) fn measure(
     }))
 }
 
-/// What is known of an image; `None` if nothing is.
+/// The known pixels of an image; `None` without any.
 fn part<const C: usize>(known: Option<&KnownPixels>, image: &Image<C>) -> Option<Image<C>> {
     match known {
         Some(known) => known.of(image),

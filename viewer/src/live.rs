@@ -62,7 +62,7 @@ pub struct Edit {
     revision: u64,
 }
 
-/// What pages show of an edit.
+/// The state of an edit that pages show.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct EditState {
@@ -182,7 +182,7 @@ impl Edit {
         text
     }
 
-    /// What pages show.
+    /// The state that pages show.
     pub fn state(&self) -> EditState {
         let mut factors: BTreeMap<String, [f32; 3]> = self
             .lights

@@ -1,4 +1,4 @@
-//! What is in a model, and what a search for its floor sees, whether or not it finds one.
+//! The contents of a model, and what a search for its floor sees, whether or not it finds one.
 
 use super::{ImportOptions, PointFilter};
 use crate::align::gravity::GravityReport;

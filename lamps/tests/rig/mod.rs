@@ -52,7 +52,7 @@ pub(crate) fn cameras() -> Vec<Camera> {
         .collect()
 }
 
-/// What `camera` sees of the room with a lamp that is behind what `hides` it.
+/// The room through `camera`, with a lamp that is behind what `hides` it.
 pub(crate) fn photograph(name: usize, camera: Camera, lamp: &Shape, hides: &[Shape]) -> View {
     let frame = camera.ray_frame();
     let (mut radiance, mut mask) = (Vec::new(), Vec::new());

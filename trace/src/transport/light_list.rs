@@ -59,7 +59,7 @@ pub(crate) struct Disc {
     pub(crate) cumulative: [f32; REALIZATIONS],
 }
 
-/// What a receiver may get of each cluster, relative to its luminance times area.
+/// Light that a receiver may get of each cluster, relative to its luminance times area.
 pub type Importances = [f32; MAX_CLUSTERS];
 
 impl Disc {
@@ -137,7 +137,7 @@ impl LightList {
         (&self.clusters, self.discs.iter().zip(&self.set.surfels))
     }
 
-    /// What a receiver may get of each cluster.
+    /// Light that a receiver may get of each cluster.
     pub fn importances(&self, receiver: &Surface) -> Importances {
         let mut importances = [0.0; MAX_CLUSTERS];
         for (importance, cluster) in importances.iter_mut().zip(&self.clusters) {

@@ -56,7 +56,7 @@ impl GaussianBake {
 pub(super) struct Solved {
     /// Of all Gaussians, `[n]`.
     pub(super) radiances: Vec<Vec3>,
-    /// What Gaussians reflect of each lamp.
+    /// Reflected light of each lamp.
     pub(super) basis: Option<LightBasis>,
 }
 
@@ -94,7 +94,7 @@ impl Bake<'_> {
         }))
     }
 
-    /// What emits, by the lamps of a file.
+    /// Emitters, by the lamps of a file.
     fn lights(&self, lamps: &Path) -> Result<LightGroups> {
         let list = read_lamps(lamps)?;
         let groups = LightGroups::new(&self.scene, &list);

@@ -135,7 +135,7 @@ impl Series {
     }
 }
 
-/// What all Gaussians reflect after so many bounces, and of `parts` of the light of emitters each.
+/// Reflected radiance of all Gaussians after so many bounces, and of each of `parts` of the light.
 pub(super) fn sum_of_bounces(
     albedos: &[Vec3],
     light: &Exchange<'_>,

@@ -10,7 +10,7 @@ use eagpt_trace::Device;
 use eagpt_trace::transport::matrix::TransportMatrix;
 use std::ops::ControlFlow;
 
-/// What decides a solution, beside the scene.
+/// Options that decide a solution, beside the scene.
 #[derive(Debug)]
 pub(crate) struct Solution<'a> {
     /// Device that traces rays.

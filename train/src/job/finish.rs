@@ -1,4 +1,4 @@
-//! What is done with the finished scene.
+//! Last steps, with the finished scene.
 
 use super::Run;
 use super::views::Views;

@@ -2,7 +2,7 @@
 //!
 //! Sums are kept of every block of pixels by itself. All blocks together give the solution (active
 //! set: Lawson and Hanson 1974, chapter 23); how much single blocks pull at it tells its error.
-//! What a scene gets wrong is wrong over whole surfaces: pixels are no independent measurements,
+//! Errors of a scene are those of whole surfaces: pixels are no independent measurements,
 //! and blocks are nearly so (standard errors that are robust to clusters: Liang and Zeger 1986).
 
 use nalgebra::{DMatrix, DVector};
