@@ -20,6 +20,15 @@ pub(crate) fn exit_code() -> ExitCode {
 /// # Errors
 /// If the system takes no handler.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>> {
+    stop_flag_with("stopping after this step; Ctrl-C again stops at once")
+}
+
+/// As [`stop_flag`], where what stops is no step: the first Ctrl-C prints `line`. Of several calls
+/// the first decides.
+///
+/// # Errors
+/// If the system takes no handler.
+pub(crate) fn stop_flag_with(line: &'static str) -> Result<Arc<AtomicBool>> {
     static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     if let Some(flag) = FLAG.get() {
         return Ok(Arc::clone(flag));
@@ -30,7 +39,7 @@ pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>> {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(i32::from(EXIT_INTERRUPTED));
         }
-        terminal::line("stopping after this step; Ctrl-C again stops at once");
+        terminal::line(line);
     })
     .context("Ctrl-C handler")?;
     Ok(stop)

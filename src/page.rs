@@ -1,6 +1,7 @@
 //! A scene as a page for a browser.
 
-use anyhow::{Context, Result, bail};
+use crate::terminal;
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use eagpt_scene::dataset::{Frame, UpAxis};
 use eagpt_scene::tonemap::{Display, ToneMap};
@@ -46,6 +47,9 @@ pub(crate) struct PageArgs {
     /// [default: SCENE.lights beside the scene, if it is there]
     #[arg(long, value_name = "SCENE.lights")]
     lights: Option<PathBuf>,
+    /// Leave out the SCENE.lights beside the scene
+    #[arg(long, conflicts_with = "lights")]
+    no_lights: bool,
     /// Exposure that the page opens with, stops, -8 to 8 [default: 0]
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops)]
     exposure: Option<f32>,
@@ -75,6 +79,7 @@ impl PageArgs {
             ("--dataset", self.dataset.is_some()),
             ("--lamps", self.lamps.is_some()),
             ("--lights", self.lights.is_some()),
+            ("--no-lights", self.no_lights),
             ("--exposure", self.exposure.is_some()),
             ("--tone-map", self.tone_map.is_some()),
             ("--title", self.title.is_some()),
@@ -120,7 +125,7 @@ impl ScenePage {
                 (read_views(&dataset, args)?, dataset.up())
             }
         };
-        let basis = read_lights(scene, gaussians, args.lights.as_deref())?;
+        let basis = read_lights(scene, gaussians, args)?;
         let pack = Pack::new(gaussians, &lamps, basis.as_ref())
             .with_context(|| scene.display().to_string())?;
         let name = || scene.file_stem().unwrap_or_default().to_string_lossy();
@@ -165,24 +170,25 @@ fn read_lamps(scene: &Path, named: Option<&Path>) -> Result<Lamps> {
 }
 
 /// The basis of light of a scene: of the file that was named, or of the one beside it if that is
-/// there. One that does not fit the scene is an error.
-fn read_lights(
-    scene: &Path,
-    gaussians: &Gaussians,
-    named: Option<&Path>,
-) -> Result<Option<LightBasis>> {
+/// there and is to be taken. One that does not fit the scene is an error.
+fn read_lights(scene: &Path, gaussians: &Gaussians, args: &PageArgs) -> Result<Option<LightBasis>> {
     let beside = light_basis::lights_file_beside(scene);
-    let path = match named {
-        Some(path) => path,
-        None if beside.exists() => &beside,
-        None => return Ok(None),
-    };
+    match &args.lights {
+        Some(path) => fitting_lights(path, scene, gaussians).map(Some),
+        None if args.no_lights || !beside.exists() => Ok(None),
+        None => fitting_lights(&beside, scene, gaussians)
+            .map(Some)
+            .map_err(|error| anyhow!("{}; --no-lights leaves it out", terminal::one_line(&error))),
+    }
+}
+
+fn fitting_lights(path: &Path, scene: &Path, gaussians: &Gaussians) -> Result<LightBasis> {
     let basis = LightBasis::read(path)?;
     if let Err(difference) = basis.check(gaussians) {
         let (path, scene) = (path.display(), scene.display());
         bail!("{path}: {difference}; {scene} is another");
     }
-    Ok(Some(basis))
+    Ok(basis)
 }
 
 fn read_views(dataset: &Dataset, args: &PageArgs) -> Result<Vec<PageView>> {

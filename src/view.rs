@@ -58,7 +58,7 @@ pub(crate) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let page = ScenePage::new(&args.scene, &gaussians, &args.page)?;
     let edit = Edit::open(&script, page.pack.lights.clone())?;
     let html = page.html(&gaussians, PageKind::Live)?;
-    let stop = interrupt::stop_flag()?;
+    let stop = interrupt::stop_flag_with("the server stops")?;
     let server = Server::bind(SocketAddr::new(args.address, args.port), html, edit)?;
     let reporter = Reporter::new(global);
     reporter.note(&format!("{}: {}", args.scene.display(), server.url()));
@@ -68,5 +68,11 @@ pub(crate) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<ExitCode> {
         "script": script,
     }))?;
     server.run(&stop)?;
+    let script = script.exists().then_some(script);
+    match &script {
+        Some(path) => reporter.note(&format!("script: {}", path.display())),
+        None => reporter.note("no script: nothing was edited"),
+    }
+    reporter.message(&serde_json::json!({ "message": "stopped", "script": script }))?;
     Ok(ExitCode::SUCCESS)
 }

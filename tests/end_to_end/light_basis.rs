@@ -26,7 +26,7 @@ fn ball(name: &str, centre: [f32; 3], radius: f32) -> Lamp {
 
 /// A room with three balls of light: `edits/lit.ply`, two of them in `edits/lamps.json`; baked with
 /// the light of each, `baked.ply` and `baked.lights`.
-fn workplace() -> Workplace {
+pub(crate) fn workplace() -> Workplace {
     Workplace::shared("light-basis", || {
         let place = Workplace::trained();
         let balls = [

@@ -118,9 +118,12 @@ impl Edit {
     fn check(&self, light: &SetLight) -> Result<(), String> {
         let SetLight { name, factor } = light;
         if !self.lights.contains(name) {
-            let names = self.lights.join(", ");
             let name = name.escape_debug();
-            return Err(format!("`{name}` is no light: there are {names}"));
+            let there = match self.lights.is_empty() {
+                true => "the scene has none".to_owned(),
+                false => format!("there are {}", self.lights.join(", ")),
+            };
+            return Err(format!("`{name}` is no light: {there}"));
         }
         let is_good = |v: &f32| (0.0..=MAX_FACTOR).contains(v);
         if !factor.iter().all(is_good) {
