@@ -27,18 +27,13 @@ pub(crate) struct PageArgs {
     #[arg(long, value_name = "DATASET")]
     dataset: Option<PathBuf>,
     /// Names of the views, separated by commas [default: up to 24, evenly spread]
-    #[arg(
-        long,
-        value_name = "A,B,…",
-        value_delimiter = ',',
-        requires = "dataset"
-    )]
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     views: Vec<String>,
     /// Number of views, evenly spread, 1 to 1000 [default: 24]
-    #[arg(long, value_name = "N", requires = "dataset", conflicts_with = "views", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", conflicts_with = "views", value_parser = clap::value_parser!(u32).range(1..=1000))]
     max_views: Option<u32>,
     /// Longest edge of the photographs in pixels, 0 to 4096; 0 leaves them out [default: 480]
-    #[arg(long, value_name = "PIXELS", requires = "dataset", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(0..=4096))]
     photograph_size: Option<u32>,
     /// Lamps of the scene [default: lamps.json in its folder, if it is there]
     #[arg(long, value_name = "LAMPS.json")]
@@ -70,6 +65,34 @@ fn stops(text: &str) -> Result<f32, String> {
 }
 
 impl PageArgs {
+    /// The same for the scene of a run: with `dataset` unless another is asked for, and the name of
+    /// its folder as title.
+    pub(crate) fn for_run(&self, run: Option<&Path>, dataset: Option<PathBuf>) -> Self {
+        let name = run.and_then(|run| Some(run.file_name()?.to_string_lossy().into_owned()));
+        Self {
+            dataset: self.dataset.clone().or(dataset),
+            title: self.title.clone().or(name),
+            ..self.clone()
+        }
+    }
+
+    pub(crate) fn dataset(&self) -> Option<&Path> {
+        self.dataset.as_deref()
+    }
+
+    /// Refuses what says which of a dataset's views a page has, where there is no dataset.
+    fn refuse_views(&self) -> Result<()> {
+        refuse(&self.of_views(), "needs --dataset")
+    }
+
+    fn of_views(&self) -> [(&'static str, bool); 3] {
+        [
+            ("--views", !self.views.is_empty()),
+            ("--max-views", self.max_views.is_some()),
+            ("--photograph-size", self.photograph_size.is_some()),
+        ]
+    }
+
     /// Refuses options of a page where none is written.
     ///
     /// # Errors
@@ -84,10 +107,16 @@ impl PageArgs {
             ("--tone-map", self.tone_map.is_some()),
             ("--title", self.title.is_some()),
         ];
-        if let Some((name, _)) = given.iter().find(|(_, is_given)| *is_given) {
-            bail!("{name}: only a page has it: --format html");
-        }
-        Ok(())
+        let given: Vec<_> = given.into_iter().chain(self.of_views()).collect();
+        refuse(&given, "only a page has it: --format html")
+    }
+}
+
+/// Refuses the first of `options` that is given.
+fn refuse(options: &[(&str, bool)], reason: &str) -> Result<()> {
+    match options.iter().find(|(_, is_given)| *is_given) {
+        Some((name, _)) => bail!("{name}: {reason}"),
+        None => Ok(()),
     }
 }
 
@@ -119,7 +148,10 @@ impl ScenePage {
     pub(crate) fn new(scene: &Path, gaussians: &Gaussians, args: &PageArgs) -> Result<Self> {
         let lamps = read_lamps(scene, args.lamps.as_deref())?;
         let (views, up) = match &args.dataset {
-            None => (Vec::new(), UpAxis::default()),
+            None => {
+                args.refuse_views()?;
+                (Vec::new(), UpAxis::default())
+            }
             Some(path) => {
                 let dataset = Dataset::open_cameras(path)?;
                 (read_views(&dataset, args)?, dataset.up())

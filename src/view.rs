@@ -1,5 +1,7 @@
 //! `eagpt view`: a scene in a browser, with an edit under way.
 
+mod source;
+
 use crate::args::GlobalArgs;
 use crate::interrupt;
 use crate::page::{PageArgs, PageKind, ScenePage};
@@ -9,6 +11,7 @@ use clap::Args;
 use eagpt_scene::ply;
 use eagpt_viewer::live::Edit;
 use eagpt_viewer::server::Server;
+use source::Source;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,13 +23,17 @@ use std::process::ExitCode;
 /// a lamp is a step of an edit script, shown beside, with undo and redo. The script is on disk after
 /// every change; `eagpt edit` replays it, and the same command goes on from it.
 ///
+/// Of a run the trained scene is shown, with cameras and photographs of the dataset that it was
+/// trained on, if that is still there and unchanged.
+///
 /// The address has a token that nobody else knows. The server has the page and the edit, and no
 /// file of the disk.
 #[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ViewArgs {
-    /// Scene of 2D Gaussians, as `eagpt train` or `eagpt bake` writes it
-    #[arg(value_name = "SCENE.ply")]
+    /// Scene of 2D Gaussians, as `eagpt train` or `eagpt bake` writes it, or folder of a run, as
+    /// `eagpt train` or `eagpt run` leaves it
+    #[arg(value_name = "SCENE.ply|RUN")]
     scene: PathBuf,
     /// Port of the server, 0 to 65535; 0 is any that is free
     #[arg(long, value_name = "PORT", default_value_t = 0)]
@@ -43,25 +50,37 @@ pub(crate) struct ViewArgs {
 }
 
 const EXAMPLES: &str = "Examples:
+  eagpt view runs/room
   eagpt view bakes/lamps.ply --dataset room/evening
   eagpt edit bakes/lamps.ply bakes/lamps.view.toml --out edits/dimmed.ply";
 
 pub(crate) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<ExitCode> {
+    let reporter = Reporter::new(global);
+    let source = Source::find(&args.scene)?;
+    let scene = &source.scene;
     let script = match &args.script {
         Some(path) => path.clone(),
-        None => args.scene.with_extension("view.toml"),
+        None => scene.with_extension("view.toml"),
     };
     if script.is_dir() {
         bail!("{}: --script is a folder", script.display());
     }
-    let gaussians = ply::read_gaussians(&args.scene)?;
-    let page = ScenePage::new(&args.scene, &gaussians, &args.page)?;
+    let page = args.page.for_run(source.run.as_deref(), source.dataset);
+    if let (None, Some(lost)) = (page.dataset(), &source.lost) {
+        let text = format!(
+            "{}: the dataset of the training is not there or has changed: --dataset names one",
+            lost.display()
+        );
+        reporter.warning(&text);
+        reporter.message(&serde_json::json!({ "message": "warning", "text": text }))?;
+    }
+    let gaussians = ply::read_gaussians(scene)?;
+    let page = ScenePage::new(scene, &gaussians, &page)?;
     let edit = Edit::open(&script, page.pack.lights.clone())?;
     let html = page.html(&gaussians, PageKind::Live)?;
     let stop = interrupt::stop_flag_with("the server stops")?;
     let server = Server::bind(SocketAddr::new(args.address, args.port), html, edit)?;
-    let reporter = Reporter::new(global);
-    reporter.note(&format!("{}: {}", args.scene.display(), server.url()));
+    reporter.note(&format!("{}: {}", scene.display(), server.url()));
     reporter.message(&serde_json::json!({
         "message": "listening",
         "url": server.url(),

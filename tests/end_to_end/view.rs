@@ -4,7 +4,9 @@
 use crate::light_basis;
 use crate::support::Workplace;
 #[cfg(unix)]
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
+#[cfg(unix)]
+use std::net::TcpStream;
 #[cfg(unix)]
 use std::process::{Command, Stdio};
 
@@ -59,43 +61,130 @@ fn a_page_has_the_scene_and_its_views() {
     assert!(meta["views"][0]["photograph"].is_null() && meta["title"] == "Room");
 }
 
-/// Serves until the first message, then interrupts; what stands on standard error.
+/// A server that was interrupted.
 #[cfg(unix)]
-fn interrupted(place: &Workplace, arguments: &str) -> String {
+struct Served {
+    /// What the page says of itself.
+    meta: serde_json::Value,
+    warning: Option<String>,
+    /// Standard error.
+    told: String,
+    /// The last message.
+    last: serde_json::Value,
+}
+
+/// Serves, loads the page once, and interrupts.
+#[cfg(unix)]
+fn served(place: &Workplace, arguments: &str) -> Served {
     let mut command = place.command(&format!("{arguments} --json"));
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut server = command.spawn().unwrap();
-    let mut messages = BufReader::new(server.stdout.take().unwrap()).lines();
-    let first = messages.next().unwrap().unwrap();
-    assert!(first.contains("listening"), "{first}");
+    let mut messages = BufReader::new(server.stdout.take().unwrap())
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(&line.unwrap()).unwrap())
+        .peekable();
+    let warning = messages.next_if(|message| message["message"] == "warning");
+    let first = messages.next().unwrap();
+    let url = first["url"].as_str().unwrap();
+    let (host, place) = url
+        .strip_prefix("http://")
+        .unwrap()
+        .split_once('/')
+        .unwrap();
+    let mut stream = TcpStream::connect(host).unwrap();
+    let request = format!("GET /{place} HTTP/1.1\r\nHost: {host}\r\n\r\n");
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut page = String::new();
+    stream.read_to_string(&mut page).unwrap();
     let id = server.id().to_string();
     let signal = Command::new("kill").args(["-INT", &id]).status().unwrap();
     assert!(signal.success());
-    let last = messages.next().unwrap().unwrap();
+    let last = messages.next().unwrap();
     let mut told = String::new();
-    server
-        .stderr
-        .take()
-        .unwrap()
-        .read_to_string(&mut told)
-        .unwrap();
+    let mut stderr = server.stderr.take().unwrap();
+    stderr.read_to_string(&mut told).unwrap();
     assert!(server.wait().unwrap().success(), "{told}");
-    told + &last
+    let meta = serde_json::from_str(part(&page, "meta")).unwrap();
+    Served {
+        meta,
+        warning: warning.map(|message| message["text"].as_str().unwrap().to_owned()),
+        told,
+        last,
+    }
 }
 
 #[cfg(unix)]
 #[test]
 fn a_server_that_stops_says_where_the_script_is() {
     let place = light_basis::workplace();
-    let told = interrupted(&place, "view baked.ply");
-    assert!(told.contains("the server stops"), "{told}");
-    assert!(told.contains("\"script\":null"), "{told}");
+    let without = served(&place, "view baked.ply");
+    assert!(
+        without.told.contains("the server stops"),
+        "{}",
+        without.told
+    );
+    assert_eq!(without.last["script"], serde_json::Value::Null);
     place.write(
         "baked.view.toml",
         "[[step]]\nset_light = { left = [1, 2, 3] }\n",
     );
-    let told = interrupted(&place, "view baked.ply");
-    assert!(told.contains("\"script\":\"baked.view.toml\""), "{told}");
+    let with = served(&place, "view baked.ply");
+    assert_eq!(with.last["script"], "baked.view.toml");
+}
+
+/// The page of a run has the views of the dataset that the run's records name.
+#[cfg(unix)]
+#[test]
+fn a_run_is_shown_with_its_dataset() {
+    let place = Workplace::trained();
+    let names = |served: &Served| {
+        let views = served.meta["views"].as_array().unwrap();
+        let names: Vec<_> = views.iter().map(|v| v["name"].to_string()).collect();
+        names
+    };
+    let run = served(&place, "view run --photograph-size 0");
+    assert_eq!(run.meta["title"], "run");
+    let file = "view run/scene.ply --dataset room --photograph-size 0";
+    assert_eq!(names(&run), names(&served(&place, file)));
+    assert_eq!(names(&run).len(), 12);
+
+    // That of a project, whose paths are relative to its own folder.
+    std::fs::create_dir_all(place.path("runs/room")).unwrap();
+    std::fs::rename(place.path("run"), place.path("runs/room/train")).unwrap();
+    std::fs::create_dir(place.path("projects")).unwrap();
+    std::fs::rename(place.path("room"), place.path("projects/room")).unwrap();
+    let project = place.path("projects/p.toml");
+    let record = serde_json::json!({ "version": "", "project": project, "steps": {} });
+    place.write("runs/room/run.json", record.to_string());
+    let run = served(&place, "view runs/room --max-views 3");
+    assert_eq!(
+        (run.meta["title"].as_str(), names(&run).len()),
+        (Some("room"), 3)
+    );
+
+    // Not the dataset any more: shown without.
+    let cameras = place.path("projects/room/transforms.json");
+    let text = std::fs::read_to_string(&cameras).unwrap();
+    std::fs::write(&cameras, text + "\n").unwrap();
+    let run = served(&place, "view runs/room");
+    assert_eq!(names(&run).len(), 0);
+    let lost = "room/transforms.json: the dataset of the training is not there or has changed";
+    assert!(
+        run.warning.as_ref().unwrap().contains(lost),
+        "{:?}",
+        run.warning
+    );
+    let named = served(
+        &place,
+        "view runs/room --dataset projects/room --max-views 2",
+    );
+    assert_eq!(names(&named).len(), 2);
+    assert_eq!(named.warning, None);
+    place.fails_cleanly(
+        "view runs/room --max-views 3",
+        &["--max-views", "--dataset"],
+    );
+    place.fails_cleanly("view projects", &["projects", "no scene.ply"]);
 }
 
 #[test]
