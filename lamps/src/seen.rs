@@ -4,12 +4,16 @@
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::shape::Shape;
+use eagpt_scene::Camera;
 use eagpt_trace::{Ray, TraceError, Tracer};
+use glam::Vec3;
 
 /// Share of the pixels that a lamp would have which views have to show.
 const MIN_SHARE: f32 = 0.3;
+/// Mean width of a lamp in pixels, at least, in views that have to show it.
+const MIN_WIDTH: f32 = 1.5;
 /// Rays to a lamp from each camera, along each axis of a square across it.
-const GRID: u16 = 6;
+const GRID: u16 = 24;
 /// A lamp is hidden where the scene is nearer by this share of its distance: as trained, it may
 /// be some way before the lamp's clean surface.
 const HIDDEN: f32 = 0.1;
@@ -30,25 +34,30 @@ pub(crate) fn is_seen(
     let (mut rays, mut expected) = (Vec::new(), Vec::new());
     for camera in &evidence.cameras {
         let origin = camera.origin();
-        let Some(towards) = (shape.centre() - origin).try_normalize() else {
+        let towards = shape.centre() - origin;
+        let pixel_width = towards.dot(camera.forward()) / camera.fx as f32;
+        let Some(towards) = towards.try_normalize().filter(|_| pixel_width > 0.0) else {
             continue;
         };
         let (right, up) = towards.any_orthonormal_pair();
         let place = |i: u16| (f32::from(i) + 0.5) * step - half;
-        for i in 0..GRID * GRID {
-            let aim = shape.centre() + right * place(i % GRID) + up * place(i / GRID);
-            let at = camera.project(aim);
-            let in_picture = at.z > 0.0
-                && (0.0..camera.width as f32).contains(&at.x)
-                && (0.0..camera.height as f32).contains(&at.y);
-            let direction = (aim - origin).normalize_or_zero();
-            if let Some(distance) = shape.meet(origin, direction)
-                && in_picture
-            {
-                let pixel_width = at.z / camera.fx as f32;
-                rays.push(Ray::free(origin.to_array(), direction.to_array()));
-                expected.push((distance, (step / pixel_width).powi(2)));
-            }
+        let aims = (0..GRID * GRID)
+            .map(|i| shape.centre() + right * place(i % GRID) + up * place(i / GRID));
+        let met: Vec<(Vec3, f32)> = aims
+            .filter(|aim| is_in_picture(camera, *aim))
+            .filter_map(|aim| {
+                let direction = (aim - origin).try_normalize()?;
+                Some((direction, shape.meet(origin, direction)?))
+            })
+            .collect();
+        // Masks leave out what fills no pixel.
+        let area = met.len() as f32 * step * step;
+        if area < MIN_WIDTH * pixel_width * shape.size().max_element() {
+            continue;
+        }
+        for (direction, distance) in met {
+            rays.push(Ray::free(origin.to_array(), direction.to_array()));
+            expected.push((distance, (step / pixel_width).powi(2)));
         }
     }
     let met = tracer.trace_rays(&rays)?;
@@ -60,4 +69,11 @@ pub(crate) fn is_seen(
     let expected: f32 = met.iter().zip(&expected).map(shown).sum();
     let weights = group.members.iter().map(|m| evidence.pixel(m).1.weight);
     Ok(weights.sum::<f32>() >= MIN_SHARE * expected)
+}
+
+fn is_in_picture(camera: &Camera, point: Vec3) -> bool {
+    let at = camera.project(point);
+    at.z > 0.0
+        && (0.0..camera.width as f32).contains(&at.x)
+        && (0.0..camera.height as f32).contains(&at.y)
 }
