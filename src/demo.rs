@@ -2,6 +2,7 @@
 
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
+use crate::export;
 use crate::progress::Reporter;
 use crate::run::{self, Project};
 use anyhow::{Context, Result, bail};
@@ -16,7 +17,8 @@ use std::process::ExitCode;
 /// A virtual camera photographs a furnished room by day and in the evening, in RAW brackets. They
 /// are merged, posed, masked and trained on by day; then the window goes dark and three lamps go
 /// on, by an edit script, and what comes out is compared with what the virtual evening really
-/// looked like. DIR/run/report.html shows it all. Takes a few minutes and needs nothing but this
+/// looked like. DIR/run/report.html shows it all, and links to a page of the evening to walk
+/// through, DIR/run/bake/evening.html. Takes a few minutes and needs nothing but this
 /// program.
 ///
 /// DIR/demo.toml is the project of the demo: `eagpt run DIR/demo.toml` resumes it, and repeats the
@@ -40,6 +42,8 @@ pub(crate) struct DemoArgs {
     device: DeviceArgs,
 }
 
+/// The step that the report follows.
+const BEFORE_REPORT: &str = "table";
 const PROJECT: &str = include_str!("demo/project.toml");
 const EVENING: &str = include_str!("demo/evening.toml");
 
@@ -78,7 +82,17 @@ pub(crate) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<ExitCode> {
     // A project that somebody has changed is theirs.
     keep(&path, &project)?;
     keep(&args.out.join("evening.toml"), EVENING)?;
-    let code = run::run_project(&Project::read(&path, None)?, None, global)?;
+    let project = Project::read(&path, None)?;
+    let code = run::run_project(&project, Some(BEFORE_REPORT), global)?;
+    if code != ExitCode::SUCCESS {
+        return Ok(code);
+    }
+    // The report links to pages that are there when it is written.
+    let evening = args.out.join("run/bake/evening.ply");
+    let dataset = args.out.join("run/capture/truth/evening");
+    let page = evening.with_extension("html");
+    export::write_page(&evening, &dataset, &page, global)?;
+    let code = run::run_step(&project, "report", global)?;
     if code != ExitCode::SUCCESS {
         return Ok(code);
     }

@@ -76,6 +76,26 @@ pub(crate) fn check_target(out: &Path, input: &Path, force: bool) -> Result<()> 
     Ok(())
 }
 
+/// Writes the page of `scene`, with the views of `dataset`, in place of one that is there.
+///
+/// # Errors
+/// As `eagpt export --format html`.
+pub(crate) fn write_page(
+    scene: &Path,
+    dataset: &Path,
+    out: &Path,
+    global: &GlobalArgs,
+) -> Result<ExitCode> {
+    let args = ExportArgs {
+        scene: scene.to_owned(),
+        format: Format::Html,
+        out: out.to_owned(),
+        force: true,
+        page: PageArgs::default().for_run(None, Some(dataset.to_owned())),
+    };
+    run(&args, global)
+}
+
 pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     check_target(&args.out, &args.scene, args.force)?;
     if args.format != Format::Html {

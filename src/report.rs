@@ -12,7 +12,9 @@ use std::process::ExitCode;
 /// Put the results of a run on one page
 ///
 /// The page is one HTML file with all pictures, tables and curves in it. It needs no network;
-/// sliders aside, it needs no JavaScript. `eagpt run` writes it as its last step.
+/// sliders aside, it needs no JavaScript. It links to pages that `eagpt export --format html` has
+/// written beside scenes of the run, as RUN/bake/evening.html. `eagpt run` writes the report as its
+/// last step.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(after_long_help = "Example:\n  eagpt report runs/kitchen --out kitchen.html")]
 pub(crate) struct ReportArgs {

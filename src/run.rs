@@ -128,6 +128,14 @@ pub(crate) fn run_project(
     run_steps(project, &plan, &range, global)
 }
 
+/// Runs one step of a project, if it has to be run.
+///
+/// # Errors
+/// As `eagpt run --only`.
+pub(crate) fn run_step(project: &Project, step: &str, global: &GlobalArgs) -> Result<ExitCode> {
+    only::run(project, &Plan::of(project)?, step, None, global)
+}
+
 fn run_steps(
     project: &Project,
     plan: &Plan,

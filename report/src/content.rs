@@ -1,6 +1,7 @@
 //! Content of the page.
 
 use crate::lamps::LampTable;
+use crate::pages::ScenePage;
 use crate::picture::Picture;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -14,6 +15,8 @@ pub struct Content {
     pub version: String,
     /// A few numbers that say what it was.
     pub facts: Vec<Fact>,
+    /// Pages of the run's scenes.
+    pub pages: Vec<ScenePage>,
     /// Modes and conditions, if anything was measured.
     pub overview: Option<Overview>,
     /// Lights, the photographed one first.

@@ -7,6 +7,7 @@
 //! - [`mod@run`]: `run.json`, what was made from what.
 //! - [`content`]: what is on the page; [`gather`]: how it is read.
 //! - [`lamps`]: the table of the lamps of a scene.
+//! - [`pages`]: links to pages of scenes, the only other files.
 //! - [`picture`], [`curve`]: pictures and curves as text.
 //! - [`page`]: the template.
 
@@ -16,6 +17,7 @@ pub mod error;
 pub mod gather;
 pub mod lamps;
 pub mod page;
+pub mod pages;
 pub mod picture;
 pub mod run;
 
@@ -29,7 +31,8 @@ use std::path::Path;
 /// # Errors
 /// [`ReportError`] naming the file that is missing or is not what the commands write.
 pub fn write(dir: &Path, out: &Path) -> Result<()> {
-    let content = gather::gather(dir)?;
+    let mut content = gather::gather(dir)?;
+    content.pages = pages::find(dir, out.parent().unwrap_or(dir))?;
     let html = page::render(&content)?;
     Ok(files::write_bytes_atomic(out, html.as_bytes())?)
 }

@@ -17,6 +17,10 @@ pub mod folders {
     pub const MASKS: &str = "masks";
     /// The training.
     pub const TRAIN: &str = "train";
+    /// Edited scenes, one for each relighting.
+    pub const EDIT: &str = "edit";
+    /// The same with their light.
+    pub const BAKE: &str = "bake";
     /// Renderings, a folder for each condition with one for each mode.
     pub const RENDER: &str = "render";
     /// Evaluations, likewise.

@@ -290,7 +290,10 @@ impl Plan {
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {
-        let out = self.out.join("edit").join(format!("{}.ply", relight.name));
+        let out = self
+            .out
+            .join(folders::EDIT)
+            .join(format!("{}.ply", relight.name));
         let command = JobCommand::Edit(EditArgs {
             scene: scene.to_owned(),
             script: relight.script.clone(),
@@ -347,7 +350,7 @@ impl Plan {
 
     fn bake(&mut self, project: &Project, condition: &Condition<'_>) -> Result<PathBuf> {
         let name = condition.name;
-        let out = self.out.join("bake").join(format!("{name}.ply"));
+        let out = self.out.join(folders::BAKE).join(format!("{name}.ply"));
         let Options { mut args, paths } = project.options::<BakeArgs>("bake")?;
         args.scene = condition.scene.to_owned();
         args.cameras = condition.dataset.to_owned();

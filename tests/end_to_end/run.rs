@@ -388,4 +388,11 @@ condition = "evening"
     );
     let page = String::from_utf8(place.bytes("run/report.html")).unwrap();
     assert!(page.contains("simulate") && page.contains("Light: dim"));
+    // A page beside a scene is linked to, from wherever the report is.
+    assert!(!page.contains("href="));
+    place.succeeds("export run/edit/dim.ply --format html --out run/edit/dim.html");
+    place.succeeds("report run --out reports/room.html");
+    let page = String::from_utf8(place.bytes("reports/room.html")).unwrap();
+    let page = page.replace("&#x2f;", "/");
+    assert!(page.contains("<a href=\"../run/edit/dim.html\">edit/dim</a>"));
 }
