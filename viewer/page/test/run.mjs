@@ -214,7 +214,7 @@ async function actions(open, path, size) {
   let state = 7;
   const next = (num) => (state = (state * 48271) % 2147483647) % num;
   const buttons = await page.$$("#panel button, #panel input, #panel select");
-  for (let i = 0; i < 60; i++) {
+  for (let i = 0; i < 100; i++) {
     const kind = next(4);
     if (kind === 0) await page.keyboard.press(["KeyA", "KeyE", "ArrowLeft", "ArrowUp", "KeyD"][next(5)]);
     else if (kind === 1) await drag(next(80) - 40, next(40) - 20);
