@@ -7,7 +7,6 @@ use crate::fit::Fit;
 use crate::median::median_of;
 use crate::patches::Gaps;
 use crate::shape::{Flat, Shape};
-
 use eagpt_scene::lamps::BOX_MARGIN;
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
@@ -55,12 +54,12 @@ pub(crate) fn replaced(
     nums
 }
 
-/// Whether a point, of something of a size of `scale`, is in the grown box of a shape.
-pub(crate) fn is_near(shape: &Shape, position: Vec3, scale: f32) -> bool {
-    excess(shape, position, scale) <= 0.0
+/// Whether a point is in the grown box of a shape.
+pub(crate) fn is_near(shape: &Shape, position: Vec3) -> bool {
+    excess(shape, position, 0.0) <= 0.0
 }
 
-/// Distance of a point from the grown box of a shape, negative inside.
+/// Distance of a Gaussian of size `scale` from the grown box of a shape, negative inside.
 fn excess(shape: &Shape, position: Vec3, scale: f32) -> f32 {
     let local = shape.rotation().conjugate() * (position - shape.centre());
     let size = shape.size();
@@ -69,8 +68,8 @@ fn excess(shape: &Shape, position: Vec3, scale: f32) -> f32 {
 }
 
 /// Flattens the surface around a flat lamp: of Gaussians in its plane those that stick out before
-/// it go behind it, and all of them lie along it.
-/// Those that are not to `keep` do not count. Returns what becomes of which.
+/// it go behind it, and all of them lie along it. Those that are not to `keep` do not count.
+/// Returns what becomes of which.
 pub(crate) fn flatten_mount(
     gaussians: &Gaussians,
     flat: &Flat,
@@ -143,7 +142,8 @@ fn laid_along(rotation: Quat, normal: Vec3) -> Quat {
     rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, z.cross(x), z)))
 }
 
-/// Takes out what is in front of `lamps` in pixels that show them; their discs are what `edit` adds.
+/// Takes out what is in front of `lamps` in pixels that show them; their discs are what `edit`
+/// adds.
 ///
 /// # Errors
 /// If the device fails.

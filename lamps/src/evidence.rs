@@ -199,11 +199,6 @@ impl Evidence {
         let sight = &self.sights[view as usize];
         (sight, &sight.pixels[pixel as usize])
     }
-
-    /// Whether no view shows a lamp.
-    pub fn is_empty(&self) -> bool {
-        self.sights.is_empty()
-    }
 }
 
 /// The pixels in the boxes around regions, grown by their rims.

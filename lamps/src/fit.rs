@@ -33,9 +33,9 @@ const DOUBT: f32 = 0.25;
 /// Residual of a fit beyond which a lamp is left as it was trained, if views show it as large as
 /// [`LARGE`], or smaller.
 const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
-/// … of one behind bars, …
+/// … and that of one behind bars.
 const MAX_RESIDUAL_BARS: f32 = 0.12;
-/// … which a large lamp may be whose residual is more than this.
+/// Residual up to which a large lamp needs no bars to explain it.
 const PERFECT: f32 = 0.015;
 /// Pixels of a lamp in the view that shows it largest from which on it is large. Training gives
 /// such lamps the right power, and what stands before them its place.

@@ -29,7 +29,7 @@ pub use evidence::Evidence;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit};
-use eagpt_trace::{Device, TraceError};
+use eagpt_trace::{TraceError, Tracer};
 use fit::Fit;
 use glam::Vec3;
 use group::Group;
@@ -64,7 +64,8 @@ struct Candidate {
     is_clean: bool,
 }
 
-/// Finds the lamps that views show in the scene of `gaussians`; `up` is the unit vector upwards.
+/// Finds the lamps that views show in the scene of `gaussians`, which `tracer` traces; `up` is the
+/// unit vector upwards.
 ///
 /// # Errors
 /// If the device fails.
@@ -72,12 +73,11 @@ pub fn find(
     evidence: &Evidence,
     gaussians: &Gaussians,
     up: Vec3,
-    device: &Device,
+    tracer: &dyn Tracer,
 ) -> Result<Found, TraceError> {
-    let tracer = device.scene(gaussians)?;
     let mut candidates = Vec::new();
     for candidate in explained(evidence, up) {
-        if seen::is_seen(evidence, &candidate.group, &candidate.fit.shape, &*tracer)? {
+        if seen::is_seen(evidence, &candidate.group, &candidate.fit.shape, tracer)? {
             candidates.push(candidate);
         }
     }
@@ -105,7 +105,13 @@ pub fn find(
         fixed: discs.iter().flat_map(Gaussians::iter).collect(),
     };
     if !clean_fits.is_empty() {
-        clear::remove_what_hides(device, evidence, gaussians, &clean_fits, &mut edit)?;
+        clear::remove_what_hides(
+            &tracer.device(),
+            evidence,
+            gaussians,
+            &clean_fits,
+            &mut edit,
+        )?;
     }
     let heights = || gaussians.positions.iter().map(|p| p.dot(up));
     let names = names::names(
@@ -151,8 +157,8 @@ fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             let meets = |c: &Candidate| {
                 let shows = c.fit.shape.meet(sight.origin(), pixel.direction).is_some();
                 // Bars and frames divide the lit pixels of a window.
-                let is_pane = c.fit.gaps == Gaps::Bars
-                    && clear::is_near(&c.fit.shape, sight.position(pixel), 0.0);
+                let is_pane =
+                    c.fit.gaps == Gaps::Bars && clear::is_near(&c.fit.shape, sight.position(pixel));
                 shows || is_pane
             };
             found.iter().any(meets)

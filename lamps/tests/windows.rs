@@ -31,7 +31,7 @@ fn found(lamp: &Shape, bars: &[Shape], num_lit: usize, scene: &Gaussians) -> Fou
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, shown, bars), &seen);
     }
-    find(&evidence, scene, Vec3::Z, &Device::Cpu).unwrap()
+    find(&evidence, scene, Vec3::Z, &*tracer).unwrap()
 }
 
 #[test]

@@ -198,7 +198,7 @@ fn lights_are_set_in_scripts_and_renderings() {
         "edit edits/lit.ply mix.toml --out none.ply",
         &["mix.toml: sets lights", "edits/lit.lights: no such file"],
     );
-    // What no longer is the light of the scene goes.
+    // A basis that no longer is the light of the scene goes.
     place.write(
         "grey.toml",
         "[[step]]\nselect = \"everything\"\nthen = [{ set_albedo = 0.5 }]\n",

@@ -64,7 +64,7 @@ fn a_page_has_the_scene_and_its_views() {
 /// A server that was interrupted.
 #[cfg(unix)]
 struct Served {
-    /// What the page says of itself.
+    /// The words of the page on itself.
     meta: serde_json::Value,
     warning: Option<String>,
     /// Standard error.

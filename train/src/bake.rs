@@ -244,7 +244,7 @@ impl Bake<'_> {
 }
 
 /// True for an emitter, which keeps its radiance.
-fn emits(emission: f32) -> bool {
+pub(crate) fn emits(emission: f32) -> bool {
     emission > EMISSION_THRESHOLD
 }
 

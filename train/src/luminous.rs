@@ -5,24 +5,23 @@
 //! from behind, which an albedo cannot explain: its light would be missing in every room that is
 //! lit by its lamp. It counts as a part of the lamp that it is near, and is selected with it.
 
+use crate::bake::emits;
 use crate::error::Result;
 use crate::irradiance;
-use crate::surfaces::BestSeen;
+use crate::surfaces;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Lamps};
 use eagpt_trace::Device;
-use eagpt_trace::transport::EMISSION_THRESHOLD;
-use eagpt_trace::transport::matrix::Receiver;
 
 /// Radiance over that of a white surface from which on a Gaussian emits; above what noise of the
 /// irradiance and a gloss make of white.
 const EXCESS: f32 = 1.5;
-/// and over that of its lamp.
+/// Least radiance over that of its lamp: what is dimmer than this gives the room no light.
 const MIN_SHARE: f32 = 0.05;
 
-/// The Gaussians of `scene` that are parts of `lamps` though they do not emit, ascending. The irradiance of what `cameras` see near lamps is gathered in
-/// `num_samples` directions.
+/// The Gaussians of `scene` that are parts of `lamps` though they do not emit, ascending. The
+/// irradiance of what `cameras` see near lamps is gathered in `num_samples` directions.
 ///
 /// # Errors
 /// If the device fails.
@@ -36,21 +35,15 @@ pub(crate) fn luminous(
     let light = |i: usize| luminance(scene.radiances[i].to_array());
     let may_be = |i: usize| {
         let lamp = lamps.of(scene.positions[i]).map(|lamp| &lamps.lamps[lamp]);
-        let reflects = scene.emissions[i] <= EMISSION_THRESHOLD;
+        let reflects = !emits(scene.emissions[i]);
         lamp.is_some_and(|lamp| reflects && light(i) >= MIN_SHARE * luminance(lamp.radiance))
     };
     if !(0..scene.len()).any(may_be) {
         return Ok(Vec::new());
     }
     let tracer = device.scene(scene)?;
-    let mut best = BestSeen::new(scene.len());
-    for camera in cameras {
-        best.add(&*tracer, camera)?;
-    }
-    let receivers: Vec<Receiver> = (0..)
-        .zip(best.finish())
-        .filter_map(|(i, surface)| Some((i, surface.filter(|_| may_be(i as usize))?)))
-        .collect();
+    let mut receivers = surfaces::seen(&*tracer, scene.len(), cameras)?;
+    receivers.retain(|(i, _)| may_be(*i as usize));
     let directions = irradiance::directions(num_samples);
     let matrix = tracer.trace_transport(&receivers, directions, key)?;
     let indirect = matrix.from_others(directions, &scene.radiances);

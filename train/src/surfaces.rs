@@ -6,6 +6,7 @@
 
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussian};
+use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, Ray, Tracer};
 use glam::Mat3;
@@ -61,6 +62,21 @@ impl BestSeen {
         let surface = |best: Option<(f32, Surface)>| Some(best?.1);
         self.best.into_iter().map(surface).collect()
     }
+}
+
+/// The Gaussians that `cameras` see of the `num` of `scene`, ascending, each as it is seen best.
+///
+/// # Errors
+/// If the device of the `scene` fails.
+pub fn seen(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Vec<Receiver>> {
+    let mut best = BestSeen::new(num);
+    for camera in cameras {
+        best.add(scene, camera)?;
+    }
+    let surfaces = (0..).zip(best.finish());
+    Ok(surfaces
+        .filter_map(|(i, surface)| Some((i, surface?)))
+        .collect())
 }
 
 /// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more

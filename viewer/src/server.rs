@@ -35,7 +35,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(20);
 /// How often it is looked whether to stop.
 const STOP_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What a page may load and where it may connect to: itself.
+/// The sources that a page may load from and connect to: itself.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
     img-src data: blob:; worker-src blob:; connect-src 'self'; base-uri 'none'; \
     form-action 'none'; frame-ancestors 'none'";

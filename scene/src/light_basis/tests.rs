@@ -150,7 +150,7 @@ fn the_scene_has_to_be_the_one_of_the_basis() {
     assert!(other_light.contains("another light"), "{other_light}");
     scene.radiances = basis.radiances();
     basis.check(&scene).unwrap();
-    // What reflects may carry anything.
+    // Gaussians that reflect may carry anything.
     let dark = scene.emissions.iter().position(|e| *e == 0.0).unwrap();
     scene.radiances[dark] = Vec3::splat(9.0);
     basis.check(&scene).unwrap();

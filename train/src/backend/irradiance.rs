@@ -9,7 +9,7 @@
 use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
 use crate::irradiance::{self, NoisyLight};
-use crate::surfaces::BestSeen;
+use crate::surfaces;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
@@ -44,16 +44,8 @@ impl GaussianIrradiance {
     /// # Errors
     /// If the device of the `scene` fails.
     pub(super) fn new(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Self> {
-        let mut best = BestSeen::new(num);
-        for camera in cameras {
-            best.add(scene, camera)?;
-        }
-        let seen = (0..)
-            .zip(best.finish())
-            .filter_map(|(i, found)| Some((i, found?)))
-            .collect();
         Ok(Self {
-            seen,
+            seen: surfaces::seen(scene, num, cameras)?,
             direct: NoisyLight::default(),
             indirect: NoisyLight::default(),
             irradiance: Vec::new(),

@@ -27,7 +27,7 @@ impl Run<'_> {
             }
         }
         let up = views.up();
-        let found = eagpt_lamps::find(&evidence, &gaussians, up, &self.request.device)?;
+        let found = eagpt_lamps::find(&evidence, &gaussians, up, &*tracer)?;
         write_lamps(&self.request.out.join(LAMPS_FILE), &found.lamps)?;
         let num_lamps = found.lamps.lamps.len();
         backend.edit(&found.edit)?;
