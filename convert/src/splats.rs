@@ -10,7 +10,7 @@ mod spz;
 
 use crate::error::{ConvertError, Result};
 use eagpt_scene::ply::{self, SH_DEGREE_0, Splat, Splats};
-use eagpt_scene::{Gaussian, Gaussians, color, rotation};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, color, rotation};
 use fit::{Fit, Fitted, NUM_DIRECTIONS};
 use glam::{DMat3, DVec3, Quat, Vec2, Vec3};
 use rayon::prelude::*;
@@ -242,6 +242,7 @@ fn converted(
         opacity: splat.opacity,
         radiance: fitted.radiance,
         harmonics: fitted.harmonics,
+        gloss: Gloss::NONE,
         emission: 0.0,
         albedo: ALBEDO,
     };

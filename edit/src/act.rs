@@ -2,7 +2,7 @@
 
 use crate::place::Placement;
 use eagpt_scene::color::luminance;
-use eagpt_scene::{Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
 use glam::Vec3;
 
 /// An action on a selection.
@@ -41,6 +41,12 @@ pub(crate) enum Paint {
     ScaleAlbedo(Vec3),
     /// Albedo whose channel i was channel `[i]`.
     SwapAlbedo([usize; 3]),
+    /// Roughness of the specular part, 0 to 1.
+    SetRoughness(f32),
+    /// F0 of the specular part, 0 to 1.
+    SetSpecular(Vec3),
+    /// No diffuse part, and this specular one.
+    Metal(Gloss),
 }
 
 impl Paint {
@@ -67,6 +73,9 @@ impl Paint {
             Self::SwapAlbedo([r, g_from, b]) => {
                 g.albedo = Vec3::new(g.albedo[r], g.albedo[g_from], g.albedo[b]);
             }
+            Self::SetRoughness(roughness) => g.gloss.roughness = roughness,
+            Self::SetSpecular(specular) => g.gloss.specular = specular,
+            Self::Metal(gloss) => (g.albedo, g.gloss) = (Vec3::ZERO, gloss),
         }
         g
     }
@@ -108,6 +117,17 @@ mod tests {
             albedo: albedo.into(),
             ..start
         };
+        let shiny = Gloss {
+            specular: Vec3::new(0.9, 0.7, 0.3),
+            roughness: 0.125,
+        };
+        let glossy = |specular: Vec3, roughness: f32| Gaussian {
+            gloss: Gloss {
+                specular,
+                roughness,
+            },
+            ..start
+        };
         // 0.2126 · 1 + 0.7152 · 2 + 0.0722 · 4 = 1.9318; of green alone, 0.7152 to the unit.
         let green = 1.9318 / 0.7152;
         for (paint, expected) in [
@@ -129,6 +149,19 @@ mod tests {
                 diffuse([0.375, 0.75, 1.0]),
             ),
             (Paint::SwapAlbedo([2, 0, 1]), diffuse([0.75, 0.25, 0.5])),
+            (
+                Paint::SetSpecular(shiny.specular),
+                glossy(shiny.specular, 1.0),
+            ),
+            (Paint::SetRoughness(0.25), glossy(Vec3::ZERO, 0.25)),
+            (
+                Paint::Metal(shiny),
+                Gaussian {
+                    albedo: Vec3::ZERO,
+                    gloss: shiny,
+                    ..start
+                },
+            ),
         ] {
             let painted = paint.apply(start);
             assert!((painted.radiance - expected.radiance).length() < 1e-5);

@@ -57,6 +57,8 @@
 //! | `"make_emissive"`, `"make_not_emissive"` | emission 1 or 0 |
 //! | `{ scale_light = f }`, `{ tint_light = c }`, `{ set_radiance = c }` | linear; a tint keeps the luminance |
 //! | `{ set_albedo = c }`, `{ scale_albedo = f }`, `{ swap_albedo = "bgr" }` | 0 to 1; a scaled albedo ends at 1 |
+//! | `{ set_specular = c }`, `{ set_roughness = r }` | F0 and roughness of what is mirrored, 0 to 1 |
+//! | `{ metal = { color = c, roughness = r } }` | albedo 0, F0 `c`; roughness 0.2, if nothing is said |
 //! | `{ move = [x, y, z] }`, `{ rotate = { axis, degrees, about } }`, `{ scale = { factor, about } }` | Gaussians turn and grow along |
 //! | `{ place = placement }` | all of these at once |
 //! | `{ duplicate = placement }` | of a copy, which the rest of the list acts on |
@@ -69,7 +71,8 @@
 //!
 //! `insert` is `{ ball = { centre, radius } }`, `{ quad = { centre, u, v } }` with whole edges u
 //! and v, or `{ box = { centre, size, rotate } }`; each with `albedo`, or `radiance` if it emits,
-//! or both, and the `spacing` of its discs. `import` is `{ file, select }` and the keys of a
+//! or both, and the `spacing` of its discs. It mirrors with `specular` (F0) and `roughness` (0.2, if
+//! nothing is said), or is a `metal = { color, roughness }` and nothing else. `import` is `{ file, select }` and the keys of a
 //! placement; the file is relative to the script.
 //!
 //! `set_light` is a table of names of lights, or patterns, and factors, as `{ "ceiling-2" = [1,

@@ -114,7 +114,7 @@ impl Similarity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eagpt_scene::Harmonics;
+    use eagpt_scene::{Gloss, Harmonics};
     use glam::Vec2;
     use std::f32::consts::FRAC_PI_2;
 
@@ -128,6 +128,7 @@ mod tests {
             opacity: 0.5,
             radiance: Vec3::ONE,
             harmonics: Harmonics::NONE,
+            gloss: Gloss::NONE,
             emission: 0.0,
             albedo: Vec3::splat(0.5),
         }

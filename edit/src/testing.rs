@@ -1,6 +1,6 @@
 //! Helpers of several tests.
 
-use eagpt_scene::{Gaussian, Harmonics};
+use eagpt_scene::{Gaussian, Gloss, Harmonics};
 use glam::{Quat, Vec2, Vec3};
 
 /// A level, grey disc.
@@ -12,6 +12,7 @@ pub(crate) fn disc(position: Vec3) -> Gaussian {
         opacity: 0.9,
         radiance: Vec3::splat(0.5),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: 0.0,
         albedo: Vec3::splat(0.5),
     }

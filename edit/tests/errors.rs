@@ -253,7 +253,25 @@ fn every_complaint_names_line_key_and_value() {
             "[[step]]\ninsert.ball = { centre = [0, 0, 0], radius = 1 }",
             4,
             "step[0].insert.ball",
-            "neither `albedo` nor `radiance`",
+            "none of `albedo`, `radiance`, `specular`, `metal`",
+        ),
+        (
+            "[[step]]\ninsert.ball = { centre = [0, 0, 0], radius = 1, albedo = 1, metal.color = 1 }",
+            4,
+            "step[0].insert.ball",
+            "a `metal` has no `albedo`",
+        ),
+        (
+            "[[step]]\ninsert.ball = { centre = [0, 0, 0], radius = 1, albedo = 1, roughness = 0.5 }",
+            4,
+            "step[0].insert.ball",
+            "`roughness` is that of a `specular`",
+        ),
+        (
+            "[[step]]\nselect = \"everything\"\nthen = [{ set_roughness = 2 }]",
+            5,
+            "step[0].then[0].set_roughness",
+            "outside 0 to 1",
         ),
         (
             "[[step]]\ninsert.ball = { centre = [0, 0, 0], radius = 1, albedo = 1, spacing = 1e-6 }",

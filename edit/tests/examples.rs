@@ -7,7 +7,7 @@
 )]
 
 use eagpt_edit::{Script, replay};
-use eagpt_scene::{Gaussians, Harmonics, ply};
+use eagpt_scene::{Gaussians, Gloss, Harmonics, ply};
 use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
 
@@ -53,6 +53,7 @@ fn the_lamp_is_as_high_as_its_script_says() {
         opacity: 1.0,
         radiance: Vec3::ONE,
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: 1.0,
         albedo: Vec3::ONE,
     });

@@ -11,7 +11,7 @@ mod common;
 
 use common::{Folder, disc, row};
 use eagpt_edit::Edited;
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::{Gaussian, Gaussians, Gloss};
 use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::FRAC_PI_2;
 
@@ -112,6 +112,27 @@ fn actions_on_light_and_material() {
             "{ set_albedo = 0.5 }",
             Gaussian {
                 albedo: Vec3::splat(0.5),
+                ..lamp()
+            },
+        ),
+        (
+            "{ set_specular = [0.04, 0.05, 0.06] }, { set_roughness = 0.25 }",
+            Gaussian {
+                gloss: Gloss {
+                    specular: Vec3::new(0.04, 0.05, 0.06),
+                    roughness: 0.25,
+                },
+                ..lamp()
+            },
+        ),
+        (
+            "{ metal = { color = [0.9, 0.7, 0.3] } }",
+            Gaussian {
+                albedo: Vec3::ZERO,
+                gloss: Gloss {
+                    specular: Vec3::new(0.9, 0.7, 0.3),
+                    roughness: 0.2,
+                },
                 ..lamp()
             },
         ),

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
 
+use eagpt_scene::Gloss;
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
@@ -12,6 +13,7 @@ use std::f32::consts::PI;
 const MATERIAL: Material = Material {
     albedo: Vec3::new(0.2, 0.4, 0.6),
     radiance: None,
+    gloss: Gloss::NONE,
 };
 
 fn surface(solid: Solid, spacing: Option<f32>) -> Surface {
@@ -160,6 +162,7 @@ fn an_emitter_shows_its_radiance_and_the_spacing_sets_the_number() {
         material: Material {
             albedo: Vec3::ZERO,
             radiance: Some(Vec3::splat(12.0)),
+            gloss: Gloss::NONE,
         },
         ..surface(solid, Some(0.1))
     };

@@ -2,7 +2,7 @@
 
 use crate::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
-use eagpt_scene::{Gaussian, Gaussians};
+use eagpt_scene::{Gaussian, Gaussians, Gloss};
 use eagpt_trace::Ray;
 use eagpt_trace::cpu::CpuScene;
 use glam::Vec3;
@@ -32,6 +32,7 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, pixel: f32) -> Gaussians {
         material: Material {
             albedo: Vec3::splat(0.5),
             radiance,
+            gloss: Gloss::NONE,
         },
         spacing: Some(spacing),
     };

@@ -8,7 +8,7 @@ use eagpt_lamps::shape::{Flat, Shape};
 use eagpt_lamps::{Evidence, Found, find};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::lamps::LampShape;
-use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, SceneEdit, rotation};
 use eagpt_trace::Device;
 use glam::{Quat, Vec3};
 use rig::{RADIANCE, cameras, patch, photograph, room};
@@ -122,6 +122,7 @@ fn round_and_long_lamps_have_their_power() {
             material: Material {
                 albedo: Vec3::ZERO,
                 radiance: Some(RADIANCE),
+                gloss: Gloss::NONE,
             },
             spacing: Some(0.02),
         };

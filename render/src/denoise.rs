@@ -4,7 +4,7 @@ use crate::RenderJob;
 use eagpt_denoise::{DenoiseError, Denoiser, Frame};
 use eagpt_scene::{Camera, Image};
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::{Integrator, RenderedView};
+use eagpt_trace::{Guide, Integrator, RenderedView};
 
 /// A view with its light denoised.
 ///
@@ -75,21 +75,22 @@ fn frame(
             let Some(surface) = Surface::at(view.origin, direction, features) else {
                 continue;
             };
+            let guide = rays.guides.get(ray).copied().unwrap_or(Guide {
+                albedo: features.albedo(),
+                normal: surface.normal,
+                position: surface.position,
+            });
             num_hits += 1.0;
             add(&mut frame.reflected.pixels_mut()[i], light, share);
             add(
                 &mut frame.albedo.pixels_mut()[i],
-                features.albedo().into(),
+                guide.albedo.into(),
                 share,
             );
-            add(
-                &mut frame.normal.pixels_mut()[i],
-                surface.normal.into(),
-                1.0,
-            );
+            add(&mut frame.normal.pixels_mut()[i], guide.normal.into(), 1.0);
             add(
                 &mut frame.position.pixels_mut()[i],
-                surface.position.into(),
+                guide.position.into(),
                 1.0,
             );
             add(

@@ -4,7 +4,7 @@
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred
 //! through anywhere.
 
-use crate::{Gaussian, Gaussians, Harmonics, rotation};
+use crate::{Gaussian, Gaussians, Gloss, Harmonics, rotation};
 use glam::{Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -91,6 +91,8 @@ pub struct Material {
     pub albedo: Vec3,
     /// Emitted radiance, linear Rec.709; `None` if it does not emit.
     pub radiance: Option<Vec3>,
+    /// What it mirrors.
+    pub gloss: Gloss,
 }
 
 impl Surface {
@@ -271,6 +273,7 @@ impl Surface {
             opacity: OPACITY,
             radiance: self.material.radiance.unwrap_or(Vec3::ZERO),
             harmonics: Harmonics::NONE,
+            gloss: self.material.gloss,
             emission: f32::from(self.material.radiance.is_some()),
             albedo: self.material.albedo,
         }

@@ -1,5 +1,6 @@
 //! 2D Gaussians as struct of arrays, with activated (physical) values.
 
+use crate::gloss::Gloss;
 use crate::harmonics::Harmonics;
 use crate::rng::{Purpose, RandomKey};
 use glam::{Quat, Vec2, Vec3};
@@ -23,10 +24,12 @@ pub struct Gaussian {
     pub emission: f32,
     /// Diffuse albedo, linear Rec.709, 0 to 1.
     pub albedo: Vec3,
+    /// Specular part of the material.
+    pub gloss: Gloss,
 }
 
-/// A set of [`Gaussian`]s; every array has the same length, but for `harmonics`, which may be
-/// empty.
+/// A set of [`Gaussian`]s; every array has the same length, but for `harmonics` and `gloss`,
+/// which may be empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
     /// Centres, `[n]`, world space, scene units.
@@ -45,6 +48,8 @@ pub struct Gaussians {
     pub emissions: Vec<f32>,
     /// Diffuse albedos, `[n]`, 0 to 1.
     pub albedos: Vec<Vec3>,
+    /// Specular parts of the materials, `[n]`; empty where nothing is glossy.
+    pub gloss: Vec<Gloss>,
 }
 
 impl Gaussians {
@@ -69,6 +74,7 @@ impl Gaussians {
             harmonics: Vec::new(),
             emissions: Vec::with_capacity(capacity),
             albedos: Vec::with_capacity(capacity),
+            gloss: Vec::new(),
         }
     }
 
@@ -77,6 +83,10 @@ impl Gaussians {
         if !self.harmonics.is_empty() || g.harmonics != Harmonics::NONE {
             self.harmonics.resize(self.len(), Harmonics::NONE);
             self.harmonics.push(g.harmonics);
+        }
+        if !self.gloss.is_empty() || g.gloss != Gloss::NONE {
+            self.gloss.resize(self.len(), Gloss::NONE);
+            self.gloss.push(g.gloss);
         }
         self.positions.push(g.position);
         self.scales.push(g.scale);
@@ -103,6 +113,10 @@ impl Gaussians {
             self.harmonics.resize(self.len(), Harmonics::NONE);
             self.harmonics[index] = g.harmonics;
         }
+        if !self.gloss.is_empty() || g.gloss != Gloss::NONE {
+            self.gloss.resize(self.len(), Gloss::NONE);
+            self.gloss[index] = g.gloss;
+        }
     }
 
     /// The Gaussian at `index`.
@@ -119,7 +133,18 @@ impl Gaussians {
             harmonics: self.harmonics.get(index).copied().unwrap_or_default(),
             emission: self.emissions[index],
             albedo: self.albedos[index],
+            gloss: self.gloss_of(index),
         }
+    }
+
+    /// Specular part of the material of the Gaussian at `index`.
+    pub fn gloss_of(&self, index: usize) -> Gloss {
+        self.gloss.get(index).copied().unwrap_or_default()
+    }
+
+    /// Whether any Gaussian mirrors light.
+    pub fn is_glossy(&self) -> bool {
+        self.gloss.iter().any(Gloss::is_some)
     }
 
     /// Radiance of the Gaussian at `index` as it is seen from `eye`.
@@ -177,6 +202,7 @@ pub fn random_cloud(num: usize, seed: u64) -> Gaussians {
                 opacity: 0.02 + 0.979 * l,
                 radiance: Vec3::new(m, n, o) * 4.0,
                 harmonics: Harmonics::NONE,
+                gloss: Gloss::NONE,
                 emission: p,
                 albedo: Vec3::new(q, r, a),
             }

@@ -64,7 +64,7 @@ pub struct LightBasis {
     scales: Vec<f32>,
     /// Reflected radiance at the factor 1 in units of `scales`, `[lights, n, 3]`.
     reflected: Vec<f16>,
-    /// Digests of what it depends on: parts "geometry" and "albedos".
+    /// Digests of what it depends on: parts "geometry", "albedos" and, of glossy scenes, "gloss".
     key: Key,
 }
 
@@ -84,9 +84,16 @@ pub fn geometry_digest(scene: &Gaussians) -> String {
 fn key(scene: &Gaussians) -> Key {
     let albedos = scene.albedos.iter().flat_map(Vec3::to_array);
     let albedos: Vec<u8> = albedos.flat_map(f32::to_le_bytes).collect();
-    Key::new()
+    let key = Key::new()
         .with("geometry", geometry_digest(scene))
-        .with("albedos", digest::of_bytes(&albedos))
+        .with("albedos", digest::of_bytes(&albedos));
+    if !scene.is_glossy() {
+        return key;
+    }
+    let gloss = (scene.gloss.iter())
+        .flat_map(|g| [g.specular.to_array().as_slice(), &[g.roughness]].concat());
+    let gloss: Vec<u8> = gloss.flat_map(f32::to_le_bytes).collect();
+    key.with("gloss", digest::of_bytes(&gloss))
 }
 
 impl LightBasis {

@@ -2,7 +2,7 @@
 
 pub use eagpt_scene::random_cloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics, rotation};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Harmonics, rotation};
 use glam::{DAffine3, DMat3, DVec3, Quat, Vec2, Vec3};
 
 /// The same Gaussians with light that differs with the direction, up to fivefold.
@@ -77,6 +77,7 @@ pub fn material(radiance: Vec3, emission: f32, albedo: Vec3) -> Gaussian {
         opacity: 0.95,
         radiance,
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission,
         albedo,
     }

@@ -4,6 +4,8 @@
 use crate::features::{Features, NUM_LANES, lane};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::surfel::Attributes;
+use eagpt_scene::Gloss;
+use glam::Vec3;
 
 /// A hit as a search finds it, sortable by true distance, ties by index.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,6 +193,37 @@ impl Blender {
     #[inline(always)]
     pub(crate) fn transmittance(&self) -> f32 {
         self.transmittance
+    }
+}
+
+/// Blends the specular parts of hits: F0 by their weights, roughness by what they mirror.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct GlossBlend {
+    specular: Vec3,
+    /// Sums of F0's largest channel, and of that times the roughness.
+    largest: f32,
+    roughness: f32,
+}
+
+impl GlossBlend {
+    /// Adds a hit.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, weight: f32, gloss: &Gloss) {
+        self.specular += weight * gloss.specular;
+        let largest = weight * gloss.specular.max_element();
+        self.largest += largest;
+        self.roughness += largest * gloss.roughness;
+    }
+
+    /// The specular part of all hits so far, whose weights add up to `alpha`.
+    pub(crate) fn finish(self, alpha: f32) -> Gloss {
+        if self.largest <= 0.0 || alpha <= 0.0 {
+            return Gloss::NONE;
+        }
+        Gloss {
+            specular: (self.specular / alpha).min(Vec3::ONE),
+            roughness: (self.roughness / self.largest).min(1.0),
+        }
     }
 }
 

@@ -6,13 +6,14 @@
 //!   hits for [`CameraRecord::adjoint`].
 //! - [`realizations`]: stochastic realizations of the Gaussians as opaque discs, for rays of which
 //!   the mean alone matters.
-//! - `integrate`, `path`: the integrators on single rays.
+//! - `integrate`, `path`: the integrators on single rays; `glossy`: those of scenes with gloss.
 //! - [`CpuScene`]: all of it behind [`crate::Tracer`].
 
 mod adjoint;
 pub(crate) mod bins;
 pub mod bvh;
 pub mod camera;
+mod glossy;
 mod hits;
 mod integrate;
 mod path;

@@ -41,5 +41,5 @@ pub mod weights;
 pub use device::{Device, DeviceSelector};
 pub use features::{Features, GBuffer};
 pub use ray::Ray;
-pub use tracer::{RenderedView, TraceError, Tracer};
+pub use tracer::{Guide, RenderedView, TraceError, Tracer};
 pub use transport::{Integrator, LightOptions};

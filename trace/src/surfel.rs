@@ -4,7 +4,7 @@ use crate::blend::Face;
 use crate::features::{NUM_LANES, lane};
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
-use eagpt_scene::{Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
@@ -55,6 +55,8 @@ pub struct SurfelSet {
     pub attributes: Vec<Attributes>,
     /// How the radiance differs with the direction it is seen from, `[n]`; empty where none does.
     pub harmonics: Vec<Harmonics>,
+    /// Specular parts of the materials, `[n]`; empty where nothing is glossy.
+    pub gloss: Vec<Gloss>,
 }
 
 /// A [`SurfelSet`] as it looks from one point.
@@ -226,6 +228,10 @@ impl SurfelSet {
             .collect_into_vec(&mut self.attributes);
         let harmonics = gaussians.harmonics.par_iter().with_min_len(1024);
         harmonics.copied().collect_into_vec(&mut self.harmonics);
+        self.gloss.clear();
+        if gaussians.is_glossy() {
+            self.gloss.extend_from_slice(&gaussians.gloss);
+        }
     }
 
     /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to

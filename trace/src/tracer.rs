@@ -36,16 +36,33 @@ pub struct RenderedView {
     pub features: GBuffer,
     /// Rays traced beside those of the camera.
     pub num_rays: u64,
+    /// What a denoiser is to know of each camera ray, `[height · width]`; empty where nothing is
+    /// glossy and the features say it.
+    pub guides: Vec<Guide>,
+}
+
+/// A surface that guides a denoiser: the one that a camera ray meets, or the first rough one that
+/// it sees in mirrors.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Guide {
+    /// Reflectance for light from everywhere, times that of the mirrors before it.
+    pub albedo: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Place, world space.
+    pub position: Vec3,
 }
 
 impl RenderedView {
-    /// Means over squares of `factor` × `factor` pixels, of which the view has a whole number.
+    /// Means over squares of `factor` × `factor` pixels, of which the view has a whole number;
+    /// without guides, which are of rays.
     pub fn averaged(&self, factor: u32) -> Self {
         Self {
             radiance: self.radiance.averaged(factor),
             second_moment: self.second_moment.averaged(factor),
             features: self.features.averaged(factor),
             num_rays: self.num_rays,
+            guides: Vec::new(),
         }
     }
 }

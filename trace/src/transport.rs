@@ -6,9 +6,13 @@
 //! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet
 //!   one.
 //!
+//! That is for diffuse surfaces. Where a scene is glossy, P/π is a BSDF ([`bsdf`]), directions come
+//! from both of its lobes, and `1-bounce` shows in a mirror what the Gaussians there carry.
+//!
 //! Directions are cosine-weighted, as in the paper, or emitters are sampled as well ([`Sampling`]);
 //! the mean is the same.
 
+pub mod bsdf;
 pub mod light_list;
 pub mod lights;
 pub mod matrix;

@@ -3,7 +3,7 @@
 
 mod gpu;
 
-use eagpt_scene::{Camera, Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Harmonics};
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::blend::Contribution;
 use eagpt_trace::blend::GradientMask;
@@ -108,6 +108,7 @@ fn long_lists_of_hits_keep_their_order() {
         opacity: 0.02 + 0.001 * (i % 50) as f32,
         radiance: Vec3::new(1.0, 0.1 * (i % 9) as f32, 0.2 * (i % 5) as f32),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: 0.01 * i as f32,
         albedo: Vec3::splat(0.5),
     };

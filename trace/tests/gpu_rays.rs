@@ -2,7 +2,7 @@
 
 mod gpu;
 
-use eagpt_scene::{Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
 use eagpt_testkit::gaussians::random_cloud;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
@@ -72,6 +72,7 @@ fn no_hit_is_lost_in_a_deep_tree() {
             opacity: 0.02,
             radiance: Vec3::new(1.0, i as f32 / 300.0, 0.5),
             harmonics: Harmonics::NONE,
+            gloss: Gloss::NONE,
             emission: 0.0,
             albedo: Vec3::ONE,
         })

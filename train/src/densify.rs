@@ -111,7 +111,7 @@ pub(crate) fn densify(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eagpt_scene::{Gaussian, Harmonics};
+    use eagpt_scene::{Gaussian, Gloss, Harmonics};
     use glam::{Quat, Vec2, Vec3};
 
     fn row(n: usize) -> Gaussians {
@@ -123,6 +123,7 @@ mod tests {
                 opacity: 0.5,
                 radiance: Vec3::splat(1.0 + i as f32),
                 harmonics: Harmonics::NONE,
+                gloss: Gloss::NONE,
                 emission: 0.1,
                 albedo: Vec3::splat(0.5),
             })

@@ -17,7 +17,7 @@ use eagpt_scene::color::{linear_from_srgb, srgb8_from_linear};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::ply::PointCloud;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, View, rotation};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, View, rotation};
 use glam::{Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -166,6 +166,7 @@ impl Initialiser {
                         color
                     },
                     harmonics: Harmonics::NONE,
+                    gloss: Gloss::NONE,
                     emission: match seen.num_masked {
                         0 => options.emission,
                         n => (seen.emission / n as f32).clamp(0.02, 0.98),

@@ -15,7 +15,7 @@ pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};
 pub use state::{BadGradient, ParameterState, StepSizes};
 
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};
-use eagpt_scene::{Gaussian, Harmonics, rotation};
+use eagpt_scene::{Gaussian, Gloss, Harmonics, rotation};
 use eagpt_trace::blend::{LocalGradient, grad_lane};
 use glam::{Mat3, Quat, Vec2, Vec3};
 
@@ -89,6 +89,7 @@ pub fn gaussian_from_raw(raw: &Raw) -> Gaussian {
         opacity: sigmoid(raw[OPACITY]),
         radiance: triple(RADIANCE).map(f32::exp),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: sigmoid(raw[EMISSION]),
         albedo: triple(ALBEDO).map(sigmoid),
     }
@@ -154,6 +155,7 @@ mod tests {
             opacity: 0.7,
             radiance: Vec3::new(0.01, 1.5, 40.0),
             harmonics: Harmonics::NONE,
+            gloss: Gloss::NONE,
             emission: 0.2,
             albedo: Vec3::new(0.1, 0.5, 0.9),
         }

@@ -33,7 +33,7 @@ use crate::error::{Result, ViewerError};
 use columns::{Reader, Writer};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::lamps::EMISSION_THRESHOLD;
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, Lamps, LightBasis};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, Lamps, LightBasis};
 use eagpt_trace::model::MIN_ALPHA;
 use glam::{Vec2, Vec3};
 use quantise::{RotationCode, signed_from_code, signed_to_code};
@@ -141,6 +141,7 @@ impl Pack {
                 opacity: steps.opacity(opacity[i]),
                 radiance: radiance[i],
                 harmonics: Harmonics(coefficients),
+                gloss: Gloss::NONE,
                 emission: f32::from(emission[i]) / 255.0,
                 albedo: Vec3::from(albedo.each_ref().map(|column| f32::from(column[i]) / 255.0)),
             }

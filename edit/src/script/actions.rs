@@ -2,9 +2,10 @@
 
 use crate::act::{Action, Paint};
 use crate::place::{Goal, Pivot, Placement};
+use eagpt_scene::Gloss;
 use eagpt_scene::color::luminance;
 use eagpt_scene::script::value::{
-    Albedo, Array, Color, Direction, Form, Number, Positive, Rotation, checked, vec3,
+    Albedo, Array, Color, Direction, Form, Fraction, Number, Positive, Rotation, checked, vec3,
 };
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Deserializer};
@@ -24,12 +25,36 @@ enum ActionKeys {
     SetAlbedo(Albedo),
     ScaleAlbedo(Color),
     SwapAlbedo(#[serde(deserialize_with = "channels")] [usize; 3]),
+    SetRoughness(Fraction),
+    SetSpecular(Albedo),
+    Metal(MetalKeys),
     Move(Array<Number, 3>),
     Rotate(RotateKeys),
     Scale(ScaleKeys),
     Place(Placement),
     Duplicate(Placement),
     SnapToFloor(Number),
+}
+
+/// Roughness of a metal of which nothing is said.
+const METAL_ROUGHNESS: f32 = 0.2;
+
+/// A metal as a script has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MetalKeys {
+    color: Albedo,
+    roughness: Option<Fraction>,
+}
+
+impl MetalKeys {
+    /// Its specular part; a metal has no other.
+    pub(super) fn gloss(self) -> Gloss {
+        Gloss {
+            specular: self.color.0,
+            roughness: self.roughness.map_or(METAL_ROUGHNESS, f32::from),
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -77,6 +102,9 @@ impl<'de> Deserialize<'de> for Action {
             ActionKeys::SetAlbedo(albedo) => Paint::SetAlbedo(albedo.0),
             ActionKeys::ScaleAlbedo(factor) => Paint::ScaleAlbedo(factor.0),
             ActionKeys::SwapAlbedo(channels) => Paint::SwapAlbedo(channels),
+            ActionKeys::SetRoughness(roughness) => Paint::SetRoughness(roughness.into()),
+            ActionKeys::SetSpecular(specular) => Paint::SetSpecular(specular.0),
+            ActionKeys::Metal(metal) => Paint::Metal(metal.gloss()),
             ActionKeys::Move(offset) => return Ok(Self::Place(Placement::by(offset.into()))),
             ActionKeys::Rotate(keys) => {
                 return Ok(Self::Place(Placement {

@@ -1,10 +1,16 @@
 //! New surfaces in a script.
 
+use super::actions::MetalKeys;
+use eagpt_scene::Gloss;
 use eagpt_scene::discs::{MAX_DISCS, Material, Solid, Surface};
-use eagpt_scene::script::value::{Albedo, Array, Color, Number, Positive, Rotation, checked};
+use eagpt_scene::script::value::{
+    Albedo, Array, Color, Fraction, Number, Positive, Rotation, checked,
+};
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Deserializer};
 
+/// Roughness of a specular surface of which nothing is said.
+const DEFAULT_ROUGHNESS: f32 = 0.2;
 /// Sine of the smallest angle between the edges of a quad.
 const MIN_SINE: f32 = 1e-3;
 
@@ -38,6 +44,9 @@ fn ball<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error>
         radius: Positive,
         albedo: Option<Albedo>,
         radiance: Option<Color>,
+        specular: Option<Albedo>,
+        roughness: Option<Fraction>,
+        metal: Option<MetalKeys>,
         spacing: Option<Positive>,
     }
 
@@ -46,7 +55,14 @@ fn ball<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error>
             centre: keys.centre.into(),
             radius: keys.radius.into(),
         };
-        surface(solid, keys.albedo, keys.radiance, keys.spacing)
+        let look = Look {
+            albedo: keys.albedo,
+            radiance: keys.radiance,
+            specular: keys.specular,
+            roughness: keys.roughness,
+            metal: keys.metal,
+        };
+        surface(solid, look, keys.spacing)
     })
 }
 
@@ -59,6 +75,9 @@ fn quad<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error>
         v: Array<Number, 3>,
         albedo: Option<Albedo>,
         radiance: Option<Color>,
+        specular: Option<Albedo>,
+        roughness: Option<Fraction>,
+        metal: Option<MetalKeys>,
         spacing: Option<Positive>,
     }
 
@@ -71,7 +90,14 @@ fn quad<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error>
             centre: keys.centre.into(),
             edges: [u, v],
         };
-        surface(solid, keys.albedo, keys.radiance, keys.spacing)
+        let look = Look {
+            albedo: keys.albedo,
+            radiance: keys.radiance,
+            specular: keys.specular,
+            roughness: keys.roughness,
+            metal: keys.metal,
+        };
+        surface(solid, look, keys.spacing)
     })
 }
 
@@ -84,6 +110,9 @@ fn cuboid<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Erro
         rotate: Option<Rotation>,
         albedo: Option<Albedo>,
         radiance: Option<Color>,
+        specular: Option<Albedo>,
+        roughness: Option<Fraction>,
+        metal: Option<MetalKeys>,
         spacing: Option<Positive>,
     }
 
@@ -93,25 +122,59 @@ fn cuboid<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Erro
             size: keys.size.into(),
             rotation: keys.rotate.map_or(Quat::IDENTITY, Quat::from),
         };
-        surface(solid, keys.albedo, keys.radiance, keys.spacing)
+        let look = Look {
+            albedo: keys.albedo,
+            radiance: keys.radiance,
+            specular: keys.specular,
+            roughness: keys.roughness,
+            metal: keys.metal,
+        };
+        surface(solid, look, keys.spacing)
     })
 }
 
-fn surface(
-    solid: Solid,
+/// Material of a new surface, key by key.
+struct Look {
     albedo: Option<Albedo>,
     radiance: Option<Color>,
-    spacing: Option<Positive>,
-) -> Result<Surface, String> {
-    if albedo.is_none() && radiance.is_none() {
-        return Err("has neither `albedo` nor `radiance`".to_owned());
+    specular: Option<Albedo>,
+    roughness: Option<Fraction>,
+    metal: Option<MetalKeys>,
+}
+
+impl Look {
+    fn material(self) -> Result<Material, String> {
+        let is_metal = self.metal.is_some();
+        if is_metal && (self.albedo.is_some() || self.specular.is_some()) {
+            return Err("a `metal` has no `albedo` and no `specular`".to_owned());
+        }
+        if self.roughness.is_some() && self.specular.is_none() {
+            return Err("`roughness` is that of a `specular`".to_owned());
+        }
+        let has_color = self.albedo.is_some() || self.radiance.is_some();
+        if !has_color && self.specular.is_none() && !is_metal {
+            return Err("has none of `albedo`, `radiance`, `specular`, `metal`".to_owned());
+        }
+        let gloss = match (self.metal, self.specular) {
+            (Some(metal), _) => metal.gloss(),
+            (None, Some(specular)) => Gloss {
+                specular: specular.0,
+                roughness: self.roughness.map_or(DEFAULT_ROUGHNESS, f32::from),
+            },
+            (None, None) => Gloss::NONE,
+        };
+        Ok(Material {
+            albedo: self.albedo.map_or(Vec3::ZERO, |albedo| albedo.0),
+            radiance: self.radiance.map(|radiance| radiance.0),
+            gloss,
+        })
     }
+}
+
+fn surface(solid: Solid, look: Look, spacing: Option<Positive>) -> Result<Surface, String> {
     let surface = Surface {
         solid,
-        material: Material {
-            albedo: albedo.map_or(Vec3::ZERO, |albedo| albedo.0),
-            radiance: radiance.map(|radiance| radiance.0),
-        },
+        material: look.material()?,
         spacing: spacing.map(f32::from),
     };
     let num = surface.num_discs();

@@ -1,7 +1,7 @@
 //! Running scripts on small scenes.
 
 use eagpt_edit::{Edited, Script, replay};
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, ply};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, ply};
 use glam::{Quat, Vec2, Vec3};
 use tempfile::TempDir;
 
@@ -14,6 +14,7 @@ pub(crate) fn disc(x: f32, y: f32, z: f32) -> Gaussian {
         opacity: 0.9,
         radiance: Vec3::new(1.0, 2.0, 3.0),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: 0.0,
         albedo: Vec3::new(0.1, 0.2, 0.3),
     }

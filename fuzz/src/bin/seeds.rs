@@ -8,7 +8,7 @@ use eagpt_fuzz::SEPARATOR;
 use eagpt_scene::exr::Precision;
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::ply::PointCloud;
-use eagpt_scene::{Gaussian, Gaussians, Harmonics, Image, exr, files, ply};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, Image, exr, files, ply};
 use glam::{Quat, Vec3};
 use image::{ImageBuffer, Luma, RgbImage, Rgba};
 use std::error::Error;
@@ -164,6 +164,7 @@ impl Seeds {
             opacity: 0.5,
             radiance: Vec3::splat(2.0),
             harmonics: Harmonics::NONE,
+            gloss: Gloss::NONE,
             emission: 0.1,
             albedo: Vec3::splat(0.3),
         };

@@ -2,7 +2,7 @@
 
 use eagpt_lamps::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
-use eagpt_scene::{Camera, Gaussian, Gaussians, Image, View};
+use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Image, View};
 use glam::{DVec3, Quat, Vec3};
 
 /// Rays along each axis of a pixel of a photograph.
@@ -15,6 +15,7 @@ pub(crate) fn room() -> Gaussians {
     let material = Material {
         albedo: Vec3::splat(0.5),
         radiance: None,
+        gloss: Gloss::NONE,
     };
     let size = Vec3::new(4.0, 4.0, 2.5);
     let solid = Solid::Box {

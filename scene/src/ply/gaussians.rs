@@ -1,5 +1,5 @@
-//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties, and 24 more where radiance
-//! differs with the direction.
+//! Gaussians in the PLY layout of EAG-PT: 17 activated float properties, 24 more where radiance
+//! differs with the direction, and four more where surfaces are glossy.
 //!
 //! Activated means physical: scales in scene units, opacity, emission and albedo in 0 to 1,
 //! radiance linear. Splat viewers expect raw parameters instead; [`super::write_preview`] makes
@@ -10,6 +10,7 @@ use super::values::Vertices;
 use crate::error::{Result, SceneError};
 use crate::files;
 use crate::gaussians::{Gaussian, Gaussians};
+use crate::gloss::Gloss;
 use crate::harmonics::{Harmonics, NUM_COEFFICIENTS};
 use glam::{Quat, Vec2, Vec3};
 use std::io::Write;
@@ -65,7 +66,11 @@ const HARMONICS: [&str; NUM_COEFFICIENTS] = [
     "harmonics_23",
 ];
 
-/// Tolerance beyond 0 to 1 within which opacity, emission and albedo are clamped: rounding in other
+/// Further properties of a file with glossy surfaces: F0 and roughness. Other programs step over
+/// them and see the diffuse part.
+const GLOSS: [&str; 4] = ["speculars_0", "speculars_1", "speculars_2", "roughnesses"];
+
+/// Tolerance beyond 0 to 1 within which opacity, emission, albedo, F0 and roughness are clamped: rounding in other
 /// programs.
 const UNIT_TOLERANCE: f32 = 1e-4;
 /// Quaternions nearer than this to unit length stay as they are, so that a file is written as it
@@ -83,8 +88,8 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// # Errors
 /// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value:
 /// unreadable, truncated, a missing property, a value or coefficient that is not finite, a scale
-/// not above 0, a negative radiance, an opacity, emission or albedo outside 0 to 1, a zero
-/// quaternion.
+/// not above 0, a negative radiance, an opacity, emission, albedo, F0 or roughness outside 0 to 1, a
+/// zero quaternion.
 pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
     let bytes = files::read(path)?;
     parse(path, &bytes)
@@ -119,7 +124,35 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Gaussians> {
             Ok(())
         })?;
     }
+    if vertices.find(GLOSS[0]).is_some() {
+        gaussians.gloss.reserve(vertices.len());
+        let columns = vertices.columns(GLOSS)?;
+        vertices.for_each_row(columns, |index, values| {
+            let values = values.map(|value| value as f32);
+            gaussians.gloss.push(gloss(path, index, values)?);
+            Ok(())
+        })?;
+    }
     Ok(gaussians)
+}
+
+/// Checks F0 and roughness.
+fn gloss(path: &Path, index: usize, mut values: [f32; 4]) -> Result<Gloss> {
+    for (value, name) in values.iter_mut().zip(GLOSS) {
+        if !(-UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(value) {
+            return Err(SceneError::invalid(
+                path,
+                format!("vertex[{index}].{name}"),
+                format!("{value:?} is outside 0 to 1"),
+            ));
+        }
+        *value = value.clamp(0.0, 1.0);
+    }
+    let [r, g, b, roughness] = values;
+    Ok(Gloss {
+        specular: Vec3::new(r, g, b),
+        roughness,
+    })
 }
 
 /// Checks coefficients.
@@ -145,6 +178,9 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians) -> Result<()> {
         if !gaussians.harmonics.is_empty() {
             properties.extend(HARMONICS);
         }
+        if !gaussians.gloss.is_empty() {
+            properties.extend(GLOSS);
+        }
         file.write_all(header("vertex", gaussians.len(), &properties).as_bytes())
             .map_err(io)?;
         for (index, g) in gaussians.iter().enumerate() {
@@ -155,6 +191,12 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians) -> Result<()> {
                 let values = harmonics(path, index, coefficients.0)?.0;
                 file.write_all(bytemuck::bytes_of(&values.map(f32::to_le_bytes)))
                     .map_err(io)?;
+            }
+            if let Some(material) = gaussians.gloss.get(index) {
+                let [r, g, b] = material.specular.to_array();
+                gloss(path, index, [r, g, b, material.roughness])?;
+                let values = [r, g, b, material.roughness].map(f32::to_le_bytes);
+                file.write_all(bytemuck::bytes_of(&values)).map_err(io)?;
             }
         }
         Ok(())
@@ -190,6 +232,7 @@ fn gaussian(row: [f32; 17]) -> Gaussian {
         opacity: row[9],
         radiance: vec3(10),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: row[13],
         albedo: vec3(14),
     }

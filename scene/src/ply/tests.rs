@@ -3,6 +3,7 @@ mod preview;
 
 use super::*;
 use crate::gaussians::{Gaussian, Gaussians};
+use crate::gloss::Gloss;
 use crate::harmonics::Harmonics;
 use crate::testing::assert_error;
 use eagpt_testkit::damage::{for_each_damage, for_each_truncation};
@@ -24,6 +25,7 @@ fn sample(num: usize) -> Gaussians {
                 opacity: (0.37 * t).fract(),
                 radiance: Vec3::new(0.0, t * 100.0, 1.0 / (t + 3.0)),
                 harmonics: Harmonics::NONE,
+                gloss: Gloss::NONE,
                 emission: (0.7 * t).fract(),
                 albedo: Vec3::new(0.0, 1.0, (0.1 * t).fract()),
             }
@@ -72,6 +74,7 @@ fn a_written_gaussian_has_the_bytes_of_the_format() {
         opacity: 0.75,
         radiance: Vec3::new(4.0, 5.0, 6.0),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: 0.125,
         albedo: Vec3::new(0.0, 1.0, 0.5),
     };
@@ -275,6 +278,7 @@ fn row_to_gaussian(row: [f32; 17]) -> Gaussian {
         opacity: row[9],
         radiance: Vec3::new(row[10], row[11], row[12]),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: row[13],
         albedo: Vec3::new(row[14], row[15], row[16]),
     }
@@ -414,4 +418,44 @@ proptest::proptest! {
             proptest::prop_assert_eq!(cloud.colors_srgb8.len(), count);
         }
     }
+}
+
+#[test]
+fn gloss_is_optional_and_checked() {
+    let mut gaussians = sample(5);
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.ply");
+    write_gaussians(&path, &gaussians).unwrap();
+    let diffuse = std::fs::read(&path).unwrap();
+    assert!(!String::from_utf8_lossy(&diffuse).contains("speculars_0"));
+    let shiny = Gloss {
+        specular: Vec3::new(0.9, 0.5, 0.04),
+        roughness: 0.3,
+    };
+    gaussians.set(
+        2,
+        &Gaussian {
+            gloss: shiny,
+            ..gaussians.get(2)
+        },
+    );
+    write_gaussians(&path, &gaussians).unwrap();
+    let back = read_gaussians(&path).unwrap();
+    assert_eq!(back, gaussians);
+    assert_eq!((back.get(2).gloss, back.get(3).gloss), (shiny, Gloss::NONE));
+    assert!(back.is_glossy());
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(
+        bytes.len(),
+        diffuse.len() + 5 * 16 + 4 * "property float speculars_0\n".len()
+    );
+    gaussians.gloss[4].roughness = 1.5;
+    assert_error(
+        write_gaussians(&path, &gaussians),
+        &["a.ply: vertex[4].roughnesses: 1.5 is outside 0 to 1"],
+    );
+    let some_missing = String::from_utf8_lossy(&ascii([0.5; 17]))
+        .replace("albedos_2\n", "albedos_2\nproperty float speculars_0\n");
+    let missing = parse(format!("{some_missing} 0.5").as_bytes());
+    assert_error(missing, &["a.ply: vertex.speculars_1: missing property"]);
 }

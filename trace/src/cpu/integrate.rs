@@ -1,6 +1,7 @@
 //! The integrators on the CPU: light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
 
 use super::CpuScene;
+use super::glossy::Glossy;
 use super::path::{PathLight, Paths};
 use crate::features::GBuffer;
 use crate::tracer::RenderedView;
@@ -29,6 +30,10 @@ pub(super) fn render(
         Sampling::Cosine => None,
         Sampling::NextEvent => scene.lights(),
     };
+    if scene.is_glossy() && *integrator != Integrator::ZeroBounce {
+        let glossy = Glossy::new(scene, lights, integrator, options);
+        return glossy.render(camera, features, key);
+    }
     let sampler = BounceSampler::new(lights, LIGHT_SHARE);
     let light = |pixel: usize| -> (Vec3, f32, u32) {
         let seen = &features.pixels[pixel];
@@ -84,20 +89,21 @@ pub(super) fn render(
         second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
         num_rays: pixels.iter().map(|&(.., rays)| u64::from(rays)).sum(),
         features,
+        guides: Vec::new(),
     }
 }
 
 /// Samples of the incident light at one point, before the albedo.
 #[derive(Default)]
-struct Samples {
+pub(super) struct Samples {
     total: Vec3,
     squares: f32,
     num: u32,
-    num_rays: u32,
+    pub(super) num_rays: u32,
 }
 
 impl Samples {
-    fn add(&mut self, path: PathLight) {
+    pub(super) fn add(&mut self, path: PathLight) {
         self.total += path.light;
         self.squares += luminance(path.light.to_array()).powi(2);
         self.num += 1;
@@ -105,7 +111,7 @@ impl Samples {
     }
 
     /// The mean and the mean squared luminance.
-    fn moments(&self) -> (Vec3, f32) {
+    pub(super) fn moments(&self) -> (Vec3, f32) {
         if self.num == 0 {
             return (Vec3::ZERO, 0.0);
         }

@@ -16,7 +16,7 @@ use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians};
+use eagpt_scene::{Camera, Gaussians, Gloss};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -83,6 +83,29 @@ impl CpuScene {
     /// Composited features along `ray`.
     pub fn trace(&self, ray: &Ray) -> Features {
         SCRATCH.with_borrow_mut(|scratch| self.bvh().trace(&self.set, ray, scratch))
+    }
+
+    /// Whether any Gaussian mirrors light.
+    pub fn is_glossy(&self) -> bool {
+        !self.set.gloss.is_empty()
+    }
+
+    /// As [`Self::trace`], with the specular part of what is met.
+    pub fn trace_glossy(&self, ray: &Ray) -> (Features, Gloss) {
+        if !self.is_glossy() {
+            return (self.trace(ray), Gloss::NONE);
+        }
+        let bvh = self.bvh();
+        SCRATCH.with_borrow_mut(|scratch| bvh.trace_glossy(&self.set, ray, scratch))
+    }
+
+    /// Specular part of the material of a Gaussian.
+    pub fn gloss(&self, index: u32) -> Gloss {
+        self.set
+            .gloss
+            .get(index as usize)
+            .copied()
+            .unwrap_or_default()
     }
 
     /// One hit of `ray`, chosen by its weight: over all values of `seed`, the mean of the

@@ -155,7 +155,7 @@ fn disc_bounds(surfel: &Surfel) -> Aabb {
 mod tests {
     use super::*;
     use crate::surfel::SurfelSet;
-    use eagpt_scene::{Gaussian, Gaussians, Harmonics, random_cloud};
+    use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, random_cloud};
     use glam::{Quat, Vec2};
 
     fn disc(position: Vec3, scale: f32) -> Gaussian {
@@ -166,6 +166,7 @@ mod tests {
             opacity: 0.9,
             radiance: Vec3::ONE,
             harmonics: Harmonics::NONE,
+            gloss: Gloss::NONE,
             emission: 0.0,
             albedo: Vec3::ONE,
         }

@@ -197,8 +197,14 @@ impl GpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, GpuError> {
         let device = &*self.device;
+        let is_glossy = |host: &HostCopy| !host.set.gloss.is_empty();
         let light = match integrator {
             Integrator::ZeroBounce => None,
+            _ if self.host.as_ref().is_some_and(is_glossy) => {
+                return Err(GpuError::Gloss {
+                    device: device.adapter().name.clone(),
+                });
+            }
             _ => Some(self.light()?),
         };
         let mut pixels = Vec::with_capacity(camera.num_pixels());
@@ -284,6 +290,7 @@ fn finished(
         second_moment,
         num_rays: gathered.iter().map(|light| u64::from(light.num_rays)).sum(),
         features,
+        guides: Vec::new(),
     }
 }
 

@@ -232,8 +232,8 @@ impl<'a> BounceSampler<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eagpt_scene::Harmonics;
     use eagpt_scene::rng::{Purpose, RandomKey};
+    use eagpt_scene::{Gloss, Harmonics};
     use glam::{Quat, Vec2};
 
     fn lamps() -> Lights {
@@ -244,6 +244,7 @@ mod tests {
             opacity: 0.9,
             radiance: Vec3::splat(brightness),
             harmonics: Harmonics::NONE,
+            gloss: Gloss::NONE,
             emission: 1.0,
             albedo: Vec3::ZERO,
         };

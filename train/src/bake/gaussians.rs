@@ -7,6 +7,9 @@
 //! That is the first term, and the matrix T of all further ones: a bounce more is a product of it
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 //!
+//! Glossy surfaces send on what a diffuse surface of the same reflectance would: their energy is
+//! kept, the direction of what they mirror is not. Renderings by `1-bounce` have it.
+//!
 //! Light is linear in the lamps. Where the light of each is asked for, it goes through the same
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
@@ -25,6 +28,7 @@ use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, LightBasis, LightGroups, SceneError};
 use eagpt_trace::Tracer;
+use eagpt_trace::transport::bsdf::equivalent_albedos;
 use eagpt_trace::transport::matrix::{Directions, Receiver};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -84,7 +88,7 @@ impl Bake<'_> {
             num: num_lights,
             direct: traced.direct_of(&self.scene, self.key(), lights),
         });
-        let albedos = &self.scene.albedos;
+        let albedos = &equivalent_albedos(&self.scene);
         let told = &mut self.progress;
         let reflected = sum_of_bounces(albedos, &light, max_bounces, parts.as_ref(), told);
         let basis = |lights| LightBasis::new(&self.scene, lights, &reflected.parts);

@@ -7,6 +7,7 @@ use crate::error::Result;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Device;
+use eagpt_trace::transport::bsdf::equivalent_albedos;
 use eagpt_trace::transport::matrix::TransportMatrix;
 use std::ops::ControlFlow;
 
@@ -66,7 +67,8 @@ impl Solution<'_> {
         };
         let light = Exchange::new(&receivers, &matrix, directions);
         let bounces = self.max_bounces;
-        let reflected = sum_of_bounces(&scene.albedos, &light, bounces, None, &mut tell);
+        let albedos = equivalent_albedos(&scene);
+        let reflected = sum_of_bounces(&albedos, &light, bounces, None, &mut tell);
         if goes_on.is_break() {
             return Ok(None);
         }

@@ -2,6 +2,7 @@
 
 use super::super::*;
 use crate::gaussians::{Gaussian, Gaussians};
+use crate::gloss::Gloss;
 use crate::harmonics::Harmonics;
 use crate::testing::assert_error;
 use glam::{Quat, Vec2, Vec3};
@@ -18,6 +19,7 @@ fn previews_hold_raw_parameters() {
         // 0.5 / 0.2820948.
         radiance: Vec3::new(0.214_041_14, 50.0, 0.0),
         harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
         emission: 1.0,
         albedo: Vec3::ONE,
     };

@@ -2,11 +2,12 @@
 
 use super::nodes::{Lanes, Node, visit_leaves};
 use super::{Bvh, Leaf, WIDTH};
-use crate::blend::{BlendStatus, Blender, Hit, sort_hits};
+use crate::blend::{BlendStatus, Blender, GlossBlend, Hit, sort_hits};
 use crate::features::Features;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet, exp_of_negative};
+use eagpt_scene::Gloss;
 use multiversion::multiversion;
 
 /// Number of hits after which a ray is checked for having become opaque.
@@ -56,14 +57,43 @@ impl Bvh {
 
     /// Composited features along `ray`.
     pub fn trace(&self, set: &SurfelSet, ray: &Ray, scratch: &mut RayScratch) -> Features {
+        self.blend(set, ray, scratch, |_, _| {})
+    }
+
+    /// As [`Self::trace`], with the specular part of what is met, `set` being glossy.
+    pub fn trace_glossy(
+        &self,
+        set: &SurfelSet,
+        ray: &Ray,
+        scratch: &mut RayScratch,
+    ) -> (Features, Gloss) {
+        let mut gloss = GlossBlend::default();
+        let features = self.blend(set, ray, scratch, |index, weight| {
+            gloss.add(weight, &set.gloss[index as usize]);
+        });
+        (features, gloss.finish(features.alpha()))
+    }
+
+    /// Composited features along `ray`; `blended` hears of the index and weight of each hit.
+    #[inline(always)]
+    fn blend(
+        &self,
+        set: &SurfelSet,
+        ray: &Ray,
+        scratch: &mut RayScratch,
+        mut blended: impl FnMut(u32, f32),
+    ) -> Features {
         self.find_hits(ray, Reach::UntilOpaque, scratch);
         scratch.sort();
         let mut blender = Blender::default();
         for hit in &scratch.hits {
             let attributes = &set.attributes[hit.index() as usize];
-            if blender.accumulate(hit.t(), hit.alpha, attributes, ray.direction)
-                == BlendStatus::Last
-            {
+            let weight = blender.transmittance() * hit.alpha;
+            let status = blender.accumulate(hit.t(), hit.alpha, attributes, ray.direction);
+            if status != BlendStatus::Skipped {
+                blended(hit.index(), weight);
+            }
+            if status == BlendStatus::Last {
                 break;
             }
         }

@@ -1,6 +1,6 @@
 use super::*;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussian, Gaussians, Harmonics};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
 use glam::{Quat, Vec2};
 
 fn lamps(num: u32) -> Gaussians {
@@ -15,6 +15,7 @@ fn lamps(num: u32) -> Gaussians {
                 opacity: 0.6 + 0.39 * y,
                 radiance: Vec3::splat(1.0 + 9.0 * z),
                 harmonics: Harmonics::NONE,
+                gloss: Gloss::NONE,
                 emission: if i % 5 == 4 { 0.0 } else { 1.0 },
                 albedo: Vec3::ZERO,
             }

@@ -1,0 +1,338 @@
+//! The integrators on scenes with gloss: light that reaches the eye by a diffuse and a specular
+//! lobe ([`crate::transport::bsdf`]).
+//!
+//! Emitters are sampled beside the BSDF, both lobes of which together are one density, and the two
+//! are combined by the balance heuristic (Veach 1997, section 9.2), as for diffuse surfaces.
+//!
+//! A path that a diffuse lobe has scattered meets surfaces at least [`ROUGH_BEHIND`] rough: light
+//! of lamps by way of mirrors, which such paths find by chance alone, is a little blurred in place
+//! of spots of noise.
+
+use super::CpuScene;
+use super::integrate::Samples;
+use super::path::PathLight;
+use crate::blend::features_of_one;
+use crate::features::{Features, GBuffer};
+use crate::ray::Ray;
+use crate::tracer::{Guide, RenderedView};
+use crate::transport::bsdf::{Bsdf, BsdfSample};
+use crate::transport::lights::Lights;
+use crate::transport::points::Points;
+use crate::transport::start::Surface;
+use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions};
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Gloss, Image};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Blocks of random numbers of a bounce: one for the direction, one for the light, one for hits and
+/// the end of the path.
+const BLOCKS: u32 = 3;
+/// Least roughness of what a path meets after a diffuse bounce.
+const ROUGH_BEHIND: f32 = 0.3;
+/// Surfaces of less roughness, of which the specular part is more than half, are mirrors to a
+/// denoiser.
+const MIRROR_ROUGHNESS: f32 = 0.2;
+/// Mirrors in a row that guides follow.
+const MAX_MIRRORS: u32 = 3;
+/// Light is divided by no smaller reflectance.
+const MIN_ALBEDO: f32 = 1e-3;
+
+/// Light transport in a glossy scene.
+pub(super) struct Glossy<'a> {
+    scene: &'a CpuScene,
+    /// Emitters to sample; `None`: BSDF sampling only.
+    lights: Option<&'a Lights>,
+    integrator: &'a Integrator,
+    threshold: f32,
+    hits: Hits,
+}
+
+/// A surface, and how it reflects towards where the ray came from.
+#[derive(Clone, Copy)]
+struct Met {
+    surface: Surface,
+    bsdf: Bsdf,
+    /// Opacity of what was met: the light is premultiplied.
+    alpha: f32,
+}
+
+impl Met {
+    /// What a ray of unit `direction` from `origin` has met; `None` if nothing. Surfaces are at
+    /// least `min_roughness` rough.
+    fn new(
+        (origin, direction): (Vec3, Vec3),
+        features: &Features,
+        gloss: Gloss,
+        min_roughness: f32,
+    ) -> Option<Self> {
+        let surface = Surface::at(origin, direction, features)?;
+        let alpha = features.alpha();
+        let gloss = Gloss {
+            roughness: gloss.roughness.max(min_roughness),
+            ..gloss
+        };
+        let albedo = (features.albedo() / alpha).min(Vec3::ONE);
+        Some(Self {
+            surface,
+            bsdf: Bsdf::new(surface.normal, -direction, albedo, gloss),
+            alpha,
+        })
+    }
+
+    fn guide(&self) -> Guide {
+        Guide {
+            albedo: self.bsdf.albedo() * self.alpha,
+            normal: self.surface.normal,
+            position: self.surface.position,
+        }
+    }
+}
+
+impl<'a> Glossy<'a> {
+    pub(super) fn new(
+        scene: &'a CpuScene,
+        lights: Option<&'a Lights>,
+        integrator: &'a Integrator,
+        options: &LightOptions,
+    ) -> Self {
+        Self {
+            scene,
+            lights,
+            integrator,
+            threshold: options.emission_threshold,
+            hits: options.hits,
+        }
+    }
+
+    /// Frame of `camera`, given the composited features of its rays.
+    pub(super) fn render(
+        &self,
+        camera: &Camera,
+        features: GBuffer,
+        key: RandomKey,
+    ) -> RenderedView {
+        let frame = camera.ray_frame();
+        let of_pixel = |pixel: usize| -> ([f32; 3], f32, u32, Guide) {
+            let seen = &features.pixels[pixel];
+            if seen.emission() > self.threshold {
+                return (seen.radiance().to_array(), 0.0, 0, Guide::default());
+            }
+            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
+            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            let ray = Ray::free(frame.origin.to_array(), direction.to_array());
+            let (_, gloss) = self.scene.trace_glossy(&ray);
+            let Some(met) = Met::new((frame.origin, direction), seen, gloss, 0.0) else {
+                return ([0.0; 3], 0.0, 0, Guide::default());
+            };
+            let points = Points::new(key, pixel as u32);
+            // Samples are of the light before the reflectance, as of diffuse surfaces.
+            let albedo = met.bsdf.albedo().max(Vec3::splat(MIN_ALBEDO));
+            let mut samples = Samples::default();
+            for sample in 0..self.num_samples() {
+                let PathLight { light, num_rays } = self.sample(&met, &points, sample);
+                samples.add(PathLight {
+                    light: light / albedo,
+                    num_rays,
+                });
+            }
+            let (mean, second_moment) = samples.moments();
+            let light = mean * albedo * met.alpha;
+            let guide = self.guide(&met);
+            (light.to_array(), second_moment, samples.num_rays, guide)
+        };
+        let pixels: Vec<([f32; 3], f32, u32, Guide)> = (0..camera.num_pixels())
+            .into_par_iter()
+            .map(of_pixel)
+            .collect();
+        let (width, height) = (camera.width, camera.height);
+        let radiance = pixels.iter().map(|&(light, ..)| light).collect();
+        let second_moment = pixels.iter().map(|&(_, moment, ..)| [moment]).collect();
+        let one_each = "one value for each pixel";
+        RenderedView {
+            radiance: Image::from_pixels(width, height, radiance).expect(one_each),
+            second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
+            num_rays: pixels.iter().map(|&(_, _, rays, _)| u64::from(rays)).sum(),
+            guides: pixels.iter().map(|&(.., guide)| guide).collect(),
+            features,
+        }
+    }
+
+    fn num_samples(&self) -> u32 {
+        match *self.integrator {
+            Integrator::ZeroBounce => 0,
+            Integrator::OneBounce { num_samples } | Integrator::Path { num_samples, .. } => {
+                num_samples
+            }
+        }
+    }
+
+    /// Light of one sample towards the eye.
+    fn sample(&self, met: &Met, points: &Points, sample: u32) -> PathLight {
+        match *self.integrator {
+            Integrator::ZeroBounce => PathLight::default(),
+            Integrator::OneBounce { .. } => PathLight {
+                light: self.bounced(met, points, sample),
+                num_rays: 1,
+            },
+            Integrator::Path {
+                max_bounces,
+                roulette_from,
+                ..
+            } => self.path(
+                met,
+                points,
+                sample,
+                (max_bounces, roulette_from.unwrap_or(u32::MAX)),
+            ),
+        }
+    }
+
+    /// One bounce into the radiance that Gaussians carry. Directions are those of the BSDF and, half
+    /// of them, of emitters, weighted by the density of both together.
+    fn bounced(&self, met: &Met, points: &Points, sample: u32) -> Vec3 {
+        let [a, b, pick, choice] = points.block(sample, 0);
+        let origin = met.surface.position;
+        let chosen = match self.lights {
+            Some(lights) if pick < LIGHT_SHARE => lights.sample(origin, pick / LIGHT_SHARE, a, b),
+            _ => met.bsdf.sample([choice, a, b]).map(|s| s.direction),
+        };
+        let Some(direction) = chosen else {
+            return Vec3::ZERO;
+        };
+        let (value, mut density) = met.bsdf.evaluate(direction);
+        if let Some(lights) = self.lights {
+            density += LIGHT_SHARE / (1.0 - LIGHT_SHARE) * lights.density(origin, direction);
+            density *= 1.0 - LIGHT_SHARE;
+        }
+        if density <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let hit = (self.scene).sample_hit(&met.surface.ray(direction), points.word(sample));
+        hit.map_or(Vec3::ZERO, |hit| {
+            self.scene.attributes(hit.index).radiance() * (value / density)
+        })
+    }
+
+    /// Light of one path of at most `max_bounces` bounces, which may end at random from the bounce
+    /// `roulette_from` on.
+    fn path(
+        &self,
+        start: &Met,
+        points: &Points,
+        sample: u32,
+        (max_bounces, roulette_from): (u32, u32),
+    ) -> PathLight {
+        let mut path = PathLight::default();
+        let mut throughput = Vec3::ONE;
+        let mut met = *start;
+        let mut min_roughness = 0.0_f32;
+        for number in 0..max_bounces {
+            let block = |k: u32| points.block(sample, BLOCKS * number + k);
+            let origin = met.surface.position;
+            let [choice, a, b, _] = block(0);
+            let [of_light, of_bounce, survive, _] = block(2);
+            if let Some(lights) = self.lights {
+                let [pick, u, v, _] = block(1);
+                let towards = lights.sample(origin, pick, u, v);
+                let light = towards.map(|w| self.of_emitter(&met, lights, w, of_light));
+                if let Some((light, num_rays)) = light {
+                    path.light += throughput * light;
+                    path.num_rays += num_rays;
+                }
+            }
+            let Some(BsdfSample {
+                direction,
+                value,
+                density,
+            }) = met.bsdf.sample([choice, a, b])
+            else {
+                return path;
+            };
+            let ray = met.surface.ray(direction);
+            let (features, gloss) = self.meet(&ray, of_bounce);
+            path.num_rays += 1;
+            if features.emission() > self.threshold {
+                let of_lights =
+                    (self.lights).map_or(0.0, |lights| lights.density(origin, direction));
+                let weight = value / (density + of_lights);
+                path.light += throughput * features.radiance() * weight;
+                return path;
+            }
+            throughput *= value / density;
+            if choice >= met.bsdf.specular_share() {
+                min_roughness = ROUGH_BEHIND;
+            }
+            let Some(next) = Met::new((origin, direction), &features, gloss, min_roughness) else {
+                return path;
+            };
+            throughput *= next.alpha;
+            if number + 1 >= roulette_from {
+                let chance = (throughput * next.bsdf.albedo()).max_element().min(1.0);
+                if survive >= chance {
+                    return path;
+                }
+                throughput /= chance;
+            }
+            met = next;
+        }
+        path
+    }
+
+    /// Light from the unit `direction` towards an emitter, weighted, and the rays traced for it.
+    fn of_emitter(&self, met: &Met, lights: &Lights, direction: Vec3, choice: f32) -> (Vec3, u32) {
+        let (value, density) = met.bsdf.evaluate(direction);
+        if density <= 0.0 {
+            return (Vec3::ZERO, 0);
+        }
+        let (features, _) = self.meet(&met.surface.ray(direction), choice);
+        if features.emission() <= self.threshold {
+            return (Vec3::ZERO, 1);
+        }
+        let both = density + lights.density(met.surface.position, direction);
+        (features.radiance() * value / both, 1)
+    }
+
+    /// What a ray meets; `choice` is the random number of a sampled hit.
+    fn meet(&self, ray: &Ray, choice: f32) -> (Features, Gloss) {
+        match self.hits {
+            Hits::Blended => self.scene.trace_glossy(ray),
+            Hits::Sampled => {
+                let hit = self.scene.sample_hit(ray, choice.to_bits());
+                hit.map_or((Features::default(), Gloss::NONE), |hit| {
+                    let attributes = self.scene.attributes(hit.index);
+                    let features = features_of_one(hit.t, attributes, ray.direction);
+                    (features, self.scene.gloss(hit.index))
+                })
+            }
+        }
+    }
+
+    /// The first surface that is no mirror, seen by way of those that are.
+    fn guide(&self, met: &Met) -> Guide {
+        let mut guide = met.guide();
+        let mut tint = Vec3::ONE;
+        let mut met = *met;
+        for _ in 0..MAX_MIRRORS {
+            let bsdf = &met.bsdf;
+            if bsdf.roughness() >= MIRROR_ROUGHNESS || bsdf.specular_share() <= 0.5 {
+                break;
+            }
+            tint *= bsdf.albedo() * met.alpha;
+            let (origin, direction) = (met.surface.position, bsdf.mirror_direction());
+            let (features, gloss) = self.scene.trace_glossy(&met.surface.ray(direction));
+            let Some(next) = Met::new((origin, direction), &features, gloss, 0.0) else {
+                break;
+            };
+            guide = next.guide();
+            guide.albedo *= tint;
+            if features.emission() > self.threshold {
+                // Of a lamp in a mirror, the light is no product with its albedo.
+                guide.albedo = tint;
+                break;
+            }
+            met = next;
+        }
+        guide
+    }
+}
