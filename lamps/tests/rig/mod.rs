@@ -93,6 +93,7 @@ pub(crate) fn patch(centre: Vec3, edges: [Vec3; 2], radiance: Option<Vec3>) -> G
         material: Material {
             albedo: Vec3::splat(0.5),
             radiance,
+            gloss: Gloss::NONE,
         },
         spacing: Some(0.05),
     };
