@@ -236,6 +236,17 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// What `eagpt bake` does unless told otherwise, with this many directions at each Gaussian.
+pub(crate) fn usual_options(num_samples: u32) -> BakeOptions {
+    BakeOptions {
+        method: BakeMethod::Gaussians(GaussianBake { num_samples }),
+        max_bounces: bake::MAX_BOUNCES,
+        seed: 0,
+        split: SplitRule::default(),
+        subset: Subset::Train,
+    }
+}
+
 fn options(args: &BakeArgs) -> BakeOptions {
     let method = match args.method {
         MethodArg::Gaussians => BakeMethod::Gaussians(GaussianBake {

@@ -4,6 +4,7 @@ use crate::args::GlobalArgs;
 use crate::output;
 use crate::page::{PageArgs, PageKind, ScenePage};
 use crate::progress::Reporter;
+use crate::source::Source;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use eagpt_scene::files;
@@ -25,8 +26,9 @@ use std::process::ExitCode;
 #[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ExportArgs {
-    /// Scene of 2D Gaussians, as `eagpt train` writes it
-    #[arg(value_name = "SCENE.ply")]
+    /// Scene of 2D Gaussians, as `eagpt train` writes it; or folder of a run or project of `eagpt
+    /// run`, whose page has the views of its dataset
+    #[arg(value_name = "SCENE.ply|RUN|PROJECT.toml")]
     scene: PathBuf,
     /// Layout of the file to write
     #[arg(long, value_enum)]
@@ -43,7 +45,8 @@ pub(crate) struct ExportArgs {
 
 const EXAMPLES: &str = "Examples:
   eagpt export out/run/scene.ply --format 3dgs --out preview.ply
-  eagpt export out/run/scene.ply --format html --dataset kitchen --out kitchen.html";
+  eagpt export out/run/scene.ply --format html --dataset kitchen --out kitchen.html
+  eagpt export runs/kitchen --format html --out kitchen.html";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
@@ -97,19 +100,23 @@ pub(crate) fn write_page(
 }
 
 pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    check_target(&args.out, &args.scene, args.force)?;
+    let source = Source::find(&args.scene)?;
+    let scene = &source.scene;
+    check_target(&args.out, scene, args.force)?;
     if args.format != Format::Html {
         args.page.refuse()?;
     }
-    let gaussians = ply::read_gaussians(&args.scene)?;
+    let gaussians = ply::read_gaussians(scene)?;
     output::create_parent(&args.out)?;
     let mut error = None;
+    let reporter = Reporter::new(global);
     match args.format {
         Format::TwoD => ply::write_preview(&args.out, &gaussians, Preview::TwoD)?,
         Format::ThreeD => ply::write_preview(&args.out, &gaussians, Preview::ThreeD)?,
         Format::Eagpt => ply::write_gaussians(&args.out, &gaussians)?,
         Format::Html => {
-            let page = ScenePage::new(&args.scene, &gaussians, &args.page)?;
+            let page = source.page(&args.page, &reporter)?;
+            let page = ScenePage::new(scene, &gaussians, &page)?;
             files::write_bytes_atomic(
                 &args.out,
                 page.html(&gaussians, PageKind::File)?.as_bytes(),
@@ -117,7 +124,6 @@ pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
             error = Some(page.pack.error(&gaussians)?);
         }
     }
-    let reporter = Reporter::new(global);
     reporter.note(&format!(
         "{}: {} Gaussians",
         args.out.display(),

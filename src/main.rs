@@ -55,6 +55,7 @@ mod render;
 mod report;
 mod run;
 mod shell;
+mod source;
 mod synth;
 mod terminal;
 mod train;

@@ -133,6 +133,8 @@ pub(crate) enum PageKind {
 pub(crate) struct ScenePage {
     pub(crate) pack: Pack,
     pub(crate) lamps: Lamps,
+    /// Light by lamps, if it is on the page.
+    pub(crate) basis: Option<LightBasis>,
     title: String,
     up: UpAxis,
     views: Vec<PageView>,
@@ -164,6 +166,7 @@ impl ScenePage {
         Ok(Self {
             pack,
             lamps,
+            basis,
             title: args.title.clone().unwrap_or_else(|| name().into_owned()),
             up,
             views,

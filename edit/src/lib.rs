@@ -101,6 +101,6 @@ mod trim;
 #[cfg(test)]
 mod testing;
 
-pub use replay::{Edited, replay};
+pub use replay::{Edited, replay, selection};
 pub use report::{SelectionReport, StepReport};
 pub use script::Script;

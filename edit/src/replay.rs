@@ -33,12 +33,7 @@ pub struct Edited {
 /// one whose light was baked; or if the script refers to lamps, or sets lights, and nobody has set
 /// them.
 pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
-    if script.lamps.is_none()
-        && let Some(name) = script.lamp_names.first()
-    {
-        let problem = "the lamps of the scene are not known";
-        return Err(script.file.error(name.span(), problem));
-    }
+    check_lamps(script)?;
     if script.basis.is_none()
         && let Some((step, _)) = script.light_steps().next()
     {
@@ -68,6 +63,40 @@ pub fn replay(script: &Script, gaussians: Gaussians) -> Result<Edited> {
         selections,
         steps,
     })
+}
+
+/// Whether each Gaussian of a scene as it is, `[n]`, is what the first step of a script selects.
+/// Nothing is done with them.
+///
+/// # Errors
+/// [`eagpt_scene::SceneError::Script`] with file, line and key if the script refers to lamps that
+/// nobody has set, or its first step selects nothing of the scene because it has another subject.
+pub fn selection(script: &Script, gaussians: &Gaussians) -> Result<Vec<bool>> {
+    check_lamps(script)?;
+    let first = &script.steps[0];
+    let Subject::Select(selector) = &first.subject else {
+        let problem = "selects nothing of the scene";
+        return Err(script.file.error(first.subject_span.clone(), problem));
+    };
+    let (no_groups, no_lamps) = (Groups::new(), Lamps::default());
+    let scope = Scope {
+        gaussians,
+        definitions: &script.selections,
+        groups: &no_groups,
+        lamps: script.lamps.as_ref().unwrap_or(&no_lamps),
+    };
+    Ok(scope.prepare(selector).mask())
+}
+
+/// Refuses a script that refers to lamps before they are known.
+fn check_lamps(script: &Script) -> Result<()> {
+    match script.lamp_names.first() {
+        Some(name) if script.lamps.is_none() => {
+            let problem = "the lamps of the scene are not known";
+            Err(script.file.error(name.span(), problem))
+        }
+        _ => Ok(()),
+    }
 }
 
 struct State<'a> {

@@ -102,7 +102,15 @@ impl Script {
     /// key, a value of the wrong type or out of its range, a name that nothing has or two things
     /// have, selections that refer to each other in a circle, an asset that cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
-        reader::read(ScriptFile::read(path)?)
+        Self::of_file(ScriptFile::read(path)?)
+    }
+
+    /// As [`Self::read`], of a script in memory.
+    ///
+    /// # Errors
+    /// As [`Self::read`], but that the file is there.
+    pub fn of_file(file: ScriptFile) -> Result<Self> {
+        reader::read(file)
     }
 
     /// Whether a selector refers to lamps: such a script is replayed after [`Self::set_lamps`].

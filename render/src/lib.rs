@@ -144,7 +144,10 @@ pub fn render_views<E: From<RenderError>>(
 
 impl RenderJob<'_> {
     /// Renders a view, and the seconds that the denoiser took.
-    fn render(&self, shot: &Shot) -> Result<(RenderedView, f64), RenderError> {
+    ///
+    /// # Errors
+    /// If the device or the denoiser fails.
+    pub fn render(&self, shot: &Shot) -> Result<(RenderedView, f64), RenderError> {
         let camera = shot.camera.magnified(self.rays_per_axis);
         let light = LightOptions {
             seed: shot.seed,

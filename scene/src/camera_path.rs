@@ -209,6 +209,14 @@ impl CameraPath {
         })
     }
 
+    /// The path of a `camera_path.json` of nerfstudio in memory, called `file`.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming file, key and value.
+    pub fn of_nerfstudio(file: &Path, bytes: &[u8]) -> Result<Self> {
+        nerfstudio::read(file, bytes, &PathOverrides::default())
+    }
+
     /// Width and height of the frames in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.cameras[0].width, self.cameras[0].height)

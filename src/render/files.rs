@@ -8,7 +8,7 @@ use eagpt_render::Shot;
 use eagpt_scene::dataset::TRANSFORMS_FILE;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
-use eagpt_scene::{Image, Shard, png};
+use eagpt_scene::{Shard, png};
 use eagpt_trace::RenderedView;
 use std::path::{Path, PathBuf};
 
@@ -68,7 +68,7 @@ pub(super) fn write(
     let picture = &rendered.radiance;
     if writes_exr(args) {
         let path = output::place(&args.out, &exr_name(name))?;
-        exr::write_rgb(&path, picture, precision(picture))?;
+        exr::write_rgb(&path, picture, Precision::for_picture(picture))?;
     }
     let path = output::place(&args.out, &png_name(name))?;
     png::write_srgb8(&path, &display.shown(picture))?;
@@ -79,15 +79,4 @@ pub(super) fn write(
         aov.write(&shot.camera, &rendered.features, &exr_path, &png_path)?;
     }
     Ok(of_shot(args, shot))
-}
-
-/// Half precision, unless a value is too bright for it.
-fn precision(image: &Image<3>) -> Precision {
-    // Half a step above the largest half: from here on values round to infinity.
-    const OVERFLOW: f32 = 65_520.0;
-    if image.values().iter().any(|value| value.abs() >= OVERFLOW) {
-        Precision::Float
-    } else {
-        Precision::Half
-    }
 }

@@ -199,6 +199,11 @@ impl Project {
         Ok(file)
     }
 
+    /// What the file says.
+    pub(crate) fn given(&self) -> &ProjectFile {
+        &self.file
+    }
+
     /// Path of the file.
     pub(crate) fn path(&self) -> &Path {
         self.script.path()

@@ -35,4 +35,5 @@ mod shards;
 mod support;
 mod synth;
 mod view;
+mod view_edit;
 mod workflow;

@@ -203,6 +203,10 @@ impl Workplace {
         std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     }
 
+    pub(crate) fn text(&self, relative: &str) -> String {
+        String::from_utf8(self.bytes(relative)).unwrap()
+    }
+
     pub(crate) fn write(&self, relative: &str, bytes: impl AsRef<[u8]>) {
         std::fs::write(self.path(relative), bytes).unwrap();
     }

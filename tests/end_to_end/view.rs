@@ -161,6 +161,32 @@ fn a_run_is_shown_with_its_dataset() {
         (run.meta["title"].as_str(), names(&run).len()),
         (Some("room"), 3)
     );
+    place.write(
+        "projects/p.toml",
+        "out = \"../runs/room\"\ndataset = \"room\"\n",
+    );
+    let of_project = served(&place, "view projects/p.toml --max-views 3");
+    assert_eq!(names(&of_project), names(&run));
+    for (name, source) in [("r", "runs/room"), ("p", "projects/p.toml")] {
+        place.succeeds(&format!(
+            "export {source} --format html --max-views 3 --out {name}.html"
+        ));
+    }
+    assert_eq!(place.text("r.html"), place.text("p.html"));
+    let meta: serde_json::Value =
+        serde_json::from_str(part(&place.text("r.html"), "meta")).unwrap();
+    assert_eq!(meta["views"], of_project.meta["views"]);
+    place.write(
+        "given.toml",
+        "dataset = \"projects/room\"\nscene = \"runs/room/train/scene.ply\"\n",
+    );
+    let given = served(&place, "view given.toml --max-views 3");
+    assert_eq!(
+        (given.meta["title"].as_str(), names(&given)),
+        (Some("given"), names(&run))
+    );
+    place.write("new.toml", "dataset = \"projects/room\"\n");
+    place.fails_cleanly("view new.toml", &["new.toml", "has not been run"]);
 
     // Not the dataset any more: shown without.
     let cameras = place.path("projects/room/transforms.json");

@@ -1,7 +1,10 @@
 //! The error of this crate.
 
+use eagpt_render::RenderError;
 use eagpt_report::ReportError;
 use eagpt_scene::SceneError;
+use eagpt_trace::TraceError;
+use eagpt_train::TrainError;
 use std::io;
 use std::net::SocketAddr;
 
@@ -37,6 +40,21 @@ pub enum ViewerError {
     /// The system has no random numbers for a token.
     #[error("token: {0}")]
     Token(String),
+    /// A picture that cannot be made.
+    #[error("still: {0}")]
+    Still(String),
+    /// The light could not be baked.
+    #[error(transparent)]
+    Bake(#[from] TrainError),
+    /// A picture could not be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The device failed.
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    /// There is no folder for temporary files.
+    #[error("temporary files: {0}")]
+    Temporary(#[from] io::Error),
     /// Content that is no JSON.
     #[error("page: {0}")]
     Json(#[from] serde_json::Error),

@@ -3,6 +3,7 @@
 //! - [`mod@pack`]: Gaussians as few bytes, with the error that this makes.
 //! - [`page`]: the page, filled: scene, cameras, photographs, lamps.
 //! - [`live`], [`server`]: the same page with an edit under way, from a server on this machine.
+//! - [`workshop`], [`still`]: jobs of the server: light after an edit, path-traced pictures.
 //! - [`photograph`]: photographs of a dataset as text.
 //!
 //! The page itself is TypeScript, in the folder `page` beside this one; what is made of it,
@@ -15,5 +16,10 @@ pub mod pack;
 pub mod page;
 pub mod photograph;
 pub mod server;
+pub mod still;
+pub mod workshop;
+
+#[cfg(test)]
+mod testing;
 
 pub use error::{Result, ViewerError};

@@ -69,12 +69,23 @@ pub fn html(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Re
     Ok(page)
 }
 
-fn meta(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Result<Value> {
+/// What a page has to know to unpack a scene.
+pub(crate) fn scene_meta(pack: &Pack, gaussians: &Gaussians) -> Result<Map<String, Value>> {
     let (low, high) = gaussians.bounds().unwrap_or_default();
+    let mut meta = Map::new();
+    meta.insert("num".to_owned(), json!(pack.num));
+    meta.insert("harmonics".to_owned(), json!(pack.has_harmonics));
+    meta.insert("bounds".to_owned(), json!([low, high]));
+    meta.insert("lights".to_owned(), json!(pack.lights));
+    if let Value::Object(steps) = serde_json::to_value(pack.steps.on_page())? {
+        meta.extend(steps);
+    }
+    Ok(meta)
+}
+
+fn meta(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Result<Value> {
     let mut meta = json!({
         "title": content.title,
-        "num": pack.num,
-        "harmonics": pack.has_harmonics,
         "model": model(),
         "toneMaps": tone_maps(),
         "display": {
@@ -82,16 +93,12 @@ fn meta(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Result
             "toneMap": content.display.tone_map.to_string(),
         },
         "up": content.up,
-        "bounds": [low, high],
         "views": content.views.iter().map(view).collect::<Vec<_>>(),
-        "lights": pack.lights,
         "lamps": serde_json::to_value(&content.lamps.lamps)?,
         "live": content.live,
     });
-    if let (Value::Object(meta), Value::Object(steps)) =
-        (&mut meta, serde_json::to_value(pack.steps.on_page())?)
-    {
-        meta.extend(steps);
+    if let Value::Object(meta) = &mut meta {
+        meta.extend(scene_meta(pack, gaussians)?);
     }
     Ok(meta)
 }

@@ -1,29 +1,43 @@
 //! A server of one page for browsers of this machine.
 //!
-//! It knows three places, all below a token that nobody can guess, and no file of the disk:
+//! It knows these places, all below a token that nobody can guess, and no file of the disk but the
+//! stills it has made:
 //!
 //! | place | |
 //! |---|---|
 //! | `GET /TOKEN/` | the page |
 //! | `GET /TOKEN/state?after=N` | the state of the edit, as soon as its revision is not N |
+//! | `GET /TOKEN/scene?id=N` | the scene that is shown, packed, if it is still N |
+//! | `GET /TOKEN/still?index=N` | a path-traced picture |
 //! | `POST /TOKEN/act` | an act, as JSON |
+//! | `POST /TOKEN/select` | which Gaussians a selector selects |
+//! | `POST /TOKEN/light` | `"stop"` or `"bake"`, of the light after an edit |
+//! | `POST /TOKEN/still` | a picture to be made |
 //!
 //! Requests have to name the address of the server as their host: a page of another site that has
 //! its name point here is refused. Requests are small, and have some seconds to arrive.
 
+mod board;
+mod places;
 mod request;
+mod work;
 
 #[cfg(test)]
 mod tests;
 
 use crate::error::{Result, ViewerError};
-use crate::live::{Act, Edit, refusal};
+use crate::live::{Edit, Original};
+use crate::still::StillRequest;
+use crate::workshop::Workshop;
+use board::Board;
 use request::{Refused, Request};
 use serde_json::Value;
+use std::collections::VecDeque;
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Most connections at once: each page waits with one for a change.
@@ -37,7 +51,7 @@ const STOP_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The sources that a page may load from and connect to: itself.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
-    img-src data: blob:; worker-src blob:; connect-src 'self'; base-uri 'none'; \
+    img-src 'self' data: blob:; worker-src blob:; connect-src 'self'; base-uri 'none'; \
     form-action 'none'; frame-ancestors 'none'";
 
 /// A server that listens.
@@ -47,13 +61,22 @@ pub struct Server {
     address: SocketAddr,
     token: String,
     shared: Arc<Shared>,
+    workshop: Workshop,
 }
 
 #[derive(Debug)]
 struct Shared {
     page: String,
+    /// Locked before the board, never after it.
     edit: Mutex<Edit>,
+    original: Arc<Original>,
+    board: Mutex<Board>,
+    /// Of the board.
     changed: Condvar,
+    /// Stills to be made, by their index on the board. Locked after the board.
+    orders: Mutex<VecDeque<(usize, StillRequest)>>,
+    has_bake: bool,
+    stills: PathBuf,
     num_connections: AtomicUsize,
     is_stopping: AtomicBool,
 }
@@ -62,7 +85,7 @@ struct Shared {
 struct Reply {
     status: &'static str,
     kind: &'static str,
-    body: String,
+    body: Vec<u8>,
 }
 
 impl Reply {
@@ -70,7 +93,7 @@ impl Reply {
         Self {
             status: "200 OK",
             kind: "text/html; charset=utf-8",
-            body: body.to_owned(),
+            body: body.as_bytes().to_vec(),
         }
     }
 
@@ -78,33 +101,83 @@ impl Reply {
         Self {
             status,
             kind: "application/json",
-            body: body.to_string(),
+            body: body.to_string().into_bytes(),
         }
     }
 }
 
+impl Shared {
+    fn edit(&self) -> MutexGuard<'_, Edit> {
+        self.edit.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn board(&self) -> MutexGuard<'_, Board> {
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn orders(&self) -> MutexGuard<'_, VecDeque<(usize, StillRequest)>> {
+        self.orders.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a change of the board.
+    fn wait<'a>(&self, board: MutexGuard<'a, Board>) -> MutexGuard<'a, Board> {
+        let woken = self.changed.wait_timeout(board, LONGEST_WAIT);
+        woken.unwrap_or_else(PoisonError::into_inner).0
+    }
+}
+
+/// What a server shows.
+#[derive(Debug)]
+pub struct Served {
+    /// The page.
+    pub page: String,
+    /// For each Gaussian that is packed in the page its index in the scene.
+    pub order: Vec<u32>,
+    /// The edit under way.
+    pub edit: Edit,
+    /// What jobs are done with.
+    pub workshop: Workshop,
+}
+
 impl Server {
-    /// Listens at `address` for pages that show `page` and act on `edit`; port 0 is any that is
-    /// free.
+    /// Listens at `address` for pages that show `served.page` and act on `served.edit`; port 0 is
+    /// any that is free.
     ///
     /// # Errors
     /// [`ViewerError::Address`] if it cannot listen there, [`ViewerError::Token`] if the system has
-    /// no random numbers.
-    pub fn bind(address: SocketAddr, page: String, edit: Edit) -> Result<Self> {
+    /// no random numbers, [`ViewerError::Unfit`] if a scene that was edited before cannot be packed.
+    pub fn bind(address: SocketAddr, served: Served) -> Result<Self> {
         let failed = |error| ViewerError::Address { address, error };
         let listener = TcpListener::bind(address).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
+        let Served {
+            page,
+            order,
+            edit,
+            workshop,
+        } = served;
+        let has_bake = workshop.cameras.is_some();
+        let mut board = Board::new(&edit, order);
+        if edit.changed().is_some() {
+            board.follow(&edit, has_bake)?;
+        }
         Ok(Self {
             address: listener.local_addr().map_err(failed)?,
             listener,
             token: token()?,
             shared: Arc::new(Shared {
                 page,
+                original: Arc::clone(edit.original()),
+                board: Mutex::new(board),
                 edit: Mutex::new(edit),
                 changed: Condvar::new(),
+                orders: Mutex::default(),
+                has_bake,
+                stills: workshop.stills.clone(),
                 num_connections: AtomicUsize::new(0),
                 is_stopping: AtomicBool::new(false),
             }),
+            workshop,
         })
     }
 
@@ -113,11 +186,22 @@ impl Server {
         format!("http://{}/{}/", self.address, self.token)
     }
 
-    /// Serves until `stop` is set.
+    /// Serves until `stop` is set, and ends a job that is under way.
     ///
     /// # Errors
     /// [`ViewerError::Address`] if it cannot listen any longer.
     pub fn run(&self, stop: &AtomicBool) -> Result<()> {
+        std::thread::scope(|scope| {
+            scope.spawn(|| work::run(&self.shared, &self.workshop));
+            let ended = self.listen(stop);
+            self.shared.is_stopping.store(true, Ordering::Relaxed);
+            self.shared.board().stop_bake.store(true, Ordering::Relaxed);
+            self.shared.changed.notify_all();
+            ended
+        })
+    }
+
+    fn listen(&self, stop: &AtomicBool) -> Result<()> {
         while !stop.load(Ordering::Relaxed) {
             match self.listener.accept() {
                 Ok((stream, _)) => self.take(stream),
@@ -132,8 +216,6 @@ impl Server {
                 }
             }
         }
-        self.shared.is_stopping.store(true, Ordering::Relaxed);
-        self.shared.changed.notify_all();
         Ok(())
     }
 
@@ -185,7 +267,7 @@ fn serve(
         reply.body.len(),
     );
     stream.write_all(head.as_bytes())?;
-    stream.write_all(reply.body.as_bytes())?;
+    stream.write_all(&reply.body)?;
     stream.flush()
 }
 
@@ -210,13 +292,7 @@ fn answer(request: &Request, shared: &Shared, token: &str, address: SocketAddr) 
     let Some((_, place)) = place.filter(|(given, _)| is_same(given, token)) else {
         return refused("403 Forbidden", "the token is not this server's");
     };
-    match (request.method.as_str(), place) {
-        ("GET", "") => Reply::html(&shared.page),
-        ("GET", "state") => state(request, shared),
-        ("POST", "act") => act(request, shared),
-        (_, "" | "state" | "act") => refused("405 Method Not Allowed", "not this method"),
-        _ => refused("404 Not Found", "there is no such place"),
-    }
+    places::answer(request, place, shared)
 }
 
 /// Whether a host is this server's. A name is never that of a machine of a network: only who has a
@@ -234,40 +310,4 @@ fn is_host(host: &str, address: SocketAddr) -> bool {
 fn is_same(given: &str, token: &str) -> bool {
     let pairs = given.bytes().zip(token.bytes());
     given.len() == token.len() && pairs.fold(0, |all, (a, b)| all | (a ^ b)) == 0
-}
-
-fn state(request: &Request, shared: &Shared) -> Reply {
-    let after: Option<u64> = match request.query.strip_prefix("after=").map(str::parse) {
-        Some(Ok(after)) => Some(after),
-        None if request.query.is_empty() => None,
-        _ => return refused("400 Bad Request", "the query is not after=N"),
-    };
-    let edit = shared.edit.lock().unwrap_or_else(PoisonError::into_inner);
-    let is_old = |edit: &mut Edit| {
-        Some(edit.revision()) == after && !shared.is_stopping.load(Ordering::Relaxed)
-    };
-    let (edit, _) = shared
-        .changed
-        .wait_timeout_while(edit, LONGEST_WAIT, is_old)
-        .unwrap_or_else(PoisonError::into_inner);
-    state_of(&edit)
-}
-
-fn state_of(edit: &Edit) -> Reply {
-    Reply::json("200 OK", &serde_json::json!(edit.state()))
-}
-
-fn act(request: &Request, shared: &Shared) -> Reply {
-    let act: Act = match serde_json::from_slice(&request.body) {
-        Ok(act) => act,
-        Err(error) => {
-            return refused("400 Bad Request", &format!("the body is no act: {error}"));
-        }
-    };
-    let mut edit = shared.edit.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Err(error) = edit.act(act) {
-        return Reply::json("422 Unprocessable Content", &refusal(&error));
-    }
-    shared.changed.notify_all();
-    state_of(&edit)
 }

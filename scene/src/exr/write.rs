@@ -29,6 +29,19 @@ pub enum Precision {
     Float,
 }
 
+impl Precision {
+    /// Half precision for a picture, unless a value is too bright for it.
+    pub fn for_picture(image: &Image<3>) -> Self {
+        // Half a step above the largest half: from here on values round to infinity.
+        const OVERFLOW: f32 = 65_520.0;
+        if image.values().iter().any(|value| value.abs() >= OVERFLOW) {
+            Self::Float
+        } else {
+            Self::Half
+        }
+    }
+}
+
 /// Writes channels `R`, `G`, `B`; atomic, lossless but for the rounding to half precision where
 /// asked for.
 ///

@@ -7,6 +7,18 @@ export type Mode = "walk" | "orbit";
 /** Radians for a pixel of a drag. */
 const TURN = 0.004;
 
+/** Points are 0 to 1 from the top left corner. */
+export interface Listener {
+  /** Told of every change of the walker. */
+  moved: () => void;
+  /** Told of a press without a drag. */
+  clicked: (x: number, y: number) => void;
+  /** Whether a drag paints, in place of turning the view. */
+  paints: () => boolean;
+  /** Told of the points of such a drag. */
+  painted: (x: number, y: number, isLast: boolean) => void;
+}
+
 export class Controls {
   mode: Mode = "walk";
   /** Distance of what is orbited, scene units. */
@@ -16,16 +28,12 @@ export class Controls {
   private last = 0;
   private dragged = 0;
 
-  /**
-   * `speed` is in scene units for a second. `moved` is told of every change, `clicked` of a press
-   * without a drag, at a point 0 to 1 from the top left corner.
-   */
+  /** `speed` is in scene units for a second. */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly walker: Walker,
     private readonly speed: number,
-    private readonly moved: () => void,
-    private readonly clicked: (x: number, y: number) => void,
+    private readonly listener: Listener,
   ) {
     this.distance = 2 * speed;
     canvas.addEventListener("pointerdown", (event) => this.down(event));
@@ -43,7 +51,7 @@ export class Controls {
   private turn(dx: number, dy: number): void {
     if (this.mode === "walk") this.walker.turn(TURN * dx, -TURN * dy);
     else this.walker.orbit(this.distance, -TURN * dx, TURN * dy);
-    this.moved();
+    this.listener.moved();
   }
 
   private down(event: PointerEvent): void {
@@ -65,7 +73,8 @@ export class Controls {
     this.dragged += Math.abs(dx) + Math.abs(dy);
     if (this.touches.size === 1) {
       this.touches.set(event.pointerId, now);
-      if (this.dragged > 3) this.turn(dx, dy);
+      if (this.listener.paints()) this.listener.painted(...this.place(event), false);
+      else if (this.dragged > 3) this.turn(dx, dy);
       return;
     }
     // Two fingers: apart is ahead, together along is to the side.
@@ -78,15 +87,20 @@ export class Controls {
     const per = (2 * this.speed) / this.canvas.clientHeight;
     this.walker.walk(-0.5 * per * dx, 0.5 * per * dy, 0);
     this.walker.approach(per * (spread() - wide));
-    this.moved();
+    this.listener.moved();
   }
 
   private up(event: PointerEvent): void {
-    if (this.touches.size === 1 && this.dragged <= 3 && event.type === "pointerup") {
-      const box = this.canvas.getBoundingClientRect();
-      this.clicked((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
+    if (this.touches.size === 1 && event.type === "pointerup") {
+      if (this.dragged <= 3) this.listener.clicked(...this.place(event));
+      else if (this.listener.paints()) this.listener.painted(...this.place(event), true);
     }
     this.touches.delete(event.pointerId);
+  }
+
+  private place(event: PointerEvent): [number, number] {
+    const box = this.canvas.getBoundingClientRect();
+    return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   }
 
   private wheel(event: WheelEvent): void {
@@ -94,7 +108,7 @@ export class Controls {
     const by = -Math.sign(event.deltaY) * 0.15 * (this.mode === "orbit" ? this.distance : this.speed);
     this.walker.approach(by);
     if (this.mode === "orbit") this.distance = Math.max(0.05 * this.speed, this.distance - by);
-    this.moved();
+    this.listener.moved();
   }
 
   /** Mouse movements turn the view until Escape. */
@@ -131,7 +145,7 @@ export class Controls {
       const turn = TURNS[code];
       if (turn) this.turn((turn[0] * seconds) / TURN, (turn[1] * seconds) / TURN);
     }
-    this.moved();
+    this.listener.moved();
     requestAnimationFrame(() => this.step());
   }
 }

@@ -12,13 +12,18 @@ export interface Dial {
   colour: string;
 }
 
-const luminance = (rgb: number[]) => 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+export const luminance = (rgb: number[]) => 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+
+/** Linear light of a colour of the display, `#rrggbb`. */
+export function linearOf(colour: string): number[] {
+  const codes = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16) / 255);
+  return codes.map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+}
 
 /** Factors of the channels. */
 export function factorOf(dial: Dial): number[] {
   if (!dial.on) return [0, 0, 0];
-  const codes = [1, 3, 5].map((at) => parseInt(dial.colour.slice(at, at + 2), 16) / 255);
-  const light = codes.map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+  const light = linearOf(dial.colour);
   const brightness = luminance(light);
   const tint = brightness > 0 ? light.map((v) => v / brightness) : [1, 1, 1];
   return tint.map((v) => v * 2 ** dial.stops);
@@ -57,7 +62,7 @@ export class Lights {
   /** `shown` gets new radiances, `marked` the lamp to mark, from 1, or 0. */
   constructor(
     private readonly meta: Meta,
-    private readonly scene: Scene,
+    private scene: Scene,
     private readonly shown: (radiances: Float32Array) => void,
     private readonly marked: (lamp: number) => void,
   ) {
@@ -68,6 +73,12 @@ export class Lights {
   /** Factors in single precision, as a server has them. */
   shownFactors(): number[][] {
     return this.factors.map((factor) => factor.map(Math.fround));
+  }
+
+  /** Takes another scene: one without light of each lamp shows the light it comes with. */
+  take(scene: Scene): void {
+    this.scene = scene;
+    this.show();
   }
 
   private index(name: string): number {
@@ -114,7 +125,7 @@ export class Lights {
     // Sliders tell more often than pictures are shown.
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.shown(mixed(this.scene, this.factors));
+      if (this.scene.lights.length > 0) this.shown(mixed(this.scene, this.factors));
     });
   }
 

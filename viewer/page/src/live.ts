@@ -2,6 +2,11 @@
 
 import { button, element } from "./panel.ts";
 
+export interface Still {
+  state: { is: "waiting" | "rendering" | "done" | "failed"; seconds?: number; problem?: string };
+  file: string;
+}
+
 export interface EditState {
   revision: number;
   factors: Record<string, number[]>;
@@ -9,9 +14,31 @@ export interface EditState {
   file: string;
   canUndo: boolean;
   canRedo: boolean;
+  /** The scene that is shown; 0 is that of the page. */
+  scene: number;
+  /** Whether the light fits the scene. */
+  light: { state: "fits" | "waiting" | "baking" | "stale"; task?: string; share?: number; problem?: string };
+  stills: Still[];
 }
 
-type Act = { "set-light": { name: string; factor: number[] } } | "undo" | "redo";
+/** A step of an edit script: what, and then. */
+export interface Step {
+  select?: unknown;
+  insert?: unknown;
+  trim?: string;
+  then?: unknown[];
+}
+
+type Act = { "set-light": { name: string; factor: number[] } } | { step: Step } | "undo" | "redo";
+
+/** Which of the Gaussians of a scene are selected. */
+export interface Selected {
+  scene: number;
+  num: number;
+  bounds: [number[], number[]] | null;
+  /** A bit for each in the order of the page, base64. */
+  bits: string;
+}
 
 /** Rest before the server is asked again after it did not answer, milliseconds. */
 const RETRY_MS = 1000;
@@ -22,6 +49,10 @@ export class Live {
   private readonly file = element("p");
   private readonly undo = button("undo", () => void this.act("undo"));
   private readonly redo = button("redo", () => void this.act("redo"));
+  private readonly light = element("p", { role: "status", class: "light" });
+  private readonly progress = element("progress", { max: "1", "aria-label": "progress of the bake" });
+  private readonly stop = button("stop", () => void this.post("light", "stop"));
+  private readonly bake = button("bake", () => void this.post("light", "bake"));
 
   /** `changed` is told of every state, `told` of what goes wrong, in words. */
   constructor(
@@ -31,21 +62,44 @@ export class Live {
     void this.follow();
   }
 
-  /** Undo, redo and the script. */
+  /** Undo, redo, the script, and what becomes of the light. */
   parts(): Node[] {
-    return [element("div", { class: "row" }, this.undo, this.redo), this.script, this.file];
+    return [
+      element("div", { class: "row" }, this.undo, this.redo, this.stop, this.bake),
+      this.light,
+      this.progress,
+      this.script,
+      this.file,
+    ];
   }
 
-  async act(act: Act): Promise<void> {
+  async act(act: Act): Promise<boolean> {
+    return this.post("act", act);
+  }
+
+  /** Sends an order whose answer is the new state; whether it was taken. */
+  async post(place: string, order: unknown): Promise<boolean> {
+    const state = await this.ask<EditState>(place, order);
+    if (state) this.take(state);
+    return state !== null;
+  }
+
+  /** Which Gaussians a selector selects; `null` where it cannot be one. */
+  select(selector: unknown): Promise<Selected | null> {
+    return this.ask<Selected>("select", { select: selector });
+  }
+
+  private async ask<T>(place: string, order: unknown): Promise<T | null> {
     try {
       const headers = { "Content-Type": "application/json" };
-      const answer = await fetch("act", { method: "POST", headers, body: JSON.stringify(act) });
+      const answer = await fetch(place, { method: "POST", headers, body: JSON.stringify(order) });
       const body = await answer.json();
-      if (answer.ok) this.take(body as EditState);
-      else this.told((body as { error: string }).error);
+      if (answer.ok) return body as T;
+      this.told((body as { error: string }).error);
     } catch {
       this.told("the server does not answer: `eagpt view` has ended");
     }
+    return null;
   }
 
   private take(state: EditState): void {
@@ -56,7 +110,24 @@ export class Live {
     this.file.textContent = `saved as ${state.file}`;
     this.undo.disabled = !state.canUndo;
     this.redo.disabled = !state.canRedo;
+    this.tellLight(state.light);
     this.changed(state);
+  }
+
+  private tellLight({ state, task, share, problem }: EditState["light"]): void {
+    const words = {
+      fits: "",
+      waiting: "The light is that of before: a bake waits.",
+      baking: `The light is that of before: ${task ?? ""}.`,
+      stale: `The light is that of before: ${problem ?? ""}`,
+    };
+    // Told anew only when it is something else: screen readers read it out.
+    if (this.light.textContent !== words[state]) this.light.textContent = words[state];
+    const isUnderWay = state === "waiting" || state === "baking";
+    this.progress.hidden = !isUnderWay;
+    this.progress.value = share ?? 0;
+    this.stop.hidden = !isUnderWay;
+    this.bake.hidden = state !== "stale";
   }
 
   /** Asks for the state after the one that is known, which comes when there is one. */

@@ -1,14 +1,18 @@
 // The page: a scene to walk through.
 
-import { add, dot, viewCamera, Walker, unit, type Vec } from "./camera.ts";
+import { viewCamera, Walker, unit, type Vec } from "./camera.ts";
 import { Controls, type Mode } from "./controls.ts";
-import { Live } from "./live.ts";
+import { Live, type EditState } from "./live.ts";
 import { Lights } from "./lights.ts";
+import { Overlay, project } from "./overlay.ts";
+import { PathRecorder } from "./path.ts";
 import { button, checkbox, choice, element, section, select, slider } from "./panel.ts";
-import type { Look } from "./renderer.ts";
-import { unpack, type Meta, type Scene, type ViewInfo } from "./scene.ts";
+import type { Look, Picked } from "./renderer.ts";
+import { unpack, type Meta, type Scene, type SceneMeta, type ViewInfo } from "./scene.ts";
 import { LAYERS, type Layer } from "./shaders.ts";
 import { Stage } from "./stage.ts";
+import { Stills } from "./stills.ts";
+import { Tools } from "./tools.ts";
 
 const byId = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const status = byId("status");
@@ -35,6 +39,13 @@ class Page {
   private readonly stage: Stage;
   private readonly look: Look;
   private readonly lights: Lights;
+  private readonly live: Live | null;
+  private readonly stills: Stills | null;
+  readonly tools: Tools;
+  readonly path: PathRecorder;
+  /** Numbers of the scene that is wanted and of that which is shown; 0 is the page's own. */
+  private wanted = 0;
+  private shown = 0;
   private view: ViewInfo | null = null;
   private comparing = false;
   private readonly compareSlider = slider("photograph", { min: 0, max: 1, step: 0.01 }, 0.5, (value) => {
@@ -43,7 +54,7 @@ class Page {
   });
   private readonly compareBox = checkbox("compare with the photograph", (on) => void this.compare(on));
 
-  constructor(private readonly meta: Meta, private readonly scene: Scene, private readonly loadMs: number) {
+  constructor(private readonly meta: Meta, private scene: Scene, private readonly loadMs: number) {
     this.look = { layer: "radiance", exposure: meta.display.exposure, toneMap: meta.display.toneMap };
     const [low, high] = meta.bounds;
     const middle = low.map((value, k) => 0.5 * (value + high[k])) as Vec;
@@ -60,7 +71,27 @@ class Page {
       this.stage.move();
     };
     this.lights = new Lights(meta, scene, shown, marked);
-    const controls = new Controls(this.canvas, this.walker, 0.12 * size, () => this.walked(), (x, y) => this.clicked(x, y));
+    const overlay = new Overlay(this.canvas, (w, h) => this.stage.camera(w, h));
+    this.stage.onMove = () => overlay.draw();
+    const own = scene;
+    this.live = meta.live ? new Live((state) => void this.follow(state, own), (problem) => this.status(problem)) : null;
+    this.tools = new Tools(meta, scene, this.stage, overlay, this.live, (picked) => this.looked(picked));
+    const pixels = (): [number, number] => [this.canvas.clientWidth, this.canvas.clientHeight];
+    const camera = (w: number, h: number) => this.stage.camera(w, h);
+    this.stills = this.live && new Stills(this.live, camera, pixels, () => this.look);
+    const upright = ({ eye, forward, fov }: { eye: Vec; forward: Vec; fov: number }, w: number, h: number) => {
+      const walker = new Walker(unit(meta.up), eye);
+      walker.fov = fov;
+      walker.lookAlong(forward);
+      return walker.camera(w, h);
+    };
+    this.path = new PathRecorder(camera, upright, pixels);
+    const controls = new Controls(this.canvas, this.walker, 0.12 * size, {
+      moved: () => this.walked(),
+      clicked: (x, y) => void this.clicked(x, y),
+      paints: () => this.tools.paints,
+      painted: (x, y, isLast) => void this.painted(x, y, isLast),
+    });
     this.fillPanel(controls);
     new ResizeObserver(() => this.layOut()).observe(byId("stage"));
     if (meta.views.length > 0) this.jump(meta.views[0]);
@@ -69,7 +100,7 @@ class Page {
 
   private tell(): void {
     const { binMs, traceMs, width, height } = this.stage.timing;
-    const num = this.meta.num.toLocaleString("en");
+    const num = this.scene.num.toLocaleString("en");
     status.textContent =
       `${num} Gaussians · loaded in ${Math.round(this.loadMs)} ms · sorted in ${Math.round(binMs)} ms · ` +
       `${width} × ${height} rays in ${Math.round(traceMs)} ms`;
@@ -120,9 +151,39 @@ class Page {
     this.layOut();
   }
 
-  private clicked(x: number, y: number): void {
-    const picked = this.stage.pick(x, y);
-    if (!picked) return;
+  private async clicked(x: number, y: number): Promise<void> {
+    const picked = await this.stage.pick(x, y);
+    if (picked) this.tools.pressed(picked);
+  }
+
+  private async painted(x: number, y: number, isLast: boolean): Promise<void> {
+    const picked = await this.stage.pick(x, y);
+    if (picked) this.tools.paint(picked, isLast);
+  }
+
+  /** The state of the server, and the scene that it has made. */
+  private async follow(state: EditState, own: Scene): Promise<void> {
+    this.lights.follow(state.factors);
+    this.stills?.follow(state);
+    if (state.scene === this.wanted) return;
+    this.wanted = state.scene;
+    let scene = own;
+    if (state.scene !== 0) {
+      const answer = await fetch(`scene?id=${state.scene}`);
+      // Another one is there by now, and its state on its way.
+      if (!answer.ok) return;
+      const packed = (await answer.json()) as { meta: SceneMeta; data: string };
+      scene = await unpack(packed.meta, packed.data);
+    }
+    if (this.wanted !== state.scene) return;
+    await this.stage.take(scene);
+    this.shown = state.scene;
+    this.scene = scene;
+    this.tools.take(scene, state.scene);
+    this.lights.take(scene);
+  }
+
+  private looked(picked: Picked): void {
     const lamp = this.scene.lamps[picked.disc];
     const what = lamp > 0 ? `lamp ${this.meta.lamps[lamp - 1].name}` : "a surface";
     this.status(`${what}, ${picked.distance.toFixed(3)} units away`);
@@ -169,21 +230,24 @@ class Page {
       ),
       section(
         "Moving",
-        choice<Mode>(["walk", "orbit"], "walk", (mode) => {
-          const centre = this.stage.pick(0.5, 0.5);
-          if (centre) controls.distance = centre.distance;
+        choice<Mode>(["walk", "orbit"], "walk", async (mode) => {
           controls.mode = mode;
+          const centre = await this.stage.pick(0.5, 0.5);
+          if (centre) controls.distance = centre.distance;
         }),
         element("p", {}, "W A S D walk, Q and E go down and up, Shift hurries, drag or arrows turn, L locks the pointer. Two fingers move."),
       ),
     );
     const boxes = this.lights.boxes();
     if (boxes.length > 0) panel.append(section("Lamps", ...boxes));
-    if (meta.live) {
-      const live = new Live((state) => this.lights.follow(state.factors), (problem) => this.status(problem));
+    panel.append(this.tools.part());
+    const { live } = this;
+    if (live) {
       this.lights.onSet = (name, factor) => void live.act({ "set-light": { name, factor } });
       panel.append(section("Edit script", ...live.parts()));
     }
+    if (this.stills) panel.append(this.stills.part());
+    panel.append(this.path.part());
   }
 
   /** For tests: a picture of a view, as `eagpt render` makes it. */
@@ -203,12 +267,32 @@ class Page {
 
   /** For tests: where the present camera sees a point, 0 to 1 from the top left corner. */
   placeOf(point: number[]): number[] {
-    const camera = this.stage.camera(this.canvas.clientWidth, this.canvas.clientHeight);
-    const offset = add(point, camera.eye, -1);
-    const depth = dot(offset, camera.forward);
-    const x = (camera.fx * dot(offset, camera.right)) / depth + camera.cx;
-    const y = (camera.fy * dot(offset, camera.down)) / depth + camera.cy;
-    return [x / camera.width, y / camera.height];
+    const { clientWidth, clientHeight } = this.canvas;
+    const [x, y] = project(this.stage.camera(clientWidth, clientHeight), point) ?? [NaN, NaN];
+    return [x / clientWidth, y / clientHeight];
+  }
+
+  /** For tests: the camera of a view. */
+  readonly viewCamera = viewCamera;
+
+  /** For tests: goes to a view. */
+  goTo(name: string): void {
+    const view = this.meta.views.find((one) => one.name === name);
+    if (!view) throw new Error(`view: no \`${name}\``);
+    this.jump(view);
+  }
+
+  /** For tests: whether the scene of the server is the one that is shown. */
+  follows(): boolean {
+    return this.wanted === this.shown;
+  }
+
+  /** For tests: a number that other Gaussians would not have. */
+  bits(): string {
+    const { positions, radiances, albedos, axesU, axesV, opacities, emissions } = this.scene;
+    const columns = [positions, radiances, albedos, axesU, axesV, opacities, emissions];
+    const hash = (sum: number, word: number) => Math.imul(sum ^ word, 16777619);
+    return columns.map((column) => new Uint32Array(column.buffer).reduce(hash, -2128831035)).join(" ");
   }
 
   /** For tests: whether the picture is complete. */

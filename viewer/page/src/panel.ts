@@ -44,9 +44,28 @@ export function slider(title: string, range: SliderRange, value: number, changed
   return { label: element("label", {}, title, input, output), input, set };
 }
 
+/** Numbers side by side, each with a name of its own. */
+export function numbers(names: string[], values: number[], changed: (values: number[]) => void) {
+  const inputs = values.map((value, k) => {
+    const input = element("input", { type: "number", step: "any", "aria-label": names[k] });
+    input.valueAsNumber = value;
+    input.addEventListener("change", () => {
+      const now = inputs.map((one) => one.valueAsNumber);
+      if (now.every(Number.isFinite)) changed(now);
+    });
+    return input;
+  });
+  const set = (now: number[]) => inputs.forEach((input, k) => (input.value = `${tidy(now[k])}`));
+  set(values);
+  return { row: element("div", { class: "numbers" }, ...inputs), set };
+}
+
+/** A number as people write it. */
+export const tidy = (value: number): number => Number(value.toPrecision(5));
+
 export function select(title: string, values: readonly string[], value: string, changed: (value: string) => void) {
   const options = values.map((one) => element("option", { value: one }, one));
-  const input = element("select", {}, ...options);
+  const input = element("select", { "aria-label": title }, ...options);
   input.value = value;
   input.addEventListener("change", () => changed(input.value));
   return element("label", {}, title, input);

@@ -1,6 +1,7 @@
 // Draws a scene on a canvas: prepare, trace, display.
 
 import type { Pinhole } from "./bins.ts";
+import { add, scaled, unit, type Vec } from "./camera.ts";
 import { framebuffer, Pass, Texture, type Gl } from "./gl.ts";
 import type { Meta, Scene } from "./scene.ts";
 import { DISPLAY, LAYERS, prepareShader, ROW, traceShader, type Layer } from "./shaders.ts";
@@ -23,6 +24,15 @@ export interface Picked {
   disc: number;
   /** Along the ray, scene units. */
   distance: number;
+  /** In the world. */
+  point: Vec;
+}
+
+/** Direction of the ray through a point (x, y) of the picture: `base + x stepX + y stepY`. */
+function raysOf(camera: Pinhole) {
+  const stepX = scaled(camera.right, 1 / camera.fx);
+  const stepY = scaled(camera.down, 1 / camera.fy);
+  return { base: add(add(camera.forward, stepX, -camera.cx), stepY, -camera.cy), stepX, stepY };
 }
 
 export class Renderer {
@@ -31,7 +41,7 @@ export class Renderer {
   highlighted = 0;
   private readonly still: { positions: Texture; axesU: Texture; axesV: Texture; albedos: Texture; radiances: Texture; harmonics: Texture };
   private readonly seen: Texture[];
-  private readonly prepared: WebGLFramebuffer;
+  private prepared: WebGLFramebuffer | null = null;
   private readonly starts: Texture;
   private readonly entries: Texture;
   private readonly picture: Texture;
@@ -41,10 +51,11 @@ export class Renderer {
   private readonly displayPass: Pass;
   private readonly tracePasses = new Map<string, Pass>();
   private pictureTarget: WebGLFramebuffer | null = null;
+  private albedoBytes = new Uint8Array(0);
   private preparedFor = "";
   private lists: { camera: Pinhole } | null = null;
 
-  constructor(readonly canvas: HTMLCanvasElement, private readonly meta: Meta, private readonly scene: Scene) {
+  constructor(readonly canvas: HTMLCanvasElement, private readonly meta: Meta, private scene: Scene) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL2");
     if (!gl.getExtension("EXT_color_buffer_float")) {
@@ -60,11 +71,8 @@ export class Renderer {
       radiances: texture("rgba32f"),
       harmonics: texture("rgba16i"),
     };
-    this.upload();
-    const rows = Math.max(1, Math.ceil(scene.num / ROW));
     this.seen = [0, 1, 2, 3].map(() => texture("rgba32f"));
-    this.seen.forEach((one) => one.resize(ROW, rows));
-    this.prepared = framebuffer(gl, this.seen);
+    this.take(scene);
     this.starts = texture("r32ui");
     this.entries = texture("r32ui");
     this.picture = texture("rgba16f");
@@ -76,6 +84,18 @@ export class Renderer {
     this.displayPass = new Pass(gl, "display", DISPLAY);
     gl.bindVertexArray(gl.createVertexArray());
     gl.disable(gl.DITHER);
+  }
+
+  /** Takes another scene; there is no picture of it before new lists. */
+  take(scene: Scene): void {
+    this.scene = scene;
+    this.lists = null;
+    this.upload();
+    const rows = Math.max(1, Math.ceil(scene.num / ROW));
+    if (this.prepared && this.seen[0].height === rows) return;
+    this.seen.forEach((one) => one.resize(ROW, rows));
+    if (this.prepared) this.gl.deleteFramebuffer(this.prepared);
+    this.prepared = framebuffer(this.gl, this.seen);
   }
 
   private upload(): void {
@@ -91,9 +111,20 @@ export class Renderer {
     still.positions.list(four(scene.positions, scene.opacities), 4);
     still.axesU.list(four(scene.axesU, scene.emissions), 4);
     still.axesV.list(four(scene.axesV, scene.lamps), 4);
-    still.albedos.list(Uint8Array.from(four(scene.albedos, null), (value) => Math.round(255 * value)), 4);
+    this.albedoBytes = Uint8Array.from(four(scene.albedos, null), (value) => Math.round(255 * value));
+    still.albedos.list(this.albedoBytes, 4);
     still.harmonics.list(scene.harmonics.length > 0 ? scene.harmonics : new Int16Array(4), 4);
     this.setRadiances(scene.radiances);
+  }
+
+  /** Marks Gaussians, a bit for each, low bits first; `null` is none of them. */
+  select(bits: Uint8Array | null): void {
+    const bytes = this.albedoBytes;
+    for (let i = 0; i < this.scene.num; i++) {
+      bytes[4 * i + 3] = bits && (bits[i >> 3] >> (i & 7)) & 1 ? 255 : 0;
+    }
+    this.still.albedos.list(bytes, 4);
+    this.preparedFor = "";
   }
 
   /** Other light of the same Gaussians, `[3 n]`. */
@@ -124,7 +155,7 @@ export class Renderer {
   private prepare(layer: Layer, eye: number[]): void {
     const key = [layer, this.highlighted, ...eye].join(" ");
     if (key === this.preparedFor) return;
-    const { gl, preparePass: pass, still, scene, meta } = this;
+    const { gl, preparePass: pass, still, scene } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.prepared);
     gl.viewport(0, 0, this.seen[0].width, this.seen[0].height);
     gl.disable(gl.SCISSOR_TEST);
@@ -137,8 +168,8 @@ export class Renderer {
       albedos: still.albedos.texture,
       harmonics: still.harmonics.texture,
     });
-    pass.int("hasHarmonics", meta.harmonics ? 1 : 0);
-    pass.float("harmonicStep", meta.harmonic.step);
+    pass.int("hasHarmonics", scene.harmonicStep > 0 ? 1 : 0);
+    pass.float("harmonicStep", scene.harmonicStep);
     pass.int("layer", LAYERS.indexOf(layer));
     pass.int("num", scene.num);
     pass.int("highlighted", this.highlighted);
@@ -160,11 +191,10 @@ export class Renderer {
   private bindTrace(camera: Pinhole, window: number, pick: boolean): Pass {
     const pass = this.tracePass(window, pick);
     const [seenU, seenV, seenPlane, seenShown] = this.seen.map((one) => one.texture);
-    const stepX = camera.right.map((value) => value / camera.fx);
-    const stepY = camera.down.map((value) => value / camera.fy);
+    const { base, stepX, stepY } = raysOf(camera);
     pass.use();
     pass.textures({ seenU, seenV, seenPlane, seenShown, starts: this.starts.texture, entries: this.entries.texture });
-    pass.vec3("base", camera.forward.map((value, k) => value - stepX[k] * camera.cx - stepY[k] * camera.cy));
+    pass.vec3("base", base);
     pass.vec3("stepX", stepX);
     pass.vec3("stepY", stepY);
     pass.int("tile", TILE);
@@ -206,7 +236,11 @@ export class Renderer {
     const found = new Float32Array(4);
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.FLOAT, found);
     gl.deleteFramebuffer(target);
-    return found[0] < 0 ? null : { disc: found[0], distance: found[1] };
+    if (found[0] < 0) return null;
+    const [disc, distance] = found;
+    const { base, stepX, stepY } = raysOf(camera);
+    const direction = add(add(base, stepX, Math.floor(x) + 0.5), stepY, Math.floor(y) + 0.5);
+    return { disc, distance, point: add(camera.eye, unit(direction), distance) };
   }
 
   /** Shows the picture on the canvas, `antialias` × `antialias` traced pixels in each. */

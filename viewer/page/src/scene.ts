@@ -23,8 +23,8 @@ export interface LampInfo {
   power: number[];
 }
 
-export interface Meta {
-  title: string;
+/** What has to be known to unpack a scene. */
+export interface SceneMeta {
   num: number;
   harmonics: boolean;
   position: { low: number[]; step: number[] };
@@ -32,15 +32,19 @@ export interface Meta {
   opacity: { step: number };
   radiance: { low: number; step: number };
   harmonic: { step: number };
+  bounds: number[][];
+  /** Lights whose light alone is packed: names of lamps, or "rest". */
+  lights: string[];
+}
+
+export interface Meta extends SceneMeta {
+  title: string;
   model: Record<string, number>;
   toneMaps: { name: string; curve: number[] | null }[];
   display: { exposure: number; toneMap: string };
   up: number[];
-  bounds: number[][];
   views: ViewInfo[];
   lamps: LampInfo[];
-  /** Lights whose light alone is packed: names of lamps, or "rest". */
-  lights: string[];
   /** Whether a server shows the page, and keeps an edit. */
   live: boolean;
 }
@@ -48,6 +52,8 @@ export interface Meta {
 /** Columns, one value or vector for each Gaussian. */
 export interface Scene {
   num: number;
+  /** Step of the codes of harmonics; 0 where radiance is the same in all directions. */
+  harmonicStep: number;
   positions: Float32Array;
   /** Tangents over scales: dot products with offsets are u and v. */
   axesU: Float32Array;
@@ -65,7 +71,7 @@ export interface Scene {
 }
 
 /** Bytes of base64. */
-function bytesOf(text: string): Uint8Array<ArrayBuffer> {
+export function bytesOf(text: string): Uint8Array<ArrayBuffer> {
   const raw = atob(text);
   const bytes = new Uint8Array(raw.length);
   for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
@@ -113,12 +119,13 @@ class Columns {
   }
 }
 
-export async function unpack(meta: Meta, base64: string): Promise<Scene> {
+export async function unpack(meta: SceneMeta, base64: string): Promise<Scene> {
   const num = meta.num;
   const columns = new Columns(await inflate(bytesOf(base64)), num);
   const vectors = () => new Float32Array(3 * num);
   const scene: Scene = {
     num,
+    harmonicStep: meta.harmonics ? meta.harmonic.step : 0,
     positions: vectors(),
     axesU: vectors(),
     axesV: vectors(),
@@ -206,11 +213,11 @@ export function mixed(scene: Scene, factors: number[][]): Float32Array {
 }
 
 /** The discs that a camera's rays may hit. */
-export function discsOf(scene: Scene, meta: Meta): Discs {
+export function discsOf(scene: Scene, model: Record<string, number>): Discs {
   const extents = (axes: Float32Array) => {
     const out = new Float32Array(axes.length);
     for (let i = 0; i < scene.num; i++) {
-      const { MAX_RADIUS, MIN_ALPHA } = meta.model;
+      const { MAX_RADIUS, MIN_ALPHA } = model;
       const cut2 = 2 * Math.log(scene.opacities[i] / MIN_ALPHA);
       const radius = Math.min(MAX_RADIUS, Math.sqrt(Math.max(0, cut2)));
       const [x, y, z] = axes.subarray(3 * i, 3 * i + 3);

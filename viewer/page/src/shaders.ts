@@ -82,21 +82,24 @@ void main() {
   outV = vec4(axisV.xyz - dot(offset, axisV.xyz) * plane, 0.0);
   outPlane = vec4(plane, position.w);
   vec3 shown = texelFetch(radiances, at, 0).rgb;
+  vec4 albedo = texelFetch(albedos, at, 0);
   float emission = axisU.w;
   int lamp = int(axisV.w + 0.5);
   if (layer == 0) {
     if (hasHarmonics) shown *= factor(i, normalize(offset));
     if (highlighted > 0 && lamp == highlighted) shown += vec3(0.0, 0.35, 1.0);
   } else if (layer == 1) {
-    shown = texelFetch(albedos, at, 0).rgb;
+    shown = albedo.rgb;
   } else if (layer == 2) {
     shown = normalize(normal) * (dot(offset, normal) > 0.0 ? -1.0 : 1.0);
   } else if (layer == 3) {
     shown = vec3(emission);
   } else {
-    vec3 grey = vec3(0.02 + 0.25 * dot(texelFetch(albedos, at, 0).rgb, vec3(0.33333)));
+    vec3 grey = vec3(0.02 + 0.25 * dot(albedo.rgb, vec3(0.33333)));
     shown = lamp > 0 && emission > 0.1 ? lampColour(float(lamp)) : grey;
   }
+  // What is selected.
+  if (albedo.a > 0.5 && layer != 2) shown = 0.4 * min(shown, vec3(0.5)) + vec3(0.55, 0.22, 0.0);
   outShown = vec4(shown, 1.0);
 }`;
 }

@@ -1,7 +1,7 @@
 // Keeps the canvas up to date: quick pictures while something moves, a whole one when it rests.
 
 import type { Pinhole } from "./bins.ts";
-import { Renderer, TILE, WINDOW_MOVING, WINDOW_STILL, type Look } from "./renderer.ts";
+import { Renderer, TILE, WINDOW_MOVING, WINDOW_STILL, type Look, type Picked } from "./renderer.ts";
 import { discsOf, type Meta, type Scene } from "./scene.ts";
 import type { BinReply, BinRequest } from "./worker.ts";
 import workerText from "worker:text";
@@ -35,6 +35,8 @@ export class Stage {
   timing: Timing = { binMs: 0, traceMs: 0, numEntries: 0, numVisible: 0, width: 0, height: 0 };
   /** Told whenever a picture is complete. */
   onPicture: () => void = () => {};
+  /** Told whenever the camera may have moved. */
+  onMove: () => void = () => {};
   readonly renderer: Renderer;
   private readonly worker: Worker;
   private readonly waiting = new Map<number, (reply: BinReply) => void>();
@@ -45,10 +47,10 @@ export class Stage {
   private movingScale = 0.5;
   private restTimer = 0;
   private antialias = 1;
-  private held = false;
+  private numHolding = 0;
   private isDone = false;
 
-  constructor(private readonly canvas: HTMLCanvasElement, meta: Meta, scene: Scene, camera: CameraFor, look: Look) {
+  constructor(private readonly canvas: HTMLCanvasElement, private readonly meta: Meta, scene: Scene, camera: CameraFor, look: Look) {
     this.camera = camera;
     this.look = look;
     this.renderer = new Renderer(canvas, meta, scene);
@@ -62,7 +64,33 @@ export class Stage {
     this.worker.onerror = (event) => {
       throw new Error(`worker: ${event.message}`);
     };
-    this.worker.postMessage({ discs: discsOf(scene, meta) });
+    this.worker.postMessage({ discs: discsOf(scene, meta.model) });
+  }
+
+  /** Shows another scene, or the same in another light, once no picture is under way. */
+  async take(scene: Scene): Promise<void> {
+    await this.alone(async () => {
+      this.worker.postMessage({ discs: discsOf(scene, this.meta.model) });
+      this.renderer.take(scene);
+    });
+  }
+
+  /** Does something while no picture is drawn, and draws a new one then. */
+  private async alone<T>(act: () => Promise<T>): Promise<T> {
+    this.numHolding++;
+    while (this.busy) await new Promise((resolve) => setTimeout(resolve, 5));
+    this.busy = true;
+    try {
+      return await act();
+    } finally {
+      this.busy = false;
+      this.numHolding--;
+      this.move();
+    }
+  }
+
+  private get held(): boolean {
+    return this.numHolding > 0;
   }
 
   /** Lists of a camera become those of the renderer. */
@@ -94,6 +122,7 @@ export class Stage {
   move(): void {
     this.isDone = false;
     this.moved = true;
+    this.onMove();
     this.generation++;
     window.clearTimeout(this.restTimer);
     if (!this.busy && !this.held) void this.quick();
@@ -184,28 +213,22 @@ export class Stage {
 
   /** A picture of exactly this camera, as a data URI; nothing else is drawn meanwhile. */
   async picture(camera: CameraFor, width: number, height: number, antialias: number, look: Look): Promise<string> {
-    this.held = true;
-    while (this.busy) await new Promise((resolve) => setTimeout(resolve, 5));
-    this.busy = true;
-    const before = this.look;
-    this.look = look;
-    try {
+    return this.alone(async () => {
+      const before = this.look;
+      this.look = look;
       await this.traceWhole(camera(width * antialias, height * antialias), () => true);
       this.canvas.width = width;
       this.canvas.height = height;
       this.renderer.display(look, antialias, 1e9);
-      return this.canvas.toDataURL("image/png");
-    } finally {
       this.look = before;
-      this.busy = false;
-      this.held = false;
-      this.move();
-    }
+      return this.canvas.toDataURL("image/png");
+    });
   }
 
   /** The disc under a point of the canvas, 0 to 1 from its top left corner. */
-  pick(x: number, y: number) {
-    if (this.busy) return null;
+  async pick(x: number, y: number): Promise<Picked | null> {
+    // The lists of a picture under way are those of another camera.
+    while (this.busy || this.moved) await new Promise((resolve) => setTimeout(resolve, 5));
     return this.renderer.pick(x * this.timing.width, y * this.timing.height);
   }
 }

@@ -47,8 +47,8 @@ export function makeLit(folder) {
 }
 
 /** `eagpt view` of a scene: its address, once it listens, and how to end it. */
-export async function serve(scene, dataset) {
-  const child = spawn(PROGRAM, ["view", scene, "--dataset", dataset, "--json"], { stdio: ["ignore", "pipe", "inherit"] });
+export async function serve(scene, dataset, ...more) {
+  const child = spawn(PROGRAM, ["view", scene, "--dataset", dataset, "--json", ...more], { stdio: ["ignore", "pipe", "inherit"] });
   const line = await new Promise((resolve, reject) => {
     child.stdout.once("data", (data) => resolve(String(data)));
     child.once("exit", (code) => reject(new Error(`eagpt view ended with ${code}`)));
@@ -56,6 +56,10 @@ export async function serve(scene, dataset) {
   const { url, script } = JSON.parse(line);
   const end = (signal) =>
     new Promise((resolve) => {
+      if (child.exitCode !== null || child.signalCode !== null) {
+        resolve(child.exitCode);
+        return;
+      }
       child.removeAllListeners("exit");
       child.once("exit", (code) => resolve(code));
       child.kill(signal);

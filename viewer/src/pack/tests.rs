@@ -1,8 +1,8 @@
 use super::*;
+use crate::testing::lamp;
 use eagpt_scene::gaussians::random_cloud;
-use eagpt_scene::lamps::LampShape;
 use eagpt_scene::light_basis::LightGroups;
-use eagpt_scene::{Lamp, rng};
+use eagpt_scene::rng;
 use glam::Quat;
 
 /// A cloud with harmonics, dark and bright light.
@@ -72,22 +72,7 @@ fn neighbours_stand_together_and_the_invisible_is_left_out() {
 fn what_emits_knows_its_lamp() {
     let mut gaussians = random_cloud(300, 4);
     gaussians.opacities.fill(0.9);
-    let lamp = Lamp {
-        name: "half".to_owned(),
-        shape: LampShape::Other,
-        centre: [0.5, 0.0, 0.0],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        size: [0.7, 2.0, 2.0],
-        one_sided: false,
-        area: 1.0,
-        radiance: [1.0; 3],
-        power: [1.0; 3],
-        num_gaussians: 1,
-        views: Vec::new(),
-        num_pixels: 0,
-        deviation: 0.0,
-        factor: [1.0; 3],
-    };
+    let lamp = lamp("half", [0.5, 0.0, 0.0], [0.7, 2.0, 2.0]);
     let lamps = Lamps { lamps: vec![lamp] };
     let pack = Pack::new(&gaussians, &lamps, None).unwrap();
     let (_, ids) = pack.unpack().unwrap();

@@ -1,4 +1,12 @@
+mod edits;
+
 use super::*;
+use crate::pack::Pack;
+use crate::testing::lit_cloud;
+use eagpt_scene::dataset::{SplitRule, Subset};
+use eagpt_trace::Device;
+use eagpt_train::bake::gaussians::GaussianBake;
+use eagpt_train::bake::{BakeMethod, BakeOptions};
 use std::io::Read;
 use std::thread::JoinHandle;
 use tempfile::TempDir;
@@ -15,10 +23,27 @@ struct Running {
 impl Running {
     fn new() -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let lights = vec!["ceiling-1".to_owned(), "rest".to_owned()];
-        let edit = Edit::open(&dir.path().join("edit.toml"), lights).unwrap();
+        let original = lit_cloud(&["ceiling-1"]);
+        let pack = Pack::new(&original.gaussians, &original.lamps, None).unwrap();
+        let served = Served {
+            page: "the page".to_owned(),
+            order: pack.order,
+            edit: Edit::open(&dir.path().join("edit.toml"), original).unwrap(),
+            workshop: Workshop {
+                device: Device::Cpu,
+                cameras: None,
+                options: BakeOptions {
+                    method: BakeMethod::Gaussians(GaussianBake { num_samples: 1 }),
+                    max_bounces: 1,
+                    seed: 0,
+                    split: SplitRule::default(),
+                    subset: Subset::All,
+                },
+                stills: dir.path().join("stills"),
+            },
+        };
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
-        let server = Server::bind(any, "the page".to_owned(), edit).unwrap();
+        let server = Server::bind(any, served).unwrap();
         let (address, token) = (server.address, server.token.clone());
         assert_eq!(server.url(), format!("http://{address}/{token}/"));
         let stop = Arc::new(AtomicBool::new(false));
@@ -56,9 +81,13 @@ impl Running {
         self.request(method, &path, &self.address.to_string(), "", body)
     }
 
-    fn act(&self, body: &str) -> Value {
-        let answer = self.own("POST", "act", body);
+    fn told(&self, method: &str, place: &str, body: &str) -> Value {
+        let answer = self.own(method, place, body);
         serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap()
+    }
+
+    fn act(&self, body: &str) -> Value {
+        self.told("POST", "act", body)
     }
 }
 

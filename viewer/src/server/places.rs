@@ -1,0 +1,204 @@
+//! The places of a server, and what is answered there.
+
+use super::board::{Still, StillState};
+use super::request::Request;
+use super::{LONGEST_WAIT, Reply, Shared, refused};
+use crate::error::ViewerError;
+use crate::live::{Act, refusal};
+use crate::still::{StillRequest, files_of};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use eagpt_scene::files;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::PoisonError;
+use std::sync::atomic::Ordering;
+
+/// Most stills that wait for their turn.
+const MAX_WAITING: usize = 16;
+
+/// The answer at a place below the token.
+pub(super) fn answer(request: &Request, place: &str, shared: &Shared) -> Reply {
+    let answered = match (request.method.as_str(), place) {
+        ("GET", "") => Ok(Reply::html(&shared.page)),
+        ("GET", "state") => state(request, shared),
+        ("GET", "scene") => scene(request, shared),
+        ("GET", "still") => picture(request, shared),
+        ("POST", "act") => act(request, shared),
+        ("POST", "select") => select(request, shared),
+        ("POST", "light") => light(request, shared),
+        ("POST", "still") => still(request, shared),
+        (_, "" | "state" | "scene" | "still" | "act" | "select" | "light") => {
+            Err(refused("405 Method Not Allowed", "not this method"))
+        }
+        _ => Err(refused("404 Not Found", "there is no such place")),
+    };
+    answered.unwrap_or_else(|refusal| refusal)
+}
+
+/// The number that the query gives `name`; `None` where there is no query.
+fn number<T: std::str::FromStr>(request: &Request, name: &str) -> Result<Option<T>, Reply> {
+    if request.query.is_empty() {
+        return Ok(None);
+    }
+    let value = request.query.strip_prefix(name);
+    let value = value.and_then(|rest| rest.strip_prefix('=')?.parse().ok());
+    let problem = || refused("400 Bad Request", &format!("the query is not {name}=N"));
+    value.map(Some).ok_or_else(problem)
+}
+
+fn body<T: DeserializeOwned>(request: &Request, what: &str) -> Result<T, Reply> {
+    serde_json::from_slice(&request.body).map_err(|error| {
+        refused(
+            "400 Bad Request",
+            &format!("the body is no {what}: {error}"),
+        )
+    })
+}
+
+fn unprocessable(error: &ViewerError) -> Reply {
+    Reply::json("422 Unprocessable Content", &refusal(error))
+}
+
+fn state(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let after: Option<u64> = number(request, "after")?;
+    let board = shared.board();
+    let (board, _) = shared
+        .changed
+        .wait_timeout_while(board, LONGEST_WAIT, |board| {
+            Some(board.revision) == after && !shared.is_stopping.load(Ordering::Relaxed)
+        })
+        .unwrap_or_else(PoisonError::into_inner);
+    Ok(Reply::json("200 OK", &board.state()))
+}
+
+fn act(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let act: Act = body(request, "act")?;
+    // One act after the other; pages can ask for the state meanwhile.
+    let mut edit = shared.edit();
+    let before = edit.changed().map(Arc::as_ptr);
+    edit.act(act).map_err(|error| unprocessable(&error))?;
+    let is_same = edit.changed().map(Arc::as_ptr) == before;
+    let mut board = shared.board();
+    let followed = if is_same {
+        board.edit = edit.state();
+        board.revision += 1;
+        Ok(())
+    } else {
+        board.follow(&edit, shared.has_bake)
+    };
+    shared.changed.notify_all();
+    followed.map_err(|error| unprocessable(&error))?;
+    Ok(Reply::json("200 OK", &board.state()))
+}
+
+/// The scene that is shown now, packed.
+fn scene(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let id: Option<u64> = number(request, "id")?;
+    let shown = Arc::clone(&shared.board().shown);
+    if shown.id == 0 || id != Some(shown.id) {
+        return Err(refused("404 Not Found", "this scene is not shown"));
+    }
+    Ok(Reply {
+        status: "200 OK",
+        kind: "application/json",
+        body: shown.packed.clone().into_bytes(),
+    })
+}
+
+/// A selector of edit scripts.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Selection {
+    select: Value,
+}
+
+/// Which of the packed Gaussians a selector selects, a bit for each, low bits first.
+fn select(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let Selection { select } = body(request, "selection")?;
+    let shown = Arc::clone(&shared.board().shown);
+    let selected = shared.original.selected(&shown.gaussians, &select);
+    let selected = selected.map_err(|error| unprocessable(&error))?;
+    let mut bits = vec![0_u8; shown.order.len().div_ceil(8)];
+    for (place, _) in (shown.order.iter().enumerate()).filter(|(_, i)| selected[**i as usize]) {
+        bits[place / 8] |= 1 << (place % 8);
+    }
+    let positions = shown.gaussians.positions.iter().zip(&selected);
+    let bounds = positions.filter(|(_, is)| **is).map(|(p, _)| (*p, *p));
+    let bounds = bounds.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+    Ok(Reply::json(
+        "200 OK",
+        &json!({
+            "scene": shown.id,
+            "num": selected.iter().filter(|is| **is).count(),
+            "bounds": bounds,
+            "bits": STANDARD.encode(bits),
+        }),
+    ))
+}
+
+/// What is to be done about the light.
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum LightOrder {
+    Stop,
+    Bake,
+}
+
+fn light(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let order: LightOrder = body(request, "order")?;
+    let mut board = shared.board();
+    board.order_light(matches!(order, LightOrder::Bake) && shared.has_bake);
+    shared.changed.notify_all();
+    Ok(Reply::json("200 OK", &board.state()))
+}
+
+fn still(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let order: StillRequest = body(request, "still")?;
+    order.check().map_err(|error| unprocessable(&error))?;
+    let mut board = shared.board();
+    let mut orders = shared.orders();
+    if orders.len() >= MAX_WAITING {
+        let problem = format!("{MAX_WAITING} stills wait already");
+        return Err(unprocessable(&ViewerError::Still(problem)));
+    }
+    let is_taken = |file: &PathBuf| {
+        let mut others = board.stills.iter().map(|still| &still.file);
+        others.any(|other| other == file) || files_of(file).iter().any(|path| path.exists())
+    };
+    let file = (1_u32..).map(|number| shared.stills.join(format!("still-{number:03}.png")));
+    let Some(file) = file.into_iter().find(|file| !is_taken(file)) else {
+        return Err(refused(
+            "507 Insufficient Storage",
+            "no name is free for a still",
+        ));
+    };
+    orders.push_back((board.stills.len(), order));
+    board.stills.push(Still {
+        state: StillState::Waiting,
+        file,
+    });
+    board.revision += 1;
+    shared.changed.notify_all();
+    Ok(Reply::json("200 OK", &board.state()))
+}
+
+/// A still that is done.
+fn picture(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+    let index: Option<usize> = number(request, "index")?;
+    let none = || refused("404 Not Found", "there is no such still");
+    let still = index.and_then(|index| shared.board().stills.get(index).cloned());
+    let still = still.ok_or_else(none)?;
+    if !matches!(still.state, StillState::Done { .. }) {
+        return Err(none());
+    }
+    let bytes = files::read(&still.file).map_err(|error| unprocessable(&error.into()))?;
+    Ok(Reply {
+        status: "200 OK",
+        kind: "image/png",
+        body: bytes,
+    })
+}
