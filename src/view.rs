@@ -103,7 +103,9 @@ pub(crate) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<ExitCode> {
             stills: (args.stills.clone()).unwrap_or_else(|| scene.with_extension("stills")),
         },
     };
-    let stop = interrupt::stop_flag_with("the server stops")?;
+    let stop = interrupt::stop_flag_with(
+        "the server stops, after a picture under way; Ctrl-C again stops at once",
+    )?;
     let server = Server::bind(SocketAddr::new(args.address, args.port), served)?;
     reporter.note(&format!("{}: {}", scene.display(), server.url()));
     reporter.message(&serde_json::json!({

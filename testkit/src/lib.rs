@@ -6,6 +6,7 @@
 //! - [`kernels`]: checks of WGSL against the limits of every device.
 //! - [`damage`]: damaged and truncated files.
 //! - [`gaussians`]: spheres, walls and clouds of Gaussians.
+//! - [`lamps`]: lamps that nobody has measured.
 //! - [`room`]: a furnished box room under an area light, path-traced analytically, written as a
 //!   dataset.
 
@@ -14,6 +15,7 @@ mod data;
 mod device;
 pub mod gaussians;
 pub mod kernels;
+pub mod lamps;
 pub mod room;
 
 pub use data::test_data;

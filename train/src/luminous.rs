@@ -61,24 +61,14 @@ mod tests {
     use eagpt_scene::LampShape;
     use eagpt_scene::rng::Purpose;
     use eagpt_testkit::gaussians::{look_at, material, sphere};
+    use eagpt_testkit::lamps::boxed;
     use glam::{DVec3, Vec3};
 
     fn lamp_at(centre: Vec3, size: f32, radiance: f32) -> Lamps {
         let lamp = eagpt_scene::Lamp {
-            name: "ball-1".to_owned(),
             shape: LampShape::Ball,
-            centre: centre.to_array(),
-            rotation: [1.0, 0.0, 0.0, 0.0],
-            size: [size; 3],
-            one_sided: false,
-            area: 1.0,
             radiance: [radiance; 3],
-            power: [1.0; 3],
-            num_gaussians: 1,
-            views: Vec::new(),
-            num_pixels: 1,
-            deviation: 0.0,
-            factor: [1.0; 3],
+            ..boxed("ball-1", centre.to_array(), [size; 3])
         };
         Lamps { lamps: vec![lamp] }
     }

@@ -19,25 +19,25 @@
 
 mod board;
 mod places;
+mod reply;
 mod request;
+mod shared;
 mod work;
 
 #[cfg(test)]
 mod tests;
 
 use crate::error::{Result, ViewerError};
-use crate::live::{Edit, Original};
-use crate::still::StillRequest;
+use crate::live::Edit;
 use crate::workshop::Workshop;
 use board::Board;
+use reply::{Reply, refused};
 use request::{Refused, Request};
-use serde_json::Value;
-use std::collections::VecDeque;
+use shared::Shared;
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 /// Most connections at once: each page waits with one for a change.
@@ -62,68 +62,6 @@ pub struct Server {
     token: String,
     shared: Arc<Shared>,
     workshop: Workshop,
-}
-
-#[derive(Debug)]
-struct Shared {
-    page: String,
-    /// Locked before the board, never after it.
-    edit: Mutex<Edit>,
-    original: Arc<Original>,
-    board: Mutex<Board>,
-    /// Of the board.
-    changed: Condvar,
-    /// Stills to be made, by their index on the board. Locked after the board.
-    orders: Mutex<VecDeque<(usize, StillRequest)>>,
-    has_bake: bool,
-    stills: PathBuf,
-    num_connections: AtomicUsize,
-    is_stopping: AtomicBool,
-}
-
-/// An answer.
-struct Reply {
-    status: &'static str,
-    kind: &'static str,
-    body: Vec<u8>,
-}
-
-impl Reply {
-    fn html(body: &str) -> Self {
-        Self {
-            status: "200 OK",
-            kind: "text/html; charset=utf-8",
-            body: body.as_bytes().to_vec(),
-        }
-    }
-
-    fn json(status: &'static str, body: &Value) -> Self {
-        Self {
-            status,
-            kind: "application/json",
-            body: body.to_string().into_bytes(),
-        }
-    }
-}
-
-impl Shared {
-    fn edit(&self) -> MutexGuard<'_, Edit> {
-        self.edit.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn board(&self) -> MutexGuard<'_, Board> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn orders(&self) -> MutexGuard<'_, VecDeque<(usize, StillRequest)>> {
-        self.orders.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Waits for a change of the board.
-    fn wait<'a>(&self, board: MutexGuard<'a, Board>) -> MutexGuard<'a, Board> {
-        let woken = self.changed.wait_timeout(board, LONGEST_WAIT);
-        woken.unwrap_or_else(PoisonError::into_inner).0
-    }
 }
 
 /// What a server shows.
@@ -269,10 +207,6 @@ fn serve(
     stream.write_all(head.as_bytes())?;
     stream.write_all(&reply.body)?;
     stream.flush()
-}
-
-fn refused(status: &'static str, problem: &str) -> Reply {
-    Reply::json(status, &serde_json::json!({ "error": problem }))
 }
 
 fn answer(request: &Request, shared: &Shared, token: &str, address: SocketAddr) -> Reply {

@@ -1,5 +1,5 @@
 use super::*;
-use eagpt_scene::LampShape;
+use eagpt_testkit::lamps::boxed;
 use serde_json::{Value, json};
 
 /// Three lamps: a panel of 1 by 1 in the ceiling, a tube along y, a bulb that only `night` has on.
@@ -28,20 +28,8 @@ fn truth() -> TrueLamps {
 
 fn found(name: &str, centre: [f32; 3], size: [f32; 3], power: [f32; 3]) -> Lamp {
     Lamp {
-        name: name.to_owned(),
-        shape: LampShape::Other,
-        centre,
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        size,
-        one_sided: false,
-        area: 1.0,
-        radiance: [1.0; 3],
         power,
-        num_gaussians: 1,
-        views: Vec::new(),
-        num_pixels: 1,
-        deviation: 0.0,
-        factor: [1.0; 3],
+        ..boxed(name, centre, size)
     }
 }
 

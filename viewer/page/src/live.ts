@@ -41,7 +41,7 @@ export interface Selected {
 }
 
 /** Rest before the server is asked again after it did not answer, milliseconds. */
-const RETRY_MS = 1000;
+export const RETRY_MS = 1000;
 
 export class Live {
   private revision = -1;

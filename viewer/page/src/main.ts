@@ -2,13 +2,15 @@
 
 import { viewCamera, Walker, unit, type Vec } from "./camera.ts";
 import { Controls, type Mode } from "./controls.ts";
+import { Follower } from "./follow.ts";
 import { Live, type EditState } from "./live.ts";
 import { Lights } from "./lights.ts";
-import { Overlay, project } from "./overlay.ts";
+import { Overlay } from "./overlay.ts";
 import { PathRecorder } from "./path.ts";
 import { button, checkbox, choice, element, section, select, slider } from "./panel.ts";
+import { Probe } from "./probe.ts";
 import type { Look, Picked } from "./renderer.ts";
-import { unpack, type Meta, type Scene, type SceneMeta, type ViewInfo } from "./scene.ts";
+import { unpack, type Meta, type Scene, type ViewInfo } from "./scene.ts";
 import { LAYERS, type Layer } from "./shaders.ts";
 import { Stage } from "./stage.ts";
 import { Stills } from "./stills.ts";
@@ -33,19 +35,17 @@ async function photograph(view: ViewInfo): Promise<ImageBitmap | null> {
   return createImageBitmap(image, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
 }
 
-class Page {
-  private readonly canvas = byId<HTMLCanvasElement>("canvas");
-  private readonly walker: Walker;
-  private readonly stage: Stage;
-  private readonly look: Look;
-  private readonly lights: Lights;
+export class Page {
+  readonly canvas = byId<HTMLCanvasElement>("canvas");
+  readonly walker: Walker;
+  readonly stage: Stage;
+  readonly look: Look;
+  readonly lights: Lights;
   private readonly live: Live | null;
-  private readonly stills: Stills | null;
+  readonly stills: Stills | null;
   readonly tools: Tools;
   readonly path: PathRecorder;
-  /** Numbers of the scene that is wanted and of that which is shown; 0 is the page's own. */
-  private wanted = 0;
-  private shown = 0;
+  readonly follower: Follower;
   private view: ViewInfo | null = null;
   private comparing = false;
   private readonly compareSlider = slider("photograph", { min: 0, max: 1, step: 0.01 }, 0.5, (value) => {
@@ -54,7 +54,7 @@ class Page {
   });
   private readonly compareBox = checkbox("compare with the photograph", (on) => void this.compare(on));
 
-  constructor(private readonly meta: Meta, private scene: Scene, private readonly loadMs: number) {
+  constructor(readonly meta: Meta, public scene: Scene, readonly loadMs: number) {
     this.look = { layer: "radiance", exposure: meta.display.exposure, toneMap: meta.display.toneMap };
     const [low, high] = meta.bounds;
     const middle = low.map((value, k) => 0.5 * (value + high[k])) as Vec;
@@ -73,8 +73,13 @@ class Page {
     this.lights = new Lights(meta, scene, shown, marked);
     const overlay = new Overlay(this.canvas, (w, h) => this.stage.camera(w, h));
     this.stage.onMove = () => overlay.draw();
-    const own = scene;
-    this.live = meta.live ? new Live((state) => void this.follow(state, own), (problem) => this.status(problem)) : null;
+    this.follower = new Follower(scene, (next, id) => this.take(next, id), (problem) => this.status(problem));
+    const follow = (state: EditState) => {
+      this.lights.follow(state.factors);
+      this.stills?.follow(state);
+      this.follower.follow(state.scene);
+    };
+    this.live = meta.live ? new Live(follow, (problem) => this.status(problem)) : null;
     this.tools = new Tools(meta, scene, this.stage, overlay, this.live, (picked) => this.looked(picked));
     const pixels = (): [number, number] => [this.canvas.clientWidth, this.canvas.clientHeight];
     const camera = (w: number, h: number) => this.stage.camera(w, h);
@@ -120,7 +125,7 @@ class Page {
     this.stage.move();
   }
 
-  private jump(view: ViewInfo): void {
+  jump(view: ViewInfo): void {
     this.view = view;
     this.walker.take(viewCamera(view, view.width, view.height));
     this.stage.camera = (width, height) => viewCamera(view, width, height);
@@ -136,7 +141,7 @@ class Page {
     this.stage.move();
   }
 
-  private async compare(on: boolean): Promise<void> {
+  async compare(on: boolean): Promise<void> {
     this.comparing = on && this.view !== null;
     this.compareBox.input.checked = this.comparing;
     this.compareSlider.input.disabled = !this.comparing;
@@ -161,25 +166,11 @@ class Page {
     if (picked) this.tools.paint(picked, isLast);
   }
 
-  /** The state of the server, and the scene that it has made. */
-  private async follow(state: EditState, own: Scene): Promise<void> {
-    this.lights.follow(state.factors);
-    this.stills?.follow(state);
-    if (state.scene === this.wanted) return;
-    this.wanted = state.scene;
-    let scene = own;
-    if (state.scene !== 0) {
-      const answer = await fetch(`scene?id=${state.scene}`);
-      // Another one is there by now, and its state on its way.
-      if (!answer.ok) return;
-      const packed = (await answer.json()) as { meta: SceneMeta; data: string };
-      scene = await unpack(packed.meta, packed.data);
-    }
-    if (this.wanted !== state.scene) return;
+  /** Shows a scene that the server has made, in place of the one before. */
+  private async take(scene: Scene, id: number): Promise<void> {
     await this.stage.take(scene);
-    this.shown = state.scene;
     this.scene = scene;
-    this.tools.take(scene, state.scene);
+    this.tools.take(scene, id);
     this.lights.take(scene);
   }
 
@@ -249,90 +240,6 @@ class Page {
     if (this.stills) panel.append(this.stills.part());
     panel.append(this.path.part());
   }
-
-  /** For tests: a picture of a view, as `eagpt render` makes it. */
-  async picture(name: string, width: number, height: number, antialias: number, look: Partial<Look>): Promise<string> {
-    const view = this.meta.views.find((one) => one.name === name);
-    if (!view) throw new Error(`view: no \`${name}\``);
-    const whole: Look = { ...this.look, ...look };
-    // Lights that were just set come with the next frame.
-    await new Promise(requestAnimationFrame);
-    return this.stage.picture((w, h) => viewCamera(view, w, h), width, height, antialias, whole);
-  }
-
-  /** For tests: factors of the lights. */
-  factors(): number[][] {
-    return this.lights.shownFactors();
-  }
-
-  /** For tests: where the present camera sees a point, 0 to 1 from the top left corner. */
-  placeOf(point: number[]): number[] {
-    const { clientWidth, clientHeight } = this.canvas;
-    const [x, y] = project(this.stage.camera(clientWidth, clientHeight), point) ?? [NaN, NaN];
-    return [x / clientWidth, y / clientHeight];
-  }
-
-  /** For tests: the camera of a view. */
-  readonly viewCamera = viewCamera;
-
-  /** For tests: goes to a view. */
-  goTo(name: string): void {
-    const view = this.meta.views.find((one) => one.name === name);
-    if (!view) throw new Error(`view: no \`${name}\``);
-    this.jump(view);
-  }
-
-  /** For tests: whether the scene of the server is the one that is shown. */
-  follows(): boolean {
-    return this.wanted === this.shown;
-  }
-
-  /** For tests: a number that other Gaussians would not have. */
-  bits(): string {
-    const { positions, radiances, albedos, axesU, axesV, opacities, emissions } = this.scene;
-    const columns = [positions, radiances, albedos, axesU, axesV, opacities, emissions];
-    const hash = (sum: number, word: number) => Math.imul(sum ^ word, 16777619);
-    return columns.map((column) => new Uint32Array(column.buffer).reduce(hash, -2128831035)).join(" ");
-  }
-
-  /** For tests: whether the picture is complete. */
-  isWhole(): boolean {
-    return this.stage.isWhole();
-  }
-
-  /** For tests: mean differences of either half of a compared view to the scene alone, 0 to 1. */
-  async comparisonShares() {
-    const view = this.meta.views.find((one) => one.photograph)!;
-    this.jump(view);
-    const rested = async () => {
-      while (!this.stage.isWhole()) await new Promise((resolve) => setTimeout(resolve, 20));
-    };
-    const pixels = () => {
-      const { gl } = this.stage.renderer;
-      const { width, height } = this.canvas;
-      const bytes = new Uint8Array(4 * width * height);
-      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-      return { width, bytes };
-    };
-    await this.compare(true);
-    await rested();
-    const both = pixels();
-    this.stage.split = 1;
-    this.stage.display();
-    const alone = pixels();
-    const sums = [0, 0];
-    both.bytes.forEach((value, i) => {
-      const half = (i >> 2) % both.width < both.width / 2 ? 0 : 1;
-      sums[half] += Math.abs(value - alone.bytes[i]) / 255;
-    });
-    const [sceneDiffers, photographDiffers] = sums.map((sum) => sum / (both.bytes.length / 2));
-    return { sceneDiffers, photographDiffers };
-  }
-
-  timing() {
-    return { loadMs: this.loadMs, ...this.stage.timing };
-  }
 }
 
 async function main(): Promise<void> {
@@ -340,7 +247,7 @@ async function main(): Promise<void> {
   const meta = JSON.parse(byId("meta").textContent!) as Meta;
   const scene = await unpack(meta, byId("data").textContent!.trim());
   const page = new Page(meta, scene, performance.now() - started);
-  Object.assign(window, { eagptViewer: page });
+  Object.assign(window, { eagptViewer: new Probe(page) });
 }
 
 window.addEventListener("error", (event) => fail(event.error ?? event.message));

@@ -7,21 +7,12 @@ import type { Drawing, Line, Overlay } from "./overlay.ts";
 import { button, checkbox, choice, element, numbers, section, select, slider, tidy } from "./panel.ts";
 import type { Picked } from "./renderer.ts";
 import { bytesOf, type Meta, type Scene } from "./scene.ts";
-import { outline, region, surface, type Kind, type Shape } from "./shapes.ts";
+import { clusterAt, INSERTS } from "./selectors.ts";
+import { outline, region, surface, type Shape } from "./shapes.ts";
 import type { Stage } from "./stage.ts";
 
 export type Tool = "look" | "measure" | "select" | "box" | "brush" | "insert";
 
-/** What may be inserted: a shape, and whether it emits. */
-const INSERTS: Record<string, { kind: Kind; emits: boolean; stands: boolean }> = {
-  ball: { kind: "ball", emits: false, stands: false },
-  box: { kind: "box", emits: false, stands: false },
-  "lying quad": { kind: "quad", emits: false, stands: false },
-  "standing quad": { kind: "quad", emits: false, stands: true },
-  "ball lamp": { kind: "ball", emits: true, stands: false },
-  "lying panel lamp": { kind: "quad", emits: true, stands: false },
-  "standing panel lamp": { kind: "quad", emits: true, stands: true },
-};
 /** Most spheres of a brush: a request of them is small. */
 const MAX_SPHERES = 200;
 const AXES = ["x", "y", "z"] as const;
@@ -128,7 +119,7 @@ export class Tools {
     if (tool === "look") this.looked(picked);
     else if (tool === "measure") this.measure(picked.point);
     else if (tool === "select") {
-      this.remake = () => this.selectorOf(picked);
+      this.remake = () => this.selectorOf(picked.disc);
       void this.again();
     } else if (tool === "brush") this.paint(picked, true);
     else this.moveShape(picked.point);
@@ -144,20 +135,6 @@ export class Tools {
     this.draw();
   }
 
-  /** The lamp at a point, or what hangs together with it. */
-  private selectorOf(picked: Picked): unknown {
-    const lamp = this.scene.lamps[picked.disc];
-    if (lamp > 0) return { lamp: this.meta.lamps[lamp - 1].name };
-    const seed = [...this.scene.positions.subarray(3 * picked.disc, 3 * picked.disc + 3)].map(tidy);
-    const [share, alike] = [this.within, this.alike].map((one) => one.input.valueAsNumber);
-    const sphere = share < 1 ? { sphere: { centre: seed, radius: tidy(share * this.size) } } : {};
-    const own = luminance([...this.scene.albedos.subarray(3 * picked.disc, 3 * picked.disc + 3)]);
-    const albedo = alike < 1 ? { albedo: { min: tidy(Math.max(0, own - alike)), max: tidy(own + alike) } } : {};
-    const within = { ...sphere, ...albedo };
-    const cluster = { seed, reach: this.reach.input.valueAsNumber };
-    return { cluster: Object.keys(within).length > 0 ? { ...cluster, within } : cluster };
-  }
-
   /** A sphere of the brush; the last of a stroke asks what is selected. */
   paint(picked: Picked, isLast: boolean): void {
     const radius = tidy(this.brush.input.valueAsNumber * this.size);
@@ -165,6 +142,13 @@ export class Tools {
     const isNew = this.spheres.every(({ sphere }) => Math.hypot(...add(sphere.centre, centre, -1)) > 0.5 * radius);
     if (isNew && this.spheres.length < MAX_SPHERES) this.spheres.push({ sphere: { centre, radius } });
     if (isLast) void this.find({ any: this.spheres });
+  }
+
+  private selectorOf(disc: number): unknown {
+    const lamp = this.scene.lamps[disc];
+    if (lamp > 0) return { lamp: this.meta.lamps[lamp - 1].name };
+    const [within, alike, reach] = [this.within, this.alike, this.reach].map((one) => one.input.valueAsNumber);
+    return clusterAt(this.scene, disc, { within: within < 1 ? within * this.size : null, alike: alike < 1 ? alike : null, reach });
   }
 
   private async again(): Promise<void> {
@@ -175,6 +159,8 @@ export class Tools {
   async find(selector: unknown): Promise<void> {
     this.selector = selector;
     const selected = (await this.live?.select(selector)) ?? null;
+    // Something else was selected since.
+    if (selector !== this.selector) return;
     // Of a scene that is still on its way: it is looked for once that is shown.
     if (selected && selected.scene !== this.sceneId) return;
     this.selected = selected;

@@ -159,7 +159,7 @@ async function selects(page, lamp) {
   const place = await page.evaluate(async (name) => {
     const viewer = window.eagptViewer;
     const lamp = viewer.meta.lamps.find((one) => one.name === name);
-    viewer.jump(viewer.meta.views.find((one) => lamp.views.includes(one.name)));
+    viewer.goTo(viewer.meta.views.find((one) => lamp.views.includes(one.name)).name);
     while (!viewer.isWhole()) await new Promise((resolve) => setTimeout(resolve, 20));
     return viewer.placeOf(lamp.centre);
   }, lamp);

@@ -1,8 +1,8 @@
 use super::*;
-use crate::testing::lamp;
 use eagpt_scene::gaussians::random_cloud;
 use eagpt_scene::light_basis::LightGroups;
 use eagpt_scene::rng;
+use eagpt_testkit::lamps::boxed;
 use glam::Quat;
 
 /// A cloud with harmonics, dark and bright light.
@@ -72,7 +72,7 @@ fn neighbours_stand_together_and_the_invisible_is_left_out() {
 fn what_emits_knows_its_lamp() {
     let mut gaussians = random_cloud(300, 4);
     gaussians.opacities.fill(0.9);
-    let lamp = lamp("half", [0.5, 0.0, 0.0], [0.7, 2.0, 2.0]);
+    let lamp = boxed("half", [0.5, 0.0, 0.0], [0.7, 2.0, 2.0]);
     let lamps = Lamps { lamps: vec![lamp] };
     let pack = Pack::new(&gaussians, &lamps, None).unwrap();
     let (_, ids) = pack.unpack().unwrap();

@@ -1,8 +1,10 @@
 //! The places of a server, and what is answered there.
 
+use super::LONGEST_WAIT;
 use super::board::{Still, StillState};
+use super::reply::{Reply, refused};
 use super::request::Request;
-use super::{LONGEST_WAIT, Reply, Shared, refused};
+use super::shared::Shared;
 use crate::error::ViewerError;
 use crate::live::{Act, refusal};
 use crate::still::{StillRequest, files_of};

@@ -7,6 +7,7 @@ use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_trace::Device;
 use eagpt_train::bake::gaussians::GaussianBake;
 use eagpt_train::bake::{BakeMethod, BakeOptions};
+use serde_json::Value;
 use std::io::Read;
 use std::thread::JoinHandle;
 use tempfile::TempDir;

@@ -1,8 +1,8 @@
 //! Jobs of a server, one at a time: the light of a scene that was changed is baked anew, stills are
 //! path-traced.
 
-use super::Shared;
 use super::board::{Light, Shown, StillState};
+use super::shared::Shared;
 use crate::still::StillRequest;
 use crate::workshop::Workshop;
 use std::path::PathBuf;
