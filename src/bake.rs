@@ -305,7 +305,7 @@ fn unfinished(
 }
 
 /// Shows a message of the job.
-fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
+pub(crate) fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
     let (done, total, task, unit) = match *message {
         BakeProgress::Looking { done, total } => {
             (done, total, "looking for surfaces".to_owned(), "views")

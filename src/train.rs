@@ -1,5 +1,7 @@
 //! `eagpt train`: from a dataset to a scene.
 
+mod held_out;
+
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
 use crate::interrupt;
@@ -12,9 +14,10 @@ use clap::Args;
 use eagpt_scene::Dataset;
 use eagpt_scene::dataset::{POINTS_FILE, Subset};
 use eagpt_train::bake::BakeProgress;
-use eagpt_train::job::{BadViews, Existing};
+use eagpt_train::job::{BadViews, Existing, light_part};
 use eagpt_train::options::{OptionArgs, StageChoice};
 use eagpt_train::{TrainOptions, TrainProgress, TrainRequest, TrainSummary};
+use held_out::HeldOut;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,6 +32,11 @@ use std::sync::atomic::Ordering;
 /// optional masks, normals and opacities, and points3d.ply to start from. Without that, training
 /// starts from points where the views agree, or whose depth they tell.
 ///
+/// Several datasets are one place in several lights, in one world: with the same poses or others,
+/// and as many views as each has. All of them train one geometry and one albedo; radiance and lamps
+/// are each light's own. One exposure scale holds for all. They are named like their folders, and
+/// train on the CPU.
+///
 /// Options come in layers, later ones winning: the preset, the file of --config, the flags, each
 /// --set. --dump-config prints the outcome.
 ///
@@ -40,6 +48,18 @@ pub(crate) struct TrainArgs {
     /// Folder with a transforms.json, or that file
     #[arg(value_name = "DATASET", required_unless_present = "dump_config")]
     pub(crate) dataset: Option<PathBuf>,
+    /// Datasets of the same place in other lights: one geometry and one albedo explain all of them
+    #[arg(value_name = "OTHER_LIGHT")]
+    pub(crate) other_lights: Vec<PathBuf>,
+    /// Train without one of these lights, by the name of its folder, and report how the trained
+    /// scene shows it with its lamps switched: in RUN/relit/NAME.ply, against the test views
+    #[arg(long, value_name = "NAME", requires = "other_lights")]
+    test_condition: Option<String>,
+    /// Factors of lamps in the light of --test-condition, as `[lights]` and `NAME = { "ceiling-*" =
+    /// 1.0, shade-1 = [1, 0.8, 0.6] }`; others are off [default: fitted to the three of its views that
+    /// tell most of the lamps]
+    #[arg(long, value_name = "LIGHTS.toml", requires = "test_condition")]
+    lights: Option<PathBuf>,
     /// Folder for results; created
     #[arg(long, value_name = "RUN", required_unless_present = "dump_config")]
     pub(crate) out: Option<PathBuf>,
@@ -87,6 +107,9 @@ const RUN_OPTIONS: &str = "train.toml";
 
 const OUTPUTS_AND_EXAMPLES: &str = "Files in RUN:
   scene.ply      the scene: 17 activated float32 properties a Gaussian, 41 with harmonics
+  lights/NAME/   the scene and its lamps in each light but the first, whose are beside this
+  relit/         the scene as it is in the light of --test-condition, with its lamps
+  all-lamps/     of several lights, the scene with the lamps of all of them on, to be baked
   train.toml     the effective options
   log.jsonl      loss curves, one JSON object a line
   previews/      photographs and renderings of a few views, side by side
@@ -99,6 +122,8 @@ Examples:
   eagpt train kitchen --out runs/quick --preset draft --gaussians 20000 --seed 3
   eagpt train kitchen --out runs/rates --config base.toml --set radiance.rates.position=5e-5
   eagpt train kitchen --out runs/kitchen --resume
+  eagpt train room/day room/evening --out runs/room
+  eagpt train room/day room/evening room/lamps --test-condition evening --out runs/two
   eagpt train kitchen --start imported.ply --out runs/kitchen
   eagpt train kitchen --out runs/kitchen --device gpu:4090
   eagpt train --preset paper --dump-config > paper.toml";
@@ -120,12 +145,21 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     // clap asks for both unless --dump-config is given.
-    let dataset = args.dataset.clone().unwrap_or_default();
+    let mut datasets: Vec<PathBuf> = args
+        .dataset
+        .iter()
+        .chain(&args.other_lights)
+        .cloned()
+        .collect();
+    let held_out = HeldOut::take(args, &mut datasets)?;
+    let mut datasets = datasets.into_iter();
+    let dataset = datasets.next().unwrap_or_default();
     let out = args.out.clone().unwrap_or_default();
     let mut reporter = Reporter::new(global);
     let device = args.device.open(&mut reporter)?;
     let request = TrainRequest {
         dataset,
+        other_lights: datasets.collect(),
         masks: args.masks.clone(),
         normals: args.normals.clone(),
         start: args.start.clone(),
@@ -151,6 +185,11 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let mut builder = RecordBuilder::begin("train", &request.options, global)?;
     let summary = reporter.follow(tell, |progress| eagpt_train::train(&request, progress))?;
     fill_record(&mut builder, &request, &summary)?;
+    if let (Some(held_out), Some(_)) = (held_out, &summary.scene)
+        && let Some(relit) = held_out.relit(&request, &mut reporter)?
+    {
+        builder.measured("test_condition", &relit)?;
+    }
     let record = builder.write(&request.out)?;
     let path = summary.scene.as_ref().unwrap_or(&record);
     reporter.message(&serde_json::json!({
@@ -299,24 +338,28 @@ fn fill_record(
     request: &TrainRequest,
     summary: &TrainSummary,
 ) -> Result<()> {
-    let dataset = Dataset::open(&request.dataset)?;
-    builder.record.inputs.push(Input::of_cameras(&dataset)?);
-    let points = dataset.root().join(POINTS_FILE);
-    if points.is_file() {
-        builder.record.inputs.push(Input::of(&points)?);
+    let others = summary.lights.iter().skip(1);
+    let parts = std::iter::once("dataset".to_owned()).chain(others.map(|name| light_part(name)));
+    let datasets = std::iter::once(&request.dataset).chain(&request.other_lights);
+    for (path, part) in datasets.zip(parts) {
+        let dataset = Dataset::open(path)?;
+        builder.record.inputs.push(Input::of_cameras(&dataset)?);
+        let points = dataset.root().join(POINTS_FILE);
+        if points.is_file() {
+            builder.record.inputs.push(Input::of(&points)?);
+        }
+        if let (Some(start), "dataset") = (&request.start, part.as_str()) {
+            builder.record.inputs.push(Input::of(start)?);
+        }
+        // The digest that a resumed run compares: the camera file, and names and sizes of all
+        // images.
+        builder.record.inputs.push(Input {
+            path: dataset.root().to_owned(),
+            blake3: (summary.fingerprint.part(&part))
+                .unwrap_or_default()
+                .to_owned(),
+        });
     }
-    if let Some(start) = &request.start {
-        builder.record.inputs.push(Input::of(start)?);
-    }
-    // The digest that a resumed run compares: the camera file, and names and sizes of all images.
-    builder.record.inputs.push(Input {
-        path: dataset.root().to_owned(),
-        blake3: summary
-            .fingerprint
-            .part("dataset")
-            .unwrap_or_default()
-            .to_owned(),
-    });
     for (stage, seconds) in &summary.stage_seconds {
         builder.took(stage.name(), *seconds);
     }
@@ -330,11 +373,18 @@ fn fill_record(
         builder.measured("own_light", own_light)?;
     }
     let record = &mut builder.record;
-    let outputs = ["scene.ply", "train.toml", "log.jsonl"];
+    let of_lights = (summary.lights.iter().skip(1)).map(|name| format!("lights/{name}/scene.ply"));
+    let outputs = [
+        "scene.ply",
+        "all-lamps/scene.ply",
+        "train.toml",
+        "log.jsonl",
+    ]
+    .map(str::to_owned);
     record.outputs = outputs
         .into_iter()
+        .chain(of_lights)
         .filter(|name| request.out.join(name).is_file())
-        .map(str::to_owned)
         .collect();
     Ok(())
 }

@@ -62,6 +62,8 @@ impl Lit {
 #[derive(Debug, Clone)]
 pub(crate) struct Sight {
     pub(crate) name: String,
+    /// Index of the light that it was photographed in.
+    pub(crate) light: usize,
     pub(crate) camera: Camera,
     pub(crate) frame: RayFrame,
     /// Row by row.
@@ -112,15 +114,16 @@ impl Sight {
 #[derive(Debug, Clone, Default)]
 pub struct Evidence {
     pub(crate) sights: Vec<Sight>,
-    /// The cameras of all views that have a mask.
-    pub(crate) cameras: Vec<Camera>,
+    /// The cameras of all views that have a mask, with the indices of their lights.
+    pub(crate) cameras: Vec<(usize, Camera)>,
 }
 
 impl Evidence {
-    /// Adds a view, whose scene is `seen` from its camera.
-    pub fn add(&mut self, view: &View, seen: &GBuffer) {
+    /// Adds a view in one of the lights of the scene, by its index; the scene is `seen` from its
+    /// camera.
+    pub fn add(&mut self, view: &View, light: usize, seen: &GBuffer) {
         let Some(mask) = &view.emission else { return };
-        self.cameras.push(view.camera);
+        self.cameras.push((light, view.camera));
         let is_known = |x, y| view.valid.as_ref().is_none_or(|v| v.get(x, y) != [0.0]);
         let lit = Mask::from_fn(mask.width(), mask.height(), |x, y| {
             mask.get(x, y)[0] >= LIT && is_known(x, y)
@@ -187,6 +190,7 @@ impl Evidence {
         }
         self.sights.push(Sight {
             name: view.name.clone(),
+            light,
             camera: view.camera,
             frame,
             pixels,

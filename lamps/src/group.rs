@@ -52,6 +52,16 @@ impl Group {
         views.map(|members| (members[0].0 as usize, members))
     }
 
+    /// Its pixels in each light that it shines in, by the index of the light.
+    pub(crate) fn by_light(&self, evidence: &Evidence) -> Vec<(usize, Self)> {
+        let mut lights: BTreeMap<usize, Self> = BTreeMap::new();
+        for member in &self.members {
+            let light = evidence.sights[member.0 as usize].light;
+            lights.entry(light).or_default().members.push(*member);
+        }
+        lights.into_iter().collect()
+    }
+
     /// The numbers of its pixels in the `num` views that show most of them.
     pub(crate) fn best_views(&self, num: usize) -> Vec<(usize, HashSet<u32>)> {
         let mut views: Vec<(usize, &[(u32, u32)])> = self.by_view().collect();

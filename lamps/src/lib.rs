@@ -29,10 +29,12 @@ pub use evidence::Evidence;
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit};
+use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
 use fit::Fit;
 use glam::Vec3;
 use group::Group;
+use measure::Measured;
 use patches::Gaps;
 use shape::Shape;
 use std::collections::BTreeMap;
@@ -48,18 +50,55 @@ const SHARE_ELSEWHERE: f32 = 0.5;
 /// Lamps and the scene that they take the place of.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Found {
-    /// The lamps, those with most power first.
+    /// The lamps, those with most power first. Of several lights each lamp is as in the one that
+    /// shows most pixels of it.
     pub lamps: Lamps,
     /// How the scene makes room for their Gaussians, which are fixed.
     pub edit: SceneEdit,
+    /// Each lamp in the lights that it shines in, by their indices.
+    in_lights: Vec<Vec<(usize, Lamp)>>,
+    /// The lamp of each fixed Gaussian that shines, by its index.
+    lamp_of: Vec<Option<usize>>,
+}
+
+impl Found {
+    /// The lamps that shine in a light.
+    pub fn in_light(&self, light: usize) -> Lamps {
+        let shining = |lamp: &Vec<(usize, Lamp)>| Some(in_light(lamp, light)?.clone());
+        Lamps {
+            lamps: self.in_lights.iter().filter_map(shining).collect(),
+        }
+    }
+
+    /// Radiance of each fixed Gaussian in a light; `None` where it does not shine.
+    pub fn radiances(&self, light: usize) -> Vec<Option<Vec3>> {
+        let fixed = self.edit.fixed.radiances.iter().zip(&self.lamp_of);
+        let radiance = |(own, lamp): (&Vec3, &Option<usize>)| {
+            let here = in_light(&self.in_lights[(*lamp)?], light)?;
+            let main = Vec3::from(self.lamps.lamps[(*lamp)?].radiance);
+            // A lamp without red has none in any light.
+            let share = Vec3::from(here.radiance) / main.max(Vec3::splat(f32::MIN_POSITIVE));
+            Some(*own * share)
+        };
+        fixed.map(radiance).collect()
+    }
+}
+
+/// A lamp as it is in a light, if it shines there.
+fn in_light(lamp: &[(usize, Lamp)], light: usize) -> Option<&Lamp> {
+    let here = lamp.iter().find(|(index, _)| *index == light)?;
+    Some(&here.1)
 }
 
 /// A lamp under way.
 struct Candidate {
+    /// Its pixels in the light that shows most of them, and the index of that light.
     group: Group,
+    light: usize,
     fit: Fit,
-    radiance: Vec3,
-    deviation: f32,
+    measured: Measured,
+    /// Its pixels in other lights, their indices, and its light there.
+    others: Vec<(usize, Group, Measured)>,
     /// Whether its shape explains what the views show.
     is_clean: bool,
 }
@@ -77,11 +116,13 @@ pub fn find(
 ) -> Result<Found, TraceError> {
     let mut candidates = Vec::new();
     for candidate in explained(evidence, up) {
-        if seen::is_seen(evidence, &candidate.group, &candidate.fit.shape, tracer)? {
+        let pixels = (candidate.light, &candidate.group);
+        if seen::is_seen(evidence, pixels, &candidate.fit.shape, tracer)? {
             candidates.push(candidate);
         }
     }
-    let power = |c: &Candidate| luminance(place::power(&c.fit.shape, c.radiance).to_array());
+    let power =
+        |c: &Candidate| luminance(place::power(&c.fit.shape, c.measured.radiance).to_array());
     candidates.sort_by(|a, b| power(b).total_cmp(&power(a)));
     let shapes: Vec<Shape> = candidates.iter().map(|c| c.fit.shape).collect();
     let clean = || candidates.iter().filter(|c| c.is_clean);
@@ -97,7 +138,10 @@ pub fn find(
         }
     }
     let discs: Vec<Gaussians> = clean()
-        .map(|c| place::discs(&c.fit.shape, c.radiance, pixel_width(evidence, &c.group)))
+        .map(|c| {
+            let pixel = pixel_width(evidence, &c.group);
+            place::discs(&c.fit.shape, c.measured.radiance, pixel)
+        })
         .collect();
     let mut edit = SceneEdit {
         keep,
@@ -120,14 +164,30 @@ pub fn find(
         heights().fold(f32::INFINITY, f32::min),
         heights().fold(f32::NEG_INFINITY, f32::max),
     );
-    let lamps = (candidates.iter().zip(names).zip(nums))
-        // Where there is neither a shape nor what training left, there is no lamp.
-        .filter(|((c, _), num)| c.is_clean || *num > 0)
-        .map(|((c, name), num)| lamp(evidence, c, name, num))
-        .collect();
+    let (mut lamps, mut in_lights, mut lamp_of) = (Vec::new(), Vec::new(), Vec::new());
+    let mut discs = discs.iter();
+    for ((c, name), num) in candidates.iter().zip(names).zip(nums) {
+        if let Some(discs) = c.is_clean.then(|| discs.next()).flatten() {
+            let shines = discs.emissions.iter().map(|e| *e > EMISSION_THRESHOLD);
+            lamp_of.extend(shines.map(|shines| shines.then_some(lamps.len())));
+        } else if num == 0 {
+            // Where there is neither a shape nor what training left, there is no lamp.
+            continue;
+        }
+        let in_light = |group: &Group, measured: &Measured| {
+            lamp(evidence, c, (group, measured), name.clone(), num)
+        };
+        let own = in_light(&c.group, &c.measured);
+        let others = c.others.iter();
+        let others = others.map(|(light, group, measured)| (*light, in_light(group, measured)));
+        in_lights.push([(c.light, own.clone())].into_iter().chain(others).collect());
+        lamps.push(own);
+    }
     Ok(Found {
         lamps: Lamps { lamps },
         edit,
+        in_lights,
+        lamp_of,
     })
 }
 
@@ -148,10 +208,18 @@ fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut groups = group::group(evidence);
     groups.sort_by_key(|group| std::cmp::Reverse(group.members.len()));
     let mut found: Vec<Candidate> = Vec::new();
-    for group in groups {
-        if group.members.len() < MIN_PIXELS || group.by_view().count() < MIN_VIEWS {
+    for all in groups {
+        let is_enough = |group: &Group| {
+            group.members.len() >= MIN_PIXELS && group.by_view().count() >= MIN_VIEWS
+        };
+        let mut lights = all.by_light(evidence);
+        lights.retain(|(_, group)| is_enough(group));
+        // Of equal ones the first: the sort is stable.
+        lights.sort_by_key(|(_, group)| std::cmp::Reverse(group.members.len()));
+        let mut lights = lights.into_iter();
+        let Some((light, group)) = lights.next() else {
             continue;
-        }
+        };
         let elsewhere = group.members.iter().filter(|member| {
             let (sight, pixel) = evidence.pixel(member);
             let meets = |c: &Candidate| {
@@ -169,28 +237,41 @@ fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         let Some(fit) = fit::fit(evidence, &group, up) else {
             continue;
         };
-        let measured = match (fit.gaps, fit.shape.flat()) {
-            (Gaps::Bars, Some(flat)) => bars::measure(evidence, &group, flat),
-            _ => measure::measure(evidence, &group, &fit.shape),
+        let measure = |group: &Group| {
+            let measured = match (fit.gaps, fit.shape.flat()) {
+                (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
+                _ => measure::measure(evidence, group, &fit.shape),
+            };
+            measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
         };
-        if let Some(measured) = measured
-            && measured.deviation <= MAX_DEVIATION
-        {
+        if let Some(measured) = measure(&group) {
+            let others = lights.filter_map(|(light, group)| {
+                let measured = measure(&group)?;
+                Some((light, group, measured))
+            });
             found.push(Candidate {
+                others: others.collect(),
                 is_clean: fit.is_clean(&group),
                 group,
+                light,
                 fit,
-                radiance: measured.radiance,
-                deviation: measured.deviation,
+                measured,
             });
         }
     }
     found
 }
 
-fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) -> Lamp {
+/// The lamp of a candidate in the light that has these pixels of it.
+fn lamp(
+    evidence: &Evidence,
+    c: &Candidate,
+    (group, measured): (&Group, &Measured),
+    name: String,
+    num_gaussians: usize,
+) -> Lamp {
     let r = c.fit.shape.rotation();
-    let views = c.group.by_view().map(|(view, _)| view);
+    let views = group.by_view().map(|(view, _)| view);
     Lamp {
         name,
         shape: match c.fit.shape {
@@ -204,12 +285,12 @@ fn lamp(evidence: &Evidence, c: &Candidate, name: String, num_gaussians: usize) 
         size: c.fit.shape.size().to_array(),
         one_sided: c.is_clean && c.fit.shape.flat().is_some(),
         area: c.fit.shape.area(),
-        radiance: c.radiance.to_array(),
-        power: place::power(&c.fit.shape, c.radiance).to_array(),
+        radiance: measured.radiance.to_array(),
+        power: place::power(&c.fit.shape, measured.radiance).to_array(),
         num_gaussians,
         views: views.map(|v| evidence.sights[v].name.clone()).collect(),
-        num_pixels: c.group.members.len(),
-        deviation: c.deviation,
+        num_pixels: group.members.len(),
+        deviation: measured.deviation,
         factor: [1.0; 3],
     }
 }

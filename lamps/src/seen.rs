@@ -18,21 +18,22 @@ const GRID: u16 = 24;
 /// be some way before the lamp's clean surface.
 const HIDDEN: f32 = 0.1;
 
-/// Whether the views of `evidence`, whose scene `tracer` traces, show enough of what they would of
-/// a lamp of `shape` to have `group` be one.
+/// Whether the views of `evidence` in a `light`, whose scene `tracer` traces, show enough of what
+/// they would of a lamp of `shape` to have `group` be one, whose pixels are in that light.
 ///
 /// # Errors
 /// If the device fails.
 pub(crate) fn is_seen(
     evidence: &Evidence,
-    group: &Group,
+    (light, group): (usize, &Group),
     shape: &Shape,
     tracer: &dyn Tracer,
 ) -> Result<bool, TraceError> {
     let half = 0.5 * shape.size().length();
     let step = 2.0 * half / f32::from(GRID);
     let (mut rays, mut expected) = (Vec::new(), Vec::new());
-    for camera in &evidence.cameras {
+    let cameras = evidence.cameras.iter().filter(|(of, _)| *of == light);
+    for (_, camera) in cameras {
         let origin = camera.origin();
         let towards = shape.centre() - origin;
         let pixel_width = towards.dot(camera.forward()) / camera.fx as f32;

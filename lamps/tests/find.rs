@@ -19,7 +19,7 @@ fn found(lamp: &Shape, scene: &Gaussians) -> Found {
     let mut evidence = Evidence::default();
     for (i, camera) in cameras().into_iter().enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, lamp, &[]), &seen);
+        evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
     }
     find(&evidence, scene, Vec3::Z, &*tracer).unwrap()
 }

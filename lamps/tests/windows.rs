@@ -29,7 +29,7 @@ fn found(lamp: &Shape, bars: &[Shape], num_lit: usize, scene: &Gaussians) -> Fou
     for (i, camera) in cameras().into_iter().enumerate() {
         let shown = if i < num_lit { lamp } else { &nothing };
         let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, shown, bars), &seen);
+        evidence.add(&photograph(i, camera, shown, bars), 0, &seen);
     }
     find(&evidence, scene, Vec3::Z, &*tracer).unwrap()
 }

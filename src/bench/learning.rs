@@ -34,6 +34,7 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
     let views: Vec<TrainingView> = (bench.views.iter().enumerate())
         .map(|(index, view)| TrainingView {
             index,
+            light: 0,
             view: Arc::clone(view),
         })
         .collect();

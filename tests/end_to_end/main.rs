@@ -31,6 +31,7 @@ mod paper;
 mod pipeline;
 mod relight;
 mod run;
+mod several_lights;
 mod shards;
 mod support;
 mod synth;

@@ -23,6 +23,7 @@ use crate::params::{BadGradient, ParameterState, StepSizes};
 use eagpt_scene::{Camera, SceneEdit, View};
 use eagpt_trace::Device;
 use eagpt_trace::features::GBuffer;
+use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -45,8 +46,10 @@ pub fn new(
 /// A training view with the index by which a backend may keep prepared copies.
 #[derive(Debug, Clone)]
 pub struct TrainingView {
-    /// Index of the frame in the dataset.
+    /// Index of the frame among those of all datasets.
     pub index: usize,
+    /// Index of the light that it was taken in.
+    pub light: usize,
     /// The images.
     pub view: Arc<View>,
 }
@@ -100,6 +103,13 @@ pub struct Taken {
 /// A step may still be under way when the call that begins it returns: each call returns the steps
 /// finished by then, and [`Self::finish`] the rest, in the order in which they were begun.
 pub trait Backend {
+    /// Shows the scene in another of its lights: steps, and what is asked of the scene, are in that
+    /// light until another one is shown.
+    ///
+    /// # Errors
+    /// If the device fails, or the scene has no such light.
+    fn show_light(&mut self, light: usize) -> Result<()>;
+
     /// From here on radiance may differ with the direction: coefficients are there, all zero.
     /// Nothing happens where they are there already.
     ///
@@ -139,17 +149,19 @@ pub trait Backend {
     fn densify(&mut self, target: usize) -> Result<Densified>;
 
     /// Carries out an edit after all steps, in stage 0: see [`ParameterState::edit`]. Errors of
-    /// views are reset.
+    /// views are reset. `radiances` are those of its fixed Gaussians in each light of a scene that
+    /// has several, `[lights][m]`: where there is none they do not shine, and their radiance is
+    /// learned.
     ///
     /// # Errors
     /// If the device fails.
     ///
     /// # Panics
     /// If the edit is one of another number of Gaussians.
-    fn edit(&mut self, edit: &SceneEdit) -> Result<()>;
+    fn edit(&mut self, edit: &SceneEdit, radiances: &[Vec<Option<Vec3>>]) -> Result<()>;
 
-    /// Finds the Gaussians that `cameras` see, and a point of the surface of each. Returns their
-    /// number.
+    /// Finds the Gaussians that `cameras` see, and a point of the surface of each, to gather the
+    /// light shown. Returns their number.
     ///
     /// # Errors
     /// If the device fails.
@@ -163,8 +175,8 @@ pub trait Backend {
     fn gather(&mut self, range: Range<usize>, num_samples: u32, seed: u64) -> Result<()>;
 
     /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the
-    /// closed form `ρ = π r / E` where irradiance was gathered, and otherwise the paper's:
-    /// radiance, clamped to 0.01–0.99, as a vector of unit length.
+    /// closed form `ρ = π r / E` where irradiance was gathered, of sums over several lights, and
+    /// otherwise the paper's: radiance, clamped to 0.01–0.99, as a vector of unit length.
     ///
     /// # Errors
     /// If the device fails.

@@ -1,12 +1,15 @@
 //! The full state of a run on disk.
 //!
 //! A sealed file with the raw values, first and second moments, `[n, 17]` each, and where radiance
-//! differs with the direction those of the coefficients, `[n, 24]` each. Written atomically; a
+//! differs with the direction those of the coefficients, `[n, 24]` each. Of a scene in several
+//! lights the same follows for each light, with `[n, 4]` in place of `[n, 17]`. Written atomically; a
 //! damaged one is recognised by its digest.
 
 use crate::error::Result;
 use crate::options::Stage;
-use crate::params::{Learned, NUM_PARAMETERS, ParameterState};
+use crate::params::{
+    Learned, LightParameters, Lights, NUM_OF_LIGHT, NUM_PARAMETERS, ParameterState,
+};
 use eagpt_scene::SceneError;
 use eagpt_scene::files::{self, Key, SealedFormat};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
@@ -63,6 +66,16 @@ struct Header {
     /// See [`ParameterState::num_fixed`].
     #[serde(default)]
     num_fixed: usize,
+    /// Several lights; see [`Lights`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lights: Option<LightsHeader>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct LightsHeader {
+    current: usize,
+    /// Steps of the harmonics of each.
+    harmonics_steps: Vec<u32>,
 }
 
 impl Checkpoint {
@@ -78,6 +91,7 @@ impl Checkpoint {
     pub fn write(&self, dir: &Path) -> Result<PathBuf> {
         files::create_dir(dir)?;
         let path = dir.join(Self::file_name(self.stage, self.iteration));
+        let lights = &self.state.lights;
         let header = Header {
             stage: self.stage,
             iteration: self.iteration,
@@ -88,11 +102,25 @@ impl Checkpoint {
             num_steps: self.state.raw.num_steps,
             harmonics_steps: self.state.harmonics.num_steps,
             num_fixed: self.state.num_fixed,
+            lights: (!lights.parked.is_empty()).then(|| LightsHeader {
+                current: lights.current,
+                harmonics_steps: (lights.parked.iter())
+                    .map(|light| light.harmonics.num_steps)
+                    .collect(),
+            }),
         };
         let state = &self.state;
         let raw = state.raw.arrays().map(<[_]>::as_flattened);
         let harmonics = state.harmonics.arrays().map(<[_]>::as_flattened);
-        FORMAT.write(&path, &header, &[raw, harmonics].concat())?;
+        let of_lights = lights.parked.iter().flat_map(|parked| {
+            let light = parked.light.arrays().map(<[_]>::as_flattened);
+            let harmonics = parked.harmonics.arrays().map(<[_]>::as_flattened);
+            [light, harmonics].concat()
+        });
+        let arrays: Vec<&[f32]> = ([raw, harmonics].concat().into_iter())
+            .chain(of_lights)
+            .collect();
+        FORMAT.write(&path, &header, &arrays)?;
         Ok(path)
     }
 
@@ -104,11 +132,30 @@ impl Checkpoint {
         let (header, values): (Header, _) = FORMAT.read(path)?;
         let num_raw = 3 * NUM_PARAMETERS * header.num_gaussians;
         let num_harmonics = 3 * NUM_COEFFICIENTS * header.num_gaussians;
-        let has_all = values.len() == num_raw || values.len() == num_raw + num_harmonics;
-        if !has_all || header.num_fixed > header.num_gaussians {
+        let num_light = 3 * NUM_OF_LIGHT * header.num_gaussians;
+        let steps = (header.lights.as_ref()).map_or(&[][..], |lights| &lights.harmonics_steps);
+        let num_lights = steps.len();
+        let plain = num_raw + num_lights * num_light;
+        let num_harmonics = match values.len() {
+            len if len == plain => 0,
+            _ => num_harmonics,
+        };
+        let has_all = values.len() == plain + (1 + num_lights) * num_harmonics;
+        let current = header.lights.as_ref().map_or(0, |lights| lights.current);
+        if !has_all || header.num_fixed > header.num_gaussians || current >= num_lights.max(1) {
             return Err(SceneError::invalid(path, "arrays", "the checkpoint is damaged").into());
         }
-        let (raw, harmonics) = values.split_at(num_raw);
+        let (raw, rest) = values.split_at(num_raw);
+        let (harmonics, rest) = rest.split_at(num_harmonics);
+        let parked =
+            (rest.chunks((num_light + num_harmonics).max(1)).zip(steps)).map(|(values, &steps)| {
+                let (light, harmonics) = values.split_at(num_light);
+                LightParameters {
+                    // They are stepped with the raw values.
+                    light: learned(light, 0),
+                    harmonics: learned(harmonics, steps),
+                }
+            });
         Ok(Self {
             stage: header.stage,
             iteration: header.iteration,
@@ -119,6 +166,10 @@ impl Checkpoint {
                 raw: learned(raw, header.num_steps),
                 harmonics: learned(harmonics, header.harmonics_steps),
                 num_fixed: header.num_fixed,
+                lights: Lights {
+                    current,
+                    parked: parked.collect(),
+                },
             },
         })
     }
@@ -212,6 +263,10 @@ mod tests {
     fn sample(iteration: u32) -> Checkpoint {
         let array = |x: f32| [[x; NUM_PARAMETERS], [x + 0.125; NUM_PARAMETERS]].concat();
         let coefficients = |x: f32| [[x; NUM_COEFFICIENTS], [x - 0.5; NUM_COEFFICIENTS]].concat();
+        let parked = |x: f32| LightParameters {
+            light: learned(&[x; 2 * 3 * NUM_OF_LIGHT], 0),
+            harmonics: learned(&[x; 2 * 3 * NUM_COEFFICIENTS], 5),
+        };
         Checkpoint {
             stage: Stage::Radiance,
             iteration,
@@ -226,6 +281,10 @@ mod tests {
                 raw: learned(&[1.0, -0.1, 1e-20].map(array).concat(), 7),
                 harmonics: learned(&[2.0, 0.3, 1e-9].map(coefficients).concat(), 3),
                 num_fixed: 1,
+                lights: Lights {
+                    current: 1,
+                    parked: [0.5, 0.25].map(parked).to_vec(),
+                },
             },
         }
     }

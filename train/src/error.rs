@@ -28,6 +28,12 @@ pub enum TrainError {
         /// Problem, with the value.
         problem: String,
     },
+    /// Several lights on a device that trains one.
+    #[error("--device: {problem}")]
+    Device {
+        /// Problem.
+        problem: &'static str,
+    },
     /// A layer of options is wrong.
     #[error("{layer}: {problem}")]
     Layer {
@@ -76,5 +82,14 @@ pub enum TrainError {
 impl From<eagpt_trace::gpu::GpuError> for TrainError {
     fn from(error: eagpt_trace::gpu::GpuError) -> Self {
         Self::Trace(error.into())
+    }
+}
+
+impl TrainError {
+    /// Several lights on a GPU.
+    pub(crate) fn several_lights() -> Self {
+        Self::Device {
+            problem: "several lights are trained on the CPU alone (--device cpu)",
+        }
     }
 }

@@ -3,13 +3,14 @@
 
 mod finish;
 mod lamps;
+mod lights;
 mod plan;
 mod request;
 mod start;
 mod steps;
 pub(crate) mod views;
 
-use crate::backend::{self, Backend, Taken};
+use crate::backend::{self, Backend, Taken, TrainingView};
 use crate::checkpoint::{self, Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init::Initialiser;
@@ -20,15 +21,16 @@ use crate::options::{Gather, Stage, StageChoice, TrainOptions};
 use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
-use eagpt_scene::dataset::Subset;
+use eagpt_scene::SceneError;
 use eagpt_scene::files::{self, Key, digest};
-use eagpt_scene::{Dataset, SceneError, ply};
+use lights::Light;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 use views::Views;
 
+pub(crate) use plan::Folder;
+pub use plan::light_part;
 pub use request::{BadViews, Existing, TrainRequest, TrainSummary};
 
 /// Smoothing of the loss that is watched, per iteration.
@@ -49,21 +51,13 @@ pub fn train(
 ) -> Result<TrainSummary> {
     let options = &request.options;
     options.validate()?;
-    let mut dataset = Dataset::open(&request.dataset)?;
-    if let Some(masks) = &request.masks {
-        dataset = dataset.with_masks(masks)?;
-    }
-    if let Some(normals) = &request.normals {
-        dataset = dataset.with_normals(normals)?;
-    }
-    let dataset = Arc::new(dataset);
-    let split = dataset.split(options.split)?;
+    let mut lights = lights::open(request)?;
     let given = start::read(request)?;
-    let mut fingerprint = plan::fingerprint(&dataset, options)?;
+    let mut fingerprint = plan::fingerprint(&lights, options)?;
     if let Some(path) = &request.start {
         fingerprint = fingerprint.with("start", digest::of_file(path)?);
     }
-    let folder = plan::Folder::new(request);
+    let folder = plan::Folder::new(request, &lights);
     let resumed = folder.prepare(request.existing, options, &fingerprint)?;
     start::take_lamps(request)?;
     let mut run = Run {
@@ -73,18 +67,15 @@ pub fn train(
         warnings: Vec::new(),
         started: Instant::now(),
         stage_seconds: Vec::new(),
-        budget: options.gaussians_for(options.num_points(&dataset)?),
+        budget: options.gaussians_for(options.num_points(&lights[0].dataset)?),
     };
-    for warning in split.warnings.iter().chain(&resumed.warnings) {
+    let of_splits = lights.iter().flat_map(|light| &light.split.warnings);
+    for warning in of_splits.chain(&resumed.warnings) {
         run.warn(warning.clone());
     }
-    let budget = plan::image_budget(request, &dataset, &split)?;
-    let mut views = Views::new(
-        Arc::clone(&dataset),
-        split.indices(Subset::Train),
-        budget,
-        options.seed,
-    );
+    let budget = plan::image_budget(request, &lights)?;
+    let of_lights = lights.iter().map(Light::views).collect();
+    let mut views = Views::new(of_lights, budget, options.seed);
     if let Some(given) = &given {
         run.budget = options.num_gaussians.unwrap_or(0).max(given.len());
     }
@@ -95,30 +86,32 @@ pub fn train(
         }
         (None, Some(given)) => {
             views.check(request.bad_views, |_| (), &mut run)?;
-            start::checkpoint(given, options, fingerprint.clone())
+            start::checkpoint(given, lights.len(), options, fingerprint.clone())
         }
-        (None, None) => initial_checkpoint(&dataset, &mut views, fingerprint.clone(), &mut run)?,
+        (None, None) => initial_checkpoint(&lights, &mut views, fingerprint.clone(), &mut run)?,
     };
     let mut backend = backend::new(&request.device, start.state.clone(), budget / 2)?;
     let mut position = start;
     position.state = ParameterState::default();
     let finished = run.stages(backend.as_mut(), &views, &mut position)?;
-    let mut gaussians = backend.state()?.gaussians();
+    let scenes = backend.state()?.in_lights();
     // Its memory, for what is done with the scene.
     drop(backend);
-    let num_gaussians = gaussians.len();
+    let num_gaussians = scenes[0].len();
     let scene = request.out.join("scene.ply");
-    let mut own_light = None;
-    if finished {
-        run.mark_luminous(&mut gaussians, &views)?;
-        ply::write_gaussians(&scene, &gaussians)?;
-        own_light = run.own_light(gaussians, &views);
-    }
+    let own_light = match finished {
+        true => run.write_scenes(scenes, &views)?,
+        false => None,
+    };
     Ok(TrainSummary {
         scene: finished.then_some(scene),
         num_gaussians,
         device: request.device.name(),
-        split,
+        lights: match lights.as_slice() {
+            [_] => Vec::new(),
+            several => several.iter().map(|light| light.name.clone()).collect(),
+        },
+        split: lights.swap_remove(0).split,
         fingerprint,
         extent: position.extent,
         own_light,
@@ -127,35 +120,58 @@ pub fn train(
     })
 }
 
+/// What a light starts from: its points, or views that find them.
+enum Start {
+    Points(Box<Initialiser>),
+    Agreement(Agreement),
+}
+
 fn initial_checkpoint(
-    dataset: &Dataset,
+    lights: &[Light],
     views: &mut Views,
     fingerprint: Key,
     run: &mut Run<'_>,
 ) -> Result<Checkpoint> {
     let options = &run.request.options;
     let bad_views = run.request.bad_views;
-    let start = match dataset.points()? {
-        Some(cloud) => {
-            let mut start = Initialiser::new(&cloud, options, dataset.root())?;
-            views.check(bad_views, |view| start.observe(view), run)?;
-            start
-        }
-        None => {
-            let mut agreement = Agreement::default();
-            views.check(bad_views, |view| agreement.add(view), run)?;
-            let num = options.num_points(dataset)?;
-            let found = agreement.points(num, options.seed, dataset.root())?;
-            run.warn(found.warning());
-            let mut start = Initialiser::new(&found.cloud, options, dataset.root())?;
-            for training in views.iter() {
-                start.observe(&training?.view);
+    let start = |Light { dataset, .. }: &Light| -> Result<Start> {
+        Ok(match dataset.points()? {
+            Some(cloud) => {
+                let start = Initialiser::new(&cloud, options, dataset.root())?;
+                Start::Points(Box::new(start))
             }
-            start
-        }
+            None => Start::Agreement(Agreement::default()),
+        })
     };
-    let extent = start.extent;
-    let mut state = ParameterState::new(&start.finish(&options.init));
+    let mut starts: Vec<Start> = lights.iter().map(start).collect::<Result<_>>()?;
+    let observe = |training: &TrainingView| match &mut starts[training.light] {
+        Start::Points(start) => start.observe(&training.view),
+        Start::Agreement(agreement) => agreement.add(&training.view),
+    };
+    views.check(bad_views, observe, run)?;
+    let (mut extent, mut scenes) = (0.0, Vec::with_capacity(lights.len()));
+    for (light, start) in starts.into_iter().enumerate() {
+        let dataset = &lights[light].dataset;
+        let start = match start {
+            Start::Points(start) => *start,
+            Start::Agreement(agreement) => {
+                let num = options.num_points(dataset)?;
+                let found = agreement.points(num, options.seed, dataset.root())?;
+                run.warn(found.warning());
+                let mut start = Initialiser::new(&found.cloud, options, dataset.root())?;
+                for training in views.of_light(light) {
+                    start.observe(&training?.view);
+                }
+                start
+            }
+        };
+        if light == 0 {
+            extent = start.extent;
+        }
+        scenes.push(start.finish(&options.init));
+    }
+    let others = lights::light_of_nearest(&scenes);
+    let mut state = ParameterState::new(&scenes[0]).with_lights(&others);
     state.sort_in_space();
     Ok(Checkpoint {
         stage: Stage::Radiance,
@@ -251,6 +267,7 @@ impl Run<'_> {
         while position.iteration < total {
             let iteration = position.iteration + 1;
             let view = views.at(stage, iteration)?;
+            backend.show_light(view.light)?;
             for step in self.step(backend, &view, position, iteration)? {
                 self.note(&mut log, position, total, &step)?;
             }
@@ -278,8 +295,7 @@ impl Run<'_> {
                 self.clean_lamps(backend, views, iteration)?;
             }
             if shows {
-                let psnr_srgb_db =
-                    preview::write(&self.folder.previews(), backend, &shown, stage, iteration)?;
+                let psnr_srgb_db = preview::write(&self.folder, backend, &shown, stage, iteration)?;
                 (self.progress)(TrainProgress::Preview {
                     stage,
                     iteration,

@@ -14,6 +14,7 @@
 //! - [`irradiance`]: light that Gaussians receive, gathered and smoothed, for stage 1 and baking.
 //! - [`bake`]: light baking after an edit, in Gaussian space or by path-traced views.
 //! - [`light_fit`]: powers of lamps that explain photographs in another light.
+//! - [`relit`]: a light that was not trained on, by switching lamps.
 //! - [`job`]: the loop: schedules, logs, previews, divergence, resuming.
 
 pub mod backend;
@@ -34,6 +35,7 @@ mod own_light;
 pub mod params;
 mod preview;
 mod progress;
+pub mod relit;
 pub mod surfaces;
 
 pub use error::{Result, TrainError};

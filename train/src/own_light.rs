@@ -58,7 +58,19 @@ pub(crate) fn measure(
     let Some(baked) = solution.of(scene, told)? else {
         return Ok(None);
     };
-    let tracer = device.scene(&baked)?;
+    compare(device, &baked, views)
+}
+
+/// Compares `scene` with `views`; `None` without any.
+///
+/// # Errors
+/// If the device fails or a view cannot be read.
+pub(crate) fn compare(
+    device: &Device,
+    scene: &Gaussians,
+    views: impl Iterator<Item = Result<TrainingView>>,
+) -> Result<Option<OwnLight>> {
+    let tracer = device.scene(scene)?;
     let mut exposure = ExposureFit::default();
     let (mut total, mut num_views) = (0.0, 0);
     for training in views {

@@ -7,11 +7,13 @@
 
 mod edit;
 mod learned;
+mod lights;
 mod state;
 
 pub use learned::Learned;
 #[cfg(feature = "gpu")]
 pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};
+pub use lights::{LightParameters, Lights, NUM_OF_LIGHT};
 pub use state::{BadGradient, ParameterState, StepSizes};
 
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};

@@ -2,31 +2,34 @@
 
 use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
+use crate::job::Folder;
 use crate::options::Stage;
 use eagpt_eval::{KnownPixels, psnr_srgb};
 use eagpt_scene::color::srgb8_from_linear;
 use eagpt_scene::{Image, View, files, png};
-use std::path::Path;
 
 /// Columns of black between the two pictures.
 const GAP: usize = 4;
 
-/// Writes `<dir>/<stage>-<iteration>-<view>.png` for every view and returns the mean PSNR (clipped
+/// Writes `<stage>-<iteration>-<view>.png` for every view, with `<light>-` before the view for other
+/// lights than the first, and returns the mean PSNR (clipped
 /// sRGB, dB). Stage 1 shows the albedo beside the photograph.
 ///
 /// # Errors
 /// If the device fails or a file cannot be written.
 pub(crate) fn write(
-    dir: &Path,
+    folder: &Folder,
     backend: &mut dyn Backend,
     views: &[TrainingView],
     stage: Stage,
     iteration: u32,
 ) -> Result<f64> {
-    files::create_dir(dir)?;
+    let dir = folder.previews();
+    files::create_dir(&dir)?;
     let mut total = 0.0;
     for training in views {
         let view = &training.view;
+        backend.show_light(training.light)?;
         let features = backend.gbuffer(&view.camera)?;
         let rendered = features.radiance();
         total += psnr(view, &rendered);
@@ -35,8 +38,9 @@ pub(crate) fn write(
             Stage::Albedo => features.extract(|s| s.albedo().to_array()),
         };
         let name = format!(
-            "{}-{iteration:06}-{}.png",
+            "{}-{iteration:06}-{}{}.png",
             stage.name(),
+            folder.prefix(training.light),
             view.name.replace('/', "_")
         );
         let (width, height, bytes) = side_by_side(&view.radiance, &shown);

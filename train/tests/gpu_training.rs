@@ -47,6 +47,7 @@ fn request(dir: &Path, out: &str, device: &Device) -> TrainRequest {
     options.output.log_every = 1;
     TrainRequest {
         dataset: dir.join("room"),
+        other_lights: Vec::new(),
         masks: None,
         normals: None,
         start: None,

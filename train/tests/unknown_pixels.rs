@@ -94,6 +94,7 @@ fn trained(dir: &Path, unknown: Unknown) -> Vec<u8> {
     let out = dir.join(format!("out-{}", unknown as u8));
     let request = TrainRequest {
         dataset,
+        other_lights: Vec::new(),
         masks: None,
         normals: None,
         start: None,

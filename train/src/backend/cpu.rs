@@ -9,6 +9,7 @@ use eagpt_scene::{Camera, SceneEdit};
 use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::GBuffer;
+use glam::Vec3;
 use std::ops::Range;
 
 /// Training on the CPU, with all threads of the current rayon pool.
@@ -30,6 +31,10 @@ impl CpuBackend {
 }
 
 impl Backend for CpuBackend {
+    fn show_light(&mut self, light: usize) -> Result<()> {
+        self.trainer.show_light(&mut self.parameters, light)
+    }
+
     fn begin_harmonics(&mut self) -> Result<()> {
         self.trainer.begin_harmonics(&mut self.parameters)
     }
@@ -60,8 +65,8 @@ impl Backend for CpuBackend {
         self.trainer.densify(&mut self.parameters, target)
     }
 
-    fn edit(&mut self, edit: &SceneEdit) -> Result<()> {
-        self.trainer.edit(&mut self.parameters, edit)
+    fn edit(&mut self, edit: &SceneEdit, radiances: &[Vec<Option<Vec3>>]) -> Result<()> {
+        self.trainer.edit(&mut self.parameters, edit, radiances)
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {

@@ -18,7 +18,7 @@ mod target;
 use super::trainer::{HostParameters, Trainer};
 use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::densify::Densified;
-use crate::error::Result;
+use crate::error::{Result, TrainError};
 use crate::loss::target::Target;
 use crate::options::Gather;
 use crate::params::ParameterState;
@@ -27,6 +27,7 @@ use eagpt_trace::Tracer as _;
 use eagpt_trace::features::GBuffer;
 use eagpt_trace::gpu::kernel::Buffer;
 use eagpt_trace::gpu::{Device, GpuScene};
+use glam::Vec3;
 use loss::LossBuffers;
 use params::ResidentState;
 use std::collections::{HashMap, VecDeque};
@@ -165,6 +166,13 @@ fn resident<'a>(
 }
 
 impl Backend for GpuBackend {
+    fn show_light(&mut self, light: usize) -> Result<()> {
+        match light {
+            0 => Ok(()),
+            _ => Err(TrainError::several_lights()),
+        }
+    }
+
     fn begin_harmonics(&mut self) -> Result<()> {
         let (trainer, parameters) = self.host()?;
         trainer.begin_harmonics(parameters)
@@ -221,9 +229,9 @@ impl Backend for GpuBackend {
         trainer.densify(parameters, target)
     }
 
-    fn edit(&mut self, edit: &SceneEdit) -> Result<()> {
+    fn edit(&mut self, edit: &SceneEdit, radiances: &[Vec<Option<Vec3>>]) -> Result<()> {
         let (trainer, parameters) = self.host()?;
-        trainer.edit(parameters, edit)
+        trainer.edit(parameters, edit, radiances)
     }
 
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {

@@ -86,24 +86,6 @@ impl GaussianIrradiance {
         Ok(())
     }
 
-    /// The closed form for every Gaussian that reflects and that light reaches; others keep their
-    /// albedo. `[n]`
-    pub(super) fn albedos(&self, gaussians: &Gaussians) -> Vec<Vec3> {
-        let mut albedos = gaussians.albedos.clone();
-        for ((i, _), irradiance) in self.seen.iter().zip(&self.irradiance) {
-            // What an emitter reflects is not seen beside its own light.
-            if gaussians.emissions[*i as usize] > EMISSION_THRESHOLD {
-                continue;
-            }
-            let radiance = gaussians.radiances[*i as usize];
-            if irradiance.min_element() > MIN_IRRADIANCE * radiance.max_element() {
-                albedos[*i as usize] =
-                    (radiance / irradiance).clamp(Vec3::splat(RANGE.0), Vec3::splat(RANGE.1));
-            }
-        }
-        albedos
-    }
-
     /// Irradiance over π of each Gaussian, and 1 where it is known or else zeros, `[n]`.
     pub(super) fn by_gaussian(&self, num: usize) -> Vec<Vec4> {
         let mut known = vec![Vec4::ZERO; num];
@@ -112,6 +94,31 @@ impl GaussianIrradiance {
         }
         known
     }
+}
+
+/// The closed form for every Gaussian that reflects and that light reaches; others keep their
+/// albedo. Of several lights, those in which it reflects count together. `[n]`
+///
+/// `lights`: the Gaussians in each of them, at least one, with the light gathered there.
+pub(super) fn albedos(lights: &[(&Gaussians, &GaussianIrradiance)]) -> Vec<Vec3> {
+    let mut albedos = lights[0].0.albedos.clone();
+    let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); albedos.len()];
+    for (gaussians, gathered) in lights {
+        for ((i, _), irradiance) in gathered.seen.iter().zip(&gathered.irradiance) {
+            let i = *i as usize;
+            // What an emitter reflects is not seen beside its own light.
+            if gaussians.emissions[i] <= EMISSION_THRESHOLD {
+                sums[i].0 += gaussians.radiances[i];
+                sums[i].1 += *irradiance;
+            }
+        }
+    }
+    for (albedo, (radiance, irradiance)) in albedos.iter_mut().zip(sums) {
+        if irradiance.min_element() > MIN_IRRADIANCE * radiance.max_element() {
+            *albedo = (radiance / irradiance).clamp(Vec3::splat(RANGE.0), Vec3::splat(RANGE.1));
+        }
+    }
+    albedos
 }
 
 /// Irradiance over π of every pixel: what Gaussians in it know, given the features of their blend,

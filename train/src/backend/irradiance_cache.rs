@@ -39,8 +39,9 @@ impl CachedView {
 
 /// Views with the irradiance that was gathered for Gaussians, as far as they fit into memory.
 pub(super) struct IrradianceCache {
-    /// Irradiance of each Gaussian; see [`irradiance::GaussianIrradiance::by_gaussian`].
-    by_gaussian: Vec<Vec4>,
+    /// Irradiance of each Gaussian in each light; see
+    /// [`irradiance::GaussianIrradiance::by_gaussian`].
+    by_light: Vec<Vec<Vec4>>,
     /// Gaussians with their irradiance in place of their radiance, on a device that does not keep
     /// blending weights.
     scene: Option<Box<dyn Tracer>>,
@@ -50,22 +51,23 @@ pub(super) struct IrradianceCache {
 }
 
 impl IrradianceCache {
-    /// No view yet; `by_gaussian` is the irradiance of all `gaussians`, which `device` traces.
+    /// No view yet; `by_light` is the irradiance of all `gaussians` in each light, at least one, and
+    /// not more on a device that keeps no blending weights; `device` traces them.
     ///
     /// # Errors
     /// If the device fails or has not enough memory.
     pub(super) fn new(
         device: &Device,
         gaussians: &Gaussians,
-        by_gaussian: Vec<Vec4>,
+        by_light: Vec<Vec<Vec4>>,
     ) -> Result<Self> {
         let scene = match device {
             Device::Cpu => None,
             #[cfg(feature = "gpu")]
-            Device::Gpu(_) => Some(device.scene(&showing_irradiance(gaussians, &by_gaussian))?),
+            Device::Gpu(_) => Some(device.scene(&showing_irradiance(gaussians, &by_light[0]))?),
         };
         Ok(Self {
-            by_gaussian,
+            by_light,
             scene,
             views: HashMap::new(),
             budget: available_memory().unwrap_or(0) / CACHE_SHARE,
@@ -90,7 +92,7 @@ impl IrradianceCache {
         let features = scene.record(camera)?;
         let weights = scene.weights(camera, LEAST_WEIGHT)?;
         let blended = match (&weights, &self.scene) {
-            (Some(weights), _) => weights.blend(|i| self.by_gaussian[i as usize]),
+            (Some(weights), _) => weights.blend(|i| self.by_light[view.light][i as usize]),
             (None, Some(scene)) => {
                 let light = |features: &Features| features.radiance().extend(features.emission());
                 scene.gbuffer(camera)?.pixels.iter().map(light).collect()

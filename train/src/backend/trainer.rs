@@ -1,7 +1,7 @@
 //! Steps of training on the host, for a scene on any device: targets, losses and the parameters are
 //! on the host; rays and their adjoint are the scene's.
 
-use super::irradiance::GaussianIrradiance;
+use super::irradiance::{self, GaussianIrradiance};
 use super::irradiance_cache::{CachedView, IrradianceCache};
 use super::{AlbedoStep, RadianceStep, StepOutcome, Taken, TrainingView};
 use crate::densify::{self, Attribution, Densified};
@@ -20,7 +20,7 @@ use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::features::{Features, lane};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -58,7 +58,8 @@ pub(super) struct Trainer<S> {
     pixel_gathering: Option<CpuScene>,
     /// For gathering the irradiance of Gaussians, until stage 1 takes its first step.
     gathering: Option<Box<dyn Tracer>>,
-    irradiance: Option<GaussianIrradiance>,
+    /// By light.
+    irradiance: BTreeMap<usize, GaussianIrradiance>,
     pub(super) cache: Option<IrradianceCache>,
     targets: HashMap<usize, Arc<Target>>,
     /// Bytes that further prepared targets may take.
@@ -73,7 +74,7 @@ impl<S: Tracer> Trainer<S> {
             attribution: None,
             pixel_gathering: None,
             gathering: None,
-            irradiance: None,
+            irradiance: BTreeMap::new(),
             cache: None,
             targets: HashMap::new(),
             target_budget,
@@ -103,11 +104,13 @@ impl<S: Tracer> Trainer<S> {
     pub(super) fn new_cache(&mut self, gaussians: &Gaussians) -> Result<IrradianceCache> {
         self.gathering = None;
         let num = gaussians.len();
-        let by_gaussian = match &self.irradiance {
-            Some(gathered) => gathered.by_gaussian(num),
-            None => vec![Vec4::ZERO; num],
+        let by_light = match self.irradiance.is_empty() {
+            false => (self.irradiance.values())
+                .map(|gathered| gathered.by_gaussian(num))
+                .collect(),
+            true => vec![vec![Vec4::ZERO; num]],
         };
-        IrradianceCache::new(&self.scene.device(), gaussians, by_gaussian)
+        IrradianceCache::new(&self.scene.device(), gaussians, by_light)
     }
 
     /// A step of stage 0.
@@ -222,6 +225,21 @@ impl<S: Tracer> Trainer<S> {
         Ok((terms, self.scene.adjoint(camera, &d_features, mask)?))
     }
 
+    /// See [`super::Backend::show_light`].
+    pub(super) fn show_light(
+        &mut self,
+        parameters: &mut HostParameters,
+        light: usize,
+    ) -> Result<()> {
+        if light == parameters.state.lights.current {
+            return Ok(());
+        }
+        parameters.state.show_light(light);
+        self.gathering = None;
+        self.pixel_gathering = None;
+        self.refresh(parameters)
+    }
+
     /// See [`super::Backend::begin_harmonics`].
     pub(super) fn begin_harmonics(&mut self, parameters: &mut HostParameters) -> Result<()> {
         parameters.state.begin_harmonics();
@@ -279,9 +297,21 @@ impl<S: Tracer> Trainer<S> {
     }
 
     /// See [`super::Backend::edit`].
-    pub(super) fn edit(&mut self, parameters: &mut HostParameters, edit: &SceneEdit) -> Result<()> {
+    pub(super) fn edit(
+        &mut self,
+        parameters: &mut HostParameters,
+        edit: &SceneEdit,
+        radiances: &[Vec<Option<Vec3>>],
+    ) -> Result<()> {
         self.attribution = None;
-        parameters.state.edit(edit);
+        let state = &mut parameters.state;
+        if state.lights.num() > 1 {
+            let before = state.in_lights();
+            state.edit(edit);
+            state.light_last(radiances, &before);
+        } else {
+            state.edit(edit);
+        }
         self.refresh(parameters)
     }
 
@@ -296,7 +326,8 @@ impl<S: Tracer> Trainer<S> {
         let irradiance = GaussianIrradiance::new(&**scene, gaussians.len(), cameras)?;
         let num = irradiance.len();
         self.cache = None;
-        self.irradiance = Some(irradiance);
+        let light = parameters.state.lights.current;
+        self.irradiance.insert(light, irradiance);
         Ok(num)
     }
 
@@ -308,7 +339,8 @@ impl<S: Tracer> Trainer<S> {
         num_samples: u32,
         seed: u64,
     ) -> Result<()> {
-        let (Some(irradiance), Some(scene)) = (&mut self.irradiance, &self.gathering) else {
+        let irradiance = self.irradiance.get_mut(&parameters.state.lights.current);
+        let (Some(irradiance), Some(scene)) = (irradiance, &self.gathering) else {
             return Ok(());
         };
         let radiances = &parameters.gaussians.radiances;
@@ -320,9 +352,13 @@ impl<S: Tracer> Trainer<S> {
     pub(super) fn begin_albedo(&mut self, parameters: &mut HostParameters) -> Result<()> {
         let HostParameters { state, gaussians } = parameters;
         state.reset_moments();
-        let albedos = match &self.irradiance {
-            Some(irradiance) => irradiance.albedos(gaussians),
-            None => gaussians
+        let albedos = match self.irradiance.is_empty() {
+            false => {
+                let lights = state.in_lights();
+                let gathered = (self.irradiance.iter()).map(|(&light, of)| (&lights[light], of));
+                irradiance::albedos(&gathered.collect::<Vec<_>>())
+            }
+            true => gaussians
                 .radiances
                 .iter()
                 .map(|r| reference_albedo(*r))

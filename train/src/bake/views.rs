@@ -119,7 +119,7 @@ impl Bake<'_> {
     fn fit(&mut self, method: &ViewBake) -> Result<Option<Vec<Vec3>>> {
         let images = Arc::new(Dataset::open(&self.request.work)?);
         let all = (0..images.len()).collect();
-        let views = Views::new(images, all, IMAGE_BUDGET, self.request.options.seed);
+        let views = Views::new(vec![(images, all)], IMAGE_BUDGET, self.request.options.seed);
         let state = ParameterState::new(&self.scene);
         let mut backend = backend::new(&self.request.device, state, IMAGE_BUDGET / 2)?;
         let total = method.iterations;

@@ -2,22 +2,42 @@
 
 use super::Run;
 use super::views::Views;
+use crate::bake::emits;
 use crate::error::Result;
 use crate::luminous::luminous;
 use crate::options::StageChoice;
 use crate::own_light::{self, OwnLight};
 use crate::progress::TrainProgress;
-use eagpt_scene::Gaussians;
-use eagpt_scene::lamps::{LAMPS_FILE, read_lamps};
+use eagpt_scene::lamps::read_lamps;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Gaussians, ply};
 use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 impl Run<'_> {
+    /// Writes the finished scene in each of its lights, and where there are several with the lamps
+    /// of all of them on; returns how the first one, solved, compares with its photographs.
+    pub(super) fn write_scenes(
+        &mut self,
+        mut scenes: Vec<Gaussians>,
+        views: &Views,
+    ) -> Result<Option<OwnLight>> {
+        for (light, scene) in scenes.iter_mut().enumerate() {
+            self.mark_luminous(scene, light, views)?;
+            let path = self.folder.scene(light);
+            ply::write_gaussians(&path, scene)?;
+        }
+        if scenes.len() > 1 {
+            let [path, _] = self.folder.all_lamps();
+            ply::write_gaussians(&path, &all_shining(&scenes))?;
+        }
+        Ok(self.own_light(scenes.swap_remove(0), views))
+    }
+
     /// Lets what is brighter than it can reflect near lamps emit, where albedos are trained.
-    pub(super) fn mark_luminous(&mut self, scene: &mut Gaussians, views: &Views) -> Result<()> {
+    fn mark_luminous(&mut self, scene: &mut Gaussians, light: usize, views: &Views) -> Result<()> {
         let options = &self.request.options;
-        let listed = self.request.out.join(LAMPS_FILE);
+        let listed = self.folder.lamps(light);
         if options.stage == StageChoice::Radiance || !listed.exists() {
             return Ok(());
         }
@@ -38,9 +58,9 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Compares the light of the scene, solved, with the photographs, where albedos are trained.
-    /// The scene is complete already: that it cannot be done is a warning.
-    pub(super) fn own_light(&mut self, scene: Gaussians, views: &Views) -> Option<OwnLight> {
+    /// Compares the first light of the scene, solved, with the photographs, where albedos are
+    /// trained. The scene is complete already: that it cannot be done is a warning.
+    fn own_light(&mut self, scene: Gaussians, views: &Views) -> Option<OwnLight> {
         let request = self.request;
         if request.options.stage == StageChoice::Radiance {
             return None;
@@ -54,7 +74,7 @@ impl Run<'_> {
             }
         };
         let cameras = views.cameras();
-        let compared = views.spread(own_light::MOST_VIEWS);
+        let compared = views.spread(0, own_light::MOST_VIEWS);
         match own_light::measure(device, scene, &cameras, compared, &mut told) {
             Ok(own_light) => own_light,
             Err(error) => {
@@ -63,4 +83,21 @@ impl Run<'_> {
             }
         }
     }
+}
+
+/// The scene with everything shining that shines in one of its lights, at least one, as it does in
+/// the first of these. What does not shine has the light of the first.
+pub(super) fn all_shining(lights: &[Gaussians]) -> Gaussians {
+    let mut scene = lights[0].clone();
+    for i in 0..scene.len() {
+        let shining = lights.iter().find(|light| emits(light.emissions[i]));
+        if let Some(light) = shining {
+            scene.emissions[i] = light.emissions[i];
+            scene.radiances[i] = light.radiances[i];
+            if let Some(own) = scene.harmonics.get_mut(i) {
+                *own = light.harmonics[i];
+            }
+        }
+    }
+    scene
 }

@@ -1,12 +1,13 @@
 //! Emitters become clean lamps, once, towards the end of stage 0.
 
 use super::Run;
+use super::finish::all_shining;
 use super::views::Views;
-use crate::backend::Backend;
+use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
 use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
-use eagpt_scene::lamps::{LAMPS_FILE, write_lamps};
+use eagpt_scene::lamps::write_lamps;
 
 impl Run<'_> {
     /// Finds the lamps that the masks of training views show, makes them clean and lists them
@@ -17,20 +18,29 @@ impl Run<'_> {
         views: &Views,
         iteration: u32,
     ) -> Result<()> {
-        let gaussians = backend.state()?.gaussians();
+        // What shines in any light is a lamp's.
+        let gaussians = all_shining(&backend.state()?.in_lights());
         let tracer = self.request.device.scene(&gaussians)?;
         let mut evidence = Evidence::default();
         for training in views.iter() {
-            let view = training?.view;
+            let TrainingView { view, light, .. } = training?;
             if view.emission.is_some() {
-                evidence.add(&view, &tracer.gbuffer(&view.camera)?);
+                evidence.add(&view, light, &tracer.gbuffer(&view.camera)?);
             }
         }
         let up = views.up();
         let found = eagpt_lamps::find(&evidence, &gaussians, up, &*tracer)?;
-        write_lamps(&self.request.out.join(LAMPS_FILE), &found.lamps)?;
+        let lights = 0..views.num_lights();
+        for light in lights.clone() {
+            write_lamps(&self.folder.lamps(light), &found.in_light(light))?;
+        }
+        if lights.len() > 1 {
+            let [_, path] = self.folder.all_lamps();
+            write_lamps(&path, &found.lamps)?;
+        }
         let num_lamps = found.lamps.lamps.len();
-        backend.edit(&found.edit)?;
+        let radiances: Vec<_> = lights.map(|light| found.radiances(light)).collect();
+        backend.edit(&found.edit, &radiances)?;
         (self.progress)(TrainProgress::Lamps {
             iteration,
             num_lamps,

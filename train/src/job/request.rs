@@ -34,6 +34,9 @@ pub enum BadViews {
 pub struct TrainRequest {
     /// The dataset's folder or its transforms file.
     pub dataset: PathBuf,
+    /// Datasets of the same place in other lights, in its world: all lights are of one geometry and
+    /// albedo. They are named like their folders.
+    pub other_lights: Vec<PathBuf>,
     /// Folder whose `Emissive-exr` holds the emission masks; without it, those of the dataset.
     pub masks: Option<PathBuf>,
     /// Folder whose `Normal-exr` holds the normals; without it, those of the dataset.
@@ -59,14 +62,17 @@ pub struct TrainRequest {
 /// Summary of a finished or stopped run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainSummary {
-    /// The scene file; `None` if the run was stopped before it was complete.
+    /// The scene file, of several lights that of the first; `None` if the run was stopped before it
+    /// was complete.
     pub scene: Option<PathBuf>,
     /// Number of Gaussians.
     pub num_gaussians: usize,
     /// Compute device.
     pub device: String,
-    /// How the views were divided.
+    /// How the views were divided, those of the first light.
     pub split: Split,
+    /// Names of the lights, where there are several.
+    pub lights: Vec<String>,
     /// Everything that decided the result, by part.
     pub fingerprint: Key,
     /// Extent of the point cloud, scene units.

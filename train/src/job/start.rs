@@ -18,6 +18,18 @@ pub(super) fn read(request: &TrainRequest) -> Result<Option<Gaussians>> {
     let Some(path) = &request.start else {
         return Ok(None);
     };
+    if let (Some(light), StageChoice::Albedo) =
+        (request.other_lights.first(), request.options.stage)
+    {
+        let problem = format!(
+            "has one light: stage 1 alone cannot know its radiance in that of {}",
+            light.display()
+        );
+        return Err(TrainError::Dataset {
+            path: path.clone(),
+            problem,
+        });
+    }
     let gaussians = ply::read_gaussians(path)?;
     let extent = match gaussians.is_empty() {
         true => 0.0,
@@ -48,17 +60,23 @@ pub(super) fn take_lamps(request: &TrainRequest) -> Result<()> {
     Ok(())
 }
 
-/// The state before the first iteration, with the radiance, emission and albedo of a scene.
+/// The state before the first iteration, with the radiance, emission and albedo of a scene, in each
+/// of `num_lights` lights.
 pub(super) fn checkpoint(
     gaussians: &Gaussians,
+    num_lights: usize,
     options: &TrainOptions,
     fingerprint: Key,
 ) -> Checkpoint {
-    let mut state = ParameterState::new(gaussians);
+    let others = vec![gaussians.clone(); num_lights - 1];
+    let mut state = ParameterState::new(gaussians).with_lights(&others);
     state.sort_in_space();
     let harmonics = options.radiance.harmonics.degree > 0;
     if !harmonics {
         state.harmonics = crate::params::Learned::new(Vec::new());
+        for light in &mut state.lights.parked {
+            light.harmonics = crate::params::Learned::new(Vec::new());
+        }
     }
     Checkpoint {
         stage: Stage::Radiance,

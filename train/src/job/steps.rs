@@ -81,8 +81,10 @@ impl Run<'_> {
         iteration: u32,
         time: u32,
     ) -> Result<()> {
-        for view in views.iter() {
-            backend.attribute(&view?)?;
+        for view in views.poses() {
+            let view = view?;
+            backend.show_light(view.light)?;
+            backend.attribute(&view)?;
         }
         let densify = &self.request.options.radiance.densify;
         let outcome = backend.densify(densify.num_after(time, self.budget))?;
@@ -98,15 +100,24 @@ impl Run<'_> {
     /// resumed run gathers the same again.
     pub(super) fn gather(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<bool> {
         let options = &self.request.options;
-        let total = backend.begin_gathering(&views.cameras())?;
-        (self.progress)(TrainProgress::Gathering { done: 0, total });
-        for start in (0..total).step_by(GATHERED_AT_ONCE) {
-            if self.request.stop.load(Ordering::Relaxed) {
-                return Ok(false);
+        let cameras = views.cameras();
+        let num_lights = views.num_lights();
+        for light in 0..num_lights {
+            backend.show_light(light)?;
+            let num = backend.begin_gathering(&cameras)?;
+            let (before, total) = (light * num, num_lights * num);
+            if light == 0 {
+                (self.progress)(TrainProgress::Gathering { done: 0, total });
             }
-            let done = total.min(start + GATHERED_AT_ONCE);
-            backend.gather(start..done, options.albedo.num_samples, options.seed)?;
-            (self.progress)(TrainProgress::Gathering { done, total });
+            for start in (0..num).step_by(GATHERED_AT_ONCE) {
+                if self.request.stop.load(Ordering::Relaxed) {
+                    return Ok(false);
+                }
+                let end = num.min(start + GATHERED_AT_ONCE);
+                backend.gather(start..end, options.albedo.num_samples, options.seed)?;
+                let done = before + end;
+                (self.progress)(TrainProgress::Gathering { done, total });
+            }
         }
         Ok(true)
     }

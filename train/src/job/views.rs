@@ -7,29 +7,55 @@ use crate::options::Stage;
 use crate::progress::TrainProgress;
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Dataset, View};
+use eagpt_scene::{Camera, Dataset};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// The views a run trains on.
+/// The views a run trains on, of one dataset or of several in different lights.
 pub(crate) struct Views {
-    cache: ViewCache,
+    lights: Vec<ViewCache>,
+    /// Number of frames of the datasets before each of them.
+    first: Vec<usize>,
+    /// Frames, counted over all datasets.
     indices: Vec<usize>,
     seed: u64,
 }
 
 impl Views {
-    pub(crate) fn new(
-        dataset: Arc<Dataset>,
-        indices: Vec<usize>,
-        budget: usize,
-        seed: u64,
-    ) -> Self {
+    /// Views of datasets, at least one, by the indices of their frames; they may take `budget`
+    /// bytes together.
+    pub(crate) fn new(datasets: Vec<(Arc<Dataset>, Vec<usize>)>, budget: usize, seed: u64) -> Self {
+        let num = datasets.len();
+        let (mut first, mut indices) = (Vec::with_capacity(num), Vec::new());
+        let (mut lights, mut before) = (Vec::with_capacity(num), 0);
+        for (dataset, frames) in datasets {
+            first.push(before);
+            indices.extend(frames.into_iter().map(|frame| before + frame));
+            before += dataset.frames().len();
+            lights.push(ViewCache::new(dataset, budget / 2 / num));
+        }
         Self {
-            cache: ViewCache::new(dataset, budget / 2),
+            lights,
+            first,
             indices,
             seed,
         }
+    }
+
+    /// Light and frame of an index.
+    fn place(&self, index: usize) -> (usize, usize) {
+        let light = self.first.partition_point(|first| *first <= index) - 1;
+        (light, index - self.first[light])
+    }
+
+    /// Number of lights.
+    pub(super) fn num_lights(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// The dataset of a light.
+    pub(super) fn dataset(&self, light: usize) -> &Dataset {
+        self.lights[light].dataset()
     }
 
     pub(super) fn len(&self) -> usize {
@@ -38,13 +64,42 @@ impl Views {
 
     /// Upwards, a unit vector.
     pub(super) fn up(&self) -> Vec3 {
-        self.cache.dataset().up().vector()
+        self.dataset(0).up().vector()
     }
 
-    /// The cameras of all training views.
+    fn camera(&self, index: usize) -> Camera {
+        let (light, frame) = self.place(index);
+        self.dataset(light).frames()[frame].camera
+    }
+
+    /// The cameras of all training views; those of several lights once.
     pub(super) fn cameras(&self) -> Vec<Camera> {
-        let frames = self.cache.dataset().frames();
-        self.indices.iter().map(|&i| frames[i].camera).collect()
+        self.of_poses().map(|index| self.camera(index)).collect()
+    }
+
+    /// One view of each camera that has views in several lights, whose lights take turns; all
+    /// others.
+    fn of_poses(&self) -> impl Iterator<Item = usize> + '_ {
+        let mut poses: Vec<(Camera, Vec<usize>)> = Vec::new();
+        for &index in &self.indices {
+            let (light, camera) = (self.place(index).0, self.camera(index));
+            let known = poses
+                .iter_mut()
+                .find(|(known, views)| *known == camera && self.place(views[0]).0 < light);
+            match known {
+                Some((_, views)) => views.push(index),
+                None => poses.push((camera, vec![index])),
+            }
+        }
+        let turn = |(turn, (_, views)): (usize, (Camera, Vec<usize>))| views[turn % views.len()];
+        poses.into_iter().enumerate().map(turn)
+    }
+
+    /// A view of every pose, each in one of its lights, sorted by light.
+    pub(super) fn poses(&self) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+        let mut indices: Vec<usize> = self.of_poses().collect();
+        indices.sort_unstable();
+        indices.into_iter().map(|index| self.get(index))
     }
 
     /// All views, in the dataset's order.
@@ -52,10 +107,21 @@ impl Views {
         self.indices.iter().map(|&index| self.get(index))
     }
 
+    /// Those of one light.
+    pub(super) fn of_light(&self, light: usize) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+        let own = self
+            .indices
+            .iter()
+            .filter(move |index| self.place(**index).0 == light);
+        own.map(|&index| self.get(index))
+    }
+
     fn get(&self, index: usize) -> Result<TrainingView> {
+        let (light, frame) = self.place(index);
         Ok(TrainingView {
             index,
-            view: self.cache.get(index)?,
+            light,
+            view: self.lights[light].get(frame)?,
         })
     }
 
@@ -64,7 +130,7 @@ impl Views {
     pub(super) fn check(
         &mut self,
         bad: BadViews,
-        mut seen: impl FnMut(&View),
+        mut seen: impl FnMut(&TrainingView),
         run: &mut Run<'_>,
     ) -> Result<()> {
         let total = self.indices.len();
@@ -73,7 +139,7 @@ impl Views {
         for (done, &index) in self.indices.iter().enumerate() {
             match self.get(index) {
                 Ok(training) => {
-                    seen(&training.view);
+                    seen(&training);
                     good.push(index);
                 }
                 Err(error) => problems.push(error.to_string()),
@@ -83,7 +149,7 @@ impl Views {
                 total,
             });
         }
-        let path = self.cache.dataset().root().to_owned();
+        let path = self.dataset(0).root().to_owned();
         if !problems.is_empty() && bad == BadViews::Refuse {
             let problem = match problems.as_slice() {
                 [one] => one.clone(),
@@ -98,11 +164,13 @@ impl Views {
         for problem in problems {
             run.warn(format!("view left out: {problem}"));
         }
-        if good.is_empty() {
-            return Err(TrainError::Dataset {
-                path,
-                problem: "no training view is left".to_owned(),
-            });
+        for light in 0..self.num_lights() {
+            if !good.iter().any(|&index| self.place(index).0 == light) {
+                return Err(TrainError::Dataset {
+                    path: self.dataset(light).root().to_owned(),
+                    problem: "no training view is left".to_owned(),
+                });
+            }
         }
         self.indices = good;
         Ok(())
@@ -128,14 +196,21 @@ impl Views {
         self.get(order[place as usize].1)
     }
 
-    /// At most `num` views, spread over the dataset.
-    pub(super) fn spread(&self, num: usize) -> impl Iterator<Item = Result<TrainingView>> + '_ {
-        let num = num.min(self.indices.len());
-        (0..num).map(move |i| self.get(self.indices[i * self.indices.len() / num]))
+    /// At most `num` views, spread over those of a light.
+    pub(super) fn spread(
+        &self,
+        light: usize,
+        num: usize,
+    ) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+        let own = self.indices.iter().copied();
+        let own: Vec<usize> = own.filter(|index| self.place(*index).0 == light).collect();
+        let num = num.min(own.len());
+        (0..num).map(move |i| self.get(own[i * own.len() / num]))
     }
 
     /// Fixed views for previews.
     pub(super) fn previews(&self, num: usize) -> Result<Vec<TrainingView>> {
-        self.spread(num).collect()
+        let lights = 0..self.num_lights();
+        lights.flat_map(|light| self.spread(light, num)).collect()
     }
 }

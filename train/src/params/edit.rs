@@ -1,5 +1,6 @@
 //! Edits of a scene while it is optimised: Gaussians go, move, and come to stay where they are.
 
+use super::lights::light_rows;
 use super::{ParameterState, RADIANCE, Raw, raw_from_gaussian};
 use eagpt_scene::SceneEdit;
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
@@ -24,6 +25,7 @@ impl ParameterState {
             if !self.harmonics.is_empty() {
                 self.harmonics.forget(index);
             }
+            (self.lights).for_each(|rows| rows.forget(index), |rows| rows.forget(index));
         }
         let fixed_before = &edit.keep[self.num_moving()..];
         let still_fixed = fixed_before.iter().filter(|stays| **stays).count();
@@ -34,6 +36,18 @@ impl ParameterState {
         }
         self.raw.retain(&edit.keep);
         self.raw.append(&fixed);
+        let light = light_rows(&fixed);
+        let num = fixed.len();
+        self.lights.for_each(
+            |rows| {
+                rows.retain(&edit.keep);
+                rows.append(&light);
+            },
+            |rows| {
+                rows.retain(&edit.keep);
+                rows.append(&vec![[0.0; NUM_COEFFICIENTS]; num]);
+            },
+        );
         self.num_fixed = still_fixed + fixed.len();
     }
 
@@ -47,7 +61,7 @@ impl ParameterState {
 mod tests {
     use super::*;
     use crate::params::tests::sample;
-    use crate::params::{ALBEDO, Learned, NUM_PARAMETERS, POSITION, StepSizes};
+    use crate::params::{ALBEDO, Learned, Lights, NUM_PARAMETERS, POSITION, StepSizes};
     use eagpt_scene::Gaussian;
     use eagpt_trace::blend::LocalGradient;
     use glam::Vec3;
@@ -71,6 +85,7 @@ mod tests {
             raw: learned(n),
             harmonics: learned(n),
             num_fixed: 0,
+            lights: Lights::default(),
         }
     }
 

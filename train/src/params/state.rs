@@ -1,6 +1,7 @@
 //! Parameters with Adam's moments, and one step of Adam (Kingma and Ba 2015).
 
 use super::learned::Learned;
+use super::lights::Lights;
 use super::{
     ALBEDO, CLASSES, NUM_PARAMETERS, POSITION, RADIANCE, Raw, SCALE, gaussian_from_raw,
     harmonics_gradient, logit, raw_from_gaussian, raw_gradient, sigmoid,
@@ -25,6 +26,8 @@ pub struct ParameterState {
     /// So many Gaussians, the last ones, stay as they are in stage 0. In stage 1 their albedos move
     /// as all others do.
     pub num_fixed: usize,
+    /// Several lights of the scene; only albedo and geometry are the same in all.
+    pub lights: Lights,
 }
 
 /// Adam's step sizes; 0 keeps a parameter as it is.
@@ -111,6 +114,7 @@ impl ParameterState {
             raw: Learned::new(gaussians.iter().map(|g| raw_from_gaussian(&g)).collect()),
             harmonics: Learned::new(gaussians.harmonics.iter().map(|h| h.0).collect()),
             num_fixed: 0,
+            lights: Lights::default(),
         }
     }
 
@@ -118,6 +122,9 @@ impl ParameterState {
     pub fn begin_harmonics(&mut self) {
         if self.harmonics.is_empty() {
             self.harmonics = Learned::new(vec![[0.0; NUM_COEFFICIENTS]; self.len()]);
+            for parked in &mut self.lights.parked {
+                parked.harmonics = self.harmonics.clone();
+            }
         }
     }
 
@@ -125,6 +132,7 @@ impl ParameterState {
     pub fn reset_moments(&mut self) {
         self.raw.reset_moments();
         self.harmonics.reset_moments();
+        (self.lights).for_each(Learned::reset_moments, Learned::reset_moments);
     }
 
     /// Sets the albedos, `[n]`, each 0 to 1.
@@ -159,6 +167,10 @@ impl ParameterState {
         if let Some(&coefficients) = self.harmonics.values.get(parent) {
             self.harmonics.split(parent, place, [coefficients; 2]);
         }
+        self.lights.for_each(
+            |rows| rows.split(parent, place, [rows.values[parent]; 2]),
+            |rows| rows.split(parent, place, [rows.values[parent]; 2]),
+        );
     }
 
     /// Puts Gaussians that are close in space close together in memory; those that are fixed stay
@@ -186,6 +198,7 @@ impl ParameterState {
         if !self.harmonics.is_empty() {
             self.harmonics.reorder(order);
         }
+        (self.lights).for_each(|rows| rows.reorder(order), |rows| rows.reorder(order));
     }
 
     /// Number of Gaussians.
@@ -259,7 +272,12 @@ impl ParameterState {
         sizes: &StepSizes,
     ) -> Result<(), BadGradient> {
         let first_bad = AtomicUsize::new(usize::MAX);
-        let num_moving = sizes.num_moving(self.len(), self.num_fixed);
+        let num_moving = match self.lights.num() {
+            1 => sizes.num_moving(self.len(), self.num_fixed),
+            // The radiance of fixed ones that do not shine moves.
+            _ => self.len(),
+        };
+        let first_fixed = sizes.num_moving(self.len(), self.num_fixed);
         let moves_harmonics = !self.harmonics.is_empty() && sizes.move_harmonics();
         let raw: Vec<Raw> = self.raw.values[..num_moving]
             .par_iter()
@@ -274,7 +292,10 @@ impl ParameterState {
                 if !raw.iter().sum::<f32>().is_finite() {
                     first_bad.fetch_min(i, Ordering::Relaxed);
                 }
-                raw
+                match i < first_fixed {
+                    true => raw,
+                    false => self.of_fixed(i, &raw),
+                }
             })
             .collect();
         let suspects = first_bad.into_inner().min(raw.len());

@@ -4,7 +4,9 @@
 use super::kernels;
 use super::report::Report;
 use crate::error::Result;
-use crate::params::{Adam, BadGradient, Learned, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
+use crate::params::{
+    Adam, BadGradient, Learned, Lights, NUM_PARAMETERS, ParameterState, Raw, StepSizes,
+};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
 use eagpt_trace::gpu::{Device, Frame, GpuScene, Reading};
@@ -272,6 +274,7 @@ impl ResidentState {
             raw: self.raw.learned(device, num)?,
             harmonics: harmonics.unwrap_or_default(),
             num_fixed: self.num_fixed,
+            lights: Lights::default(),
         })
     }
 }

@@ -88,6 +88,7 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
             let index = iteration as usize % 2;
             let view = TrainingView {
                 index,
+                light: 0,
                 view: Arc::clone(&views[index]),
             };
             let step = RadianceStep {
@@ -135,6 +136,7 @@ fn an_edited_scene_goes_on() {
     view.camera = look_at(DVec3::new(3.0, 0.2, 0.4), DVec3::ZERO, width, height);
     let view = TrainingView {
         index: 0,
+        light: 0,
         view: Arc::new(view),
     };
     let weights = weights();
@@ -158,7 +160,7 @@ fn an_edited_scene_goes_on() {
         moved: vec![(4, cloud.get(0))],
         fixed: random_cloud(30, 5),
     };
-    backend.edit(&edit).unwrap();
+    backend.edit(&edit, &[]).unwrap();
     edited.edit(&edit);
     assert_eq!(backend.state().unwrap(), edited);
     step(&mut backend, 2);

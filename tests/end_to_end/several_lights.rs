@@ -1,0 +1,147 @@
+//! Training on datasets of one place in several lights.
+
+use crate::support::Workplace;
+use eagpt_scene::lamps::EMISSION_THRESHOLD;
+use eagpt_scene::{Gaussians, ply};
+
+const SHORT: &str =
+    "--preset draft --iterations 40 --albedo-iterations 4 --set output.checkpoint_every=20";
+
+/// A room by day and in the evening, of whose two lamps each shines in one of them.
+fn workplace() -> Workplace {
+    Workplace::shared("two-lights", || {
+        let place = Workplace::empty();
+        place.succeeds(
+            "synth small-room --out room --parts truth --size 48x32 --views 8 --spp 4 --points 900",
+        );
+        place.succeeds(&format!(
+            "train room/truth/day room/truth/evening --out run {SHORT}"
+        ));
+        place
+    })
+}
+
+fn scene(place: &Workplace, path: &str) -> Gaussians {
+    ply::read_gaussians(&place.path(path)).unwrap()
+}
+
+fn num_emitting(scene: &Gaussians) -> usize {
+    let emitting = scene.emissions.iter().filter(|e| **e > EMISSION_THRESHOLD);
+    emitting.count()
+}
+
+/// Same geometry and albedo, another light.
+#[test]
+fn lights_share_geometry_and_albedo() {
+    let place = workplace();
+    let [day, evening, all] = [
+        "run/scene.ply",
+        "run/lights/evening/scene.ply",
+        "run/all-lamps/scene.ply",
+    ]
+    .map(|path| scene(&place, path));
+    for other in [&evening, &all] {
+        assert_eq!(day.positions, other.positions);
+        assert_eq!(day.rotations, other.rotations);
+        assert_eq!(day.opacities, other.opacities);
+        assert_eq!(day.albedos, other.albedos);
+    }
+    assert_ne!(day.radiances, evening.radiances);
+    // Every lamp is one of the lamps of all lights.
+    let shines_in = |scene: &Gaussians, i: usize| scene.emissions[i] > EMISSION_THRESHOLD;
+    for i in 0..all.len() {
+        let any = shines_in(&day, i) || shines_in(&evening, i);
+        assert_eq!(shines_in(&all, i), any, "{i}");
+    }
+    assert!(num_emitting(&day) > 0 && num_emitting(&evening) > 0);
+    let listed = |path: &str| place.json(path)["lamps"].as_array().unwrap().len();
+    let all = listed("run/all-lamps/lamps.json");
+    assert!(all >= listed("run/lamps.json").max(listed("run/lights/evening/lamps.json")));
+    let record = place.json("run/record.json");
+    assert_eq!(record["inputs"].as_array().unwrap().len(), 6);
+}
+
+/// A run that is stopped between lights goes on with the light that it was in.
+#[test]
+fn a_resumed_run_of_two_lights_is_bit_identical() {
+    let place = workplace();
+    let checkpoints = place.path("run/checkpoints");
+    for name in ["radiance-000040", "albedo-000004"] {
+        std::fs::remove_file(checkpoints.join(format!("{name}.ckpt"))).unwrap();
+    }
+    let before = place.contents("run");
+    place.succeeds("train room/truth/day room/truth/evening --out run --resume");
+    for name in [
+        "scene.ply",
+        "lights/evening/scene.ply",
+        "all-lamps/scene.ply",
+    ] {
+        assert_eq!(place.bytes(&format!("run/{name}")), before[name], "{name}");
+    }
+    place.fails(
+        "train room/truth/day --out run --resume",
+        &["another dataset"],
+    );
+}
+
+#[test]
+fn lights_that_cannot_be_told_apart_are_errors() {
+    let place = workplace();
+    place.fails(
+        &format!("train room/truth/day room/truth/day --out two {SHORT}"),
+        &["room/truth/day", "another light is called \"day\""],
+    );
+    place.fails(
+        &format!("train room/truth/day room/truth/dusk --out two {SHORT}"),
+        &["room/truth/dusk"],
+    );
+    place.fails(
+        &format!(
+            "train room/truth/day room/truth/evening --start run/scene.ply --stage albedo \
+             --out two {SHORT}"
+        ),
+        &["run/scene.ply", "has one light", "evening"],
+    );
+    assert!(!place.path("two").exists());
+}
+
+/// A light that is left out is a mix of the lamps of the others.
+#[test]
+fn a_light_that_is_held_out_is_shown_by_switching_lamps() {
+    let place = workplace();
+    let lights = "room/truth/day room/truth/evening";
+    let run = format!("train {lights} --test-condition evening --out one {SHORT} --json");
+    let told = place.succeeds(&run);
+    assert!(told.contains("evening"), "{told}");
+    let relit = &place.json("one/record.json")["measured"]["test_condition"];
+    // The standing lamp is off by day, and in no place that training could know.
+    assert!(relit["factors"].as_array().unwrap().len() >= 2, "{relit}");
+    assert_eq!(relit["fitted"].as_array().unwrap().len(), 3);
+    assert!(place.path("one/relit/evening.ply").exists());
+    assert!(!place.path("one/lights").exists());
+    let record = place.json("one/record.json");
+    assert_eq!(record["inputs"].as_array().unwrap().len(), 3);
+
+    place.write("lights.toml", "[lights]\nevening = { \"*\" = 0.5 }\n");
+    place.succeeds(&format!("{run} --lights lights.toml --force"));
+    let relit = &place.json("one/record.json")["measured"]["test_condition"];
+    assert_eq!(relit["fitted"], serde_json::json!([]));
+    for factor in relit["factors"].as_array().unwrap() {
+        assert_eq!(factor[1], serde_json::json!([0.5, 0.5, 0.5]));
+    }
+    let compared = &relit["compared"];
+    assert!(
+        compared["psnr_srgb_db"].as_f64().unwrap() > 5.0,
+        "{compared}"
+    );
+
+    place.fails(
+        &format!("train {lights} --test-condition dusk --out two {SHORT}"),
+        &["--test-condition dusk: no folder of room/truth/day"],
+    );
+    place.write("night.toml", "[lights]\nnight = {}\n");
+    place.fails(
+        &format!("train {lights} --test-condition evening --lights night.toml --out two {SHORT}"),
+        &["night.toml", "`evening` is missing"],
+    );
+}

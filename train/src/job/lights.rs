@@ -1,0 +1,91 @@
+//! The lights of a run: datasets of one place, and where the results of each go.
+
+use super::TrainRequest;
+use crate::error::{Result, TrainError};
+use eagpt_scene::dataset::{Split, Subset};
+use eagpt_scene::{Dataset, Gaussians};
+use eagpt_trace::Device;
+use glam::Vec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A light that the place was photographed in.
+pub(super) struct Light {
+    /// Name of the folder of its dataset.
+    pub(super) name: String,
+    pub(super) dataset: Arc<Dataset>,
+    pub(super) split: Split,
+}
+
+impl Light {
+    /// Its dataset with the frames to train on.
+    pub(super) fn views(&self) -> (Arc<Dataset>, Vec<usize>) {
+        (Arc::clone(&self.dataset), self.split.indices(Subset::Train))
+    }
+}
+
+/// Opens the datasets of all lights, the first one with the masks and normals of the request.
+///
+/// # Errors
+/// If one cannot be read or two have the same name, or for several lights on a GPU or from a scene.
+pub(super) fn open(request: &TrainRequest) -> Result<Vec<Light>> {
+    let mut first = Dataset::open(&request.dataset)?;
+    if let Some(masks) = &request.masks {
+        first = first.with_masks(masks)?;
+    }
+    if let Some(normals) = &request.normals {
+        first = first.with_normals(normals)?;
+    }
+    let mut lights = vec![light(first, request)?];
+    for path in &request.other_lights {
+        if !matches!(request.device, Device::Cpu) {
+            return Err(TrainError::several_lights());
+        }
+        let other = light(Dataset::open(path)?, request)?;
+        if lights.iter().any(|known| known.name == other.name) {
+            return Err(TrainError::Dataset {
+                path: path.clone(),
+                problem: format!(
+                    "another light is called {:?}, too: lights have the names of their folders",
+                    other.name
+                ),
+            });
+        }
+        lights.push(other);
+    }
+    Ok(lights)
+}
+
+fn light(dataset: Dataset, request: &TrainRequest) -> Result<Light> {
+    let root = std::path::absolute(dataset.root()).unwrap_or_else(|_| dataset.root().to_owned());
+    let name = root
+        .file_name()
+        .unwrap_or_else(|| Path::new("light").as_os_str());
+    Ok(Light {
+        name: name.to_string_lossy().into_owned(),
+        split: dataset.split(request.options.split)?,
+        dataset: Arc::new(dataset),
+    })
+}
+
+/// The Gaussians of the first of `scenes` with the light of each other one, that of the Gaussian
+/// nearest to each.
+pub(super) fn light_of_nearest(scenes: &[Gaussians]) -> Vec<Gaussians> {
+    let Some((first, others)) = scenes.split_first() else {
+        return Vec::new();
+    };
+    let lit = |other: &Gaussians| {
+        let places: Vec<[f32; 3]> = other.positions.iter().map(Vec3::to_array).collect();
+        let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&places);
+        let mut lit = first.clone();
+        for i in 0..lit.len() {
+            let place = lit.positions[i].to_array();
+            let nearest = tree.nearest_one::<SquaredEuclidean>(&place).item as usize;
+            lit.radiances[i] = other.radiances[nearest];
+            lit.emissions[i] = other.emissions[nearest];
+        }
+        lit
+    };
+    others.iter().map(lit).collect()
+}
