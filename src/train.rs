@@ -1,20 +1,19 @@
 //! `eagpt train`: from a dataset to a scene.
 
 mod held_out;
+mod recorded;
 
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{Replace, Target};
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
+use crate::record::{FILE_NAME, RecordBuilder};
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
-use eagpt_scene::Dataset;
-use eagpt_scene::dataset::{POINTS_FILE, Subset};
 use eagpt_train::bake::BakeProgress;
-use eagpt_train::job::{BadViews, Existing, light_part};
+use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::{OptionArgs, StageChoice};
 use eagpt_train::{TrainOptions, TrainProgress, TrainRequest, TrainSummary};
 use held_out::HeldOut;
@@ -184,7 +183,7 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
     check_target(&request)?;
     let mut builder = RecordBuilder::begin("train", &request.options, global)?;
     let summary = reporter.follow(tell, |progress| eagpt_train::train(&request, progress))?;
-    fill_record(&mut builder, &request, &summary)?;
+    recorded::fill(&mut builder, &request, &summary)?;
     if let (Some(held_out), Some(_)) = (held_out, &summary.scene)
         && let Some(relit) = held_out.relit(&request, &mut reporter)?
     {
@@ -331,60 +330,4 @@ fn tell_own_light(
     }
     reporter.advance(done as u64, String::new);
     reporter.step_message(done as u64, message)
-}
-
-fn fill_record(
-    builder: &mut RecordBuilder,
-    request: &TrainRequest,
-    summary: &TrainSummary,
-) -> Result<()> {
-    let others = summary.lights.iter().skip(1);
-    let parts = std::iter::once("dataset".to_owned()).chain(others.map(|name| light_part(name)));
-    let datasets = std::iter::once(&request.dataset).chain(&request.other_lights);
-    for (path, part) in datasets.zip(parts) {
-        let dataset = Dataset::open(path)?;
-        builder.record.inputs.push(Input::of_cameras(&dataset)?);
-        let points = dataset.root().join(POINTS_FILE);
-        if points.is_file() {
-            builder.record.inputs.push(Input::of(&points)?);
-        }
-        if let (Some(start), "dataset") = (&request.start, part.as_str()) {
-            builder.record.inputs.push(Input::of(start)?);
-        }
-        // The digest that a resumed run compares: the camera file, and names and sizes of all
-        // images.
-        builder.record.inputs.push(Input {
-            path: dataset.root().to_owned(),
-            blake3: (summary.fingerprint.part(&part))
-                .unwrap_or_default()
-                .to_owned(),
-        });
-    }
-    for (stage, seconds) in &summary.stage_seconds {
-        builder.took(stage.name(), *seconds);
-    }
-    let record = &mut builder.record;
-    record.seed = Some(request.options.seed);
-    record.device = Some(summary.device.clone());
-    record.split = Some(SplitRecord::new(&summary.split, Subset::Train));
-    record.warnings.clone_from(&summary.warnings);
-    record.complete = summary.scene.is_some();
-    if let Some(own_light) = &summary.own_light {
-        builder.measured("own_light", own_light)?;
-    }
-    let record = &mut builder.record;
-    let of_lights = (summary.lights.iter().skip(1)).map(|name| format!("lights/{name}/scene.ply"));
-    let outputs = [
-        "scene.ply",
-        "all-lamps/scene.ply",
-        "train.toml",
-        "log.jsonl",
-    ]
-    .map(str::to_owned);
-    record.outputs = outputs
-        .into_iter()
-        .chain(of_lights)
-        .filter(|name| request.out.join(name).is_file())
-        .collect();
-    Ok(())
 }

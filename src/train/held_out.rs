@@ -8,15 +8,13 @@ use eagpt_scene::lamps::lamps_file_beside;
 use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{SceneError, files};
 use eagpt_train::TrainRequest;
-use eagpt_train::relit::{Relit, RelitRequest, relight};
+use eagpt_train::job::light_name;
+use eagpt_train::relit::{RELIT_DIR, Relit, RelitRequest, relight};
 use glam::Vec3;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Folder of relit scenes in that of a run.
-const RELIT_DIR: &str = "relit";
 
 /// The light that `--test-condition` names.
 pub(super) struct HeldOut {
@@ -47,8 +45,7 @@ impl HeldOut {
         let Some(name) = &args.test_condition else {
             return Ok(None);
         };
-        let is_it = |path: &PathBuf| path.file_name().is_some_and(|folder| folder == &**name);
-        let Some(place) = datasets.iter().position(is_it) else {
+        let Some(place) = datasets.iter().position(|path| light_name(path) == *name) else {
             let folders = datasets.iter().map(|path| path.display().to_string());
             let folders: Vec<String> = folders.collect();
             bail!(
@@ -96,8 +93,19 @@ impl HeldOut {
         };
         let found = reporter.follow(bake::tell, |progress| relight(&relit, progress));
         let found = found.with_context(|| format!("--test-condition {}", self.name))?;
-        if let Some(found) = &found {
-            reporter.note(&line(&self.name, found));
+        match &found {
+            Some(found) => {
+                reporter.note(&line(&self.name, found));
+                reporter.message(&serde_json::json!({
+                    "message": "test_condition",
+                    "name": self.name,
+                    "relit": found,
+                }))?;
+            }
+            None => reporter.note(&format!(
+                "{}, held out: stopped; --resume compares it",
+                self.name
+            )),
         }
         Ok(found)
     }

@@ -2,19 +2,19 @@
 //! divergence.
 
 mod finish;
+mod initial;
 mod lamps;
 mod lights;
+mod memory;
 mod plan;
 mod request;
 mod start;
 mod steps;
 pub(crate) mod views;
 
-use crate::backend::{self, Backend, Taken, TrainingView};
+use crate::backend::{self, Backend, Taken};
 use crate::checkpoint::{self, Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
-use crate::init::Initialiser;
-use crate::init::agreement::Agreement;
 use crate::log::{Log, LogLine};
 use crate::loss::LossTerms;
 use crate::options::{Gather, Stage, StageChoice, TrainOptions};
@@ -22,13 +22,14 @@ use crate::params::ParameterState;
 use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::SceneError;
-use eagpt_scene::files::{self, Key, digest};
+use eagpt_scene::files::{self, digest};
 use lights::Light;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 use views::Views;
 
+pub use lights::light_name;
 pub(crate) use plan::Folder;
 pub use plan::light_part;
 pub use request::{BadViews, Existing, TrainRequest, TrainSummary};
@@ -73,7 +74,7 @@ pub fn train(
     for warning in of_splits.chain(&resumed.warnings) {
         run.warn(warning.clone());
     }
-    let budget = plan::image_budget(request, &lights)?;
+    let budget = memory::image_budget(request, &lights)?;
     let of_lights = lights.iter().map(Light::views).collect();
     let mut views = Views::new(of_lights, budget, options.seed);
     if let Some(given) = &given {
@@ -88,7 +89,7 @@ pub fn train(
             views.check(request.bad_views, |_| (), &mut run)?;
             start::checkpoint(given, lights.len(), options, fingerprint.clone())
         }
-        (None, None) => initial_checkpoint(&lights, &mut views, fingerprint.clone(), &mut run)?,
+        (None, None) => initial::checkpoint(&lights, &mut views, fingerprint.clone(), &mut run)?,
     };
     let mut backend = backend::new(&request.device, start.state.clone(), budget / 2)?;
     let mut position = start;
@@ -117,73 +118,6 @@ pub fn train(
         own_light,
         stage_seconds: run.stage_seconds,
         warnings: run.warnings,
-    })
-}
-
-/// What a light starts from: its points, or views that find them.
-enum Start {
-    Points(Box<Initialiser>),
-    Agreement(Agreement),
-}
-
-fn initial_checkpoint(
-    lights: &[Light],
-    views: &mut Views,
-    fingerprint: Key,
-    run: &mut Run<'_>,
-) -> Result<Checkpoint> {
-    let options = &run.request.options;
-    let bad_views = run.request.bad_views;
-    let start = |Light { dataset, .. }: &Light| -> Result<Start> {
-        Ok(match dataset.points()? {
-            Some(cloud) => {
-                let start = Initialiser::new(&cloud, options, dataset.root())?;
-                Start::Points(Box::new(start))
-            }
-            None => Start::Agreement(Agreement::default()),
-        })
-    };
-    let mut starts: Vec<Start> = lights.iter().map(start).collect::<Result<_>>()?;
-    let observe = |training: &TrainingView| match &mut starts[training.light] {
-        Start::Points(start) => start.observe(&training.view),
-        Start::Agreement(agreement) => agreement.add(&training.view),
-    };
-    views.check(bad_views, observe, run)?;
-    let (mut extent, mut scenes) = (0.0, Vec::with_capacity(lights.len()));
-    for (light, start) in starts.into_iter().enumerate() {
-        let dataset = &lights[light].dataset;
-        let start = match start {
-            Start::Points(start) => *start,
-            Start::Agreement(agreement) => {
-                let num = options.num_points(dataset)?;
-                let found = agreement.points(num, options.seed, dataset.root())?;
-                run.warn(found.warning());
-                let mut start = Initialiser::new(&found.cloud, options, dataset.root())?;
-                for training in views.of_light(light) {
-                    start.observe(&training?.view);
-                }
-                start
-            }
-        };
-        if light == 0 {
-            extent = start.extent;
-        }
-        scenes.push(start.finish(&options.init));
-    }
-    let others = lights::light_of_nearest(&scenes);
-    let mut state = ParameterState::new(&scenes[0]).with_lights(&others);
-    state.sort_in_space();
-    Ok(Checkpoint {
-        stage: Stage::Radiance,
-        iteration: 0,
-        fingerprint,
-        extent,
-        monitor: LossMonitor {
-            smoothed: 0.0,
-            smoothed_l1: 0.0,
-            best_l1: f64::MAX,
-        },
-        state,
     })
 }
 

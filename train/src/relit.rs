@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+/// Folder of relit scenes in that of a run.
+pub const RELIT_DIR: &str = "relit";
 /// Views of the held-out light to which factors are fitted.
 const NUM_FITTED: usize = 3;
 

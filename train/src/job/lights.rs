@@ -57,13 +57,23 @@ pub(super) fn open(request: &TrainRequest) -> Result<Vec<Light>> {
     Ok(lights)
 }
 
+/// Name of the light of a dataset: that of its folder, which may be named by its camera file.
+pub fn light_name(dataset: &Path) -> String {
+    let path = std::path::absolute(dataset).unwrap_or_else(|_| dataset.to_owned());
+    let folder = match path.is_file() {
+        true => path.parent(),
+        false => Some(path.as_path()),
+    };
+    let name = folder.and_then(Path::file_name);
+    name.map_or_else(
+        || "light".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}
+
 fn light(dataset: Dataset, request: &TrainRequest) -> Result<Light> {
-    let root = std::path::absolute(dataset.root()).unwrap_or_else(|_| dataset.root().to_owned());
-    let name = root
-        .file_name()
-        .unwrap_or_else(|| Path::new("light").as_os_str());
     Ok(Light {
-        name: name.to_string_lossy().into_owned(),
+        name: light_name(dataset.root()),
         split: dataset.split(request.options.split)?,
         dataset: Arc::new(dataset),
     })
