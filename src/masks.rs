@@ -46,6 +46,12 @@ pub(crate) struct MasksArgs {
     /// Pixels at the border of a light, which show it in part, belong to it
     #[arg(long, value_enum, default_value = "half")]
     border: Border,
+    /// Dataset of the same place in a light in which lamps of this one are off; may be repeated.
+    /// The threshold applies to the light that is here and not in the darkest of those, pixel by
+    /// pixel: views need the camera of one of theirs, others get no mask. A lamp that shines as
+    /// much in all of them is not found
+    #[arg(long, value_name = "DATASET", conflicts_with = "from_scene")]
+    off: Vec<PathBuf>,
     /// Folder of label images of lights, <view>.png of any size; what is neither black nor
     /// transparent is marked. Views may be missing
     #[arg(long, value_name = "DIR")]
@@ -88,6 +94,7 @@ const EXAMPLES: &str = "Examples:
   eagpt masks kitchen
   eagpt masks kitchen --threshold 1.5 --rule any --border full      (the rule of EAG-PT)
   eagpt masks kitchen --labels sam/lamps --subtract sam/mirrors --scene runs/kitchen/scene.ply --inconsistent drop
+  eagpt masks room/evening --off room/day      (lamps that are on in the evening alone)
   eagpt masks kitchen --threshold none --labels by-hand --out masks-by-hand";
 
 fn threshold(text: &str) -> Result<MaskSource, String> {
@@ -105,6 +112,8 @@ fn threshold(text: &str) -> Result<MaskSource, String> {
 #[derive(Serialize)]
 struct Recorded<'a> {
     dataset: &'a Path,
+    #[serde(skip_serializing_if = "<[PathBuf]>::is_empty")]
+    off: &'a [PathBuf],
     labels: Option<&'a Path>,
     subtract: Option<&'a Path>,
     scene: Option<&'a Path>,
@@ -135,8 +144,10 @@ pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
     };
     target.check(&planned_files(&dataset))?;
     target.prepare()?;
+    let off = args.off.iter().map(|path| Dataset::open(path));
     let request = MaskRequest {
         dataset: &dataset,
+        off: off.collect::<Result<_, _>>()?,
         out,
         options,
         labels: args.labels.clone(),
@@ -147,6 +158,7 @@ pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let summary = reporter.follow(tell, |progress| make_masks(&request, progress))?;
     builder.set_options(&Recorded {
         dataset: &args.dataset,
+        off: &args.off,
         labels: args.labels.as_deref(),
         subtract: args.subtract.as_deref(),
         scene: scene.map(PathBuf::as_path),
@@ -154,7 +166,9 @@ pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
         level: summary.report.threshold,
     })?;
     let record = &mut builder.record;
-    record.inputs.push(Input::of_cameras(&dataset)?);
+    for dataset in std::iter::once(&dataset).chain(&request.off) {
+        record.inputs.push(Input::of_cameras(dataset)?);
+    }
     if let Some(scene) = scene {
         record.inputs.push(Input::of(scene)?);
     }

@@ -1,6 +1,7 @@
 //! Masks for all views of a dataset.
 
 mod finish;
+mod off;
 
 use crate::consistency::{self, Comparison, Sight};
 use crate::error::Result;
@@ -30,6 +31,10 @@ pub struct MaskRequest<'a> {
     pub out: PathBuf,
     /// The options.
     pub options: MaskOptions,
+    /// The same place in lights in which lamps of this one are off: masks are of the light that is
+    /// here and not in the darkest of those, and views that none of them has the camera of have no
+    /// mask by a threshold. Empty: of all light.
+    pub off: Vec<Dataset>,
     /// Folder of labels of lamps.
     pub labels: Option<PathBuf>,
     /// Folder of labels of reflections.
@@ -125,6 +130,7 @@ pub fn make_masks(
     progress: &mut dyn FnMut(MaskProgress),
 ) -> Result<MaskSummary> {
     request.options.validate()?;
+    off::check(request)?;
     let mut job = MaskJob::prepare(request, progress)?;
     let level = job.find_level()?;
     let threshold = match request.options.source {
@@ -221,8 +227,10 @@ impl<'a> MaskJob<'a> {
         for index in 0..total {
             let view = self.request.dataset.load_view(index)?;
             let rule = self.request.options.rule;
-            let pixels = view.radiance.pixels().iter();
-            histogram.add(pixels.map(|&rgb| rule.value(rgb)));
+            if let Some(light) = self.light(&view)? {
+                let pixels = light.pixels().iter();
+                histogram.add(pixels.map(|&rgb| rule.value(rgb)));
+            }
             let done = index + 1;
             (self.progress)(MaskProgress::Measuring { done, total });
         }
@@ -264,8 +272,9 @@ impl<'a> MaskJob<'a> {
                 }))
             }
             (_, _, Some(threshold)) => {
-                let values = view.radiance.map(|&rgb| [options.rule.value(rgb)]);
-                Some(mask::at_least(&values, threshold, options.border))
+                let light = self.light(view)?;
+                let values = light.map(|light| light.map(|&rgb| [options.rule.value(rgb)]));
+                values.map(|values| mask::at_least(&values, threshold, options.border))
             }
             _ => None,
         };

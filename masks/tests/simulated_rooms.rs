@@ -52,6 +52,7 @@ impl Case {
                 check,
                 ..MaskOptions::default()
             },
+            off: Vec::new(),
             labels: None,
             reflections: None,
             scene: None,

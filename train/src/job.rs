@@ -155,9 +155,10 @@ impl Run<'_> {
         if wanted == StageChoice::Radiance {
             return Ok(true);
         }
-        let options = &self.request.options.albedo;
-        let over = position.stage == Stage::Albedo && position.iteration >= options.iterations;
-        if options.gather == Gather::Gaussians && !over && !self.gather(backend, views)? {
+        let gathers = self.request.options.albedo.gather == Gather::Gaussians;
+        let over = position.stage == Stage::Albedo
+            && position.iteration >= self.num_iterations(Stage::Albedo);
+        if gathers && !over && !self.gather(backend, views)? {
             return Ok(false);
         }
         if position.stage == Stage::Radiance {
@@ -182,10 +183,7 @@ impl Run<'_> {
     ) -> Result<bool> {
         let options = &self.request.options;
         let stage = position.stage;
-        let total = match stage {
-            Stage::Radiance => options.radiance.iterations,
-            Stage::Albedo => options.albedo.iterations,
-        };
+        let total = self.num_iterations(stage);
         (self.progress)(TrainProgress::StageStarted {
             stage,
             done: position.iteration,

@@ -287,7 +287,7 @@ pub enum Gather {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AlbedoOptions {
-    /// Iterations, one view each.
+    /// Iterations, one view each, for each light.
     pub iterations: u32,
     /// Where and when incident light is gathered.
     pub gather: Gather,

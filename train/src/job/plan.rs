@@ -56,6 +56,11 @@ impl Folder {
         self.root.join("previews")
     }
 
+    /// Number of lights, at least 1.
+    pub(super) fn num_lights(&self) -> usize {
+        self.lights.len()
+    }
+
     /// What file names of a light begin with: nothing for the first.
     pub(crate) fn prefix(&self, light: usize) -> String {
         match light {

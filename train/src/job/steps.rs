@@ -15,6 +15,17 @@ use std::sync::atomic::Ordering;
 const GATHERED_AT_ONCE: usize = 2048;
 
 impl Run<'_> {
+    /// Number of iterations of a stage. Stage 1 is short: each light has as many there as one alone.
+    pub(super) fn num_iterations(&self, stage: Stage) -> u32 {
+        let options = &self.request.options;
+        match stage {
+            Stage::Radiance => options.radiance.iterations,
+            Stage::Albedo => {
+                (options.albedo.iterations).saturating_mul(self.folder.num_lights() as u32)
+            }
+        }
+    }
+
     /// Begins a step, and returns the finished ones.
     pub(super) fn step(
         &mut self,
@@ -24,11 +35,10 @@ impl Run<'_> {
         iteration: u32,
     ) -> Result<Vec<Taken>> {
         let options = &self.request.options;
-        let progress = |total: u32| (iteration - 1) as f32 / total as f32;
+        let progress = (iteration - 1) as f32 / self.num_iterations(position.stage) as f32;
         match position.stage {
             Stage::Radiance => {
                 let stage = &options.radiance;
-                let progress = progress(stage.iterations);
                 let normals = if progress < stage.normals_from {
                     NormalTerms::Off
                 } else {
@@ -60,7 +70,7 @@ impl Run<'_> {
             }
             Stage::Albedo => {
                 let stage = &options.albedo;
-                let rate = stage.rate * stage.final_share.powf(progress(stage.iterations));
+                let rate = stage.rate * stage.final_share.powf(progress);
                 let step = AlbedoStep {
                     options: stage,
                     ssim_share: options.radiance.weights.ssim_share,
