@@ -226,10 +226,8 @@ impl<'a> MaskJob<'a> {
         let mut histogram = Histogram::default();
         for index in 0..total {
             let view = self.request.dataset.load_view(index)?;
-            let rule = self.request.options.rule;
             if let Some(light) = self.light(&view)? {
-                let pixels = light.pixels().iter();
-                histogram.add(pixels.map(|&rgb| rule.value(rgb)));
+                histogram.add(self.measured(&light));
             }
             let done = index + 1;
             (self.progress)(MaskProgress::Measuring { done, total });

@@ -90,6 +90,8 @@ fn lamps_are_found_by_comparison_with_a_light_that_has_them_off() {
     }
     place.succeeds("masks both --off room/truth/day --out compared");
     place.succeeds("masks both --out alone");
+    // Each lamp is dark in the light of the other.
+    place.succeeds("masks room/truth/evening --off room/truth/day --out evening");
     let mask = |path: &str, name: &str| {
         let mask = exr::read_single(&place.path(&format!("{path}/Emissive-exr/{name}"))).unwrap();
         mask.values().iter().map(|m| *m > 0.5).collect::<Vec<_>>()
@@ -105,9 +107,10 @@ fn lamps_are_found_by_comparison_with_a_light_that_has_them_off() {
         }
         f64::from(both) / f64::from(either)
     };
-    let [compared, alone] = ["compared", "alone"].map(overlap);
+    let [compared, alone, evening] = ["compared", "alone", "evening"].map(overlap);
     // Of a hundred pixels many are at a border.
     assert!(compared >= 0.8, "{compared}");
+    assert!(evening >= 0.8, "{evening}");
     assert!(alone < 0.1, "{alone}");
     let record = place.json("compared/masks.record.json");
     assert_eq!(

@@ -6,6 +6,9 @@ use crate::error::Result;
 use eagpt_scene::{Camera, Dataset, Image, SceneError, View};
 use std::borrow::Cow;
 
+/// Least share of a pixel's light that is more than noise of two photographs.
+const MIN_SHARE: f32 = 0.02;
+
 /// # Errors
 /// If a dataset of another light has no camera of the request's.
 pub(super) fn check(request: &MaskRequest<'_>) -> Result<()> {
@@ -48,9 +51,24 @@ impl MaskJob<'_> {
             let light = light.get_or_insert_with(|| view.radiance.map(|_| [0.0; 3]));
             let pairs = view.radiance.pixels().iter().zip(dark.pixels());
             for (more, (lit, dark)) in light.pixels_mut().iter_mut().zip(pairs) {
-                *more = std::array::from_fn(|c| more[c].max(lit[c] - dark[c]));
+                *more = std::array::from_fn(|c| {
+                    let added = lit[c] - dark[c];
+                    match added > MIN_SHARE * lit[c] {
+                        true => more[c].max(added),
+                        false => more[c],
+                    }
+                });
             }
         }
         Ok(light.map(Cow::Owned))
+    }
+
+    /// The values of `light` that a level is looked for in: where lights are compared, those that
+    /// are there at all. What another lamp lights says nothing of the surfaces that this one does.
+    pub(super) fn measured(&self, light: &Image<3>) -> impl Iterator<Item = f32> {
+        let rule = self.request.options.rule;
+        let compares = !self.request.off.is_empty();
+        let values = light.pixels().iter().map(move |&rgb| rule.value(rgb));
+        values.filter(move |value| !compares || *value > 0.0)
     }
 }
