@@ -56,7 +56,7 @@
 //! | `"lights_off"` | radiance and emission 0 |
 //! | `"make_emissive"`, `"make_not_emissive"` | emission 1 or 0 |
 //! | `{ scale_light = f }`, `{ tint_light = c }`, `{ set_radiance = c }` | linear; a tint keeps the luminance |
-//! | `{ set_albedo = c }`, `{ scale_albedo = f }`, `{ swap_albedo = "bgr" }` | 0 to 1; a scaled albedo ends at 1 |
+//! | `{ set_albedo = c }`, `{ scale_albedo = f }`, `{ swap_albedo = "bgr" }` | 0 to 1; a scaled albedo ends at 1, or where it was above |
 //! | `{ set_specular = c }`, `{ set_roughness = r }` | F0 and roughness of what is mirrored, 0 to 1 |
 //! | `{ metal = { color = c, roughness = r } }` | albedo 0, F0 `c`; roughness 0.2, if nothing is said |
 //! | `{ move = [x, y, z] }`, `{ rotate = { axis, degrees, about } }`, `{ scale = { factor, about } }` | Gaussians turn and grow along |

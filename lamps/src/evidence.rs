@@ -1,6 +1,7 @@
 //! Photographs of lamps: the lit pixels of their masks and those around, with the place
 //! where the trained scene has them.
 
+use crate::thin;
 use eagpt_masks::{Mask, Region};
 use eagpt_scene::camera::RayFrame;
 use eagpt_scene::{Camera, View};
@@ -128,6 +129,7 @@ impl Evidence {
         let lit = Mask::from_fn(mask.width(), mask.height(), |x, y| {
             mask.get(x, y)[0] >= LIT && is_known(x, y)
         });
+        let lit = thin::completed(lit, &view.radiance, is_known);
         let regions = lit.regions();
         let near = around(&regions, mask.size());
         let of_pixels = |(number, region): (u32, &Region)| {

@@ -23,6 +23,7 @@ mod search;
 mod seen;
 pub mod shape;
 mod starts;
+mod thin;
 
 pub use evidence::Evidence;
 

@@ -18,6 +18,13 @@ const HIDDEN_SHARE: f32 = 0.01;
 const HIDDEN: f32 = 0.25;
 /// … and so much where it may be behind bars.
 const BEHIND_BARS: f32 = 0.1;
+/// Residual of a shape that is not at all where the scene has the lamp, as one that few views see
+/// may be by its silhouettes; …
+const ELSEWHERE: f32 = 0.02;
+/// … and share of its distance by which it is half of that.
+const OFF: f32 = 0.04;
+/// Pixels of a view whose distances are compared, about.
+const MAX_DISTANCES: usize = 16;
 /// Pixels of a view that a lamp fills or has nothing in that a fit compares.
 const MAX_PLAIN: usize = 500;
 
@@ -37,11 +44,15 @@ struct Target {
 pub(crate) struct Patch {
     origin: Vec3,
     targets: Vec<Target>,
+    /// Unit directions of some pixels of the lamp, and distances at which the scene has it there.
+    distances: Vec<(Vec3, f32)>,
 }
 
 /// The views with most pixels of the lamp.
 pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec<Patch> {
     let bright = brightness(evidence, group);
+    let is_inside = |member| evidence.pixel(member).1.lit == Lit::Inside;
+    let is_thin = !group.members.iter().any(is_inside);
     (group.best_views(MAX_VIEWS).into_iter())
         .map(|(view, own)| {
             let sight = &evidence.sights[view];
@@ -71,6 +82,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                 let share = pixel.radiance.max_element() / bright;
                 let cover = match pixel.lit {
                     Lit::Inside => 1.0,
+                    Lit::Border | Lit::Beside if is_thin => share.clamp(0.0, 1.0),
                     Lit::Border => share.clamp(0.5, 1.0),
                     Lit::Beside => share.clamp(0.0, 0.5),
                     Lit::Dark => 0.0,
@@ -84,8 +96,18 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     hidden_from: hidden_from(sight, pixel),
                 });
             }
+            let mut distances: Vec<(u32, Vec3, f32)> = (own.iter())
+                .map(|&i| (i, &sight.pixels[i as usize]))
+                .map(|(i, pixel)| (i, pixel.direction, pixel.distance))
+                .collect();
+            distances.sort_unstable_by_key(|(i, ..)| *i);
+            let step = distances.len().div_ceil(MAX_DISTANCES);
+            let some = distances.into_iter().step_by(step.max(1));
             Patch {
                 origin: sight.origin(),
+                distances: some
+                    .map(|(_, direction, distance)| (direction, distance))
+                    .collect(),
                 targets: thinned(targets),
             }
         })
@@ -130,7 +152,7 @@ fn brightness(evidence: &Evidence, group: &Group) -> f32 {
     let inside = values(true);
     let of = |values: &[f32], share: f32| values[((values.len() - 1) as f32 * share) as usize];
     let value = if inside.is_empty() {
-        of(&values(false), 0.9)
+        of(&values(false), 0.98)
     } else {
         of(&inside, 0.5)
     };
@@ -149,7 +171,15 @@ pub(crate) enum Gaps {
 /// Residual of a shape.
 pub(crate) fn residual(shape: &Shape, patches: &[Patch], gaps: Gaps) -> f32 {
     let (mut error, mut all) = (0.0_f32, 0.0_f32);
+    let (mut elsewhere, mut num_distances) = (0.0_f32, 0_usize);
     for patch in patches {
+        for (direction, seen) in &patch.distances {
+            if let Some(distance) = shape.meet(patch.origin, *direction) {
+                let off = (distance / seen - 1.0).powi(2);
+                elsewhere += off / (off + OFF * OFF);
+                num_distances += 1;
+            }
+        }
         for target in &patch.targets {
             let (mut met, mut farthest) = (0, 0.0_f32);
             for distance in target
@@ -173,5 +203,5 @@ pub(crate) fn residual(shape: &Shape, patches: &[Patch], gaps: Gaps) -> f32 {
             all += target.weight * target.cover * target.cover;
         }
     }
-    error / all.max(f32::MIN_POSITIVE)
+    error / all.max(f32::MIN_POSITIVE) + ELSEWHERE * elsewhere / num_distances.max(1) as f32
 }

@@ -71,6 +71,14 @@ impl Mask {
         self.pixels.get_pixel_checked(x, y) == Some(&ON)
     }
 
+    /// Puts a pixel of the image in the mask, or takes it out.
+    ///
+    /// # Panics
+    /// If it is outside of the image.
+    pub fn set(&mut self, x: u32, y: u32, is_in: bool) {
+        self.pixels.put_pixel(x, y, if is_in { ON } else { OFF });
+    }
+
     /// Number of pixels in the mask.
     pub(crate) fn count(&self) -> u64 {
         self.pixels.pixels().filter(|&&p| p == ON).count() as u64
@@ -108,7 +116,7 @@ impl Mask {
     /// Removes the pixels of a region.
     pub(crate) fn remove(&mut self, region: &Region) {
         for &[x, y] in &region.pixels {
-            self.pixels.put_pixel(x, y, OFF);
+            self.set(x, y, false);
         }
     }
 

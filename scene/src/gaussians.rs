@@ -5,6 +5,11 @@ use crate::harmonics::Harmonics;
 use crate::rng::{Purpose, RandomKey};
 use glam::{Quat, Vec2, Vec3};
 
+/// Largest albedo of a Gaussian. A surface reflects no more than it receives; of the Gaussians that
+/// a pixel blends some are brighter than the surface and some darker, where its texture is finer
+/// than they are, and their blend is its albedo.
+pub const MAX_ALBEDO: f32 = 4.0;
+
 /// One 2D Gaussian: a flat, elliptical surface element that carries light and material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaussian {
@@ -22,7 +27,7 @@ pub struct Gaussian {
     pub harmonics: Harmonics,
     /// Emission score, 0 (reflects) to 1 (emits).
     pub emission: f32,
-    /// Diffuse albedo, linear Rec.709, 0 to 1.
+    /// Diffuse albedo, linear Rec.709, 0 to [`MAX_ALBEDO`].
     pub albedo: Vec3,
     /// Specular part of the material.
     pub gloss: Gloss,
@@ -46,7 +51,7 @@ pub struct Gaussians {
     pub harmonics: Vec<Harmonics>,
     /// Emission scores, `[n]`, 0 to 1.
     pub emissions: Vec<f32>,
-    /// Diffuse albedos, `[n]`, 0 to 1.
+    /// Diffuse albedos, `[n]`, 0 to [`MAX_ALBEDO`].
     pub albedos: Vec<Vec3>,
     /// Specular parts of the materials, `[n]`; empty where nothing is glossy.
     pub gloss: Vec<Gloss>,

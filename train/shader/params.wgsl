@@ -61,7 +61,7 @@ fn activated(at: u32) -> Activated {
         sigmoid(values[at + OPACITY]),
         exp3(value3(at + RADIANCE)),
         sigmoid(values[at + EMISSION]),
-        vec3f(sigmoid(albedo.x), sigmoid(albedo.y), sigmoid(albedo.z)),
+        MAX_ALBEDO * vec3f(sigmoid(albedo.x), sigmoid(albedo.y), sigmoid(albedo.z)),
     );
 }
 
@@ -121,7 +121,7 @@ fn chain_rule(
     sum += put(at + OPACITY, d.c.x * g.opacity * (1.0 - g.opacity));
     sum += put3(at + RADIANCE, d.c.yzw * attributes[index].a.xyz);
     sum += put(at + EMISSION, d.d.x * g.emission * (1.0 - g.emission));
-    sum += put3(at + ALBEDO, d.d.yzw * g.albedo * (1.0 - g.albedo));
+    sum += put3(at + ALBEDO, d.d.yzw * g.albedo * (1.0 - g.albedo / MAX_ALBEDO));
     // A sum is not finite if one of its terms is not.
     if !is_finite(sum) {
         atomicMin(&report[REPORT_BAD], index);

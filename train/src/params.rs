@@ -16,6 +16,7 @@ pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};
 pub use lights::{LightParameters, Lights, NUM_OF_LIGHT};
 pub use state::{BadGradient, ParameterState, StepSizes};
 
+use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};
 use eagpt_scene::{Gaussian, Gloss, Harmonics, rotation};
 use eagpt_trace::blend::{LocalGradient, grad_lane};
@@ -62,6 +63,15 @@ fn logit(p: f32) -> f32 {
     (p / (1.0 - p)).ln()
 }
 
+/// An albedo of its raw parameter, and back.
+fn albedo_of(raw: f32) -> f32 {
+    MAX_ALBEDO * sigmoid(raw)
+}
+
+fn raw_of_albedo(albedo: f32) -> f32 {
+    logit(albedo / MAX_ALBEDO)
+}
+
 /// Raw parameters of a Gaussian.
 pub fn raw_from_gaussian(g: &Gaussian) -> Raw {
     let mut raw = [0.0; NUM_PARAMETERS];
@@ -77,7 +87,7 @@ pub fn raw_from_gaussian(g: &Gaussian) -> Raw {
     raw[RADIANCE..EMISSION]
         .copy_from_slice(&g.radiance.to_array().map(|r| r.max(MIN_RADIANCE).ln()));
     raw[EMISSION] = logit(g.emission);
-    raw[ALBEDO..].copy_from_slice(&g.albedo.to_array().map(logit));
+    raw[ALBEDO..].copy_from_slice(&g.albedo.to_array().map(raw_of_albedo));
     raw
 }
 
@@ -93,7 +103,7 @@ pub fn gaussian_from_raw(raw: &Raw) -> Gaussian {
         harmonics: Harmonics::NONE,
         gloss: Gloss::NONE,
         emission: sigmoid(raw[EMISSION]),
-        albedo: triple(ALBEDO).map(sigmoid),
+        albedo: triple(ALBEDO).map(albedo_of),
     }
 }
 
@@ -127,7 +137,7 @@ pub fn raw_gradient(raw: &Raw, g: &Gaussian, local: &LocalGradient) -> Raw {
     let d_radiance = lanes(grad_lane::RADIANCE) * g.radiance;
     out[RADIANCE..EMISSION].copy_from_slice(&d_radiance.to_array());
     out[EMISSION] = local.0[grad_lane::EMISSION] * g.emission * (1.0 - g.emission);
-    let d_albedo = lanes(grad_lane::ALBEDO) * g.albedo * (Vec3::ONE - g.albedo);
+    let d_albedo = lanes(grad_lane::ALBEDO) * g.albedo * (Vec3::ONE - g.albedo / MAX_ALBEDO);
     out[ALBEDO..].copy_from_slice(&d_albedo.to_array());
     out
 }

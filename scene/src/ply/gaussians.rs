@@ -9,7 +9,7 @@ use super::splats;
 use super::values::Vertices;
 use crate::error::{Result, SceneError};
 use crate::files;
-use crate::gaussians::{Gaussian, Gaussians};
+use crate::gaussians::{Gaussian, Gaussians, MAX_ALBEDO};
 use crate::gloss::Gloss;
 use crate::harmonics::{Harmonics, NUM_COEFFICIENTS};
 use glam::{Quat, Vec2, Vec3};
@@ -70,8 +70,8 @@ const HARMONICS: [&str; NUM_COEFFICIENTS] = [
 /// them and see the diffuse part.
 const GLOSS: [&str; 4] = ["speculars_0", "speculars_1", "speculars_2", "roughnesses"];
 
-/// Tolerance beyond 0 to 1 within which opacity, emission, albedo, F0 and roughness are clamped: rounding in other
-/// programs.
+/// Tolerance beyond their ranges within which opacity, emission, albedo, F0 and roughness are
+/// clamped: rounding in other programs.
 const UNIT_TOLERANCE: f32 = 1e-4;
 /// Quaternions nearer than this to unit length stay as they are, so that a file is written as it
 /// was read; single precision normalises to within 2e-7.
@@ -82,14 +82,14 @@ const MIN_QUATERNION_LENGTH: f32 = 1e-6;
 /// First bytes of a file of SPZ, which is compressed as a whole.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-/// Reads Gaussians. Values a rounding error outside 0 to 1 are clamped, quaternions off unit length
+/// Reads Gaussians. Values a rounding error outside their ranges are clamped, quaternions off unit length
 /// are normalised.
 ///
 /// # Errors
 /// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value:
 /// unreadable, truncated, a missing property, a value or coefficient that is not finite, a scale
-/// not above 0, a negative radiance, an opacity, emission, albedo, F0 or roughness outside 0 to 1, a
-/// zero quaternion.
+/// not above 0, a negative radiance, an opacity, emission, F0 or roughness outside 0 to 1, an albedo
+/// outside 0 to [`MAX_ALBEDO`], a zero quaternion.
 pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
     let bytes = files::read(path)?;
     parse(path, &bytes)
@@ -242,14 +242,15 @@ fn gaussian(row: [f32; 17]) -> Gaussian {
 /// value by value.
 #[inline]
 fn is_clean(row: &[f32; 17]) -> bool {
-    let unit = |value: f32| (0.0..=1.0).contains(&value);
+    let up_to = |max: f32, value: f32| (0.0..=max).contains(&value);
     row.iter().all(|value| value.is_finite())
         && row[3] > 0.0
         && row[4] > 0.0
         && (quaternion_length(row) - 1.0).abs() <= QUATERNION_TOLERANCE
-        && unit(row[9])
+        && up_to(1.0, row[9])
         && row[10..13].iter().all(|&radiance| radiance >= 0.0)
-        && row[13..].iter().all(|&value| unit(value))
+        && up_to(1.0, row[13])
+        && row[14..].iter().all(|&albedo| up_to(MAX_ALBEDO, albedo))
 }
 
 fn quaternion_length(row: &[f32; 17]) -> f32 {
@@ -275,11 +276,12 @@ fn checked(path: &Path, index: usize, mut row: [f32; 17]) -> Result<[f32; 17]> {
         match name.as_bytes()[0] {
             b's' if *value <= 0.0 => return bad(name, format!("{value:?} is not above 0")),
             b'r' if *value < 0.0 => return bad(name, format!("{value:?} is negative")),
-            b'o' | b'e' | b'a' if !(0.0..=1.0).contains(value) => {
-                if !(-UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(value) {
-                    return bad(name, format!("{value:?} is outside 0 to 1"));
+            kind @ (b'o' | b'e' | b'a') => {
+                let max = if kind == b'a' { MAX_ALBEDO } else { 1.0 };
+                if !(-UNIT_TOLERANCE..=max + UNIT_TOLERANCE).contains(value) {
+                    return bad(name, format!("{value:?} is outside 0 to {max}"));
                 }
-                *value = value.clamp(0.0, 1.0);
+                *value = value.clamp(0.0, max);
             }
             _ => {}
         }

@@ -215,7 +215,7 @@ fn impossible_values_are_named() {
         (3, -0.5, "vertex[0].scales_0: -0.5 is not above 0"),
         (9, 1.5, "vertex[0].opacities: 1.5 is outside 0 to 1"),
         (13, -0.001, "vertex[0].emissives: -0.001 is outside 0 to 1"),
-        (16, 1.001, "vertex[0].albedos_2: 1.001 is outside 0 to 1"),
+        (16, 4.001, "vertex[0].albedos_2: 4.001 is outside 0 to 4"),
         (10, -1e-6, "vertex[0].radiances_0: -1e-6 is negative"),
     ];
     for (property, value, wanted) in cases {

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
 use crate::irradiance::{self, NoisyLight};
 use crate::surfaces;
+use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Tracer;
@@ -18,8 +19,8 @@ use eagpt_trace::transport::matrix::Receiver;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
-/// Albedos of natural surfaces stay inside.
-const RANGE: (f32, f32) = (0.02, 0.99);
+/// Least and largest albedo in closed form, which the image loss may leave.
+const RANGE: (f32, f32) = (0.02, 0.95 * MAX_ALBEDO);
 /// Share of its own light that a Gaussian must receive for the quotient to mean something.
 const MIN_IRRADIANCE: f32 = 1e-4;
 /// Opacity that gathered Gaussians must have in a pixel to shade it.

@@ -3,8 +3,8 @@
 use super::learned::Learned;
 use super::lights::Lights;
 use super::{
-    ALBEDO, CLASSES, NUM_PARAMETERS, POSITION, RADIANCE, Raw, SCALE, gaussian_from_raw,
-    harmonics_gradient, logit, raw_from_gaussian, raw_gradient, sigmoid,
+    ALBEDO, CLASSES, NUM_PARAMETERS, POSITION, RADIANCE, Raw, SCALE, albedo_of, gaussian_from_raw,
+    harmonics_gradient, raw_from_gaussian, raw_gradient, raw_of_albedo,
 };
 use crate::options::{HarmonicsOptions, LearningRates};
 use crate::order;
@@ -135,10 +135,10 @@ impl ParameterState {
         (self.lights).for_each(Learned::reset_moments, Learned::reset_moments);
     }
 
-    /// Sets the albedos, `[n]`, each 0 to 1.
+    /// Sets the albedos, `[n]`, each 0 to [`MAX_ALBEDO`].
     pub fn set_albedos(&mut self, albedos: &[Vec3]) {
         for (raw, albedo) in self.raw.values.iter_mut().zip(albedos) {
-            raw[ALBEDO..].copy_from_slice(&albedo.to_array().map(logit));
+            raw[ALBEDO..].copy_from_slice(&albedo.to_array().map(raw_of_albedo));
         }
     }
 
@@ -256,7 +256,7 @@ impl ParameterState {
             .into_par_iter()
             .with_min_len(1024)
             .for_each(|(raw, albedo)| {
-                *albedo = Vec3::new(raw[ALBEDO], raw[ALBEDO + 1], raw[ALBEDO + 2]).map(sigmoid);
+                *albedo = Vec3::new(raw[ALBEDO], raw[ALBEDO + 1], raw[ALBEDO + 2]).map(albedo_of);
             });
     }
 

@@ -11,6 +11,7 @@ use crate::params::{BETA_1, BETA_2, CLASSES, EPSILON, NUM_PARAMETERS};
 use eagpt_eval::ssim;
 use eagpt_eval::window::{RADIUS, WEIGHTS};
 use eagpt_scene::color::PQ_CONSTANTS;
+use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::features::Features;
 use eagpt_trace::gpu::kernel::{self, kernels, shaders};
@@ -113,6 +114,7 @@ fn declarations() -> String {
         ("BETA_2", BETA_2),
         ("EPSILON", EPSILON),
         ("MIN_ALPHA", MIN_ALPHA),
+        ("MAX_ALBEDO", MAX_ALBEDO),
         ("MAX_RADIUS", MAX_RADIUS),
         ("MIN_NORMAL_ALPHA", MIN_NORMAL_ALPHA),
         ("MIN_POSITIVE", f32::MIN_POSITIVE),

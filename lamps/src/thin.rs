@@ -1,0 +1,63 @@
+//! Lamps thinner than a pixel: where the line of one goes from a row of pixels to the next, both
+//! have a part of it, and a mask neither.
+
+use eagpt_masks::{Mask, Region};
+use eagpt_scene::Image;
+
+/// Share of the radiance of a thin region's brightest pixel from which on a pixel beside it has a
+/// part of the lamp. A white surface beside a lamp has less, unless it is lit from near by.
+const MIN_SHARE: f32 = 0.25;
+
+/// The pixels of `lit`, and those that complete the lines of thin lamps among them. `radiance` is
+/// the photograph's; only pixels that `is_known` are added. What would make a line a patch, as a
+/// bright surface beside it, is not added.
+pub(crate) fn completed(
+    lit: Mask,
+    radiance: &Image<3>,
+    is_known: impl Fn(u32, u32) -> bool,
+) -> Mask {
+    let (width, height) = radiance.size();
+    let bright = |[x, y]: [u32; 2]| radiance.get(x, y).into_iter().fold(0.0, f32::max);
+    let mut longer = lit.clone();
+    for region in lit.regions().iter().filter(|region| is_thin(&lit, region)) {
+        let brightest = region
+            .pixels
+            .iter()
+            .copied()
+            .map(bright)
+            .fold(0.0, f32::max);
+        let mut ends = region.pixels.clone();
+        while let Some([x, y]) = ends.pop() {
+            for v in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+                for u in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                    let is_part = is_known(u, v) && bright([u, v]) >= MIN_SHARE * brightest;
+                    if is_part && !longer.has(u, v) {
+                        longer.set(u, v, true);
+                        ends.push([u, v]);
+                    }
+                }
+            }
+        }
+    }
+    let patches = longer
+        .regions()
+        .into_iter()
+        .filter(|region| !is_thin(&longer, region));
+    let patches: Vec<Region> = patches.collect();
+    for [x, y] in patches.into_iter().flat_map(|region| region.pixels) {
+        if !lit.has(x, y) {
+            longer.set(x, y, false);
+        }
+    }
+    longer
+}
+
+/// Whether a region has no pixel with eight neighbours in it.
+fn is_thin(mask: &Mask, region: &Region) -> bool {
+    let around = [u32::MAX, 0, 1];
+    let has_all = |[x, y]: &[u32; 2]| {
+        let has = |dx: &u32, dy: &u32| mask.has(x.wrapping_add(*dx), y.wrapping_add(*dy));
+        around.iter().all(|dy| around.iter().all(|dx| has(dx, dy)))
+    };
+    !region.pixels.iter().any(has_all)
+}
