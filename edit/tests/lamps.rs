@@ -23,6 +23,7 @@ fn ball(name: &str, x: f32) -> Lamp {
         rotation: [1.0, 0.0, 0.0, 0.0],
         size: [0.5; 3],
         one_sided: false,
+        bars: false,
         area: 0.8,
         radiance: [1.0, 2.0, 3.0],
         power: [2.5, 5.0, 7.5],

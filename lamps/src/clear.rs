@@ -1,17 +1,16 @@
-//! Gaussians in the way of a clean lamp: those that it replaces, what stands in front of it
-//! although cameras see it, and the rough surface that it is mounted on.
+//! Gaussians in the way of a clean lamp: those that it replaces, and what stands in front of it
+//! although cameras see it.
 
 use crate::Candidate;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::fit::Fit;
-use crate::median::median_of;
 use crate::patches::Gaps;
-use crate::shape::{Flat, Shape};
+use crate::shape::Shape;
 use eagpt_scene::lamps::BOX_MARGIN;
-use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
+use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{Device, TraceError};
-use glam::{Mat3, Quat, Vec3};
+use glam::Vec3;
 
 /// Grows the box of a lamp beyond [`BOX_MARGIN`], in sizes of the Gaussian that may lie in it.
 const SIZE_MARGIN: f32 = 1.0;
@@ -19,15 +18,6 @@ const SIZE_MARGIN: f32 = 1.0;
 const MAX_BEFORE: f32 = 0.05;
 /// Share of a Gaussian's weight in lit pixels from which on it is a part of what it shows there.
 const SHARE_LIT: f32 = 0.6;
-/// Cosine between a flat lamp and the surface that it is mounted on, at least.
-const MOUNT_COSINE: f32 = 0.7;
-/// Heights of a mount's Gaussians over the lamp's plane, in their standard deviations, within which
-/// they are taken for it.
-const MOUNT_DEVIATIONS: f32 = 3.0;
-/// Least number of Gaussians of a mount.
-const MIN_MOUNT: usize = 8;
-/// Depth of the mount's Gaussians behind the lamp, in sizes of the thinnest side.
-const MOUNT_DEPTH: f32 = 0.03;
 
 /// Marks the Gaussians that clean lamps replace; returns how many are each lamp's.
 pub(crate) fn replaced(
@@ -65,81 +55,6 @@ fn excess(shape: &Shape, position: Vec3, scale: f32) -> f32 {
     let size = shape.size();
     let half = 0.5 * size + BOX_MARGIN * size.max_element() + SIZE_MARGIN * scale;
     (local.abs() - half).max_element()
-}
-
-/// Flattens the surface around a flat lamp: of Gaussians in its plane those that stick out before
-/// it go behind it, and all of them lie along it. Those that are not to `keep` do not count.
-/// Returns what becomes of which.
-pub(crate) fn flatten_mount(
-    gaussians: &Gaussians,
-    flat: &Flat,
-    keep: &[bool],
-) -> Vec<(u32, Gaussian)> {
-    let normal = flat.normal();
-    let inverse = flat.rotation.conjugate();
-    let [width, height] = flat.size;
-    let reach = 0.5 * width.hypot(height);
-    let thin = width.min(height);
-    let along = |i: usize| {
-        let n = gaussians.rotations[i] * Vec3::Z;
-        n.dot(normal).abs() > MOUNT_COSINE
-    };
-    let place = |i: usize| {
-        let local = inverse * (gaussians.positions[i] - flat.centre);
-        let outside = Vec3::new(
-            (local.x.abs() - 0.5 * width).max(0.0),
-            (local.y.abs() - 0.5 * height).max(0.0),
-            0.0,
-        );
-        (outside.length(), local.z)
-    };
-    let reflects =
-        |i: &usize| keep[*i] && gaussians.emissions[*i] <= EMISSION_THRESHOLD && along(*i);
-    let near: Vec<usize> = (0..gaussians.len())
-        .filter(reflects)
-        .filter(|&i| {
-            let (outside, height) = place(i);
-            outside <= reach && height.abs() <= reach
-        })
-        .collect();
-    let size = median_of(near.iter().map(|&i| gaussians.scales[i].max_element()));
-    let limit = (3.0 * size).min(reach);
-    let mount: Vec<usize> = near
-        .into_iter()
-        .filter(|&i| place(i).1.abs() <= limit)
-        .collect();
-    if mount.len() < MIN_MOUNT {
-        return Vec::new();
-    }
-    let middle = median_of(mount.iter().map(|&i| place(i).1));
-    let spread = 1.4826 * median_of(mount.iter().map(|&i| (place(i).1 - middle).abs()));
-    let thickness = MOUNT_DEVIATIONS * spread.max(MOUNT_DEPTH * thin);
-    if middle.abs() > thickness {
-        return Vec::new();
-    }
-    (mount.into_iter())
-        .map(|i| (i, place(i).1))
-        .filter(|(_, height)| height.abs() <= thickness + middle.abs())
-        .map(|(i, height)| {
-            let mut gaussian = gaussians.get(i);
-            let level = height.min(-MOUNT_DEPTH * thin);
-            gaussian.position += normal * (level - height);
-            gaussian.rotation = laid_along(gaussian.rotation, normal);
-            (i as u32, gaussian)
-        })
-        .collect()
-}
-
-/// `rotation` turned so that its plane has `normal` or its opposite.
-fn laid_along(rotation: Quat, normal: Vec3) -> Quat {
-    let frame = Mat3::from_quat(rotation);
-    let z = if frame.z_axis.dot(normal) < 0.0 {
-        -normal
-    } else {
-        normal
-    };
-    let x = (frame.x_axis - z * frame.x_axis.dot(z)).normalize_or(z.any_orthonormal_vector());
-    rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, z.cross(x), z)))
 }
 
 /// Takes out what is in front of `lamps` in pixels that show them; their discs are what `edit`

@@ -16,6 +16,7 @@ mod fit;
 mod group;
 mod measure;
 mod median;
+mod mount;
 mod names;
 mod patches;
 mod place;
@@ -26,10 +27,11 @@ mod starts;
 mod thin;
 
 pub use evidence::Evidence;
+pub use mount::freed;
 
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
-use eagpt_scene::{Gaussian, Gaussians, SceneEdit};
+use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
 use fit::Fit;
@@ -38,7 +40,6 @@ use group::Group;
 use measure::Measured;
 use patches::Gaps;
 use shape::Shape;
-use std::collections::BTreeMap;
 
 /// Standard deviation of the flux between views beyond which there is no such lamp.
 const MAX_DEVIATION: f32 = 0.5;
@@ -130,14 +131,6 @@ pub fn find(
     let clean_fits: Vec<Fit> = clean().map(|c| c.fit).collect();
     let mut keep = vec![true; gaussians.len()];
     let nums = clear::replaced(gaussians, &candidates, &mut keep);
-    let mut moved: BTreeMap<u32, Gaussian> = BTreeMap::new();
-    let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
-    for flat in mounted.filter_map(|c| c.fit.shape.flat()) {
-        for (i, gaussian) in clear::flatten_mount(gaussians, flat, &keep) {
-            // Where mounts meet, that of the stronger lamp counts.
-            moved.entry(i).or_insert(gaussian);
-        }
-    }
     let discs: Vec<Gaussians> = clean()
         .map(|c| {
             let pixel = pixel_width(evidence, &c.group);
@@ -146,9 +139,15 @@ pub fn find(
         .collect();
     let mut edit = SceneEdit {
         keep,
-        moved: moved.into_iter().collect(),
+        moved: Vec::new(),
         fixed: discs.iter().flat_map(Gaussians::iter).collect(),
     };
+    let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
+    for flat in mounted.filter_map(|c| c.fit.shape.flat()) {
+        for (i, gaussian) in mount::free(gaussians, gaussians.len(), flat, &edit.keep) {
+            mount::apply(&mut edit, i, gaussian);
+        }
+    }
     if !clean_fits.is_empty() {
         clear::remove_what_hides(
             &tracer.device(),
@@ -285,6 +284,7 @@ fn lamp(
         rotation: [r.w, r.x, r.y, r.z],
         size: c.fit.shape.size().to_array(),
         one_sided: c.is_clean && c.fit.shape.flat().is_some(),
+        bars: c.is_clean && c.fit.gaps == Gaps::Bars,
         area: c.fit.shape.area(),
         radiance: measured.radiance.to_array(),
         power: place::power(&c.fit.shape, measured.radiance).to_array(),

@@ -86,6 +86,7 @@ mod tests {
             rotation: [1.0, 0.0, 0.0, 0.0],
             size: [1.0, 0.4, 0.0],
             one_sided: true,
+            bars: false,
             area: 0.4,
             radiance: [330.4, 24.06, 1.505],
             power: [0.25, 0.05, 0.0],

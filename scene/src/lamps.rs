@@ -70,6 +70,9 @@ pub struct Lamp {
     pub size: [f32; 3],
     /// Whether only the side that its z axis points to was seen to shine.
     pub one_sided: bool,
+    /// Whether bars or a frame stand before it, as before a window.
+    #[serde(default)]
+    pub bars: bool,
     /// Area that emits, scene units², positive.
     pub area: f32,
     /// Mean radiance of that area, linear Rec.709.

@@ -12,6 +12,7 @@ pub fn boxed(name: &str, centre: [f32; 3], size: [f32; 3]) -> Lamp {
         rotation: [1.0, 0.0, 0.0, 0.0],
         size,
         one_sided: false,
+        bars: false,
         area: 1.0,
         radiance: [1.0; 3],
         power: [1.0; 3],

@@ -18,6 +18,7 @@ fn lamp(scene: &Gaussians) -> Lamp {
         rotation: [1.0, 0.0, 0.0, 0.0],
         size: (high - low + 1e-3).into(),
         one_sided: false,
+        bars: false,
         area: 1.0,
         radiance: [2.0; 3],
         power: [6.0; 3],

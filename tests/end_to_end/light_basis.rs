@@ -13,6 +13,7 @@ fn ball(name: &str, centre: [f32; 3], radius: f32) -> Lamp {
         rotation: [1.0, 0.0, 0.0, 0.0],
         size: [2.0 * radius; 3],
         one_sided: false,
+        bars: false,
         area: 1.0,
         radiance: [1.0; 3],
         power: [1.0, 2.0, 4.0],

@@ -213,9 +213,10 @@ impl Run<'_> {
                 Stage::Radiance => options.radiance.densify.time_at(iteration, total),
                 Stage::Albedo => None,
             };
-            let cleans =
-                stage == Stage::Radiance && options.radiance.lamps.is_due(iteration, total);
-            if stores || shows || splits.is_some() || cleans {
+            let lamps = &options.radiance.lamps;
+            let cleans = stage == Stage::Radiance && lamps.is_due(iteration, total);
+            let frees = stage == Stage::Radiance && lamps.is_freed(iteration, total);
+            if stores || shows || splits.is_some() || cleans || frees {
                 for step in backend.finish()? {
                     self.note(&mut log, position, total, &step)?;
                 }
@@ -225,6 +226,9 @@ impl Run<'_> {
             }
             if cleans {
                 self.clean_lamps(backend, views, iteration)?;
+            }
+            if frees {
+                self.free_lamps(backend, views)?;
             }
             if shows {
                 let psnr_srgb_db = preview::write(&self.folder, backend, &shown, stage, iteration)?;

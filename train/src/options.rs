@@ -230,6 +230,13 @@ impl LampOptions {
         let due = (f64::from(self.after) * f64::from(total)).round() as u32;
         self.clean && iteration == due.clamp(1, total)
     }
+
+    /// Whether what has come to stand before clean lamps since goes after `iteration` of `total`:
+    /// half-way to the end, where what is around can still make up for it, and at the end.
+    pub fn is_freed(&self, iteration: u32, total: u32) -> bool {
+        let half_way = (0.5 * (1.0 + f64::from(self.after)) * f64::from(total)).round() as u32;
+        self.clean && (iteration == half_way || iteration == total)
+    }
 }
 
 /// Splitting of Gaussians during stage 0.

@@ -11,6 +11,7 @@ fn panel() -> Lamp {
         rotation: [FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0, 0.0],
         size: [1.0, 0.4, 0.0],
         one_sided: true,
+        bars: false,
         area: 0.4,
         radiance: [10.0, 9.0, 8.0],
         power: [12.57, 11.31, 10.05],
@@ -30,6 +31,7 @@ fn ball(name: &str, x: f32, size: f32) -> Lamp {
         rotation: [1.0, 0.0, 0.0, 0.0],
         size: [size; 3],
         one_sided: false,
+        bars: false,
         ..panel()
     }
 }

@@ -13,6 +13,7 @@ fn lamp(name: &str, from: f32, to: f32) -> Lamp {
         // Grown by 15 % of the largest size on every side, which is y and z.
         size: [to - from - 1.2, 4.0, 4.0],
         one_sided: false,
+        bars: false,
         area: 1.0,
         radiance: [1.0; 3],
         power: [1.0; 3],

@@ -7,7 +7,7 @@ use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
 use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
-use eagpt_scene::lamps::write_lamps;
+use eagpt_scene::lamps::{read_lamps, write_lamps};
 
 impl Run<'_> {
     /// Finds the lamps that the masks of training views show, makes them clean and lists them
@@ -47,5 +47,17 @@ impl Run<'_> {
             num_gaussians: found.edit.num_after(),
         });
         Ok(())
+    }
+
+    /// Takes away what iterations have put before clean lamps since.
+    pub(super) fn free_lamps(&self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
+        let path = match views.num_lights() {
+            1 => self.folder.lamps(0),
+            _ => self.folder.all_lamps()[1].clone(),
+        };
+        let lamps = read_lamps(&path)?;
+        let state = backend.state()?;
+        let edit = eagpt_lamps::freed(&state.gaussians(), state.num_moving(), &lamps);
+        backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
     }
 }

@@ -1,0 +1,159 @@
+//! The surface that a flat lamp is mounted on.
+//!
+//! A ceiling of Gaussians is rough: discs that are tilted by a degree, or hang a centimetre below
+//! it, hide a lamp that is flush with it. Few cameras see a lamp along its ceiling and complain, but
+//! the walls of the room do, which is where its light goes.
+
+use crate::median::median_of;
+use crate::shape::Flat;
+use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
+use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
+use eagpt_trace::transport::EMISSION_THRESHOLD;
+use glam::{Mat3, Quat, Vec3};
+
+/// Cosine between a flat lamp and the surface that it is mounted on, at least.
+const COSINE: f32 = 0.7;
+/// Heights of a mount's Gaussians over the lamp's plane, in their standard deviations, within which
+/// they are taken for it.
+const DEVIATIONS: f32 = 3.0;
+/// Least number of Gaussians of a mount.
+const MIN_NUM: usize = 8;
+/// Depth of the mount's Gaussians behind the lamp, in sizes of the thinnest side.
+const DEPTH: f32 = 0.03;
+/// Opacity of a Gaussian before a lamp from which on it hides it.
+const HIDES: f32 = 0.01;
+
+/// A Gaussian as a flat lamp has it.
+struct Place {
+    /// Distance of the centre from the lamp's box, within the lamp's plane.
+    outside: f32,
+    /// Height of the centre over the lamp's plane.
+    height: f32,
+    /// Height of the disc over the point of the lamp that is nearest to the centre, …
+    height_there: f32,
+    /// … and its opacity there.
+    opacity_there: f32,
+}
+
+impl Place {
+    fn new(gaussian: &Gaussian, flat: &Flat) -> Self {
+        let inverse = flat.rotation.conjugate();
+        let local = inverse * (gaussian.position - flat.centre);
+        let half = 0.5 * Vec3::new(flat.size[0], flat.size[1], 0.0);
+        let nearest = local.clamp(-half, half);
+        let own = Mat3::from_quat(inverse * gaussian.rotation);
+        let away = nearest - local;
+        let up = -away.dot(own.z_axis) / own.z_axis.z;
+        let on_disc = away + Vec3::Z * up;
+        let [u, v] = [(own.x_axis, gaussian.scale.x), (own.y_axis, gaussian.scale.y)]
+            .map(|(axis, scale)| on_disc.dot(axis) / scale);
+        Self {
+            outside: (local - nearest).truncate().length(),
+            height: local.z,
+            height_there: up,
+            opacity_there: gaussian.opacity * (-0.5 * (u * u + v * v)).exp(),
+        }
+    }
+
+    fn hides(&self) -> bool {
+        self.height_there > 0.0 && self.opacity_there > HIDES
+    }
+}
+
+/// Frees `flat` of the `num` first Gaussians, but for those that are not to `keep`: of those along
+/// its plane the ones that stick out of its mount before it go behind it and all of the mount lie
+/// along it, and those that hang before the lamp itself are taken out. Returns what becomes of
+/// which, `None` for those taken out.
+pub(crate) fn free(
+    gaussians: &Gaussians,
+    num: usize,
+    flat: &Flat,
+    keep: &[bool],
+) -> Vec<(u32, Option<Gaussian>)> {
+    let normal = flat.normal();
+    let [width, height] = flat.size;
+    let reach = 0.5 * width.hypot(height);
+    let depth = DEPTH * width.min(height);
+    let along = |i: usize| (gaussians.rotations[i] * Vec3::Z).dot(normal).abs() > COSINE;
+    let near: Vec<(usize, Place)> = (0..num)
+        .filter(|&i| keep[i] && gaussians.emissions[i] <= EMISSION_THRESHOLD && along(i))
+        .map(|i| (i, Place::new(&gaussians.get(i), flat)))
+        .filter(|(_, place)| {
+            let is_near = place.outside <= reach && place.height.abs() <= reach;
+            is_near || (place.hides() && place.height_there <= reach)
+        })
+        .collect();
+    let beside = || near.iter().filter(|(_, place)| place.outside <= reach);
+    let size = median_of(beside().map(|(i, _)| gaussians.scales[*i].max_element()));
+    let limit = (3.0 * size).min(reach);
+    let level = || {
+        let heights = beside().map(|(_, place)| place.height);
+        heights.filter(|height| height.abs() <= limit)
+    };
+    let middle = median_of(level());
+    let spread = 1.4826 * median_of(level().map(|height| (height - middle).abs()));
+    let thickness = DEVIATIONS * spread.max(depth);
+    let is_mounted = level().count() >= MIN_NUM && middle.abs() <= thickness;
+    let freed = |(i, place): &(usize, Place)| {
+        let is_of_mount = is_mounted
+            && [place.height, place.height_there].iter().all(|h| h.abs() <= thickness + middle.abs());
+        if is_of_mount {
+            let mut gaussian = gaussians.get(*i);
+            let level = place.height.min(-depth);
+            gaussian.position += normal * (level - place.height);
+            gaussian.rotation = laid_along(gaussian.rotation, normal);
+            Some((*i as u32, Some(gaussian)))
+        } else {
+            place.hides().then_some((*i as u32, None))
+        }
+    };
+    near.iter().filter_map(freed).collect()
+}
+
+/// Frees all flat lamps that nothing real stands before of what training has put before them since;
+/// the first `num_moving` Gaussians are not the lamps' own.
+pub fn freed(gaussians: &Gaussians, num_moving: usize, lamps: &Lamps) -> SceneEdit {
+    let mut edit = SceneEdit::nothing(gaussians.len());
+    for flat in lamps.lamps.iter().filter_map(open_flat) {
+        for (i, gaussian) in free(gaussians, num_moving, &flat, &edit.keep) {
+            apply(&mut edit, i, gaussian);
+        }
+    }
+    edit
+}
+
+/// Adds to `edit` what becomes of a Gaussian. Where mounts meet, that of the first lamp counts.
+pub(crate) fn apply(edit: &mut SceneEdit, i: u32, gaussian: Option<Gaussian>) {
+    let at = edit.moved.binary_search_by_key(&i, |(moved, _)| *moved);
+    match (gaussian, at) {
+        (Some(gaussian), Err(at)) => edit.moved.insert(at, (i, gaussian)),
+        (Some(_), Ok(_)) => (),
+        (None, at) => {
+            edit.keep[i as usize] = false;
+            if let Ok(at) = at {
+                edit.moved.remove(at);
+            }
+        }
+    }
+}
+
+/// The lamp if it is flat and without bars.
+fn open_flat(lamp: &Lamp) -> Option<Flat> {
+    (lamp.shape == LampShape::Panel && lamp.one_sided && !lamp.bars).then(|| Flat {
+        centre: lamp.centre(),
+        rotation: lamp.world_from_lamp(),
+        size: [lamp.size[0], lamp.size[1]],
+    })
+}
+
+/// `rotation` turned so that its plane has `normal` or its opposite.
+fn laid_along(rotation: Quat, normal: Vec3) -> Quat {
+    let frame = Mat3::from_quat(rotation);
+    let z = if frame.z_axis.dot(normal) < 0.0 {
+        -normal
+    } else {
+        normal
+    };
+    let x = (frame.x_axis - z * frame.x_axis.dot(z)).normalize_or(z.any_orthonormal_vector());
+    rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, z.cross(x), z)))
+}
