@@ -301,7 +301,10 @@ fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
         TrainProgress::Luminous { num } => reporter.note(&format!(
             "{num} Gaussians near lamps are brighter than they can reflect, and emit"
         )),
-        TrainProgress::Checkpoint { .. } => {}
+        TrainProgress::AlbedosLimited { num: 0 } | TrainProgress::Checkpoint { .. } => {}
+        TrainProgress::AlbedosLimited { num } => reporter.note(&format!(
+            "{num} Gaussians are of surfaces that reflected more than they receive, and are darker"
+        )),
         TrainProgress::Preview {
             iteration,
             psnr_srgb_db,

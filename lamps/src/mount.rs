@@ -45,8 +45,11 @@ impl Place {
         let away = nearest - local;
         let up = -away.dot(own.z_axis) / own.z_axis.z;
         let on_disc = away + Vec3::Z * up;
-        let [u, v] = [(own.x_axis, gaussian.scale.x), (own.y_axis, gaussian.scale.y)]
-            .map(|(axis, scale)| on_disc.dot(axis) / scale);
+        let [u, v] = [
+            (own.x_axis, gaussian.scale.x),
+            (own.y_axis, gaussian.scale.y),
+        ]
+        .map(|(axis, scale)| on_disc.dot(axis) / scale);
         Self {
             outside: (local - nearest).truncate().length(),
             height: local.z,
@@ -96,7 +99,9 @@ pub(crate) fn free(
     let is_mounted = level().count() >= MIN_NUM && middle.abs() <= thickness;
     let freed = |(i, place): &(usize, Place)| {
         let is_of_mount = is_mounted
-            && [place.height, place.height_there].iter().all(|h| h.abs() <= thickness + middle.abs());
+            && [place.height, place.height_there]
+                .iter()
+                .all(|h| h.abs() <= thickness + middle.abs());
         if is_of_mount {
             let mut gaussian = gaussians.get(*i);
             let level = place.height.min(-depth);

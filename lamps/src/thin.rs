@@ -61,3 +61,64 @@ fn is_thin(mask: &Mask, region: &Region) -> bool {
     };
     !region.pixels.iter().any(has_all)
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
+
+    use super::*;
+
+    /// A picture whose pixels have these digits, of ten, of the lamp's radiance, and where they are
+    /// lit: from 6 on.
+    fn picture(rows: &[&str]) -> (Image<3>, Mask) {
+        let (width, height) = (rows[0].len() as u32, rows.len() as u32);
+        let digit = |x: u32, y: u32| f32::from(rows[y as usize].as_bytes()[x as usize] - b'0');
+        let pixels = (0..width * height).map(|i| [4.0 * digit(i % width, i / width); 3]);
+        let radiance = Image::from_pixels(width, height, pixels.collect()).unwrap();
+        let lit = Mask::from_fn(width, height, |x, y| digit(x, y) >= 6.0);
+        (radiance, lit)
+    }
+
+    fn shown(mask: &Mask, (width, height): (u32, u32)) -> Vec<String> {
+        let row = |y| {
+            (0..width)
+                .map(|x| if mask.has(x, y) { '#' } else { '.' })
+                .collect()
+        };
+        (0..height).map(row).collect()
+    }
+
+    #[test]
+    fn a_line_that_breaks_between_rows_is_one() {
+        let (radiance, lit) = picture(&[
+            "1111111111111",
+            "1999975310111",
+            "1001357999991",
+            "1111111111111",
+        ]);
+        let whole = completed(lit, &radiance, |_, _| true);
+        assert_eq!(
+            shown(&whole, radiance.size()),
+            [
+                ".............",
+                ".#######.....",
+                "....########.",
+                "............."
+            ]
+        );
+    }
+
+    #[test]
+    fn a_bright_surface_beside_a_line_is_none_of_it() {
+        let (radiance, lit) = picture(&["444444", "999999", "444444", "444444"]);
+        let same = completed(lit.clone(), &radiance, |_, _| true);
+        assert_eq!(shown(&same, radiance.size()), shown(&lit, radiance.size()));
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_added() {
+        let (radiance, lit) = picture(&["0000000", "0995399", "0000000"]);
+        let whole = completed(lit, &radiance, |x, _| x != 4);
+        assert_eq!(shown(&whole, radiance.size())[1], ".###.##");
+    }
+}

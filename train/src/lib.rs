@@ -21,6 +21,7 @@ pub mod backend;
 pub mod bake;
 pub mod checkpoint;
 mod densify;
+mod energy;
 mod error;
 pub mod init;
 pub mod irradiance;

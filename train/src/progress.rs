@@ -70,6 +70,11 @@ pub enum TrainProgress {
         /// Gaussians.
         num: usize,
     },
+    /// Surfaces that reflected more than they received are darker now.
+    AlbedosLimited {
+        /// Gaussians.
+        num: usize,
+    },
     /// A checkpoint lies on disk.
     Checkpoint {
         /// Where.

@@ -3,6 +3,7 @@
 use super::Run;
 use super::views::Views;
 use crate::bake::emits;
+use crate::energy;
 use crate::error::Result;
 use crate::luminous::luminous;
 use crate::options::StageChoice;
@@ -24,6 +25,9 @@ impl Run<'_> {
     ) -> Result<Option<OwnLight>> {
         for (light, scene) in scenes.iter_mut().enumerate() {
             self.mark_luminous(scene, light, views)?;
+        }
+        self.limit_albedos(&mut scenes, views)?;
+        for (light, scene) in scenes.iter().enumerate() {
             let path = self.folder.scene(light);
             ply::write_gaussians(&path, scene)?;
         }
@@ -55,6 +59,23 @@ impl Run<'_> {
             scene.emissions[i] = 1.0;
         }
         (self.progress)(TrainProgress::Luminous { num: found.len() });
+        Ok(())
+    }
+
+    /// Lets no surface reflect more than it receives, where albedos are trained: `scenes` are one in
+    /// all its lights.
+    fn limit_albedos(&mut self, scenes: &mut [Gaussians], views: &Views) -> Result<()> {
+        let request = self.request;
+        let [first, others @ ..] = scenes else {
+            return Ok(());
+        };
+        if request.options.stage != StageChoice::Radiance {
+            let num = energy::limit_albedos(&request.device, first, &views.cameras())?;
+            for other in others {
+                other.albedos.clone_from(&first.albedos);
+            }
+            (self.progress)(TrainProgress::AlbedosLimited { num });
+        }
         Ok(())
     }
 
