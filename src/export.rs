@@ -7,8 +7,9 @@ use crate::progress::Reporter;
 use crate::source::Source;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use eagpt_scene::files;
 use eagpt_scene::ply::{self, Preview};
+use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, files};
+use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -22,7 +23,8 @@ use std::process::ExitCode;
 /// display colour, clipped at white. Emission and albedo are lost: `eagpt import` reads such files
 /// without them.
 /// The format `eagpt` is the scene itself, written anew as binary little endian whatever the file's
-/// own encoding was.
+/// own encoding was; `eag-pt` is what the code of EAG-PT reads of it, without harmonics and gloss and
+/// with albedos up to 1.
 #[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ExportArgs {
@@ -58,8 +60,21 @@ enum Format {
     ThreeD,
     /// The scene with all its properties
     Eagpt,
+    /// The 17 properties of EAG-PT, whose albedos are at most 1
+    EagPt,
     /// A page with the scene, for a browser
     Html,
+}
+
+/// The Gaussians with the properties and ranges of EAG-PT.
+fn as_in_eag_pt(gaussians: &Gaussians) -> Gaussians {
+    let plain = |g: Gaussian| Gaussian {
+        albedo: g.albedo.min(Vec3::ONE),
+        harmonics: Harmonics::NONE,
+        gloss: Gloss::NONE,
+        ..g
+    };
+    gaussians.iter().map(plain).collect()
 }
 
 /// Refuses to replace the input, and without `force` any file.
@@ -114,6 +129,7 @@ pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         Format::TwoD => ply::write_preview(&args.out, &gaussians, Preview::TwoD)?,
         Format::ThreeD => ply::write_preview(&args.out, &gaussians, Preview::ThreeD)?,
         Format::Eagpt => ply::write_gaussians(&args.out, &gaussians)?,
+        Format::EagPt => ply::write_gaussians(&args.out, &as_in_eag_pt(&gaussians))?,
         Format::Html => {
             let page = source.page(&args.page, &reporter)?;
             let page = ScenePage::new(scene, &gaussians, &page)?;

@@ -70,7 +70,7 @@ impl Paint {
             Self::SetEmission(emission) => g.emission = emission,
             Self::SetAlbedo(albedo) => g.albedo = albedo,
             Self::ScaleAlbedo(factor) => {
-                g.albedo = (g.albedo * factor).min(g.albedo.max(Vec3::ONE))
+                g.albedo = (g.albedo * factor).min(g.albedo.max(Vec3::ONE));
             }
             Self::SwapAlbedo([r, g_from, b]) => {
                 g.albedo = Vec3::new(g.albedo[r], g.albedo[g_from], g.albedo[b]);

@@ -129,7 +129,7 @@ impl Evidence {
         let lit = Mask::from_fn(mask.width(), mask.height(), |x, y| {
             mask.get(x, y)[0] >= LIT && is_known(x, y)
         });
-        let lit = thin::completed(lit, &view.radiance, is_known);
+        let lit = thin::completed(&lit, &view.radiance, is_known);
         let regions = lit.regions();
         let near = around(&regions, mask.size());
         let of_pixels = |(number, region): (u32, &Region)| {

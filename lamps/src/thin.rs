@@ -12,14 +12,14 @@ const MIN_SHARE: f32 = 0.25;
 /// the photograph's; only pixels that `is_known` are added. What would make a line a patch, as a
 /// bright surface beside it, is not added.
 pub(crate) fn completed(
-    lit: Mask,
+    lit: &Mask,
     radiance: &Image<3>,
     is_known: impl Fn(u32, u32) -> bool,
 ) -> Mask {
     let (width, height) = radiance.size();
     let bright = |[x, y]: [u32; 2]| radiance.get(x, y).into_iter().fold(0.0, f32::max);
     let mut longer = lit.clone();
-    for region in lit.regions().iter().filter(|region| is_thin(&lit, region)) {
+    for region in lit.regions().iter().filter(|region| is_thin(lit, region)) {
         let brightest = region
             .pixels
             .iter()
@@ -96,7 +96,7 @@ mod tests {
             "1001357999991",
             "1111111111111",
         ]);
-        let whole = completed(lit, &radiance, |_, _| true);
+        let whole = completed(&lit, &radiance, |_, _| true);
         assert_eq!(
             shown(&whole, radiance.size()),
             [
@@ -111,14 +111,14 @@ mod tests {
     #[test]
     fn a_bright_surface_beside_a_line_is_none_of_it() {
         let (radiance, lit) = picture(&["444444", "999999", "444444", "444444"]);
-        let same = completed(lit.clone(), &radiance, |_, _| true);
+        let same = completed(&lit, &radiance, |_, _| true);
         assert_eq!(shown(&same, radiance.size()), shown(&lit, radiance.size()));
     }
 
     #[test]
     fn what_is_not_known_is_not_added() {
         let (radiance, lit) = picture(&["0000000", "0995399", "0000000"]);
-        let whole = completed(lit, &radiance, |x, _| x != 4);
+        let whole = completed(&lit, &radiance, |x, _| x != 4);
         assert_eq!(shown(&whole, radiance.size())[1], ".###.##");
     }
 }

@@ -1,7 +1,8 @@
 //! From a dataset to tables.
 
 use crate::support::{SHORT, Workplace};
-use eagpt_scene::{exr, ply};
+use eagpt_scene::{Harmonics, exr, ply};
+use glam::Vec3;
 use serde_json::Value;
 
 #[test]
@@ -183,9 +184,16 @@ fn export_writes_previews_and_the_scene_itself() {
         ));
     }
     assert_eq!(place.bytes("sub/eagpt.ply"), place.bytes("run/scene.ply"));
-    let points = ply::read_gaussians(&place.path("run/scene.ply"))
-        .unwrap()
-        .len();
+    let mut scene = ply::read_gaussians(&place.path("run/scene.ply")).unwrap();
+    let points = scene.len();
+    scene.albedos[0] = Vec3::new(2.5, 0.5, 1.0);
+    ply::write_gaussians(&place.path("bright.ply"), &scene).unwrap();
+    place.succeeds("export bright.ply --format eag-pt --out sub/eag-pt.ply");
+    let plain = ply::read_gaussians(&place.path("sub/eag-pt.ply")).unwrap();
+    assert_eq!(plain.albedos[0], Vec3::new(1.0, 0.5, 1.0));
+    assert_eq!(plain.albedos[1..], scene.albedos[1..]);
+    assert_eq!(plain.radiances, scene.radiances);
+    assert!(plain.harmonics.iter().all(|h| *h == Harmonics::NONE));
     for (format, num_properties) in [("2dgs", 16), ("3dgs", 17)] {
         let bytes = place.bytes(&format!("sub/{format}.ply"));
         let header_end = bytes
