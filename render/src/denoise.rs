@@ -5,6 +5,7 @@ use eagpt_denoise::{DenoiseError, Denoiser, Frame};
 use eagpt_scene::{Camera, Image};
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Guide, Integrator, RenderedView};
+use glam::Vec3;
 
 /// A view with its light denoised.
 ///
@@ -42,7 +43,9 @@ fn frame(
 ) -> Frame {
     let samples_per_ray = match job.integrator {
         Integrator::ZeroBounce => 0,
-        Integrator::OneBounce { num_samples } | Integrator::Path { num_samples, .. } => num_samples,
+        Integrator::OneBounce { num_samples }
+        | Integrator::Gather { num_samples }
+        | Integrator::Path { num_samples, .. } => num_samples,
     };
     let (factor, threshold) = (job.rays_per_axis, job.light.emission_threshold);
     let (width, height) = pixels.radiance.size();
@@ -79,9 +82,16 @@ fn frame(
                 albedo: features.albedo(),
                 normal: surface.normal,
                 position: surface.position,
+                exact: Vec3::ZERO,
             });
             num_hits += 1.0;
-            add(&mut frame.reflected.pixels_mut()[i], light, share);
+            let noisy = Vec3::from(light) - guide.exact;
+            add(
+                &mut frame.emitted.pixels_mut()[i],
+                guide.exact.into(),
+                share,
+            );
+            add(&mut frame.reflected.pixels_mut()[i], noisy.into(), share);
             add(
                 &mut frame.albedo.pixels_mut()[i],
                 guide.albedo.into(),

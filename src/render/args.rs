@@ -52,7 +52,7 @@ pub(crate) struct RenderArgs {
     /// Light transport
     #[arg(long, value_enum)]
     pub(crate) mode: Mode,
-    /// Samples per pixel of 1-bounce and path, at least 1; rounded up to a multiple of the rays of
+    /// Samples per pixel of 1-bounce, gather and path, at least 1; rounded up to a multiple of the rays of
     /// a pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: u32,
@@ -141,11 +141,14 @@ pub(crate) enum Mode {
     #[value(name = "0-bounce")]
     #[serde(rename = "0-bounce")]
     ZeroBounce,
-    /// One bounce into the radiance that the Gaussians carry; emitters show their own. Of a baked
-    /// scene it is a final gather, and may be called that
-    #[value(name = "1-bounce", alias = "gather")]
+    /// One bounce into the radiance that the Gaussians carry; emitters show their own
+    #[value(name = "1-bounce")]
     #[serde(rename = "1-bounce")]
     OneBounce,
+    /// The radiance that the Gaussians carry, with glossy surfaces that mirror it; for baked scenes
+    ///
+    /// Only the specular part of glossy surfaces is sampled. Without gloss it is 0-bounce.
+    Gather,
     /// Path tracing from the emitters alone
     Path,
 }
@@ -157,6 +160,7 @@ impl RenderArgs {
         match self.mode {
             Mode::ZeroBounce => Integrator::ZeroBounce,
             Mode::OneBounce => Integrator::OneBounce { num_samples },
+            Mode::Gather => Integrator::Gather { num_samples },
             Mode::Path => Integrator::Path {
                 num_samples,
                 max_bounces: self.bounces,

@@ -205,7 +205,39 @@ pub(crate) struct GlossBlend {
     roughness: f32,
 }
 
+impl std::ops::Mul<f32> for GlossBlend {
+    type Output = Self;
+
+    fn mul(self, weight: f32) -> Self {
+        Self {
+            specular: self.specular * weight,
+            largest: self.largest * weight,
+            roughness: self.roughness * weight,
+        }
+    }
+}
+
+impl std::iter::Sum for GlossBlend {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(Self::default(), |sum, part| Self {
+            specular: sum.specular + part.specular,
+            largest: sum.largest + part.largest,
+            roughness: sum.roughness + part.roughness,
+        })
+    }
+}
+
 impl GlossBlend {
+    /// That of one hit of weight 1.
+    pub(crate) fn of(gloss: &Gloss) -> Self {
+        let largest = gloss.specular.max_element();
+        Self {
+            specular: gloss.specular,
+            largest,
+            roughness: largest * gloss.roughness,
+        }
+    }
+
     /// Adds a hit.
     #[inline(always)]
     pub(crate) fn add(&mut self, weight: f32, gloss: &Gloss) {

@@ -23,4 +23,5 @@ mod search;
 mod tile;
 
 pub use camera::{CameraRecord, HitSearch};
+pub use glossy::Mirrored;
 pub use scene::{CpuScene, SampledHit};

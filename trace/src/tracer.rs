@@ -51,6 +51,8 @@ pub struct Guide {
     pub normal: Vec3,
     /// Place, world space.
     pub position: Vec3,
+    /// Of the light of the ray, what has no noise.
+    pub exact: Vec3,
 }
 
 impl RenderedView {

@@ -3,6 +3,7 @@
 //! - `0-bounce`: the blended radiance R itself.
 //! - `1-bounce`: emitters (E > τ_E) show R; any other point shows P/π · ∫ R(ω) (ω·Ñ) dω, the
 //!   incident light being the radiance that the Gaussians already carry (a radiance cache).
+//! - `gather`: 0-bounce, where glossy surfaces mirror the radiance that the Gaussians carry.
 //! - `path`: only emitters carry light; paths bounce in cosine-weighted directions until they meet
 //!   one.
 //!
@@ -38,6 +39,13 @@ pub enum Integrator {
         /// Samples per pixel, at least 1.
         num_samples: u32,
     },
+    /// The scene's own radiance, of glossy surfaces its diffuse part, and one bounce of their
+    /// specular lobe into it. Without gloss the same as [`Self::ZeroBounce`].
+    #[serde(rename = "gather")]
+    Gather {
+        /// Samples per pixel of a glossy surface, at least 1.
+        num_samples: u32,
+    },
     /// Multi-bounce path tracing from the emitters alone.
     #[serde(rename = "path")]
     Path {
@@ -49,6 +57,13 @@ pub enum Integrator {
         /// mean stays); `None`: never.
         roulette_from: Option<u32>,
     },
+}
+
+impl Integrator {
+    /// Whether diffuse surfaces show the radiance that they carry.
+    pub fn shows_own_radiance(&self) -> bool {
+        matches!(self, Self::ZeroBounce | Self::Gather { .. })
+    }
 }
 
 /// Options of all integrators.

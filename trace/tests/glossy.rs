@@ -73,6 +73,38 @@ fn one_bounce_in_a_furnace_is_white() {
     }
 }
 
+/// A gather splits the radiance that walls carry into what they scatter, which it keeps, and what
+/// they mirror, which it samples: together as much.
+#[test]
+fn a_gather_in_a_furnace_is_white() {
+    let camera = look_at(
+        DVec3::new(0.3, -0.5, 0.1),
+        DVec3::new(0.2, 0.9, 0.3),
+        24,
+        16,
+    );
+    for (specular, roughness) in [(0.04, 0.1), (0.9, 0.3), (0.5, 0.9)] {
+        let wall = Gaussian {
+            radiance: Vec3::ONE,
+            ..glossy(Vec3::ONE, Vec3::splat(specular), roughness)
+        };
+        let scene = CpuScene::new(&sphere(1500, 1.0, |_| wall));
+        let integrator = Integrator::Gather { num_samples: 64 };
+        let view = render(&scene, &camera, integrator, Sampling::NextEvent);
+        let light = mean(&view);
+        assert!((light - Vec3::ONE).abs().max_element() < 0.01, "{light}");
+        let exact = view.guides.iter().map(|guide| guide.exact).sum::<Vec3>();
+        let exact = exact / view.guides.len() as f32;
+        assert!(exact.max_element() < 1.0 - 0.3 * specular, "{exact}");
+        // The same light, told pixel by pixel.
+        let options = LightOptions::default();
+        let mirrored = scene.mirrored(&camera, &view.features, 64, &options);
+        let sum = mirrored.iter().map(|pixel| pixel.light).sum::<Vec3>();
+        let sum = sum / mirrored.len() as f32 + exact;
+        assert!((sum - light).abs().max_element() < 0.01, "{sum} {light}");
+    }
+}
+
 /// A lamp over a glossy floor, between walls.
 fn lit_corner() -> Gaussians {
     let mut discs = Vec::new();
@@ -143,8 +175,10 @@ fn a_mirror_shows_the_image_behind_it() {
     );
     // Half of the samples go to emitters: 256 are stratified into exactly as many.
     let baked = Integrator::OneBounce { num_samples: 256 };
+    let gather = Integrator::Gather { num_samples: 256 };
     for (integrator, sampling) in [
         (baked, Sampling::NextEvent),
+        (gather, Sampling::NextEvent),
         (PATH, Sampling::NextEvent),
         (PATH, Sampling::Cosine),
     ] {
@@ -170,6 +204,37 @@ fn a_mirror_shows_the_image_behind_it() {
         }
         assert!(compared > 100, "{compared}");
     }
+}
+
+/// Without gloss a gather is the radiance that Gaussians carry, and where there is some, of those
+/// without it.
+#[test]
+fn a_gather_keeps_diffuse_surfaces() {
+    let mut scene: Gaussians = lit_corner();
+    scene.radiances = (0..scene.len())
+        .map(|i| Vec3::new(0.1 * (i % 7) as f32, 0.5, 0.3))
+        .collect();
+    let camera = look_at(
+        DVec3::new(-1.2, -1.2, 0.9),
+        DVec3::new(0.3, 0.3, 0.3),
+        20,
+        14,
+    );
+    let gather = Integrator::Gather { num_samples: 4 };
+    let view = |scene: &Gaussians, integrator| {
+        render(
+            &CpuScene::new(scene),
+            &camera,
+            integrator,
+            Sampling::NextEvent,
+        )
+    };
+    let (glossy, plain) = (view(&scene, gather), view(&scene, Integrator::ZeroBounce));
+    let same = (glossy.radiance.pixels().iter()).zip(plain.radiance.pixels());
+    let num_same = same.filter(|(a, b)| a == b).count();
+    assert!(num_same > 40 && num_same < 250, "{num_same}");
+    scene.gloss.clear();
+    assert_eq!(view(&scene, gather), view(&scene, Integrator::ZeroBounce));
 }
 
 /// Gloss of no Gaussian is no gloss: the same bits as of a scene that says nothing of it.

@@ -5,7 +5,7 @@ mod gpu;
 #[path = "gpu/room.rs"]
 mod room;
 
-use eagpt_scene::Camera;
+use eagpt_scene::{Camera, Gloss};
 use eagpt_testkit::gaussians::{look_at, material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
@@ -149,6 +149,34 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
                 "{integrator:?} {how:?}: {what} is {ratio} times that of the CPU"
             );
         }
+    }
+}
+
+/// Devices do not mirror: they say so, and show no glossy scene as if it were diffuse. Where nothing
+/// is glossy a gather is the radiance of camera rays.
+#[test]
+fn glossy_scenes_are_refused() {
+    let Some(device) = gpu::device("glossy scenes") else {
+        return;
+    };
+    let plain = lit_room();
+    let gather = Integrator::Gather { num_samples: 4 };
+    let scene = GpuScene::new(&device, &plain).unwrap();
+    let view = render(&scene, gather, PLAIN, 1);
+    assert_eq!(view.radiance, view.features.radiance());
+    let mut glossy = plain.get(0);
+    glossy.gloss = Gloss {
+        specular: Vec3::splat(0.04),
+        roughness: 0.2,
+    };
+    let mut with = plain.clone();
+    with.set(0, &glossy);
+    let scene = GpuScene::new(&device, &with).unwrap();
+    for integrator in [gather, path(2, 2), Integrator::OneBounce { num_samples: 2 }] {
+        let options = LightOptions::default();
+        let refused = Tracer::render(&scene, &inside_view(), &integrator, &options);
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains("gloss"), "{message}");
     }
 }
 

@@ -4,23 +4,27 @@
 //! Emitters are sampled beside the BSDF, both lobes of which together are one density, and the two
 //! are combined by the balance heuristic (Veach 1997, section 9.2), as for diffuse surfaces.
 //!
+//! A gather takes the diffuse part of a glossy pixel from the radiance that its Gaussians carry, and
+//! samples the specular lobe alone, one bounce into the radiance that is met.
+//!
 //! A path that a diffuse lobe has scattered meets surfaces at least [`ROUGH_BEHIND`] rough: light
 //! of lamps by way of mirrors, which such paths find by chance alone, is a little blurred in place
 //! of spots of noise.
 
 use super::CpuScene;
+use super::camera::{self, HitSearch, Keep};
 use super::integrate::Samples;
 use super::path::PathLight;
-use crate::blend::features_of_one;
+use crate::blend::{GlossBlend, features_of_one};
 use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::tracer::{Guide, RenderedView};
-use crate::transport::bsdf::{Bsdf, BsdfSample};
+use crate::transport::bsdf::{Bsdf, BsdfSample, equivalent_albedo};
 use crate::transport::lights::Lights;
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions};
-use eagpt_scene::rng::RandomKey;
+use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gloss, Image};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -80,13 +84,41 @@ impl Met {
         })
     }
 
+    /// The surface without what it scatters diffusely.
+    fn mirror(&self, gloss: Gloss) -> Self {
+        Self {
+            bsdf: Bsdf::new(self.surface.normal, self.bsdf.to_eye(), Vec3::ZERO, gloss),
+            ..*self
+        }
+    }
+
     fn guide(&self) -> Guide {
         Guide {
             albedo: self.bsdf.albedo() * self.alpha,
             normal: self.surface.normal,
             position: self.surface.position,
+            exact: Vec3::ZERO,
         }
     }
+}
+
+/// What a pixel's specular lobe adds to its diffuse light.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mirrored {
+    /// Light that the lobe reflects towards the camera, linear Rec.709, premultiplied.
+    pub light: Vec3,
+    /// E(μ): of light from everywhere, what the lobe reflects towards the camera. Of the rest the
+    /// albedo is scattered.
+    pub reflectance: Vec3,
+}
+
+/// A pixel of a frame.
+#[derive(Default)]
+struct Pixel {
+    light: Vec3,
+    second_moment: f32,
+    num_rays: u32,
+    guide: Guide,
 }
 
 impl<'a> Glossy<'a> {
@@ -113,57 +145,101 @@ impl<'a> Glossy<'a> {
         key: RandomKey,
     ) -> RenderedView {
         let frame = camera.ray_frame();
-        let of_pixel = |pixel: usize| -> ([f32; 3], f32, u32, Guide) {
+        let glosses = self.scene.gloss_of_pixels(camera, &features);
+        let of_pixel = |pixel: usize| -> Pixel {
             let seen = &features.pixels[pixel];
             if seen.emission() > self.threshold {
-                return (seen.radiance().to_array(), 0.0, 0, Guide::default());
+                return Pixel {
+                    light: seen.radiance(),
+                    ..Pixel::default()
+                };
             }
             let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
             let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            let ray = Ray::free(frame.origin.to_array(), direction.to_array());
-            let (_, gloss) = self.scene.trace_glossy(&ray);
+            let gloss = glosses[pixel];
             let Some(met) = Met::new((frame.origin, direction), seen, gloss, 0.0) else {
-                return ([0.0; 3], 0.0, 0, Guide::default());
+                return Pixel::default();
             };
             let points = Points::new(key, pixel as u32);
-            // Samples are of the light before the reflectance, as of diffuse surfaces.
-            let albedo = met.bsdf.albedo().max(Vec3::splat(MIN_ALBEDO));
-            let mut samples = Samples::default();
-            for sample in 0..self.num_samples() {
-                let PathLight { light, num_rays } = self.sample(&met, &points, sample);
-                samples.add(PathLight {
-                    light: light / albedo,
-                    num_rays,
-                });
+            match self.integrator {
+                Integrator::Gather { .. } => self.gathered(&met, gloss, seen, &points),
+                _ => {
+                    let (mut sampled, _) = self.sampled(&met, &points);
+                    sampled.guide = self.guide(&met);
+                    sampled
+                }
             }
-            let (mean, second_moment) = samples.moments();
-            let light = mean * albedo * met.alpha;
-            let guide = self.guide(&met);
-            (light.to_array(), second_moment, samples.num_rays, guide)
         };
-        let pixels: Vec<([f32; 3], f32, u32, Guide)> = (0..camera.num_pixels())
+        let pixels: Vec<Pixel> = (0..camera.num_pixels())
             .into_par_iter()
             .map(of_pixel)
             .collect();
         let (width, height) = (camera.width, camera.height);
-        let radiance = pixels.iter().map(|&(light, ..)| light).collect();
-        let second_moment = pixels.iter().map(|&(_, moment, ..)| [moment]).collect();
+        let radiance = pixels.iter().map(|pixel| pixel.light.to_array()).collect();
+        let second_moment = pixels.iter().map(|pixel| [pixel.second_moment]).collect();
         let one_each = "one value for each pixel";
         RenderedView {
             radiance: Image::from_pixels(width, height, radiance).expect(one_each),
             second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
-            num_rays: pixels.iter().map(|&(_, _, rays, _)| u64::from(rays)).sum(),
-            guides: pixels.iter().map(|&(.., guide)| guide).collect(),
+            num_rays: pixels.iter().map(|pixel| u64::from(pixel.num_rays)).sum(),
+            guides: pixels.iter().map(|pixel| pixel.guide).collect(),
             features,
         }
+    }
+
+    /// The mean of all samples of a pixel, without its guide, and the reflectance.
+    fn sampled(&self, met: &Met, points: &Points) -> (Pixel, Vec3) {
+        // Samples are of the light before the reflectance, as of diffuse surfaces.
+        let albedo = met.bsdf.albedo().max(Vec3::splat(MIN_ALBEDO));
+        let mut samples = Samples::default();
+        for sample in 0..self.num_samples() {
+            let PathLight { light, num_rays } = self.sample(met, points, sample);
+            samples.add(PathLight {
+                light: light / albedo,
+                num_rays,
+            });
+        }
+        let (mean, second_moment) = samples.moments();
+        let pixel = Pixel {
+            light: mean * albedo * met.alpha,
+            second_moment,
+            num_rays: samples.num_rays,
+            guide: Guide::default(),
+        };
+        (pixel, met.bsdf.albedo())
+    }
+
+    /// The radiance that the Gaussians of a pixel carry, of glossy ones that part of it that is
+    /// scattered, and what their lobe mirrors.
+    fn gathered(&self, met: &Met, gloss: Gloss, seen: &Features, points: &Points) -> Pixel {
+        if !gloss.is_some() {
+            let mut guide = met.guide();
+            guide.exact = seen.radiance();
+            return Pixel {
+                light: guide.exact,
+                guide,
+                ..Pixel::default()
+            };
+        }
+        let mirror = met.mirror(gloss);
+        let (mut pixel, reflected) = self.sampled(&mirror, points);
+        let albedo = (seen.albedo() / met.alpha).min(Vec3::ONE);
+        let scattered = albedo * (Vec3::ONE - reflected);
+        // Baking has taken all that is reflected for scattered.
+        let all = equivalent_albedo(albedo, gloss).max(Vec3::splat(MIN_ALBEDO));
+        let exact = seen.radiance() * scattered / all;
+        pixel.light += exact;
+        pixel.guide = self.guide(&mirror);
+        pixel.guide.exact = exact;
+        pixel
     }
 
     fn num_samples(&self) -> u32 {
         match *self.integrator {
             Integrator::ZeroBounce => 0,
-            Integrator::OneBounce { num_samples } | Integrator::Path { num_samples, .. } => {
-                num_samples
-            }
+            Integrator::OneBounce { num_samples }
+            | Integrator::Gather { num_samples }
+            | Integrator::Path { num_samples, .. } => num_samples,
         }
     }
 
@@ -171,7 +247,7 @@ impl<'a> Glossy<'a> {
     fn sample(&self, met: &Met, points: &Points, sample: u32) -> PathLight {
         match *self.integrator {
             Integrator::ZeroBounce => PathLight::default(),
-            Integrator::OneBounce { .. } => PathLight {
+            Integrator::OneBounce { .. } | Integrator::Gather { .. } => PathLight {
                 light: self.bounced(met, points, sample),
                 num_rays: 1,
             },
@@ -334,5 +410,63 @@ impl<'a> Glossy<'a> {
             met = next;
         }
         guide
+    }
+}
+
+impl CpuScene {
+    /// Blended gloss of the pixels of `camera`, whose `features` are given.
+    fn gloss_of_pixels(&self, camera: &Camera, features: &GBuffer) -> Vec<Gloss> {
+        if !self.is_glossy() {
+            return vec![Gloss::NONE; camera.num_pixels()];
+        }
+        let set = self.surfels();
+        let (_, record) = camera::trace(set, camera, HitSearch::Tiles, Keep::Record);
+        let blended = record
+            .weights(0.0)
+            .blend(|i| GlossBlend::of(&set.gloss[i as usize]));
+        let pixels = blended.into_iter().zip(&features.pixels);
+        pixels
+            .map(|(blend, seen)| blend.finish(seen.alpha()))
+            .collect()
+    }
+
+    /// Of every pixel of `camera`, whose composited `features` are given, what its specular lobe
+    /// mirrors of the radiance that Gaussians carry, from `num_samples` directions each; nothing
+    /// where there is no gloss, and on emitters. `[height · width]`
+    pub fn mirrored(
+        &self,
+        camera: &Camera,
+        features: &GBuffer,
+        num_samples: u32,
+        options: &LightOptions,
+    ) -> Vec<Mirrored> {
+        let integrator = Integrator::Gather { num_samples };
+        let glossy = Glossy::new(self, self.lights(), &integrator, options);
+        let key = RandomKey::new(options.seed, Purpose::Render, 0);
+        let frame = camera.ray_frame();
+        let glosses = self.gloss_of_pixels(camera, features);
+        let of_pixel = |pixel: usize| {
+            let seen = &features.pixels[pixel];
+            if !glosses[pixel].is_some() || seen.emission() > options.emission_threshold {
+                return Mirrored::default();
+            }
+            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
+            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            let gloss = glosses[pixel];
+            let met = Met::new((frame.origin, direction), seen, gloss, 0.0);
+            let Some(met) = met else {
+                return Mirrored::default();
+            };
+            let points = Points::new(key, pixel as u32);
+            let (pixel, reflectance) = glossy.sampled(&met.mirror(gloss), &points);
+            Mirrored {
+                light: pixel.light,
+                reflectance,
+            }
+        };
+        (0..camera.num_pixels())
+            .into_par_iter()
+            .map(of_pixel)
+            .collect()
     }
 }

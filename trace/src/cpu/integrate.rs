@@ -37,7 +37,7 @@ pub(super) fn render(
     let sampler = BounceSampler::new(lights, LIGHT_SHARE);
     let light = |pixel: usize| -> (Vec3, f32, u32) {
         let seen = &features.pixels[pixel];
-        if seen.emission() > options.emission_threshold || *integrator == Integrator::ZeroBounce {
+        if seen.emission() > options.emission_threshold || integrator.shows_own_radiance() {
             return (seen.radiance(), 0.0, 0);
         }
         let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
@@ -48,7 +48,7 @@ pub(super) fn render(
         let points = Points::new(key, pixel as u32);
         let mut samples = Samples::default();
         match *integrator {
-            Integrator::ZeroBounce => {}
+            Integrator::ZeroBounce | Integrator::Gather { .. } => {}
             Integrator::OneBounce { num_samples } => {
                 for s in 0..num_samples {
                     let light = bounced(scene, &sampler, &surface, &points, s);

@@ -78,7 +78,7 @@ impl LightGatherer {
         options: &LightOptions,
     ) -> Result<Option<Self>, GpuError> {
         let (num_samples, kind) = match *integrator {
-            Integrator::ZeroBounce => return Ok(None),
+            Integrator::ZeroBounce | Integrator::Gather { .. } => return Ok(None),
             Integrator::OneBounce { num_samples } => (num_samples, GatherKind::OneBounce),
             Integrator::Path {
                 num_samples,

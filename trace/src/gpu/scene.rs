@@ -205,6 +205,7 @@ impl GpuScene {
                     device: device.adapter().name.clone(),
                 });
             }
+            Integrator::Gather { .. } => None,
             _ => Some(self.light()?),
         };
         let mut pixels = Vec::with_capacity(camera.num_pixels());
