@@ -32,41 +32,35 @@ function look({ pose, fov }, width, height, aside) {
 }
 
 /** A frame that the device has finished: the read needs it. */
-function frame() {
+function draw() {
   renderer.render(scene, camera);
   const gl = renderer.getContext();
   gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
 }
 
-/** Draws until the order of the splats is that of the camera; milliseconds. */
-async function sort() {
+/** Orders the splats for a camera; milliseconds. */
+async function sorted(...view) {
+  look(...view);
   const from = performance.now();
   await spark.update({ scene, camera });
   while (spark.sorting || spark.sortDirty) await new Promise((resolve) => setTimeout(resolve, 1));
   return performance.now() - from;
 }
 
-async function measure(view, width, height, frames) {
-  const times = [];
-  for (let i = 0; i <= frames; i++) {
-    look(view, width, height, 0.002 * i);
-    const sorted = await sort();
-    frame();
-    const from = performance.now();
-    frame();
-    times.push({ sorted, frame: performance.now() - from });
-  }
-  return { loadMs, times: times.slice(1) };
+/** A frame of the splats in their present order; milliseconds. */
+function frame() {
+  const from = performance.now();
+  draw();
+  return performance.now() - from;
 }
 
 async function picture(view, width, height) {
-  look(view, width, height, 0);
   for (let i = 0; i < 3; i++) {
-    await sort();
-    frame();
+    await sorted(view, width, height, 0);
+    draw();
     await new Promise((resolve) => setTimeout(resolve, 100));
   }
   return canvas.toDataURL("image/png");
 }
 
-window.eagptViewer = { measure, picture };
+window.eagptViewer = { loadMs, sorted, frame, picture };
