@@ -2,13 +2,14 @@
 
 use crate::args::GlobalArgs;
 use crate::output;
-use crate::page::{PageArgs, PageKind, ScenePage};
+use crate::page::{PageArgs, ScenePage};
 use crate::progress::Reporter;
 use crate::source::Source;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use eagpt_scene::ply::{self, Preview};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, files};
+use eagpt_viewer::page::PageKind;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

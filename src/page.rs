@@ -7,7 +7,7 @@ use eagpt_scene::dataset::{Frame, UpAxis};
 use eagpt_scene::tonemap::{Display, ToneMap};
 use eagpt_scene::{Dataset, Gaussians, Lamps, LightBasis, lamps, light_basis};
 use eagpt_viewer::pack::Pack;
-use eagpt_viewer::page::{PageContent, PageView};
+use eagpt_viewer::page::{PageContent, PageKind, PageView};
 use eagpt_viewer::{page, photograph};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -120,15 +120,6 @@ fn refuse(options: &[(&str, bool)], reason: &str) -> Result<()> {
     }
 }
 
-/// Where a page is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum PageKind {
-    /// In a file of its own.
-    File,
-    /// At a server that keeps an edit.
-    Live,
-}
-
 /// A scene packed, with all that its page shows.
 pub(crate) struct ScenePage {
     pub(crate) pack: Pack,
@@ -177,6 +168,28 @@ impl ScenePage {
         })
     }
 
+    /// The page of a training on `dataset` that begins with these Gaussians.
+    ///
+    /// # Errors
+    /// If the photographs cannot be read or the scene cannot be packed.
+    pub(crate) fn of_training(
+        gaussians: &Gaussians,
+        dataset: &Path,
+        title: String,
+    ) -> Result<Self> {
+        let dataset = Dataset::open_cameras(dataset)?;
+        let lamps = Lamps::default();
+        Ok(Self {
+            pack: Pack::new(gaussians, &lamps, None)?,
+            lamps,
+            basis: None,
+            title,
+            up: dataset.up(),
+            views: read_views(&dataset, &PageArgs::default())?,
+            display: Display::default(),
+        })
+    }
+
     /// The page as HTML.
     ///
     /// # Errors
@@ -188,7 +201,7 @@ impl ScenePage {
             display: self.display,
             views: &self.views,
             lamps: &self.lamps,
-            live: kind == PageKind::Live,
+            kind,
         };
         Ok(page::html(&self.pack, gaussians, &content)?)
     }

@@ -2,6 +2,8 @@
 
 mod held_out;
 mod recorded;
+mod told;
+mod viewing;
 
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
@@ -12,7 +14,6 @@ use crate::record::{FILE_NAME, RecordBuilder};
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
-use eagpt_train::bake::BakeProgress;
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::{OptionArgs, StageChoice};
 use eagpt_train::{TrainOptions, TrainProgress, TrainRequest, TrainSummary};
@@ -21,6 +22,8 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
+use told::tell;
+use viewing::Viewing;
 
 /// Train a scene of 2D Gaussians on a dataset
 ///
@@ -96,6 +99,15 @@ pub(crate) struct TrainArgs {
     #[command(flatten)]
     #[serde(flatten)]
     device: DeviceArgs,
+    /// Show the scene on a page in a browser of this machine while it trains, with the curve of the
+    /// loss; the address is printed. Nothing can be changed there
+    #[arg(long)]
+    #[serde(skip)]
+    view: bool,
+    /// Port of that page, 0 to 65535; 0 is any that is free
+    #[arg(long, value_name = "PORT", default_value_t = 0, requires = "view")]
+    #[serde(skip)]
+    view_port: u16,
     /// Print the effective options as TOML and stop
     #[arg(long)]
     dump_config: bool,
@@ -178,11 +190,12 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
             .memory
             .map(|mib| usize::try_from(mib.saturating_mul(1 << 20)).unwrap_or(usize::MAX)),
         device,
+        is_watched: args.view,
         stop: interrupt::stop_flag()?,
     };
     check_target(&request)?;
     let mut builder = RecordBuilder::begin("train", &request.options, global)?;
-    let summary = reporter.follow(tell, |progress| eagpt_train::train(&request, progress))?;
+    let summary = trained(&request, args, &mut reporter)?;
     recorded::fill(&mut builder, &request, &summary)?;
     if let (Some(held_out), Some(_)) = (held_out, &summary.scene)
         && let Some(relit) = held_out.relit(&request, &mut reporter)?
@@ -213,6 +226,32 @@ pub(crate) fn run(args: &TrainArgs, global: &GlobalArgs) -> Result<ExitCode> {
         reporter.note(&own_light(&request, &summary));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Trains, and shows how far it is.
+fn trained(
+    request: &TrainRequest,
+    args: &TrainArgs,
+    reporter: &mut Reporter,
+) -> Result<TrainSummary> {
+    let viewing = args.view.then(|| Viewing::new(request, args.view_port));
+    let mut viewing = viewing.transpose()?;
+    let watched = |reporter: &mut Reporter, message: &TrainProgress| {
+        if let Some(viewing) = &mut viewing {
+            viewing.take(reporter, message)?;
+        }
+        tell(reporter, message)
+    };
+    let outcome = reporter.follow(watched, |progress| eagpt_train::train(request, progress));
+    if let Some(viewing) = viewing {
+        let how = match &outcome {
+            Ok(summary) if summary.scene.is_some() => "The training has ended.".to_owned(),
+            Ok(_) => "The training was stopped; --resume continues it.".to_owned(),
+            Err(error) => format!("The training has failed: {error:#}"),
+        };
+        viewing.end(&how, reporter);
+    }
+    outcome
 }
 
 /// One line on the light of the scene against the photographs.
@@ -248,89 +287,4 @@ fn check_target(request: &TrainRequest) -> Result<()> {
         replace,
     };
     target.check(&["scene.ply".into()])
-}
-
-/// Shows a message of the job.
-fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
-    match message {
-        TrainProgress::ReadingViews { done, total } => {
-            return reporter.count(("reading", "views"), (*done, *total), message);
-        }
-        TrainProgress::Gathering { done, total } => {
-            if *done == 0 {
-                reporter.begin("gathering light", "Gaussians", 0, *total as u64);
-            }
-            reporter.advance(*done as u64, String::new);
-            return reporter.step_message(*done as u64, message);
-        }
-        TrainProgress::OwnLight { step } => return tell_own_light(reporter, step, message),
-        TrainProgress::StageStarted {
-            stage,
-            done,
-            total,
-            num_gaussians,
-            num_views,
-        } => {
-            reporter.begin(stage.name(), "iterations", (*done).into(), (*total).into());
-            reporter.note(&format!(
-                "{}: {num_gaussians} Gaussians, {num_views} training views",
-                stage.name()
-            ));
-        }
-        TrainProgress::Iteration {
-            iteration, loss, ..
-        } => {
-            reporter.advance((*iteration).into(), || format!("loss {loss:.4}"));
-            return reporter.step_message((*iteration).into(), message);
-        }
-        TrainProgress::Densified {
-            iteration,
-            num_gaussians,
-            ..
-        } => reporter.note(&format!(
-            "{num_gaussians} Gaussians after iteration {iteration}"
-        )),
-        TrainProgress::Lamps {
-            iteration,
-            num_lamps,
-            num_gaussians,
-        } => reporter.note(&format!(
-            "{num_lamps} lamp{} after iteration {iteration}, {num_gaussians} Gaussians",
-            if *num_lamps == 1 { "" } else { "s" }
-        )),
-        TrainProgress::Luminous { num } => reporter.note(&format!(
-            "{num} Gaussians near lamps are brighter than they can reflect, and emit"
-        )),
-        TrainProgress::AlbedosLimited { num: 0 } | TrainProgress::Checkpoint { .. } => {}
-        TrainProgress::AlbedosLimited { num } => reporter.note(&format!(
-            "{num} Gaussians are of surfaces that reflected more than they receive, and are darker"
-        )),
-        TrainProgress::Preview {
-            iteration,
-            psnr_srgb_db,
-            ..
-        } => reporter.note(&format!(
-            "previews at iteration {iteration}: PSNR {psnr_srgb_db:.2} dB"
-        )),
-        TrainProgress::Warning { text } => reporter.warning(text),
-    }
-    reporter.message(message)
-}
-
-/// Shows how far the light of the finished scene is solved.
-fn tell_own_light(
-    reporter: &mut Reporter,
-    step: &BakeProgress,
-    message: &TrainProgress,
-) -> Result<()> {
-    let (done, total, task, unit) = match *step {
-        BakeProgress::Looking { done, total } => (done, total, "own light: surfaces", "views"),
-        BakeProgress::Gathering { done, total } => (done, total, "own light: rays", "Gaussians"),
-        _ => return reporter.message(message),
-    };
-    if !reporter.is_at(task) {
-        reporter.begin(task, unit, 0, total as u64);
-    }
-    reporter.advance(done as u64, String::new);
-    reporter.step_message(done as u64, message)
 }

@@ -4,7 +4,7 @@ use crate::args::GlobalArgs;
 use crate::bake;
 use crate::device::DeviceArgs;
 use crate::interrupt;
-use crate::page::{PageArgs, PageKind, ScenePage};
+use crate::page::{PageArgs, ScenePage};
 use crate::progress::Reporter;
 use crate::source::Source;
 use anyhow::{Result, bail};
@@ -12,6 +12,7 @@ use clap::Args;
 use eagpt_scene::ply;
 use eagpt_train::bake::NUM_SAMPLES;
 use eagpt_viewer::live::{Edit, Original};
+use eagpt_viewer::page::PageKind;
 use eagpt_viewer::server::{Served, Server};
 use eagpt_viewer::workshop::Workshop;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -86,7 +87,7 @@ pub(crate) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let cameras = page.dataset().map(Path::to_path_buf);
     let gaussians = ply::read_gaussians(scene)?;
     let page = ScenePage::new(scene, &gaussians, &page)?;
-    let html = page.html(&gaussians, PageKind::Live)?;
+    let html = page.html(&gaussians, PageKind::Edit)?;
     let original = Original {
         gaussians: Arc::new(gaussians),
         lamps: page.lamps,

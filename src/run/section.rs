@@ -64,7 +64,7 @@ const SECTIONS: [(&str, &str, Part, &[&str]); 10] = [
 ];
 
 /// Options that are for `eagpt run` to give.
-const RESERVED: [&str; 12] = [
+const RESERVED: [&str; 14] = [
     "out",
     "force",
     "resume",
@@ -77,6 +77,8 @@ const RESERVED: [&str; 12] = [
     "conditions",
     "dry_run",
     "shard",
+    "view",
+    "view_port",
 ];
 
 fn find(section: &str) -> &'static (&'static str, &'static str, Part, &'static [&'static str]) {

@@ -31,10 +31,13 @@ mod paper;
 mod pipeline;
 mod relight;
 mod run;
+#[cfg(unix)]
+mod server;
 mod several_lights;
 mod shards;
 mod support;
 mod synth;
 mod view;
 mod view_edit;
+mod view_training;
 mod workflow;

@@ -2,82 +2,9 @@
 #![cfg(unix)]
 
 use crate::light_basis;
-use crate::support::Workplace;
-use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
-
-/// `eagpt view` under test; killed when it goes.
-struct Server {
-    child: Child,
-    host: String,
-    token: String,
-}
-
-impl Server {
-    fn start(place: &Workplace, arguments: &str) -> Self {
-        let mut command = place.command(&format!("view {arguments} --json"));
-        let mut child = command
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        let mut told = BufReader::new(child.stdout.take().unwrap());
-        told.read_line(&mut line).unwrap();
-        let first: Value = serde_json::from_str(&line).unwrap();
-        let url = first["url"].as_str().unwrap();
-        let (host, token) = url
-            .strip_prefix("http://")
-            .unwrap()
-            .split_once('/')
-            .unwrap();
-        Self {
-            child,
-            host: host.to_owned(),
-            token: token.to_owned(),
-        }
-    }
-
-    fn ask(&self, method: &str, place: &str, body: &str) -> Value {
-        let (host, token, length) = (&self.host, &self.token, body.len());
-        let request = format!(
-            "{method} /{token}{place} HTTP/1.1\r\nHost: {host}\r\nContent-Length: {length}\r\n\r\n{body}"
-        );
-        let mut stream = TcpStream::connect(host).unwrap();
-        stream.write_all(request.as_bytes()).unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap()
-    }
-
-    fn act(&self, act: &Value) -> Value {
-        self.ask("POST", "act", &act.to_string())
-    }
-
-    /// The scene that is shown, once its light fits.
-    fn baked(&self) -> Value {
-        let end = Instant::now() + Duration::from_secs(120);
-        loop {
-            let state = self.ask("GET", "state", "");
-            if state["light"]["state"] == "fits" {
-                return self.ask("GET", &format!("scene?id={}", state["scene"]), "");
-            }
-            assert!(Instant::now() < end, "{state}");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        // It may have been killed by the test.
-        let _killed = self.child.kill().is_ok();
-        let _ended = self.child.wait().is_ok();
-    }
-}
+use crate::server::Server;
+use serde_json::json;
+use std::time::Duration;
 
 /// The script of a page's acts, edited and baked by the program, is the scene of the page.
 #[test]
@@ -85,7 +12,7 @@ fn a_page_shows_what_the_program_makes_of_its_script() {
     let place = light_basis::workplace();
     std::fs::copy(place.path("edits/lamps.json"), place.path("lamps.json")).unwrap();
     let arguments = "baked.ply --dataset room --photograph-size 0 --samples 8 --script e.toml";
-    let server = Server::start(&place, arguments);
+    let server = Server::start(&place, &format!("view {arguments}"));
     let insert =
         json!({ "ball": { "centre": [0.3, 0.3, 0.6], "radius": 0.1, "albedo": [0.8, 0.2, 0.1] } });
     server.act(&json!({ "step": { "insert": insert } }));
@@ -111,7 +38,7 @@ fn a_page_shows_what_the_program_makes_of_its_script() {
     let saved = place.text("e.toml");
     drop(server);
     assert_eq!(place.text("e.toml"), saved);
-    let server = Server::start(&place, arguments);
+    let server = Server::start(&place, &format!("view {arguments}"));
     assert_eq!(server.ask("GET", "state", "")["script"], saved);
     server.act(&json!("undo"));
     assert_eq!(server.baked()["data"], shown["data"]);
@@ -122,7 +49,7 @@ fn a_page_shows_what_the_program_makes_of_its_script() {
 fn a_bake_is_stopped_and_begun_again() {
     let place = light_basis::workplace();
     let arguments = "baked.ply --dataset room --photograph-size 0 --samples 4096 --no-lights";
-    let server = Server::start(&place, &format!("{arguments} --script s.toml"));
+    let server = Server::start(&place, &format!("view {arguments} --script s.toml"));
     let everything = json!({ "select": "everything", "then": [{ "scale_albedo": 0.5 }] });
     server.act(&json!({ "step": everything }));
     let stopped = server.ask("POST", "light", "\"stop\"");

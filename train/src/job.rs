@@ -11,6 +11,7 @@ mod request;
 mod start;
 mod steps;
 pub(crate) mod views;
+mod watch;
 
 use crate::backend::{self, Backend, Taken};
 use crate::checkpoint::{self, Checkpoint, LossMonitor};
@@ -69,6 +70,7 @@ pub fn train(
         started: Instant::now(),
         stage_seconds: Vec::new(),
         budget: options.gaussians_for(options.num_points(&lights[0].dataset)?),
+        watch: watch::Watch::default(),
     };
     let of_splits = lights.iter().flat_map(|light| &light.split.warnings);
     for warning in of_splits.chain(&resumed.warnings) {
@@ -131,6 +133,7 @@ struct Run<'a> {
     stage_seconds: Vec<(Stage, f64)>,
     /// Number of Gaussians in the end.
     budget: usize,
+    watch: watch::Watch,
 }
 
 impl Run<'_> {
@@ -191,6 +194,7 @@ impl Run<'_> {
             num_gaussians: backend.state()?.len(),
             num_views: views.len(),
         });
+        self.tell_scene(backend)?;
         let started = Instant::now();
         let first_line = (position.iteration > 0 || stage == Stage::Albedo)
             .then_some((stage, position.iteration));
@@ -216,7 +220,8 @@ impl Run<'_> {
             let lamps = &options.radiance.lamps;
             let cleans = stage == Stage::Radiance && lamps.is_due(iteration, total);
             let frees = stage == Stage::Radiance && lamps.is_freed(iteration, total);
-            if stores || shows || splits.is_some() || cleans || frees {
+            let is_watched = self.is_watched_now();
+            if stores || shows || splits.is_some() || cleans || frees || is_watched {
                 for step in backend.finish()? {
                     self.note(&mut log, position, total, &step)?;
                 }
@@ -240,6 +245,9 @@ impl Run<'_> {
             }
             if stores {
                 self.save(backend, position)?;
+            }
+            if is_watched {
+                self.tell_scene(backend)?;
             }
             if stop && !last {
                 return Ok(false);

@@ -2,8 +2,10 @@
 
 use crate::bake::BakeProgress;
 use crate::options::Stage;
+use eagpt_scene::Gaussians;
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A message from a running job. The library never prints; the caller shows or stores these.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -55,6 +57,12 @@ pub enum TrainProgress {
         num_moved: usize,
         /// Gaussians now.
         num_gaussians: usize,
+    },
+    /// The scene as it is, of several lights in the first; told to those who watch.
+    Scene {
+        /// The scene.
+        #[serde(skip)]
+        scene: Arc<Gaussians>,
     },
     /// Emitters became clean lamps.
     Lamps {

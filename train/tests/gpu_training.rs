@@ -57,6 +57,7 @@ fn request(dir: &Path, out: &str, device: &Device) -> TrainRequest {
         bad_views: BadViews::Refuse,
         image_budget: None,
         device: device.clone(),
+        is_watched: false,
         stop: Arc::new(AtomicBool::new(false)),
     }
 }

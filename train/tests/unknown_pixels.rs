@@ -104,6 +104,7 @@ fn trained(dir: &Path, unknown: Unknown) -> Vec<u8> {
         bad_views: BadViews::Refuse,
         image_budget: None,
         device: Device::Cpu,
+        is_watched: false,
         stop: Arc::new(AtomicBool::new(false)),
     };
     let summary = train(&request, &mut |_| ()).unwrap();

@@ -14,7 +14,7 @@ use crate::error::{Result, ViewerError};
 use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{Gaussians, files};
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -271,11 +271,6 @@ impl Edit {
 
 fn nothing_to(what: &str) -> ViewerError {
     ViewerError::Script(format!("there is nothing to {what}"))
-}
-
-/// The answer to an act that was refused.
-pub(crate) fn refusal(error: &ViewerError) -> Value {
-    json!({ "error": error.to_string() })
 }
 
 #[cfg(test)]

@@ -9,10 +9,23 @@ use eagpt_scene::tonemap::{Display, ToneMap, ToneMapper};
 use eagpt_scene::{Camera, Gaussians, Lamps};
 use eagpt_trace::model::{MAX_RADIUS, MIN_ALPHA, MIN_TRANSMITTANCE, MIN_WEIGHT};
 use glam::Vec3;
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 /// The page with places for a scene; see the folder `page`.
 const PAGE: &str = include_str!("../dist/viewer.html");
+
+/// Where a page is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PageKind {
+    /// In a file of its own.
+    File,
+    /// At a server that keeps an edit.
+    Edit,
+    /// At a server of a training.
+    Training,
+}
 
 /// A camera of the dataset.
 #[derive(Debug, Clone)]
@@ -38,8 +51,8 @@ pub struct PageContent<'a> {
     pub views: &'a [PageView],
     /// Lamps of the scene.
     pub lamps: &'a Lamps,
-    /// Whether a server shows the page, and keeps an edit.
-    pub live: bool,
+    /// Where it is.
+    pub kind: PageKind,
 }
 
 /// The page as one HTML file that needs no other.
@@ -69,8 +82,16 @@ pub fn html(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Re
     Ok(page)
 }
 
+/// A scene for a page that shows another one: its number, what has to be known to unpack it, and
+/// the bytes in base64, as JSON.
+pub(crate) fn packed(id: u64, pack: &Pack, gaussians: &Gaussians) -> Result<String> {
+    let meta = scene_meta(pack, gaussians)?;
+    let data = STANDARD.encode(&pack.bytes);
+    Ok(json!({ "id": id, "meta": meta, "data": data }).to_string())
+}
+
 /// What a page has to know to unpack a scene.
-pub(crate) fn scene_meta(pack: &Pack, gaussians: &Gaussians) -> Result<Map<String, Value>> {
+fn scene_meta(pack: &Pack, gaussians: &Gaussians) -> Result<Map<String, Value>> {
     let (low, high) = gaussians.bounds().unwrap_or_default();
     let mut meta = Map::new();
     meta.insert("num".to_owned(), json!(pack.num));
@@ -95,7 +116,7 @@ fn meta(pack: &Pack, gaussians: &Gaussians, content: &PageContent<'_>) -> Result
         "up": content.up,
         "views": content.views.iter().map(view).collect::<Vec<_>>(),
         "lamps": serde_json::to_value(&content.lamps.lamps)?,
-        "live": content.live,
+        "kind": content.kind,
     });
     if let Value::Object(meta) = &mut meta {
         meta.extend(scene_meta(pack, gaussians)?);
@@ -164,7 +185,7 @@ mod tests {
             display: Display::default(),
             views: &[],
             lamps: &Lamps::default(),
-            live: false,
+            kind: PageKind::File,
         };
         for place in ["{{TITLE}}", "{{META}}", "{{DATA}}"] {
             assert_eq!(PAGE.matches(place).count(), 1, "{place}");

@@ -14,31 +14,37 @@
 //! | `POST /TOKEN/light` | `"stop"` or `"bake"`, of the light after an edit |
 //! | `POST /TOKEN/still` | a picture to be made |
 //!
+//! That of a [`Training`] has less, and changes nothing.
+//!
 //! Requests have to name the address of the server as their host: a page of another site that has
 //! its name point here is refused. Requests are small, and have some seconds to arrive.
 
 mod board;
+mod editor;
 mod places;
 mod reply;
 mod request;
-mod shared;
+mod training;
 mod work;
 
 #[cfg(test)]
 mod tests;
 
+pub use training::Training;
+
 use crate::error::{Result, ViewerError};
 use crate::live::Edit;
 use crate::workshop::Workshop;
-use board::Board;
+use editor::Editor;
 use reply::{Reply, refused};
 use request::{Refused, Request};
-use shared::Shared;
+use std::fmt::Debug;
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use training::Watched;
 
 /// Most connections at once: each page waits with one for a change.
 const MAX_CONNECTIONS: usize = 64;
@@ -54,14 +60,28 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
     img-src 'self' data: blob:; worker-src blob:; connect-src 'self'; base-uri 'none'; \
     form-action 'none'; frame-ancestors 'none'";
 
+/// Longest time for answers under way when a server stops.
+const LAST_ANSWERS: Duration = Duration::from_secs(3);
+
+/// What there is below the token of a server.
+trait Site: Debug + Send + Sync {
+    fn answer(&self, request: &Request, place: &str) -> Reply;
+
+    /// Works beside the answers until it is stopped.
+    fn work(&self);
+
+    /// Ends the work, and answers that wait for a change.
+    fn stop(&self);
+}
+
 /// A server that listens.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
     token: String,
-    shared: Arc<Shared>,
-    workshop: Workshop,
+    site: Arc<dyn Site>,
+    num_connections: Arc<AtomicUsize>,
 }
 
 /// What a server shows.
@@ -85,37 +105,29 @@ impl Server {
     /// [`ViewerError::Address`] if it cannot listen there, [`ViewerError::Token`] if the system has
     /// no random numbers, [`ViewerError::Unfit`] if a scene that was edited before cannot be packed.
     pub fn bind(address: SocketAddr, served: Served) -> Result<Self> {
-        let failed = |error| ViewerError::Address { address, error };
-        let listener = TcpListener::bind(address).map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let Served {
-            page,
-            order,
-            edit,
-            workshop,
-        } = served;
-        let has_bake = workshop.cameras.is_some();
-        let mut board = Board::new(&edit, order);
-        if edit.changed().is_some() {
-            board.follow(&edit, has_bake)?;
-        }
+        Self::over(listen(address)?, Arc::new(Editor::new(served)?))
+    }
+
+    /// Takes a listener for pages that show `page` and watch `training`.
+    ///
+    /// # Errors
+    /// [`ViewerError::Token`] if the system has no random numbers.
+    pub fn watching(listener: TcpListener, page: String, training: &Arc<Training>) -> Result<Self> {
+        let training = Arc::clone(training);
+        Self::over(listener, Arc::new(Watched { page, training }))
+    }
+
+    fn over(listener: TcpListener, site: Arc<dyn Site>) -> Result<Self> {
+        let address = listener.local_addr().map_err(|error| {
+            let address = SocketAddr::from(([0, 0, 0, 0], 0));
+            ViewerError::Address { address, error }
+        })?;
         Ok(Self {
-            address: listener.local_addr().map_err(failed)?,
+            address,
             listener,
             token: token()?,
-            shared: Arc::new(Shared {
-                page,
-                original: Arc::clone(edit.original()),
-                board: Mutex::new(board),
-                edit: Mutex::new(edit),
-                changed: Condvar::new(),
-                orders: Mutex::default(),
-                has_bake,
-                stills: workshop.stills.clone(),
-                num_connections: AtomicUsize::new(0),
-                is_stopping: AtomicBool::new(false),
-            }),
-            workshop,
+            site,
+            num_connections: Arc::default(),
         })
     }
 
@@ -129,14 +141,17 @@ impl Server {
     /// # Errors
     /// [`ViewerError::Address`] if it cannot listen any longer.
     pub fn run(&self, stop: &AtomicBool) -> Result<()> {
-        std::thread::scope(|scope| {
-            scope.spawn(|| work::run(&self.shared, &self.workshop));
+        let ended = std::thread::scope(|scope| {
+            scope.spawn(|| self.site.work());
             let ended = self.listen(stop);
-            self.shared.is_stopping.store(true, Ordering::Relaxed);
-            self.shared.board().stop_bake.store(true, Ordering::Relaxed);
-            self.shared.changed.notify_all();
+            self.site.stop();
             ended
-        })
+        });
+        let end = Instant::now() + LAST_ANSWERS;
+        while self.num_connections.load(Ordering::Relaxed) > 0 && Instant::now() < end {
+            std::thread::sleep(STOP_INTERVAL);
+        }
+        ended
     }
 
     fn listen(&self, stop: &AtomicBool) -> Result<()> {
@@ -159,20 +174,31 @@ impl Server {
 
     /// Answers a connection in a thread of its own, unless there are too many.
     fn take(&self, stream: TcpStream) {
-        let shared = Arc::clone(&self.shared);
-        if shared.num_connections.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
-            shared.num_connections.fetch_sub(1, Ordering::Relaxed);
+        let (site, num) = (Arc::clone(&self.site), Arc::clone(&self.num_connections));
+        if num.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
+            num.fetch_sub(1, Ordering::Relaxed);
             return;
         }
         let (token, address) = (self.token.clone(), self.address);
         std::thread::spawn(move || {
             // Who hangs up needs no answer.
-            if let Err(error) = serve(stream, &shared, &token, address) {
+            if let Err(error) = serve(stream, site.as_ref(), &token, address) {
                 tracing::debug!("connection: {error}");
             }
-            shared.num_connections.fetch_sub(1, Ordering::Relaxed);
+            num.fetch_sub(1, Ordering::Relaxed);
         });
     }
+}
+
+/// Listens at `address`; port 0 is any that is free.
+///
+/// # Errors
+/// [`ViewerError::Address`] if it cannot.
+pub fn listen(address: SocketAddr) -> Result<TcpListener> {
+    let failed = |error| ViewerError::Address { address, error };
+    let listener = TcpListener::bind(address).map_err(failed)?;
+    listener.set_nonblocking(true).map_err(failed)?;
+    Ok(listener)
 }
 
 /// 128 random bits as text.
@@ -184,7 +210,7 @@ fn token() -> Result<String> {
 
 fn serve(
     mut stream: TcpStream,
-    shared: &Shared,
+    site: &dyn Site,
     token: &str,
     address: SocketAddr,
 ) -> std::io::Result<()> {
@@ -193,7 +219,7 @@ fn serve(
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     let reply = match request::read(&mut stream) {
-        Ok(request) => answer(&request, shared, token, address),
+        Ok(request) => answer(&request, site, token, address),
         Err(Refused { status, problem }) => refused(status, problem),
     };
     let head = format!(
@@ -209,7 +235,7 @@ fn serve(
     stream.flush()
 }
 
-fn answer(request: &Request, shared: &Shared, token: &str, address: SocketAddr) -> Reply {
+fn answer(request: &Request, site: &dyn Site, token: &str, address: SocketAddr) -> Reply {
     let is_host = |host: &str| is_host(host, address);
     if !request.host.as_deref().is_some_and(is_host) {
         return refused("403 Forbidden", "the host is not this server's");
@@ -226,7 +252,7 @@ fn answer(request: &Request, shared: &Shared, token: &str, address: SocketAddr) 
     let Some((_, place)) = place.filter(|(given, _)| is_same(given, token)) else {
         return refused("403 Forbidden", "the token is not this server's");
     };
-    places::answer(request, place, shared)
+    site.answer(request, place)
 }
 
 /// Whether a host is this server's. A name is never that of a machine of a network: only who has a

@@ -13,6 +13,7 @@ use eagpt_scene::lamps::read_lamps;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, ply};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 impl Run<'_> {
@@ -35,7 +36,13 @@ impl Run<'_> {
             let [path, _] = self.folder.all_lamps();
             ply::write_gaussians(&path, &all_shining(&scenes))?;
         }
-        Ok(self.own_light(scenes.swap_remove(0), views))
+        let scene = scenes.swap_remove(0);
+        if self.request.is_watched {
+            (self.progress)(TrainProgress::Scene {
+                scene: Arc::new(scene.clone()),
+            });
+        }
+        Ok(self.own_light(scene, views))
     }
 
     /// Lets what is brighter than it can reflect near lamps emit, where albedos are trained.

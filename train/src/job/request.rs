@@ -55,6 +55,9 @@ pub struct TrainRequest {
     pub image_budget: Option<usize>,
     /// Compute device.
     pub device: Device,
+    /// Whether somebody watches: the scene is told while it trains, as
+    /// [`crate::TrainProgress::Scene`].
+    pub is_watched: bool,
     /// Set from outside to stop after the current iteration with a checkpoint.
     pub stop: Arc<AtomicBool>,
 }

@@ -1,6 +1,6 @@
 // Shows the scenes that a server makes, one after the other.
 
-import { RETRY_MS } from "./live.ts";
+import { RETRY_MS } from "./poll.ts";
 import { unpack, type Scene, type SceneMeta } from "./scene.ts";
 
 export class Follower {
@@ -40,11 +40,15 @@ export class Follower {
     while (id === this.wanted) {
       try {
         const answer = await fetch(`scene?id=${id}`);
-        if (!answer.ok) return null;
-        const packed = (await answer.json()) as { meta: SceneMeta; data: string };
+        if (answer.status === 404) return null;
+        const packed = (await answer.json()) as { meta: SceneMeta; data: string; error?: string };
+        if (packed.error !== undefined) {
+          this.told(packed.error);
+          return null;
+        }
         return await unpack(packed.meta, packed.data);
       } catch {
-        this.told("the scene does not arrive: is `eagpt view` still there?");
+        this.told("the scene does not arrive: is the server still there?");
         await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
       }
     }

@@ -1,6 +1,7 @@
 // The edit of a page that a server shows: acts go there, and all pages of it follow.
 
 import { button, element } from "./panel.ts";
+import { poll } from "./poll.ts";
 
 export interface Still {
   state: { is: "waiting" | "rendering" | "done" | "failed"; seconds?: number; problem?: string };
@@ -40,9 +41,6 @@ export interface Selected {
   bits: string;
 }
 
-/** Rest before the server is asked again after it did not answer, milliseconds. */
-export const RETRY_MS = 1000;
-
 export class Live {
   private revision = -1;
   private readonly script = element("pre", { class: "script", tabindex: "0", "aria-label": "edit script" });
@@ -59,7 +57,11 @@ export class Live {
     private readonly changed: (state: EditState) => void,
     private readonly told: (problem: string) => void,
   ) {
-    void this.follow();
+    const take = (state: EditState) => {
+      this.take(state);
+      return true;
+    };
+    void poll(() => this.revision, take);
   }
 
   /** Undo, redo, the script, and what becomes of the light. */
@@ -128,19 +130,5 @@ export class Live {
     this.progress.value = share ?? 0;
     this.stop.hidden = !isUnderWay;
     this.bake.hidden = state !== "stale";
-  }
-
-  /** Asks for the state after the one that is known, which comes when there is one. */
-  private async follow(): Promise<never> {
-    for (;;) {
-      try {
-        const after = this.revision < 0 ? "" : `?after=${this.revision}`;
-        const answer = await fetch(`state${after}`);
-        if (!answer.ok) throw new Error(answer.statusText);
-        this.take((await answer.json()) as EditState);
-      } catch {
-        await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
-      }
-    }
   }
 }

@@ -15,6 +15,7 @@ import { LAYERS, type Layer } from "./shaders.ts";
 import { Stage } from "./stage.ts";
 import { Stills } from "./stills.ts";
 import { Tools } from "./tools.ts";
+import { Training } from "./training.ts";
 
 const byId = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const status = byId("status");
@@ -79,7 +80,7 @@ export class Page {
       this.stills?.follow(state);
       this.follower.follow(state.scene);
     };
-    this.live = meta.live ? new Live(follow, (problem) => this.status(problem)) : null;
+    this.live = meta.kind === "edit" ? new Live(follow, (problem) => this.status(problem)) : null;
     this.tools = new Tools(meta, scene, this.stage, overlay, this.live, (picked) => this.looked(picked));
     const pixels = (): [number, number] => [this.canvas.clientWidth, this.canvas.clientHeight];
     const camera = (w: number, h: number) => this.stage.camera(w, h);
@@ -232,6 +233,7 @@ export class Page {
     const boxes = this.lights.boxes();
     if (boxes.length > 0) panel.append(section("Lamps", ...boxes));
     panel.append(this.tools.part());
+    if (meta.kind === "training") panel.append(new Training((scene) => this.follower.follow(scene)).part());
     const { live } = this;
     if (live) {
       this.lights.onSet = (name, factor) => void live.act({ "set-light": { name, factor } });

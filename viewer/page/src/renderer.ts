@@ -111,7 +111,9 @@ export class Renderer {
     still.positions.list(four(scene.positions, scene.opacities), 4);
     still.axesU.list(four(scene.axesU, scene.emissions), 4);
     still.axesV.list(four(scene.axesV, scene.lamps), 4);
-    this.albedoBytes = Uint8Array.from(four(scene.albedos, null), (value) => Math.round(255 * value));
+    const albedos = four(scene.albedos, null);
+    this.albedoBytes = new Uint8Array(albedos.length);
+    for (let i = 0; i < albedos.length; i++) this.albedoBytes[i] = Math.round(255 * albedos[i]);
     still.albedos.list(this.albedoBytes, 4);
     still.harmonics.list(scene.harmonics.length > 0 ? scene.harmonics : new Int16Array(4), 4);
     this.setRadiances(scene.radiances);

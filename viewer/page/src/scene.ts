@@ -45,8 +45,8 @@ export interface Meta extends SceneMeta {
   up: number[];
   views: ViewInfo[];
   lamps: LampInfo[];
-  /** Whether a server shows the page, and keeps an edit. */
-  live: boolean;
+  /** Where the page is: in a file, at a server that keeps an edit, at one of a training. */
+  kind: "file" | "edit" | "training";
 }
 
 /** Columns, one value or vector for each Gaussian. */
@@ -99,7 +99,9 @@ class Columns {
   /** 16 bits in two planes, low bytes first. */
   words(): Uint16Array {
     const [low, high] = [this.plane(), this.plane()];
-    return Uint16Array.from(low, (value, i) => value | (high[i] << 8));
+    const words = new Uint16Array(this.num);
+    for (let i = 0; i < words.length; i++) words[i] = low[i] | (high[i] << 8);
+    return words;
   }
 
   /** Words that are stored as differences to the one before. */
@@ -111,12 +113,22 @@ class Columns {
 
   /** Signed words: 0, −1, 1, −2, … */
   signedWords(): Int16Array {
-    return Int16Array.from(this.words(), (code) => (code >>> 1) ^ -(code & 1));
+    const codes = this.words();
+    const words = new Int16Array(codes.buffer);
+    for (let i = 0; i < words.length; i++) words[i] = (codes[i] >>> 1) ^ -(codes[i] & 1);
+    return words;
   }
 
   end(): void {
     if (this.at !== this.bytes.length) throw new Error("the packed scene is longer than it says");
   }
+}
+
+/** Values of codes. Loops: `from` of typed arrays takes many times as long. */
+function floats(codes: ArrayLike<number>, value: (code: number) => number): Float32Array {
+  const made = new Float32Array(codes.length);
+  for (let i = 0; i < made.length; i++) made[i] = value(codes[i]);
+  return made;
 }
 
 export async function unpack(meta: SceneMeta, base64: string): Promise<Scene> {
@@ -143,18 +155,20 @@ export async function unpack(meta: SceneMeta, base64: string): Promise<Scene> {
     for (let i = 0; i < num; i++) scene.positions[3 * i + axis] = low[axis] + step[axis] * codes[i];
   }
   const scales = [columns.words(), columns.words()].map((codes) =>
-    Float32Array.from(codes, (code) => 2 ** (meta.scale.low + meta.scale.step * code)),
+    floats(codes, (code) => 2 ** (meta.scale.low + meta.scale.step * code)),
   );
   unpackRotations(columns, scene, scales);
-  scene.opacities = Float32Array.from(columns.words(), (code) => code * meta.opacity.step);
+  scene.opacities = floats(columns.words(), (code) => code * meta.opacity.step);
   scene.radiances = unpackRadiances(columns, num, meta.radiance);
-  scene.emissions = Float32Array.from(columns.plane(), (code) => code / 255);
+  scene.emissions = floats(columns.plane(), (code) => code / 255);
   for (let channel = 0; channel < 3; channel++) {
-    columns.plane().forEach((code, i) => (scene.albedos[3 * i + channel] = code / 255));
+    const codes = columns.plane();
+    for (let i = 0; i < num; i++) scene.albedos[3 * i + channel] = codes[i] / 255;
   }
   scene.lamps = columns.plane().slice();
   for (let k = 0; k < (meta.harmonics ? 24 : 0); k++) {
-    columns.signedWords().forEach((code, i) => (scene.harmonics[24 * i + k] = code));
+    const codes = columns.signedWords();
+    for (let i = 0; i < num; i++) scene.harmonics[24 * i + k] = codes[i];
   }
   scene.lights = meta.lights.map(() => unpackRadiances(columns, num, meta.radiance));
   columns.end();

@@ -135,6 +135,15 @@ async function edited(open, folder, server, { lit, lamp, compare }) {
   assert.equal(selects(folder, lit.scene, server.script, own.selector), own.num);
   await press(page, "clear");
 
+  // What stands at the side of the view: as far as it hangs together.
+  await page.evaluate((name) => window.eagptViewer.goTo(name), view);
+  await rested(page);
+  await pressAt(page, await page.evaluate(async () => (await window.eagptViewer.stage.pick(0.25, 0.7)).point));
+  const thing = await selected(page);
+  assert.ok(thing.selector.cluster && thing.num > ball.num, JSON.stringify(thing));
+  assert.equal(selects(folder, lit.scene, server.script, thing.selector), thing.num);
+  await press(page, "clear");
+
   // A box around the first ball, and its discs go.
   await press(page, "box");
   for (const [k, name] of ["x", "y", "z"].entries()) await control(page, name, centre[k]);

@@ -3,6 +3,7 @@ import { execFileSync, spawn } from "node:child_process";
 import { existsSync, readFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { join } from "node:path";
+import { createInterface } from "node:readline";
 
 /** The program: EAGPT, or the debug build of this workspace. */
 export const PROGRAM =
@@ -47,24 +48,30 @@ export function makeLit(folder) {
 }
 
 /** `eagpt view` of a scene: its address, once it listens, and how to end it. */
-export async function serve(scene, dataset, ...more) {
-  const child = spawn(PROGRAM, ["view", scene, "--dataset", dataset, "--json", ...more], { stdio: ["ignore", "pipe", "inherit"] });
-  const line = await new Promise((resolve, reject) => {
-    child.stdout.once("data", (data) => resolve(String(data)));
-    child.once("exit", (code) => reject(new Error(`eagpt view ended with ${code}`)));
-  });
-  const { url, script } = JSON.parse(line);
-  const end = (signal) =>
-    new Promise((resolve) => {
-      if (child.exitCode !== null || child.signalCode !== null) {
-        resolve(child.exitCode);
-        return;
-      }
-      child.removeAllListeners("exit");
-      child.once("exit", (code) => resolve(code));
-      child.kill(signal);
+export const serve = (scene, dataset, ...more) => listening("view", scene, "--dataset", dataset, ...more);
+
+/** A command that serves a page: what it says of that once it listens, and how to end it. */
+export async function listening(...args) {
+  const child = spawn(PROGRAM, [...args, "--json"], { stdio: ["ignore", "pipe", "inherit"] });
+  const { url, script } = await new Promise((resolve, reject) => {
+    // To its end: a command whose messages nobody reads would fail.
+    createInterface({ input: child.stdout }).on("line", (line) => {
+      const told = JSON.parse(line);
+      if (told.message === "listening") resolve(told);
     });
-  return { url, script, end };
+    child.once("exit", (code) => reject(new Error(`eagpt ${args[0]} ended with ${code}`)));
+  });
+  const ended = () =>
+    new Promise((resolve) => {
+      if (child.exitCode !== null || child.signalCode !== null) resolve(child.exitCode);
+      else child.removeAllListeners("exit").once("exit", (code) => resolve(code));
+    });
+  const end = (signal) => {
+    const code = ended();
+    child.kill(signal);
+    return code;
+  };
+  return { url, script, ended, end };
 }
 
 function render(folder, name, scene, dataset, more) {

@@ -9,6 +9,7 @@ import { findChromium, withBrowser } from "./browser.mjs";
 import { control, edits, press } from "./edits.mjs";
 import { decode, decodeUri, psnr } from "./psnr.mjs";
 import { eagpt, makeLit, makeRoom, serve, VIEWS } from "./room.mjs";
+import { training } from "./training.mjs";
 
 /** dB that a picture of the page has at least against the program's. */
 const LEAST_PSNR = 35;
@@ -137,6 +138,11 @@ async function served(open, folder, { lit, lamp }) {
   await page.bringToFront();
   eagpt("render", edited, "--cameras", lit.dataset, "--mode", "0-bounce", "--views", VIEWS[1], "--out", out);
   await compare(page, "edited by the script", readFileSync(join(out, `${VIEWS[1]}.png`)), {}, VIEWS[1]);
+  const baked = join(folder, "edited-baked.ply");
+  eagpt("bake", edited, "--cameras", lit.dataset, "--samples", "32", "--out", baked);
+  const anew = join(folder, "edited-baked");
+  eagpt("render", baked, "--cameras", lit.dataset, "--mode", "0-bounce", "--views", VIEWS[1], "--out", anew);
+  await compare(page, "edited and baked anew", readFileSync(join(anew, `${VIEWS[1]}.png`)), {}, VIEWS[1]);
   await selects(page, lamp);
 
   assert.equal((await fetch(server.url.replace(/[0-9a-f]{32}/, "0".repeat(32)))).status, 403);
@@ -264,6 +270,7 @@ try {
     const found = await lights(open, folder);
     await served(open, folder, found);
     await edits(open, folder, { ...found, compare });
+    await training(open, folder, compare);
     await comparison(open, room);
     for (const width of [1280, 390]) await actions(open, `file://${room.page}`, { width, height: 760 });
     await liveActions(open, folder, found);

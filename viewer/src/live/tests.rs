@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::lit_cloud;
 use eagpt_edit::Script;
-use serde_json::json;
+use serde_json::{Value, json};
 
 fn original() -> Original {
     lit_cloud(&["ceiling-1", "a \"lamp\""])

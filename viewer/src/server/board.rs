@@ -4,8 +4,6 @@ use crate::error::Result;
 use crate::live::{Edit, EditState};
 use crate::pack::Pack;
 use crate::page;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use eagpt_scene::{Gaussians, Lamps};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -32,13 +30,11 @@ pub(super) struct Shown {
 impl Shown {
     fn of(id: u64, gaussians: Arc<Gaussians>, lamps: &Lamps) -> Result<Self> {
         let pack = Pack::new(&gaussians, lamps, None)?;
-        let meta = page::scene_meta(&pack, &gaussians)?;
-        let data = STANDARD.encode(&pack.bytes);
         Ok(Self {
             id,
+            packed: page::packed(id, &pack, &gaussians)?,
             gaussians,
             order: pack.order,
-            packed: json!({ "id": id, "meta": meta, "data": data }).to_string(),
         })
     }
 }

@@ -2,11 +2,11 @@
 
 use super::LONGEST_WAIT;
 use super::board::{Still, StillState};
-use super::reply::{Reply, refused};
+use super::editor::Editor;
+use super::reply::{Reply, refused, unprocessable};
 use super::request::Request;
-use super::shared::Shared;
 use crate::error::ViewerError;
-use crate::live::{Act, refusal};
+use crate::live::Act;
 use crate::still::{StillRequest, files_of};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -23,33 +23,22 @@ use std::sync::atomic::Ordering;
 const MAX_WAITING: usize = 16;
 
 /// The answer at a place below the token.
-pub(super) fn answer(request: &Request, place: &str, shared: &Shared) -> Reply {
+pub(super) fn answer(request: &Request, place: &str, editor: &Editor) -> Reply {
     let answered = match (request.method.as_str(), place) {
-        ("GET", "") => Ok(Reply::html(&shared.page)),
-        ("GET", "state") => state(request, shared),
-        ("GET", "scene") => scene(request, shared),
-        ("GET", "still") => picture(request, shared),
-        ("POST", "act") => act(request, shared),
-        ("POST", "select") => select(request, shared),
-        ("POST", "light") => light(request, shared),
-        ("POST", "still") => still(request, shared),
+        ("GET", "") => Ok(Reply::html(&editor.page)),
+        ("GET", "state") => state(request, editor),
+        ("GET", "scene") => scene(request, editor),
+        ("GET", "still") => picture(request, editor),
+        ("POST", "act") => act(request, editor),
+        ("POST", "select") => select(request, editor),
+        ("POST", "light") => light(request, editor),
+        ("POST", "still") => still(request, editor),
         (_, "" | "state" | "scene" | "still" | "act" | "select" | "light") => {
             Err(refused("405 Method Not Allowed", "not this method"))
         }
         _ => Err(refused("404 Not Found", "there is no such place")),
     };
     answered.unwrap_or_else(|refusal| refusal)
-}
-
-/// The number that the query gives `name`; `None` where there is no query.
-fn number<T: std::str::FromStr>(request: &Request, name: &str) -> Result<Option<T>, Reply> {
-    if request.query.is_empty() {
-        return Ok(None);
-    }
-    let value = request.query.strip_prefix(name);
-    let value = value.and_then(|rest| rest.strip_prefix('=')?.parse().ok());
-    let problem = || refused("400 Bad Request", &format!("the query is not {name}=N"));
-    value.map(Some).ok_or_else(problem)
 }
 
 fn body<T: DeserializeOwned>(request: &Request, what: &str) -> Result<T, Reply> {
@@ -61,54 +50,46 @@ fn body<T: DeserializeOwned>(request: &Request, what: &str) -> Result<T, Reply> 
     })
 }
 
-fn unprocessable(error: &ViewerError) -> Reply {
-    Reply::json("422 Unprocessable Content", &refusal(error))
-}
-
-fn state(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
-    let after: Option<u64> = number(request, "after")?;
-    let board = shared.board();
-    let (board, _) = shared
+fn state(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
+    let after: Option<u64> = request.number("after")?;
+    let board = editor.board();
+    let (board, _) = editor
         .changed
         .wait_timeout_while(board, LONGEST_WAIT, |board| {
-            Some(board.revision) == after && !shared.is_stopping.load(Ordering::Relaxed)
+            Some(board.revision) == after && !editor.is_stopping.load(Ordering::Relaxed)
         })
         .unwrap_or_else(PoisonError::into_inner);
     Ok(Reply::json("200 OK", &board.state()))
 }
 
-fn act(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+fn act(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
     let act: Act = body(request, "act")?;
     // One act after the other; pages can ask for the state meanwhile.
-    let mut edit = shared.edit();
+    let mut edit = editor.edit();
     let before = edit.changed().map(Arc::as_ptr);
     edit.act(act).map_err(|error| unprocessable(&error))?;
     let is_same = edit.changed().map(Arc::as_ptr) == before;
-    let mut board = shared.board();
+    let mut board = editor.board();
     let followed = if is_same {
         board.edit = edit.state();
         board.revision += 1;
         Ok(())
     } else {
-        board.follow(&edit, shared.has_bake)
+        board.follow(&edit, editor.has_bake())
     };
-    shared.changed.notify_all();
+    editor.changed.notify_all();
     followed.map_err(|error| unprocessable(&error))?;
     Ok(Reply::json("200 OK", &board.state()))
 }
 
 /// The scene that is shown now, packed.
-fn scene(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
-    let id: Option<u64> = number(request, "id")?;
-    let shown = Arc::clone(&shared.board().shown);
+fn scene(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
+    let id: Option<u64> = request.number("id")?;
+    let shown = Arc::clone(&editor.board().shown);
     if shown.id == 0 || id != Some(shown.id) {
         return Err(refused("404 Not Found", "this scene is not shown"));
     }
-    Ok(Reply {
-        status: "200 OK",
-        kind: "application/json",
-        body: shown.packed.clone().into_bytes(),
-    })
+    Ok(Reply::json_text(&shown.packed))
 }
 
 /// A selector of edit scripts.
@@ -119,10 +100,10 @@ struct Selection {
 }
 
 /// Which of the packed Gaussians a selector selects, a bit for each, low bits first.
-fn select(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+fn select(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
     let Selection { select } = body(request, "selection")?;
-    let shown = Arc::clone(&shared.board().shown);
-    let selected = shared.original.selected(&shown.gaussians, &select);
+    let shown = Arc::clone(&editor.board().shown);
+    let selected = editor.original.selected(&shown.gaussians, &select);
     let selected = selected.map_err(|error| unprocessable(&error))?;
     let mut bits = vec![0_u8; shown.order.len().div_ceil(8)];
     for (place, _) in (shown.order.iter().enumerate()).filter(|(_, i)| selected[**i as usize]) {
@@ -150,19 +131,19 @@ enum LightOrder {
     Bake,
 }
 
-fn light(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+fn light(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
     let order: LightOrder = body(request, "order")?;
-    let mut board = shared.board();
-    board.order_light(matches!(order, LightOrder::Bake) && shared.has_bake);
-    shared.changed.notify_all();
+    let mut board = editor.board();
+    board.order_light(matches!(order, LightOrder::Bake) && editor.has_bake());
+    editor.changed.notify_all();
     Ok(Reply::json("200 OK", &board.state()))
 }
 
-fn still(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
+fn still(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
     let order: StillRequest = body(request, "still")?;
     order.check().map_err(|error| unprocessable(&error))?;
-    let mut board = shared.board();
-    let mut orders = shared.orders();
+    let mut board = editor.board();
+    let mut orders = editor.orders();
     if orders.len() >= MAX_WAITING {
         let problem = format!("{MAX_WAITING} stills wait already");
         return Err(unprocessable(&ViewerError::Still(problem)));
@@ -171,7 +152,12 @@ fn still(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
         let mut others = board.stills.iter().map(|still| &still.file);
         others.any(|other| other == file) || files_of(file).iter().any(|path| path.exists())
     };
-    let file = (1_u32..).map(|number| shared.stills.join(format!("still-{number:03}.png")));
+    let file = (1_u32..).map(|number| {
+        editor
+            .workshop
+            .stills
+            .join(format!("still-{number:03}.png"))
+    });
     let Some(file) = file.into_iter().find(|file| !is_taken(file)) else {
         return Err(refused(
             "507 Insufficient Storage",
@@ -184,15 +170,15 @@ fn still(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
         file,
     });
     board.revision += 1;
-    shared.changed.notify_all();
+    editor.changed.notify_all();
     Ok(Reply::json("200 OK", &board.state()))
 }
 
 /// A still that is done.
-fn picture(request: &Request, shared: &Shared) -> Result<Reply, Reply> {
-    let index: Option<usize> = number(request, "index")?;
+fn picture(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
+    let index: Option<usize> = request.number("index")?;
     let none = || refused("404 Not Found", "there is no such still");
-    let still = index.and_then(|index| shared.board().stills.get(index).cloned());
+    let still = index.and_then(|index| editor.board().stills.get(index).cloned());
     let still = still.ok_or_else(none)?;
     if !matches!(still.state, StillState::Done { .. }) {
         return Err(none());

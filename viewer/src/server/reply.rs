@@ -1,5 +1,6 @@
 //! Answers.
 
+use crate::error::ViewerError;
 use serde_json::{Value, json};
 
 /// An answer.
@@ -18,6 +19,15 @@ impl Reply {
         }
     }
 
+    /// JSON that is text already.
+    pub(super) fn json_text(text: &str) -> Self {
+        Self {
+            status: "200 OK",
+            kind: "application/json",
+            body: text.as_bytes().to_vec(),
+        }
+    }
+
     pub(super) fn json(status: &'static str, body: &Value) -> Self {
         Self {
             status,
@@ -30,4 +40,9 @@ impl Reply {
 /// The answer to a request that is not listened to.
 pub(super) fn refused(status: &'static str, problem: &str) -> Reply {
     Reply::json(status, &json!({ "error": problem }))
+}
+
+/// The answer to what cannot be done.
+pub(super) fn unprocessable(error: &ViewerError) -> Reply {
+    refused("422 Unprocessable Content", &error.to_string())
 }

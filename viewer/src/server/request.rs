@@ -1,6 +1,8 @@
 //! Requests, read with limits.
 
+use super::reply::{Reply, refused};
 use std::io::{ErrorKind, Read};
+use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 /// Most bytes of the lines before a body.
@@ -22,6 +24,22 @@ pub(super) struct Request {
     pub(super) host: Option<String>,
     pub(super) origin: Option<String>,
     pub(super) body: Vec<u8>,
+}
+
+impl Request {
+    /// The number that the query gives `name`; `None` where there is no query.
+    ///
+    /// # Errors
+    /// The refusal of a query that says something else.
+    pub(super) fn number<T: FromStr>(&self, name: &str) -> Result<Option<T>, Reply> {
+        if self.query.is_empty() {
+            return Ok(None);
+        }
+        let value = self.query.strip_prefix(name);
+        let value = value.and_then(|rest| rest.strip_prefix('=')?.parse().ok());
+        let problem = || refused("400 Bad Request", &format!("the query is not {name}=N"));
+        value.map(Some).ok_or_else(problem)
+    }
 }
 
 /// A request that is not listened to.

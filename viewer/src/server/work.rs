@@ -2,9 +2,8 @@
 //! path-traced.
 
 use super::board::{Light, Shown, StillState};
-use super::shared::Shared;
+use super::editor::Editor;
 use crate::still::StillRequest;
-use crate::workshop::Workshop;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,27 +19,27 @@ enum Job {
 }
 
 /// Works until the server stops.
-pub(super) fn run(shared: &Shared, workshop: &Workshop) {
-    while let Some(job) = next(shared) {
+pub(super) fn run(editor: &Editor) {
+    while let Some(job) = next(editor) {
         match job {
-            Job::Bake(scene, stop) => bake(shared, workshop, &scene, &stop),
-            Job::Still(index, request) => still(shared, workshop, index, &request),
+            Job::Bake(scene, stop) => bake(editor, &scene, &stop),
+            Job::Still(index, request) => still(editor, index, &request),
         }
     }
 }
 
 /// Waits for something to do; `None` when the server stops.
-fn next(shared: &Shared) -> Option<Job> {
-    let mut board = shared.board();
+fn next(editor: &Editor) -> Option<Job> {
+    let mut board = editor.board();
     loop {
-        if shared.is_stopping.load(Ordering::Relaxed) {
+        if editor.is_stopping.load(Ordering::Relaxed) {
             return None;
         }
-        let waiting = shared.orders().pop_front();
+        let waiting = editor.orders().pop_front();
         if let Some((index, request)) = waiting {
             board.stills[index].state = StillState::Rendering { seconds: None };
             board.revision += 1;
-            shared.changed.notify_all();
+            editor.changed.notify_all();
             return Some(Job::Still(index, request));
         }
         if board.light == Light::Waiting {
@@ -48,38 +47,38 @@ fn next(shared: &Shared) -> Option<Job> {
             let task = "the bake begins".to_owned();
             board.light = Light::Baking { task, share: 0.0 };
             board.revision += 1;
-            shared.changed.notify_all();
+            editor.changed.notify_all();
             let stop = Arc::clone(&board.stop_bake);
             return Some(Job::Bake(Arc::clone(&board.shown), stop));
         }
-        board = shared.wait(board);
+        board = editor.wait(board);
     }
 }
 
-fn bake(shared: &Shared, workshop: &Workshop, scene: &Shown, stop: &Arc<AtomicBool>) {
+fn bake(editor: &Editor, scene: &Shown, stop: &Arc<AtomicBool>) {
     let mut told = Instant::now();
     let mut tell = |task: &str, share: f64| {
         if told.elapsed() < TELL_EVERY {
             return;
         }
         told = Instant::now();
-        let mut board = shared.board();
+        let mut board = editor.board();
         // Of a bake that another act has ended nobody wants to hear.
         if board.shown.id == scene.id && !stop.load(Ordering::Relaxed) {
             let task = task.to_owned();
             board.light = Light::Baking { task, share };
             board.revision += 1;
-            shared.changed.notify_all();
+            editor.changed.notify_all();
         }
     };
-    let baked = workshop.bake(&scene.gaussians, stop, &mut tell);
-    let mut board = shared.board();
+    let baked = editor.workshop.bake(&scene.gaussians, stop, &mut tell);
+    let mut board = editor.board();
     // Who has stopped it has said what the light is.
     if stop.load(Ordering::Relaxed) {
         return;
     }
     let shown = baked.and_then(|baked| match baked {
-        Some(baked) => board.show_baked(Arc::new(baked), &shared.original.lamps),
+        Some(baked) => board.show_baked(Arc::new(baked), &editor.original.lamps),
         None => Ok(()),
     });
     if let Err(error) = shown {
@@ -87,25 +86,25 @@ fn bake(shared: &Shared, workshop: &Workshop, scene: &Shown, stop: &Arc<AtomicBo
         board.light = Light::Stale { problem };
     }
     board.revision += 1;
-    shared.changed.notify_all();
+    editor.changed.notify_all();
 }
 
-fn still(shared: &Shared, workshop: &Workshop, index: usize, request: &StillRequest) {
+fn still(editor: &Editor, index: usize, request: &StillRequest) {
     let started = Instant::now();
-    let file: PathBuf = shared.board().stills[index].file.clone();
+    let file: PathBuf = editor.board().stills[index].file.clone();
     // The script as it is now, its lights included.
-    let scene = shared.edit().edited();
+    let scene = editor.edit().edited();
     let set = |state: StillState| {
-        let mut board = shared.board();
+        let mut board = editor.board();
         board.stills[index].state = state;
         board.revision += 1;
-        shared.changed.notify_all();
+        editor.changed.notify_all();
     };
     let mut expected = |seconds| {
         let seconds = Some(seconds);
         set(StillState::Rendering { seconds });
     };
-    let done = scene.and_then(|scene| workshop.still(&scene, request, &file, &mut expected));
+    let done = scene.and_then(|scene| editor.workshop.still(&scene, request, &file, &mut expected));
     set(match done {
         Ok(()) => StillState::Done {
             seconds: started.elapsed().as_secs_f64(),

@@ -1,0 +1,93 @@
+//! Messages of a training, shown.
+
+use crate::progress::Reporter;
+use anyhow::Result;
+use eagpt_train::TrainProgress;
+use eagpt_train::bake::BakeProgress;
+
+/// Shows a message of the job.
+pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
+    match message {
+        TrainProgress::ReadingViews { done, total } => {
+            return reporter.count(("reading", "views"), (*done, *total), message);
+        }
+        TrainProgress::Gathering { done, total } => {
+            if *done == 0 {
+                reporter.begin("gathering light", "Gaussians", 0, *total as u64);
+            }
+            reporter.advance(*done as u64, String::new);
+            return reporter.step_message(*done as u64, message);
+        }
+        TrainProgress::OwnLight { step } => return tell_own_light(reporter, step, message),
+        TrainProgress::StageStarted {
+            stage,
+            done,
+            total,
+            num_gaussians,
+            num_views,
+        } => {
+            reporter.begin(stage.name(), "iterations", (*done).into(), (*total).into());
+            reporter.note(&format!(
+                "{}: {num_gaussians} Gaussians, {num_views} training views",
+                stage.name()
+            ));
+        }
+        TrainProgress::Iteration {
+            iteration, loss, ..
+        } => {
+            reporter.advance((*iteration).into(), || format!("loss {loss:.4}"));
+            return reporter.step_message((*iteration).into(), message);
+        }
+        TrainProgress::Densified {
+            iteration,
+            num_gaussians,
+            ..
+        } => reporter.note(&format!(
+            "{num_gaussians} Gaussians after iteration {iteration}"
+        )),
+        TrainProgress::Lamps {
+            iteration,
+            num_lamps,
+            num_gaussians,
+        } => reporter.note(&format!(
+            "{num_lamps} lamp{} after iteration {iteration}, {num_gaussians} Gaussians",
+            if *num_lamps == 1 { "" } else { "s" }
+        )),
+        TrainProgress::Luminous { num } => reporter.note(&format!(
+            "{num} Gaussians near lamps are brighter than they can reflect, and emit"
+        )),
+        // For pages; there is nothing to print.
+        TrainProgress::Scene { .. } => return Ok(()),
+        TrainProgress::AlbedosLimited { num: 0 } | TrainProgress::Checkpoint { .. } => {}
+        TrainProgress::AlbedosLimited { num } => reporter.note(&format!(
+            "{num} Gaussians are of surfaces that reflected more than they receive, and are darker"
+        )),
+        TrainProgress::Preview {
+            iteration,
+            psnr_srgb_db,
+            ..
+        } => reporter.note(&format!(
+            "previews at iteration {iteration}: PSNR {psnr_srgb_db:.2} dB"
+        )),
+        TrainProgress::Warning { text } => reporter.warning(text),
+    }
+    reporter.message(message)
+}
+
+/// Shows how far the light of the finished scene is solved.
+fn tell_own_light(
+    reporter: &mut Reporter,
+    step: &BakeProgress,
+    message: &TrainProgress,
+) -> Result<()> {
+    let (done, total, task, unit) = match *step {
+        BakeProgress::Looking { done, total } => (done, total, "own light: surfaces", "views"),
+        BakeProgress::Gathering { done, total } => (done, total, "own light: rays", "Gaussians"),
+        _ => return reporter.message(message),
+    };
+    if !reporter.is_at(task) {
+        reporter.begin(task, unit, 0, total as u64);
+    }
+    reporter.advance(done as u64, String::new);
+    reporter.step_message(done as u64, message)
+}
