@@ -197,6 +197,7 @@ export class Page {
     const { meta } = this;
     const panel = byId("panel");
     panel.append(element("h1", {}, meta.title));
+    if (meta.kind === "training") panel.append(new Training((scene) => this.follower.follow(scene)).part());
     if (meta.views.length > 0) {
       const views = meta.views.map((view) => {
         const made = button("", () => this.jump(view));
@@ -233,7 +234,6 @@ export class Page {
     const boxes = this.lights.boxes();
     if (boxes.length > 0) panel.append(section("Lamps", ...boxes));
     panel.append(this.tools.part());
-    if (meta.kind === "training") panel.append(new Training((scene) => this.follower.follow(scene)).part());
     const { live } = this;
     if (live) {
       this.lights.onSet = (name, factor) => void live.act({ "set-light": { name, factor } });
