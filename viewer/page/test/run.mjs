@@ -187,7 +187,8 @@ async function actions(open, address, size) {
   const before = await eye();
   await page.focus("#canvas");
   await page.keyboard.down("KeyW");
-  await new Promise((resolve) => setTimeout(resolve, 300));
+  const [x, y, z] = before;
+  await page.waitForFunction((...from) => from.some((value, k) => window.eagptViewer.walker.eye[k] !== value), { timeout: 20_000, polling: 50 }, x, y, z);
   await page.keyboard.up("KeyW");
   const walked = await eye();
   assert.notDeepEqual(walked.slice(0, 3), before.slice(0, 3));
