@@ -171,7 +171,7 @@ impl Edit {
     ///
     /// # Errors
     /// [`ViewerError::Script`] if there is no such light, its factor cannot be, or there is nothing
-    /// to undo or redo; [`ViewerError::Scene`] as [`eagpt_edit::replay`] for a step that cannot be
+    /// to undo or redo; [`ViewerError::Scene`] as [`eagpt_edit::replay()`] for a step that cannot be
     /// done, and as [`files::write_bytes_atomic`] if the script cannot be written.
     pub fn act(&mut self, act: Act) -> Result<()> {
         let (mut steps, mut undone) = (self.steps.clone(), self.undone.clone());
@@ -231,7 +231,7 @@ impl Edit {
     /// The scene after all steps, to the bit what `eagpt edit` makes of the script.
     ///
     /// # Errors
-    /// As [`eagpt_edit::replay`].
+    /// As [`eagpt_edit::replay()`].
     pub fn edited(&self) -> Result<Gaussians> {
         match &self.changed {
             Some(changed) => Ok(Gaussians::clone(changed)),

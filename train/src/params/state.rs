@@ -135,7 +135,7 @@ impl ParameterState {
         (self.lights).for_each(Learned::reset_moments, Learned::reset_moments);
     }
 
-    /// Sets the albedos, `[n]`, each 0 to [`MAX_ALBEDO`].
+    /// Sets the albedos, `[n]`, each 0 to [`eagpt_scene::gaussians::MAX_ALBEDO`].
     pub fn set_albedos(&mut self, albedos: &[Vec3]) {
         for (raw, albedo) in self.raw.values.iter_mut().zip(albedos) {
             raw[ALBEDO..].copy_from_slice(&albedo.to_array().map(raw_of_albedo));
