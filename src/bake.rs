@@ -236,7 +236,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What `eagpt bake` does unless told otherwise, with this many directions at each Gaussian.
+/// Default options of `eagpt bake`, with this many directions at each Gaussian.
 pub(crate) fn usual_options(num_samples: u32) -> BakeOptions {
     BakeOptions {
         method: BakeMethod::Gaussians(GaussianBake { num_samples }),

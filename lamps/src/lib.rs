@@ -143,11 +143,8 @@ pub fn find(
         fixed: discs.iter().flat_map(Gaussians::iter).collect(),
     };
     let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
-    for flat in mounted.filter_map(|c| c.fit.shape.flat()) {
-        for (i, gaussian) in mount::free(gaussians, gaussians.len(), flat, &edit.keep) {
-            mount::apply(&mut edit, i, gaussian);
-        }
-    }
+    let flats = mounted.filter_map(|c| c.fit.shape.flat().copied());
+    mount::free_all(gaussians, gaussians.len(), flats, &mut edit);
     if !clean_fits.is_empty() {
         clear::remove_what_hides(
             &tracer.device(),

@@ -67,7 +67,7 @@ impl Place {
 /// its plane the ones that stick out of its mount before it go behind it and all of the mount lie
 /// along it, and those that hang before the lamp itself are taken out. Returns what becomes of
 /// which, `None` for those taken out.
-pub(crate) fn free(
+fn free(
     gaussians: &Gaussians,
     num: usize,
     flat: &Flat,
@@ -119,16 +119,28 @@ pub(crate) fn free(
 /// the first `num_moving` Gaussians are not the lamps' own.
 pub fn freed(gaussians: &Gaussians, num_moving: usize, lamps: &Lamps) -> SceneEdit {
     let mut edit = SceneEdit::nothing(gaussians.len());
-    for flat in lamps.lamps.iter().filter_map(open_flat) {
-        for (i, gaussian) in free(gaussians, num_moving, &flat, &edit.keep) {
-            apply(&mut edit, i, gaussian);
-        }
-    }
+    let flats = lamps.lamps.iter().filter_map(open_flat);
+    free_all(gaussians, num_moving, flats, &mut edit);
     edit
 }
 
+/// Adds to `edit` what frees `flats` of the `num` first Gaussians, those that it takes out already
+/// left out.
+pub(crate) fn free_all(
+    gaussians: &Gaussians,
+    num: usize,
+    flats: impl Iterator<Item = Flat>,
+    edit: &mut SceneEdit,
+) {
+    for flat in flats {
+        for (i, gaussian) in free(gaussians, num, &flat, &edit.keep) {
+            apply(edit, i, gaussian);
+        }
+    }
+}
+
 /// Adds to `edit` what becomes of a Gaussian. Where mounts meet, that of the first lamp counts.
-pub(crate) fn apply(edit: &mut SceneEdit, i: u32, gaussian: Option<Gaussian>) {
+fn apply(edit: &mut SceneEdit, i: u32, gaussian: Option<Gaussian>) {
     let at = edit.moved.binary_search_by_key(&i, |(moved, _)| *moved);
     match (gaussian, at) {
         (Some(gaussian), Err(at)) => edit.moved.insert(at, (i, gaussian)),

@@ -52,8 +52,8 @@ pub(crate) struct RenderArgs {
     /// Light transport
     #[arg(long, value_enum)]
     pub(crate) mode: Mode,
-    /// Samples per pixel of 1-bounce, gather and path, at least 1; rounded up to a multiple of the rays of
-    /// a pixel
+    /// Samples per pixel of 1-bounce, gather and path, at least 1; rounded up to a multiple of the
+    /// rays of a pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: u32,
     /// Rays along each axis of a pixel, at least 1: a pixel is the mean over its area. Samples are

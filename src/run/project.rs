@@ -199,7 +199,7 @@ impl Project {
         Ok(file)
     }
 
-    /// What the file says.
+    /// Contents of the file.
     pub(crate) fn given(&self) -> &ProjectFile {
         &self.file
     }

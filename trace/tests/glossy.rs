@@ -39,6 +39,16 @@ fn render(
     scene.render(camera, &integrator, &options).unwrap()
 }
 
+/// A camera inside the unit sphere.
+fn camera_in_furnace() -> Camera {
+    look_at(
+        DVec3::new(0.3, -0.5, 0.1),
+        DVec3::new(0.2, 0.9, 0.3),
+        24,
+        16,
+    )
+}
+
 fn mean(view: &RenderedView) -> Vec3 {
     let pixels = view.radiance.pixels();
     pixels.iter().map(|p| Vec3::from(*p)).sum::<Vec3>() / pixels.len() as f32
@@ -48,12 +58,7 @@ fn mean(view: &RenderedView) -> Vec3 {
 /// one bounce: head-on and at grazing angles, rough and smooth.
 #[test]
 fn one_bounce_in_a_furnace_is_white() {
-    let camera = look_at(
-        DVec3::new(0.3, -0.5, 0.1),
-        DVec3::new(0.2, 0.9, 0.3),
-        24,
-        16,
-    );
+    let camera = camera_in_furnace();
     for (specular, roughness) in [(0.04, 0.1), (0.9, 0.3), (0.5, 0.9)] {
         let wall = Gaussian {
             radiance: Vec3::ONE,
@@ -77,12 +82,7 @@ fn one_bounce_in_a_furnace_is_white() {
 /// they mirror, which it samples: together as much.
 #[test]
 fn a_gather_in_a_furnace_is_white() {
-    let camera = look_at(
-        DVec3::new(0.3, -0.5, 0.1),
-        DVec3::new(0.2, 0.9, 0.3),
-        24,
-        16,
-    );
+    let camera = camera_in_furnace();
     for (specular, roughness) in [(0.04, 0.1), (0.9, 0.3), (0.5, 0.9)] {
         let wall = Gaussian {
             radiance: Vec3::ONE,

@@ -90,7 +90,7 @@ pub(crate) fn packed(id: u64, pack: &Pack, gaussians: &Gaussians) -> Result<Stri
     Ok(json!({ "id": id, "meta": meta, "data": data }).to_string())
 }
 
-/// What a page has to know to unpack a scene.
+/// Facts that a page needs to unpack a scene.
 fn scene_meta(pack: &Pack, gaussians: &Gaussians) -> Result<Map<String, Value>> {
     let (low, high) = gaussians.bounds().unwrap_or_default();
     let mut meta = Map::new();

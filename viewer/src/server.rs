@@ -84,7 +84,7 @@ pub struct Server {
     num_connections: Arc<AtomicUsize>,
 }
 
-/// What a server shows.
+/// The subject of a server.
 #[derive(Debug)]
 pub struct Served {
     /// The page.

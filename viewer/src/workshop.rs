@@ -1,4 +1,4 @@
-//! What a server does jobs with: a device, and the options of its bakes.
+//! Means of a server's jobs: a device, and the options of its bakes.
 
 use crate::error::Result;
 use eagpt_scene::{Gaussians, ply};

@@ -82,8 +82,8 @@ const MIN_QUATERNION_LENGTH: f32 = 1e-6;
 /// First bytes of a file of SPZ, which is compressed as a whole.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-/// Reads Gaussians. Values a rounding error outside their ranges are clamped, quaternions off unit length
-/// are normalised.
+/// Reads Gaussians. Values a rounding error outside their ranges are clamped, quaternions off unit
+/// length are normalised.
 ///
 /// # Errors
 /// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value:

@@ -102,7 +102,7 @@ impl Met {
     }
 }
 
-/// What a pixel's specular lobe adds to its diffuse light.
+/// Light that a pixel's specular lobe adds to its diffuse part.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Mirrored {
     /// Light that the lobe reflects towards the camera, linear Rec.709, premultiplied.

@@ -305,17 +305,13 @@ impl LobeAlbedo {
         if self.grazing == 0.0 {
             return Vec3::ZERO;
         }
-        self.of_pair(self.pair_at(cosine))
-    }
-
-    fn pair_at(&self, cosine: f32) -> Pair {
         let place = cosine.clamp(0.0, 1.0).sqrt() * (TABLE - 1) as f32;
         let k = (place as usize).min(TABLE - 2);
         let (low, high) = (cosine_of_entry(k), cosine_of_entry(k + 1));
         let along = ((cosine - low) / (high - low)).clamp(0.0, 1.0);
         let table = Table::get();
         let of_row = |row: usize| mix(table.at[row][k], table.at[row][k + 1], along);
-        mix(of_row(self.row), of_row(self.row + 1), self.share)
+        self.of_pair(mix(of_row(self.row), of_row(self.row + 1), self.share))
     }
 
     /// Ē.
@@ -334,16 +330,6 @@ impl LobeAlbedo {
 
 fn mix(a: Pair, b: Pair, share: f32) -> Pair {
     [0, 1].map(|k| a[k] + share * (b[k] - a[k]))
-}
-
-/// Parts a and b of the albedo of a lobe of this roughness for light from `cosine`, which is
-/// `F₀ a + b` where F₀ is at least 0.02.
-pub fn albedo_parts(roughness: f32, cosine: f32) -> [f32; 2] {
-    let gloss = Gloss {
-        specular: Vec3::ONE,
-        roughness,
-    };
-    LobeAlbedo::of(gloss).pair_at(cosine)
 }
 
 /// Albedo of the diffuse surface that reflects as much of light from everywhere: Ē + P (1 − Ē).

@@ -1,11 +1,11 @@
 //! Where a bounce starts.
 //!
-//! A surface made of Gaussians has a thickness: discs overlap at slightly different heights and tilts,
-//! and a ray that leaves from the mean distance would hit them again. The reference ignores all
-//! hits closer than 0.2 scene units, which loses contact shadows, leaks light through corners and
-//! ties the result to the unit of length. Here a ray ignores hits until it has left that, and
-//! only on Gaussians that lie along it; how thick it is comes from the hits that were
-//! blended: the spread of their distances, and their size.
+//! A surface made of Gaussians has a thickness: discs overlap at slightly different heights and
+//! tilts, and a ray that leaves from the mean distance would hit them again. The reference ignores
+//! all hits closer than 0.2 scene units, which loses contact shadows, leaks light through corners
+//! and ties the result to the unit of length. Here a ray ignores hits within the thickness of the
+//! surface it leaves, and only on Gaussians that lie along it; the thickness comes from the hits
+//! that were blended: the spread of their distances, and their size.
 
 use crate::features::Features;
 use crate::ray::Ray;

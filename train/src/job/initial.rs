@@ -12,7 +12,7 @@ use crate::options::Stage;
 use crate::params::ParameterState;
 use eagpt_scene::files::Key;
 
-/// What a light starts from: its points, or views that find them.
+/// The start of a light: its points, or views that find them.
 enum Start {
     Points(Box<Initialiser>),
     Agreement(Agreement),

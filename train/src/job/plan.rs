@@ -61,7 +61,7 @@ impl Folder {
         self.lights.len()
     }
 
-    /// What file names of a light begin with: nothing for the first.
+    /// Prefix of the file names of a light: nothing for the first.
     pub(crate) fn prefix(&self, light: usize) -> String {
         match light {
             0 => String::new(),

@@ -16,7 +16,7 @@ pub const NUM_OF_LIGHT: usize = ALBEDO - RADIANCE;
 /// Emission of a fixed Gaussian where its lamp is off.
 const DARK: f32 = 0.0;
 
-/// What differs between lights, of one of them.
+/// Parameters of one light: those that differ between lights.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LightParameters {
     /// ln r (3), logit e, `[n]`.

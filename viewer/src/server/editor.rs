@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// What the threads of a server share that keeps an edit.
+/// State that the threads of a server with an edit share.
 #[derive(Debug)]
 pub(super) struct Editor {
     pub(super) page: String,
