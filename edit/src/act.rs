@@ -1,5 +1,6 @@
 //! Actions on selected Gaussians.
 
+use crate::lamp::NewLamp;
 use crate::place::Placement;
 use eagpt_scene::color::luminance;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
@@ -14,6 +15,8 @@ pub(crate) enum Action {
     KeepOnly,
     /// Replaces light or material of each Gaussian.
     Paint(Paint),
+    /// Puts one clean surface in its place, which emits; further actions of the step act on that.
+    MakeLamp(NewLamp),
     /// Moves, rotates or scales it.
     Place(Placement),
     /// Leaves it where it is and adds a copy; further actions of the step act on the copy.

@@ -55,6 +55,7 @@
 //! | `"remove"`, `"keep_only"` | of the selection |
 //! | `"lights_off"` | radiance and emission 0 |
 //! | `"make_emissive"`, `"make_not_emissive"` | emission 1 or 0 |
+//! | `{ make_lamp = { shape, radiance, axis } }` | one clean surface in the place of the selection |
 //! | `{ scale_light = f }`, `{ tint_light = c }`, `{ set_radiance = c }` | linear; a tint keeps the luminance |
 //! | `{ set_albedo = c }`, `{ scale_albedo = f }`, `{ swap_albedo = "bgr" }` | 0 to 1; a scaled albedo ends at 1, or where it was above |
 //! | `{ set_specular = c }`, `{ set_roughness = r }` | F0 and roughness of what is mirrored, 0 to 1 |
@@ -63,6 +64,10 @@
 //! | `{ place = placement }` | all of these at once |
 //! | `{ duplicate = placement }` | of a copy, which the rest of the list acts on |
 //! | `{ snap_to_floor = height }` | the lowest centre comes to this height |
+//!
+//! `make_lamp` fits a `shape` to the selection, `"rectangle"`, `"ellipse"`, `"ball"` or `"tube"` (a
+//! cylinder or a cone without its tip, about `axis`; the up axis, if nothing is said), and replaces
+//! it with a closed surface of that shape that emits `radiance` and has the mean albedo.
 //!
 //! Colours `c` and factors `f` are a number or `[r, g, b]`. A placement is `{ scale, rotate = {
 //! axis, degrees }, about, move or to }`: scaled and rotated about a pivot, which then moves by an
@@ -89,6 +94,7 @@
 
 mod act;
 mod cluster;
+mod lamp;
 mod lights;
 mod place;
 pub mod replay;

@@ -155,7 +155,7 @@ impl State<'_> {
             }
         };
         let file = &self.script.file;
-        let error = |problem| file.error(step.subject_span.clone(), problem);
+        let error = |problem: &str| file.error(step.subject_span.clone(), problem);
         if found.num == 0 && !step.allow_empty {
             let problem = "selects nothing; allow_empty = true in the step would allow it";
             return Err(error(problem));
@@ -168,7 +168,7 @@ impl State<'_> {
                     self.append(&found.cuts.pick(&self.gaussians, &self.selected));
                     self.place(placement);
                 }
-                _ => self.act(action),
+                _ => self.act(action).map_err(|problem| error(&problem))?,
             }
         }
         let report = StepReport {
@@ -264,7 +264,11 @@ impl State<'_> {
         }
     }
 
-    fn act(&mut self, action: &Action) {
+    /// Acts on the selection.
+    ///
+    /// # Errors
+    /// A description of the problem if it is none that a lamp can be made of.
+    fn act(&mut self, action: &Action) -> Result<(), String> {
         match action {
             Action::Remove => {
                 let kept = inverse(&self.selected);
@@ -272,6 +276,12 @@ impl State<'_> {
             }
             Action::KeepOnly => self.keep(&self.selected.clone()),
             Action::Paint(paint) => self.change(|g| paint.apply(*g)),
+            Action::MakeLamp(lamp) => {
+                let old: Vec<Gaussian> = pick(&self.gaussians, &self.selected).collect();
+                let surface = lamp.surface(&old, self.script.up.vector())?;
+                self.keep(&inverse(&self.selected));
+                self.append(&surface.discs());
+            }
             Action::Place(placement) => self.place(placement),
             Action::Duplicate(placement) => {
                 let copies: Gaussians = pick(&self.gaussians, &self.selected).collect();
@@ -289,6 +299,7 @@ impl State<'_> {
                 }
             }
         }
+        Ok(())
     }
 
     fn place(&mut self, placement: &Placement) {

@@ -1,6 +1,7 @@
 //! Actions and placements in a script.
 
 use crate::act::{Action, Paint};
+use crate::lamp::{LampShape, NewLamp};
 use crate::place::{Goal, Pivot, Placement};
 use eagpt_scene::Gloss;
 use eagpt_scene::color::luminance;
@@ -19,6 +20,7 @@ enum ActionKeys {
     LightsOff,
     MakeEmissive,
     MakeNotEmissive,
+    MakeLamp(#[serde(deserialize_with = "lamp")] NewLamp),
     ScaleLight(Color),
     TintLight(#[serde(deserialize_with = "tint")] Vec3),
     SetRadiance(Color),
@@ -96,6 +98,7 @@ impl<'de> Deserialize<'de> for Action {
             ActionKeys::LightsOff => Paint::LightsOff,
             ActionKeys::MakeEmissive => Paint::SetEmission(1.0),
             ActionKeys::MakeNotEmissive => Paint::SetEmission(0.0),
+            ActionKeys::MakeLamp(lamp) => return Ok(Self::MakeLamp(lamp)),
             ActionKeys::ScaleLight(factor) => Paint::ScaleLight(factor.0),
             ActionKeys::TintLight(color) => Paint::TintLight(color),
             ActionKeys::SetRadiance(radiance) => Paint::SetRadiance(radiance.0),
@@ -134,6 +137,37 @@ fn tint<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec3, D::Error> {
         } else {
             Err("black has no colour to tint with".to_owned())
         }
+    })
+}
+
+fn lamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NewLamp, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Name {
+        Rectangle,
+        Ellipse,
+        Ball,
+        Tube,
+    }
+
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Keys {
+        shape: Name,
+        radiance: Color,
+        axis: Option<Direction>,
+    }
+
+    checked(deserializer, |keys: Keys| {
+        let shape = match (keys.shape, keys.axis) {
+            (Name::Tube, axis) => LampShape::Tube(axis.map(|axis| axis.0)),
+            (_, Some(_)) => return Err("only a `tube` has an `axis`".to_owned()),
+            (Name::Rectangle, None) => LampShape::Rectangle,
+            (Name::Ellipse, None) => LampShape::Ellipse,
+            (Name::Ball, None) => LampShape::Ball,
+        };
+        let radiance = keys.radiance.0;
+        Ok(NewLamp { shape, radiance })
     })
 }
 
