@@ -16,7 +16,8 @@
 //! [materials]                        # names of materials
 //! oak = { wood = { colors = ["#b98a54", "#84592c"], size = [1.5, 0.09] }, grain = 0.1 }
 //! white = "#e6e1d6"
-//! glaze = { plain = "#27456b", gloss = { reflectance = 0.05, roughness = 0.1 } }
+//! glaze = { plain = "#27456b", gloss = { reflectance = 0.05, roughness = 0.2 } }
+//! steel = { plain = 0, gloss = { reflectance = [0.6, 0.58, 0.55], roughness = 0.4 } }
 //!
 //! [lights]                           # linear radiance when fully on
 //! lamp = [18, 12, 7]
@@ -49,8 +50,9 @@
 //! Lengths are metres, z is up. Colours are linear numbers, or `"#rrggbb"` as displays show them.
 //!
 //! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`,
-//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat that mirrors the room to
-//! the camera; the light it reflects elsewhere is left out.
+//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat of GGX's
+//! facets, or bare metal where what is beneath is black, that mirrors the room to the camera; the
+//! light it reflects elsewhere is left out.
 //!
 //! **Objects** stand with their foot at `at` and look towards −y, before `turn`:
 //!

@@ -27,14 +27,22 @@ pub struct Material {
     pub gloss: Option<Gloss>,
 }
 
-/// A clear coat: it mirrors the room to the camera. Light that it reflects onto other surfaces is
-/// left out.
+/// A coat of varnish, or bare metal where what is beneath is black: it mirrors the room to the
+/// camera. Light that it reflects onto other surfaces is left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gloss {
-    /// Reflectance at normal incidence, 0 to 1.
-    pub reflectance: f32,
-    /// Spread of the mirrored directions, sine of an angle.
+    /// Reflectance at normal incidence of each channel, 0 to 1.
+    pub reflectance: Vec3,
+    /// Perceptual roughness, 0 to 1: facets have GGX's distribution with α = roughness².
     pub roughness: f32,
+}
+
+impl Gloss {
+    /// Reflectance where light meets a facet at the cosine `facing` (Schlick 1994).
+    pub fn at(&self, facing: f32) -> Vec3 {
+        let edge = (1.0 - facing.clamp(0.0, 1.0)).powi(5);
+        self.reflectance + (Vec3::ONE - self.reflectance) * edge
+    }
 }
 
 /// A shape in the room.

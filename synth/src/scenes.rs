@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 5] = [
+pub const SCENES: [EmbeddedScene; 6] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -37,6 +37,11 @@ pub const SCENES: [EmbeddedScene; 5] = [
         name: "office",
         about: "a large panel, a floor lamp and a screen; each alone, too",
         toml: include_str!("../scenes/office.toml"),
+    },
+    EmbeddedScene {
+        name: "glossy-room",
+        about: "a steel cabinet, a glossy floor and a varnished table, by day and in the evening",
+        toml: include_str!("../scenes/glossy-room.toml"),
     },
 ];
 

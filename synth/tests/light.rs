@@ -6,13 +6,13 @@
 )]
 
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_synth::light::path::{MAX_BOUNCES, PathSample};
+use eagpt_synth::light::path::{MAX_BOUNCES, PathSample, mirrored};
 use eagpt_synth::light::points::Points;
 use eagpt_synth::light::{Cache, CacheOptions, Lighting};
 use eagpt_synth::room::pattern::Texture;
 use eagpt_synth::room::shape::{Ball, Quad, Shape};
-use eagpt_synth::room::{Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
-use glam::Vec3;
+use eagpt_synth::room::{Gloss, Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
+use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const RADIANCE: Vec3 = Vec3::new(8.0, 6.0, 4.0);
@@ -191,4 +191,39 @@ fn solved_light_agrees_with_paths() {
         let error = (found / wanted - 1.0).abs().max_element();
         assert!(error < 0.02, "{found} is not {wanted}: {error}");
     }
+}
+
+/// Facets that reflect everything lose only what goes from one to another, and nearly smooth ones
+/// reflect as a mirror does.
+#[test]
+fn coats_mirror_by_the_law_of_reflection_and_lose_little() {
+    let direction = Vec3::new(0.6, 0.0, -0.8);
+    let coat = |reflectance: f32, roughness: f32| Gloss {
+        reflectance: Vec3::splat(reflectance),
+        roughness,
+    };
+    let points = Points::new(key(1), 3);
+    let mean = |gloss: Gloss| {
+        let num = 4096;
+        let weight = |sample| {
+            let [a, b, ..] = points.block(sample, 0);
+            let found = mirrored(direction, Vec3::Z, gloss, Vec2::new(a, b));
+            found.map_or(0.0, |(towards, weight)| {
+                assert!(towards.z > 0.0 && weight.x <= 1.0 + 1e-5);
+                weight.x
+            })
+        };
+        (0..num).map(weight).sum::<f32>() / num as f32
+    };
+    for (roughness, least) in [(0.05, 0.999), (0.3, 0.98)] {
+        let white = mean(coat(1.0, roughness));
+        assert!(white > least && white < 1.0 + 1e-4, "{roughness}: {white}");
+    }
+    // The integral of the lobe over a grid of directions.
+    let rough = mean(coat(1.0, 0.6));
+    assert!((rough - 0.8044).abs() < 4e-3, "{rough}");
+    // Schlick's share at this cosine: 0.05 + 0.95 · 0.2⁵.
+    assert!((mean(coat(0.05, 0.05)) - 0.0503).abs() < 5e-4);
+    let (towards, _) = mirrored(direction, Vec3::Z, coat(1.0, 0.03), Vec2::new(0.3, 0.7)).unwrap();
+    assert!(towards.dot(Vec3::new(0.6, 0.0, 0.8)) > 0.9999);
 }

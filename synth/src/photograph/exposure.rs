@@ -14,6 +14,9 @@ use glam::{Vec2, Vec3};
 /// Albedo below which light is not divided by it but by this.
 const MIN_ALBEDO: f32 = 1e-3;
 
+/// Coats that mirror each other, at most.
+const MAX_MIRRORS: u32 = 3;
+
 /// A filter of a quarter of the usual work: fits at every other pixel, in smaller windows. Light
 /// solved for the room has little noise.
 const FILTER: filter::Settings = filter::Settings {
@@ -162,7 +165,8 @@ struct Seen {
     emitted: Option<PerCondition>,
     irradiance: PerCondition,
     albedo: Vec3,
-    coat: Option<(f32, PerCondition)>,
+    /// Share that does not reach the colour beneath, and mirrored light.
+    coat: Option<(Vec3, PerCondition)>,
 }
 
 fn look(
@@ -197,11 +201,13 @@ impl Seen {
             sums.exact += emitted;
             return;
         }
-        let (share, mirrored) = self.coat.map_or((0.0, Vec3::ZERO), |(share, light)| {
-            (share, light[condition] * share)
-        });
+        let (share, mirrored) = self
+            .coat
+            .map_or((Vec3::ZERO, Vec3::ZERO), |(share, light)| {
+                (share, light[condition])
+            });
         // Light that the coat mirrors does not reach the colour beneath.
-        let albedo = self.albedo * (1.0 - share);
+        let albedo = self.albedo * (Vec3::ONE - share);
         let irradiance = self.irradiance[condition];
         cell.exact += mirrored;
         cell.reflected += albedo * irradiance;
@@ -233,25 +239,48 @@ impl LightTotals {
     }
 }
 
-/// Reflection of a coat: its share (Schlick 1994) and one sample of the light.
+/// Reflection of a coat: its share (Schlick 1994), and one sample of the light that it mirrors, of
+/// which further coats may mirror a part.
 fn reflection(
     lighting: &Lighting<'_>,
     hit: &Hit,
     (direction, gloss): (Vec3, Gloss),
     (points, (sample, uniform)): (&Points, (u32, Vec2)),
-) -> (f32, PerCondition) {
-    let grazing = 1.0 - hit.normal.dot(-direction).clamp(0.0, 1.0);
-    let share = gloss.reflectance + (1.0 - gloss.reflectance) * grazing.powi(5);
-    let mirrored = mirrored(direction, hit.normal, gloss.roughness, uniform);
-    let origin = hit.position + hit.normal * LIFT;
-    let Some(next) = lighting.room.meet(origin, mirrored) else {
-        return (share, [Vec3::ZERO; MAX_CONDITIONS]);
-    };
-    let path = PathSample {
-        sample,
-        // Behind all that the path itself may take.
-        block: 1 + 2 * MAX_BOUNCES,
-        max_bounces: MAX_BOUNCES,
-    };
-    (share, lighting.reflected(&next, points, path))
+) -> (Vec3, PerCondition) {
+    let share = gloss.at(hit.normal.dot(-direction));
+    let mut light = [Vec3::ZERO; MAX_CONDITIONS];
+    let mut throughput = Vec3::ONE;
+    let (mut hit, mut direction, mut gloss, mut uniform) = (*hit, direction, gloss, uniform);
+    for mirror in 1..=MAX_MIRRORS {
+        let Some((towards, weight)) = mirrored(direction, hit.normal, gloss, uniform) else {
+            break;
+        };
+        throughput *= weight;
+        let origin = hit.position + hit.normal * LIFT;
+        let Some(next) = lighting.room.meet(origin, towards) else {
+            break;
+        };
+        let path = PathSample {
+            sample,
+            // Behind all that the path itself, and those of earlier mirrors, may take.
+            block: 1 + 2 * MAX_BOUNCES * mirror,
+            max_bounces: MAX_BOUNCES,
+        };
+        let is_light = (lighting.room.emitted(next.surface, next.face)).is_some();
+        let coat = lighting.room.material(next.surface).gloss;
+        let coat = coat.filter(|_| !is_light);
+        let beneath = coat.map_or(Vec3::ONE, |coat| {
+            Vec3::ONE - coat.at(next.normal.dot(-towards))
+        });
+        let seen = lighting.reflected(&next, points, path);
+        for (light, seen) in light.iter_mut().zip(seen) {
+            *light += throughput * seen * beneath;
+        }
+        let Some(coat) = coat else {
+            break;
+        };
+        let [a, b, ..] = points.block(sample, 1 + 2 * MAX_BOUNCES * (MAX_MIRRORS + 1) + mirror);
+        (hit, direction, gloss, uniform) = (next, towards, coat, Vec2::new(a, b));
+    }
+    (share, light)
 }

@@ -86,7 +86,7 @@ struct Landscape {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GlossKeys {
-    reflectance: Option<Fraction>,
+    reflectance: Option<Albedo>,
     roughness: Option<Fraction>,
 }
 
@@ -170,7 +170,7 @@ impl MaterialKeys {
                 grain: self.grain.map_or(0.0, f32::from),
             },
             gloss: self.gloss.map(|keys| Gloss {
-                reflectance: keys.reflectance.map_or(0.04, f32::from),
+                reflectance: keys.reflectance.map_or(Vec3::splat(0.04), Vec3::from),
                 roughness: keys.roughness.map_or(0.1, f32::from),
             }),
         })
