@@ -67,7 +67,7 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
     let cameras: Vec<Camera> = bench.cameras().copied().collect();
     let num_seen = backend.begin_gathering(&cameras)?;
     backend.gather(0..num_seen.min(GATHERED), 16, 0)?;
-    backend.begin_albedo()?;
+    backend.begin_albedo(&[])?;
     let step = AlbedoStep {
         options: &options.albedo,
         ssim_share: 0.2,

@@ -2,8 +2,11 @@
 
 use crate::progress::Reporter;
 use anyhow::Result;
-use eagpt_train::TrainProgress;
 use eagpt_train::bake::BakeProgress;
+use eagpt_train::{GlossySurface, TrainProgress};
+
+/// Glossy surfaces that are named.
+const MOST_TOLD: usize = 12;
 
 /// Shows a message of the job.
 pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<()> {
@@ -53,6 +56,10 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             "{num_lamps} lamp{} after iteration {iteration}, {num_gaussians} Gaussians",
             if *num_lamps == 1 { "" } else { "s" }
         )),
+        TrainProgress::Gloss { surfaces: None } => reporter.note("looking for glossy surfaces"),
+        TrainProgress::Gloss {
+            surfaces: Some(surfaces),
+        } => tell_gloss(reporter, surfaces),
         TrainProgress::Luminous { num } => reporter.note(&format!(
             "{num} Gaussians near lamps are brighter than they can reflect, and emit"
         )),
@@ -72,6 +79,29 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
         TrainProgress::Warning { text } => reporter.warning(text),
     }
     reporter.message(message)
+}
+
+/// Says which surfaces are glossy, how much, and how well that is supported.
+fn tell_gloss(reporter: &mut Reporter, surfaces: &[GlossySurface]) {
+    let area: f32 = surfaces.iter().map(|surface| surface.area_share).sum();
+    reporter.note(&format!(
+        "{} glossy surface{}, {:.1} % of the area seen",
+        surfaces.len(),
+        if surfaces.len() == 1 { "" } else { "s" },
+        100.0 * area
+    ));
+    for surface in surfaces.iter().take(MOST_TOLD) {
+        let [x, y, z] = surface.centre;
+        let [r, g, b] = surface.specular;
+        reporter.note(&format!(
+            "  around ({x:.2}, {y:.2}, {z:.2}), {:.2} %: F0 {r:.3} {g:.3} {b:.3}, roughness {:.2}; \
+             explains {:.0} % of the differences between views ({:.0} % foretold)",
+            100.0 * surface.area_share,
+            surface.roughness,
+            100.0 * surface.explained,
+            100.0 * surface.foretold
+        ));
+    }
 }
 
 /// Shows how far the light of the finished scene is solved.

@@ -176,11 +176,13 @@ pub trait Backend {
 
     /// Begins stage 1: forgets Adam's moments and sets the albedos to start from. They are the
     /// closed form `ρ = π r / E` where irradiance was gathered, of sums over several lights, and
-    /// otherwise the paper's: radiance, clamped to 0.01–0.99, as a vector of unit length.
+    /// otherwise the paper's: radiance, clamped to 0.01–0.99, as a vector of unit length. Of the
+    /// radiance of each Gaussian in each light the albedo is to explain the share in `shares`
+    /// `[lights][n]`, or all where that is empty.
     ///
     /// # Errors
     /// If the device fails.
-    fn begin_albedo(&mut self) -> Result<()>;
+    fn begin_albedo(&mut self, shares: &[Vec<f32>]) -> Result<()>;
 
     /// Composited features of a camera after all steps, for previews.
     ///

@@ -92,4 +92,11 @@ impl TrainError {
             problem: "several lights are trained on the CPU alone (--device cpu)",
         }
     }
+
+    /// Gloss on a GPU.
+    pub(crate) fn gloss() -> Self {
+        Self::Device {
+            problem: "albedo.gloss is for the CPU alone (--device cpu)",
+        }
+    }
 }

@@ -2,6 +2,7 @@
 //! divergence.
 
 mod finish;
+mod gloss;
 mod initial;
 mod lamps;
 mod lights;
@@ -24,6 +25,7 @@ use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::SceneError;
 use eagpt_scene::files::{self, digest};
+use eagpt_trace::Device;
 use lights::Light;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -53,6 +55,9 @@ pub fn train(
 ) -> Result<TrainSummary> {
     let options = &request.options;
     options.validate()?;
+    if options.albedo.gloss && !matches!(request.device, Device::Cpu) {
+        return Err(TrainError::gloss());
+    }
     let mut lights = lights::open(request)?;
     let given = start::read(request)?;
     let mut fingerprint = plan::fingerprint(&lights, options)?;
@@ -71,6 +76,11 @@ pub fn train(
         stage_seconds: Vec::new(),
         budget: options.gaussians_for(options.num_points(&lights[0].dataset)?),
         watch: watch::Watch::default(),
+        gloss: gloss::RunGloss::default(),
+        num_frames: lights
+            .iter()
+            .map(|light| light.dataset.frames().len())
+            .sum(),
     };
     let of_splits = lights.iter().flat_map(|light| &light.split.warnings);
     for warning in of_splits.chain(&resumed.warnings) {
@@ -80,6 +90,9 @@ pub fn train(
     let of_lights = lights.iter().map(Light::views).collect();
     let mut views = Views::new(of_lights, budget, options.seed);
     if let Some(given) = &given {
+        if given.is_glossy() && !options.albedo.gloss {
+            run.warn("the gloss of the given scene is left out".to_owned());
+        }
         run.budget = options.num_gaussians.unwrap_or(0).max(given.len());
     }
     let start = match (resumed.checkpoint, &given) {
@@ -134,6 +147,10 @@ struct Run<'a> {
     /// Number of Gaussians in the end.
     budget: usize,
     watch: watch::Watch,
+    /// Gloss of the scene of stage 0.
+    gloss: gloss::RunGloss,
+    /// Number of frames of the dataset.
+    num_frames: usize,
 }
 
 impl Run<'_> {
@@ -158,6 +175,7 @@ impl Run<'_> {
         if wanted == StageChoice::Radiance {
             return Ok(true);
         }
+        self.gloss = self.estimate_gloss(backend, views)?;
         let gathers = self.request.options.albedo.gather == Gather::Gaussians;
         let over = position.stage == Stage::Albedo
             && position.iteration >= self.num_iterations(Stage::Albedo);
@@ -165,7 +183,7 @@ impl Run<'_> {
             return Ok(false);
         }
         if position.stage == Stage::Radiance {
-            backend.begin_albedo()?;
+            backend.begin_albedo(&self.gloss.shares)?;
             position.stage = Stage::Albedo;
             position.iteration = 0;
             position.monitor = LossMonitor {
@@ -202,8 +220,11 @@ impl Run<'_> {
         let shown = views.previews(options.output.num_previews)?;
         while position.iteration < total {
             let iteration = position.iteration + 1;
-            let view = views.at(stage, iteration)?;
+            let mut view = views.at(stage, iteration)?;
             backend.show_light(view.light)?;
+            if stage == Stage::Albedo {
+                view = self.gloss.diffuse_view(view, self.num_frames);
+            }
             for step in self.step(backend, &view, position, iteration)? {
                 self.note(&mut log, position, total, &step)?;
             }

@@ -9,6 +9,7 @@
 //!   pixel.
 //! - `densify`: the choice of Gaussians to split, and of those to reuse for it.
 //! - [`backend`]: one training step on a device.
+//! - `gloss`: F0 and roughness of surfaces, from how their radiance differs with the direction.
 //! - `own_light`: whether emitters and albedos explain the photographs.
 //! - [`checkpoint`]: the full state of a run, versioned and written atomically.
 //! - [`irradiance`]: light that Gaussians receive, gathered and smoothed, for stage 1 and baking.
@@ -23,6 +24,7 @@ pub mod checkpoint;
 mod densify;
 mod energy;
 mod error;
+mod gloss;
 pub mod init;
 pub mod irradiance;
 pub mod job;
@@ -40,6 +42,7 @@ pub mod relit;
 pub mod surfaces;
 
 pub use error::{Result, TrainError};
+pub use gloss::GlossySurface;
 pub use job::{TrainRequest, TrainSummary, train};
 pub use options::{Preset, TrainOptions};
 pub use own_light::OwnLight;

@@ -300,6 +300,8 @@ pub struct AlbedoOptions {
     pub gather: Gather,
     /// Directions sampled at each Gaussian or pixel.
     pub num_samples: u32,
+    /// Whether glossy surfaces are looked for before the stage; in the paper all are diffuse.
+    pub gloss: bool,
     /// Step size of the albedo's logit.
     pub rate: f32,
     /// The rate falls exponentially to this share at the end.

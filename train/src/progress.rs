@@ -1,6 +1,7 @@
 //! Progress messages of a run.
 
 use crate::bake::BakeProgress;
+use crate::gloss::GlossySurface;
 use crate::options::Stage;
 use eagpt_scene::Gaussians;
 use serde::Serialize;
@@ -30,6 +31,11 @@ pub enum TrainProgress {
         num_gaussians: usize,
         /// Number of training views.
         num_views: usize,
+    },
+    /// Glossy surfaces are looked for, before stage 1.
+    Gloss {
+        /// Those that were found; `None` while they are looked for.
+        surfaces: Option<Vec<GlossySurface>>,
     },
     /// Irradiance of Gaussians is being gathered, before stage 1.
     Gathering {

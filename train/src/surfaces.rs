@@ -6,9 +6,10 @@
 
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussian};
+use eagpt_trace::blend::Contribution;
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::start::Surface;
-use eagpt_trace::{Features, Ray, Tracer};
+use eagpt_trace::{Features, GBuffer, Ray, Tracer};
 use glam::Mat3;
 
 /// Half the offset of a lone Gaussian's surface, in its sizes: nearer hits are taken for the same
@@ -39,6 +40,17 @@ impl BestSeen {
     /// If the device of the `scene` fails.
     pub fn add(&mut self, scene: &dyn Tracer, camera: &Camera) -> Result<()> {
         let (features, contributions) = scene.contributions(camera, &|_, _| 0.0)?;
+        self.add_traced(camera, &features, &contributions);
+        Ok(())
+    }
+
+    /// As [`Self::add`], where the pixels are known.
+    pub fn add_traced(
+        &mut self,
+        camera: &Camera,
+        features: &GBuffer,
+        contributions: &[Contribution],
+    ) {
         let frame = camera.ray_frame();
         for found in contributions {
             let best = &mut self.best[found.gaussian as usize];
@@ -54,7 +66,6 @@ impl BestSeen {
                 *best = Some((weight, surface));
             }
         }
-        Ok(())
     }
 
     /// Each Gaussian as it is seen best; `None` where no camera saw it.

@@ -45,7 +45,7 @@ fn albedos_to_start_from_are_those_of_the_cpu() {
             let range = start..num.min(start + 100);
             backend.gather(range, NUM_SAMPLES, 5).unwrap();
         }
-        backend.begin_albedo().unwrap();
+        backend.begin_albedo(&[]).unwrap();
         (num, backend.state().unwrap().gaussians().albedos)
     });
     assert!(cpu.0 > 100 && cpu.0 == on_device.0);

@@ -305,13 +305,17 @@ impl LobeAlbedo {
         if self.grazing == 0.0 {
             return Vec3::ZERO;
         }
+        self.of_pair(self.pair_at(cosine))
+    }
+
+    fn pair_at(&self, cosine: f32) -> Pair {
         let place = cosine.clamp(0.0, 1.0).sqrt() * (TABLE - 1) as f32;
         let k = (place as usize).min(TABLE - 2);
         let (low, high) = (cosine_of_entry(k), cosine_of_entry(k + 1));
         let along = ((cosine - low) / (high - low)).clamp(0.0, 1.0);
         let table = Table::get();
         let of_row = |row: usize| mix(table.at[row][k], table.at[row][k + 1], along);
-        self.of_pair(mix(of_row(self.row), of_row(self.row + 1), self.share))
+        mix(of_row(self.row), of_row(self.row + 1), self.share)
     }
 
     /// Ē.
@@ -330,6 +334,16 @@ impl LobeAlbedo {
 
 fn mix(a: Pair, b: Pair, share: f32) -> Pair {
     [0, 1].map(|k| a[k] + share * (b[k] - a[k]))
+}
+
+/// The albedo of a lobe of this perceptual roughness for light from `cosine`, as `[a, b]` of
+/// `F₀ a + b`, for F₀ of at least 0.02.
+pub fn albedo_parts(roughness: f32, cosine: f32) -> [f32; 2] {
+    let gloss = Gloss {
+        specular: Vec3::ONE,
+        roughness,
+    };
+    LobeAlbedo::of(gloss).pair_at(cosine)
 }
 
 /// Albedo of the diffuse surface that reflects as much of light from everywhere: Ē + P (1 − Ē).

@@ -77,8 +77,8 @@ impl Backend for CpuBackend {
         (self.trainer).gather(&self.parameters, range, num_samples, seed)
     }
 
-    fn begin_albedo(&mut self) -> Result<()> {
-        self.trainer.begin_albedo(&mut self.parameters)
+    fn begin_albedo(&mut self, shares: &[Vec<f32>]) -> Result<()> {
+        self.trainer.begin_albedo(&mut self.parameters, shares)
     }
 
     fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {

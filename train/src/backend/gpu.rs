@@ -246,9 +246,9 @@ impl Backend for GpuBackend {
         trainer.gather(parameters, range, num_samples, seed)
     }
 
-    fn begin_albedo(&mut self) -> Result<()> {
+    fn begin_albedo(&mut self, shares: &[Vec<f32>]) -> Result<()> {
         let (trainer, parameters) = self.host()?;
-        trainer.begin_albedo(parameters)
+        trainer.begin_albedo(parameters, shares)
     }
 
     fn gbuffer(&mut self, camera: &Camera) -> Result<GBuffer> {

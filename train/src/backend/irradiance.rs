@@ -97,19 +97,31 @@ impl GaussianIrradiance {
     }
 }
 
+/// Gaussians in one light.
+pub(super) struct LitGaussians<'a> {
+    pub(super) gaussians: &'a Gaussians,
+    /// The light gathered there.
+    pub(super) irradiance: &'a GaussianIrradiance,
+    /// Of the radiance of each, the share that an albedo is to explain, `[n]`; empty where it is
+    /// all.
+    pub(super) shares: &'a [f32],
+}
+
 /// The closed form for every Gaussian that reflects and that light reaches; others keep their
 /// albedo. Of several lights, those in which it reflects count together. `[n]`
 ///
-/// `lights`: the Gaussians in each of them, at least one, with the light gathered there.
-pub(super) fn albedos(lights: &[(&Gaussians, &GaussianIrradiance)]) -> Vec<Vec3> {
-    let mut albedos = lights[0].0.albedos.clone();
+/// `lights`: at least one.
+pub(super) fn albedos(lights: &[LitGaussians]) -> Vec<Vec3> {
+    let mut albedos = lights[0].gaussians.albedos.clone();
     let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); albedos.len()];
-    for (gaussians, gathered) in lights {
+    for light in lights {
+        let gathered = light.irradiance;
         for ((i, _), irradiance) in gathered.seen.iter().zip(&gathered.irradiance) {
             let i = *i as usize;
             // What an emitter reflects is not seen beside its own light.
-            if gaussians.emissions[i] <= EMISSION_THRESHOLD {
-                sums[i].0 += gaussians.radiances[i];
+            if light.gaussians.emissions[i] <= EMISSION_THRESHOLD {
+                let share = light.shares.get(i).copied().unwrap_or(1.0);
+                sums[i].0 += light.gaussians.radiances[i] * share;
                 sums[i].1 += *irradiance;
             }
         }

@@ -1,7 +1,7 @@
 //! Steps of training on the host, for a scene on any device: targets, losses and the parameters are
 //! on the host; rays and their adjoint are the scene's.
 
-use super::irradiance::{self, GaussianIrradiance};
+use super::irradiance::{self, GaussianIrradiance, LitGaussians};
 use super::irradiance_cache::{CachedView, IrradianceCache};
 use super::{AlbedoStep, RadianceStep, StepOutcome, Taken, TrainingView};
 use crate::densify::{self, Attribution, Densified};
@@ -349,13 +349,24 @@ impl<S: Tracer> Trainer<S> {
     }
 
     /// See [`super::Backend::begin_albedo`].
-    pub(super) fn begin_albedo(&mut self, parameters: &mut HostParameters) -> Result<()> {
+    pub(super) fn begin_albedo(
+        &mut self,
+        parameters: &mut HostParameters,
+        shares: &[Vec<f32>],
+    ) -> Result<()> {
         let HostParameters { state, gaussians } = parameters;
         state.reset_moments();
         let albedos = match self.irradiance.is_empty() {
             false => {
                 let lights = state.in_lights();
-                let gathered = (self.irradiance.iter()).map(|(&light, of)| (&lights[light], of));
+                let gathered = self
+                    .irradiance
+                    .iter()
+                    .map(|(&light, irradiance)| LitGaussians {
+                        gaussians: &lights[light],
+                        irradiance,
+                        shares: shares.get(light).map_or(&[], Vec::as_slice),
+                    });
                 irradiance::albedos(&gathered.collect::<Vec<_>>())
             }
             true => gaussians

@@ -90,6 +90,11 @@ impl Smoothing {
         smoothing
     }
 
+    /// Neighbours of a receiver on its surface, ascending, with weights.
+    pub fn neighbours(&self, receiver: usize) -> &[(u32, f32)] {
+        &self.neighbours[self.starts[receiver]..self.starts[receiver + 1]]
+    }
+
     /// `irradiance` smoothed, `[receivers]`; `variances` are those of its luminance.
     pub fn apply(&self, irradiance: &[Vec3], variances: &[f32]) -> Vec<Vec3> {
         let all = (self.starts.par_windows(2), irradiance, variances).into_par_iter();

@@ -25,6 +25,7 @@ impl Run<'_> {
         views: &Views,
     ) -> Result<Option<OwnLight>> {
         for (light, scene) in scenes.iter_mut().enumerate() {
+            self.gloss.apply(scene);
             self.mark_luminous(scene, light, views)?;
         }
         self.limit_albedos(&mut scenes, views)?;

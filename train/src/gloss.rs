@@ -1,0 +1,168 @@
+//! Gloss of surfaces, estimated after stage 0 from how their radiance differs with the direction.
+//!
+//! Photographs show a point of a surface from many directions. What a diffuse surface sends is the
+//! same in all of them; a lobe adds what the scene sends from around the mirrored direction. Light
+//! from there is traced through the scene's own radiance ([`observe`]), for lobes of several
+//! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences between
+//! views of its points best ([`fit`]). Levels do not count, only differences at the same point: a
+//! bright texture is no gloss. What continues a glossy surface or is seen on it alone is of it
+//! ([`share`], [`fill`]), and discs of a plane are laid into it ([`planes`]).
+//!
+//! A surface stays diffuse unless its lobe explains a good part of the differences, and that found
+//! in one half of the views explains the other half.
+
+mod evidence;
+mod fill;
+mod fit;
+mod observe;
+mod planes;
+mod segments;
+mod share;
+
+use crate::backend::TrainingView;
+use crate::error::Result;
+use crate::irradiance::smooth::Smoothing;
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Gaussians, Gloss};
+use eagpt_trace::cpu::CpuScene;
+use evidence::{Decision, Evidence};
+use fill::Part;
+use glam::{Quat, Vec3};
+use observe::Observations;
+use planes::Planes;
+use rayon::prelude::*;
+use segments::Segments;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A surface that was found to be glossy.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GlossySurface {
+    /// Mean of the centres of its Gaussians, world space.
+    pub centre: [f32; 3],
+    /// Its part of the area of all Gaussians that cameras see.
+    pub area_share: f32,
+    /// Number of its Gaussians.
+    pub num_gaussians: usize,
+    /// F0, linear Rec.709.
+    pub specular: [f32; 3],
+    /// Perceptual roughness.
+    pub roughness: f32,
+    /// Share of the differences between views that the lobe explains.
+    pub explained: f32,
+    /// The least share of one half of the views that the lobe of the other half explains.
+    pub foretold: f32,
+}
+
+/// The glossy surfaces of a scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Estimate {
+    /// Of each Gaussian; empty where nothing is glossy.
+    pub(crate) gloss: Vec<Gloss>,
+    /// Places and rotations of all Gaussians, those of glossy planes in the plane.
+    pub(crate) positions: Vec<Vec3>,
+    pub(crate) rotations: Vec<Quat>,
+    /// Surfaces, largest first.
+    pub(crate) surfaces: Vec<GlossySurface>,
+}
+
+impl Estimate {
+    /// What follows for `gaussians` from surfaces that are `decided` by their own views, have the
+    /// lobe of the surface in `shared`, and consist of `parts`.
+    fn new(
+        gaussians: &Gaussians,
+        seen: &Observations,
+        decided: &[Option<Decision>],
+        shared: &[Option<usize>],
+        parts: &[Part],
+    ) -> Self {
+        let mut found = Self {
+            gloss: vec![Gloss::NONE; gaussians.len()],
+            positions: gaussians.positions.clone(),
+            rotations: gaussians.rotations.clone(),
+            surfaces: Vec::new(),
+        };
+        let area =
+            |i: usize| gaussians.scales[i].x * gaussians.scales[i].y * gaussians.opacities[i];
+        let all = seen.receivers.iter().chain(&seen.faint);
+        let total: f32 = all.map(|(i, _)| area(*i as usize)).sum();
+        let mut sums: BTreeMap<usize, (f32, usize, Vec3)> = BTreeMap::new();
+        for part in parts {
+            let i = part.gaussian as usize;
+            let source = shared[part.segment as usize];
+            let Some((source, own)) = source.and_then(|s| Some((s, decided[s]?))) else {
+                continue;
+            };
+            found.gloss[i] = own.gloss;
+            let sum = sums.entry(source).or_default();
+            *sum = (sum.0 + area(i), sum.1 + 1, sum.2 + found.positions[i]);
+            if let Some(plane) = &part.plane {
+                let laid = fill::laid(plane, found.positions[i], found.rotations[i]);
+                (found.positions[i], found.rotations[i]) = laid;
+            }
+        }
+        let surface = |(source, (area, num_gaussians, place)): (usize, (f32, usize, Vec3))| {
+            let own = decided[source]?;
+            Some(GlossySurface {
+                centre: (place / num_gaussians as f32).to_array(),
+                area_share: area / total,
+                num_gaussians,
+                specular: own.gloss.specular.to_array(),
+                roughness: own.gloss.roughness,
+                explained: own.explained as f32,
+                foretold: own.foretold as f32,
+            })
+        };
+        found.surfaces = sums.into_iter().filter_map(surface).collect();
+        (found.surfaces).sort_by(|a, b| b.area_share.total_cmp(&a.area_share));
+        found
+    }
+
+    /// Gives `gaussians` the gloss that was found; discs of glossy planes lie in them.
+    pub(crate) fn apply(&self, gaussians: &mut Gaussians) {
+        if !self.gloss.is_empty() {
+            gaussians.gloss.clone_from(&self.gloss);
+            gaussians.positions.clone_from(&self.positions);
+            gaussians.rotations.clone_from(&self.rotations);
+        }
+    }
+}
+
+/// Looks for glossy surfaces among the Gaussians of stage 0, by the photographs of `views`.
+///
+/// `lights`: those Gaussians in each light, at least one. Differences count within a light; those
+/// of all lights add up.
+///
+/// # Errors
+/// If a view cannot be read.
+pub(crate) fn estimate(
+    lights: &[Gaussians],
+    views: impl Iterator<Item = Result<TrainingView>>,
+    seed: u64,
+) -> Result<Estimate> {
+    let gaussians = &lights[0];
+    let scenes: Vec<CpuScene> = lights.iter().map(CpuScene::new).collect();
+    let key = RandomKey::new(seed, Purpose::Albedo, 2);
+    let seen = Observations::new(&scenes, views, key)?;
+    if seen.receivers.is_empty() {
+        return Ok(Estimate::default());
+    }
+    let smoothing = Smoothing::new(&seen.receivers);
+    let segments = Segments::new(&seen.receivers, &smoothing, &seen.colors);
+    let planes = Planes::new(&seen.receivers, &segments, &smoothing, gaussians);
+    let evidence = evidence::evidence(&scenes, &seen, &segments, &planes, key);
+    let decided: Vec<Option<Decision>> = evidence.par_iter().map(Evidence::decide).collect();
+    if decided.iter().all(Option::is_none) {
+        return Ok(Estimate::default());
+    }
+    let shared = share::shared(&decided, &evidence, &seen, &segments, &smoothing);
+    let known = |(own, shared): (&Evidence, &Option<usize>)| {
+        (shared.is_some() || own.is_known()).then_some(shared.is_some())
+    };
+    let known: Vec<Option<bool>> = evidence.iter().zip(&shared).map(known).collect();
+    let parts = fill::parts(gaussians, &seen, &segments, &planes, &known);
+    Ok(Estimate::new(gaussians, &seen, &decided, &shared, &parts))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,290 @@
+//! Gloss of a surface by how its radiance differs with the direction.
+//!
+//! A point of albedo P seen at cosine μ sends `d (1 − E(μ)) + F₀ A + B` to the eye: A and B are the
+//! light of its specular lobe without and with Schlick's factor, E = F₀ a + b the albedo of the lobe,
+//! and d, what it scatters, is its own and unknown. Differences from the mean over the views of
+//! the same point are left to speak: with d = m − F₀ Ā − B̄, m the mean of what is seen, the model is
+//! a polynomial in F₀, `x₀ + F₀ x₁ + F₀² x₂`, whose sums of products add up over points and
+//! surfaces.
+//!
+//! A and B are sampled, twice: products of one half with the other are free of the noise that would
+//! make gloss look weaker than it is.
+
+/// Roughnesses that are tried.
+pub(super) const ROUGHNESSES: [f32; 7] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65];
+pub(super) const NUM: usize = ROUGHNESSES.len();
+/// F0 that are tried, from the least to 1 in equal ratios.
+const LEAST_SPECULAR: f64 = 0.02;
+const NUM_SPECULARS: usize = 40;
+
+/// One view of a point, for one roughness.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Lobe {
+    /// Light of the lobe without Schlick's factor, A, by half of the samples.
+    pub(super) facing: [f64; 2],
+    /// With it, B.
+    pub(super) edge: [f64; 2],
+    /// Albedo of the lobe without it, a, and with it, b.
+    pub(super) albedo: [f64; 2],
+}
+
+/// One view of a point.
+#[derive(Debug, Clone)]
+pub(super) struct Seen {
+    /// What is seen.
+    pub(super) light: f64,
+    pub(super) weight: f64,
+    pub(super) lobes: [Lobe; NUM],
+}
+
+/// Sums over views of points, demeaned for each point; for one roughness.
+#[derive(Debug, Clone, Copy, Default)]
+struct Products {
+    /// x₀x₀, x₀x₁, x₀x₂, x₁x₁, x₁x₂, x₂x₂ between the halves of samples.
+    across: [f64; 6],
+    /// The same within the halves.
+    within: [f64; 6],
+    /// With what is seen.
+    with_light: [f64; 3],
+}
+
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
+/// Factors of [`PAIRS`] in the square of the polynomial.
+fn square(specular: f64) -> [f64; 6] {
+    let f = specular;
+    [1.0, 2.0 * f, 2.0 * f * f, f * f, 2.0 * f.powi(3), f.powi(4)]
+}
+
+/// Sums over views of points; those of several surfaces add up.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sums {
+    of_light: f64,
+    lobes: [Products; NUM],
+    pub(super) num_seen: usize,
+    pub(super) num_points: usize,
+}
+
+impl Sums {
+    /// Adds the views of one point; a single one says nothing.
+    pub(super) fn add_point(&mut self, views: &[Seen]) {
+        let total: f64 = views.iter().map(|view| view.weight).sum();
+        if views.len() < 2 || total <= 0.0 {
+            return;
+        }
+        let mean_of = |value: &dyn Fn(&Seen) -> f64| {
+            views.iter().map(|v| v.weight * value(v)).sum::<f64>() / total
+        };
+        let mean = mean_of(&|view| view.light);
+        self.num_seen += views.len();
+        self.num_points += 1;
+        for view in views {
+            self.of_light += view.weight * (view.light - mean).powi(2);
+        }
+        for (k, products) in self.lobes.iter_mut().enumerate() {
+            let both = |halves: [f64; 2]| 0.5 * (halves[0] + halves[1]);
+            let facing = mean_of(&|view| both(view.lobes[k].facing));
+            let edge = mean_of(&|view| both(view.lobes[k].edge));
+            let left = mean - edge;
+            let terms = |view: &Seen| {
+                let lobe = &view.lobes[k];
+                let [a, b] = lobe.albedo;
+                [0, 1].map(|half| {
+                    [
+                        lobe.edge[half] - left * b,
+                        lobe.facing[half] - left * a + facing * b,
+                        facing * a,
+                    ]
+                })
+            };
+            let mut means = [[0.0; 3]; 2];
+            let rows: Vec<[[f64; 3]; 2]> = views.iter().map(terms).collect();
+            for (view, row) in views.iter().zip(&rows) {
+                for (mean, value) in means.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+                    *mean += view.weight / total * value;
+                }
+            }
+            for (view, row) in views.iter().zip(&rows) {
+                let x = |half: usize, term: usize| row[half][term] - means[half][term];
+                for (sums, (i, j)) in (0..6).zip(PAIRS) {
+                    let across = x(0, i) * x(1, j) + x(1, i) * x(0, j);
+                    let within = x(0, i) * x(0, j) + x(1, i) * x(1, j);
+                    products.across[sums] += 0.5 * view.weight * across;
+                    products.within[sums] += 0.5 * view.weight * within;
+                }
+                let light = view.light - mean;
+                for (term, sum) in products.with_light.iter_mut().enumerate() {
+                    *sum += view.weight * light * 0.5 * (x(0, term) + x(1, term));
+                }
+            }
+        }
+    }
+
+    /// Adds sums over other points.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.of_light += other.of_light;
+        self.num_seen += other.num_seen;
+        self.num_points += other.num_points;
+        for (sum, more) in self.lobes.iter_mut().zip(&other.lobes) {
+            let add = |sums: &mut [f64], more: &[f64]| {
+                sums.iter_mut()
+                    .zip(more)
+                    .for_each(|(sum, more)| *sum += more);
+            };
+            add(&mut sum.across, &more.across);
+            add(&mut sum.within, &more.within);
+            add(&mut sum.with_light, &more.with_light);
+        }
+    }
+
+    /// Share of the differences between views that a lobe explains: 1 for all of them, negative
+    /// where it predicts others.
+    pub(super) fn explained(&self, lobe: Fit) -> f64 {
+        if self.of_light <= 0.0 {
+            return 0.0;
+        }
+        let f = lobe.specular;
+        let products = &self.lobes[lobe.roughness];
+        let [x0, x1, x2] = products.with_light;
+        let predicted = sum_of(&products.across, f);
+        (2.0 * (x0 + f * x1 + f * f * x2) - predicted) / self.of_light
+    }
+
+    /// Part of what is predicted that is not noise of samples, 0 to 1.
+    pub(super) fn certainty(&self, lobe: Fit) -> f64 {
+        let products = &self.lobes[lobe.roughness];
+        let within = sum_of(&products.within, lobe.specular);
+        if within <= 0.0 {
+            return 0.0;
+        }
+        (sum_of(&products.across, lobe.specular) / within).clamp(0.0, 1.0)
+    }
+
+    /// The lobe that explains most, of those that are certain enough; `None` without any.
+    pub(super) fn fit(&self, certainty: f64) -> Option<Fit> {
+        let all = (0..NUM).flat_map(|roughness| speculars().map(move |f| Fit::new(roughness, f)));
+        self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
+    }
+
+    /// The F0 that explains most for one of [`ROUGHNESSES`].
+    pub(super) fn fit_specular(&self, roughness: usize) -> f64 {
+        let all = speculars().map(|f| Fit::new(roughness, f));
+        self.best(all).map_or(LEAST_SPECULAR, |fit| fit.specular)
+    }
+
+    fn best(&self, lobes: impl Iterator<Item = Fit>) -> Option<Fit> {
+        lobes.max_by(|&a, &b| self.explained(a).total_cmp(&self.explained(b)))
+    }
+}
+
+fn sum_of(products: &[f64; 6], specular: f64) -> f64 {
+    let factors = square(specular);
+    products.iter().zip(factors).map(|(sum, f)| sum * f).sum()
+}
+
+fn speculars() -> impl Iterator<Item = f64> {
+    let step = |i: usize| i as f64 / (NUM_SPECULARS - 1) as f64;
+    (0..NUM_SPECULARS).map(move |i| LEAST_SPECULAR.powf(1.0 - step(i)))
+}
+
+/// A lobe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fit {
+    /// Index in [`ROUGHNESSES`].
+    pub(super) roughness: usize,
+    /// F0.
+    pub(super) specular: f64,
+}
+
+impl Fit {
+    fn new(roughness: usize, specular: f64) -> Self {
+        Self {
+            roughness,
+            specular,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::rng::{Purpose, RandomKey};
+
+    const TRUTH: Fit = Fit {
+        roughness: 2,
+        specular: 0.3,
+    };
+
+    /// Sums over 200 points that are seen from 12 sides, where light is `light(diffuse, lobe)` of
+    /// the lobe of the truth, the halves of whose samples are this noisy.
+    fn sums(noise: f64, light: impl Fn(f64, &Lobe, f64) -> f64) -> Sums {
+        let key = RandomKey::new(5, Purpose::Albedo, 0);
+        let mut sums = Sums::default();
+        for point in 0..200 {
+            let views: Vec<Seen> = (0..12)
+                .map(|view| {
+                    let uniform = |k| key.stream(point, view * 16 + k).next_uniforms();
+                    let lobe = |k: u32| {
+                        let [a, b, c, d] = uniform(k).map(f64::from);
+                        let [p, q, ..] = uniform(8 + k).map(f64::from);
+                        let facing = [c, d].map(|half| a * a * 2.0 + noise * (half - 0.5));
+                        let edge = [p, q].map(|half| 0.2 * b + 0.1 * noise * (half - 0.5));
+                        Lobe {
+                            facing,
+                            edge,
+                            albedo: [0.9 - 0.3 * b, 0.1 * b],
+                        }
+                    };
+                    let lobes = std::array::from_fn(|k| lobe(k as u32));
+                    // Without the noise of its halves.
+                    let [a, b, ..] = uniform(TRUTH.roughness as u32).map(f64::from);
+                    let clean = Lobe {
+                        facing: [a * a * 2.0; 2],
+                        edge: [0.2 * b; 2],
+                        ..lobes[TRUTH.roughness]
+                    };
+                    let [texture, ..] = key.stream(point, 999).next_uniforms();
+                    let [other, ..] = uniform(15);
+                    Seen {
+                        light: light(0.5 + f64::from(texture), &clean, other.into()),
+                        weight: 1.0,
+                        lobes,
+                    }
+                })
+                .collect();
+            sums.add_point(&views);
+        }
+        sums
+    }
+
+    /// Noise of samples makes the lobe that is found neither weaker nor stronger.
+    #[test]
+    fn the_lobe_of_glossy_points_is_found() {
+        for noise in [0.0, 1.0] {
+            let found = sums(noise, |scattered, lobe, _| {
+                let [a, b] = lobe.albedo;
+                let reflected = TRUTH.specular * a + b;
+                scattered * (1.0 - reflected) + TRUTH.specular * lobe.facing[0] + lobe.edge[0]
+            });
+            let lobe = found.fit(0.2).expect("differences are large");
+            assert_eq!(lobe.roughness, TRUTH.roughness);
+            // The values that are tried are 10 % apart.
+            let ratio = lobe.specular / TRUTH.specular;
+            assert!((0.85..1.15).contains(&ratio), "{lobe:?}");
+            let explained = found.explained(lobe);
+            assert!(explained > 0.9 && explained < 1.1, "{explained}");
+            let certainty = found.certainty(lobe);
+            assert!(noise == 0.0 || certainty < 0.95, "{certainty}");
+        }
+    }
+
+    #[test]
+    fn other_differences_are_no_gloss() {
+        let found = sums(1.0, |scattered, _, other| scattered + 0.3 * other);
+        let lobe = found.fit(0.2).expect("samples are certain enough");
+        assert!(found.explained(lobe) < 0.02, "{lobe:?}");
+        let still = sums(1.0, |scattered, _, _| scattered);
+        let lobe = still.fit(0.2).expect("samples are certain enough");
+        assert!(still.explained(lobe) <= 0.0);
+    }
+}

@@ -1,0 +1,266 @@
+//! What photographs show of Gaussians, view by view, and what a lobe would add to it.
+
+use super::fit::{Lobe, NUM, ROUGHNESSES, Seen};
+use super::planes::Plane;
+use crate::backend::TrainingView;
+use crate::error::Result;
+use crate::surfaces::BestSeen;
+use eagpt_eval::KnownPixels;
+use eagpt_scene::Gloss;
+use eagpt_scene::rng::RandomKey;
+use eagpt_trace::Tracer;
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::transport::bsdf::{Bsdf, albedo_parts};
+use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::points::Points;
+use eagpt_trace::transport::start::Surface;
+use glam::Vec3;
+
+/// Views of Gaussians that are kept, at most.
+const MOST_KEPT: usize = 300_000;
+/// Least weight of a Gaussian in the pixel that stands for its view.
+const LEAST_WEIGHT: f32 = 0.08;
+/// Least opacity of that pixel, and most emission.
+const LEAST_ALPHA: f32 = 0.5;
+const MOST_EMISSION: f32 = 0.05;
+/// Least cosine to the normal of what is compared.
+const LEAST_COSINE: f32 = 0.15;
+/// Least cosine between the normal of a surface and that of a pixel that shows it.
+const LEAST_AGREEMENT: f32 = 0.5;
+/// Directions of each half of the samples: for each lobe, and towards emitters.
+const NUM_OF_LOBE: u32 = 3;
+const NUM_OF_LIGHTS: u32 = 8;
+
+/// A Gaussian in a view.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Observation {
+    pub(super) gaussian: u32,
+    pub(super) view: u32,
+    pub(super) weight: f32,
+    /// Number of the light of the view.
+    pub(super) light: usize,
+    /// Radiance of the photograph.
+    pub(super) radiance: Vec3,
+    /// Unit direction from the camera.
+    direction: Vec3,
+    surface: Surface,
+}
+
+/// What training views show.
+pub(super) struct Observations {
+    /// By Gaussian, then by view.
+    pub(super) kept: Vec<Observation>,
+    /// The Gaussians seen, as they are seen best.
+    pub(super) receivers: Vec<Receiver>,
+    /// Mean radiance of each of them in the photographs.
+    pub(super) colors: Vec<Vec3>,
+    /// Gaussians that are seen too faintly to be compared, as they are seen best.
+    pub(super) faint: Vec<Receiver>,
+}
+
+impl Observations {
+    /// Looks at all `views` of a place that is `scenes` in its lights, at least one; which views
+    /// are kept is chosen by `key`.
+    pub(super) fn new(
+        scenes: &[CpuScene],
+        views: impl Iterator<Item = Result<TrainingView>>,
+        key: RandomKey,
+    ) -> Result<Self> {
+        let num = scenes[0].surfels().surfels.len();
+        let mut best = BestSeen::new(num);
+        let mut sums = vec![(Vec3::ZERO, 0.0_f32); num];
+        let mut kept: Vec<Observation> = Vec::new();
+        let word = |gaussian: u32| key.stream(gaussian, 0).next_words()[0];
+        let mut limit = u32::MAX;
+        for (number, training) in (0..).zip(views) {
+            let TrainingView { light, view, .. } = training?;
+            let camera = &view.camera;
+            let known = view.valid.as_ref().map(KnownPixels::new);
+            let (features, contributions) = scenes[light].contributions(camera, &|_, _| 0.0)?;
+            best.add_traced(camera, &features, &contributions);
+            let frame = camera.ray_frame();
+            for found in contributions {
+                let pixel = found.pixel as usize;
+                let seen = &features.pixels[pixel];
+                let is_clipped = (view.clipped.as_ref())
+                    .is_some_and(|mask| mask.pixels()[pixel].iter().any(|&c| c > 0.0));
+                if found.largest_weight < LEAST_WEIGHT
+                    || seen.alpha() < LEAST_ALPHA
+                    || seen.emission() > MOST_EMISSION
+                    || known.as_ref().is_some_and(|known| !known.has(pixel))
+                    || is_clipped
+                {
+                    continue;
+                }
+                let radiance = Vec3::from(view.radiance.pixels()[pixel]);
+                let (sum, total) = &mut sums[found.gaussian as usize];
+                *sum += radiance * found.largest_weight;
+                *total += found.largest_weight;
+                if word(found.gaussian) > limit {
+                    continue;
+                }
+                let (x, y) = (found.pixel % camera.width, found.pixel / camera.width);
+                let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+                if let Some(surface) = Surface::at(frame.origin, direction, seen) {
+                    kept.push(Observation {
+                        gaussian: found.gaussian,
+                        view: number,
+                        weight: found.largest_weight,
+                        light,
+                        radiance,
+                        direction,
+                        surface,
+                    });
+                }
+            }
+            // Fewer Gaussians, with all of their views, where there are many.
+            while kept.len() > MOST_KEPT {
+                limit /= 2;
+                kept.retain(|seen| word(seen.gaussian) <= limit);
+            }
+        }
+        let of_best = |o: &Observation| (o.gaussian, o.view, std::cmp::Reverse(o.weight.to_bits()));
+        kept.sort_unstable_by_key(of_best);
+        kept.dedup_by_key(|o| (o.gaussian, o.view));
+        let (receivers, faint): (Vec<Receiver>, Vec<Receiver>) = (0..)
+            .zip(best.finish())
+            .filter_map(|(i, surface): (u32, _)| Some((i, surface?)))
+            .partition(|(i, _)| sums[*i as usize].1 > 0.0);
+        let color = |(i, _): &Receiver| sums[*i as usize].0 / sums[*i as usize].1;
+        Ok(Self {
+            colors: receivers.iter().map(color).collect(),
+            kept,
+            receivers,
+            faint,
+        })
+    }
+}
+
+impl Observation {
+    /// What lobes would mirror here, on a surface of unit `normal`, which may lie in a `plane`;
+    /// `None` where that is seen too flatly. For each channel of light, and its luminance last.
+    pub(super) fn predict(
+        &self,
+        scene: &CpuScene,
+        (normal, plane): (Vec3, Option<Plane>),
+        key: RandomKey,
+    ) -> Option<[[Lobe; NUM]; 4]> {
+        let normal = normal * -normal.dot(self.direction).signum();
+        let cosine = -normal.dot(self.direction);
+        if cosine < LEAST_COSINE || normal.dot(self.surface.normal) < LEAST_AGREEMENT {
+            return None;
+        }
+        let mut surface = Surface {
+            normal,
+            ..self.surface
+        };
+        if let Some(plane) = plane {
+            // Where the view meets the plane; other discs of it are no neighbours to mirror.
+            let distance = -plane.height(surface.position) / plane.normal.dot(self.direction);
+            surface.position += self.direction * distance;
+            surface.offset = surface.offset.max(plane.reach);
+        }
+        let lobes = ROUGHNESSES.map(|roughness| {
+            let gloss = Gloss {
+                specular: Vec3::ONE,
+                roughness,
+            };
+            Bsdf::new(normal, -self.direction, Vec3::ZERO, gloss)
+        });
+        let mut found = [[Lobe::default(); NUM]; 4];
+        for (k, roughness) in ROUGHNESSES.into_iter().enumerate() {
+            let albedo = albedo_parts(roughness, cosine).map(f64::from);
+            found.iter_mut().for_each(|of| of[k].albedo = albedo);
+        }
+        let element = key.stream(self.gaussian, self.view).next_words()[0];
+        for half in 0..2 {
+            let points = Points::new(key, element.wrapping_add(half));
+            let sampler = Sampler {
+                scene,
+                surface: &surface,
+                lobes: &lobes,
+                direction: self.direction,
+            };
+            sampler.add(&points, half as usize, &mut found);
+        }
+        Some(found)
+    }
+
+    /// As a sample of its point, whose `light` counts by `weight`.
+    pub(super) fn seen(&self, light: f32, scale: f32, lobes: [Lobe; NUM]) -> Seen {
+        Seen {
+            light: light.into(),
+            weight: f64::from(self.weight * scale),
+            lobes,
+        }
+    }
+}
+
+/// Light of all lobes from the same directions, each weighted by the density with which lobes and
+/// emitters together choose it (balance heuristic of several samples, Veach 1997, section 9.2).
+struct Sampler<'a> {
+    scene: &'a CpuScene,
+    surface: &'a Surface,
+    lobes: &'a [Bsdf; NUM],
+    direction: Vec3,
+}
+
+impl Sampler<'_> {
+    fn add(&self, points: &Points, half: usize, found: &mut [[Lobe; NUM]; 4]) {
+        let mut number = 0;
+        for (block, lobe) in (0..).zip(self.lobes) {
+            for sample in 0..NUM_OF_LOBE {
+                let [_, a, b, _] = points.block(sample, block);
+                number += 1;
+                if let Some(chosen) = lobe.sample([0.0, a, b]) {
+                    self.add_direction(chosen.direction, number, half, found);
+                }
+            }
+        }
+        if let Some(lights) = self.scene.lights() {
+            for sample in 0..NUM_OF_LIGHTS {
+                let [pick, a, b, _] = points.block(sample, NUM as u32);
+                number += 1;
+                if let Some(direction) = lights.sample(self.surface.position, pick, a, b) {
+                    self.add_direction(direction, number, half, found);
+                }
+            }
+        }
+    }
+
+    fn add_direction(
+        &self,
+        direction: Vec3,
+        number: u32,
+        half: usize,
+        found: &mut [[Lobe; NUM]; 4],
+    ) {
+        let of_lobes = self.lobes.map(|lobe| lobe.evaluate(direction));
+        let mut density: f32 = of_lobes.iter().map(|(_, density)| density).sum();
+        density *= NUM_OF_LOBE as f32;
+        if of_lobes.iter().all(|(value, _)| value.x <= 0.0) {
+            return;
+        }
+        if let Some(lights) = self.scene.lights() {
+            density += NUM_OF_LIGHTS as f32 * lights.density(self.surface.position, direction);
+        }
+        if density <= 0.0 {
+            return;
+        }
+        let ray = self.surface.ray(direction);
+        let Some(hit) = self.scene.realization_hit(&ray, number) else {
+            return;
+        };
+        let [x, y, z] = self.scene.attributes(hit.index).radiance().to_array();
+        let luminance = eagpt_scene::color::luminance([x, y, z]);
+        let facing = (direction - self.direction).normalize().dot(direction);
+        let edge = (1.0 - facing).clamp(0.0, 1.0).powi(5);
+        for (of, light) in found.iter_mut().zip([x, y, z, luminance]) {
+            for (lobe, (value, _)) in of.iter_mut().zip(&of_lobes) {
+                let light = light * value.x / density;
+                lobe.facing[half] += f64::from(light * (1.0 - edge));
+                lobe.edge[half] += f64::from(light * edge);
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Surfaces too small or too dark to tell their own gloss take that of a surface they continue.
+
+use super::evidence::{Decision, Evidence};
+use super::observe::Observations;
+use super::segments::Segments;
+use crate::irradiance::smooth::Smoothing;
+use glam::Vec3;
+use std::collections::BTreeMap;
+
+/// Rounds in which gloss goes on to the next surface.
+const ROUNDS: usize = 3;
+/// A surface that speaks for itself takes a lobe that explains this share of its own differences;
+/// another one that is not against them, if it has the same colour.
+const LEAST_SUPPORT: f64 = 0.05;
+/// Difference of the logarithm of colour of what counts as the same.
+const SAME_COLOR: f32 = 0.35;
+
+/// Of each surface, the one whose lobe it has: itself where it is `decided`, another, or none.
+pub(super) fn shared(
+    decided: &[Option<Decision>],
+    evidence: &[Evidence],
+    seen: &Observations,
+    segments: &Segments,
+    smoothing: &Smoothing,
+) -> Vec<Option<usize>> {
+    let mut source: Vec<Option<usize>> = (decided.iter().enumerate())
+        .map(|(segment, lobe)| lobe.map(|_| segment))
+        .collect();
+    let mut sums = vec![(Vec3::ZERO, 0.0_f32); segments.num];
+    for (color, &segment) in seen.colors.iter().zip(&segments.of) {
+        let (sum, num) = &mut sums[segment as usize];
+        *sum += *color;
+        *num += 1.0;
+    }
+    let log = |segment: usize| (sums[segment].0 / sums[segment].1).map(|c| c.max(1e-6).ln());
+    let mut borders: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    for i in 0..seen.receivers.len() {
+        for &(j, _) in smoothing.neighbours(i) {
+            let (a, b) = (segments.of[i] as usize, segments.of[j as usize] as usize);
+            if a != b {
+                *borders.entry((a, b)).or_default() += 1;
+            }
+        }
+    }
+    for _ in 0..ROUNDS {
+        let mut best: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
+        for (&(segment, other), &num) in &borders {
+            let (None, Some(from)) = (source[segment], source[other]) else {
+                continue;
+            };
+            let Some(Decision { lobe, .. }) = decided[from] else {
+                continue;
+            };
+            let own = &evidence[segment];
+            let takes = if own.is_known() {
+                own.all.explained(lobe) >= LEAST_SUPPORT
+            } else {
+                let is_same = (log(segment) - log(from)).length() <= SAME_COLOR;
+                is_same && own.all.explained(lobe) >= 0.0
+            };
+            if takes && best.get(&segment).is_none_or(|&(most, _)| num > most) {
+                best.insert(segment, (num, from));
+            }
+        }
+        if best.is_empty() {
+            break;
+        }
+        for (segment, (_, from)) in best {
+            source[segment] = Some(from);
+        }
+    }
+    source
+}

@@ -1,0 +1,186 @@
+//! Gloss from pictures of a scene whose gloss is known.
+
+use super::*;
+use eagpt_scene::{Camera, View};
+use eagpt_testkit::gaussians::{look_at, material, rectangle};
+use eagpt_trace::{Integrator, LightOptions, Tracer};
+use glam::{DVec3, Mat3};
+use std::slice::from_ref;
+use std::sync::Arc;
+
+const FLOOR: Gloss = Gloss {
+    specular: Vec3::splat(0.3),
+    roughness: 0.3,
+};
+
+/// A floor below a lamp and before walls, all of which carry their light.
+fn corner(gloss: Gloss) -> Gaussians {
+    let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    let mut floor = material(Vec3::splat(0.25), 0.0, Vec3::splat(0.4));
+    floor.gloss = gloss;
+    let dark = material(Vec3::new(0.1, 0.12, 0.15), 0.0, Vec3::splat(0.5));
+    let bright = material(Vec3::new(0.8, 0.7, 0.6), 0.0, Vec3::splat(0.5));
+    let lamp = material(Vec3::splat(6.0), 1.0, Vec3::ZERO);
+    let mut discs = rectangle(Vec3::ZERO, 1.5 * x, 1.5 * y, 0.1, floor);
+    discs.extend(rectangle(1.5 * y + z, 1.5 * x, z, 0.1, dark));
+    discs.extend(rectangle(1.5 * x + z, 1.5 * y, z, 0.1, bright));
+    let above = Vec3::new(0.2, 0.3, 1.7);
+    discs.extend(rectangle(above, 0.3 * x, 0.3 * y, 0.05, lamp));
+    discs.into_iter().collect()
+}
+
+fn cameras() -> Vec<Camera> {
+    (0..16)
+        .map(|i| {
+            let (sin, cos) = (0.2 * f64::from(i) - 2.6).sin_cos();
+            let eye = DVec3::new(1.3 * cos, 1.3 * sin, 0.6 + 0.3 * f64::from(i % 3));
+            look_at(eye, DVec3::new(0.2, 0.2, 0.1), 48, 36)
+        })
+        .collect()
+}
+
+/// Pictures of `scene`.
+fn pictures(scene: &Gaussians) -> Vec<Result<TrainingView>> {
+    let scene = CpuScene::new(scene);
+    let take = |(index, camera): (usize, Camera)| {
+        let gather = Integrator::Gather { num_samples: 64 };
+        let seen = scene.render(&camera, &gather, &LightOptions::default());
+        let view = View {
+            name: index.to_string(),
+            camera,
+            radiance: seen.unwrap().radiance,
+            emission: None,
+            normal: None,
+            alpha: None,
+            depth: None,
+            albedo: None,
+            clipped: None,
+            valid: None,
+        };
+        Ok(TrainingView {
+            index,
+            light: 0,
+            view: Arc::new(view),
+        })
+    };
+    cameras().into_iter().enumerate().map(take).collect()
+}
+
+#[test]
+fn a_glossy_floor_is_found_and_nothing_else() {
+    let (truth, plain) = (corner(FLOOR), corner(Gloss::NONE));
+    let found = estimate(from_ref(&plain), pictures(&truth).into_iter(), 1).unwrap();
+    assert_eq!(found.surfaces.len(), 1, "{:?}", found.surfaces);
+    let surface = found.surfaces[0];
+    assert_eq!(surface.roughness, FLOOR.roughness);
+    let off = surface.specular[0] / FLOOR.specular.x;
+    assert!((0.75..1.3).contains(&off), "{surface:?}");
+    assert!(surface.foretold > 0.5, "{surface:?}");
+    let mut num = 0;
+    for (i, gloss) in found.gloss.iter().enumerate() {
+        let is_floor = truth.gloss_of(i).is_some();
+        assert!(is_floor || !gloss.is_some(), "{i}");
+        num += usize::from(gloss.is_some());
+    }
+    let num_floor = truth.gloss.iter().filter(|gloss| gloss.is_some()).count();
+    assert!(num > num_floor * 3 / 5, "{num} of {num_floor}");
+    let mut applied = plain.clone();
+    found.apply(&mut applied);
+    assert!(applied.is_glossy());
+    let moved = applied.positions.iter().zip(&plain.positions);
+    let most = moved.map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(most < 1e-3, "{most}");
+}
+
+/// Discs of the floor that are tilted, off its plane or too faint to be compared are of it.
+#[test]
+fn a_ragged_floor_is_glossy_as_a_whole() {
+    let (truth, mut ragged) = (corner(FLOOR), corner(Gloss::NONE));
+    let key = RandomKey::new(3, Purpose::Albedo, 0);
+    let is_floor = |i: usize| truth.gloss_of(i).is_some();
+    let num_floor = (0..truth.len()).filter(|&i| is_floor(i)).count();
+    for i in (0..truth.len()).filter(|&i| is_floor(i)) {
+        let [a, b, c, d] = key.stream(i as u32, 0).next_uniforms();
+        let tilt = Quat::from_rotation_x(0.2 * (a - 0.5)) * Quat::from_rotation_y(0.2 * (b - 0.5));
+        ragged.rotations[i] = tilt * ragged.rotations[i];
+        ragged.positions[i].z += 0.01 * (c - 0.5);
+        if d < 0.2 {
+            ragged.opacities[i] = 0.03;
+        }
+    }
+    let found = estimate(from_ref(&ragged), pictures(&truth).into_iter(), 1).unwrap();
+    assert_eq!(found.surfaces.len(), 1, "{:?}", found.surfaces);
+    let mut applied = ragged;
+    found.apply(&mut applied);
+    let glossy: Vec<usize> = (0..applied.len())
+        .filter(|&i| applied.gloss_of(i).is_some())
+        .collect();
+    assert!(glossy.iter().all(|&i| is_floor(i)));
+    // The rest is out of sight.
+    let num = glossy.len();
+    assert!(num > num_floor * 3 / 5, "{num} of {num_floor}");
+    let normals = glossy.iter().map(|&i| {
+        let normal = Mat3::from_quat(applied.rotations[i]).z_axis;
+        normal * normal.z.signum()
+    });
+    let mean = normals.clone().sum::<Vec3>().normalize();
+    assert!(mean.z > 0.999, "{mean}");
+    let heights = glossy.iter().map(|&i| mean.dot(applied.positions[i]));
+    let middle = segments::median(heights.clone().collect());
+    let is_even = |(height, normal): &(f32, Vec3)| {
+        (height - middle).abs() < 1e-3 && normal.dot(mean) > 1.0 - 1e-4
+    };
+    let num_even = heights.zip(normals).filter(is_even).count();
+    assert!(num_even > num * 19 / 20, "{num_even} of {num}");
+}
+
+/// Differences within each of two lights add up.
+#[test]
+fn views_in_another_light_count_too() {
+    let (truth, plain) = (corner(FLOOR), corner(Gloss::NONE));
+    let dimmed = |scene: &Gaussians| {
+        let mut dimmed = scene.clone();
+        dimmed.radiances.iter_mut().for_each(|light| *light *= 0.5);
+        dimmed
+    };
+    let num = cameras().len();
+    let second = pictures(&dimmed(&truth)).into_iter().map(|view| {
+        view.map(|view| TrainingView {
+            index: view.index + num,
+            light: 1,
+            ..view
+        })
+    });
+    let lights = [plain.clone(), dimmed(&plain)];
+    let found = estimate(&lights, pictures(&truth).into_iter().chain(second), 1).unwrap();
+    assert_eq!(found.surfaces.len(), 1, "{:?}", found.surfaces);
+    let one = estimate(&lights[..1], pictures(&truth).into_iter(), 1).unwrap();
+    let [two, one] = [found, one].map(|found| found.surfaces[0]);
+    assert_eq!(two.roughness, one.roughness);
+    let ratio = two.specular[0] / one.specular[0];
+    assert!((0.8..1.25).contains(&ratio), "{two:?} {one:?}");
+}
+
+#[test]
+fn discs_are_laid_into_their_plane_unless_they_are_far_from_it() {
+    let plane = planes::Plane {
+        normal: Vec3::new(0.1, 0.2, 1.0).normalize(),
+        offset: 0.5,
+        reach: 0.1,
+    };
+    let centre = 0.55 * plane.normal + plane.normal.any_orthonormal_vector();
+    for own in [Quat::IDENTITY, Quat::from_rotation_x(3.0)] {
+        let (place, rotation) = fill::laid(&plane, centre, own);
+        let axis = Mat3::from_quat(rotation).z_axis;
+        assert!(axis.dot(plane.normal).abs() > 1.0 - 1e-5);
+        assert!(plane.height(place).abs() < 1e-6);
+        assert!((place.distance(centre) - 0.05).abs() < 1e-6);
+    }
+    let steep = Quat::from_rotation_x(1.2);
+    assert_eq!(fill::laid(&plane, centre, steep), (centre, steep));
+    let far = 0.7 * plane.normal;
+    assert_eq!(
+        fill::laid(&plane, far, Quat::IDENTITY),
+        (far, Quat::IDENTITY)
+    );
+}

@@ -1,0 +1,129 @@
+//! Gloss between the stages: estimated, and taken out of what albedos are to explain.
+
+use super::Run;
+use super::views::Views;
+use crate::backend::{Backend, TrainingView};
+use crate::error::Result;
+use crate::gloss::{self, Estimate};
+use crate::progress::TrainProgress;
+use eagpt_scene::Gaussians;
+use eagpt_scene::color::luminance;
+use eagpt_trace::cpu::{CpuScene, Mirrored};
+use eagpt_trace::{LightOptions, Tracer};
+use glam::Vec3;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Directions of the specular lobe at each pixel of a training view.
+const NUM_SAMPLES: u32 = 16;
+/// Light is divided by no smaller share that a lobe leaves to the albedo: what metals scatter is
+/// noise.
+const LEAST_LEFT: f32 = 0.25;
+
+/// The gloss of a run.
+#[derive(Default)]
+pub(super) struct RunGloss {
+    estimate: Estimate,
+    /// For each training view, the pixels with gloss and what an albedo is to explain there.
+    diffuse: HashMap<usize, Vec<(u32, Vec3)>>,
+    /// For each light, of that of each Gaussian what an albedo is to explain; empty where all of it
+    /// is.
+    pub(super) shares: Vec<Vec<f32>>,
+}
+
+impl RunGloss {
+    /// Gives the finished scene its gloss.
+    pub(super) fn apply(&self, gaussians: &mut Gaussians) {
+        self.estimate.apply(gaussians);
+    }
+
+    /// A view as stage 1 is to explain it. It has another index than the photograph: prepared
+    /// copies of the two differ.
+    pub(super) fn diffuse_view(&self, training: TrainingView, num_frames: usize) -> TrainingView {
+        let Some(pixels) = self.diffuse.get(&training.index) else {
+            return training;
+        };
+        let mut view = (*training.view).clone();
+        for &(pixel, light) in pixels {
+            view.radiance.pixels_mut()[pixel as usize] = light.to_array();
+        }
+        TrainingView {
+            light: training.light,
+            index: training.index + num_frames,
+            view: Arc::new(view),
+        }
+    }
+}
+
+impl Run<'_> {
+    /// Estimates the gloss of the scene of stage 0, where that is asked for. It is not stored: a
+    /// resumed run estimates the same again.
+    pub(super) fn estimate_gloss(
+        &mut self,
+        backend: &mut dyn Backend,
+        views: &Views,
+    ) -> Result<RunGloss> {
+        let options = &self.request.options;
+        if !options.albedo.gloss {
+            return Ok(RunGloss::default());
+        }
+        (self.progress)(TrainProgress::Gloss { surfaces: None });
+        let mut lights = backend.state()?.in_lights();
+        let estimate = gloss::estimate(&lights, views.iter(), options.seed)?;
+        (self.progress)(TrainProgress::Gloss {
+            surfaces: Some(estimate.surfaces.clone()),
+        });
+        let mut found = RunGloss {
+            estimate,
+            ..RunGloss::default()
+        };
+        if found.estimate.gloss.is_empty() {
+            return Ok(found);
+        }
+        for gaussians in &mut lights {
+            found.apply(gaussians);
+        }
+        let scenes: Vec<CpuScene> = lights.iter().map(CpuScene::new).collect();
+        let mut sums = vec![vec![(0.0_f32, 0.0_f32); lights[0].len()]; lights.len()];
+        for (seed, training) in (options.seed..).zip(views.iter()) {
+            let TrainingView { index, light, view } = training?;
+            let (scene, sums) = (&scenes[light], &mut sums[light]);
+            let sampling = LightOptions {
+                seed,
+                emission_threshold: options.albedo.emission_threshold,
+                ..LightOptions::default()
+            };
+            let features = scene.gbuffer(&view.camera)?;
+            let mirrored = scene.mirrored(&view.camera, &features, NUM_SAMPLES, &sampling);
+            let mut pixels = Vec::new();
+            let mut shares = vec![1.0_f32; mirrored.len()];
+            for (i, mirrored) in mirrored.iter().enumerate() {
+                if mirrored.reflectance == Vec3::ZERO {
+                    continue;
+                }
+                let seen = Vec3::from(view.radiance.pixels()[i]);
+                let diffuse = diffuse(seen, mirrored);
+                let all = luminance(seen.to_array()).max(f32::MIN_POSITIVE);
+                shares[i] = luminance(diffuse.to_array()) / all;
+                pixels.push((i as u32, diffuse));
+            }
+            let value = |pixel: usize, _: &eagpt_trace::Features| shares[pixel];
+            for of in scene.contributions(&view.camera, &value)?.1 {
+                let (sum, total) = &mut sums[of.gaussian as usize];
+                *sum += of.weighted_value;
+                *total += of.weight;
+            }
+            found.diffuse.insert(index, pixels);
+        }
+        let share = |(sum, total): (f32, f32)| if total > 0.0 { sum / total } else { 1.0 };
+        let shares = sums.into_iter().map(|of| of.into_iter().map(share));
+        found.shares = shares.map(Iterator::collect).collect();
+        Ok(found)
+    }
+}
+
+/// Light that the albedo is to explain: what the lobe does not mirror, as if there were none.
+fn diffuse(seen: Vec3, mirrored: &Mirrored) -> Vec3 {
+    let left = (Vec3::ONE - mirrored.reflectance).max(Vec3::splat(LEAST_LEFT));
+    (seen - mirrored.light).max(Vec3::ZERO) / left
+}
