@@ -111,6 +111,11 @@ void main() {
  */
 export function traceShader(model: Record<string, number>, window: number, pick: boolean): string {
   const constant = (name: string) => model[name].toExponential();
+  // Unrolled, of scalars: software graphics keep arrays in memory.
+  const each = (line: (k: number) => string, backwards = false) => {
+    const lines = Array.from({ length: window }, (_, k) => line(k));
+    return (backwards ? lines.reverse() : lines).join("\n");
+  };
   return `${HEAD}${LIST}
 uniform sampler2D seenU, seenV, seenPlane, seenShown;
 uniform usampler2D starts, entries;
@@ -120,7 +125,6 @@ uniform vec2 pickAt;
 
 layout(location = 0) out vec4 result;
 
-const int WINDOW = ${window};
 const float MAX_RADIUS_2 = ${(model.MAX_RADIUS ** 2).toExponential()};
 const float MIN_ALPHA = ${constant("MIN_ALPHA")};
 const float MIN_WEIGHT = ${constant("MIN_WEIGHT")};
@@ -130,12 +134,12 @@ vec3 sum = vec3(0.0);
 float transmittance = 1.0;
 float picked = -1.0, pickedWeight = 0.0, depth = 0.0;
 
-void blend(vec3 hit) {
-  float weight = transmittance * hit.y;
+void blend(float t, vec2 hit) {
+  float weight = transmittance * hit.x;
   if (weight < MIN_WEIGHT) return;
-  sum += weight * texelFetch(seenShown, place(int(hit.z)), 0).rgb;
-  transmittance *= 1.0 - hit.y;
-  ${pick ? "depth += weight * hit.x; if (weight > pickedWeight) { pickedWeight = weight; picked = hit.z; }" : ""}
+  sum += weight * texelFetch(seenShown, place(int(hit.y)), 0).rgb;
+  transmittance *= 1.0 - hit.x;
+  ${pick ? "depth += weight * t; if (weight > pickedWeight) { pickedWeight = weight; picked = hit.y; }" : ""}
 }
 
 void main() {
@@ -145,9 +149,8 @@ void main() {
   int entry = int(texelFetch(starts, place(index), 0).r);
   int end = int(texelFetch(starts, place(index + 1), 0).r);
   vec3 direction = base + stepX * pixel.x + stepY * pixel.y;
-  // Farthest first; (distance, opacity, disc), a distance below 0 where there is no hit.
-  vec3 waiting[WINDOW];
-  for (int k = 0; k < WINDOW; k++) waiting[k] = vec3(-1.0, 0.0, 0.0);
+  // Farthest first; (opacity, disc), a distance below 0 where there is no hit.
+${each((k) => `  float t${k} = -1.0; vec2 hit${k} = vec2(0.0);`)}
   for (; entry < end && transmittance >= MIN_TRANSMITTANCE; entry++) {
     int disc = int(texelFetch(entries, place(entry), 0).r);
     ivec2 where = place(disc);
@@ -162,18 +165,17 @@ void main() {
     if (!(r2 <= MAX_RADIUS_2)) continue;
     float alpha = plane.w * exp(-0.5 * r2);
     if (alpha < MIN_ALPHA) continue;
-    vec3 hit = vec3(t, alpha, float(disc));
-    for (int k = 0; k < WINDOW; k++) {
-      bool farther = hit.x > waiting[k].x;
-      vec3 other = waiting[k];
-      waiting[k] = farther ? hit : other;
-      hit = farther ? other : hit;
-    }
-    if (hit.x > 0.0) blend(hit);
+    vec2 hit = vec2(alpha, float(disc));
+    bool farther;
+    float nearer;
+    vec2 other;
+${each(
+  (k) => `    farther = t > t${k}; nearer = min(t, t${k}); t${k} = max(t, t${k}); t = nearer;
+    other = hit${k}; hit${k} = farther ? hit : other; hit = farther ? other : hit;`,
+)}
+    if (t > 0.0) blend(t, hit);
   }
-  for (int k = WINDOW - 1; k >= 0; k--) {
-    if (waiting[k].x > 0.0 && transmittance >= MIN_TRANSMITTANCE) blend(waiting[k]);
-  }
+${each((k) => `  if (t${k} > 0.0 && transmittance >= MIN_TRANSMITTANCE) blend(t${k}, hit${k});`, true)}
   float alpha = 1.0 - transmittance;
   result = ${pick ? "vec4(picked, alpha > 0.0 ? depth / alpha * length(direction) : -1.0, alpha, pickedWeight)" : "vec4(sum, alpha)"};
 }`;
