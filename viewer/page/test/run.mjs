@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { findChromium, withBrowser } from "./browser.mjs";
+import { findChromium, findFirefox, withBrowser, withFirefox } from "./browser.mjs";
 import { control, edits, press } from "./edits.mjs";
 import { decode, decodeUri, psnr } from "./psnr.mjs";
 import { eagpt, makeLit, makeRoom, serve, VIEWS } from "./room.mjs";
@@ -263,11 +263,21 @@ async function comparison(open, room) {
   await page.close();
 }
 
+/** A picture of the page in another browser. */
+async function elsewhere(open, room) {
+  const { page, complaints } = await open(`file://${room.page}`);
+  await compare(page, "Firefox", room.render("renders-firefox")(VIEWS[1]), {}, VIEWS[1]);
+  assert.deepEqual(complaints, []);
+  await page.close();
+}
+
 const folder = await mkdtemp(join(tmpdir(), "eagpt-viewer-room-"));
 try {
   await withBrowser(async (open) => {
     const room = await pictures(open, folder, 0);
-    await pictures(open, folder, 2);
+    const varied = await pictures(open, folder, 2);
+    if (findFirefox()) await withFirefox((open) => elsewhere(open, varied));
+    else console.log("skipped: the page in Firefox: no Firefox (FIREFOX names one), or no Xvfb");
     const found = await lights(open, folder);
     await served(open, folder, found);
     await edits(open, folder, { ...found, compare });
