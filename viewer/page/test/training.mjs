@@ -14,7 +14,7 @@ export async function training(open, folder, compare) {
     await page.waitForFunction(() => document.querySelector(".curve polyline"), { timeout: 60_000, polling: 100 });
     await page.waitForFunction(
       () => document.querySelector("#panel").textContent.includes("The training has ended."),
-      { timeout: 300_000, polling: 100 },
+      { timeout: 600_000, polling: 100 },
     );
     await page.waitForFunction(() => window.eagptViewer.follows(), { timeout: 60_000, polling: 50 });
     assert.notEqual(await page.evaluate(() => window.eagptViewer.bits()), first);
