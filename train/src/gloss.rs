@@ -6,7 +6,7 @@
 //! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences between
 //! views of its points best ([`fit`]). Levels do not count, only differences at the same point: a
 //! bright texture is no gloss. What continues a glossy surface or is seen on it alone is of it
-//! ([`share`], [`fill`]), and discs of a plane are laid into it ([`planes`]).
+//! ([`share`], [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
 //!
 //! A surface stays diffuse unless its lobe explains a good part of the differences, and that found
 //! in one half of the views explains the other half.
@@ -25,7 +25,7 @@ use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, Gloss};
 use eagpt_trace::cpu::CpuScene;
-use evidence::{Decision, Evidence};
+use evidence::{Decision, Evidence, METAL};
 use fill::Part;
 use glam::{Quat, Vec3};
 use observe::Observations;
@@ -59,8 +59,7 @@ pub struct GlossySurface {
 pub(crate) struct Estimate {
     /// Of each Gaussian; empty where nothing is glossy.
     pub(crate) gloss: Vec<Gloss>,
-    /// Places and rotations of all Gaussians, those of glossy planes in the plane.
-    pub(crate) positions: Vec<Vec3>,
+    /// Rotations of all Gaussians, those of metal planes turned to face one way.
     pub(crate) rotations: Vec<Quat>,
     /// Surfaces, largest first.
     pub(crate) surfaces: Vec<GlossySurface>,
@@ -78,7 +77,6 @@ impl Estimate {
     ) -> Self {
         let mut found = Self {
             gloss: vec![Gloss::NONE; gaussians.len()],
-            positions: gaussians.positions.clone(),
             rotations: gaussians.rotations.clone(),
             surfaces: Vec::new(),
         };
@@ -95,10 +93,11 @@ impl Estimate {
             };
             found.gloss[i] = own.gloss;
             let sum = sums.entry(source).or_default();
-            *sum = (sum.0 + area(i), sum.1 + 1, sum.2 + found.positions[i]);
-            if let Some(plane) = &part.plane {
-                let laid = fill::laid(plane, found.positions[i], found.rotations[i]);
-                (found.positions[i], found.rotations[i]) = laid;
+            *sum = (sum.0 + area(i), sum.1 + 1, sum.2 + gaussians.positions[i]);
+            // What dielectrics mirror is little: even normals bring less than the turn costs.
+            let is_metal = f64::from(own.gloss.specular.max_element()) >= METAL;
+            if let Some(plane) = part.plane.filter(|_| is_metal) {
+                found.rotations[i] = fill::turned(found.rotations[i], plane.normal);
             }
         }
         let surface = |(source, (area, num_gaussians, place)): (usize, (f32, usize, Vec3))| {
@@ -118,11 +117,10 @@ impl Estimate {
         found
     }
 
-    /// Gives `gaussians` the gloss that was found; discs of glossy planes lie in them.
+    /// Gives `gaussians` the gloss that was found, and turns discs of metal planes.
     pub(crate) fn apply(&self, gaussians: &mut Gaussians) {
         if !self.gloss.is_empty() {
             gaussians.gloss.clone_from(&self.gloss);
-            gaussians.positions.clone_from(&self.positions);
             gaussians.rotations.clone_from(&self.rotations);
         }
     }

@@ -29,7 +29,7 @@ const LEAST_FORETOLD: f64 = 0.1;
 /// Least part of the predicted light that is no noise.
 const LEAST_CERTAINTY: f64 = 0.3;
 /// F0 from which on a surface is a metal, which may have a colour.
-const METAL: f64 = 0.2;
+pub(super) const METAL: f64 = 0.2;
 
 /// A surface that is glossy by its own views.
 #[derive(Debug, Clone, Copy)]
@@ -107,8 +107,9 @@ impl Evidence {
     /// F0 of each channel: grey, unless a colour of one half of the views explains the other half
     /// better.
     fn specular(&self, lobe: Fit) -> Vec3 {
-        let grey = Vec3::splat(lobe.specular as f32);
-        if lobe.specular < METAL {
+        let corrected = self.all.corrected(lobe);
+        let grey = Vec3::splat(corrected as f32);
+        if corrected < METAL {
             return grey;
         }
         let colour_of = |sums: &[Sums; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
@@ -125,7 +126,10 @@ impl Evidence {
             explained(of, found) > explained(of, [lobe.specular; 3])
         });
         match is_colour {
-            true => Vec3::from(colour_of(&self.channels).map(|f| f as f32)),
+            true => {
+                let found = Vec3::from(colour_of(&self.channels).map(|f| f as f32));
+                (found * (corrected / lobe.specular) as f32).min(Vec3::ONE)
+            }
             false => grey,
         }
     }

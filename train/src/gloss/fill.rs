@@ -1,5 +1,5 @@
 //! Glossy surfaces made whole: Gaussians too faint to be compared, and the few whose views say
-//! nothing, are of the surface that they are seen on; discs of a plane lie in it.
+//! nothing, are of the surface that they are seen on.
 
 use super::observe::Observations;
 use super::planes::{Plane, Planes};
@@ -96,18 +96,13 @@ pub(super) fn parts(
     parts
 }
 
-/// A disc of a surface with this `plane`, by its centre and its rotation: in the plane, unless it is
-/// far from it or tilted much.
-pub(super) fn laid(plane: &Plane, centre: Vec3, rotation: Quat) -> (Vec3, Quat) {
-    let height = plane.height(centre);
+/// The rotation of a disc, turned so that its normal, or its back, is the unit `normal`; as it is if
+/// that is far.
+pub(super) fn turned(rotation: Quat, normal: Vec3) -> Quat {
     let own = Mat3::from_quat(rotation).z_axis;
-    let wanted = plane.normal * own.dot(plane.normal).signum();
-    if height.abs() > plane.reach || own.dot(wanted) < MOST_TURN {
-        return (centre, rotation);
+    let wanted = normal * own.dot(normal).signum();
+    if own.dot(wanted) < MOST_TURN {
+        return rotation;
     }
-    let turn = Quat::from_rotation_arc(own, wanted);
-    (
-        centre - plane.normal * height,
-        (turn * rotation).normalize(),
-    )
+    (Quat::from_rotation_arc(own, wanted) * rotation).normalize()
 }

@@ -46,6 +46,8 @@ struct Products {
     within: [f64; 6],
     /// With what is seen.
     with_light: [f64; 3],
+    /// Sums of A and of B, not demeaned.
+    level: [f64; 2],
 }
 
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
@@ -60,6 +62,8 @@ fn square(specular: f64) -> [f64; 6] {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sums {
     of_light: f64,
+    /// Sum of what is seen, not demeaned.
+    level: f64,
     lobes: [Products; NUM],
     pub(super) num_seen: usize,
     pub(super) num_points: usize,
@@ -80,11 +84,14 @@ impl Sums {
         self.num_points += 1;
         for view in views {
             self.of_light += view.weight * (view.light - mean).powi(2);
+            self.level += view.weight * view.light;
         }
         for (k, products) in self.lobes.iter_mut().enumerate() {
             let both = |halves: [f64; 2]| 0.5 * (halves[0] + halves[1]);
             let facing = mean_of(&|view| both(view.lobes[k].facing));
             let edge = mean_of(&|view| both(view.lobes[k].edge));
+            products.level[0] += total * facing;
+            products.level[1] += total * edge;
             let left = mean - edge;
             let terms = |view: &Seen| {
                 let lobe = &view.lobes[k];
@@ -123,6 +130,7 @@ impl Sums {
     /// Adds sums over other points.
     pub(super) fn add(&mut self, other: &Self) {
         self.of_light += other.of_light;
+        self.level += other.level;
         self.num_seen += other.num_seen;
         self.num_points += other.num_points;
         for (sum, more) in self.lobes.iter_mut().zip(&other.lobes) {
@@ -134,6 +142,7 @@ impl Sums {
             add(&mut sum.across, &more.across);
             add(&mut sum.within, &more.within);
             add(&mut sum.with_light, &more.with_light);
+            add(&mut sum.level, &more.level);
         }
     }
 
@@ -164,6 +173,29 @@ impl Sums {
     pub(super) fn fit(&self, certainty: f64) -> Option<Fit> {
         let all = (0..NUM).flat_map(|roughness| speculars().map(move |f| Fit::new(roughness, f)));
         self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
+    }
+
+    /// F0 of a lobe without what errors of the prediction take from it.
+    ///
+    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0 that
+    /// explains most is too small by as much as is left unexplained: the truth is between it and it
+    /// over what it explains, and their geometric mean is taken (reduced major axis). All that is
+    /// seen can be no less than what is mirrored; a surface for which that is within these bounds
+    /// scatters nothing.
+    pub(super) fn corrected(&self, lobe: Fit) -> f64 {
+        let explained = self.explained(lobe).clamp(LEAST_SPECULAR, 1.0);
+        let [facing, edge] = self.lobes[lobe.roughness].level;
+        let all = if facing > 0.0 {
+            ((self.level - edge) / facing).max(lobe.specular)
+        } else {
+            f64::INFINITY
+        };
+        let corrected = if all <= lobe.specular / explained {
+            all
+        } else {
+            lobe.specular / explained.sqrt()
+        };
+        corrected.min(1.0)
     }
 
     /// The F0 that explains most for one of [`ROUGHNESSES`].

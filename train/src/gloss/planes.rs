@@ -1,5 +1,6 @@
-//! Planes of surfaces: where most of a surface faces one way, its discs are made to lie in one
-//! plane, as discs that differ in tilt and depth break up every mirror image.
+//! Planes of surfaces: where most of a surface faces one way, its discs are made to, as discs that
+//! differ in tilt break up every mirror image. They stay where they are: in one plane their order,
+//! and with it what is hidden below, would be lost.
 
 use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
