@@ -107,9 +107,9 @@ impl Evidence {
     /// F0 of each channel: grey, unless a colour of one half of the views explains the other half
     /// better.
     fn specular(&self, lobe: Fit) -> Vec3 {
-        let corrected = self.all.corrected(lobe);
-        let grey = Vec3::splat(corrected as f32);
-        if corrected < METAL {
+        let specular = self.all.specular(lobe);
+        let grey = Vec3::splat(specular as f32);
+        if specular < METAL {
             return grey;
         }
         let colour_of = |sums: &[Sums; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
@@ -128,7 +128,7 @@ impl Evidence {
         match is_colour {
             true => {
                 let found = Vec3::from(colour_of(&self.channels).map(|f| f as f32));
-                (found * (corrected / lobe.specular) as f32).min(Vec3::ONE)
+                (found * (specular / lobe.specular) as f32).min(Vec3::ONE)
             }
             false => grey,
         }

@@ -175,27 +175,20 @@ impl Sums {
         self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
     }
 
-    /// F0 of a lobe without what errors of the prediction take from it.
+    /// F0 of a lobe; of a metal without what errors of the prediction take from it.
     ///
     /// Where the scene is a little off, so are the mirror images that are predicted, and the F0 that
-    /// explains most is too small by as much as is left unexplained: the truth is between it and it
-    /// over what it explains, and their geometric mean is taken (reduced major axis). All that is
-    /// seen can be no less than what is mirrored; a surface for which that is within these bounds
-    /// scatters nothing.
-    pub(super) fn corrected(&self, lobe: Fit) -> f64 {
-        let explained = self.explained(lobe).clamp(LEAST_SPECULAR, 1.0);
+    /// explains most is too small, by no more than what is left unexplained. A metal scatters
+    /// nothing: all that is seen is mirrored. If that is within these bounds, it is taken for one,
+    /// and the level decides.
+    pub(super) fn specular(&self, lobe: Fit) -> f64 {
         let [facing, edge] = self.lobes[lobe.roughness].level;
-        let all = if facing > 0.0 {
-            ((self.level - edge) / facing).max(lobe.specular)
-        } else {
-            f64::INFINITY
-        };
-        let corrected = if all <= lobe.specular / explained {
-            all
-        } else {
-            lobe.specular / explained.sqrt()
-        };
-        corrected.min(1.0)
+        let all = (self.level - edge) / facing;
+        let bounds = lobe.specular..=lobe.specular / self.explained(lobe);
+        match bounds.contains(&all) {
+            true => all.min(1.0),
+            false => lobe.specular,
+        }
     }
 
     /// The F0 that explains most for one of [`ROUGHNESSES`].

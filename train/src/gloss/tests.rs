@@ -128,6 +128,13 @@ fn a_ragged_floor_is_glossy_as_a_whole() {
     assert!(num_even > num * 19 / 20, "{num_even} of {num}");
 }
 
+#[test]
+fn a_diffuse_floor_stays_diffuse() {
+    let plain = corner(Gloss::NONE);
+    let found = estimate(from_ref(&plain), pictures(&plain).into_iter(), 1).unwrap();
+    assert_eq!(found, Estimate::default());
+}
+
 /// Differences within each of two lights add up.
 #[test]
 fn views_in_another_light_count_too() {
