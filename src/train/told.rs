@@ -83,6 +83,9 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
 
 /// Says which surfaces are glossy, how much, and how well that is supported.
 fn tell_gloss(reporter: &mut Reporter, surfaces: &[GlossySurface]) {
+    if surfaces.is_empty() {
+        return reporter.note("no glossy surface");
+    }
     let area: f32 = surfaces.iter().map(|surface| surface.area_share).sum();
     reporter.note(&format!(
         "{} glossy surface{}, {:.1} % of the area seen",

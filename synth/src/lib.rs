@@ -50,9 +50,10 @@
 //! Lengths are metres, z is up. Colours are linear numbers, or `"#rrggbb"` as displays show them.
 //!
 //! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`,
-//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat of GGX's
-//! facets, or bare metal where what is beneath is black, that mirrors the room to the camera; the
-//! light it reflects elsewhere is left out.
+//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat of GGX's facets, or bare metal
+//! where what is beneath is black, that mirrors the room to the camera; the light it reflects
+//! elsewhere is left out. Its directions are those of the facets alone: what rough metal mirrors of a
+//! small lamp is bright pixels, until there are very many samples.
 //!
 //! **Objects** stand with their foot at `at` and look towards −y, before `turn`:
 //!
