@@ -1,0 +1,82 @@
+//! Lobes found in sums whose answer is known.
+
+use super::*;
+use eagpt_scene::rng::{Purpose, RandomKey};
+
+const TRUTH: Fit = Fit {
+    roughness: 2,
+    specular: 0.3,
+};
+
+/// Sums over 200 points that are seen from 12 sides, where light is `light(diffuse, lobe)` of
+/// the lobe of the truth, the halves of whose samples are this noisy.
+fn sums(noise: f64, light: impl Fn(f64, &Lobe, f64) -> f64) -> Sums {
+    let key = RandomKey::new(5, Purpose::Albedo, 0);
+    let mut sums = Sums::default();
+    for point in 0..200 {
+        let views: Vec<Seen> = (0..12)
+            .map(|view| {
+                let uniform = |k| key.stream(point, view * 16 + k).next_uniforms();
+                let lobe = |k: u32| {
+                    let [a, b, c, d] = uniform(k).map(f64::from);
+                    let [p, q, ..] = uniform(8 + k).map(f64::from);
+                    let facing = [c, d].map(|half| a * a * 2.0 + noise * (half - 0.5));
+                    let edge = [p, q].map(|half| 0.2 * b + 0.1 * noise * (half - 0.5));
+                    Lobe {
+                        facing,
+                        edge,
+                        albedo: [0.9 - 0.3 * b, 0.1 * b],
+                    }
+                };
+                let lobes = std::array::from_fn(|k| lobe(k as u32));
+                // Without the noise of its halves.
+                let [a, b, ..] = uniform(TRUTH.roughness as u32).map(f64::from);
+                let clean = Lobe {
+                    facing: [a * a * 2.0; 2],
+                    edge: [0.2 * b; 2],
+                    ..lobes[TRUTH.roughness]
+                };
+                let [texture, ..] = key.stream(point, 999).next_uniforms();
+                let [other, ..] = uniform(15);
+                Seen {
+                    light: light(0.5 + f64::from(texture), &clean, other.into()),
+                    weight: 1.0,
+                    lobes,
+                }
+            })
+            .collect();
+        sums.add_point(&views);
+    }
+    sums
+}
+
+/// Noise of samples makes the lobe that is found neither weaker nor stronger.
+#[test]
+fn the_lobe_of_glossy_points_is_found() {
+    for noise in [0.0, 1.0] {
+        let found = sums(noise, |scattered, lobe, _| {
+            let [a, b] = lobe.albedo;
+            let reflected = TRUTH.specular * a + b;
+            scattered * (1.0 - reflected) + TRUTH.specular * lobe.facing[0] + lobe.edge[0]
+        });
+        let lobe = found.fit(0.2).expect("differences are large");
+        assert_eq!(lobe.roughness, TRUTH.roughness);
+        // The values that are tried are 10 % apart.
+        let ratio = lobe.specular / TRUTH.specular;
+        assert!((0.85..1.15).contains(&ratio), "{lobe:?}");
+        let explained = found.explained(lobe);
+        assert!(explained > 0.9 && explained < 1.1, "{explained}");
+        let certainty = found.certainty(lobe);
+        assert!(noise == 0.0 || certainty < 0.95, "{certainty}");
+    }
+}
+
+#[test]
+fn other_differences_are_no_gloss() {
+    let found = sums(1.0, |scattered, _, other| scattered + 0.3 * other);
+    let lobe = found.fit(0.2).expect("samples are certain enough");
+    assert!(found.explained(lobe) < 0.02, "{lobe:?}");
+    let still = sums(1.0, |scattered, _, _| scattered);
+    let lobe = still.fit(0.2).expect("samples are certain enough");
+    assert!(still.explained(lobe) <= 0.0);
+}
