@@ -102,9 +102,10 @@ fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> R
 }
 
 /// Every integrator with each way of looking for light: the same mean within four standard errors
-/// of the difference, and the same noise. The seeds are the same: while both engines take the same
+/// of the difference, and the same noise. The seeds are the same: where both engines take the same
 /// numbers for the same things the differences are of rounding alone, and the test is the sharper
-/// for it.
+/// for it. Paths look for light otherwise: a device chooses emitters by power alone, with more
+/// noise than the CPU, which chooses by what they may give to where the path is.
 #[test]
 fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
     let Some(device) = gpu::device("integrators") else {
@@ -138,6 +139,9 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
             bias.abs() < 4.0 * error + 1e-4,
             "{integrator:?} {how:?}: bias {bias} ± {error}"
         );
+        let is_chosen_otherwise =
+            matches!(integrator, Integrator::Path { .. }) && how.0 == Sampling::NextEvent;
+        let most = if is_chosen_otherwise { 3.5 } else { 1.4 };
         // Features over 144 pixels of variances from three runs: their own error is some 10 % where
         // no few pixels dominate.
         for (what, ratio) in [
@@ -145,7 +149,7 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
             ("second moment", got.second_moment / wanted.second_moment),
         ] {
             assert!(
-                (0.7..1.4).contains(&ratio),
+                (0.7..most).contains(&ratio),
                 "{integrator:?} {how:?}: {what} is {ratio} times that of the CPU"
             );
         }

@@ -62,14 +62,15 @@ pub(super) fn render(
             } => {
                 let paths = Paths {
                     scene,
-                    lights,
+                    lights: lights.and(scene.light_list()),
                     max_bounces,
                     roulette_from,
                     threshold: options.emission_threshold,
                     hits: options.hits,
                 };
+                let importances = paths.importances(&surface);
                 for s in 0..num_samples {
-                    samples.add(paths.sample(&surface, &points, s));
+                    samples.add(paths.sample((&surface, &importances), &points, s));
                 }
             }
         }

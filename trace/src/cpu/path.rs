@@ -5,7 +5,7 @@ use crate::blend::features_of_one;
 use crate::features::Features;
 use crate::ray::Ray;
 use crate::transport::Hits;
-use crate::transport::lights::Lights;
+use crate::transport::light_list::{Importances, LightList};
 use crate::transport::points::Points;
 use crate::transport::sampling::cosine_direction;
 use crate::transport::start::Surface;
@@ -20,7 +20,7 @@ pub(super) struct Paths<'a> {
     pub(super) scene: &'a CpuScene,
     /// Emitters sampled at every bounce besides, for next-event estimation; `None`: BSDF sampling
     /// only.
-    pub(super) lights: Option<&'a Lights>,
+    pub(super) lights: Option<&'a LightList>,
     pub(super) max_bounces: u32,
     pub(super) roulette_from: Option<u32>,
     /// τ_E.
@@ -36,19 +36,39 @@ pub(super) struct PathLight {
 }
 
 impl Paths<'_> {
+    /// What the emitters may give `start`, for [`Self::sample`].
+    pub(super) fn importances(&self, start: &Surface) -> Importances {
+        let of = |lights: &LightList| lights.importances(start);
+        self.lights.map_or([0.0; _], of)
+    }
+
     /// Incident light of one path at `start`, not yet multiplied by the albedo there.
     ///
     /// A direction contributes R where E > τ_E, nothing elsewhere. With next-event estimation every
     /// bounce samples a direction towards an emitter (density p) and one from the BSDF (density q =
     /// cos θ/π), and both are weighted by q/(p + q): the balance heuristic of multiple importance
     /// sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of q alone.
-    pub(super) fn sample(&self, start: &Surface, points: &Points, sample: u32) -> PathLight {
+    pub(super) fn sample(
+        &self,
+        (start, importances): (&Surface, &Importances),
+        points: &Points,
+        sample: u32,
+    ) -> PathLight {
         let mut surface = *start;
         let mut throughput = Vec3::ONE;
         let mut path = PathLight::default();
         for number in 0..self.max_bounces {
             let block = |k: u32| points.block(sample, BLOCKS * number + k);
-            if let Some(lights) = self.lights
+            let of_bounce;
+            let lights = match self.lights {
+                Some(lights) if number == 0 => Some((lights, importances)),
+                Some(lights) => {
+                    of_bounce = lights.importances(&surface);
+                    Some((lights, &of_bounce))
+                }
+                None => None,
+            };
+            if let Some(lights) = lights
                 && let Some(light) = self.towards_light(lights, &surface, block(1))
             {
                 path.light += throughput * light;
@@ -60,9 +80,10 @@ impl Paths<'_> {
             let met = self.meet(&ray, choice);
             path.num_rays += 1;
             if met.emission() > self.threshold {
-                let weight = self.lights.map_or(1.0, |lights| {
+                let weight = lights.map_or(1.0, |(lights, importances)| {
                     let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
-                    bsdf / (bsdf + lights.density(surface.position, direction))
+                    bsdf / (bsdf
+                        + lights.footprint_density(importances, surface.position, direction))
                 });
                 path.light += throughput * met.radiance() * weight;
                 return path;
@@ -100,11 +121,12 @@ impl Paths<'_> {
     /// surface and no ray was traced.
     fn towards_light(
         &self,
-        lights: &Lights,
+        (lights, importances): (&LightList, &Importances),
         surface: &Surface,
         [pick, a, b, choice]: [f32; 4],
     ) -> Option<Vec3> {
-        let direction = lights.sample(surface.position, pick, a, b)?;
+        let position = surface.position;
+        let direction = lights.sample_footprint(importances, position, [pick, a, b])?;
         let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
         if bsdf <= 0.0 {
             return None;
@@ -113,7 +135,8 @@ impl Paths<'_> {
         if met.emission() <= self.threshold {
             return Some(Vec3::ZERO);
         }
-        let weight = bsdf / (bsdf + lights.density(surface.position, direction));
+        let density = lights.footprint_density(importances, position, direction);
+        let weight = bsdf / (bsdf + density);
         Some(met.radiance() * weight)
     }
 }

@@ -8,8 +8,11 @@
 //! et al. 2005, "Lightcuts"); within a cluster, discs are chosen by luminance · area. One
 //! stratified number picks cluster and disc in the order of the list, in which neighbours in space
 //! follow each other: every lamp gets its share of the samples, from all over it.
+//!
+//! Paths on blended rays choose among the same clusters (`footprints`).
 
 mod clusters;
+mod footprints;
 
 use crate::cpu::bvh::{Bvh, RayScratch, Reach};
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
@@ -41,7 +44,10 @@ pub struct LightList {
     discs: Vec<Disc>,
     /// Those of `discs`, as large as the largest of all realizations.
     set: SurfelSet,
+    /// Over `set`.
     bvh: Bvh,
+    /// Over the footprints.
+    footprints: Bvh,
 }
 
 /// An emitter.
@@ -57,6 +63,13 @@ pub(crate) struct Disc {
     pub(crate) radii: [f32; REALIZATIONS],
     /// Luminance times area of the discs of its cluster up to this one, in each realization.
     pub(crate) cumulative: [f32; REALIZATIONS],
+    /// See [`Surfel::cut2`].
+    cut2: f32,
+    /// `1 − exp(−cut²/2)`: the part of the footprint inside the cut.
+    inside: f32,
+    /// Luminance times the integral of the opacity, of the footprints of its cluster up to this
+    /// one.
+    cumulative_footprint: f32,
 }
 
 /// Light that a receiver may get of each cluster, relative to its luminance times area.
@@ -74,12 +87,28 @@ impl Disc {
                 realized_radius_squared(surfel, index, SCENE_SEED, realization as u32)
             }),
             cumulative: [0.0; REALIZATIONS],
+            cut2: surfel.cut2,
+            inside: 1.0 - (-0.5 * surfel.cut2).exp(),
+            cumulative_footprint: 0.0,
         }
     }
 
     /// Luminance times area in a realization.
     fn power(&self, surfel: &Surfel, realization: usize) -> f32 {
         PI * self.radii[realization].max(0.0) * surfel.size * surfel.size * self.luminance
+    }
+
+    /// Density over solid angle, up to a factor, of a direction that meets the disc's plane at the
+    /// distance `t` by that cosine.
+    fn weight(&self, importances: &Importances, t: f32, cosine: f32) -> f32 {
+        importances[self.cluster as usize] * self.luminance * t * t / cosine.abs()
+    }
+
+    /// A point of the disc: `radius` from the centre, in standard deviations, and by part `turn` of
+    /// a full turn.
+    fn point(&self, surfel: &Surfel, radius: f32, turn: f32) -> Vec3 {
+        let (sin, cos) = (TAU * turn).sin_cos();
+        Vec3::from(surfel.position) + self.axis_u * (radius * cos) + self.axis_v * (radius * sin)
     }
 }
 
@@ -107,15 +136,27 @@ impl LightList {
         let mut clusters = clusters::divide(&mut emitters);
         for (number, cluster) in (0..).zip(&mut clusters) {
             let mut sums = [0.0; REALIZATIONS];
+            let mut footprints = 0.0;
             for (disc, surfel) in &mut emitters[cluster.range()] {
                 disc.cluster = number;
+                footprints += disc.footprint_power(surfel);
+                disc.cumulative_footprint = footprints;
                 for (realization, sum) in sums.iter_mut().enumerate() {
                     *sum += disc.power(surfel, realization);
                 }
                 disc.cumulative = sums;
             }
             cluster.powers = sums;
+            cluster.footprint_power = footprints;
         }
+        let footprint = |(disc, surfel): &(Disc, Surfel)| Surfel {
+            cut2: disc.cut2,
+            ..*surfel
+        };
+        let footprints = Bvh::new(&SurfelSet {
+            surfels: emitters.iter().map(footprint).collect(),
+            ..SurfelSet::default()
+        });
         let (discs, surfels) = emitters.into_iter().unzip();
         // On one thread: a scene makes its list when it is first needed, perhaps by one of many
         // threads, and the others wait for it.
@@ -127,6 +168,7 @@ impl LightList {
             clusters,
             discs,
             bvh: Bvh::new(&set),
+            footprints,
             set,
         })
     }
@@ -147,11 +189,42 @@ impl LightList {
     }
 
     /// Sum over the clusters of importance times power.
-    fn total(&self, importances: &Importances, realization: usize) -> f32 {
+    fn total(&self, importances: &Importances, power: impl Fn(&Cluster) -> f32) -> f32 {
         let clusters = self.clusters.iter().zip(importances);
         clusters.fold(0.0, |sum, (cluster, importance)| {
-            sum + importance * cluster.powers[realization]
+            sum + importance * power(cluster)
         })
+    }
+
+    /// An emitter by importance times power, by `pick` in [0, 1); `power` is that of a cluster,
+    /// `cumulative` that of the cluster's discs up to one. `None` if nothing shines.
+    fn choose(
+        &self,
+        importances: &Importances,
+        pick: f32,
+        power: impl Fn(&Cluster) -> f32,
+        cumulative: impl Fn(&Disc) -> f32,
+    ) -> Option<(&Disc, &Surfel)> {
+        let mut left = pick * self.total(importances, &power);
+        let mut chosen = None;
+        for (cluster, importance) in self.clusters.iter().zip(importances) {
+            let share = importance * power(cluster);
+            if share > 0.0 {
+                // Rounding may leave a little at the end.
+                chosen = Some((cluster, left / importance));
+                if left < share {
+                    break;
+                }
+            }
+            left -= share;
+        }
+        let (cluster, left) = chosen?;
+        let discs = &self.discs[cluster.range()];
+        let number = discs
+            .partition_point(|disc| cumulative(disc) <= left)
+            .min(discs.len() - 1);
+        let surfel = &self.set.surfels[cluster.first as usize + number];
+        Some((&discs[number], surfel))
     }
 
     /// A unit direction from `origin` to a random point of a random emitter in `realization`;
@@ -165,32 +238,11 @@ impl LightList {
         [pick, a, b]: [f32; 3],
     ) -> Option<Vec3> {
         let realization = realization as usize;
-        let mut left = pick * self.total(importances, realization);
-        let mut chosen = None;
-        for (cluster, importance) in self.clusters.iter().zip(importances) {
-            let share = importance * cluster.powers[realization];
-            if share > 0.0 {
-                // Rounding may leave a little at the end.
-                chosen = Some((cluster, left / importance));
-                if left < share {
-                    break;
-                }
-            }
-            left -= share;
-        }
-        let (cluster, power) = chosen?;
-        let discs = &self.discs[cluster.range()];
-        let number = discs
-            .partition_point(|disc| disc.cumulative[realization] <= power)
-            .min(discs.len() - 1);
-        let disc = &discs[number];
-        let surfel = &self.set.surfels[cluster.first as usize + number];
+        let power = |cluster: &Cluster| cluster.powers[realization];
+        let cumulative = |disc: &Disc| disc.cumulative[realization];
+        let (disc, surfel) = self.choose(importances, pick, power, cumulative)?;
         let radius = (a * disc.radii[realization].max(0.0)).sqrt();
-        let (sin, cos) = (TAU * b).sin_cos();
-        let point = Vec3::from(surfel.position)
-            + disc.axis_u * (radius * cos)
-            + disc.axis_v * (radius * sin);
-        (point - origin).try_normalize()
+        (disc.point(surfel, radius, b) - origin).try_normalize()
     }
 
     /// Density over solid angle with which [`Self::sample`] chooses unit `direction`: every emitter
@@ -216,8 +268,7 @@ impl LightList {
                 seen.cut2 = disc.radii[realization];
                 let hit = seen.meet(ray.direction);
                 if seen.counts(&hit) {
-                    let importance = importances[disc.cluster as usize];
-                    importance * disc.luminance * hit.t * hit.t / hit.cosine.abs()
+                    disc.weight(importances, hit.t, hit.cosine)
                 } else {
                     0.0
                 }
@@ -225,7 +276,7 @@ impl LightList {
             .sum()
         });
         if sum > 0.0 {
-            sum / self.total(importances, realization)
+            sum / self.total(importances, |cluster| cluster.powers[realization])
         } else {
             0.0
         }

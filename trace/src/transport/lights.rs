@@ -6,6 +6,9 @@
 //! each is weighted by `(cos θ/π) / q` (one-sample multiple importance sampling with the balance
 //! heuristic, Veach 1997, section 9.2.4). The radiance of a direction is still found by tracing it,
 //! so the mean is that of cosine sampling, for soft emitters, too; no weight exceeds `1/(1 − c)`.
+//!
+//! Paths on the CPU choose by what emitters may give to where they are, too
+//! ([`light_list`](super::light_list)); those on devices, and those of glossy scenes, by power.
 
 use crate::cpu::bvh::{Bvh, RayScratch, Reach};
 use crate::ray::Ray;

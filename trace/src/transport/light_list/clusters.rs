@@ -21,6 +21,8 @@ pub(crate) struct Cluster {
     pub(crate) products: Vec3,
     /// Luminance times area of all discs, in each realization.
     pub(crate) powers: [f32; REALIZATIONS],
+    /// Luminance times the integral of the opacity of all footprints.
+    pub(super) footprint_power: f32,
     /// Its discs, from and to.
     pub(crate) first: u32,
     pub(crate) end: u32,
@@ -65,6 +67,8 @@ impl Cluster {
             squares: squares / sum,
             products: products / sum,
             powers,
+            // Set when the emitters are in order.
+            footprint_power: 0.0,
             first: range.start as u32,
             end: range.end as u32,
         }

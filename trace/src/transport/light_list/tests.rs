@@ -33,48 +33,60 @@ fn receiver() -> Surface {
 
 /// The density integrates to one over the sphere, and sampled directions follow it: the mean of
 /// `g/f` over samples of density f is `∫ g`, here for `g = f²`.
+fn is_density_of_samples(
+    what: &str,
+    density: impl Fn(Vec3) -> f32,
+    sample: impl Fn([f32; 3]) -> Option<Vec3>,
+) {
+    let density = |direction| f64::from(density(direction));
+    let cells = 1_000_000_u32;
+    let (mut integral, mut square) = (0.0, 0.0);
+    for i in 0..cells {
+        let z = 1.0 - (2 * i + 1) as f32 / cells as f32;
+        let (sin, cos) = (i as f32 * 2.399_963_2 % TAU).sin_cos();
+        let flat = (1.0 - z * z).sqrt();
+        let f = density(Vec3::new(flat * cos, flat * sin, z).normalize());
+        integral += f;
+        square += f * f;
+    }
+    let cell = 4.0 * std::f64::consts::PI / f64::from(cells);
+    let (integral, square) = (integral * cell, square * cell);
+    // Cells at the rims of discs.
+    assert!((integral - 1.0).abs() < 2e-2, "{what}: {integral}");
+    let key = RandomKey::new(3, Purpose::Render, 0);
+    let samples = 100_000;
+    let values: Vec<f64> = (0..samples)
+        .map(|i| {
+            let [a, b, pick, _] = key.stream(i, 0).next_uniforms();
+            density(sample([pick, a, b]).unwrap())
+        })
+        .collect();
+    let mean = values.iter().sum::<f64>() / f64::from(samples);
+    let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(samples)).sqrt();
+    let error = sd / f64::from(samples).sqrt();
+    assert!(
+        (mean - square).abs() < 4.0 * error + 3e-2 * square,
+        "{what}: {mean} ± {error} instead of {square}"
+    );
+}
+
 #[test]
-fn density_is_that_of_the_samples() {
+fn densities_are_those_of_the_samples() {
     for num in [3, 400] {
         let list = LightList::new(&SurfelSet::new(&lamps(num))).unwrap();
         let surface = receiver();
         let origin = surface.position;
-        let importances = list.importances(&surface);
+        let importances = &list.importances(&surface);
         let realization = 5;
-        let density =
-            |direction| f64::from(list.density(&importances, realization, origin, direction));
-        let cells = 1_000_000_u32;
-        let (mut integral, mut square) = (0.0, 0.0);
-        for i in 0..cells {
-            let z = 1.0 - (2 * i + 1) as f32 / cells as f32;
-            let (sin, cos) = (i as f32 * 2.399_963_2 % TAU).sin_cos();
-            let flat = (1.0 - z * z).sqrt();
-            let f = density(Vec3::new(flat * cos, flat * sin, z).normalize());
-            integral += f;
-            square += f * f;
-        }
-        let cell = 4.0 * std::f64::consts::PI / f64::from(cells);
-        let (integral, square) = (integral * cell, square * cell);
-        // Cells at the rims of discs.
-        assert!((integral - 1.0).abs() < 2e-2, "{num}: {integral}");
-        let key = RandomKey::new(3, Purpose::Render, 0);
-        let samples = 100_000;
-        let values: Vec<f64> = (0..samples)
-            .map(|i| {
-                let [a, b, pick, _] = key.stream(i, 0).next_uniforms();
-                density(
-                    list.sample(&importances, realization, origin, [pick, a, b])
-                        .unwrap(),
-                )
-            })
-            .collect();
-        let mean = values.iter().sum::<f64>() / f64::from(samples);
-        let sd =
-            (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(samples)).sqrt();
-        let error = sd / f64::from(samples).sqrt();
-        assert!(
-            (mean - square).abs() < 4.0 * error + 3e-2 * square,
-            "{num}: {mean} ± {error} instead of {square}"
+        is_density_of_samples(
+            &format!("{num} discs of a realization"),
+            |direction| list.density(importances, realization, origin, direction),
+            |point| list.sample(importances, realization, origin, point),
+        );
+        is_density_of_samples(
+            &format!("{num} footprints"),
+            |direction| list.footprint_density(importances, origin, direction),
+            |point| list.sample_footprint(importances, origin, point),
         );
     }
 }
@@ -92,6 +104,8 @@ fn clusters_divide_the_emitters() {
             end = cluster.end;
             let discs = &list.discs[cluster.range()];
             assert_eq!(discs.last().unwrap().cumulative, cluster.powers);
+            let footprints = discs.last().unwrap().cumulative_footprint;
+            assert_eq!(footprints, cluster.footprint_power);
             assert!(discs.iter().all(|disc| disc.cluster as usize == number));
             for surfel in &list.set.surfels[cluster.range()] {
                 let far = Vec3::from(surfel.position).distance(cluster.centre);
@@ -114,6 +128,8 @@ fn what_is_below_or_dark_is_not_chosen() {
     let importances = list.importances(&below);
     assert!(importances.iter().all(|&importance| importance == 0.0));
     let sample = list.sample(&importances, 0, below.position, [0.3, 0.4, 0.5]);
+    assert_eq!(sample, None);
+    let sample = list.sample_footprint(&importances, below.position, [0.3, 0.4, 0.5]);
     assert_eq!(sample, None);
     assert!(LightList::new(&SurfelSet::new(&Gaussians::default())).is_none());
     let mut dark = lamps(5);
