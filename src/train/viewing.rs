@@ -13,8 +13,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Time that pages have for the last scene.
+/// Time that pages have for the last scene, at least, …
 const LAST_LOOK: Duration = Duration::from_secs(2);
+/// … and at most: on a busy machine a page may be drawing.
+const LONGEST_LAST_LOOK: Duration = Duration::from_mins(1);
 
 /// A server for pages that watch a training, once that has a scene.
 pub(super) struct Viewing<'a> {
@@ -114,8 +116,9 @@ impl<'a> Viewing<'a> {
         };
         training.end(how);
         if training.is_watched() {
-            // They ask for the last scene.
+            // They ask for the last scene; several pages do not ask at once.
             std::thread::sleep(LAST_LOOK);
+            training.wait_for_pages(LONGEST_LAST_LOOK);
         }
         stop.store(true, Ordering::Relaxed);
         match thread.join() {

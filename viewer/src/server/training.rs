@@ -44,6 +44,10 @@ struct Board {
     asked: Option<Instant>,
     /// How it has ended, in words.
     end: Option<String>,
+    /// Whether a page has been told of the end.
+    is_end_told: bool,
+    /// Number of the last scene that a page was given; 0 of none.
+    given: u64,
     is_stopping: bool,
 }
 
@@ -90,6 +94,8 @@ impl Training {
                 told: None,
                 asked: None,
                 end: None,
+                is_end_told: false,
+                given: 0,
                 is_stopping: false,
             }),
             changed: Condvar::new(),
@@ -143,8 +149,15 @@ impl Training {
 
     /// Whether pages are there that ask how far it is.
     pub fn is_watched(&self) -> bool {
-        let asked = self.board().asked;
-        asked.is_some_and(|asked| asked.elapsed() < 2 * LONGEST_WAIT)
+        self.board().is_watched()
+    }
+
+    /// Waits, after the end, until a page that watches knows of it and has the last scene; not
+    /// longer than `most`.
+    pub fn wait_for_pages(&self, most: Duration) {
+        let is_behind = |board: &mut Board| board.is_watched() && !board.is_shown_whole();
+        let waited = (self.changed).wait_timeout_while(self.board(), most, is_behind);
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
     }
 
     fn state(&self, request: &Request) -> std::result::Result<Reply, Reply> {
@@ -154,7 +167,9 @@ impl Training {
         let board = self
             .changed
             .wait_timeout_while(self.board(), LONGEST_WAIT, is_known);
-        let (board, _) = board.unwrap_or_else(PoisonError::into_inner);
+        let (mut board, _) = board.unwrap_or_else(PoisonError::into_inner);
+        board.is_end_told |= board.end.is_some();
+        self.changed.notify_all();
         Ok(Reply::json("200 OK", &board.state()))
     }
 
@@ -169,6 +184,8 @@ impl Training {
         }
         let packed = self.packed(shown, &scene);
         let packed = packed.map_err(|error| unprocessable(&error))?;
+        self.board().given = shown;
+        self.changed.notify_all();
         Ok(Reply::json_text(&packed))
     }
 
@@ -184,6 +201,16 @@ impl Training {
 }
 
 impl Board {
+    fn is_watched(&self) -> bool {
+        self.asked
+            .is_some_and(|asked| asked.elapsed() < 2 * LONGEST_WAIT)
+    }
+
+    /// Whether a page knows of the end and has the last scene.
+    fn is_shown_whole(&self) -> bool {
+        self.is_end_told && self.given == self.id
+    }
+
     fn state(&self) -> Value {
         json!({
             "revision": self.revision,
@@ -248,5 +275,36 @@ mod tests {
         assert!(radiance.points.iter().all(is_loss));
         assert_eq!((radiance.iteration, radiance.loss), (7000, 1.0 / 7000.0));
         assert_eq!(albedo.points, [(1, 0.5)]);
+    }
+
+    fn request(query: &str) -> Request {
+        Request {
+            method: "GET".to_owned(),
+            path: String::new(),
+            query: query.to_owned(),
+            host: None,
+            origin: None,
+            body: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_end_waits_for_the_last_scene_of_a_page() {
+        let training = Training::new(Arc::new(random_cloud(3, 1)));
+        let most = Duration::from_secs(60);
+        training.show(Arc::new(random_cloud(3, 2)));
+        training.end("it has ended");
+        // Nobody watches.
+        training.wait_for_pages(most);
+        assert!(training.state(&request("")).is_ok());
+        // This page has not got the scene, and does not ask for it.
+        training.wait_for_pages(Duration::from_millis(1));
+        assert!(!training.board().is_shown_whole());
+        std::thread::scope(|scope| {
+            let page = scope.spawn(|| training.scene(&request("id=1")).is_ok());
+            training.wait_for_pages(most);
+            assert!(training.board().is_shown_whole());
+            assert!(page.join().unwrap());
+        });
     }
 }
