@@ -5,11 +5,11 @@ use crate::bars::behind_bars;
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::measure::measure;
-use crate::median::{median, median_distance, median_of};
 use crate::patches::{Gaps, Patch, patches, residual};
 use crate::search;
 use crate::shape::{MAX_CHANGES, Shape};
 use crate::starts::{axes, first_flat, first_tube, mount, normals, points};
+use eagpt_scene::median::{median, median_distance, median_of};
 use glam::Vec3;
 use rayon::prelude::*;
 

@@ -6,7 +6,7 @@
 //! among them; any other is a new lamp.
 
 use crate::evidence::{Evidence, Sight};
-use crate::median::median_of;
+use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Reverse;

@@ -15,7 +15,6 @@ mod evidence;
 mod fit;
 mod group;
 mod measure;
-mod median;
 mod mount;
 mod names;
 mod patches;

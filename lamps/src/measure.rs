@@ -2,10 +2,10 @@
 
 use crate::evidence::{Evidence, Lit, Sight};
 use crate::group::Group;
-use crate::median::weighted_median;
 use crate::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
+use eagpt_scene::median::weighted_median;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;

@@ -4,9 +4,9 @@
 //! it, hide a lamp that is flush with it. Few cameras see a lamp along its ceiling and complain, but
 //! the walls of the room do, which is where its light goes.
 
-use crate::median::median_of;
 use crate::shape::Flat;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
+use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use glam::{Mat3, Quat, Vec3};

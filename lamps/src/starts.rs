@@ -2,8 +2,8 @@
 
 use crate::evidence::{Evidence, Pixel};
 use crate::group::Group;
-use crate::median::{median, median_of};
 use crate::shape::{Flat, Shape};
+use eagpt_scene::median::{median, median_of};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};

@@ -23,6 +23,7 @@ pub mod lamps;
 pub mod lens;
 pub mod light_basis;
 pub mod machine;
+pub mod median;
 pub mod pictures;
 pub mod plane;
 pub mod ply;

@@ -3,10 +3,10 @@
 //! Photographs show a point of a surface from many directions. What a diffuse surface sends is the
 //! same in all of them; a lobe adds what the scene sends from around the mirrored direction. Light
 //! from there is traced through the scene's own radiance ([`observe`]), for lobes of several
-//! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences between
-//! views of its points best ([`fit`]). Levels do not count, only differences at the same point: a
-//! bright texture is no gloss. What continues a glossy surface or is seen on it alone is of it
-//! ([`share`], [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
+//! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences
+//! between views of its points best ([`fit`]). Levels do not count, only differences at the same
+//! point: a bright texture is no gloss. What continues a glossy surface or is seen on it alone is
+//! of it ([`share`], [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
 //!
 //! A surface stays diffuse unless its lobe explains a good part of the differences, and that found
 //! in one half of the views explains the other half.
@@ -66,8 +66,8 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// What follows for `gaussians` from surfaces that are `decided` by their own views, have the
-    /// lobe of the surface in `shared`, and consist of `parts`.
+    /// Gloss and rotations of `gaussians`, of surfaces that are `decided` by their own views, have
+    /// the lobe of the surface in `shared`, and consist of `parts`.
     fn new(
         gaussians: &Gaussians,
         seen: &Observations,
@@ -94,7 +94,7 @@ impl Estimate {
             found.gloss[i] = own.gloss;
             let sum = sums.entry(source).or_default();
             *sum = (sum.0 + area(i), sum.1 + 1, sum.2 + gaussians.positions[i]);
-            // What dielectrics mirror is little: even normals bring less than the turn costs.
+            // Dielectrics mirror little: even normals bring less than the turn costs.
             let is_metal = f64::from(own.gloss.specular.max_element()) >= METAL;
             if let Some(plane) = part.plane.filter(|_| is_metal) {
                 found.rotations[i] = fill::turned(found.rotations[i], plane.normal);

@@ -36,7 +36,7 @@ pub(super) struct PathLight {
 }
 
 impl Paths<'_> {
-    /// What the emitters may give `start`, for [`Self::sample`].
+    /// Light that emitters may give `start`, for [`Self::sample`].
     pub(super) fn importances(&self, start: &Surface) -> Importances {
         let of = |lights: &LightList| lights.importances(start);
         self.lights.map_or([0.0; _], of)

@@ -1,10 +1,11 @@
-//! What the views of each surface say of its lobe.
+//! The lobe of each surface, as its views ask for it.
 
 use super::fit::{Fit, ROUGHNESSES, Sums};
 use super::observe::{Observation, Observations};
 use super::planes::Planes;
-use super::segments::{self, Segments};
+use super::segments::Segments;
 use eagpt_scene::Gloss;
+use eagpt_scene::median::median_of;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::cpu::CpuScene;
 use glam::Vec3;
@@ -152,7 +153,7 @@ pub(super) fn evidence(
         .chunk_by(|a, b| (a.gaussian, a.light) == (b.gaussian, b.light))
         .filter(|views| views.len() > 2 && place.contains_key(&views[0].gaussian))
         .collect();
-    let dark = DARK * segments::median(seen.colors.iter().map(|c| c.max_element()).collect());
+    let dark = DARK * median_of(seen.colors.iter().map(|c| c.max_element()));
     let of_some = |points: &[&[Observation]]| {
         let mut sums: BTreeMap<u32, Evidence> = BTreeMap::new();
         for views in points {

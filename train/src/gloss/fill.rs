@@ -96,8 +96,8 @@ pub(super) fn parts(
     parts
 }
 
-/// The rotation of a disc, turned so that its normal, or its back, is the unit `normal`; as it is if
-/// that is far.
+/// The rotation of a disc, turned so that its normal, or its back, is the unit `normal`; as it is
+/// if that is far.
 pub(super) fn turned(rotation: Quat, normal: Vec3) -> Quat {
     let own = Mat3::from_quat(rotation).z_axis;
     let wanted = normal * own.dot(normal).signum();

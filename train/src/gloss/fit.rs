@@ -1,11 +1,11 @@
 //! Gloss of a surface by how its radiance differs with the direction.
 //!
 //! A point of albedo P seen at cosine μ sends `d (1 − E(μ)) + F₀ A + B` to the eye: A and B are the
-//! light of its specular lobe without and with Schlick's factor, E = F₀ a + b the albedo of the lobe,
-//! and d, what it scatters, is its own and unknown. Differences from the mean over the views of
-//! the same point are left to speak: with d = m − F₀ Ā − B̄, m the mean of what is seen, the model is
-//! a polynomial in F₀, `x₀ + F₀ x₁ + F₀² x₂`, whose sums of products add up over points and
-//! surfaces.
+//! light of its specular lobe without and with Schlick's factor, E = F₀ a + b the albedo of the
+//! lobe, and d, what it scatters, is its own and unknown. Differences from the mean over the views
+//! of the same point are left to speak: with d = m − F₀ Ā − B̄, m the mean of what is seen, the
+//! model is a polynomial in F₀, `x₀ + F₀ x₁ + F₀² x₂`, whose sums of products add up over points
+//! and surfaces.
 //!
 //! A and B are sampled, twice: products of one half with the other are free of the noise that would
 //! make gloss look weaker than it is.
@@ -31,7 +31,7 @@ pub(super) struct Lobe {
 /// One view of a point.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
-    /// What is seen.
+    /// Light that is seen.
     pub(super) light: f64,
     pub(super) weight: f64,
     pub(super) lobes: [Lobe; NUM],
@@ -177,8 +177,8 @@ impl Sums {
 
     /// F0 of a lobe; of a metal without what errors of the prediction take from it.
     ///
-    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0 that
-    /// explains most is too small, by no more than what is left unexplained. A metal scatters
+    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0
+    /// that explains most is too small, by no more than what is left unexplained. A metal scatters
     /// nothing: all that is seen is mirrored. If that is within these bounds, it is taken for one,
     /// and the level decides.
     pub(super) fn specular(&self, lobe: Fit) -> f64 {

@@ -1,4 +1,4 @@
-//! What photographs show of Gaussians, view by view, and what a lobe would add to it.
+//! Photographs of Gaussians, view by view, and the light that a lobe would add to them.
 
 use super::fit::{Lobe, NUM, ROUGHNESSES, Seen};
 use super::planes::Plane;
@@ -46,7 +46,7 @@ pub(super) struct Observation {
     surface: Surface,
 }
 
-/// What training views show.
+/// All that training views show of Gaussians.
 pub(super) struct Observations {
     /// By Gaussian, then by view.
     pub(super) kept: Vec<Observation>,
@@ -137,8 +137,9 @@ impl Observations {
 }
 
 impl Observation {
-    /// What lobes would mirror here, on a surface of unit `normal`, which may lie in a `plane`;
-    /// `None` where that is seen too flatly. For each channel of light, and its luminance last.
+    /// Light that lobes would mirror here, on a surface of unit `normal`, which may lie in a
+    /// `plane`; `None` where that is seen too flatly. For each channel of light, and its luminance
+    /// last.
     pub(super) fn predict(
         &self,
         scene: &CpuScene,

@@ -5,6 +5,7 @@
 use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::Gaussians;
+use eagpt_scene::median::weighted_median;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 
@@ -16,8 +17,8 @@ const LEAST_PART: f32 = 0.6;
 const FITS: usize = 4;
 /// Distances from a plane beyond this many times their median are no noise.
 const REACH: f32 = 3.0;
-/// Most that points of a plane are off it, in the mean, and most that its discs are, in parts of the
-/// radius of the surface: what is rougher is not flat.
+/// Most that points of a plane are off it, in the mean, and most that its discs are, in parts of
+/// the radius of the surface: what is rougher is not flat.
 const MOST_UNEVEN: f32 = 0.1;
 const MOST_REACH: f32 = 0.25;
 /// Rounds of smoothing of normals.
@@ -52,8 +53,8 @@ pub(super) struct Planes {
     pub(super) of: Vec<Option<Plane>>,
     /// Whether receivers are part of the plane of their surface, `[receivers]`.
     lies: Vec<bool>,
-    /// Unit normals of receivers without most of their noise: of what is part of a plane that of the
-    /// plane, of others a mean of neighbours, `[receivers]`.
+    /// Unit normals of receivers without most of their noise: of what is part of a plane that of
+    /// the plane, of others a mean of neighbours, `[receivers]`.
     pub(super) normals: Vec<Vec3>,
 }
 
@@ -125,9 +126,8 @@ fn plane(
     if area(&near) < LEAST_PART * area(members) {
         return None;
     }
-    let median = |value: &dyn Fn(usize) -> f32| {
-        weighted_median(near.iter().map(|&r| (value(r), areas[r])).collect())
-    };
+    let median =
+        |value: &dyn Fn(usize) -> f32| weighted_median(near.iter().map(|&r| (value(r), areas[r])));
     let offset = median(&|r| normal.dot(receivers[r].1.position));
     let spread = median(&|r| (normal.dot(centres[r]) - offset).abs());
     let thickness = median(&|r| receivers[r].1.offset);
@@ -157,16 +157,4 @@ fn smooth(receivers: &[Receiver], smoothing: &Smoothing, areas: &[f32]) -> Vec<V
         }
     }
     smooth
-}
-
-/// The value below and above which half of the weight is; 0 of none.
-fn weighted_median(mut values: Vec<(f32, f32)>) -> f32 {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f32 = values.iter().map(|(_, weight)| weight).sum();
-    let mut sum = 0.0;
-    let middle = values.iter().find(|(_, weight)| {
-        sum += weight;
-        sum >= 0.5 * total
-    });
-    middle.map_or(0.0, |(value, _)| *value)
 }

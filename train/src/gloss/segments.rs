@@ -6,6 +6,7 @@
 //! where texture is strong within, strong edges do not divide.
 
 use crate::irradiance::smooth::Smoothing;
+use eagpt_scene::median::median_of;
 use eagpt_trace::transport::matrix::Receiver;
 use glam::Vec3;
 
@@ -27,7 +28,7 @@ pub(super) struct Segments {
 impl Segments {
     /// Divides `receivers`, whose `colors` are linear.
     pub(super) fn new(receivers: &[Receiver], smoothing: &Smoothing, colors: &[Vec3]) -> Self {
-        let dark = DARK * median(colors.iter().map(|c| c.max_element()).collect());
+        let dark = DARK * median_of(colors.iter().map(|c| c.max_element()));
         let logs: Vec<Vec3> = colors.iter().map(|c| (*c + dark).map(f32::ln)).collect();
         let mut edges = Vec::new();
         for i in 0..receivers.len() {
@@ -69,14 +70,6 @@ impl Segments {
             num: num as usize,
         }
     }
-}
-
-pub(super) fn median(mut values: Vec<f32>) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// Disjoint sets.

@@ -1,5 +1,6 @@
 //! Points brought onto the surfaces that they are scattered about.
 
+use eagpt_scene::median::median_of;
 use eagpt_scene::plane::FittedPlane;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -41,17 +42,11 @@ pub(super) fn smooth(positions: &mut [Vec3], normals: &[Vec3]) {
                     }
                 };
                 let offsets = surface.iter().map(|&i| normal.dot(positions[i] - point));
-                point + normal * median(offsets.collect())
+                point + normal * median_of(offsets)
             })
             .collect();
         positions.copy_from_slice(&moved);
     }
-}
-
-/// The upper one of the middle values; 0 of none.
-fn median(mut values: Vec<f32>) -> f32 {
-    values.sort_unstable_by(f32::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
