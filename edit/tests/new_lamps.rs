@@ -8,7 +8,7 @@ use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Result};
-use glam::{Quat, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
 
 const CENTRE: Vec3 = Vec3::new(1.0, -2.0, 1.5);
@@ -137,6 +137,36 @@ fn a_lamp_is_where_the_heap_was_and_as_large() {
 /// Sum of the areas of discs: those of a surface made of discs grow with it.
 fn area(discs: &Gaussians) -> f32 {
     discs.scales.iter().map(|scale| scale.x * scale.y).sum()
+}
+
+/// Few Gaussians of a small shade may all lie level.
+#[test]
+fn level_discs_are_a_cylinder() {
+    let ball = Solid::Ball {
+        centre: CENTRE,
+        radius: 0.2,
+    };
+    let base = heap(ball, 0.4).get(0);
+    let level = |i: u16| {
+        let part = (f32::from(i) + 0.5) / 100.0;
+        let (sin, cos) = (2.4 * f32::from(i)).sin_cos();
+        let (radius, height) = (0.25 * part.sqrt(), 0.2 * (0.618 * f32::from(i)).fract());
+        Gaussian {
+            position: CENTRE + Vec3::new(radius * cos, radius * sin, height),
+            scale: Vec2::splat(0.05),
+            rotation: Quat::IDENTITY,
+            opacity: 0.5,
+            ..base
+        }
+    };
+    let heap: Gaussians = (0..100).map(level).collect();
+    let edited = replay(&script("shape = \"tube\"").unwrap(), heap).unwrap();
+    let [low, high] = bounds(&edited.gaussians);
+    let wanted = [Vec3::new(-0.25, -0.25, 0.0), Vec3::new(0.25, 0.25, 0.2)];
+    for (found, wanted) in [low, high].into_iter().zip(wanted) {
+        let off = (found - CENTRE - wanted).abs().max_element();
+        assert!(off < 0.01, "{found} {wanted}");
+    }
 }
 
 #[test]

@@ -50,6 +50,9 @@ pub(super) fn tube(discs: &[Disc], axis: DVec3) -> Option<Solid> {
     let across = |v: DVec3| DVec2::new(v.dot(x), v.dot(y));
     let is_side = |disc: &&Disc| disc.normal.dot(axis).abs() < END_COSINE;
     let side = || discs.iter().filter(is_side);
+    if side().next().is_none() {
+        return filled(discs, axis);
+    }
     let [low, high] = ends(&side(), axis);
     let middle = 0.5 * (low + high);
     let normals = side().map(|disc| {
@@ -92,6 +95,25 @@ pub(super) fn tube(discs: &[Disc], axis: DVec3) -> Option<Solid> {
         centre: (foot + axis * (0.5 * (low + high))).as_vec3(),
         axis: (axis * (high - low)).as_vec3(),
         radii: rims.map(|rim| rim.radius.max(least) as f32),
+    })
+}
+
+/// The cylinder of discs that all face along its axis: they fill its cross-section, whose points
+/// are two thirds of the radius from the middle, in the mean.
+fn filled(discs: &[Disc], axis: DVec3) -> Option<Solid> {
+    let weights: f64 = discs.iter().map(|disc| disc.weight).sum();
+    let mean = discs.iter().map(|d| d.centre * d.weight).sum::<DVec3>() / weights;
+    let foot = mean - axis * mean.dot(axis);
+    let far = discs.iter().map(|disc| {
+        let from = disc.centre - foot;
+        (from - axis * from.dot(axis)).length() * disc.weight
+    });
+    let radius = (1.5 * far.sum::<f64>() / weights) as f32;
+    let [low, high] = ends(&discs.iter(), axis);
+    (high > low && radius > 0.0).then(|| Solid::Tube {
+        centre: (foot + axis * (0.5 * (low + high))).as_vec3(),
+        axis: (axis * (high - low)).as_vec3(),
+        radii: [radius; 2],
     })
 }
 
