@@ -51,9 +51,8 @@
 //!
 //! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`,
 //! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat of GGX's facets, or bare metal
-//! where what is beneath is black, that mirrors the room to the camera; the light it reflects
-//! elsewhere is left out. Its directions are those of the facets alone: what rough metal mirrors of a
-//! small lamp is bright pixels, until there are very many samples.
+//! where what is beneath is black, that mirrors the room to the camera. Other surfaces receive the
+//! light that it reflects, spread as by a diffuse surface.
 //!
 //! **Objects** stand with their foot at `at` and look towards −y, before `turn`:
 //!

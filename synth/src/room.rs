@@ -28,7 +28,7 @@ pub struct Material {
 }
 
 /// A coat of varnish, or bare metal where what is beneath is black: it mirrors the room to the
-/// camera. Light that it reflects onto other surfaces is left out.
+/// camera. Other surfaces receive as much light from it, spread as by a diffuse one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gloss {
     /// Reflectance at normal incidence of each channel, 0 to 1.
@@ -42,6 +42,11 @@ impl Gloss {
     pub fn at(&self, facing: f32) -> Vec3 {
         let edge = (1.0 - facing.clamp(0.0, 1.0)).powi(5);
         self.reflectance + (Vec3::ONE - self.reflectance) * edge
+    }
+
+    /// Mean of [`Self::at`] over the hemisphere, weighted by the cosine.
+    pub fn mean(&self) -> Vec3 {
+        self.reflectance + (Vec3::ONE - self.reflectance) / 21.0
     }
 }
 
@@ -191,6 +196,15 @@ impl Room {
             extent,
             seed: surface * 8 + face,
         })
+    }
+
+    /// Share of diffuse light that a point reflects in all, its coat included.
+    pub fn reflectance(&self, surface: u32, face: u32, st: Vec2) -> Vec3 {
+        let albedo = self.albedo(surface, face, st);
+        match self.material(surface).gloss {
+            Some(gloss) => albedo * (Vec3::ONE - gloss.mean()) + gloss.mean(),
+            None => albedo,
+        }
     }
 
     /// Light that a face sends out by itself in each condition; the back of a quad does not emit.

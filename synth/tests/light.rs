@@ -6,7 +6,8 @@
 )]
 
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_synth::light::path::{MAX_BOUNCES, PathSample, mirrored};
+use eagpt_synth::light::coat::Coat;
+use eagpt_synth::light::path::{MAX_BOUNCES, PathSample};
 use eagpt_synth::light::points::Points;
 use eagpt_synth::light::{Cache, CacheOptions, Lighting};
 use eagpt_synth::room::pattern::Texture;
@@ -207,7 +208,7 @@ fn coats_mirror_by_the_law_of_reflection_and_lose_little() {
         let num = 4096;
         let weight = |sample| {
             let [a, b, ..] = points.block(sample, 0);
-            let found = mirrored(direction, Vec3::Z, gloss, Vec2::new(a, b));
+            let found = Coat::new(direction, Vec3::Z, gloss).sample(Vec2::new(a, b));
             found.map_or(0.0, |(towards, weight)| {
                 assert!(towards.z > 0.0 && weight.x <= 1.0 + 1e-5);
                 weight.x
@@ -224,6 +225,101 @@ fn coats_mirror_by_the_law_of_reflection_and_lose_little() {
     assert!((rough - 0.8044).abs() < 4e-3, "{rough}");
     // Schlick's share at this cosine: 0.05 + 0.95 · 0.2⁵.
     assert!((mean(coat(0.05, 0.05)) - 0.0503).abs() < 5e-4);
-    let (towards, _) = mirrored(direction, Vec3::Z, coat(1.0, 0.03), Vec2::new(0.3, 0.7)).unwrap();
+    let smooth = Coat::new(direction, Vec3::Z, coat(1.0, 0.03));
+    let (towards, _) = smooth.sample(Vec2::new(0.3, 0.7)).unwrap();
     assert!(towards.dot(Vec3::new(0.6, 0.0, 0.8)) > 0.9999);
+}
+
+/// The same integral by directions towards the whole hemisphere: what is evaluated is what is
+/// sampled, and densities add up to one.
+#[test]
+fn coats_are_evaluated_as_they_are_sampled() {
+    let direction = Vec3::new(0.6, 0.3, -0.74).normalize();
+    for roughness in [0.3, 0.6, 0.9] {
+        let gloss = Gloss {
+            reflectance: Vec3::new(1.0, 0.5, 0.04),
+            roughness,
+        };
+        let coat = Coat::new(direction, Vec3::Z, gloss);
+        let points = Points::new(key(2), 4);
+        let (num, mut sums) = (1 << 14, [Vec3::ZERO; 2]);
+        let (mut density, mut num_up) = (0.0, 0.0);
+        for sample in 0..num {
+            let [a, b, c, d] = points.block(sample, 0);
+            if let Some((towards, weight)) = coat.sample(Vec2::new(a, b)) {
+                sums[0] += weight;
+                num_up += 1.0;
+                let (value, density) = coat.evaluate(towards);
+                // Rounding of the half vector, by how fast the sharpest lobe falls.
+                assert!((value / density - weight).abs().max_element() < 2e-3);
+            }
+            let level = (1.0 - c * c).sqrt();
+            let (sin, cos) = (TAU * d).sin_cos();
+            let found = coat.evaluate(Vec3::new(level * cos, level * sin, c));
+            sums[1] += found.0 * TAU;
+            density += found.1 * TAU;
+        }
+        let [sampled, evaluated] = sums.map(|sum| sum / num as f32);
+        let error = (sampled - evaluated).abs().max_element();
+        assert!(error < 5e-3, "{roughness}: {sampled} is not {evaluated}");
+        assert!((density - num_up).abs() < 5e-3 * num as f32, "{roughness}");
+    }
+}
+
+/// A coat below a small lamp: directions by facets alone, which hardly ever meet it, have the same
+/// mean as both kinds together, whose samples scatter far less.
+#[test]
+fn directions_towards_lights_change_only_the_noise_of_coats() {
+    let lamp = Quad::new(Vec3::new(1.1, 0.1, 1.5), [Vec3::X * 0.2, Vec3::NEG_Y * 0.2]);
+    let room = room(Vec3::splat(0.5), &[floor()], &[Shape::Quad(lamp)]);
+    let lighting = Lighting::new(&room);
+    let direction = Vec3::new(0.6, 0.0, -0.8);
+    let hit = room.meet(-0.3 * direction, direction).unwrap();
+    for roughness in [0.1, 0.4, 0.7] {
+        let gloss = Gloss {
+            reflectance: Vec3::splat(0.6),
+            roughness,
+        };
+        let coat = Coat::new(direction, hit.normal, gloss);
+        let num = 1 << 14;
+        // Sum and sum of squares of each: samples of independent sequences.
+        let mut sums = [[0.0_f64; 2]; 2];
+        for element in 0..num {
+            let points = Points::new(key(3), element);
+            let [a, b, c, d] = points.block(0, 0);
+            let path = PathSample {
+                sample: 0,
+                block: 2,
+                max_bounces: 1,
+            };
+            let found = coat.sample(Vec2::new(a, b));
+            let by_facets = found.map_or(Vec3::ZERO, |(towards, weight)| {
+                let next = room.meet(hit.position + hit.normal * 1e-4, towards);
+                next.map_or(Vec3::ZERO, |next| {
+                    weight * lighting.reflected(&next, &points, path)[0]
+                })
+            });
+            let both = (path, Vec2::new(c, d));
+            let by_both = lighting.mirrored(&hit, (direction, gloss), (&points, both))[0];
+            for (sums, light) in sums.iter_mut().zip([by_facets, by_both]) {
+                sums[0] += f64::from(light.x);
+                sums[1] += f64::from(light.x).powi(2);
+            }
+        }
+        let statistics = |[sum, squares]: [f64; 2]| {
+            let mean = sum / f64::from(num);
+            (mean, squares / f64::from(num) - mean * mean)
+        };
+        let [(facets, of_facets), (both, of_both)] = sums.map(statistics);
+        let error = ((of_facets + of_both) / f64::from(num)).sqrt();
+        assert!(
+            both > 0.0 && (facets - both).abs() < 3.0 * error,
+            "{roughness}: {facets} is not {both}, by {error}"
+        );
+        let least = if roughness < 0.2 { 1.0 } else { 10.0 };
+        assert!(
+            of_facets > least * of_both,
+            "{roughness}: {of_facets} is not far above {of_both}"
+        );
+    }
 }

@@ -163,7 +163,7 @@ impl Cache {
         for sample in 0..options.num_links {
             let [a, b, c, d] = points.block(sample, 0);
             let (st, at) = start(a, b);
-            albedo += room.albedo(grid.surface, grid.face, st);
+            albedo += room.reflectance(grid.surface, grid.face, st);
             let direction = cosine_direction(at.normal, Vec2::new(c, d));
             match room.meet(at.position, direction) {
                 Some(hit) if hit.is_inside => num_buried += 1,

@@ -4,9 +4,8 @@
 use super::cache::Cache;
 use super::emitters::{Emitters, Receiver, cosine_direction, cosine_pdf};
 use super::points::Points;
-use crate::room::{Gloss, Hit, MAX_CONDITIONS, PerCondition, Room};
+use crate::room::{Hit, MAX_CONDITIONS, PerCondition, Room};
 use glam::{Vec2, Vec3};
-use std::f32::consts::TAU;
 
 /// Paths end at random from this bounce on.
 const ROULETTE_FROM: u32 = 4;
@@ -73,7 +72,7 @@ impl<'a> Lighting<'a> {
                     break;
                 }
             }
-            throughput *= self.room.albedo(next.surface, next.face, next.st);
+            throughput *= self.room.reflectance(next.surface, next.face, next.st);
             if let Some(cache) = &self.cache {
                 for condition in 0..num {
                     if is_on[condition] {
@@ -150,51 +149,4 @@ pub struct PathSample {
     pub block: u32,
     /// Surfaces that reflect, at most.
     pub max_bounces: u32,
-}
-
-/// A direction that facets of a coat on a surface with normal `normal` mirror light of the unit
-/// `direction` to, and its weight: Fresnel's reflectance and the masking of the facets (GGX with
-/// Smith's masking; facets chosen by their visible area, Heitz 2018). `None` where a facet mirrors
-/// into the surface.
-pub fn mirrored(
-    direction: Vec3,
-    normal: Vec3,
-    gloss: Gloss,
-    uniform: Vec2,
-) -> Option<(Vec3, Vec3)> {
-    let alpha = (gloss.roughness * gloss.roughness).max(1e-3);
-    let (tangent, bitangent) = normal.any_orthonormal_pair();
-    let out = -Vec3::new(
-        direction.dot(tangent),
-        direction.dot(bitangent),
-        direction.dot(normal).min(-1e-4),
-    );
-    // The hemisphere that is seen of the facets stretched to a ball: a disc, half of it bent.
-    let stretched = Vec3::new(alpha * out.x, alpha * out.y, out.z).normalize();
-    let radius = uniform.x.sqrt();
-    let (sin, cos) = (TAU * uniform.y).sin_cos();
-    let share = 0.5 * (1.0 + stretched.z);
-    let x = radius * cos;
-    let flat = (1.0 - x * x).max(0.0).sqrt();
-    // `along` is to lie in the plane of the normal.
-    let (across, along) = match Vec3::Z.cross(stretched).try_normalize() {
-        Some(level) => (level, stretched.cross(level)),
-        None => stretched.any_orthonormal_pair(),
-    };
-    let y = (1.0 - share) * flat + share * radius * sin;
-    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    let bent = across * x + along * y + stretched * z;
-    let facet = Vec3::new(alpha * bent.x, alpha * bent.y, bent.z.max(0.0)).normalize();
-    let facing = out.dot(facet);
-    let incoming = 2.0 * facing * facet - out;
-    if incoming.z <= 0.0 {
-        return None;
-    }
-    let hidden = |w: Vec3| {
-        let tangent2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
-        0.5 * ((1.0 + alpha * alpha * tangent2).sqrt() - 1.0)
-    };
-    let masking = (1.0 + hidden(out)) / (1.0 + hidden(out) + hidden(incoming));
-    let towards = tangent * incoming.x + bitangent * incoming.y + normal * incoming.z;
-    Some((towards.normalize(), gloss.at(facing) * masking))
 }

@@ -2,9 +2,9 @@
 
 use super::{SampleNoise, Sampling};
 use crate::light::Lighting;
-use crate::light::path::{MAX_BOUNCES, PathSample, mirrored};
+use crate::light::path::{MAX_BOUNCES, PathSample};
 use crate::light::points::Points;
-use crate::room::{Gloss, Hit, LIFT, MAX_CONDITIONS, PerCondition};
+use crate::room::{Hit, MAX_CONDITIONS, PerCondition};
 use eagpt_denoise::{Frame, filter};
 use eagpt_scene::camera::RayFrame;
 use eagpt_scene::color::luminance;
@@ -13,9 +13,6 @@ use glam::{Vec2, Vec3};
 
 /// Albedo below which light is not divided by it but by this.
 const MIN_ALBEDO: f32 = 1e-3;
-
-/// Coats that mirror each other, at most.
-const MAX_MIRRORS: u32 = 3;
 
 /// A filter of a quarter of the usual work: fits at every other pixel, in smaller windows. Light
 /// solved for the room has little noise.
@@ -165,7 +162,7 @@ struct Seen {
     emitted: Option<PerCondition>,
     irradiance: PerCondition,
     albedo: Vec3,
-    /// Share that does not reach the colour beneath, and mirrored light.
+    /// Share that does not reach the colour beneath (Schlick 1994), and mirrored light.
     coat: Option<(Vec3, PerCondition)>,
 }
 
@@ -187,8 +184,10 @@ fn look(
         irradiance: lighting.irradiance(hit, points, path),
         albedo: room.albedo(hit.surface, hit.face, hit.st),
         coat: gloss.map(|gloss| {
-            let sample = (sample, uniform);
-            reflection(lighting, hit, (direction, gloss), (points, sample))
+            let share = gloss.at(hit.normal.dot(-direction));
+            let sample = (path, uniform);
+            let light = lighting.mirrored(hit, (direction, gloss), (points, sample));
+            (share, light)
         }),
     }
 }
@@ -237,50 +236,4 @@ impl LightTotals {
             second_moment: self.second_moment / reflecting,
         }
     }
-}
-
-/// Reflection of a coat: its share (Schlick 1994), and one sample of the light that it mirrors, of
-/// which further coats may mirror a part.
-fn reflection(
-    lighting: &Lighting<'_>,
-    hit: &Hit,
-    (direction, gloss): (Vec3, Gloss),
-    (points, (sample, uniform)): (&Points, (u32, Vec2)),
-) -> (Vec3, PerCondition) {
-    let share = gloss.at(hit.normal.dot(-direction));
-    let mut light = [Vec3::ZERO; MAX_CONDITIONS];
-    let mut throughput = Vec3::ONE;
-    let (mut hit, mut direction, mut gloss, mut uniform) = (*hit, direction, gloss, uniform);
-    for mirror in 1..=MAX_MIRRORS {
-        let Some((towards, weight)) = mirrored(direction, hit.normal, gloss, uniform) else {
-            break;
-        };
-        throughput *= weight;
-        let origin = hit.position + hit.normal * LIFT;
-        let Some(next) = lighting.room.meet(origin, towards) else {
-            break;
-        };
-        let path = PathSample {
-            sample,
-            // Behind all that the path itself, and those of earlier mirrors, may take.
-            block: 1 + 2 * MAX_BOUNCES * mirror,
-            max_bounces: MAX_BOUNCES,
-        };
-        let is_light = (lighting.room.emitted(next.surface, next.face)).is_some();
-        let coat = lighting.room.material(next.surface).gloss;
-        let coat = coat.filter(|_| !is_light);
-        let beneath = coat.map_or(Vec3::ONE, |coat| {
-            Vec3::ONE - coat.at(next.normal.dot(-towards))
-        });
-        let seen = lighting.reflected(&next, points, path);
-        for (light, seen) in light.iter_mut().zip(seen) {
-            *light += throughput * seen * beneath;
-        }
-        let Some(coat) = coat else {
-            break;
-        };
-        let [a, b, ..] = points.block(sample, 1 + 2 * MAX_BOUNCES * (MAX_MIRRORS + 1) + mirror);
-        (hit, direction, gloss, uniform) = (next, towards, coat, Vec2::new(a, b));
-    }
-    (share, light)
 }
