@@ -46,7 +46,7 @@ use std::time::Instant;
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct PaperArgs {
     /// Datasets: folders, or project files of `eagpt run`, whose `[[relight]]` are the other
-    /// lights. NAME= before one gives it a name [default: that of the folder or file]; b-kitchen,
+    /// lights that are measured. NAME= before one gives it a name [default: that of the folder or file]; b-kitchen,
     /// b-livingroom, f-classroom and f-conference are the paper's
     #[arg(value_name = "[NAME=]DATASET", required = true, value_parser = named)]
     datasets: Vec<Named>,

@@ -88,12 +88,13 @@ pub(crate) struct TrainArgs {
     /// Memory that images may take, MiB [default: half of what is free]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..))]
     memory: Option<u64>,
-    /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it
-    /// [default: those of the dataset]
+    /// Folder whose Emissive-exr/ holds the emission masks, as `eagpt masks --out` writes it; of
+    /// several lights, folder that holds such a one of each light's name [default: those of the
+    /// datasets]
     #[arg(long, value_name = "DIR")]
     pub(crate) masks: Option<PathBuf>,
-    /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it [default:
-    /// those of the dataset]
+    /// Folder whose Normal-exr/ holds the normals, as `eagpt normals --out` writes it; of several
+    /// lights as with --masks [default: those of the datasets]
     #[arg(long, value_name = "DIR")]
     pub(crate) normals: Option<PathBuf>,
     #[command(flatten)]

@@ -24,7 +24,7 @@ pub struct Content {
     /// Pictures of geometry and material.
     pub layers: Vec<Gallery>,
     /// Pictures of emission masks.
-    pub masks: Option<Gallery>,
+    pub masks: Vec<Gallery>,
     /// Lamps that training has found.
     pub lamps: Option<LampTable>,
     /// Loss curves.

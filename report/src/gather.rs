@@ -8,7 +8,7 @@ use crate::error::{ReportError, Result};
 use crate::lamps::LampTable;
 use crate::picture::Picture;
 use crate::run::{ORIGINAL, PROJECT_FILE, RunRecord, folders, read_json};
-use eagpt_scene::lamps::{LAMPS_FILE, read_lamps};
+use eagpt_scene::lamps::{ALL_LAMPS_DIR, LAMPS_FILE, read_lamps};
 use eagpt_scene::{Dataset, files};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -72,7 +72,7 @@ pub fn gather(dir: &Path) -> Result<Content> {
         content.conditions.extend(condition);
     }
     content.layers = layers(dir, &run)?;
-    content.masks = masks(dir)?;
+    content.masks = masks(dir, &run)?;
     content.lamps = lamps(dir)?;
     content.curves = curves(dir)?;
     content.facts = facts(dir, &content)?;
@@ -320,8 +320,21 @@ fn layers(dir: &Path, run: &RunRecord) -> Result<Vec<Gallery>> {
     Ok(galleries)
 }
 
-fn masks(dir: &Path) -> Result<Option<Gallery>> {
-    let folder = dir.join(folders::MASKS).join("masks");
+/// Masks of each light.
+fn masks(dir: &Path, run: &RunRecord) -> Result<Vec<Gallery>> {
+    let mut galleries = Vec::new();
+    for (step, _) in run.in_order() {
+        let title = match parts(step).as_deref() {
+            Some([folders::MASKS]) => "Emission masks".to_owned(),
+            Some([folders::MASKS, light]) => format!("Emission masks: {light}"),
+            _ => continue,
+        };
+        galleries.extend(masks_in(&dir.join(step).join("masks"), title)?);
+    }
+    Ok(galleries)
+}
+
+fn masks_in(folder: &Path, title: String) -> Result<Option<Gallery>> {
     let Some(report) = read_json::<Value>(&folder.join("report.json"))? else {
         return Ok(None);
     };
@@ -359,18 +372,19 @@ fn masks(dir: &Path) -> Result<Option<Gallery>> {
         }
     }
     Ok(Some(Gallery {
-        title: "Emission masks".to_owned(),
+        title,
         text,
         pictures,
     }))
 }
 
 fn lamps(dir: &Path) -> Result<Option<LampTable>> {
-    let path = dir.join(folders::TRAIN).join(LAMPS_FILE);
-    if !path.exists() {
-        return Ok(None);
-    }
-    Ok(Some(LampTable::new(&read_lamps(&path)?)))
+    let folder = dir.join(folders::TRAIN);
+    // In several lights, the lamps of all of them.
+    let places = [folder.join(ALL_LAMPS_DIR), folder].map(|place| place.join(LAMPS_FILE));
+    let listed = places.iter().find(|path| path.exists());
+    let lamps = listed.map(|path| read_lamps(path)).transpose()?;
+    Ok(lamps.map(|lamps| LampTable::new(&lamps)))
 }
 
 fn curves(dir: &Path) -> Result<Vec<Curve>> {

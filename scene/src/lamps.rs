@@ -6,7 +6,7 @@ mod file;
 #[cfg(test)]
 mod tests;
 
-pub use file::{LAMPS_FILE, lamps_file_beside, read_lamps, write_lamps};
+pub use file::{ALL_LAMPS_DIR, LAMPS_FILE, lamps_file_beside, read_lamps, write_lamps};
 
 use crate::color::luminance;
 use crate::rotation;

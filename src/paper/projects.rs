@@ -70,6 +70,8 @@ pub(super) fn of_folder(
     let mut project = config.unwrap_or_default();
     let path = std::path::absolute(dataset).with_context(|| format!("{}", dataset.display()))?;
     project.dataset = Some(path);
+    // As the dataset of the configuration, they are of another place.
+    project.other_lights.clear();
     let train = project.train.get_or_insert_default();
     train.entry("preset").or_insert(preset.into());
     let render = project.render.get_or_insert_default();

@@ -76,6 +76,9 @@ seed = 0
 # Photographs with their cameras: a folder with a transforms.json.
 dataset = {dataset}
 
+# The same place in other lights, trained on together with the first. Scripts of [[relight]] then find the lamps of all of them on.
+# other_lights = ["dataset-evening"]
+
 # A scene that is trained already, in place of the sections [masks] and [train].
 # scene = "scene.ply"
 

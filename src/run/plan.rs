@@ -1,5 +1,7 @@
 //! The commands that follow from a project, in an order in which each finds what it needs.
 
+mod training;
+
 use super::project::{ORIGINAL, Project, Relight, is_file, mode_name};
 use super::section::{MODEL, Options};
 use super::step::PlanStep;
@@ -8,21 +10,19 @@ use crate::colmap::{ColmapArgs, ColmapCommand, ImportArgs, RunArgs};
 use crate::command::JobCommand;
 use crate::edit::EditArgs;
 use crate::eval::{EvalArgs, TableArgs};
-use crate::masks::MasksArgs;
-use crate::normals::NormalsArgs;
 use crate::render::Mode;
 use crate::report::ReportArgs;
 use crate::synth::SynthArgs;
-use crate::train::TrainArgs;
 use anyhow::{Context, Result, anyhow, bail};
 use eagpt_edit::Script;
 use eagpt_eval::tabulate::DEFAULT_METRICS;
 use eagpt_eval::{METRICS_FILE, TableFolder};
 use eagpt_report::run::folders;
 use eagpt_scene::Dataset;
-use eagpt_scene::dataset::{EMISSION_DIR, NORMAL_DIR, TRANSFORMS_FILE};
+use eagpt_scene::dataset::TRANSFORMS_FILE;
 use eagpt_scene::lamps::lamps_file_beside;
 use std::path::{Path, PathBuf};
+use training::all_lamps_on;
 
 /// All steps.
 #[derive(Debug)]
@@ -51,10 +51,12 @@ impl Plan {
             Some(path) => path.clone(),
             None => plan.capture(project)?,
         };
+        let lights = plan.lights(project, &dataset)?;
         let scene = match &file.scene {
             Some(scene) => scene.clone(),
-            None => plan.train(project, &dataset)?,
+            None => plan.train(project, &lights)?,
         };
+        let lit = all_lamps_on(&scene, lights.len());
         let dataset = file.measure.clone().unwrap_or(dataset);
         let original = Condition {
             name: ORIGINAL,
@@ -65,7 +67,7 @@ impl Plan {
         };
         let mut evaluated = plan.condition(project, &original)?;
         for relight in &file.relight {
-            let scene = plan.edit(relight, &scene);
+            let scene = plan.edit(relight, &lit);
             let of_capture = relight.condition.as_ref();
             let of_capture = of_capture.map(|name| plan.out.join("dataset").join(name));
             let reference = relight.reference.clone().or(of_capture);
@@ -95,6 +97,14 @@ impl Plan {
     fn check_inputs(&self, project: &Project) -> Result<()> {
         let dataset = project.file.dataset.as_deref().map(Dataset::open);
         let dataset = dataset.transpose()?;
+        for light in project
+            .file
+            .other_lights
+            .iter()
+            .filter(|_| dataset.is_some())
+        {
+            Dataset::open(light)?;
+        }
         for relight in &project.file.relight {
             Script::read(&relight.script)?;
             let reference = relight.reference.as_ref();
@@ -223,70 +233,6 @@ impl Plan {
             .chain(paths);
         self.add("simulate", JobCommand::Synth(args), takes, out.clone());
         Ok(out)
-    }
-
-    /// Masks, normals and training; returns the scene.
-    fn train(&mut self, project: &Project, dataset: &Path) -> Result<PathBuf> {
-        let Options { mut args, paths } = project.options::<TrainArgs>("train")?;
-        args.dataset = Some(dataset.to_owned());
-        let mut takes = vec![dataset.to_owned()];
-        takes.extend(paths);
-        let taken_twice = |name: &str| {
-            let problem = format!("the section [{name}] makes them");
-            project.error(&["train", name], problem)
-        };
-        if project.file.masks.is_some() {
-            let Options {
-                args: mut of,
-                paths,
-            } = project.options::<MasksArgs>("masks")?;
-            let out = self.out.join(folders::MASKS);
-            of.dataset = dataset.to_owned();
-            of.out = Some(out.clone());
-            takes.push(self.maps("masks", JobCommand::Masks(of), dataset, paths, EMISSION_DIR));
-            if args.masks.replace(out).is_some() {
-                return Err(taken_twice("masks").into());
-            }
-        }
-        if project.file.normals.is_some() {
-            let Options {
-                args: mut of,
-                paths,
-            } = project.options::<NormalsArgs>("normals")?;
-            let out = self.out.join("normals");
-            of.dataset = dataset.to_owned();
-            of.out = Some(out.clone());
-            takes.push(self.maps(
-                "normals",
-                JobCommand::Normals(of),
-                dataset,
-                paths,
-                NORMAL_DIR,
-            ));
-            if args.normals.replace(out).is_some() {
-                return Err(taken_twice("normals").into());
-            }
-        }
-        let out = self.out.join(folders::TRAIN);
-        let scene = out.join("scene.ply");
-        args.out = Some(out);
-        self.add("train", JobCommand::Train(args), takes, scene.clone());
-        Ok(scene)
-    }
-
-    /// Maps for the views of a dataset; returns their folder.
-    fn maps(
-        &mut self,
-        name: &str,
-        command: JobCommand,
-        dataset: &Path,
-        paths: Vec<PathBuf>,
-        folder: &str,
-    ) -> PathBuf {
-        let maps = self.out.join(name).join(folder);
-        let takes = [dataset.to_owned()].into_iter().chain(paths);
-        self.add(name, command, takes, maps.clone());
-        maps
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {

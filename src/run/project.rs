@@ -21,12 +21,15 @@ pub(crate) struct ProjectFile {
     pub(crate) seed: Option<u32>,
     /// Dataset to start from.
     pub(crate) dataset: Option<PathBuf>,
+    /// Lights that are trained on together with that of the dataset: datasets, or names of
+    /// `conditions` of a capture.
+    pub(crate) other_lights: Vec<PathBuf>,
     /// RAW brackets to start from.
     pub(crate) capture: Option<PathBuf>,
     /// Virtual room to take RAW brackets of: a scene file, or the name of a scene.
     pub(crate) simulate: Option<String>,
-    /// Lightings, each a folder of the capture; the first is the one to train on. Empty if there
-    /// is but one.
+    /// Lightings, each a folder of the capture; the first is the one to train on, with
+    /// `other_lights`. Empty if there is but one.
     pub(super) conditions: Vec<String>,
     /// Dataset whose cameras are rendered and whose images measure the result, if not those that
     /// are trained on.
@@ -121,6 +124,11 @@ impl ProjectFile {
         ];
         for path in own.into_iter().flatten() {
             *path = folder.join(&*path);
+        }
+        if self.dataset.is_some() {
+            for light in &mut self.other_lights {
+                *light = folder.join(&*light);
+            }
         }
         if let Some(scene) = self.simulate.as_mut().filter(|name| is_file(name)) {
             *scene = folder.join(&*scene).display().to_string();
@@ -248,6 +256,19 @@ impl Project {
         if file.dataset.is_some() && !file.conditions.is_empty() {
             let problem = "is for a capture, not for a dataset";
             return Err(self.error(&["conditions"], problem).into());
+        }
+        for (index, light) in file.other_lights.iter().enumerate() {
+            let name = light.to_str().unwrap_or_default();
+            let others = file.conditions.iter().skip(1);
+            if file.dataset.is_none() && !others.clone().any(|other| other == name) {
+                let others: Vec<&str> = others.map(String::as_str).collect();
+                let problem = format!(
+                    "`{name}` is none of the conditions after the first: {}",
+                    others.join(", ")
+                );
+                let keys = ["other_lights", &index.to_string()];
+                return Err(self.error(&keys, problem).into());
+            }
         }
         for (index, Relight { name, .. }) in file.relight.iter().enumerate() {
             let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);

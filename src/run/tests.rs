@@ -155,6 +155,16 @@ fn values_that_do_not_fit_are_named() {
         ("simulate", "dataset", "synth: is for a capture"),
         (
             "seed = 3",
+            "other_lights = [\"day\"]",
+            "line 4: other_lights[0]: `day` is none of the conditions after the first: evening",
+        ),
+        (
+            "seed = 3",
+            "other_lights = [\"evening\", \"evening\"]",
+            "line 4: other_lights[1]: another light is called `evening`",
+        ),
+        (
+            "seed = 3",
             "scene = \"s.ply\"",
             "masks: is for a scene to be trained",
         ),
@@ -163,4 +173,53 @@ fn values_that_do_not_fit_are_named() {
         let error = plan(&text).unwrap_err().to_string();
         assert!(error.contains(message), "{to}: {error}");
     }
+}
+
+/// A capture of whose three lights two are trained on.
+#[test]
+fn lights_are_trained_together_and_scripts_find_all_lamps_on() {
+    let text = CAPTURE.replacen(
+        "conditions = [\"day\", \"evening\"]",
+        "conditions = [\"day\", \"evening\", \"lamps\"]\nother_lights = [\"lamps\"]",
+        1,
+    );
+    let plan = plan(&text).unwrap();
+    let step = |name: &str| plan.steps.iter().find(|step| step.name == name).unwrap();
+    let train = step("train").shown().unwrap();
+    assert!(
+        train.starts_with("eagpt train out/dataset/day out/dataset/lamps --out out/train "),
+        "{train}"
+    );
+    assert!(
+        train.contains(" --masks out/masks --normals out/normals"),
+        "{train}"
+    );
+    for section in ["masks", "normals"] {
+        for light in ["day", "lamps"] {
+            let shown = step(&format!("{section}/{light}")).shown().unwrap();
+            let wanted = format!("eagpt {section} out/dataset/{light} ");
+            let to = format!("--out out/{section}/{light}");
+            assert!(shown.starts_with(&wanted) && shown.contains(&to), "{shown}");
+        }
+    }
+    let waits: Vec<&str> = (step("train").after.iter())
+        .map(|index| plan.steps[*index].name.as_str())
+        .collect();
+    let wanted = [
+        "poses",
+        "masks/day",
+        "masks/lamps",
+        "normals/day",
+        "normals/lamps",
+    ];
+    assert_eq!(waits, wanted);
+    let edit = step("edit/dim");
+    let shown = edit.shown().unwrap();
+    assert!(
+        shown.starts_with("eagpt edit out/train/all-lamps/scene.ply "),
+        "{shown}"
+    );
+    assert_eq!(plan.steps[edit.after[0]].name, "train");
+    let shown = step("render/original/path").shown().unwrap();
+    assert!(shown.contains(" out/train/scene.ply "), "{shown}");
 }

@@ -4,7 +4,7 @@ use super::TrainArgs;
 use crate::bake;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
-use eagpt_scene::lamps::lamps_file_beside;
+use eagpt_scene::lamps::{ALL_LAMPS_DIR, lamps_file_beside};
 use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{SceneError, files};
 use eagpt_train::TrainRequest;
@@ -75,7 +75,7 @@ impl HeldOut {
     ) -> Result<Option<Relit>> {
         let scene = match request.other_lights.is_empty() {
             true => request.out.join("scene.ply"),
-            false => request.out.join("all-lamps").join("scene.ply"),
+            false => request.out.join(ALL_LAMPS_DIR).join("scene.ply"),
         };
         let dir = request.out.join(RELIT_DIR);
         files::create_dir(&dir)?;

@@ -217,3 +217,87 @@ fn a_light_that_is_held_out_is_shown_by_switching_lamps() {
         &["night.toml", "`evening` is missing"],
     );
 }
+
+/// A project trains on two lights, each with masks of its own, and changes the light of a scene in
+/// which the lamps of both are on.
+#[test]
+fn a_project_trains_on_several_lights() {
+    let place = workplace();
+    place.write(
+        "p.toml",
+        r#"
+out = "project"
+dataset = "room/truth/day"
+other_lights = ["room/truth/evening"]
+[masks]
+threshold = 8
+[train]
+preset = "draft"
+iterations = 40
+albedo_iterations = 4
+[render]
+modes = ["0-bounce"]
+[[relight]]
+name = "evening"
+script = "off.toml"
+reference = "room/truth/evening"
+[bake]
+samples = 8
+bounces = 2
+"#,
+    );
+    place.write(
+        "off.toml",
+        "[[step]]\nselect = { half_space = { point = [0, 0, 2], normal = \"z\" } }\n\
+         then = [\"make_not_emissive\"]\n",
+    );
+    place.succeeds("run p.toml");
+    for light in ["day", "evening"] {
+        assert!(
+            place
+                .path(&format!("project/masks/{light}/Emissive-exr"))
+                .is_dir()
+        );
+    }
+    let edited = place.json("project/edit/evening.record.json");
+    assert_eq!(
+        edited["inputs"][0]["path"],
+        "project/train/all-lamps/scene.ply"
+    );
+    // The lamp in the ceiling is off, the other one on.
+    let emitting = num_emitting(&scene(&place, "project/edit/evening.ply"));
+    let all = num_emitting(&scene(&place, "project/train/all-lamps/scene.ply"));
+    assert!(emitting > 0 && emitting < all, "{emitting} of {all}");
+    let metrics = place.json("project/eval/evening/baked/metrics.json");
+    assert!(metrics["mean"]["psnr_srgb_db"].as_f64().unwrap() > 5.0);
+    let report = std::fs::read_to_string(place.path("project/report.html")).unwrap();
+    for light in ["day", "evening"] {
+        assert!(report.contains(&format!("Emission masks: {light}")));
+    }
+    let again = place.succeeds("run p.toml --dry-run");
+    assert!(again.ends_with("\n0 of 13 steps would run\n"), "{again}");
+
+    // Rows of the paper's tables are of the same training.
+    let dry = place.succeeds("paper p.toml --rows baked --out tables --dry-run");
+    let root = "/p/scenes/full/seed-0/train/all-lamps/scene.ply";
+    assert!(dry.contains(root), "{dry}");
+
+    place.write(
+        "twice.toml",
+        "dataset = \"room/truth/day\"\nother_lights = [\"room/truth/day\"]\n",
+    );
+    place.fails(
+        "run twice.toml",
+        &["twice.toml", "line 2", "other_lights[0]", "`day`"],
+    );
+}
+
+/// With several lights, masks of one of them are not those of another.
+#[test]
+fn masks_of_several_lights_are_in_folders_of_their_names() {
+    let place = workplace();
+    let train = format!("train room/truth/day room/truth/evening --out two --masks m {SHORT}");
+    place.succeeds("masks room/truth/day --threshold 8 --out m/day");
+    place.fails(&train, &["m/evening/Emissive-exr"]);
+    assert!(!place.path("two").exists());
+}

@@ -14,6 +14,7 @@ const PROJECT: &str = r#"
 out = "run"
 simulate = "small-room"
 conditions = ["day", "evening"]
+other_lights = ["evening"]
 measure = "run/capture/truth/day"
 [synth]
 views = 10

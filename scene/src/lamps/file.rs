@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file in the folder of a scene.
 pub const LAMPS_FILE: &str = "lamps.json";
+/// Folder, in that of a training in several lights, of the scene with the lamps of all of them on.
+pub const ALL_LAMPS_DIR: &str = "all-lamps";
 /// Largest difference from 1 of the length of a quaternion: a few digits are kept where a person
 /// has written it.
 const UNIT_TOLERANCE: f32 = 1e-3;

@@ -25,24 +25,18 @@ impl Light {
     }
 }
 
-/// Opens the datasets of all lights, the first one with the masks and normals of the request.
+/// Opens the datasets of all lights with the masks and normals of the request, which of several
+/// lights are in a folder of each one's name.
 ///
 /// # Errors
 /// If one cannot be read or two have the same name, or for several lights on a GPU or from a scene.
 pub(super) fn open(request: &TrainRequest) -> Result<Vec<Light>> {
-    let mut first = Dataset::open(&request.dataset)?;
-    if let Some(masks) = &request.masks {
-        first = first.with_masks(masks)?;
-    }
-    if let Some(normals) = &request.normals {
-        first = first.with_normals(normals)?;
-    }
-    let mut lights = vec![light(first, request)?];
+    let mut lights = vec![light(&request.dataset, request)?];
     for path in &request.other_lights {
         if !matches!(request.device, Device::Cpu) {
             return Err(TrainError::several_lights());
         }
-        let other = light(Dataset::open(path)?, request)?;
+        let other = light(path, request)?;
         if lights.iter().any(|known| known.name == other.name) {
             return Err(TrainError::Dataset {
                 path: path.clone(),
@@ -71,9 +65,21 @@ pub fn light_name(dataset: &Path) -> String {
     )
 }
 
-fn light(dataset: Dataset, request: &TrainRequest) -> Result<Light> {
+fn light(path: &Path, request: &TrainRequest) -> Result<Light> {
+    let mut dataset = Dataset::open(path)?;
+    let name = light_name(dataset.root());
+    let of_light = |folder: &Path| match request.other_lights.is_empty() {
+        true => folder.to_owned(),
+        false => folder.join(&name),
+    };
+    if let Some(masks) = &request.masks {
+        dataset = dataset.with_masks(&of_light(masks))?;
+    }
+    if let Some(normals) = &request.normals {
+        dataset = dataset.with_normals(&of_light(normals))?;
+    }
     Ok(Light {
-        name: light_name(dataset.root()),
+        name,
         split: dataset.split(request.options.split)?,
         dataset: Arc::new(dataset),
     })

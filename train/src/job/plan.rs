@@ -7,14 +7,12 @@ use crate::error::Result;
 use crate::options::{Stage, StageChoice, TrainOptions};
 use crate::relit::RELIT_DIR;
 use eagpt_scene::files::{self, Key, digest};
-use eagpt_scene::lamps::LAMPS_FILE;
+use eagpt_scene::lamps::{ALL_LAMPS_DIR, LAMPS_FILE};
 use eagpt_scene::{Dataset, SceneError};
 use std::path::PathBuf;
 
 /// Folder of the other lights.
 const LIGHTS_DIR: &str = "lights";
-/// Folder of the scene in which the lamps of all lights are on.
-const ALL_LAMPS_DIR: &str = "all-lamps";
 /// The scene in its folder.
 const SCENE_FILE: &str = "scene.ply";
 

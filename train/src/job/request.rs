@@ -37,9 +37,10 @@ pub struct TrainRequest {
     /// Datasets of the same place in other lights, in its world: all lights are of one geometry and
     /// albedo. They are named like their folders.
     pub other_lights: Vec<PathBuf>,
-    /// Folder whose `Emissive-exr` holds the emission masks; without it, those of the dataset.
+    /// Folder whose `Emissive-exr` holds the emission masks, of several lights a folder with one of
+    /// each one's name that does; without it, those of the datasets.
     pub masks: Option<PathBuf>,
-    /// Folder whose `Normal-exr` holds the normals; without it, those of the dataset.
+    /// The same of normals, in `Normal-exr`.
     pub normals: Option<PathBuf>,
     /// A scene to start from, instead of the points of the dataset.
     pub start: Option<PathBuf>,
