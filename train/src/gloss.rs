@@ -4,9 +4,10 @@
 //! same in all of them; a lobe adds what the scene sends from around the mirrored direction. Light
 //! from there is traced through the scene's own radiance ([`observe`]), for lobes of several
 //! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences
-//! between views of its points best ([`fit`]). Levels do not count, only differences at the same
-//! point: a bright texture is no gloss. What continues a glossy surface or is seen on it alone is
-//! of it ([`share`], [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
+//! between views of its points best ([`fit`]); neighbours that one lobe explains as well as one each
+//! are one surface ([`join`]). Levels do not count, only differences at the same point: a bright
+//! texture is no gloss. What continues a glossy surface or is seen on it alone is of it ([`share`],
+//! [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
 //!
 //! A surface stays diffuse unless its lobe explains a good part of the differences, and that found
 //! in one half of the views explains the other half.
@@ -14,6 +15,7 @@
 mod evidence;
 mod fill;
 mod fit;
+mod join;
 mod observe;
 mod planes;
 mod segments;
@@ -146,9 +148,11 @@ pub(crate) fn estimate(
         return Ok(Estimate::default());
     }
     let smoothing = Smoothing::new(&seen.receivers);
-    let segments = Segments::new(&seen.receivers, &smoothing, &seen.colors);
+    let segments = Segments::new(&seen, &smoothing);
     let planes = Planes::new(&seen.receivers, &segments, &smoothing, gaussians);
     let evidence = evidence::evidence(&scenes, &seen, &segments, &planes, key);
+    let (segments, evidence) = join::joined(&segments, evidence, &smoothing);
+    let planes = Planes::new(&seen.receivers, &segments, &smoothing, gaussians);
     let decided: Vec<Option<Decision>> = evidence.par_iter().map(Evidence::decide).collect();
     if decided.iter().all(Option::is_none) {
         return Ok(Estimate::default());

@@ -18,9 +18,10 @@ const POINTS_AT_ONCE: usize = 64;
 const DARK: f32 = 0.1;
 /// Views are halved in runs of this length: neighbours show much the same.
 const RUN: u32 = 2;
-/// Least number of views of points of a surface, and of points.
-const LEAST_SEEN: usize = 150;
-const LEAST_POINTS: usize = 10;
+/// Least number of views of points of a surface, and of points: strips along edges that cameras see
+/// mixed with what is behind differ between views, too.
+const LEAST_SEEN: usize = 300;
+const LEAST_POINTS: usize = 24;
 /// Number of views from which on a surface speaks for itself.
 const ENOUGH: usize = 60;
 /// Least share of the differences between views that a lobe explains, and that of each half of the
@@ -55,7 +56,7 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.all.add(&other.all);
         for (sum, more) in self.parts().zip(other.shared_parts()) {
             sum.add(more);
@@ -78,13 +79,20 @@ impl Evidence {
         self.all.num_seen >= ENOUGH
     }
 
-    /// The lobe that the views ask for; `None` for a diffuse surface.
-    pub(super) fn decide(&self) -> Option<Decision> {
+    /// The lobe that explains most of the differences between views, and that share of them; `None`
+    /// where views are few or it explains little.
+    pub(super) fn lobe(&self) -> Option<(Fit, f64)> {
         if self.all.num_seen < LEAST_SEEN || self.all.num_points < LEAST_POINTS {
             return None;
         }
         let lobe = self.all.fit(LEAST_CERTAINTY)?;
         let explained = self.all.explained(lobe);
+        (explained >= LEAST_EXPLAINED).then_some((lobe, explained))
+    }
+
+    /// The lobe that the views ask for; `None` for a diffuse surface.
+    pub(super) fn decide(&self) -> Option<Decision> {
+        let (lobe, explained) = self.lobe()?;
         let [first, second] = &self.halves;
         let foretold = |from: &Sums, of: &Sums| {
             from.fit(LEAST_CERTAINTY)
@@ -92,8 +100,8 @@ impl Evidence {
         };
         let foretold = foretold(first, second).min(foretold(second, first));
         // More than all is noise.
-        let is_sound = |share: f64, least: f64| share >= least && share <= 1.0;
-        let sound = is_sound(explained, LEAST_EXPLAINED) && is_sound(foretold, LEAST_FORETOLD);
+        let sound =
+            lobe.is_sound() && explained <= 1.0 && (LEAST_FORETOLD..=1.0).contains(&foretold);
         sound.then(|| Decision {
             lobe,
             gloss: Gloss {

@@ -13,7 +13,8 @@
 /// Roughnesses that are tried.
 pub(super) const ROUGHNESSES: [f32; 7] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65];
 pub(super) const NUM: usize = ROUGHNESSES.len();
-/// F0 that are tried, from the least to 1 in equal ratios.
+/// F0 that are tried, from the least to 1 in equal ratios, and one beyond either end: where that
+/// explains most, the model does not hold.
 const LEAST_SPECULAR: f64 = 0.02;
 const NUM_SPECULARS: usize = 40;
 
@@ -208,8 +209,8 @@ fn sum_of(products: &[f64; 6], specular: f64) -> f64 {
 }
 
 fn speculars() -> impl Iterator<Item = f64> {
-    let step = |i: usize| i as f64 / (NUM_SPECULARS - 1) as f64;
-    (0..NUM_SPECULARS).map(move |i| LEAST_SPECULAR.powf(1.0 - step(i)))
+    let step = |i: usize| (i as f64 - 1.0) / (NUM_SPECULARS - 1) as f64;
+    (0..NUM_SPECULARS + 2).map(move |i| LEAST_SPECULAR.powf(1.0 - step(i)))
 }
 
 /// A lobe.
@@ -227,6 +228,12 @@ impl Fit {
             roughness,
             specular,
         }
+    }
+
+    /// Whether its F0 lies within the range of surfaces.
+    pub(super) fn is_sound(self) -> bool {
+        let tolerance = 1.0 + 1e-6;
+        (LEAST_SPECULAR / tolerance..=tolerance).contains(&self.specular)
     }
 }
 

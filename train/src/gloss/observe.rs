@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::surfaces::BestSeen;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::Gloss;
+use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
@@ -54,6 +55,8 @@ pub(super) struct Observations {
     pub(super) receivers: Vec<Receiver>,
     /// Mean radiance of each of them in the photographs.
     pub(super) colors: Vec<Vec3>,
+    /// Standard deviation of their luminance between the views of a light, in parts of its mean.
+    pub(super) spreads: Vec<f32>,
     /// Gaussians that are seen too faintly to be compared, as they are seen best.
     pub(super) faint: Vec<Receiver>,
 }
@@ -69,6 +72,7 @@ impl Observations {
         let num = scenes[0].surfels().surfels.len();
         let mut best = BestSeen::new(num);
         let mut sums = vec![(Vec3::ZERO, 0.0_f32); num];
+        let mut moments = vec![vec![Moments::default(); num]; scenes.len()];
         let mut kept: Vec<Observation> = Vec::new();
         let word = |gaussian: u32| key.stream(gaussian, 0).next_words()[0];
         let mut limit = u32::MAX;
@@ -96,6 +100,7 @@ impl Observations {
                 let (sum, total) = &mut sums[found.gaussian as usize];
                 *sum += radiance * found.largest_weight;
                 *total += found.largest_weight;
+                moments[light][found.gaussian as usize].add(found.largest_weight, radiance);
                 if word(found.gaussian) > limit {
                     continue;
                 }
@@ -127,12 +132,41 @@ impl Observations {
             .filter_map(|(i, surface): (u32, _)| Some((i, surface?)))
             .partition(|(i, _)| sums[*i as usize].1 > 0.0);
         let color = |(i, _): &Receiver| sums[*i as usize].0 / sums[*i as usize].1;
+        let spread = |(i, _): &Receiver| Moments::spread(moments.iter().map(|of| of[*i as usize]));
         Ok(Self {
             colors: receivers.iter().map(color).collect(),
+            spreads: receivers.iter().map(spread).collect(),
             kept,
             receivers,
             faint,
         })
+    }
+}
+
+/// Weighted sums of the luminance of a Gaussian over the views of a light, and of its square.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moments {
+    weight: f32,
+    sum: f32,
+    squares: f32,
+}
+
+impl Moments {
+    fn add(&mut self, weight: f32, radiance: Vec3) {
+        let light = luminance(radiance.to_array());
+        self.weight += weight;
+        self.sum += weight * light;
+        self.squares += weight * light * light;
+    }
+
+    /// Standard deviation within each light, in parts of the mean.
+    fn spread(lights: impl Iterator<Item = Self>) -> f32 {
+        let seen = lights.filter(|of| of.weight > 0.0);
+        let (squares, level) = seen.fold((0.0, 0.0), |(squares, level), of| {
+            let mean = of.sum * of.sum / of.weight;
+            (squares + (of.squares - mean).max(0.0), level + mean)
+        });
+        (squares / level.max(f32::MIN_POSITIVE)).sqrt()
     }
 }
 
@@ -253,7 +287,7 @@ impl Sampler<'_> {
             return;
         };
         let [x, y, z] = self.scene.attributes(hit.index).radiance().to_array();
-        let luminance = eagpt_scene::color::luminance([x, y, z]);
+        let luminance = luminance([x, y, z]);
         let facing = (direction - self.direction).normalize().dot(direction);
         let edge = (1.0 - facing).clamp(0.0, 1.0).powi(5);
         for (of, light) in found.iter_mut().zip([x, y, z, luminance]) {

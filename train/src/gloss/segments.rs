@@ -1,21 +1,29 @@
-//! Surfaces of one material: neighbours of like normal and colour.
+//! Surfaces of one material: neighbours of like normal, colour and spread between views.
+//!
+//! Steel may be as bright as the painted wall beside it, but what it sends differs far more with the
+//! direction.
 //!
 //! Graph-based segmentation (Felzenszwalb and Huttenlocher 2004): edges are taken in order of the
 //! difference they bridge, and join two parts if it is no larger than what either has within, with
 //! a bonus for small parts. Shading changes little from one Gaussian to the next, materials do;
 //! where texture is strong within, strong edges do not divide.
 
+use super::observe::Observations;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::median::median_of;
-use eagpt_trace::transport::matrix::Receiver;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
+use std::collections::BTreeMap;
 
 /// Bonus for small parts: difference of the logarithm of colour times number of Gaussians.
-const SCALE: f32 = 6.0;
+const SCALE: f32 = 3.0;
 /// Parts of fewer Gaussians join the neighbour they differ least from.
 const LEAST: u32 = 12;
 /// Colours are compared from this part of the median on: what is darker is noise.
 const DARK: f32 = 0.02;
+/// Weight of the logarithm of the spread beside that of colour, and the spread that is added to it:
+/// less is noise.
+const WEIGHT_OF_SPREAD: f32 = 0.5;
+const LEAST_SPREAD: f32 = 0.05;
 
 /// Surfaces of one material.
 pub(super) struct Segments {
@@ -26,12 +34,17 @@ pub(super) struct Segments {
 }
 
 impl Segments {
-    /// Divides `receivers`, whose `colors` are linear.
-    pub(super) fn new(receivers: &[Receiver], smoothing: &Smoothing, colors: &[Vec3]) -> Self {
-        let dark = DARK * median_of(colors.iter().map(|c| c.max_element()));
-        let logs: Vec<Vec3> = colors.iter().map(|c| (*c + dark).map(f32::ln)).collect();
+    /// Divides the receivers that are `seen`.
+    pub(super) fn new(seen: &Observations, smoothing: &Smoothing) -> Self {
+        let dark = DARK * median_of(seen.colors.iter().map(|c| c.max_element()));
+        let log = |(color, spread): (&Vec3, &f32)| {
+            let spread = WEIGHT_OF_SPREAD * (spread + LEAST_SPREAD).ln();
+            (*color + dark).map(f32::ln).extend(spread)
+        };
+        let logs: Vec<Vec4> = seen.colors.iter().zip(&seen.spreads).map(log).collect();
+        let num = logs.len();
         let mut edges = Vec::new();
-        for i in 0..receivers.len() {
+        for i in 0..num {
             for &(j, _) in smoothing.neighbours(i) {
                 if j as usize > i {
                     let difference = (logs[i] - logs[j as usize]).length();
@@ -40,7 +53,7 @@ impl Segments {
             }
         }
         edges.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let mut parts = Parts::new(receivers.len());
+        let mut parts = Parts::new(num);
         for &(difference, i, j) in &edges {
             let (a, b) = (parts.root(i), parts.root(j));
             if a != b && difference <= parts.limit(a).min(parts.limit(b)) {
@@ -53,22 +66,40 @@ impl Segments {
                 parts.join(a, b, difference);
             }
         }
-        let mut numbers = vec![u32::MAX; receivers.len()];
-        let mut num = 0;
-        let of: Vec<u32> = (0..receivers.len() as u32)
-            .map(|i| {
-                let number = &mut numbers[parts.root(i) as usize];
-                if *number == u32::MAX {
-                    *number = num;
-                    num += 1;
-                }
-                *number
-            })
-            .collect();
+        Self::numbered((0..num as u32).map(|i| parts.root(i)))
+    }
+
+    /// Surfaces by the names of those that receivers are of, numbered in order.
+    fn numbered(names: impl Iterator<Item = u32>) -> Self {
+        let mut numbers = BTreeMap::new();
+        let number = |name| {
+            let next = numbers.len() as u32;
+            *numbers.entry(name).or_insert(next)
+        };
+        let of: Vec<u32> = names.map(number).collect();
         Self {
+            num: numbers.len(),
             of,
-            num: num as usize,
         }
+    }
+
+    /// The surfaces where several became one: `names` of each, the same for those.
+    pub(super) fn joined(&self, names: &[u32]) -> Self {
+        Self::numbered(self.of.iter().map(|&segment| names[segment as usize]))
+    }
+
+    /// Number of neighbours across the borders between surfaces, both ways.
+    pub(super) fn borders(&self, smoothing: &Smoothing) -> BTreeMap<(usize, usize), usize> {
+        let mut borders = BTreeMap::new();
+        for i in 0..self.of.len() {
+            for &(j, _) in smoothing.neighbours(i) {
+                let (a, b) = (self.of[i] as usize, self.of[j as usize] as usize);
+                if a != b {
+                    *borders.entry((a, b)).or_default() += 1;
+                }
+            }
+        }
+        borders
     }
 }
 

@@ -33,15 +33,7 @@ pub(super) fn shared(
         *num += 1.0;
     }
     let log = |segment: usize| (sums[segment].0 / sums[segment].1).map(|c| c.max(1e-6).ln());
-    let mut borders: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-    for i in 0..seen.receivers.len() {
-        for &(j, _) in smoothing.neighbours(i) {
-            let (a, b) = (segments.of[i] as usize, segments.of[j as usize] as usize);
-            if a != b {
-                *borders.entry((a, b)).or_default() += 1;
-            }
-        }
-    }
+    let borders = segments.borders(smoothing);
     for _ in 0..ROUNDS {
         let mut best: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
         for (&(segment, other), &num) in &borders {

@@ -128,11 +128,65 @@ fn a_ragged_floor_is_glossy_as_a_whole() {
     assert!(num_even > num * 19 / 20, "{num_even} of {num}");
 }
 
+/// Discs of the floor on one side of its middle.
+fn half_of_floor(scene: &Gaussians) -> Vec<usize> {
+    let positions = scene.positions.iter().enumerate();
+    let is_there = |p: &Vec3| p.z.abs() < 1e-6 && p.x > 0.0;
+    positions
+        .filter(|(_, p)| is_there(p))
+        .map(|(i, _)| i)
+        .collect()
+}
+
+/// Halves of unlike paint below the same varnish are explained by one lobe.
+#[test]
+fn a_floor_of_two_paints_is_one_surface() {
+    let (mut truth, mut plain) = (corner(FLOOR), corner(Gloss::NONE));
+    for scene in [&mut truth, &mut plain] {
+        for i in half_of_floor(scene) {
+            scene.radiances[i] = Vec3::new(0.02, 0.03, 0.06);
+        }
+    }
+    let found = estimate(from_ref(&plain), pictures(&truth).into_iter(), 1).unwrap();
+    assert_eq!(found.surfaces.len(), 1, "{:?}", found.surfaces);
+    assert_eq!(found.surfaces[0].roughness, FLOOR.roughness);
+    let glossy = |of: &[usize]| of.iter().filter(|&&i| found.gloss[i].is_some()).count();
+    let dark = half_of_floor(&plain);
+    assert!(glossy(&dark) > dark.len() / 2, "{}", glossy(&dark));
+}
+
+/// Paint that is as bright as the metal beside it in the mean stays diffuse.
+#[test]
+fn paint_beside_metal_of_its_colour_is_divided_from_it() {
+    let (mut truth, mut plain) = (corner(FLOOR), corner(Gloss::NONE));
+    let painted = half_of_floor(&plain);
+    for &i in &painted {
+        truth.gloss[i] = Gloss::NONE;
+        for scene in [&mut truth, &mut plain] {
+            scene.radiances[i] = Vec3::splat(0.45);
+        }
+    }
+    let found = estimate(from_ref(&plain), pictures(&truth).into_iter(), 1).unwrap();
+    let is_painted = |i: &usize| painted.contains(i);
+    let glossy: Vec<usize> = (0..plain.len())
+        .filter(|&i| found.gloss[i].is_some())
+        .collect();
+    // Along the border, pixels show both.
+    let num_false = glossy.iter().filter(|i| is_painted(i)).count();
+    assert!(glossy.len() > painted.len() / 2, "{}", glossy.len());
+    assert!(
+        num_false <= painted.len() / 10,
+        "{num_false} of {}",
+        painted.len()
+    );
+}
+
 #[test]
 fn a_diffuse_floor_stays_diffuse() {
     let plain = corner(Gloss::NONE);
     let found = estimate(from_ref(&plain), pictures(&plain).into_iter(), 1).unwrap();
-    assert_eq!(found, Estimate::default());
+    assert_eq!(found.surfaces, [], "nothing is glossy");
+    assert!(found.gloss.is_empty());
 }
 
 /// Differences within each of two lights add up.

@@ -80,3 +80,13 @@ fn other_differences_are_no_gloss() {
     let lobe = still.fit(0.2).expect("samples are certain enough");
     assert!(still.explained(lobe) <= 0.0);
 }
+
+/// More light than a mirror sends is no gloss; a mirror is.
+#[test]
+fn lobes_beyond_a_mirror_are_not_sound() {
+    for (specular, is_sound) in [(1.0, true), (1.6, false)] {
+        let found = sums(0.0, |_, lobe, _| specular * lobe.facing[0] + lobe.edge[0]);
+        let lobe = found.fit(0.2).expect("differences are large");
+        assert_eq!(lobe.is_sound(), is_sound, "{lobe:?}");
+    }
+}
