@@ -10,7 +10,7 @@ use pattern::{PatternPoint, Texture};
 use shape::{Crossing, Shape, SurfacePoint};
 
 /// Conditions that light is computed for at once, at most.
-pub const MAX_CONDITIONS: usize = 4;
+pub const MAX_CONDITIONS: usize = 8;
 /// Hits nearer than this are ignored, and rays start this far above their surface,
 /// metres: room-sized floats have steps of 2e-7.
 pub const LIFT: f32 = 1e-4;

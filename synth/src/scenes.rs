@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 6] = [
+pub const SCENES: [EmbeddedScene; 7] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -42,6 +42,11 @@ pub const SCENES: [EmbeddedScene; 6] = [
         name: "glossy-room",
         about: "a steel cabinet, a glossy floor and a varnished table, by day and in the evening",
         toml: include_str!("../scenes/glossy-room.toml"),
+    },
+    EmbeddedScene {
+        name: "divided-room",
+        about: "a wall down the middle and five lamps, each alone: any of them leaves much in the dark",
+        toml: include_str!("../scenes/divided-room.toml"),
     },
 ];
 

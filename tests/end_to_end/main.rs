@@ -13,6 +13,7 @@ mod bench;
 mod camera_path;
 mod colmap;
 mod dataset;
+mod demo;
 mod denoise;
 mod determinism;
 mod device;
