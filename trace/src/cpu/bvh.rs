@@ -7,15 +7,17 @@
 mod discs;
 mod nodes;
 mod search;
+mod widen;
 
-pub(super) use discs::DiscTree;
+pub(crate) use discs::{DiscTree, DiscTreeBuilder};
 pub(super) use search::uniform_of;
 pub use search::{RayScratch, Reach};
 
 use crate::surfel::{Surfel, SurfelSet};
 use glam::{Vec3, Vec3A};
-use nodes::{Node, Topology};
+use nodes::Node;
 use obvhs::aabb::Aabb;
+use widen::{BinaryTree, Topology};
 
 /// Children of a node and Gaussians of a leaf: the lanes of an AVX register.
 const WIDTH: usize = 8;
@@ -106,7 +108,8 @@ impl Bvh {
             .iter()
             .map(|&i| disc_bounds(&set.surfels[i as usize]))
             .collect();
-        let Topology { nodes, leaves } = Topology::new(&counted, &boxes);
+        let bounds_of = |i: u32| Some(disc_bounds(&set.surfels[i as usize]));
+        let Topology { nodes, leaves } = BinaryTree::new(counted, &boxes, WIDTH).widened(bounds_of);
         self.nodes = nodes;
         self.leaves = leaves.into_iter().map(|i| Leaf::new(set, i)).collect();
         self.refit(set);

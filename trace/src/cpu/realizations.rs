@@ -15,11 +15,12 @@
 //! all rays: what they get wrong for one pair of overlapping discs does not go away with more rays,
 //! but with the number of discs that light comes from.
 
-use super::bvh::{DiscTree, RayScratch, uniform_of};
+use super::bvh::{DiscTree, DiscTreeBuilder, RayScratch, uniform_of};
 use super::scene::SampledHit;
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::matrix::NUM_REALIZATIONS;
+use std::panic::resume_unwind;
 
 /// Seed of an engine's realizations: scenes of the same Gaussians have the same ones.
 pub(crate) const SCENE_SEED: u32 = 0;
@@ -37,18 +38,23 @@ pub struct Realizations {
 impl Realizations {
     /// Realizations from `set`; another `seed` gives other realizations.
     pub fn new(set: &SurfelSet, seed: u32) -> Self {
-        let typical = DiscTree::new(set);
-        // On one thread: scenes make their realizations when the first ray asks for one, and other
-        // threads wait for it.
-        let trees = (0..NUM_REALIZATIONS)
-            .map(|realization| {
-                let mut tree = typical.clone();
-                tree.refit(set, |i| {
-                    realized_radius_squared(&set.surfels[i as usize], i, seed, realization)
-                });
-                tree
-            })
-            .collect();
+        let builder = DiscTreeBuilder::new(set);
+        let tree = |&realization: &u32| {
+            builder
+                .build(|i| realized_radius_squared(&set.surfels[i as usize], i, seed, realization))
+        };
+        let realizations: Vec<u32> = (0..NUM_REALIZATIONS).collect();
+        let for_each = realizations.len().div_ceil(rayon::current_num_threads());
+        // Not on the threads of the pool: scenes make their realizations when the first ray asks
+        // for one, perhaps on one of them while the others wait.
+        let trees = std::thread::scope(|scope| {
+            let threads: Vec<_> = (realizations.chunks(for_each))
+                .map(|some| scope.spawn(|| some.iter().map(tree).collect::<Vec<_>>()))
+                .collect();
+            let built = (threads.into_iter())
+                .map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
+            built.flatten().collect()
+        });
         Self { seed, trees }
     }
 

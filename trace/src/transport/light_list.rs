@@ -14,7 +14,7 @@
 mod clusters;
 mod footprints;
 
-use crate::cpu::bvh::{Bvh, RayScratch, Reach};
+use crate::cpu::bvh::{Bvh, DiscTree, DiscTreeBuilder, RayScratch};
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::features::lane;
 use crate::ray::Ray;
@@ -44,8 +44,8 @@ pub struct LightList {
     discs: Vec<Disc>,
     /// Those of `discs`, as large as the largest of all realizations.
     set: SurfelSet,
-    /// Over `set`.
-    bvh: Bvh,
+    /// Over the discs of each realization.
+    trees: Vec<DiscTree>,
     /// Over the footprints.
     footprints: Bvh,
 }
@@ -157,17 +157,19 @@ impl LightList {
             surfels: emitters.iter().map(footprint).collect(),
             ..SurfelSet::default()
         });
-        let (discs, surfels) = emitters.into_iter().unzip();
+        let (discs, surfels): (Vec<Disc>, Vec<Surfel>) = emitters.into_iter().unzip();
         // On one thread: a scene makes its list when it is first needed, perhaps by one of many
         // threads, and the others wait for it.
         let set = SurfelSet {
             surfels,
             ..SurfelSet::default()
         };
+        let builder = DiscTreeBuilder::new(&set);
+        let tree = |realization: usize| builder.build(|i| discs[i as usize].radii[realization]);
         Some(Self {
+            trees: (0..REALIZATIONS).map(tree).collect(),
             clusters,
             discs,
-            bvh: Bvh::new(&set),
             footprints,
             set,
         })
@@ -257,14 +259,10 @@ impl LightList {
         let realization = realization as usize;
         let ray = Ray::free(origin.to_array(), direction.to_array());
         let sum: f32 = SCRATCH.with_borrow_mut(|scratch| {
-            self.bvh.find_hits(&ray, Reach::Everything, scratch);
-            // Any order would do for the sum; a fixed one gives the same bits for any shape of the
-            // tree.
-            scratch.sort();
-            let hits = scratch.hits().iter().map(|hit| hit.index() as usize);
-            hits.map(|i| {
-                let disc = &self.discs[i];
-                let mut seen = self.set.surfels[i].seen_from(ray.origin);
+            let met = self.trees[realization].all(&ray, scratch).iter();
+            met.map(|&i| {
+                let disc = &self.discs[i as usize];
+                let mut seen = self.set.surfels[i as usize].seen_from(ray.origin);
                 seen.cut2 = disc.radii[realization];
                 let hit = seen.meet(ray.direction);
                 if seen.counts(&hit) {

@@ -1,6 +1,7 @@
-//! A tree over opaque discs: the nearest along a ray.
+//! Trees over opaque discs: the nearest along a ray, and all of them.
 
-use super::nodes::{self, Lanes, Node, Topology, visit_leaves};
+use super::nodes::{self, Lanes, Node, visit_leaves};
+use super::widen::{BinaryTree, Topology};
 use super::{EMPTY, RayScratch, WIDTH, bounds_of};
 use crate::model::{MIN_COSINE, OWN_COSINE};
 use crate::ray::Ray;
@@ -28,10 +29,15 @@ pub(crate) struct DiscTree {
     leaves: Vec<DiscLeaf>,
 }
 
-impl DiscTree {
-    /// Groups the Gaussians of `set` by their discs of typical size. To be followed by a
-    /// [`Self::refit`].
-    pub(crate) fn new(set: &SurfelSet) -> Self {
+/// Makes trees over the same discs of several sizes.
+pub(crate) struct DiscTreeBuilder<'a> {
+    set: &'a SurfelSet,
+    tree: BinaryTree,
+}
+
+impl<'a> DiscTreeBuilder<'a> {
+    /// Groups the Gaussians of `set` by their discs of typical size.
+    pub(crate) fn new(set: &'a SurfelSet) -> Self {
         let counted: Vec<u32> = (0..set.len() as u32)
             .filter(|&i| set.surfels[i as usize].cut2 >= 0.0)
             .collect();
@@ -43,58 +49,73 @@ impl DiscTree {
                 bounds_of(surfel, (2.0 * surfel.opacity).min(surfel.cut2))
             })
             .collect();
-        let Topology { nodes, leaves } = Topology::new(&counted, &boxes);
-        let leaves = leaves.into_iter().map(DiscLeaf::new).collect();
-        Self { nodes, leaves }
+        // How many of neighbours are there differs: leaves are filled in each tree.
+        let tree = BinaryTree::new(counted, &boxes, 1);
+        Self { set, tree }
     }
 
-    /// Gives every disc its size: `radius_squared` in standard deviations, negative for a disc that
-    /// is not there.
-    pub(crate) fn refit(&mut self, set: &SurfelSet, radius_squared: impl Fn(u32) -> f32) {
-        let mut bounds = Vec::with_capacity(self.leaves.len());
-        for leaf in &mut self.leaves {
-            let mut total = Aabb::INVALID;
-            for lane in 0..WIDTH {
-                if leaf.index[lane] == EMPTY {
-                    continue;
-                }
-                let surfel = &set.surfels[leaf.index[lane] as usize];
-                let radius_squared = radius_squared(leaf.index[lane]);
-                leaf.set(lane, surfel, radius_squared);
-                if radius_squared > 0.0 {
-                    total = total.union(&bounds_of(surfel, radius_squared));
-                }
-            }
-            bounds.push(total);
+    /// The tree in which every disc has its size: `radius_squared` in standard deviations, negative
+    /// for a disc that is not there.
+    pub(crate) fn build(&self, radius_squared: impl Fn(u32) -> f32) -> DiscTree {
+        let radii: Vec<f32> = (0..self.set.len() as u32).map(radius_squared).collect();
+        let surfel = |i: u32| &self.set.surfels[i as usize];
+        let bounds = |i: u32| {
+            let radius_squared = radii[i as usize];
+            (radius_squared > 0.0).then(|| bounds_of(surfel(i), radius_squared))
+        };
+        let Topology { mut nodes, leaves } = self.tree.widened(bounds);
+        nodes::refit(&mut nodes, |leaf| {
+            let discs = leaves[leaf].into_iter().filter(|&i| i != EMPTY);
+            (discs.filter_map(bounds)).fold(Aabb::INVALID, |all, disc| all.union(&disc))
+        });
+        let disc = |i: u32| (i != EMPTY).then(|| (i, surfel(i), radii[i as usize]));
+        let leaves = leaves.into_iter().map(|leaf| DiscLeaf::new(leaf.map(disc)));
+        DiscTree {
+            nodes,
+            leaves: leaves.collect(),
         }
-        nodes::refit(&mut self.nodes, |leaf| bounds[leaf]);
     }
+}
 
+impl DiscTree {
     /// Index and distance of the nearest disc along `ray`, ties by index.
     pub(crate) fn nearest(&self, ray: &Ray, scratch: &mut RayScratch) -> Option<(u32, f32)> {
         find_nearest(&self.nodes, &self.leaves, ray, &mut scratch.stack)
     }
+
+    /// Indices of all discs along `ray`, ascending; edge-on ones, too.
+    pub(crate) fn all<'a>(&self, ray: &Ray, scratch: &'a mut RayScratch) -> &'a [u32] {
+        let RayScratch { discs, stack, .. } = scratch;
+        discs.clear();
+        find_all(&self.nodes, &self.leaves, ray, stack, discs);
+        discs.sort_unstable();
+        discs
+    }
 }
 
 impl DiscLeaf {
-    fn new(index: [u32; WIDTH]) -> Self {
+    /// Discs by index, shape and squared radius in standard deviations.
+    fn new(discs: [Option<(u32, &Surfel, f32)>; WIDTH]) -> Self {
         let nowhere = [[f32::NAN; WIDTH]; 3];
-        Self {
+        let mut leaf = Self {
             position: nowhere,
             axis_u: nowhere,
             axis_v: nowhere,
-            index,
+            index: [EMPTY; WIDTH],
+        };
+        for (lane, disc) in discs.into_iter().enumerate() {
+            let Some((index, surfel, radius_squared)) = disc else {
+                continue;
+            };
+            let inverse = 1.0 / radius_squared.sqrt();
+            leaf.index[lane] = index;
+            for axis in 0..3 {
+                leaf.position[axis][lane] = surfel.position[axis];
+                leaf.axis_u[axis][lane] = surfel.axis_u[axis] * inverse;
+                leaf.axis_v[axis][lane] = surfel.axis_v[axis] * inverse;
+            }
         }
-    }
-
-    fn set(&mut self, lane: usize, surfel: &Surfel, radius_squared: f32) {
-        // The root of a negative number is NaN, which makes a disc that no ray meets.
-        let inverse = 1.0 / radius_squared.sqrt();
-        for axis in 0..3 {
-            self.position[axis][lane] = surfel.position[axis];
-            self.axis_u[axis][lane] = surfel.axis_u[axis] * inverse;
-            self.axis_v[axis][lane] = surfel.axis_v[axis] * inverse;
-        }
+        leaf
     }
 
     /// A normal of a disc, of no particular length.
@@ -170,4 +191,23 @@ fn find_nearest(
         }
     });
     nearest
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "aarch64+neon"
+))]
+fn find_all(
+    nodes: &[Node],
+    leaves: &[DiscLeaf],
+    ray: &Ray,
+    stack: &mut Vec<(f32, u32)>,
+    found: &mut Vec<u32>,
+) {
+    visit_leaves(nodes, ray, stack, |leaf, t_max| {
+        let leaf = &leaves[leaf];
+        let (_, met) = leaf.meet(ray, *t_max);
+        found.extend(met.map(|lane| leaf.index[lane]));
+    });
 }

@@ -1,10 +1,8 @@
-//! Nodes of a wide tree: how they are made from boxes, follow moved ones, and are walked along a
-//! ray.
+//! Nodes of a wide tree: how they follow moved boxes, and are walked along a ray.
 
 use super::{EMPTY, LEAF, WIDTH};
 use crate::ray::Ray;
-use crate::tree::binary_tree;
-use obvhs::{aabb::Aabb, bvh2::Bvh2};
+use obvhs::aabb::Aabb;
 
 /// Eight boxes and what is in them. A child that does not exist has a box that no ray enters.
 #[derive(Debug, Clone)]
@@ -23,78 +21,18 @@ struct SlabRay {
     is_backward: [bool; 3],
 }
 
-/// A tree over boxes: nodes, parents before their children and the root first, and the items in
-/// each leaf, `EMPTY` where there is none.
-pub(super) struct Topology {
-    pub(super) nodes: Vec<Node>,
-    pub(super) leaves: Vec<[u32; WIDTH]>,
-}
-
-impl Topology {
-    /// Groups items: `items[i]` has box `boxes[i]`. The boxes of the nodes are not set yet:
-    /// [`refit`].
-    pub(super) fn new(items: &[u32], boxes: &[Aabb]) -> Self {
-        let mut topology = Self {
-            nodes: Vec::new(),
-            leaves: Vec::new(),
-        };
-        if items.is_empty() {
-            return topology;
-        }
-        let tree = binary_tree(boxes, WIDTH as u32);
-        topology.add_node(&tree, items, 0);
-        topology
-    }
-
-    /// Adds the wide node of binary node `root` and everything below; returns its index.
-    fn add_node(&mut self, tree: &Bvh2, items: &[u32], root: usize) -> u32 {
-        let at = self.nodes.len();
-        self.nodes.push(Node::EMPTY);
-        // Open the child of the largest surface until eight are found: it is the one most rays
-        // would open anyway.
-        let half_area = |binary: usize| tree.nodes[binary].aabb().half_area();
-        let mut open = vec![root];
-        while open.len() < WIDTH {
-            let widest = (0..open.len())
-                .filter(|&i| !tree.nodes[open[i]].is_leaf())
-                .max_by(|&a, &b| half_area(open[a]).total_cmp(&half_area(open[b])));
-            let Some(widest) = widest else { break };
-            let first = tree.nodes[open[widest]].first_index as usize;
-            open[widest] = first;
-            open.push(first + 1);
-        }
-        for (lane, binary) in open.into_iter().enumerate() {
-            let child = if tree.nodes[binary].is_leaf() {
-                self.add_leaf(tree, items, binary)
-            } else {
-                self.add_node(tree, items, binary)
-            };
-            self.nodes[at].child[lane] = child;
-        }
-        at as u32
-    }
-
-    fn add_leaf(&mut self, tree: &Bvh2, items: &[u32], binary: usize) -> u32 {
-        let node = &tree.nodes[binary];
-        let first = node.first_index as usize;
-        let held = &tree.primitive_indices[first..first + node.prim_count as usize];
-        let mut leaf = [EMPTY; WIDTH];
-        for (lane, &item) in leaf.iter_mut().zip(held) {
-            *lane = items[item as usize];
-        }
-        self.leaves.push(leaf);
-        LEAF | (self.leaves.len() - 1) as u32
-    }
-}
-
 impl Node {
-    const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         planes: {
             let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
             [[low, low, low], [high, high, high]]
         },
         child: [EMPTY; WIDTH],
     };
+
+    pub(super) fn set_child(&mut self, lane: usize, child: u32) {
+        self.child[lane] = child;
+    }
 
     fn set_box(&mut self, lane: usize, bounds: &Aabb) {
         for axis in 0..3 {
@@ -200,17 +138,28 @@ impl SlabRay {
 /// Distances at which the ray enters the eight boxes, and the lanes of those that it does enter.
 #[inline(always)]
 fn node_distances(node: &Node, ray: &SlabRay, t_max: f32) -> ([f32; WIDTH], Lanes) {
+    // The axes are written out: compilers make no vectors of lanes that a loop carries on.
+    let planes = |axis: usize| {
+        let is_backward = ray.is_backward[axis];
+        let at = |upper: bool| &node.planes[usize::from(upper)][axis];
+        (at(is_backward), at(!is_backward))
+    };
+    let [(low_x, high_x), (low_y, high_y), (low_z, high_z)] = [planes(0), planes(1), planes(2)];
+    let [x, y, z] = [0, 1, 2].map(|axis| {
+        let (origin, inverse) = (ray.origin[axis], ray.inverse[axis]);
+        move |plane: f32| (plane - origin) * inverse
+    });
+    // In this order, what is not a number leaves the other.
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let smaller = |a: f32, b: f32| if a < b { a } else { b };
     let mut near = [0.0; WIDTH];
-    let mut far = [t_max; WIDTH];
-    for axis in 0..3 {
-        let lows = &node.planes[usize::from(ray.is_backward[axis])][axis];
-        let highs = &node.planes[usize::from(!ray.is_backward[axis])][axis];
-        for lane in 0..WIDTH {
-            let low = (lows[lane] - ray.origin[axis]) * ray.inverse[axis];
-            let high = (highs[lane] - ray.origin[axis]) * ray.inverse[axis];
-            near[lane] = if low > near[lane] { low } else { near[lane] };
-            far[lane] = if high < far[lane] { high } else { far[lane] };
-        }
+    let mut far = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        near[i] = larger(z(low_z[i]), larger(y(low_y[i]), larger(x(low_x[i]), 0.0)));
+        far[i] = smaller(
+            z(high_z[i]),
+            smaller(y(high_y[i]), smaller(x(high_x[i]), t_max)),
+        );
     }
     // Robust box test (Ize 2013): two roundings of 2⁻²⁴ on either side.
     let mut entered = [0_u8; WIDTH];

@@ -17,6 +17,8 @@ const FIRST_PRUNE: usize = 24;
 #[derive(Debug, Default)]
 pub struct RayScratch {
     hits: Vec<Hit>,
+    /// Discs that the last search of a [`super::DiscTree`] has met.
+    pub(super) discs: Vec<u32>,
     pub(super) stack: Vec<(f32, u32)>,
 }
 
@@ -124,7 +126,7 @@ impl Leaf {
     "aarch64+neon"
 ))]
 fn find_hits(nodes: &[Node], leaves: &[Leaf], ray: &Ray, reach: Reach, scratch: &mut RayScratch) {
-    let RayScratch { hits, stack } = scratch;
+    let RayScratch { hits, stack, .. } = scratch;
     hits.clear();
     let mut prune_at = FIRST_PRUNE;
     visit_leaves(nodes, ray, stack, |leaf, t_max| {
