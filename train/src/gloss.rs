@@ -61,6 +61,8 @@ pub struct GlossySurface {
 pub(crate) struct Estimate {
     /// Of each Gaussian; empty where nothing is glossy.
     pub(crate) gloss: Vec<Gloss>,
+    /// Gaussians of bare metal, which scatters nothing.
+    pub(crate) bare: Vec<usize>,
     /// Rotations of all Gaussians, those of metal planes turned to face one way.
     pub(crate) rotations: Vec<Quat>,
     /// Surfaces, largest first.
@@ -73,12 +75,13 @@ impl Estimate {
     fn new(
         gaussians: &Gaussians,
         seen: &Observations,
-        decided: &[Option<Decision>],
-        shared: &[Option<usize>],
+        (decided, shared): (&[Option<Decision>], &[Option<usize>]),
+        planes: &Planes,
         parts: &[Part],
     ) -> Self {
         let mut found = Self {
             gloss: vec![Gloss::NONE; gaussians.len()],
+            bare: Vec::new(),
             rotations: gaussians.rotations.clone(),
             surfaces: Vec::new(),
         };
@@ -94,12 +97,19 @@ impl Estimate {
                 continue;
             };
             found.gloss[i] = own.gloss;
+            if own.is_bare {
+                found.bare.push(i);
+            }
             let sum = sums.entry(source).or_default();
             *sum = (sum.0 + area(i), sum.1 + 1, sum.2 + gaussians.positions[i]);
             // Dielectrics mirror little: even normals bring less than the turn costs.
             let is_metal = f64::from(own.gloss.specular.max_element()) >= METAL;
             if let Some(plane) = part.plane.filter(|_| is_metal) {
-                found.rotations[i] = fill::turned(found.rotations[i], plane.normal);
+                let whole = planes.of[source].filter(|whole| {
+                    whole.has(plane.normal) && whole.reaches(gaussians.positions[i])
+                });
+                let normal = whole.unwrap_or(plane).normal;
+                found.rotations[i] = fill::turned(found.rotations[i], normal);
             }
         }
         let surface = |(source, (area, num_gaussians, place)): (usize, (f32, usize, Vec3))| {
@@ -119,11 +129,15 @@ impl Estimate {
         found
     }
 
-    /// Gives `gaussians` the gloss that was found, and turns discs of metal planes.
+    /// Gives `gaussians` the gloss that was found, takes the albedo of bare metal, and turns discs of
+    /// metal planes.
     pub(crate) fn apply(&self, gaussians: &mut Gaussians) {
         if !self.gloss.is_empty() {
             gaussians.gloss.clone_from(&self.gloss);
             gaussians.rotations.clone_from(&self.rotations);
+            for &i in &self.bare {
+                gaussians.albedos[i] = Vec3::ZERO;
+            }
         }
     }
 }
@@ -151,19 +165,25 @@ pub(crate) fn estimate(
     let segments = Segments::new(&seen, &smoothing);
     let planes = Planes::new(&seen.receivers, &segments, &smoothing, gaussians);
     let evidence = evidence::evidence(&scenes, &seen, &segments, &planes, key);
-    let (segments, evidence) = join::joined(&segments, evidence, &smoothing);
+    let (segments, evidence) = join::joined(&segments, evidence, (&smoothing, &planes));
     let planes = Planes::new(&seen.receivers, &segments, &smoothing, gaussians);
     let decided: Vec<Option<Decision>> = evidence.par_iter().map(Evidence::decide).collect();
     if decided.iter().all(Option::is_none) {
         return Ok(Estimate::default());
     }
-    let shared = share::shared(&decided, &evidence, &seen, &segments, &smoothing);
+    let shared = share::shared(&decided, &evidence, &seen, &segments, (&smoothing, &planes));
     let known = |(own, shared): (&Evidence, &Option<usize>)| {
         (shared.is_some() || own.is_known()).then_some(shared.is_some())
     };
     let known: Vec<Option<bool>> = evidence.iter().zip(&shared).map(known).collect();
     let parts = fill::parts(gaussians, &seen, &segments, &planes, &known);
-    Ok(Estimate::new(gaussians, &seen, &decided, &shared, &parts))
+    Ok(Estimate::new(
+        gaussians,
+        &seen,
+        (&decided, &shared),
+        &planes,
+        &parts,
+    ))
 }
 
 #[cfg(test)]

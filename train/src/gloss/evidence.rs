@@ -38,6 +38,8 @@ pub(super) const METAL: f64 = 0.2;
 pub(super) struct Decision {
     pub(super) lobe: Fit,
     pub(super) gloss: Gloss,
+    /// Whether it is a metal that scatters nothing.
+    pub(super) is_bare: bool,
     /// Share of the differences between views that the lobe explains.
     pub(super) explained: f64,
     /// The least share of one half of the views that the lobe of the other half explains.
@@ -108,19 +110,20 @@ impl Evidence {
                 specular: self.specular(lobe),
                 roughness: ROUGHNESSES[lobe.roughness],
             },
+            is_bare: lobe.specular >= METAL && self.all.bare(lobe).is_possible,
             explained,
             foretold,
         })
     }
 
-    /// F0 of each channel: grey, unless a colour of one half of the views explains the other half
-    /// better.
+    /// F0 of each channel: grey, unless it is a metal and a colour of one half of the views explains
+    /// the other half better.
     fn specular(&self, lobe: Fit) -> Vec3 {
-        let specular = self.all.specular(lobe);
-        let grey = Vec3::splat(specular as f32);
-        if specular < METAL {
-            return grey;
+        if lobe.specular < METAL {
+            return Vec3::splat(lobe.specular as f32);
         }
+        let specular = self.all.bare(lobe).specular.unwrap_or(lobe.specular);
+        let grey = Vec3::splat(specular as f32);
         let colour_of = |sums: &[Sums; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
         let explained = |half: usize, speculars: [f64; 3]| -> f64 {
             let each = self.channel_halves.iter().zip(speculars);

@@ -81,8 +81,7 @@ pub(super) fn parts(
         }
         let (segment, _) = votes.into_iter().max_by_key(|(_, votes)| *votes)?;
         let plane = planes.of[segment as usize];
-        let height = |plane: Plane| plane.height(gaussians.positions[*i as usize]).abs();
-        let is_near = plane.is_none_or(|plane| height(plane) <= plane.reach);
+        let is_near = plane.is_none_or(|plane| plane.reaches(gaussians.positions[*i as usize]));
         is_near.then(|| Part {
             gaussian: *i,
             segment,

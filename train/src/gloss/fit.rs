@@ -18,6 +18,19 @@ pub(super) const NUM: usize = ROUGHNESSES.len();
 const LEAST_SPECULAR: f64 = 0.02;
 const NUM_SPECULARS: usize = 40;
 
+/// A surface scatters if more is seen than this many times what its lobe can mirror: the F0 that are
+/// tried are 10 % apart.
+const BARE_TOLERANCE: f64 = 1.1;
+
+/// A surface as a bare metal, which scatters nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bare {
+    /// Whether no more is seen than its lobe may mirror.
+    pub(super) is_possible: bool,
+    /// Its F0 by all that is seen, if that is as well explained as any.
+    pub(super) specular: Option<f64>,
+}
+
 /// One view of a point, for one roughness.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lobe {
@@ -176,19 +189,17 @@ impl Sums {
         self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
     }
 
-    /// F0 of a lobe; of a metal without what errors of the prediction take from it.
+    /// The F0 at which a lobe mirrors all that is seen, nothing being scattered.
     ///
-    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0
-    /// that explains most is too small, by no more than what is left unexplained. A metal scatters
-    /// nothing: all that is seen is mirrored. If that is within these bounds, it is taken for one,
-    /// and the level decides.
-    pub(super) fn specular(&self, lobe: Fit) -> f64 {
+    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0 that
+    /// explains most is too small, by no more than what is left unexplained.
+    pub(super) fn bare(&self, lobe: Fit) -> Bare {
         let [facing, edge] = self.lobes[lobe.roughness].level;
-        let all = (self.level - edge) / facing;
-        let bounds = lobe.specular..=lobe.specular / self.explained(lobe);
-        match bounds.contains(&all) {
-            true => all.min(1.0),
-            false => lobe.specular,
+        let specular = (self.level - edge) / facing;
+        let most = lobe.specular / self.explained(lobe);
+        Bare {
+            is_possible: specular <= BARE_TOLERANCE * most,
+            specular: ((lobe.specular..=most).contains(&specular)).then(|| specular.min(1.0)),
         }
     }
 

@@ -2,6 +2,7 @@
 //! by the same lobe, and better by the views of all.
 
 use super::evidence::Evidence;
+use super::planes::Planes;
 use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,7 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const MOST_LOST: f64 = 0.1;
 
 /// Surfaces that are not joined yet.
-struct Open {
+struct Open<'a> {
+    planes: &'a Planes,
     evidence: Vec<Evidence>,
     neighbours: BTreeMap<usize, BTreeSet<usize>>,
     /// What is lost by joining a pair, the lower number first.
@@ -21,9 +23,10 @@ struct Open {
 pub(super) fn joined(
     segments: &Segments,
     evidence: Vec<Evidence>,
-    smoothing: &Smoothing,
+    (smoothing, planes): (&Smoothing, &Planes),
 ) -> (Segments, Vec<Evidence>) {
     let mut open = Open {
+        planes,
         evidence,
         neighbours: BTreeMap::new(),
         lost: BTreeMap::new(),
@@ -56,11 +59,19 @@ pub(super) fn joined(
     (joined, evidence)
 }
 
-impl Open {
+impl Open<'_> {
     /// Notes what is lost by joining two neighbours, if that is little.
     fn compare(&mut self, a: usize, b: usize) {
         let pair = (a.min(b), a.max(b));
         self.lost.remove(&pair);
+        // What is not flat would take its plane from what is.
+        let is_one_way = match [a, b].map(|surface| self.planes.of[surface]) {
+            [Some(first), Some(second)] => first.has(second.normal),
+            planes => planes == [None; 2],
+        };
+        if !is_one_way {
+            return;
+        }
         let [first, second] = [a, b].map(|surface| &self.evidence[surface]);
         let (Some((_, of_first)), Some((_, of_second))) = (first.lobe(), second.lobe()) else {
             return;

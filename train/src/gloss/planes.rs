@@ -41,6 +41,11 @@ impl Plane {
         self.normal.dot(point) - self.offset
     }
 
+    /// Whether it reaches as far as a point.
+    pub(super) fn reaches(&self, point: Vec3) -> bool {
+        self.height(point).abs() <= self.reach
+    }
+
     /// Whether a surface of this unit normal is part of it.
     pub(super) fn has(&self, normal: Vec3) -> bool {
         normal.dot(self.normal) >= LEAST_COSINE
@@ -75,11 +80,8 @@ impl Planes {
             )
         };
         let (centres, areas): (Vec<Vec3>, Vec<f32>) = receivers.iter().map(of_gaussian).unzip();
-        let mut members = vec![Vec::new(); segments.num];
-        for (r, &segment) in segments.of.iter().enumerate() {
-            members[segment as usize].push(r);
-        }
-        let of: Vec<Option<Plane>> = members
+        let of: Vec<Option<Plane>> = segments
+            .members()
             .iter()
             .map(|members| plane(receivers, members, &centres, &areas))
             .collect();

@@ -88,6 +88,15 @@ impl Segments {
         Self::numbered(self.of.iter().map(|&segment| names[segment as usize]))
     }
 
+    /// The receivers of each surface.
+    pub(super) fn members(&self) -> Vec<Vec<usize>> {
+        let mut members = vec![Vec::new(); self.num];
+        for (r, &segment) in self.of.iter().enumerate() {
+            members[segment as usize].push(r);
+        }
+        members
+    }
+
     /// Number of neighbours across the borders between surfaces, both ways.
     pub(super) fn borders(&self, smoothing: &Smoothing) -> BTreeMap<(usize, usize), usize> {
         let mut borders = BTreeMap::new();

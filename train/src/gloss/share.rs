@@ -1,9 +1,12 @@
 //! Surfaces too small or too dark to tell their own gloss take that of a surface they continue.
 
-use super::evidence::{Decision, Evidence};
+use super::evidence::{Decision, Evidence, METAL};
+use super::fit::Fit;
 use super::observe::Observations;
+use super::planes::{Plane, Planes};
 use super::segments::Segments;
 use crate::irradiance::smooth::Smoothing;
+use eagpt_scene::median::median_of;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -14,6 +17,11 @@ const ROUNDS: usize = 3;
 const LEAST_SUPPORT: f64 = 0.05;
 /// Difference of the logarithm of colour of what counts as the same.
 const SAME_COLOR: f32 = 0.35;
+/// What lies in the plane of a metal, by this part of its receivers, and has at least this spread
+/// between views is of it: where a dark part of the room is mirrored, a small error of the scene is a
+/// large one of the prediction. Paint in the same plane differs less.
+const LEAST_IN_PLANE: f32 = 0.6;
+const LEAST_SPREAD: f32 = 0.5;
 
 /// Of each surface, the one whose lobe it has: itself where it is `decided`, another, or none.
 pub(super) fn shared(
@@ -21,7 +29,7 @@ pub(super) fn shared(
     evidence: &[Evidence],
     seen: &Observations,
     segments: &Segments,
-    smoothing: &Smoothing,
+    (smoothing, planes): (&Smoothing, &Planes),
 ) -> Vec<Option<usize>> {
     let mut source: Vec<Option<usize>> = (decided.iter().enumerate())
         .map(|(segment, lobe)| lobe.map(|_| segment))
@@ -33,6 +41,22 @@ pub(super) fn shared(
         *num += 1.0;
     }
     let log = |segment: usize| (sums[segment].0 / sums[segment].1).map(|c| c.max(1e-6).ln());
+    let members = segments.members();
+    let of_some = |of: &Vec<usize>| median_of(of.iter().map(|&r| seen.spreads[r]));
+    let spreads: Vec<f32> = members.iter().map(of_some).collect();
+    let lies_in = |segment: usize, plane: Plane| {
+        let of = &members[segment];
+        let is_part = |r: &&usize| {
+            let (_, surface) = &seen.receivers[**r];
+            plane.has(surface.normal) && plane.reaches(surface.position)
+        };
+        of.iter().filter(is_part).count() as f32 >= LEAST_IN_PLANE * of.len() as f32
+    };
+    let is_of_metal = |segment: usize, from: usize, lobe: Fit| {
+        lobe.specular >= METAL
+            && spreads[segment] >= LEAST_SPREAD
+            && planes.of[from].is_some_and(|plane| lies_in(segment, plane))
+    };
     let borders = segments.borders(smoothing);
     for _ in 0..ROUNDS {
         let mut best: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
@@ -50,6 +74,7 @@ pub(super) fn shared(
                 let is_same = (log(segment) - log(from)).length() <= SAME_COLOR;
                 is_same && own.all.explained(lobe) >= 0.0
             };
+            let takes = takes || is_of_metal(segment, from, lobe);
             if takes && best.get(&segment).is_none_or(|&(most, _)| num > most) {
                 best.insert(segment, (num, from));
             }

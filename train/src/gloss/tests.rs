@@ -88,6 +88,8 @@ fn a_glossy_floor_is_found_and_nothing_else() {
     found.apply(&mut applied);
     assert!(applied.is_glossy());
     assert_eq!(applied.positions, plain.positions);
+    // Its paint is seen through the gloss.
+    assert_eq!(applied.albedos, plain.albedos);
 }
 
 /// Discs of the floor that are tilted, off its plane or too faint to be compared are of it.
@@ -187,6 +189,29 @@ fn a_diffuse_floor_stays_diffuse() {
     let found = estimate(from_ref(&plain), pictures(&plain).into_iter(), 1).unwrap();
     assert_eq!(found.surfaces, [], "nothing is glossy");
     assert!(found.gloss.is_empty());
+}
+
+/// What the albedo would have to scatter of a metal is what its mirror images are off.
+#[test]
+fn bare_metal_scatters_nothing() {
+    let (mut truth, plain) = (corner(FLOOR), corner(Gloss::NONE));
+    for (light, gloss) in truth.radiances.iter_mut().zip(&mut truth.gloss) {
+        if gloss.is_some() {
+            (*light, gloss.specular) = (Vec3::ZERO, Vec3::splat(0.6));
+        }
+    }
+    let found = estimate(from_ref(&plain), pictures(&truth).into_iter(), 1).unwrap();
+    assert_eq!(found.surfaces.len(), 1, "{:?}", found.surfaces);
+    let mut applied = plain.clone();
+    found.apply(&mut applied);
+    for i in 0..plain.len() {
+        let albedo = if found.gloss[i].is_some() {
+            Vec3::ZERO
+        } else {
+            plain.albedos[i]
+        };
+        assert_eq!(applied.albedos[i], albedo, "{i}");
+    }
 }
 
 /// Differences within each of two lights add up.
