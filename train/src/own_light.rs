@@ -8,8 +8,9 @@
 use crate::backend::TrainingView;
 use crate::bake::gaussians::GaussianBake;
 use crate::bake::solution::Solution;
-use crate::bake::{BakeProgress, MAX_BOUNCES, NUM_SAMPLES};
+use crate::bake::{BakeProgress, MAX_BOUNCES};
 use crate::error::Result;
+use crate::irradiance::usual_samples;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Camera, Gaussians, Image};
@@ -50,7 +51,7 @@ pub(crate) fn measure(
         device,
         cameras,
         method: GaussianBake {
-            num_samples: num_samples(scene.len(), available_memory()),
+            num_samples: Some(num_samples(scene.len(), available_memory())),
         },
         max_bounces: MAX_BOUNCES,
         seed,
@@ -116,7 +117,7 @@ fn part<const C: usize>(known: Option<&KnownPixels>, image: &Image<C>) -> Option
 fn num_samples(num: usize, available: Option<u64>) -> u32 {
     let each = 4 * num.max(1) as u64;
     let most = available.map_or(u64::MAX, |bytes| bytes / 2 / each);
-    u64::from(NUM_SAMPLES).min(most).max(2) as u32
+    u64::from(usual_samples(num)).min(most).max(2) as u32
 }
 
 #[cfg(test)]
@@ -136,10 +137,11 @@ mod tests {
 
     #[test]
     fn fewer_directions_are_traced_where_memory_is_short() {
-        assert_eq!(num_samples(1000, None), NUM_SAMPLES);
-        assert_eq!(num_samples(1000, Some(1 << 30)), NUM_SAMPLES);
+        let usual = usual_samples(1000);
+        assert_eq!(num_samples(1000, None), usual);
+        assert_eq!(num_samples(1000, Some(1 << 30)), usual);
         assert_eq!(num_samples(1000, Some(2 * 4 * 1000 * 20)), 20);
         assert_eq!(num_samples(1000, Some(0)), 2);
-        assert_eq!(num_samples(0, Some(1 << 30)), NUM_SAMPLES);
+        assert_eq!(num_samples(0, Some(1 << 30)), usual);
     }
 }

@@ -4,8 +4,8 @@
 //! are given, or fitted to a few of the photographs; the others tell how good the relit scene is.
 
 use crate::backend::TrainingView;
+use crate::bake::gaussians::GaussianBake;
 use crate::bake::{self, BakeMethod, BakeOptions, BakeProgress, BakeRequest, MAX_BOUNCES};
-use crate::bake::{NUM_SAMPLES, gaussians::GaussianBake};
 use crate::error::Result;
 use crate::light_fit::{FitViews, LightFitRequest, fit_lights};
 use crate::own_light::{self, OwnLight};
@@ -114,9 +114,7 @@ fn bake_request(request: &RelitRequest) -> BakeRequest {
         transport: None,
         per_light: Some(request.lamps.clone()),
         options: BakeOptions {
-            method: BakeMethod::Gaussians(GaussianBake {
-                num_samples: NUM_SAMPLES,
-            }),
+            method: BakeMethod::Gaussians(GaussianBake { num_samples: None }),
             max_bounces: MAX_BOUNCES,
             seed: request.seed,
             split: request.split,

@@ -19,6 +19,28 @@ const LONE_OFFSET: f32 = 0.5;
 /// Rays of Gaussians alone that are traced together: as many as fit on a device.
 const RAYS_AT_ONCE: usize = 1 << 18;
 
+/// Camera rays that say where surfaces are, at least, in all and for each Gaussian. Measured: a
+/// kitchen of 116,000 Gaussians and 84 views of 270×180 with half of its rays: 0.04 dB less to 0.1
+/// dB more in baked test views; rooms of 42,000 Gaussians with a fifth of theirs, 8 each: 0.2 dB less.
+const RAYS: usize = 2_000_000;
+const RAYS_PER_GAUSSIAN: usize = 16;
+
+/// `cameras` with fewer pixels where they have more than it takes to see the surfaces of `num`
+/// Gaussians. All stay: what a camera alone sees has no other.
+pub fn coarse<'a>(cameras: impl Iterator<Item = &'a Camera>, num: usize) -> Vec<Camera> {
+    let mut cameras: Vec<Camera> = cameras.copied().collect();
+    let pixels: usize = cameras.iter().map(Camera::num_pixels).sum();
+    let enough = RAYS.max(RAYS_PER_GAUSSIAN * num);
+    if pixels > enough {
+        let by = (enough as f64 / pixels as f64).sqrt();
+        let reduced = |side: u32| (f64::from(side) * by).ceil() as u32;
+        for camera in &mut cameras {
+            *camera = camera.resized(reduced(camera.width), reduced(camera.height));
+        }
+    }
+    cameras
+}
+
 /// The best-seen surfaces so far.
 pub struct BestSeen {
     /// Weight of each Gaussian in its best pixel, 0 to 1, and the surface there.

@@ -38,6 +38,13 @@ fn block_of(key: vec4u, element: u32, sample: u32, block: u32) -> vec4f {
     return sobol_point(sample & ((1u << SEQUENCE_BITS) - 1u), seed);
 }
 
+// Of elements that take `num` samples each: neighbours take the next points of one sequence, see
+// RowPoints of points.rs.
+fn row_block_of(key: vec4u, element: u32, num: u32, sample: u32, block: u32) -> vec4f {
+    let sharing = max((1u << SEQUENCE_BITS) / max(num, 1u), 1u);
+    return block_of(key, element / sharing, element % sharing * num + sample, block);
+}
+
 // A word for choices that need no stratification.
 fn word_of(key: vec4u, element: u32, sample: u32) -> u32 {
     return stream_words(key, element, ~sample).x;

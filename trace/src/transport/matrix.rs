@@ -18,7 +18,7 @@ mod relight;
 
 use super::EMISSION_THRESHOLD;
 use super::light_list::{Importances, LightList};
-use super::points::Points;
+use super::points::{Points, RowPoints};
 use super::sampling::cosine_direction;
 use super::start::Surface;
 use crate::cpu::CpuScene;
@@ -226,11 +226,11 @@ struct Sampler<'a> {
 
 impl<'a> Sampler<'a> {
     fn aim(&self, &(element, surface): &Receiver) -> Aim<'a> {
-        let points = Points::new(self.key, element);
+        let Directions { bsdf, to_lights } = self.directions;
         Aim {
             surface,
-            points,
-            first_realization: points.word(0),
+            points: [bsdf, to_lights].map(|num| RowPoints::new(self.key, element, num)),
+            first_realization: Points::new(self.key, element).word(0),
             directions: self.directions,
             lights: (self.lights).map(|lights| (lights, lights.importances(&surface))),
         }
@@ -241,8 +241,8 @@ impl<'a> Sampler<'a> {
 #[derive(Debug, Clone)]
 struct Aim<'a> {
     surface: Surface,
-    /// Random numbers.
-    points: Points,
+    /// Random numbers of BSDF samples, and of light samples.
+    points: [RowPoints; 2],
     /// Realization that its first sample meets, modulo [`NUM_REALIZATIONS`].
     first_realization: u32,
     directions: Directions,
@@ -266,11 +266,11 @@ impl Aim<'_> {
         } = self.surface;
         match sample {
             Sample::Bsdf(i) => {
-                let [a, b, ..] = self.points.block(i, 0);
+                let [a, b, ..] = self.points[0].block(i, 0);
                 Some(cosine_direction(normal, a, b))
             }
             Sample::Light(i) => {
-                let [pick, a, b, _] = self.points.block(i, 1);
+                let [pick, a, b, _] = self.points[1].block(i, 1);
                 let (lights, importances) = self.lights.as_ref()?;
                 lights
                     .sample(importances, realization, position, [pick, a, b])

@@ -44,6 +44,35 @@ impl Points {
     }
 }
 
+/// Points of elements in a row, each with as many samples: neighbours take the next points of one
+/// sequence (Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error
+/// via Hierarchical Ordering of Pixels"). What one has too many of its neighbours have too few of,
+/// so that the mean over neighbours has less noise than that of independent points. Elements that
+/// are neighbours in space should be neighbours in number, as on a Z-order curve.
+#[derive(Debug, Clone, Copy)]
+pub struct RowPoints {
+    points: Points,
+    /// Number of its first sample in the sequence.
+    first: u32,
+}
+
+impl RowPoints {
+    /// The points of `element` among those of `key`, of elements that take `num` samples.
+    pub fn new(key: RandomKey, element: u32, num: u32) -> Self {
+        let sharing = ((1 << SEQUENCE_BITS) / num.max(1)).max(1);
+        Self {
+            points: Points::new(key, element / sharing),
+            first: element % sharing * num,
+        }
+    }
+
+    /// As [`Points::block`].
+    #[inline]
+    pub fn block(&self, sample: u32, block: u32) -> [f32; 4] {
+        self.points.block(self.first + sample, block)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,6 +98,32 @@ mod tests {
             .collect();
         cells.sort_unstable();
         assert!(cells.iter().copied().eq(0..256));
+    }
+
+    /// 16 samples of one element, and all of 64 in a row, are as evenly spread as so many points of
+    /// one sequence.
+    #[test]
+    fn neighbours_in_a_row_share_a_sequence() {
+        let key = RandomKey::new(1, Purpose::Bake, 0);
+        let of = |element: u32| (0..16).map(move |s| RowPoints::new(key, element, 16).block(s, 1));
+        let is_spread = |points: Vec<[f32; 4]>| {
+            (0..4).all(|axis| {
+                let num = points.len() as u32;
+                let mut slices: Vec<u32> = points
+                    .iter()
+                    .map(|p| (p[axis] * num as f32) as u32)
+                    .collect();
+                slices.sort_unstable();
+                slices.into_iter().eq(0..num)
+            })
+        };
+        assert!((0..200).all(|element| is_spread(of(element).collect())));
+        assert!(is_spread((64..128).flat_map(of).collect()));
+        // The next sequence begins where the first has no room for a whole element.
+        let last = RowPoints::new(key, (1 << SEQUENCE_BITS) / 24 - 1, 24);
+        let next = RowPoints::new(key, (1 << SEQUENCE_BITS) / 24, 24);
+        assert!(last.first + 24 <= 1 << SEQUENCE_BITS);
+        assert_eq!((next.first, next.points.element), (0, 1));
     }
 
     /// Pearson correlation between blocks, pixels and sequences.

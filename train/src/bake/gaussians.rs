@@ -46,13 +46,20 @@ const STORE_EVERY: Duration = Duration::from_secs(30);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GaussianBake {
     /// Directions traced at each Gaussian, at least 1: half of them are light samples, the others
-    /// serve all bounces.
-    pub num_samples: u32,
+    /// serve all bounces. Without a number it follows from that of the Gaussians
+    /// ([`irradiance::usual_samples`]).
+    pub num_samples: Option<u32>,
 }
 
 impl GaussianBake {
-    pub(super) fn directions(&self) -> Directions {
-        irradiance::directions(self.num_samples)
+    /// Number of directions at each of `num` Gaussians.
+    pub(super) fn number(self, num: usize) -> u32 {
+        let usual = || irradiance::usual_samples(num);
+        self.num_samples.unwrap_or_else(usual)
+    }
+
+    pub(super) fn directions(self, num: usize) -> Directions {
+        irradiance::directions(self.number(num))
     }
 }
 
@@ -70,8 +77,8 @@ pub(super) const STATE: &str = "transport.state";
 impl Bake<'_> {
     /// Radiances of all Gaussians, and the basis of their light if that is asked for; `None` if it
     /// was stopped from outside.
-    pub(super) fn solve(&mut self, method: &GaussianBake) -> Result<Option<Solved>> {
-        let directions = method.directions();
+    pub(super) fn solve(&mut self, method: GaussianBake) -> Result<Option<Solved>> {
+        let directions = method.directions(self.scene.len());
         let lights = match &self.request.per_light {
             Some(lamps) => Some(self.lights(lamps)?),
             None => None,
@@ -247,12 +254,13 @@ impl Bake<'_> {
 pub(super) fn receivers<'a>(
     tracer: &dyn Tracer,
     scene: &Gaussians,
-    cameras: impl ExactSizeIterator<Item = &'a Camera>,
+    cameras: impl Iterator<Item = &'a Camera>,
     told: &mut Told<'_>,
 ) -> Result<Option<Vec<Receiver>>> {
+    let cameras = surfaces::coarse(cameras, scene.len());
     let total = cameras.len();
     let mut best = BestSeen::new(scene.len());
-    for (done, camera) in (1..).zip(cameras) {
+    for (done, camera) in (1..).zip(&cameras) {
         best.add(tracer, camera)?;
         if told(BakeProgress::Looking { done, total }).is_break() {
             return Ok(None);

@@ -43,7 +43,7 @@ impl Solution<'_> {
             return Ok(None);
         }
         forget_directions(&mut scene);
-        let directions = self.method.directions();
+        let directions = self.method.directions(scene.len());
         let key = RandomKey::new(self.seed, Purpose::Bake, 1);
         let tracer = self.device.scene(&scene)?;
         let cameras = self.cameras.iter();

@@ -33,7 +33,7 @@ const MAX_UNDERRATED: f64 = 4.0;
 
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
-    version: 2,
+    version: 3,
     noun: "transport matrix",
 };
 

@@ -34,7 +34,9 @@ impl Running {
                 device: Device::Cpu,
                 cameras: None,
                 options: BakeOptions {
-                    method: BakeMethod::Gaussians(GaussianBake { num_samples: 1 }),
+                    method: BakeMethod::Gaussians(GaussianBake {
+                        num_samples: Some(1),
+                    }),
                     max_bounces: 1,
                     seed: 0,
                     split: SplitRule::default(),
