@@ -15,7 +15,7 @@ struct Open<'a> {
     planes: &'a Planes,
     evidence: Vec<Evidence>,
     neighbours: BTreeMap<usize, BTreeSet<usize>>,
-    /// What is lost by joining a pair, the lower number first.
+    /// Share lost by joining a pair, the lower number first.
     lost: BTreeMap<(usize, usize), f64>,
 }
 
@@ -60,7 +60,7 @@ pub(super) fn joined(
 }
 
 impl Open<'_> {
-    /// Notes what is lost by joining two neighbours, if that is little.
+    /// Notes the loss of joining two neighbours, if it is little.
     fn compare(&mut self, a: usize, b: usize) {
         let pair = (a.min(b), a.max(b));
         self.lost.remove(&pair);

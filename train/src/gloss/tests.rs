@@ -191,7 +191,7 @@ fn a_diffuse_floor_stays_diffuse() {
     assert!(found.gloss.is_empty());
 }
 
-/// What the albedo would have to scatter of a metal is what its mirror images are off.
+/// An albedo of a metal would scatter only by how much its mirror images are off.
 #[test]
 fn bare_metal_scatters_nothing() {
     let (mut truth, plain) = (corner(FLOOR), corner(Gloss::NONE));
