@@ -115,7 +115,7 @@ impl Disc {
 }
 
 /// Both ends of what discs cover along a direction.
-fn ends<'a>(discs: &(impl Iterator<Item = &'a Disc> + Clone), along: DVec3) -> [f64; 2] {
+fn ends<'a>(discs: &(impl Iterator<Item = &'a Disc> + Clone), along: DVec3, edge: f64) -> [f64; 2] {
     let reach = |side: f64| {
         discs.clone().map(move |disc| {
             let [u, v] = disc.axes.map(|axis| axis.dot(along));
@@ -124,8 +124,8 @@ fn ends<'a>(discs: &(impl Iterator<Item = &'a Disc> + Clone), along: DVec3) -> [
         })
     };
     [
-        quantile(reach(-1.0), EDGE),
-        quantile(reach(1.0), 1.0 - EDGE),
+        quantile(reach(-1.0), edge),
+        quantile(reach(1.0), 1.0 - edge),
     ]
 }
 
@@ -138,7 +138,7 @@ fn flat(discs: &[Disc]) -> Option<(Vec3, [Vec3; 2])> {
     let rectangles = (0..NUM_TURNS).map(|turn| {
         let angle = f64::from(turn) / f64::from(NUM_TURNS) * FRAC_PI_2;
         let turned = x * angle.cos() + y * angle.sin();
-        [turned, normal.cross(turned)].map(|along| (along, ends(&discs.iter(), along)))
+        [turned, normal.cross(turned)].map(|along| (along, ends(&discs.iter(), along, EDGE)))
     });
     let area = |r: &[(DVec3, [f64; 2]); 2]| r.iter().map(|(_, [a, b])| b - a).product::<f64>();
     let smallest = rectangles.min_by(|a, b| area(a).total_cmp(&area(b)))?;

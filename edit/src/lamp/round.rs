@@ -7,6 +7,9 @@ use glam::{DVec2, DVec3};
 use nalgebra::SVector;
 use std::f64::consts::{PI, TAU};
 
+/// As [`EDGE`], of the side of a tube and of what closes it: among the few discs of a shade those
+/// of its pole or cord are more than one in fifty.
+const EDGE_OF_TUBE: f64 = 0.05;
 /// Cosine between the axis of a tube and the normals of its ends, at least.
 const END_COSINE: f64 = 0.8;
 /// Discs close a tube if they face its axis this near to an end, in lengths, and are this part of
@@ -53,7 +56,7 @@ pub(super) fn tube(discs: &[Disc], axis: DVec3) -> Option<Solid> {
     if side().next().is_none() {
         return filled(discs, axis);
     }
-    let [low, high] = ends(&side(), axis);
+    let [low, high] = ends(&side(), axis, EDGE_OF_TUBE);
     let middle = 0.5 * (low + high);
     let normals = side().map(|disc| {
         let normal = across(disc.normal).normalize_or_zero();
@@ -109,7 +112,7 @@ fn filled(discs: &[Disc], axis: DVec3) -> Option<Solid> {
         (from - axis * from.dot(axis)).length() * disc.weight
     });
     let radius = (1.5 * far.sum::<f64>() / weights) as f32;
-    let [low, high] = ends(&discs.iter(), axis);
+    let [low, high] = ends(&discs.iter(), axis, EDGE);
     (high > low && radius > 0.0).then(|| Solid::Tube {
         centre: (foot + axis * (0.5 * (low + high))).as_vec3(),
         axis: (axis * (high - low)).as_vec3(),
@@ -144,7 +147,7 @@ impl Rim {
             (from.length() + REACH * u.hypot(v), disc.weight)
         });
         let heights = cap.map(|disc| (disc.centre.dot(axis), disc.weight));
-        let widest = quantile(reach, 1.0 - EDGE).min(MAX_FLARE * self.radius);
+        let widest = quantile(reach, 1.0 - EDGE_OF_TUBE).min(MAX_FLARE * self.radius);
         Some(Self {
             height: quantile(heights, 0.5),
             radius: self.radius.max(widest),
