@@ -46,8 +46,8 @@ use std::time::Instant;
 #[command(after_long_help = OUTPUTS_AND_EXAMPLES)]
 pub(crate) struct PaperArgs {
     /// Datasets: folders, or project files of `eagpt run`, whose `[[relight]]` are the other
-    /// lights that are measured. NAME= before one gives it a name [default: that of the folder or file]; b-kitchen,
-    /// b-livingroom, f-classroom and f-conference are the paper's
+    /// lights that are measured. NAME= before one gives it a name [default: that of the folder or
+    /// file]; b-kitchen, b-livingroom, f-classroom and f-conference are the paper's
     #[arg(value_name = "[NAME=]DATASET", required = true, value_parser = named)]
     datasets: Vec<Named>,
     /// Project file whose sections the DATASETs that are folders take; its own dataset does not

@@ -97,13 +97,11 @@ impl Plan {
     fn check_inputs(&self, project: &Project) -> Result<()> {
         let dataset = project.file.dataset.as_deref().map(Dataset::open);
         let dataset = dataset.transpose()?;
-        for light in project
-            .file
-            .other_lights
-            .iter()
-            .filter(|_| dataset.is_some())
-        {
-            Dataset::open(light)?;
+        // Without a dataset they are conditions of a capture that is still to be made.
+        if dataset.is_some() {
+            for light in &project.file.other_lights {
+                Dataset::open(light)?;
+            }
         }
         for relight in &project.file.relight {
             Script::read(&relight.script)?;

@@ -21,7 +21,8 @@ const RAYS_AT_ONCE: usize = 1 << 18;
 
 /// Camera rays that say where surfaces are, at least, in all and for each Gaussian. Measured: a
 /// kitchen of 116,000 Gaussians and 84 views of 270×180 with half of its rays: 0.04 dB less to 0.1
-/// dB more in baked test views; rooms of 42,000 Gaussians with a fifth of theirs, 8 each: 0.2 dB less.
+/// dB more in baked test views; rooms of 42,000 Gaussians with a fifth of theirs, 8 each: 0.2 dB
+/// less.
 const RAYS: usize = 2_000_000;
 const RAYS_PER_GAUSSIAN: usize = 16;
 

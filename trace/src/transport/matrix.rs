@@ -39,7 +39,7 @@ pub const NOTHING: u32 = 0x7f7f_ffff;
 pub const EMITTER: u32 = 1 << 31;
 
 /// Number of realizations: a power of two. What is left of the noise of a single edge is a
-/// sixteenth of a step at most; the trees of all realizations together take some 1 KiB for each
+/// sixteenth of a step at most; the trees of all realizations together take at most 1 KiB for each
 /// Gaussian.
 pub const NUM_REALIZATIONS: u32 = 16;
 

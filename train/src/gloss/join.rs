@@ -64,7 +64,7 @@ impl Open<'_> {
     fn compare(&mut self, a: usize, b: usize) {
         let pair = (a.min(b), a.max(b));
         self.lost.remove(&pair);
-        // What is not flat would take its plane from what is.
+        // A surface that is not flat would take its plane from one that is.
         let is_one_way = match [a, b].map(|surface| self.planes.of[surface]) {
             [Some(first), Some(second)] => first.has(second.normal),
             planes => planes == [None; 2],
