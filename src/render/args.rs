@@ -74,7 +74,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, default_value = "next-event")]
     sampling: Sampling,
     /// Surface of a path's ray that meets several Gaussians
-    #[arg(long, value_enum, default_value = "blended")]
+    #[arg(long, value_enum, default_value = "mixed")]
     hits: Hits,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]

@@ -11,22 +11,26 @@ use eagpt_scene::{CameraPath, Dataset, Shard};
 use serde::Serialize;
 use std::path::Path;
 
+/// Arguments that choose views, and exclude all of a path: clap asks for no path where one of them
+/// excludes it.
+const OF_VIEWS: [&str; 3] = ["split", "split_rule", "views"];
+
 /// Frames along a path instead of views.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Camera path")]
 pub(super) struct PathArgs {
     /// Path of a camera instead of views: fly:A,B,… through views (A again at the end closes it),
     /// turntable, a TOML file, or a camera_path.json of nerfstudio
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["split", "split_rule", "views"])]
+    #[arg(long, value_name = "PATH", conflicts_with_all = OF_VIEWS)]
     pub(super) camera_path: Option<String>,
     /// Number of frames [default: what the path says, else 120]
-    #[arg(long, value_name = "N", requires = "camera_path")]
+    #[arg(long, value_name = "N", requires = "camera_path", conflicts_with_all = OF_VIEWS)]
     pub(super) frames: Option<u32>,
     /// Width and height of the frames, as 960x540; the vertical field of view stays
-    #[arg(long, value_name = "WxH", requires = "camera_path", value_parser = size)]
+    #[arg(long, value_name = "WxH", requires = "camera_path", conflicts_with_all = OF_VIEWS, value_parser = size)]
     pub(super) size: Option<(u32, u32)>,
     /// Write EXRs of the frames as well
-    #[arg(long, requires = "camera_path")]
+    #[arg(long, requires = "camera_path", conflicts_with_all = OF_VIEWS)]
     pub(super) exr: bool,
 }
 

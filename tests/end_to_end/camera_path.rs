@@ -158,6 +158,7 @@ fn paths_that_cannot_be_are_refused_before_any_work() {
         "--exr",
         "--camera-path turntable --views 000",
         "--camera-path turntable --split all",
+        "--views 000 --size 30x20",
         "--camera-path turntable --size 10",
         "--exposure bright",
         "--exposure 99",

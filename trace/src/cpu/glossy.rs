@@ -311,7 +311,7 @@ impl<'a> Glossy<'a> {
             if let Some(lights) = self.lights {
                 let [pick, u, v, _] = block(1);
                 let towards = lights.sample(origin, pick, u, v);
-                let light = towards.map(|w| self.of_emitter(&met, lights, w, of_light));
+                let light = towards.map(|w| self.of_emitter(&met, lights, w, (number, of_light)));
                 if let Some((light, num_rays)) = light {
                     path.light += throughput * light;
                     path.num_rays += num_rays;
@@ -326,7 +326,7 @@ impl<'a> Glossy<'a> {
                 return path;
             };
             let ray = met.surface.ray(direction);
-            let (features, gloss) = self.meet(&ray, of_bounce);
+            let (features, gloss) = self.meet(&ray, number, of_bounce);
             path.num_rays += 1;
             if features.emission() > self.threshold {
                 let of_lights =
@@ -356,12 +356,18 @@ impl<'a> Glossy<'a> {
     }
 
     /// Light from the unit `direction` towards an emitter, weighted, and the rays traced for it.
-    fn of_emitter(&self, met: &Met, lights: &Lights, direction: Vec3, choice: f32) -> (Vec3, u32) {
+    fn of_emitter(
+        &self,
+        met: &Met,
+        lights: &Lights,
+        direction: Vec3,
+        (bounce, choice): (u32, f32),
+    ) -> (Vec3, u32) {
         let (value, density) = met.bsdf.evaluate(direction);
         if density <= 0.0 {
             return (Vec3::ZERO, 0);
         }
-        let (features, _) = self.meet(&met.surface.ray(direction), choice);
+        let (features, _) = self.meet(&met.surface.ray(direction), bounce, choice);
         if features.emission() <= self.threshold {
             return (Vec3::ZERO, 1);
         }
@@ -369,11 +375,11 @@ impl<'a> Glossy<'a> {
         (features.radiance() * value / both, 1)
     }
 
-    /// What a ray meets; `choice` is the random number of a sampled hit.
-    fn meet(&self, ray: &Ray, choice: f32) -> (Features, Gloss) {
-        match self.hits {
-            Hits::Blended => self.scene.trace_glossy(ray),
-            Hits::Sampled => {
+    /// What a ray meets after `bounce` bounces; `choice` is the random number of a sampled hit.
+    fn meet(&self, ray: &Ray, bounce: u32, choice: f32) -> (Features, Gloss) {
+        match self.hits.is_sampled(bounce) {
+            false => self.scene.trace_glossy(ray),
+            true => {
                 let hit = self.scene.sample_hit(ray, choice.to_bits());
                 hit.map_or((Features::default(), Gloss::NONE), |hit| {
                     let attributes = self.scene.attributes(hit.index);

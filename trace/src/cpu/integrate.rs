@@ -2,10 +2,10 @@
 
 use super::CpuScene;
 use super::glossy::Glossy;
-use super::path::{PathLight, Paths};
-use crate::features::GBuffer;
+use super::path::{PathLight, Paths, Start};
+use crate::features::{Features, GBuffer};
 use crate::tracer::RenderedView;
-use crate::transport::lights::BounceSampler;
+use crate::transport::lights::{BounceSampler, Lights};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
@@ -34,63 +34,89 @@ pub(super) fn render(
         let glossy = Glossy::new(scene, lights, integrator, options);
         return glossy.render(camera, features, key);
     }
-    let sampler = BounceSampler::new(lights, LIGHT_SHARE);
-    let light = |pixel: usize| -> (Vec3, f32, u32) {
+    let shows_own = |seen: &Features| {
+        seen.emission() > options.emission_threshold || integrator.shows_own_radiance()
+    };
+    let surface = |pixel: usize| -> Option<Start> {
         let seen = &features.pixels[pixel];
-        if seen.emission() > options.emission_threshold || integrator.shows_own_radiance() {
-            return (seen.radiance(), 0.0, 0);
+        if shows_own(seen) {
+            return None;
         }
         let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
         let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-        let Some(surface) = Surface::at(frame.origin, direction, seen) else {
-            return (Vec3::ZERO, 0.0, 0);
-        };
-        let points = Points::new(key, pixel as u32);
-        let mut samples = Samples::default();
-        match *integrator {
-            Integrator::ZeroBounce | Integrator::Gather { .. } => {}
-            Integrator::OneBounce { num_samples } => {
-                for s in 0..num_samples {
-                    let light = bounced(scene, &sampler, &surface, &points, s);
-                    samples.add(PathLight { light, num_rays: 1 });
-                }
-            }
-            Integrator::Path {
-                num_samples,
-                max_bounces,
-                roulette_from,
-            } => {
-                let paths = Paths {
-                    scene,
-                    lights: lights.and(scene.light_list()),
-                    max_bounces,
-                    roulette_from,
-                    threshold: options.emission_threshold,
-                    hits: options.hits,
-                };
-                let importances = paths.importances(&surface);
-                for s in 0..num_samples {
-                    samples.add(paths.sample((&surface, &importances), &points, s));
-                }
-            }
-        }
-        let (mean, second_moment) = samples.moments();
-        (seen.albedo() * mean, second_moment, samples.num_rays)
+        Some(Start {
+            pixel: pixel as u32,
+            surface: Surface::at(frame.origin, direction, seen)?,
+        })
     };
-    let pixels: Vec<(Vec3, f32, u32)> = (0..camera.num_pixels())
-        .into_par_iter()
-        .map(light)
-        .collect();
+    let starts: Vec<Start> = (0..camera.num_pixels()).filter_map(surface).collect();
+    let sampled = sampled(scene, &starts, lights, integrator, options, key);
+    let own = |seen: &Features| match shows_own(seen) {
+        true => seen.radiance().to_array(),
+        false => [0.0; 3],
+    };
+    let mut radiance: Vec<[f32; 3]> = features.pixels.iter().map(own).collect();
+    let mut second_moment = vec![[0.0]; camera.num_pixels()];
+    let mut num_rays = 0;
+    for (start, samples) in starts.iter().zip(sampled) {
+        let pixel = start.pixel as usize;
+        let (mean, moment) = samples.moments();
+        radiance[pixel] = (features.pixels[pixel].albedo() * mean).to_array();
+        second_moment[pixel] = [moment];
+        num_rays += u64::from(samples.num_rays);
+    }
     let (width, height) = (camera.width, camera.height);
-    let radiance = pixels.iter().map(|(light, ..)| light.to_array()).collect();
-    let second_moment = pixels.iter().map(|&(_, moment, _)| [moment]).collect();
     let one_each = "one value for each pixel";
     RenderedView {
         radiance: Image::from_pixels(width, height, radiance).expect(one_each),
         second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
-        num_rays: pixels.iter().map(|&(.., rays)| u64::from(rays)).sum(),
+        num_rays,
         features,
         guides: Vec::new(),
+    }
+}
+
+/// Samples of the incident light at each of `starts`, `[n]`.
+fn sampled(
+    scene: &CpuScene,
+    starts: &[Start],
+    lights: Option<&Lights>,
+    integrator: &Integrator,
+    options: &LightOptions,
+    key: RandomKey,
+) -> Vec<Samples> {
+    match *integrator {
+        Integrator::ZeroBounce | Integrator::Gather { .. } => Vec::new(),
+        Integrator::OneBounce { num_samples } => {
+            let sampler = BounceSampler::new(lights, LIGHT_SHARE);
+            let of_start = |start: &Start| {
+                let points = Points::new(key, start.pixel);
+                let mut samples = Samples::default();
+                for s in 0..num_samples {
+                    let light = bounced(scene, &sampler, &start.surface, &points, s);
+                    samples.add(PathLight { light, num_rays: 1 });
+                }
+                samples
+            };
+            starts.par_iter().map(of_start).collect()
+        }
+        Integrator::Path {
+            num_samples,
+            max_bounces,
+            roulette_from,
+        } => {
+            let paths = Paths {
+                scene,
+                lights: lights.and(scene.light_list()),
+                num_samples,
+                max_bounces,
+                roulette_from,
+                threshold: options.emission_threshold,
+                hits: options.hits,
+                key,
+            };
+            paths.sample(starts)
+        }
     }
 }
 

@@ -39,8 +39,9 @@ pub(super) struct LightGatherer {
     num_samples: u32,
     uniform: wgpu::Buffer,
     gathered: wgpu::Buffer,
-    /// Run one after the other.
-    kernels: Vec<GatherKernel>,
+    /// Run one after the other; a pair: where rays are blended, and where they take one hit.
+    kernels: [Vec<GatherKernel>; 2],
+    hits: Hits,
 }
 
 /// A kernel and its buffers.
@@ -115,26 +116,24 @@ impl LightGatherer {
                     view, &uniform, surfels, attributes, nodes, leaves, emitters, features,
                     &gathered,
                 ];
-                vec![GatherKernel::new(&kernels::GATHER_BOUNCES, &buffers)]
+                [(); 2].map(|()| vec![GatherKernel::new(&kernels::GATHER_BOUNCES, &buffers)])
             }
             GatherKind::Path { .. } => {
                 let paths = &of_pixels("paths", size_of::<PathState>())?;
                 let rays = &of_pixels("rays of paths", size_of::<RayQuery>())?;
                 let met = &of_pixels("features of paths", size_of::<Features>())?;
-                let meet_rays = match options.hits {
-                    Hits::Blended => &kernels::BLEND_RAYS,
-                    Hits::Sampled => &kernels::SAMPLE_RAYS,
-                };
                 let aim = [view, &uniform, emitters, features, &gathered, paths, rays];
                 let meet = [&uniform, surfels, attributes, nodes, leaves, rays, met];
                 let shade = [
                     &uniform, nodes, leaves, emitters, &gathered, paths, rays, met,
                 ];
-                vec![
-                    GatherKernel::new(&kernels::AIM_RAYS, &aim),
-                    GatherKernel::new(meet_rays, &meet),
-                    GatherKernel::new(&kernels::SHADE_RAYS, &shade),
-                ]
+                [&kernels::BLEND_RAYS, &kernels::SAMPLE_RAYS].map(|meet_rays| {
+                    vec![
+                        GatherKernel::new(&kernels::AIM_RAYS, &aim),
+                        GatherKernel::new(meet_rays, &meet),
+                        GatherKernel::new(&kernels::SHADE_RAYS, &shade),
+                    ]
+                })
             }
         };
         Ok(Some(Self {
@@ -144,6 +143,7 @@ impl LightGatherer {
             uniform,
             gathered,
             kernels,
+            hits: options.hits,
         }))
     }
 
@@ -169,10 +169,13 @@ impl LightGatherer {
                 end_pixel,
                 ..self.parameters
             };
-            let passes = self.passes(device, groups(end_pixel - start_pixel));
+            let groups = groups(end_pixel - start_pixel);
+            let [blended, sampled] =
+                (self.kernels.each_ref()).map(|kernels| passes(device, kernels, groups));
             for parameters in self.turns(pixels) {
                 device.write(&self.uniform, bytemuck::bytes_of(&parameters));
-                device.run(&passes)?;
+                let is_sampled = self.hits.is_sampled(parameters.bounce);
+                device.run(if is_sampled { &sampled } else { &blended })?;
                 num_dispatches += 1;
                 if num_dispatches.is_multiple_of(DISPATCHES_AHEAD) {
                     device.wait()?;
@@ -221,12 +224,12 @@ impl LightGatherer {
             })
         })
     }
+}
 
-    fn passes(&self, device: &Device, groups: u32) -> Vec<Pass> {
-        let pass = |one: &GatherKernel| {
-            let buffers: Vec<&wgpu::Buffer> = one.buffers.iter().collect();
-            device.pass(one.kernel, &buffers, groups)
-        };
-        self.kernels.iter().map(pass).collect()
-    }
+fn passes(device: &Device, kernels: &[GatherKernel], groups: u32) -> Vec<Pass> {
+    let pass = |one: &GatherKernel| {
+        let buffers: Vec<&wgpu::Buffer> = one.buffers.iter().collect();
+        device.pass(one.kernel, &buffers, groups)
+    };
+    kernels.iter().map(pass).collect()
 }
