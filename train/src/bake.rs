@@ -6,6 +6,7 @@
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
+mod receivers;
 mod series;
 pub(crate) mod solution;
 mod transport;

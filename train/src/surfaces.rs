@@ -91,10 +91,10 @@ impl BestSeen {
         }
     }
 
-    /// Each Gaussian as it is seen best; `None` where no camera saw it.
-    pub fn finish(self) -> Vec<Option<Surface>> {
-        let surface = |best: Option<(f32, Surface)>| Some(best?.1);
-        self.best.into_iter().map(surface).collect()
+    /// Each Gaussian as it is seen best, with its weight there, 0 to 1; `None` where no camera saw
+    /// it.
+    pub fn finish(self) -> Vec<Option<(f32, Surface)>> {
+        self.best
     }
 }
 
@@ -109,7 +109,7 @@ pub fn seen(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Vec<Re
     }
     let surfaces = (0..).zip(best.finish());
     Ok(surfaces
-        .filter_map(|(i, surface)| Some((i, surface?)))
+        .filter_map(|(i, seen)| Some((i, seen?.1)))
         .collect())
 }
 

@@ -79,7 +79,7 @@ fn receivers(scene: &Gaussians, tracer: &CpuScene) -> Vec<Receiver> {
     (0..)
         .zip(best.finish())
         .filter(|(i, _): &(u32, _)| scene.emissions[*i as usize] <= EMISSION_THRESHOLD)
-        .filter_map(|(i, found)| Some((i, found?)))
+        .filter_map(|(i, found)| Some((i, found?.1)))
         .collect()
 }
 

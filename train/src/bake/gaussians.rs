@@ -14,22 +14,21 @@
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
+use super::receivers::Receivers;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
-use super::solution::Told;
 use super::transport::TracedTransport;
-use super::{Bake, BakeProgress, emits, with_emitters};
+use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::irradiance;
-use crate::surfaces::{self, BestSeen};
 use eagpt_scene::files::{Key, digest};
 use eagpt_scene::lamps::read_lamps;
 use eagpt_scene::light_basis::geometry_digest;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gaussians, LightBasis, LightGroups, SceneError};
+use eagpt_scene::{LightBasis, LightGroups, SceneError};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::bsdf::equivalent_albedos;
-use eagpt_trace::transport::matrix::{Directions, Receiver};
+use eagpt_trace::transport::matrix::Directions;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -194,7 +193,7 @@ impl Bake<'_> {
         path: &Path,
     ) -> Result<Option<TracedTransport>> {
         let key = self.key();
-        let total = traced.receivers.len();
+        let total = traced.receivers.traced.len();
         let num_before = traced.num_rows();
         let mut stored = Instant::now();
         loop {
@@ -214,7 +213,7 @@ impl Bake<'_> {
             if self.stopped() {
                 return Ok(None);
             }
-            let piece = &traced.receivers[done..total.min(done + PIECE)];
+            let piece = &traced.receivers.traced[done..total.min(done + PIECE)];
             match tracer.trace_transport(piece, directions, key) {
                 Ok(more) => traced.matrix.append(more),
                 Err(error) => {
@@ -233,7 +232,7 @@ impl Bake<'_> {
     }
 
     /// The receivers for the views to bake for; `None` if it was stopped.
-    fn find_receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Vec<Receiver>>> {
+    fn find_receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Receivers>> {
         let frames = self.dataset.frames();
         let cameras = self.frames.iter().map(|&frame| &frames[frame].camera);
         let stop = &self.request.stop;
@@ -244,33 +243,6 @@ impl Bake<'_> {
                 false => ControlFlow::Continue(()),
             }
         };
-        receivers(tracer, &self.scene, cameras, &mut told)
+        Receivers::find(tracer, &self.scene, cameras, &mut told)
     }
-}
-
-/// All Gaussians of `scene` that reflect, and where light is gathered for them: where one of the
-/// `cameras` sees them best, or, of those that no camera sees, which still light others, on their
-/// own plane. `None` if `told` has ended it.
-pub(super) fn receivers<'a>(
-    tracer: &dyn Tracer,
-    scene: &Gaussians,
-    cameras: impl Iterator<Item = &'a Camera>,
-    told: &mut Told<'_>,
-) -> Result<Option<Vec<Receiver>>> {
-    let cameras = surfaces::coarse(cameras, scene.len());
-    let total = cameras.len();
-    let mut best = BestSeen::new(scene.len());
-    for (done, camera) in (1..).zip(&cameras) {
-        best.add(tracer, camera)?;
-        if told(BakeProgress::Looking { done, total }).is_break() {
-            return Ok(None);
-        }
-    }
-    let seen = best.finish();
-    let reflecting = || (0..scene.len() as u32).filter(|&i| !emits(scene.emissions[i as usize]));
-    let unseen = reflecting().filter(|&i| seen[i as usize].is_none());
-    let unseen = unseen.map(|i| scene.get(i as usize));
-    let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
-    let surface = |i: u32| seen[i as usize].or_else(|| lone.next()).map(|s| (i, s));
-    Ok(Some(reflecting().filter_map(surface).collect()))
 }

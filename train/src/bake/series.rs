@@ -1,23 +1,24 @@
 //! The Neumann series of the light of a scene on its Gaussians, see [`super::gaussians`].
 
 use super::BakeProgress;
+use super::receivers::Receivers;
 use crate::irradiance::NoisyLight;
 use crate::irradiance::smooth::Smoothing;
-use eagpt_trace::transport::matrix::{Directions, Receiver, TransportMatrix};
+use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use glam::Vec3;
 
 /// Who lights whom.
 pub(super) struct Exchange<'a> {
-    receivers: &'a [Receiver],
+    receivers: &'a Receivers,
     matrix: &'a TransportMatrix,
     directions: Directions,
     smoothing: Smoothing,
 }
 
 impl<'a> Exchange<'a> {
-    /// The rows of `matrix` are those of `receivers`.
+    /// The rows of `matrix` are those of the traced `receivers`.
     pub(super) fn new(
-        receivers: &'a [Receiver],
+        receivers: &'a Receivers,
         matrix: &'a TransportMatrix,
         directions: Directions,
     ) -> Self {
@@ -25,7 +26,7 @@ impl<'a> Exchange<'a> {
             receivers,
             matrix,
             directions,
-            smoothing: Smoothing::new(receivers),
+            smoothing: Smoothing::new(&receivers.traced),
         }
     }
 }
@@ -90,9 +91,8 @@ impl Series {
         }
         let irradiance = noisy.smoothed(&light.smoothing);
         self.last.fill(Vec3::ZERO);
-        for ((i, _), light) in light.receivers.iter().zip(irradiance) {
-            let i = *i as usize;
-            self.last[i] = albedos[i] * light;
+        for (i, sources) in light.receivers.each() {
+            self.last[i] = albedos[i] * sources.mean(|row| irradiance[row]);
             self.total[i] += self.last[i];
         }
         self.bounce += 1;
@@ -117,13 +117,11 @@ impl Series {
         };
         let irradiance = noisy.smoothed_parts(&light.smoothing, irradiance, num);
         self.last_parts.fill(Vec3::ZERO);
-        for ((i, _), light) in light.receivers.iter().zip(irradiance.chunks_exact(num)) {
-            let i = *i as usize;
-            let rows = num * i..num * (i + 1);
-            let row = self.last_parts[rows.clone()].iter_mut();
-            for ((last, total), light) in row.zip(&mut self.parts[rows]).zip(light) {
-                *last = albedos[i] * *light;
-                *total += *last;
+        for (i, sources) in light.receivers.each() {
+            for part in 0..num {
+                let last = albedos[i] * sources.mean(|row| irradiance[num * row + part]);
+                self.last_parts[num * i + part] = last;
+                self.parts[num * i + part] += last;
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
 use super::gaussians::{self, GaussianBake};
+use super::receivers::Receivers;
 use super::series::{Exchange, sum_of_bounces};
 use super::{BakeProgress, emits, forget_directions, with_emitters};
 use crate::error::Result;
@@ -47,12 +48,12 @@ impl Solution<'_> {
         let key = RandomKey::new(self.seed, Purpose::Bake, 1);
         let tracer = self.device.scene(&scene)?;
         let cameras = self.cameras.iter();
-        let Some(receivers) = gaussians::receivers(&*tracer, &scene, cameras, told)? else {
+        let Some(receivers) = Receivers::find(&*tracer, &scene, cameras, told)? else {
             return Ok(None);
         };
         let mut matrix = TransportMatrix::default();
-        let (mut done, total) = (0, receivers.len());
-        for piece in receivers.chunks(gaussians::PIECE) {
+        let (mut done, total) = (0, receivers.traced.len());
+        for piece in receivers.traced.chunks(gaussians::PIECE) {
             if told(BakeProgress::Gathering { done, total }).is_break() {
                 return Ok(None);
             }

@@ -11,6 +11,7 @@
 //! The same file holds a bake under way, with the rows done so far.
 
 use super::emits;
+use super::receivers::{Faint, NO_SOURCE, NUM_SOURCES, Receivers, Sources};
 use crate::error::Result;
 use eagpt_scene::files::{Key, SealedFormat};
 use eagpt_scene::rng::RandomKey;
@@ -33,7 +34,7 @@ const MAX_UNDERRATED: f64 = 4.0;
 
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
-    version: 3,
+    version: 4,
     noun: "transport matrix",
 };
 
@@ -48,7 +49,7 @@ pub(super) struct TracedTransport {
     directions: Directions,
     /// Light of the emitters that light samples were chosen for, in the order of their indices.
     lights: Vec<EmitterLight>,
-    pub(super) receivers: Vec<Receiver>,
+    pub(super) receivers: Receivers,
     pub(super) matrix: TransportMatrix,
 }
 
@@ -58,11 +59,14 @@ struct Header {
     directions: [u32; 2],
     num_lights: usize,
     num_receivers: usize,
+    num_faint: usize,
     num_rows: usize,
 }
 
 /// Values of a receiver: index, position, normal, offset.
 const RECEIVER: usize = 8;
+/// Values of a faint Gaussian: index, sources.
+const FAINT: usize = 1 + NUM_SOURCES;
 
 impl TracedTransport {
     /// Nothing traced yet for `receivers` of `scene`.
@@ -70,7 +74,7 @@ impl TracedTransport {
         key: Key,
         directions: Directions,
         scene: &Gaussians,
-        receivers: Vec<Receiver>,
+        receivers: Receivers,
     ) -> Self {
         Self {
             key,
@@ -104,12 +108,12 @@ impl TracedTransport {
         {
             return true;
         }
-        if self.num_rows() < self.receivers.len() || !self.suits(scene) {
+        if self.num_rows() < self.receivers.traced.len() || !self.suits(scene) {
             return false;
         }
         let lights = self.sampled_lights(scene);
         let tracing = Tracing {
-            receivers: &self.receivers,
+            receivers: &self.receivers.traced,
             directions: self.directions,
             key,
             lights: lights.as_ref(),
@@ -128,7 +132,7 @@ impl TracedTransport {
     ) -> Vec<Vec3> {
         let sampled = self.sampled_lights(scene);
         let tracing = Tracing {
-            receivers: &self.receivers,
+            receivers: &self.receivers.traced,
             directions: self.directions,
             key,
             lights: sampled.as_ref(),
@@ -171,15 +175,20 @@ impl TracedTransport {
             key: self.key.clone(),
             directions: [self.directions.bsdf, self.directions.to_lights],
             num_lights: self.lights.len(),
-            num_receivers: self.receivers.len(),
+            num_receivers: self.receivers.traced.len(),
+            num_faint: self.receivers.faint.len(),
             num_rows: self.num_rows(),
         };
-        let receivers: Vec<f32> = (self.receivers.iter())
+        let receivers: Vec<f32> = (self.receivers.traced.iter())
             .flat_map(|(index, surface)| {
                 let [x, y, z] = surface.position.to_array();
                 let [u, v, w] = surface.normal.to_array();
                 [f32::from_bits(*index), x, y, z, u, v, w, surface.offset]
             })
+            .collect();
+        let faint: Vec<f32> = (self.receivers.faint.iter())
+            .flat_map(|one| [one.gaussian].into_iter().chain(one.sources.0))
+            .map(f32::from_bits)
             .collect();
         let direct: Vec<f32> = self.matrix.direct.iter().flat_map(Vec3::to_array).collect();
         let floats = |of: &[u32]| of.iter().map(|&i| f32::from_bits(i)).collect::<Vec<f32>>();
@@ -191,6 +200,7 @@ impl TracedTransport {
             &[
                 self.lights.as_flattened(),
                 &receivers,
+                &faint,
                 &direct,
                 &self.matrix.direct_squares,
                 &targets,
@@ -212,25 +222,42 @@ impl TracedTransport {
         let lengths = [
             header.num_lights.checked_mul(4),
             header.num_receivers.checked_mul(RECEIVER),
+            header.num_faint.checked_mul(FAINT),
             header.num_rows.checked_mul(3),
             Some(header.num_rows),
             header.num_rows.checked_mul(bsdf as usize),
             header.num_rows.checked_mul(to_lights as usize),
         ];
         let mut rest = values.as_slice();
-        let mut arrays = [&rest[..0]; 6];
+        let mut arrays = [&rest[..0]; 7];
         for (array, length) in arrays.iter_mut().zip(lengths) {
             (*array, rest) = length
                 .and_then(|length| rest.split_at_checked(length))
                 .ok_or_else(damaged)?;
         }
-        let [lights, receivers, direct, squares, targets, light_targets] = arrays;
+        let [
+            lights,
+            receivers,
+            faint,
+            direct,
+            squares,
+            targets,
+            light_targets,
+        ] = arrays;
         let bits = |of: &[f32]| of.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
         let traced = Self {
             key: header.key,
             directions,
             lights: lights.as_chunks().0.to_vec(),
-            receivers: receivers.as_chunks().0.iter().map(receiver).collect(),
+            receivers: Receivers {
+                traced: receivers.as_chunks().0.iter().map(receiver).collect(),
+                faint: (bits(faint).as_chunks().0.iter())
+                    .map(|&[gaussian, ref sources @ ..]: &[u32; FAINT]| Faint {
+                        gaussian,
+                        sources: Sources(*sources),
+                    })
+                    .collect(),
+            },
             matrix: TransportMatrix {
                 direct: direct
                     .as_chunks()
@@ -258,8 +285,15 @@ impl TracedTransport {
             0 => target == NOTHING || is_index(target),
             _ => is_emitter(target & !EMITTER),
         };
+        let num_traced = self.receivers.traced.len();
+        let is_source = |&row: &u32| row == NO_SOURCE || (row as usize) < num_traced;
+        let has_sources = |faint: &Faint| {
+            let sources = &faint.sources.0;
+            is_index(faint.gaussian) && sources[0] != NO_SOURCE && sources.iter().all(is_source)
+        };
         self.lights.len() == emitters(scene).count()
-            && self.receivers.iter().all(|(index, _)| is_index(*index))
+            && (self.receivers.traced.iter()).all(|(index, _)| is_index(*index))
+            && self.receivers.faint.iter().all(has_sources)
             && self.matrix.targets.iter().all(is_target)
             && self.matrix.light_targets.iter().all(is_target)
     }

@@ -1,3 +1,4 @@
+use super::super::receivers::Receivers;
 use super::super::transport::TracedTransport;
 use super::super::{emits, with_emitters};
 use super::*;
@@ -36,7 +37,7 @@ fn key() -> RandomKey {
 }
 
 fn trace(scene: &Gaussians) -> TracedTransport {
-    let receivers: Vec<Receiver> = (0..scene.len() as u32)
+    let traced = (0..scene.len() as u32)
         .filter(|&i| !emits(scene.emissions[i as usize]))
         .map(|i| {
             let g = scene.get(i as usize);
@@ -48,8 +49,12 @@ fn trace(scene: &Gaussians) -> TracedTransport {
             (i, surface)
         })
         .collect();
+    let receivers = Receivers {
+        traced,
+        faint: Vec::new(),
+    };
     let mut traced = TracedTransport::new(Key::new(), RAYS, scene, receivers);
-    let (scene, receivers) = (CpuScene::new(scene), &traced.receivers);
+    let (scene, receivers) = (CpuScene::new(scene), &traced.receivers.traced);
     traced.matrix = TransportMatrix::trace(&scene, receivers, RAYS, key());
     traced
 }
@@ -70,10 +75,11 @@ fn bounces_inside_a_sphere_follow_the_geometric_series() {
         expected += ALBEDO * radiance * share * (ALBEDO * (1.0 - share)).powi(bounce - 1);
         let mean: f32 = traced
             .receivers
+            .traced
             .iter()
             .map(|(i, _)| series.total[*i as usize].x)
             .sum::<f32>()
-            / traced.receivers.len() as f32;
+            / traced.receivers.traced.len() as f32;
         // 6000 × 32 directions leave 0.3 %; the soft rim of the cap and discs that do not quite
         // close 1 %.
         assert!(
@@ -116,9 +122,9 @@ fn the_light_of_each_cap_follows_its_own_series() {
     for k in 0..2 {
         let expected = lamps[k] * (ALBEDO * shares[k] * series);
         let alone = basis.alone(k);
-        let receivers = traced.receivers.iter();
+        let receivers = traced.receivers.traced.iter();
         let mean = receivers.map(|(i, _)| alone[*i as usize]).sum::<Vec3>()
-            / traced.receivers.len() as f32;
+            / traced.receivers.traced.len() as f32;
         let off = (mean - expected).abs().max_element() / expected.max_element();
         // Smaller caps have more rim.
         assert!(off < 0.02, "{k}: {mean} instead of {expected}");
