@@ -39,9 +39,10 @@ const NO_SOURCES: Sources = Sources([NO_SOURCE; NUM_SOURCES]);
 /// The Gaussians of a scene that reflect.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Receivers {
-    /// Those that rays are traced for, ascending.
+    /// Those that rays are traced for: those that are seen well, ascending, then faint ones without
+    /// neighbours.
     pub(super) traced: Vec<Receiver>,
-    /// The others, ascending.
+    /// The others.
     pub(super) faint: Vec<Faint>,
 }
 
@@ -103,29 +104,21 @@ impl Receivers {
         let traced = Traced::new(scene, traced.into_iter().map(|(_, one)| one).collect());
         let followed: Vec<Option<Sources>> =
             faint.par_iter().map(|(_, one)| traced.near(one)).collect();
-        // What no traced Gaussian is near to is traced after all: numbers of the others move up.
-        let alone = faint.iter().zip(&followed).filter(|(_, of)| of.is_none());
-        let mut all: Vec<(Receiver, Option<usize>)> = (traced.receivers.iter().enumerate())
-            .map(|(number, &one)| (one, Some(number)))
-            .chain(alone.map(|((_, one), _)| (*one, None)))
-            .collect();
-        all.sort_unstable_by_key(|((index, _), _)| *index);
-        let mut moved = vec![0; traced.receivers.len()];
-        for (number, (_, before)) in (0..).zip(&all) {
-            if let Some(before) = before {
-                moved[*before] = number;
+        let mut divided = Self {
+            traced: traced.receivers,
+            faint: Vec::new(),
+        };
+        for ((_, one), sources) in faint.iter().zip(followed) {
+            match sources {
+                Some(sources) => divided.faint.push(Faint {
+                    gaussian: one.0,
+                    sources,
+                }),
+                // No traced Gaussian is near.
+                None => divided.traced.push(*one),
             }
         }
-        let faint = faint.iter().zip(followed).filter_map(|((_, one), of)| {
-            Some(Faint {
-                gaussian: one.0,
-                sources: of?.map(|number| moved[number as usize]),
-            })
-        });
-        Self {
-            faint: faint.collect(),
-            traced: all.into_iter().map(|(one, _)| one).collect(),
-        }
+        divided
     }
 
     /// Index of each Gaussian, with the numbers of the traced ones whose irradiance it has.
@@ -148,13 +141,6 @@ impl Sources {
     pub(super) fn mean(&self, of_row: impl Fn(usize) -> Vec3) -> Vec3 {
         let rows = || self.0.iter().filter(|&&row| row != NO_SOURCE);
         rows().map(|&row| of_row(row as usize)).sum::<Vec3>() / rows().count() as f32
-    }
-
-    fn map(self, of_row: impl Fn(u32) -> u32) -> Self {
-        Self(self.0.map(|row| match row {
-            NO_SOURCE => NO_SOURCE,
-            row => of_row(row),
-        }))
     }
 }
 
@@ -282,7 +268,8 @@ mod tests {
             surface.position.distance(scene.positions[11]) < 0.35
         };
         assert!(faint.sources.0.iter().all(is_near));
-        assert!(receivers.traced.is_sorted_by_key(|(index, _)| *index));
+        let last = receivers.traced.iter().rev().map(|(index, _)| *index);
+        assert_eq!(last.take(2).collect::<Vec<_>>(), [7, 3]);
     }
 
     #[test]
