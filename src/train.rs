@@ -36,8 +36,7 @@ use viewing::Viewing;
 ///
 /// Several datasets are one place in several lights, in one world: with the same poses or others,
 /// and as many views as each has. All of them train one geometry and one albedo; radiance and lamps
-/// are each light's own. One exposure scale holds for all. They are named like their folders, and
-/// train on the CPU.
+/// are each light's own. One exposure scale holds for all. They are named like their folders.
 ///
 /// Options come in layers, later ones winning: the preset, the file of --config, the flags, each
 /// --set. --dump-config prints the outcome.

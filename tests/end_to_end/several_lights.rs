@@ -174,6 +174,27 @@ fn lights_that_cannot_be_told_apart_are_errors() {
     assert!(!place.path("two").exists());
 }
 
+/// On a GPU, too, every light has lamps of its own, and geometry and albedo are those of all.
+#[test]
+fn two_lights_are_trained_on_a_gpu() {
+    let place = workplace();
+    if !crate::device::has_device(&place, "training in two lights by the program") {
+        return;
+    }
+    place.succeeds(&format!(
+        "train room/truth/day room/truth/evening --out on-gpu --device gpu {SHORT}"
+    ));
+    let device = &place.json("on-gpu/record.json")["device"];
+    assert!(device.as_str().unwrap().starts_with("gpu: "), "{device}");
+    let [day, evening] =
+        ["on-gpu/scene.ply", "on-gpu/lights/evening/scene.ply"].map(|path| scene(&place, path));
+    assert!(num_emitting(&day) > 0 && num_emitting(&evening) > 0);
+    assert_ne!(day.emissions, evening.emissions);
+    assert_eq!(day.positions, evening.positions);
+    assert_eq!(day.albedos, evening.albedos);
+    assert_ne!(day.radiances, evening.radiances);
+}
+
 /// A light that is left out is a mix of the lamps of the others.
 #[test]
 fn a_light_that_is_held_out_is_shown_by_switching_lamps() {

@@ -96,6 +96,21 @@ fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
 
+// Leaves the gradients of a fixed Gaussian that move it, those of its radiance where it does not
+// shine, and returns their sum.
+fn keep_of_fixed(at: u32) -> f32 {
+    let shines = values[at + EMISSION] > 0.0;
+    var sum = 0.0;
+    for (var k = 0u; k < NUM_PARAMETERS; k++) {
+        if shines || k < RADIANCE || k >= EMISSION {
+            raw_gradients[at + k] = 0.0;
+        } else {
+            sum += raw_gradients[at + k];
+        }
+    }
+    return sum;
+}
+
 @compute @workgroup_size(GROUP_SIZE)
 fn chain_rule(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -122,6 +137,9 @@ fn chain_rule(
     sum += put3(at + RADIANCE, d.c.yzw * attributes[index].a.xyz);
     sum += put(at + EMISSION, d.d.x * g.emission * (1.0 - g.emission));
     sum += put3(at + ALBEDO, d.d.yzw * g.albedo * (1.0 - g.albedo / MAX_ALBEDO));
+    if index >= adam.first_fixed {
+        sum = keep_of_fixed(at);
+    }
     // A sum is not finite if one of its terms is not.
     if !is_finite(sum) {
         atomicMin(&report[REPORT_BAD], index);

@@ -86,13 +86,6 @@ impl From<eagpt_trace::gpu::GpuError> for TrainError {
 }
 
 impl TrainError {
-    /// Several lights on a GPU.
-    pub(crate) fn several_lights() -> Self {
-        Self::Device {
-            problem: "several lights are trained on the CPU alone (--device cpu)",
-        }
-    }
-
     /// Gloss on a GPU.
     pub(crate) fn gloss() -> Self {
         Self::Device {

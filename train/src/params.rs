@@ -33,8 +33,8 @@ const POSITION: usize = 0;
 const SCALE: usize = 3;
 const ROTATION: usize = 5;
 const OPACITY: usize = 9;
-const RADIANCE: usize = 10;
-const EMISSION: usize = 13;
+pub(crate) const RADIANCE: usize = 10;
+pub(crate) const EMISSION: usize = 13;
 const ALBEDO: usize = 14;
 
 /// The classes of parameters, with the raw parameters of each.

@@ -12,6 +12,8 @@
 #[path = "../../trace/tests/gpu/mod.rs"]
 mod gpu;
 
+use eagpt_scene::Image;
+use eagpt_scene::exr::{self, Precision};
 use eagpt_testkit::room;
 use eagpt_trace::Device;
 use eagpt_train::checkpoint::{self, Checkpoint};
@@ -25,6 +27,33 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A tiny room, with masks and normals.
 fn dataset(dir: &Path) -> PathBuf {
+    let path = dir.join("room");
+    write_room(&path);
+    path
+}
+
+/// The room of [`dataset`] in another light, with its lamps off.
+fn dark_dataset(dir: &Path) -> PathBuf {
+    let path = dir.join("dark");
+    write_room(&path);
+    let images = |folder: &str| {
+        let files = std::fs::read_dir(path.join(folder)).unwrap();
+        files.map(|file| file.unwrap().path()).collect::<Vec<_>>()
+    };
+    for (image, mask) in images("Radiance-exr").iter().zip(images("Emissive-exr")) {
+        let mut radiance = exr::read_rgb(image).unwrap();
+        for pixel in radiance.pixels_mut() {
+            // Lamps are brighter than anything else.
+            *pixel = [0.5, 0.3, 0.2].map(|share| share * pixel[1].min(1.0));
+        }
+        exr::write_rgb(image, &radiance, Precision::Float).unwrap();
+        let dark = Image::filled(radiance.width(), radiance.height(), [0.0]);
+        exr::write_single(&mask, &dark, Precision::Float).unwrap();
+    }
+    path
+}
+
+fn write_room(path: &Path) {
     let options = room::RoomOptions {
         num_views: 5,
         width: 40,
@@ -33,9 +62,7 @@ fn dataset(dir: &Path) -> PathBuf {
         num_points: 500,
         seed: 3,
     };
-    let path = dir.join("room");
-    room::write(&path, &options, |_| ()).unwrap();
-    path
+    room::write(path, &options, |_| ()).unwrap();
 }
 
 fn request(dir: &Path, out: &str, device: &Device) -> TrainRequest {
@@ -213,19 +240,59 @@ fn the_loss_of_albedos_falls_as_on_the_cpu() {
 /// thousandth, which the CPU leaves out, are part of it.
 const ALBEDO_TOLERANCE: f64 = 2e-3;
 
+/// Both stages, in a light that the lamps are on in and in one that they are off in.
 #[test]
-fn a_stopped_run_ends_in_the_same_bits() {
-    let Some(device) = gpu::device("a stopped training run") else {
+fn two_lights_are_trained_as_on_the_cpu() {
+    let Some(device) = gpu::device("training in two lights") else {
         return;
     };
+    let dir = tempfile::tempdir().unwrap();
+    dataset(dir.path());
+    let dark = dark_dataset(dir.path());
+    let [cpu, gpu] = [Device::Cpu, Device::Gpu(device)].map(|device| {
+        let kind = matches!(device, Device::Cpu);
+        let mut request = request(dir.path(), &format!("lights-{kind}"), &device);
+        request.other_lights = vec![dark.clone()];
+        request.options.stage = StageChoice::All;
+        request.options.radiance.iterations = 30;
+        request.options.albedo.iterations = 10;
+        request.options.albedo.num_samples = 8;
+        train(&request, &mut |_| ()).unwrap();
+        logged(&request, "total")
+    });
+    // Stage 1 has as many steps for each light.
+    assert_eq!((cpu.len(), gpu.len()), (50, 50));
+    for (i, (a, b)) in cpu.iter().zip(&gpu).enumerate() {
+        let off = (a - b).abs() / a;
+        assert!(off < CURVE_TOLERANCE, "step {i}: {b} instead of {a}");
+    }
+}
+
+#[test]
+fn a_stopped_run_ends_in_the_same_bits() {
+    if let Some(device) = gpu::device("a stopped training run") {
+        check_stopped_runs(device, 1);
+    }
+}
+
+#[test]
+fn a_stopped_run_in_two_lights_ends_in_the_same_bits() {
+    if let Some(device) = gpu::device("a stopped training run in two lights") {
+        check_stopped_runs(device, 2);
+    }
+}
+
+fn check_stopped_runs(device: Arc<eagpt_trace::gpu::Device>, num_lights: usize) {
     let device = Device::Gpu(device);
     let dir = tempfile::tempdir().unwrap();
     dataset(dir.path());
+    let others: Vec<PathBuf> = (1..num_lights).map(|_| dark_dataset(dir.path())).collect();
     let make = |out: &str| {
         let mut request = request(dir.path(), out, &device);
+        request.other_lights.clone_from(&others);
         request.options.stage = StageChoice::All;
         request.options.radiance.iterations = 12;
-        request.options.albedo.iterations = 10;
+        request.options.albedo.iterations = 10 / num_lights as u32;
         request.options.albedo.num_samples = 8;
         request.options.radiance.densify.times = 2;
         request.options.radiance.densify.start_share = 0.5;

@@ -1,6 +1,8 @@
 //! Training on a device.
 //!
 //! - [`params`]: parameters, moments and Gaussians; the chain rule and Adam.
+//! - [`rows`]: what these are rows of.
+//! - [`lights`]: the values of lights that are not shown.
 //! - [`wanted`]: what views should look like.
 //! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the
 //!   features of rays.
@@ -9,16 +11,18 @@
 //! - [`steps`]: steps of these, several of them under way at once.
 
 mod kernels;
+mod lights;
 mod loss;
 mod params;
 mod report;
+mod rows;
 mod steps;
 mod target;
 
 use super::trainer::{HostParameters, Trainer};
 use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::densify::Densified;
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 use crate::loss::target::Target;
 use crate::options::Gather;
 use crate::params::ParameterState;
@@ -108,6 +112,14 @@ impl GpuBackend {
         }
     }
 
+    /// Index of the light shown.
+    fn light(&self) -> usize {
+        match &self.parameters {
+            Parameters::Host(parameters) => parameters.state.lights.current,
+            Parameters::Device(resident) => resident.light(),
+        }
+    }
+
     fn wanted(&mut self, view: &TrainingView) -> Result<TargetView> {
         if let Some(wanted) = self.views.get(&view.index) {
             return Ok(wanted.clone());
@@ -167,9 +179,13 @@ fn resident<'a>(
 
 impl Backend for GpuBackend {
     fn show_light(&mut self, light: usize) -> Result<()> {
-        match light {
-            0 => Ok(()),
-            _ => Err(TrainError::several_lights()),
+        match &mut self.parameters {
+            Parameters::Host(parameters) => self.trainer.show_light(parameters, light),
+            Parameters::Device(resident) if resident.light() == light => Ok(()),
+            Parameters::Device(resident) => {
+                self.trainer.forget_light();
+                resident.show_light(light, &self.trainer.scene)
+            }
         }
     }
 

@@ -42,17 +42,16 @@ pub(super) struct IrradianceCache {
     /// Irradiance of each Gaussian in each light; see
     /// [`irradiance::GaussianIrradiance::by_gaussian`].
     by_light: Vec<Vec<Vec4>>,
-    /// Gaussians with their irradiance in place of their radiance, on a device that does not keep
-    /// blending weights.
-    scene: Option<Box<dyn Tracer>>,
+    /// On a device that does not keep blending weights.
+    showing: Option<ShowingIrradiance>,
     views: HashMap<usize, Arc<CachedView>>,
     /// Bytes that further views may take.
     budget: u64,
 }
 
 impl IrradianceCache {
-    /// No view yet; `by_light` is the irradiance of all `gaussians` in each light, at least one, and
-    /// not more on a device that keeps no blending weights; `device` traces them.
+    /// No view yet; `by_light` is the irradiance of all `gaussians` in each light, at least one;
+    /// `device` traces them.
     ///
     /// # Errors
     /// If the device fails or has not enough memory.
@@ -61,14 +60,12 @@ impl IrradianceCache {
         gaussians: &Gaussians,
         by_light: Vec<Vec<Vec4>>,
     ) -> Result<Self> {
-        let scene = match device {
-            Device::Cpu => None,
-            #[cfg(feature = "gpu")]
-            Device::Gpu(_) => Some(device.scene(&showing_irradiance(gaussians, &by_light[0]))?),
-        };
+        let keeps_weights = matches!(device, Device::Cpu);
+        let showing =
+            (!keeps_weights).then(|| ShowingIrradiance::new(device, gaussians, &by_light[0]));
         Ok(Self {
             by_light,
-            scene,
+            showing: showing.transpose()?,
             views: HashMap::new(),
             budget: available_memory().unwrap_or(0) / CACHE_SHARE,
         })
@@ -91,10 +88,11 @@ impl IrradianceCache {
         let camera = &view.view.camera;
         let features = scene.record(camera)?;
         let weights = scene.weights(camera, LEAST_WEIGHT)?;
-        let blended = match (&weights, &self.scene) {
+        let blended = match (&weights, &mut self.showing) {
             (Some(weights), _) => weights.blend(|i| self.by_light[view.light][i as usize]),
-            (None, Some(scene)) => {
+            (None, Some(showing)) => {
                 let light = |features: &Features| features.radiance().extend(features.emission());
+                let scene = showing.in_light(view.light, &self.by_light)?;
                 scene.gbuffer(camera)?.pixels.iter().map(light).collect()
             }
             (None, None) => vec![Vec4::ZERO; camera.num_pixels()],
@@ -110,13 +108,39 @@ impl IrradianceCache {
     }
 }
 
-/// Gaussians with `irradiance` as their radiance, in all directions, and as their emission 1 where
-/// it is known.
-#[cfg(feature = "gpu")]
-fn showing_irradiance(gaussians: &Gaussians, irradiance: &[Vec4]) -> Gaussians {
-    let mut showing = gaussians.clone();
-    showing.harmonics.clear();
-    showing.radiances = irradiance.iter().map(|light| light.truncate()).collect();
-    showing.emissions = irradiance.iter().map(|light| light.w).collect();
-    showing
+/// A scene of Gaussians with their irradiance in one light as their radiance, in all directions, and
+/// as their emission 1 where it is known.
+struct ShowingIrradiance {
+    gaussians: Gaussians,
+    light: usize,
+    scene: Box<dyn Tracer>,
+}
+
+impl ShowingIrradiance {
+    /// With the `irradiance` of the first light.
+    fn new(device: &Device, gaussians: &Gaussians, irradiance: &[Vec4]) -> Result<Self> {
+        let mut gaussians = gaussians.clone();
+        gaussians.harmonics.clear();
+        show(&mut gaussians, irradiance);
+        Ok(Self {
+            light: 0,
+            scene: device.scene(&gaussians)?,
+            gaussians,
+        })
+    }
+
+    /// The scene with the irradiance of `light`, of those of all lights.
+    fn in_light(&mut self, light: usize, by_light: &[Vec<Vec4>]) -> Result<&dyn Tracer> {
+        if self.light != light {
+            self.light = light;
+            show(&mut self.gaussians, &by_light[light]);
+            self.scene.update(&self.gaussians)?;
+        }
+        Ok(&*self.scene)
+    }
+}
+
+fn show(gaussians: &mut Gaussians, irradiance: &[Vec4]) {
+    gaussians.radiances = irradiance.iter().map(|light| light.truncate()).collect();
+    gaussians.emissions = irradiance.iter().map(|light| light.w).collect();
 }

@@ -235,9 +235,14 @@ impl<S: Tracer> Trainer<S> {
             return Ok(());
         }
         parameters.state.show_light(light);
+        self.forget_light();
+        self.refresh(parameters)
+    }
+
+    /// Forgets scenes of the light that was shown.
+    pub(super) fn forget_light(&mut self) {
         self.gathering = None;
         self.pixel_gathering = None;
-        self.refresh(parameters)
     }
 
     /// See [`super::Backend::begin_harmonics`].

@@ -4,7 +4,6 @@ use super::TrainRequest;
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, Subset};
 use eagpt_scene::{Dataset, Gaussians};
-use eagpt_trace::Device;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::path::Path;
@@ -29,13 +28,10 @@ impl Light {
 /// lights are in a folder of each one's name.
 ///
 /// # Errors
-/// If one cannot be read or two have the same name, or for several lights on a GPU or from a scene.
+/// If one cannot be read or two have the same name.
 pub(super) fn open(request: &TrainRequest) -> Result<Vec<Light>> {
     let mut lights = vec![light(&request.dataset, request)?];
     for path in &request.other_lights {
-        if !matches!(request.device, Device::Cpu) {
-            return Err(TrainError::several_lights());
-        }
         let other = light(path, request)?;
         if lights.iter().any(|known| known.name == other.name) {
             return Err(TrainError::Dataset {

@@ -1,6 +1,7 @@
 //! The kernels of training: their files in `train/shader/`, their buffers, and the constants that
 //! they share with Rust.
 
+use super::lights::ExchangeParameters;
 use super::loss::{self, Encoded, LossParameters, Moments, SurfaceGradient, Terms};
 use super::params::AdamParameters;
 use super::report;
@@ -20,7 +21,7 @@ use eagpt_trace::surfel::{Attributes, Surfel};
 use std::borrow::Cow;
 
 const FILES: &[(&str, &str)] = shaders! {
-    "loss_add_up" "loss_color" "loss_derivatives" "loss_surface" "params"
+    "exchange" "loss_add_up" "loss_color" "loss_derivatives" "loss_surface" "params"
     "shared/exp_ln" "shared/loss"
 };
 
@@ -77,6 +78,11 @@ kernels! { sources;
         5 blurred: Write Moments, 10 d_rays: Write Features, 11 lit: Read [f32; 4],
     }
 
+    EXCHANGE = "exchange" exchange [] {
+        0 exchanged: Uniform ExchangeParameters, 1 values: Write f32, 2 first: Write f32,
+        3 second: Write f32, 4 parked_values: Write f32, 5 parked_first: Write f32,
+        6 parked_second: Write f32,
+    }
     ACTIVATE = "params" activate [] {
         0 adam: Uniform AdamParameters, 1 values: Write f32, 7 surfels: Write Surfel,
         8 attributes: Write Attributes,
@@ -103,6 +109,7 @@ fn declarations() -> String {
     let mut text = String::new();
     for layout in [
         AdamParameters::layout(),
+        ExchangeParameters::layout(),
         LossParameters::layout(),
         TargetPixel::layout(),
     ] {

@@ -2,11 +2,11 @@
 //! moves on the host: the same formulas in single precision.
 
 use super::kernels;
+use super::lights::ResidentLights;
 use super::report::Report;
+use super::rows::ResidentRows;
 use crate::error::Result;
-use crate::params::{
-    Adam, BadGradient, Learned, Lights, NUM_PARAMETERS, ParameterState, Raw, StepSizes,
-};
+use crate::params::{Adam, BadGradient, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
 use eagpt_trace::gpu::{Device, Frame, GpuScene, Reading};
@@ -27,10 +27,11 @@ pub(super) struct AdamParameters {
     correction_2: f32,
     harmonics_correction_1: f32,
     harmonics_correction_2: f32,
-    /// Those that the kernels are about, the first ones; what is fixed is behind them.
+    /// Those that the kernels are about, the first ones.
     num_gaussians: u32,
-    padding: u32,
-    more_padding: [u32; 2],
+    /// From here on they are fixed: their radiance moves where they do not shine, if anything.
+    first_fixed: u32,
+    padding: [u32; 2],
 }
 
 impl AdamParameters {
@@ -45,44 +46,8 @@ impl AdamParameters {
             harmonics_correction_1: "f32",
             harmonics_correction_2: "f32",
             num_gaussians: "u32",
-            padding: "u32",
-            more_padding: "vec2u",
-        })
-    }
-}
-
-/// [`Learned`] on a device, `[n, K]` each.
-#[derive(Debug)]
-struct ResidentRows<const K: usize> {
-    values: Buffer,
-    first: Buffer,
-    second: Buffer,
-    num_steps: u32,
-}
-
-fn bytes<const K: usize>(rows: &[[f32; K]]) -> Vec<u8> {
-    bytemuck::cast_slice(rows.as_flattened()).to_vec()
-}
-
-impl<const K: usize> ResidentRows<K> {
-    /// Brings the moments of `rows` to the device, which has their `values`.
-    fn new(device: &Device, rows: &Learned<K>, values: Buffer) -> Result<Self> {
-        Ok(Self {
-            values,
-            first: device.upload("first moments", &bytes(&rows.first))?,
-            second: device.upload("second moments", &bytes(&rows.second))?,
-            num_steps: rows.num_steps,
-        })
-    }
-
-    /// Read back.
-    fn learned(&self, device: &Device, num_rows: usize) -> Result<Learned<K>> {
-        let rows = |buffer: &Buffer| device.read::<[f32; K]>(buffer, 0..num_rows);
-        Ok(Learned {
-            values: rows(&self.values)?,
-            first: rows(&self.first)?,
-            second: rows(&self.second)?,
-            num_steps: self.num_steps,
+            first_fixed: "u32",
+            padding: "vec2u",
         })
     }
 }
@@ -99,6 +64,7 @@ pub(super) struct ResidentState {
     num_gaussians: usize,
     /// See [`ParameterState::num_fixed`].
     num_fixed: usize,
+    lights: ResidentLights,
 }
 
 impl ResidentState {
@@ -109,32 +75,54 @@ impl ResidentState {
         state: &ParameterState,
         fit: &GpuScene,
     ) -> Result<Self> {
-        let values = device.upload("parameters", &bytes(&state.raw.values))?;
         let harmonics = fit.harmonics().cloned();
         let harmonics = harmonics.map(|values| ResidentRows::new(device, &state.harmonics, values));
         let size = (size_of::<Raw>() * state.len()) as u64;
         let resident = Self {
-            raw: ResidentRows::new(device, &state.raw, values)?,
+            raw: ResidentRows::upload(device, &state.raw)?,
             raw_gradients: device.buffer("gradients by parameters", size)?,
             harmonics: harmonics.transpose()?,
             report: device.buffer("report", size_of::<Report>() as u64)?,
             num_gaussians: state.len(),
             num_fixed: state.num_fixed,
+            lights: ResidentLights::new(device, &state.lights)?,
             device: Arc::clone(device),
         };
+        device.run(&[resident.activate(fit)])?;
+        Ok(resident)
+    }
+
+    /// Puts the Gaussians of the raw values into `fit`.
+    fn activate(&self, fit: &GpuScene) -> Pass {
         let parameters = AdamParameters {
-            num_gaussians: resident.num_gaussians as u32,
+            num_gaussians: self.num_gaussians as u32,
             ..bytemuck::Zeroable::zeroed()
         };
         let buffers = [
-            &device.uniform("Adam", &parameters),
-            &resident.raw.values,
+            &self.device.uniform("Adam", &parameters),
+            &self.raw.values,
             fit.surfels(),
             fit.attributes(),
         ];
-        let each_gaussian = groups(resident.num_gaussians as u32);
-        device.run(&[device.pass(&kernels::ACTIVATE, &buffers, each_gaussian)])?;
-        Ok(resident)
+        let each_gaussian = groups(self.num_gaussians as u32);
+        (self.device).pass(&kernels::ACTIVATE, &buffers, each_gaussian)
+    }
+
+    /// Index of the light whose values are current.
+    pub(super) fn light(&self) -> usize {
+        self.lights.current
+    }
+
+    /// Puts the values of another light in the place of the current ones, and into `fit`; nothing
+    /// waits, and a step that fails before it makes no difference.
+    pub(super) fn show_light(&mut self, light: usize, fit: &GpuScene) -> Result<()> {
+        let current = (&self.raw, self.harmonics.as_mut());
+        let device = &self.device;
+        let mut passes = (self.lights).show(device, light, self.num_gaussians, current);
+        if !passes.is_empty() {
+            passes.push(self.activate(fit));
+        }
+        Ok(self.device.run(&passes)?)
     }
 
     /// The numbers that the host reads after a step.
@@ -148,7 +136,7 @@ impl ResidentState {
         self.device.write(&self.report, empty);
     }
 
-    /// After a step that moved nothing: `num_steps` as they were before it.
+    /// After a step in the current light that moved nothing: `num_steps` as they were before it.
     pub(super) fn go_back(&mut self, [raw, of_harmonics]: [u32; 2]) {
         self.raw.num_steps = raw;
         if let Some(harmonics) = &mut self.harmonics {
@@ -186,6 +174,11 @@ impl ResidentState {
         let moving = self.harmonics.as_ref().filter(|_| sizes.move_harmonics());
         let of_harmonics = Adam::new(moving.map_or(0, |h| h.num_steps) + 1);
         let (rows, _) = padded.as_chunks();
+        let first_fixed = sizes.num_moving(self.num_gaussians, self.num_fixed);
+        let num_moving = match self.lights.num() {
+            1 => first_fixed,
+            _ => self.num_gaussians,
+        };
         let parameters = AdamParameters {
             sizes: std::array::from_fn(|k| rows[k]),
             harmonics: std::array::from_fn(|k| std::array::from_fn(|l| of_functions[4 * k + l][0])),
@@ -195,7 +188,8 @@ impl ResidentState {
             correction_2: adam.correction_2,
             harmonics_correction_1: of_harmonics.correction_1,
             harmonics_correction_2: of_harmonics.correction_2,
-            num_gaussians: sizes.num_moving(self.num_gaussians, self.num_fixed) as u32,
+            num_gaussians: num_moving as u32,
+            first_fixed: first_fixed as u32,
             ..bytemuck::Zeroable::zeroed()
         };
         let parameters = &self.device.uniform("Adam", &parameters);
@@ -274,7 +268,7 @@ impl ResidentState {
             raw: self.raw.learned(device, num)?,
             harmonics: harmonics.unwrap_or_default(),
             num_fixed: self.num_fixed,
-            lights: Lights::default(),
+            lights: self.lights.lights(device, num)?,
         })
     }
 }

@@ -4,13 +4,14 @@
 //!
 //! A step that overflows its buffers, or whose gradients are no numbers, moves nothing, and nor do
 //! those behind it until the host has read its report. Then the host grows the buffers and records
-//! all of them again: the results are bit-identical to those of steps taken one by one.
+//! all of them again, each in the light of its view: the results are bit-identical to those of steps
+//! taken one by one.
 
 use super::loss::{self, LossBuffers, LossOptions};
 use super::report::Report;
 use super::target::TargetView;
 use super::{GpuBackend, Parameters, resident};
-use crate::backend::{AlbedoStep, RadianceStep, Taken, TrainingView};
+use crate::backend::{AlbedoStep, Backend as _, RadianceStep, Taken, TrainingView};
 use crate::error::Result;
 use crate::loss::NormalTerms;
 use crate::options::{AlbedoOptions, LossWeights};
@@ -98,7 +99,7 @@ pub(super) struct PendingStep {
     options: LossOptions,
     /// Capacities of the buffers of its rays.
     capacity: Capacity,
-    /// Steps of the parameters and of the harmonics before it.
+    /// Steps of the parameters and of the harmonics of its light before it.
     num_steps: [u32; 2],
     report: Reading<Report>,
 }
@@ -130,10 +131,11 @@ impl GpuBackend {
             let read = first.report.wait(&self.device)?;
             let report = read.first().copied().unwrap_or(Report::EMPTY);
             if !first.capacity.holds(&report.needed) {
-                let again = std::iter::once(first.task)
-                    .chain(self.under_way.drain(..).map(|behind| behind.task))
+                let behind = self.under_way.drain(..);
+                let again = std::iter::once((first.task, first.num_steps))
+                    .chain(behind.map(|step| (step.task, step.num_steps)))
                     .collect();
-                self.record_again(again, &report.needed, first.num_steps)?;
+                self.record_again(again, &report.needed)?;
                 continue;
             }
             let terms = loss::terms(&report, &first.wanted, &first.options);
@@ -153,27 +155,29 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Records steps again after the first has overflowed its buffers.
-    fn record_again(
-        &mut self,
-        tasks: Vec<StepTask>,
-        needed: &Counters,
-        num_steps: [u32; 2],
-    ) -> Result<()> {
-        if let Parameters::Device(resident) = &mut self.parameters {
-            resident.go_back(num_steps);
+    /// Records steps again, with how many there were before each, after the first has overflowed
+    /// its buffers.
+    fn record_again(&mut self, steps: Vec<(StepTask, [u32; 2])>, needed: &Counters) -> Result<()> {
+        let shown = self.light();
+        for (task, num_steps) in steps.iter().rev() {
+            self.show_light(task.view.light)?;
+            if let Parameters::Device(resident) = &mut self.parameters {
+                resident.go_back(*num_steps);
+            }
         }
-        if let Some(first) = tasks.first() {
+        if let Some((first, _)) = steps.first() {
             self.trainer.scene.grow(&first.rays(), needed);
         }
-        for task in tasks {
+        for (task, _) in steps {
             self.submit_or_take(task)?;
         }
-        Ok(())
+        self.show_light(shown)
     }
 
-    /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host.
+    /// Gives a step to the device, or where one buffer does not hold all rays takes it on the host;
+    /// in the light of its view.
     fn submit_or_take(&mut self, task: StepTask) -> Result<()> {
+        self.show_light(task.view.light)?;
         let rays = task.rays();
         if let Some(frame) = self.trainer.scene.frame(&rays)? {
             return self.submit(task, &rays, &frame);

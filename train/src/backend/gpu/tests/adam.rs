@@ -4,7 +4,7 @@ use super::{gpu, off};
 use crate::backend::gpu::params::ResidentState;
 use crate::backend::gpu::report::Report;
 use crate::options::{HarmonicsOptions, Preset, TrainOptions};
-use crate::params::{CLASSES, NUM_PARAMETERS, ParameterState, StepSizes};
+use crate::params::{CLASSES, EMISSION, NUM_PARAMETERS, ParameterState, RADIANCE, StepSizes};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_testkit::gaussians::{directional, look_at, random_cloud};
 use eagpt_trace::Tracer as _;
@@ -30,18 +30,61 @@ fn reported(device: &Device, state: &ResidentState) -> Report {
 #[test]
 fn steps_of_adam_are_those_of_the_cpu() {
     if let Some(device) = gpu::device("Adam on a device") {
-        check_steps(&device, 0);
+        check_steps(&device, start(0), &[0; 4]);
     }
 }
 
 #[test]
 fn fixed_gaussians_stay_to_the_bit_and_the_others_move_as_on_the_cpu() {
-    if let Some(device) = gpu::device("fixed Gaussians on a device") {
-        check_steps(&device, 67);
+    let Some(device) = gpu::device("fixed Gaussians on a device") else {
+        return;
+    };
+    let before = start(67);
+    let states = check_steps(&device, before.clone(), &[0; 4]);
+    let first = before.num_moving();
+    for state in states {
+        assert_eq!(state.num_fixed, 67);
+        for (got, old) in state.raw.arrays().into_iter().zip(before.raw.arrays()) {
+            assert_eq!(got[first..], old[first..]);
+            assert_ne!(got[first - 1], old[first - 1]);
+        }
+        let harmonics = state.harmonics.arrays().into_iter();
+        for (got, old) in harmonics.zip(before.harmonics.arrays()) {
+            assert_eq!(got[first..], old[first..]);
+        }
     }
 }
 
-fn check_steps(device: &Arc<Device>, num_fixed: usize) {
+/// Every light has its own light, moments and harmonics. Of the fixed Gaussians each shines in one
+/// of the two lights, and learns its radiance in the other.
+#[test]
+fn steps_in_several_lights_are_those_of_the_cpu() {
+    let Some(device) = gpu::device("several lights on a device") else {
+        return;
+    };
+    let mut state = start(67);
+    let first = state.num_moving();
+    state = state.with_lights(&[random_cloud(130, 6)]);
+    for i in first..state.len() {
+        let shines = |light: usize| if i % 2 == light { 4.0 } else { -4.0 };
+        state.raw.values[i][EMISSION] = shines(0);
+        state.lights.parked[1].light.values[i][EMISSION - RADIANCE] = shines(1);
+    }
+    let before = state.in_lights();
+    let [gpu, cpu] = check_steps(&device, state, &[0, 1, 1, 0, 1]);
+    assert_eq!((gpu.lights.current, cpu.lights.current), (1, 1));
+    for (light, (got, old)) in gpu.in_lights().iter().zip(&before).enumerate() {
+        for i in first..old.len() {
+            assert_eq!(got.positions[i], old.positions[i]);
+            let same = got.radiances[i] == old.radiances[i];
+            assert_eq!(same, i % 2 == light, "{i} in light {light}");
+        }
+        assert_ne!(got.radiances[0], old.radiances[0]);
+    }
+}
+
+/// The state that steps start from; so many of its Gaussians are fixed.
+fn start(num_fixed: usize) -> ParameterState {
     let mut cpu = ParameterState::new(&directional(random_cloud(130, 4), 5));
     // Quaternions do not stay of unit length.
     for (i, raw) in cpu.raw.values.iter_mut().enumerate() {
@@ -50,7 +93,16 @@ fn check_steps(device: &Arc<Device>, num_fixed: usize) {
             .for_each(|q| *q *= 1.0 + 0.01 * i as f32);
     }
     cpu.num_fixed = num_fixed;
-    let before = cpu.clone();
+    cpu
+}
+
+/// Takes a step in each of `lights` on the device and on the CPU, and compares the states, which it
+/// returns.
+fn check_steps(
+    device: &Arc<Device>,
+    mut cpu: ParameterState,
+    lights: &[usize],
+) -> [ParameterState; 2] {
     let mut gaussians = cpu.gaussians();
     let mut set = SurfelSet::new(&gaussians);
     let fit = GpuScene::new(device, &gaussians).unwrap();
@@ -65,7 +117,10 @@ fn check_steps(device: &Arc<Device>, num_fixed: usize) {
         decay: 0.5,
     };
     let options = TrainOptions::preset(Preset::Draft);
-    for time in 0..4 {
+    for (time, &light) in lights.iter().enumerate() {
+        cpu.show_light(light);
+        cpu.write_gaussians(&mut gaussians);
+        gpu.show_light(light, &fit).unwrap();
         fit.forward(&camera).unwrap();
         let gradients: Vec<LocalGradient> = (0..cpu.len())
             .map(|i| {
@@ -88,55 +143,50 @@ fn check_steps(device: &Arc<Device>, num_fixed: usize) {
         assert_eq!(gpu.bad_gradient(&report).unwrap(), None);
     }
     set.update(&gaussians);
-    let state = gpu.state().unwrap();
-    let steps = |state: &ParameterState| (state.raw.num_steps, state.harmonics.num_steps);
-    assert_eq!((steps(&state), steps(&cpu)), ((4, 4), (4, 4)));
-    assert_eq!(state.num_fixed, num_fixed);
-    let first = cpu.num_moving();
-    for got in [&state.raw, &cpu.raw] {
-        for (got, old) in got.arrays().into_iter().zip(before.raw.arrays()) {
-            assert_eq!(got[first..], old[first..]);
-            assert_ne!(got[first - 1], old[first - 1]);
-        }
-    }
-    for (got, old) in state
-        .harmonics
-        .arrays()
-        .into_iter()
-        .zip(before.harmonics.arrays())
-    {
-        assert_eq!(got[first..], old[first..]);
-    }
+    let mut state = gpu.state().unwrap();
     let mut failures = Vec::new();
-    for (name, got, wanted) in [
-        ("values", &state.raw.values, &cpu.raw.values),
-        ("first", &state.raw.first, &cpu.raw.first),
-        ("second", &state.raw.second, &cpu.raw.second),
-    ] {
-        for (class, range) in CLASSES {
-            let worst = relative(got, wanted, range);
-            eprintln!("{name} of {class}: off by {worst:e}");
-            if worst > STEP_TOLERANCE {
-                failures.push(format!("{name} of {class}: off by {worst:e}"));
-            }
+    for light in 0..cpu.lights.num() {
+        state.show_light(light);
+        cpu.show_light(light);
+        let in_light = lights.iter().filter(|other| **other == light).count() as u32;
+        for state in [&state, &cpu] {
+            let steps = (state.raw.num_steps, state.harmonics.num_steps);
+            assert_eq!(steps, (lights.len() as u32, in_light));
         }
+        let worst = compared(&state, &cpu);
+        eprintln!("light {light}: {worst:?}");
+        failures.extend(worst.into_iter().filter(|(_, off)| *off > STEP_TOLERANCE));
     }
-    let arrays = state.harmonics.arrays();
-    for (k, (got, wanted)) in arrays.into_iter().zip(cpu.harmonics.arrays()).enumerate() {
-        let worst = relative(got, wanted, 0..NUM_COEFFICIENTS);
-        eprintln!("harmonics {k}: off by {worst:e}");
-        if worst > STEP_TOLERANCE {
-            failures.push(format!("harmonics {k}: off by {worst:e}"));
-        }
+    for state in [&mut state, &mut cpu] {
+        state.show_light(lights[lights.len() - 1]);
     }
     // The traced Gaussians are those of the parameters.
     let seen = fit.gbuffer(&camera).unwrap();
     let (wanted, _) = camera::trace(&set, &camera, HitSearch::Tiles, Keep::Nothing);
     let off = off(&seen.pixels, &wanted.pixels, lane::RADIANCE);
     if off > 1e-3 {
-        failures.push(format!("traced: off by {off:e}"));
+        failures.push(("traced".to_owned(), off));
     }
-    assert!(failures.is_empty(), "{}", failures.join("\n"));
+    assert!(failures.is_empty(), "{failures:?}");
+    [state, cpu]
+}
+
+/// Largest relative difference of each class of parameters, their moments, and those of the
+/// harmonics, in the current light.
+fn compared(got: &ParameterState, wanted: &ParameterState) -> Vec<(String, f32)> {
+    let mut worst = Vec::new();
+    let arrays = got.raw.arrays().into_iter().zip(wanted.raw.arrays());
+    for (name, (got, wanted)) in ["values", "first", "second"].iter().zip(arrays) {
+        for (class, range) in CLASSES {
+            worst.push((format!("{name} of {class}"), relative(got, wanted, range)));
+        }
+    }
+    let arrays = got.harmonics.arrays().into_iter();
+    for (k, (got, wanted)) in arrays.zip(wanted.harmonics.arrays()).enumerate() {
+        let off = relative(got, wanted, 0..NUM_COEFFICIENTS);
+        worst.push((format!("harmonics {k}"), off));
+    }
+    worst
 }
 
 fn relative<const K: usize>(

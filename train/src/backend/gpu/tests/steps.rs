@@ -5,13 +5,13 @@ use crate::backend::gpu::GpuBackend;
 use crate::backend::{Backend as _, RadianceStep, TrainingView};
 use crate::loss::tests::view;
 use crate::loss::{LossTerms, NormalTerms};
-use crate::options::{Preset, TrainOptions};
+use crate::options::{HarmonicsOptions, Preset, TrainOptions};
 use crate::params::{ParameterState, StepSizes};
 use eagpt_scene::{Camera, SceneEdit};
 use eagpt_testkit::gaussians::{look_at, random_cloud};
 use eagpt_trace::Tracer as _;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::gpu::{Capacity, Counters, GpuScene};
+use eagpt_trace::gpu::{Capacity, Counters, Device, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
 use glam::DVec3;
 use std::sync::Arc;
@@ -60,9 +60,19 @@ fn all_of(capacity: &Capacity) -> Counters {
 /// one.
 #[test]
 fn steps_under_way_at_once_are_those_taken_one_by_one() {
-    let Some(device) = gpu::device("several steps at once") else {
-        return;
-    };
+    if let Some(device) = gpu::device("several steps at once") {
+        check_steps_at_once(&device, 1);
+    }
+}
+
+#[test]
+fn steps_under_way_at_once_are_in_the_light_of_their_view() {
+    if let Some(device) = gpu::device("several steps at once in two lights") {
+        check_steps_at_once(&device, 2);
+    }
+}
+
+fn check_steps_at_once(device: &Arc<Device>, num_lights: usize) {
     // Faint Gaussians: more hits in every pixel than fit at first.
     let mut cloud = random_cloud(3000, 4);
     cloud.opacities.fill(0.05);
@@ -78,26 +88,38 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
         Arc::new(view)
     });
     let weights = weights();
-    let rates = TrainOptions::preset(Preset::Draft).radiance.rates;
+    let stage = TrainOptions::preset(Preset::Draft).radiance;
+    let rates = stage.rates;
+    let harmonics = HarmonicsOptions {
+        degree: 1,
+        ..stage.harmonics
+    };
     let [at_once, one_by_one] = [false, true].map(|waits| {
-        let state = ParameterState::new(&cloud);
-        let mut backend = GpuBackend::new(&device, state, 1 << 20).unwrap();
+        let mut state = ParameterState::new(&cloud);
+        if num_lights > 1 {
+            let mut other = cloud.clone();
+            other.radiances.iter_mut().for_each(|r| *r *= 0.3);
+            state = state.with_lights(&[other]);
+            state.begin_harmonics();
+        }
+        let mut backend = GpuBackend::new(device, state, 1 << 20).unwrap();
         let usual = capacity(&backend, &views[0].camera);
         let mut taken = Vec::new();
         for iteration in 1..=9 {
             let index = iteration as usize % 2;
             let view = TrainingView {
                 index,
-                light: 0,
+                light: index % num_lights,
                 view: Arc::clone(&views[index]),
             };
+            backend.show_light(view.light).unwrap();
             let step = RadianceStep {
                 iteration,
                 weights: &weights,
                 normals: NormalTerms::Off,
                 // Buffers of another size in the end.
                 rays_per_axis: 1 + iteration / 6,
-                sizes: StepSizes::radiance(&rates, 2.0, 0.1),
+                sizes: StepSizes::radiance(&rates, 2.0, 0.1).with_harmonics(&harmonics, 0.9),
             };
             taken.extend(backend.radiance_step(&view, &step).unwrap());
             if waits {
@@ -120,6 +142,13 @@ fn steps_under_way_at_once_are_those_taken_one_by_one() {
     assert!(at_once.0.iter().map(|(iteration, _)| *iteration).eq(1..=9));
     assert!(at_once == one_by_one);
     assert_eq!(at_once.1.raw.num_steps, 9);
+    if num_lights > 1 {
+        let mut state = at_once.1;
+        for (light, num_steps) in [4, 5].into_iter().enumerate() {
+            state.show_light(light);
+            assert_eq!(state.harmonics.num_steps, num_steps);
+        }
+    }
 }
 
 /// An edit between two steps: on the device is what it makes of the state, and the steps behind it
