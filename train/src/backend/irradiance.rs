@@ -19,8 +19,9 @@ use eagpt_trace::transport::matrix::Receiver;
 use glam::{Vec3, Vec4};
 use std::ops::Range;
 
-/// Least and largest albedo in closed form, which the image loss may leave.
-const RANGE: (f32, f32) = (0.02, 0.95 * MAX_ALBEDO);
+/// Least and largest albedo in closed form, which the image loss may leave. What sends nothing, as
+/// the back of a flat lamp, is to be black once the lamp is off.
+const RANGE: (f32, f32) = (0.001, 0.95 * MAX_ALBEDO);
 /// Share of its own light that a Gaussian must receive for the quotient to mean something.
 const MIN_IRRADIANCE: f32 = 1e-4;
 /// Opacity that gathered Gaussians must have in a pixel to shade it.
@@ -145,4 +146,43 @@ pub(super) fn of_pixels(blended: &[Vec4]) -> Vec<Vec3> {
         }
     };
     blended.iter().map(light).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_testkit::gaussians::material;
+    use eagpt_trace::transport::start::Surface;
+
+    /// The albedo of a Gaussian of this radiance where irradiance over π is 0.5.
+    fn albedo_of(radiance: f32) -> f32 {
+        let disc = material(Vec3::splat(radiance), 0.0, Vec3::splat(0.4));
+        let gaussians = [disc].into_iter().collect();
+        let surface = Surface {
+            position: Vec3::ZERO,
+            normal: Vec3::Z,
+            offset: 0.0,
+        };
+        let irradiance = GaussianIrradiance {
+            seen: vec![(0, surface)],
+            direct: NoisyLight::default(),
+            indirect: NoisyLight::default(),
+            irradiance: vec![Vec3::splat(0.5)],
+        };
+        let light = LitGaussians {
+            gaussians: &gaussians,
+            irradiance: &irradiance,
+            shares: &[],
+        };
+        albedos(&[light])[0].x
+    }
+
+    #[test]
+    fn dark_surfaces_are_dark_and_what_sends_nothing_is_black() {
+        for (radiance, albedo) in [(0.2, 0.4), (0.005, 0.01)] {
+            assert!((albedo_of(radiance) - albedo).abs() < 1e-6, "{radiance}");
+        }
+        // The blackest paint reflects ten times more.
+        assert!(albedo_of(1e-6) <= 1.001e-3);
+    }
 }
