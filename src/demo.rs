@@ -14,12 +14,12 @@ use std::process::ExitCode;
 
 /// Show the whole chain on a simulated capture
 ///
-/// A virtual camera photographs a furnished room by day and in the evening, in RAW brackets. They
-/// are merged, posed, masked and trained on by day; then the window goes dark and three lamps go
-/// on, by an edit script, and what comes out is compared with what the virtual evening really
-/// looked like. DIR/run/report.html shows it all, and links to a page of the evening to walk
-/// through, DIR/run/bake/evening.html. Takes a few minutes and needs nothing but this
-/// program.
+/// A virtual camera photographs a furnished room by day and with two of its lamps, in RAW brackets.
+/// They are merged, posed, masked and trained on together; then the window goes dark and a lamp
+/// goes on that was off in both lights, by an edit script, and what comes out is compared with what
+/// that evening really looked like. DIR/run/report.html shows it all, and links to a page of the
+/// evening to walk through, DIR/run/bake/evening.html. Takes a few minutes and needs nothing but
+/// this program.
 ///
 /// DIR/demo.toml is the project of the demo: `eagpt run DIR/demo.toml` resumes it, and repeats the
 /// steps that a change affects.
@@ -57,8 +57,8 @@ const CHOICES: [(&str, &str, &str); 4] = [
     ),
     (
         "{train}",
-        "preset = \"draft\"\ngaussians = 40000\niterations = 1200\nset = [\"albedo.num_samples=192\"]",
-        "preset = \"draft\"\ngaussians = 8000\niterations = 300\nalbedo_iterations = 60",
+        "preset = \"draft\"\ngaussians = 40000\niterations = 1800\nset = [\"albedo.num_samples=128\"]",
+        "preset = \"draft\"\ngaussians = 8000\niterations = 400\nalbedo_iterations = 60",
     ),
     (
         "{render}",

@@ -12,7 +12,7 @@ use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::{Gaussian, Gloss};
 use fit::quantile;
 use glam::{DVec3, Vec3};
-use round::{ball, tube};
+use round::{ball, placed, tube};
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
 /// The shape of a lamp.
@@ -24,8 +24,17 @@ pub(crate) enum LampShape {
     Ellipse,
     /// A ball.
     Ball,
-    /// A cylinder, or a cone without its tip, about an axis; the up axis, if it is `None`.
-    Tube(Option<Vec3>),
+    /// A cylinder, or a cone without its tip, about an axis; the up axis, if it is `None`. Of a
+    /// known size, it is put in the middle of the selection.
+    Tube(Option<Vec3>, Option<TubeSize>),
+}
+
+/// Size of a tube.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TubeSize {
+    /// At both ends, in the direction of the axis.
+    pub(crate) radii: [f32; 2],
+    pub(crate) height: f32,
 }
 
 /// A lamp to be made of a selection.
@@ -65,7 +74,13 @@ impl NewLamp {
             LampShape::Rectangle => rectangle(&discs),
             LampShape::Ellipse => ellipse(&discs),
             LampShape::Ball => ball(&discs),
-            LampShape::Tube(axis) => tube(&discs, axis.unwrap_or(up).as_dvec3()),
+            LampShape::Tube(axis, size) => {
+                let axis = axis.unwrap_or(up).as_dvec3();
+                match size {
+                    Some(size) => Some(placed(&discs, axis, size)),
+                    None => tube(&discs, axis),
+                }
+            }
         };
         let solid = solid.ok_or("what is selected has not this shape")?;
         let weights: f64 = discs.iter().map(|disc| disc.weight).sum();

@@ -55,7 +55,7 @@
 //! | `"remove"`, `"keep_only"` | of the selection |
 //! | `"lights_off"` | radiance and emission 0 |
 //! | `"make_emissive"`, `"make_not_emissive"` | emission 1 or 0 |
-//! | `{ make_lamp = { shape, radiance, axis } }` | one clean surface in the place of the selection |
+//! | `{ make_lamp = { shape, radiance, axis, radii, height } }` | one clean surface in the place of the selection |
 //! | `{ scale_light = f }`, `{ tint_light = c }`, `{ set_radiance = c }` | linear; a tint keeps the luminance |
 //! | `{ set_albedo = c }`, `{ scale_albedo = f }`, `{ swap_albedo = "bgr" }` | 0 to 1; a scaled albedo ends at 1, or where it was above |
 //! | `{ set_specular = c }`, `{ set_roughness = r }` | F0 and roughness of what is mirrored, 0 to 1 |
@@ -67,7 +67,9 @@
 //!
 //! `make_lamp` fits a `shape` to the selection, `"rectangle"`, `"ellipse"`, `"ball"` or `"tube"` (a
 //! cylinder or a cone without its tip, about `axis`; the up axis, if nothing is said), and replaces
-//! it with a closed surface of that shape that emits `radiance` and has the mean albedo.
+//! it with a closed surface of that shape that emits `radiance` and has the mean albedo. Of a tube
+//! with `radii = [r, r]`, at both ends in the direction of the axis, and a `height` nothing is
+//! fitted: it is put in the middle of the selection.
 //!
 //! Colours `c` and factors `f` are a number or `[r, g, b]`. A placement is `{ scale, rotate = {
 //! axis, degrees }, about, move or to }`: scaled and rotated about a pivot, which then moves by an

@@ -9,6 +9,7 @@ use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::script::ScriptFile;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Result};
 use glam::{Quat, Vec2, Vec3};
+use std::f32::consts::PI;
 use std::path::Path;
 
 const CENTRE: Vec3 = Vec3::new(1.0, -2.0, 1.5);
@@ -194,4 +195,43 @@ fn only_a_tube_has_an_axis() {
     let error = script("shape = \"ball\", axis = \"z\"").unwrap_err();
     let error = error.to_string();
     assert!(error.contains("only a `tube` has an `axis`"), "{error}");
+}
+
+/// Few and scattered discs say where a tube is whose size is known.
+#[test]
+fn a_tube_of_known_size_is_put_in_the_middle() {
+    let tube = Solid::Tube {
+        centre: CENTRE,
+        axis: Vec3::Z * 0.2,
+        radii: [0.3, 0.15],
+    };
+    let seen = heap(tube, 0.8);
+    // From both sides.
+    let turned = seen.iter().map(|disc| Gaussian {
+        position: CENTRE + (disc.position - CENTRE) * Vec3::new(-1.0, -1.0, 1.0),
+        rotation: Quat::from_rotation_z(PI) * disc.rotation,
+        ..disc
+    });
+    let some: Gaussians = seen.iter().chain(turned).step_by(5).collect();
+    let known = "shape = \"tube\", radii = [0.3, 0.15], height = 0.2";
+    let edited = replay(&script(known).unwrap(), some).unwrap();
+    let [low, high] = bounds(&edited.gaussians);
+    let wanted = Vec3::new(0.3, 0.3, 0.1);
+    for (found, wanted) in [(low, -wanted), (high, wanted)] {
+        let off = (found - CENTRE - wanted).abs().max_element();
+        assert!(off < 0.05, "{found} {wanted}");
+    }
+    for (keys, expected) in [
+        (
+            "shape = \"tube\", radii = [0.3, 0.15]",
+            "`radii` and a `height`",
+        ),
+        (
+            "shape = \"ball\", radii = [0.3, 0.15], height = 0.2",
+            "only a `tube`",
+        ),
+    ] {
+        let error = script(keys).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
 }

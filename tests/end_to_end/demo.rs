@@ -13,7 +13,7 @@ fn the_quick_demo_runs_from_brackets_to_the_report() {
     assert!(place.path("demo/run/bake/evening.html").is_file());
     let edited = place.json("demo/run/edit/evening.record.json");
     let steps = edited["options"]["steps"].as_array().unwrap();
-    assert_eq!(steps.len(), 4);
+    assert_eq!(steps.len(), 2);
     // The edited scene in the light that it was trained in is far from the evening; with its own
     // light it is near.
     let psnr = |row: &str| {

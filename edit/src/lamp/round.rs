@@ -1,7 +1,7 @@
 //! Balls and tubes about discs.
 
 use super::fit::{crossing, fit, quantile};
-use super::{Disc, EDGE, REACH, ends};
+use super::{Disc, EDGE, REACH, TubeSize, ends};
 use eagpt_scene::discs::Solid;
 use glam::{DVec2, DVec3};
 use nalgebra::SVector;
@@ -99,6 +99,20 @@ pub(super) fn tube(discs: &[Disc], axis: DVec3) -> Option<Solid> {
         axis: (axis * (high - low)).as_vec3(),
         radii: rims.map(|rim| rim.radius.max(least) as f32),
     })
+}
+
+/// The tube of a known size in the middle of discs, along a unit `axis`.
+pub(super) fn placed(discs: &[Disc], axis: DVec3, size: TubeSize) -> Solid {
+    let (x, y) = axis.any_orthonormal_pair();
+    let middle = |along: DVec3| {
+        let [low, high] = ends(&discs.iter(), along, EDGE_OF_TUBE);
+        along * (0.5 * (low + high))
+    };
+    Solid::Tube {
+        centre: (middle(x) + middle(y) + middle(axis)).as_vec3(),
+        axis: axis.as_vec3() * size.height,
+        radii: size.radii,
+    }
 }
 
 /// The cylinder of discs that all face along its axis: they fill its cross-section, whose points

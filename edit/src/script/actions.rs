@@ -1,7 +1,7 @@
 //! Actions and placements in a script.
 
 use crate::act::{Action, Paint};
-use crate::lamp::{LampShape, NewLamp};
+use crate::lamp::{LampShape, NewLamp, TubeSize};
 use crate::place::{Goal, Pivot, Placement};
 use eagpt_scene::Gloss;
 use eagpt_scene::color::luminance;
@@ -156,15 +156,26 @@ fn lamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NewLamp, D::Error>
         shape: Name,
         radiance: Color,
         axis: Option<Direction>,
+        radii: Option<Array<Positive, 2>>,
+        height: Option<Positive>,
     }
 
     checked(deserializer, |keys: Keys| {
-        let shape = match (keys.shape, keys.axis) {
-            (Name::Tube, axis) => LampShape::Tube(axis.map(|axis| axis.0)),
-            (_, Some(_)) => return Err("only a `tube` has an `axis`".to_owned()),
-            (Name::Rectangle, None) => LampShape::Rectangle,
-            (Name::Ellipse, None) => LampShape::Ellipse,
-            (Name::Ball, None) => LampShape::Ball,
+        let size = match (keys.radii, keys.height) {
+            (Some(radii), Some(height)) => Some(TubeSize {
+                radii: radii.into(),
+                height: height.into(),
+            }),
+            (None, None) => None,
+            _ => return Err("a tube of known size has `radii` and a `height`".to_owned()),
+        };
+        let shape = match (keys.shape, keys.axis, size) {
+            (Name::Tube, axis, size) => LampShape::Tube(axis.map(|axis| axis.0), size),
+            (_, Some(_), _) => return Err("only a `tube` has an `axis`".to_owned()),
+            (.., Some(_)) => return Err("only a `tube` has `radii` and a `height`".to_owned()),
+            (Name::Rectangle, None, None) => LampShape::Rectangle,
+            (Name::Ellipse, None, None) => LampShape::Ellipse,
+            (Name::Ball, None, None) => LampShape::Ball,
         };
         let radiance = keys.radiance.0;
         Ok(NewLamp { shape, radiance })
