@@ -187,7 +187,7 @@ impl Paths<'_> {
         }
     }
 
-    /// What the rays of a bounce meet; `choice` is a number in [0, 1).
+    /// The scene as the rays of a bounce meet it; `choice` is a number in [0, 1).
     fn seen(&self, bounce: u32, choice: f32) -> Seen {
         match self.hits.is_sampled(bounce) {
             false => Seen::Blend,
