@@ -24,6 +24,7 @@ pub mod lens;
 pub mod light_basis;
 pub mod machine;
 pub mod median;
+pub mod morton;
 pub mod pictures;
 pub mod plane;
 pub mod ply;

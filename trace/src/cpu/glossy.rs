@@ -375,7 +375,8 @@ impl<'a> Glossy<'a> {
         (features.radiance() * value / both, 1)
     }
 
-    /// What a ray meets after `bounce` bounces; `choice` is the random number of a sampled hit.
+    /// The surface that a ray meets after `bounce` bounces; `choice` is the random number of a sampled
+    /// hit.
     fn meet(&self, ray: &Ray, bounce: u32, choice: f32) -> (Features, Gloss) {
         match self.hits.is_sampled(bounce) {
             false => self.scene.trace_glossy(ray),

@@ -49,7 +49,8 @@ pub(super) fn render(
             surface: Surface::at(frame.origin, direction, seen)?,
         })
     };
-    let starts: Vec<Start> = (0..camera.num_pixels()).filter_map(surface).collect();
+    let pixels = (0..camera.num_pixels()).into_par_iter();
+    let starts: Vec<Start> = pixels.filter_map(surface).collect();
     let sampled = sampled(scene, &starts, lights, integrator, options, key);
     let own = |seen: &Features| match shows_own(seen) {
         true => seen.radiance().to_array(),

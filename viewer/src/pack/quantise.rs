@@ -1,6 +1,6 @@
 //! Codes of quantities, and back.
 
-use eagpt_scene::Gaussians;
+use eagpt_scene::{Gaussians, morton};
 use glam::{Quat, Vec3};
 use serde::Serialize;
 
@@ -200,16 +200,15 @@ impl RotationCode {
     }
 }
 
-/// Indices of the Gaussians that a ray can hit, along a curve through space that keeps neighbours
-/// together (Morton 1966); of equal places in their order.
+/// Indices of the Gaussians that a ray can hit, along a Z-order curve through space; of equal places
+/// in their order.
 pub(super) fn morton_order(gaussians: &Gaussians, steps: &Steps) -> Vec<u32> {
     let mut keyed: Vec<(u64, u32)> = (0..gaussians.len())
         .filter(|&i| super::is_visible(gaussians.opacities[i]))
         .map(|i| {
             let p = gaussians.positions[i];
-            let codes = [0, 1, 2].map(|axis| u64::from(steps.position_code(axis, p[axis])));
-            let key = (0..48).fold(0, |key, bit| key | (codes[bit % 3] >> (bit / 3) & 1) << bit);
-            (key, i as u32)
+            let codes = [0, 1, 2].map(|axis| u32::from(steps.position_code(axis, p[axis])));
+            (morton::code(codes), i as u32)
         })
         .collect();
     keyed.sort_unstable();

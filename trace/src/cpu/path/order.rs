@@ -7,6 +7,7 @@
 use super::seen::Seen;
 use super::{Path, Paths};
 use crate::transport::sampling::cosine_direction;
+use eagpt_scene::morton;
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
@@ -64,7 +65,7 @@ fn place_in_order(realization: u32, place: Vec3, direction: Vec3) -> u32 {
         (within, FINE),
     ];
     parts.iter().fold(realization, |number, &(cell, bits)| {
-        number << (3 * bits) | interleaved(cell, bits)
+        number << (3 * bits) | morton::code(cell.to_array()) as u32
     })
 }
 
@@ -74,14 +75,6 @@ fn cell(point: Vec3, bits: u32) -> UVec3 {
     (point * num)
         .clamp(Vec3::ZERO, Vec3::splat(num - 1.0))
         .as_uvec3()
-}
-
-/// The place of a cell on a Z-order curve.
-fn interleaved(cell: UVec3, bits: u32) -> u32 {
-    (0..bits).fold(0, |number, bit| {
-        let [x, y, z] = cell.to_array().map(|axis| axis >> bit & 1);
-        number | (x | y << 1 | z << 2) << (3 * bit)
-    })
 }
 
 #[cfg(test)]
@@ -107,13 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_follow_a_z_order_curve() {
-        let of = |x, y, z| interleaved(UVec3::new(x, y, z), 2);
-        assert_eq!(
-            [of(1, 0, 0), of(0, 1, 0), of(0, 0, 1), of(2, 0, 0)],
-            [1, 2, 4, 8]
-        );
-        assert_eq!(of(3, 3, 3), 63);
+    fn the_last_cell_ends_with_the_unit_cube() {
         assert_eq!(cell(Vec3::new(0.0, 0.49, 1.0), 1), UVec3::new(0, 0, 1));
     }
 }

@@ -9,8 +9,8 @@ use crate::transport::matrix::NUM_REALIZATIONS;
 use crate::transport::start::Surface;
 use glam::Vec3;
 
-/// What rays meet: the blend of all hits, or the opaque discs of one
-/// realization. Emitters are chosen among what these rays can meet.
+/// The blend of all hits, or the opaque discs of one realization. Emitters are chosen among what rays
+/// can meet there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Seen {
     Blend,
