@@ -13,12 +13,10 @@ use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::lamps::lamps_file_beside;
 use eagpt_scene::light_basis::lights_file_beside;
 use eagpt_scene::{Dataset, Shard};
-use eagpt_trace::transport::Sampling;
+use eagpt_trace::transport::{MAX_BOUNCES, ROULETTE_FROM, Sampling};
 use eagpt_train::bake::gaussians::GaussianBake;
 use eagpt_train::bake::views::ViewBake;
-use eagpt_train::bake::{
-    self, BakeMethod, BakeOptions, BakeProgress, BakeRequest, BakeSummary, bake,
-};
+use eagpt_train::bake::{BakeMethod, BakeOptions, BakeProgress, BakeRequest, BakeSummary, bake};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -57,9 +55,9 @@ pub(crate) struct BakeArgs {
     /// Method of baking
     #[arg(long, value_enum, default_value = "gaussians")]
     pub(crate) method: MethodArg,
-    /// Maximum path depth: bounces of light, at least 1 [default: 16, with --method views 7]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    bounces: Option<u32>,
+    /// Maximum path depth: bounces of light, at least 1
+    #[arg(long, value_name = "N", default_value_t = MAX_BOUNCES, value_parser = clap::value_parser!(u32).range(1..))]
+    bounces: u32,
     /// gaussians: directions traced at each Gaussian, at least 1; half of them are light samples,
     /// the others serve all bounces [default: 64; 32 in scenes of over 125,000 Gaussians, whose
     /// pictures are means over more of them, 16 in those of over 250,000]
@@ -69,7 +67,7 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
     /// views: end paths at random from this bounce on, at least 1; 0 for never
-    #[arg(long, value_name = "FROM_BOUNCE", default_value_t = 2)]
+    #[arg(long, value_name = "FROM_BOUNCE", default_value_t = ROULETTE_FROM)]
     russian_roulette: u32,
     /// views: iterations of the fit, one view each, at least 1
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
@@ -241,7 +239,7 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
 pub(crate) fn usual_options(num_samples: Option<u32>) -> BakeOptions {
     BakeOptions {
         method: BakeMethod::Gaussians(GaussianBake { num_samples }),
-        max_bounces: bake::MAX_BOUNCES,
+        max_bounces: MAX_BOUNCES,
         seed: 0,
         split: SplitRule::default(),
         subset: Subset::Train,
@@ -264,10 +262,7 @@ fn options(args: &BakeArgs) -> BakeOptions {
     };
     BakeOptions {
         method,
-        max_bounces: args.bounces.unwrap_or(match args.method {
-            MethodArg::Gaussians => bake::MAX_BOUNCES,
-            MethodArg::Views => bake::MAX_BOUNCES_OF_VIEWS,
-        }),
+        max_bounces: args.bounces,
         seed: args.seed,
         split: args.split_rule,
         subset: args.split,

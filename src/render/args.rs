@@ -11,7 +11,7 @@ use crate::device::DeviceArgs;
 use clap::{Args, ValueEnum};
 use eagpt_scene::Shard;
 use eagpt_scene::dataset::{SplitRule, Subset};
-use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, Sampling};
+use eagpt_trace::transport::{EMISSION_THRESHOLD, Hits, MAX_BOUNCES, ROULETTE_FROM, Sampling};
 use eagpt_trace::{Integrator, LightOptions};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -61,12 +61,12 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub(super) antialias: u32,
     /// Maximum path depth: bounces, at least 1
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = MAX_BOUNCES, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) bounces: u32,
-    /// End paths at random from this bounce on, at least 1; the mean stays, the noise grows
-    /// [default: never]
-    #[arg(long, value_name = "FROM_BOUNCE", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) russian_roulette: Option<u32>,
+    /// End paths at random from this bounce on, at least 1; 0 for never. The mean stays, the noise
+    /// grows
+    #[arg(long, value_name = "FROM_BOUNCE", default_value_t = ROULETTE_FROM)]
+    pub(crate) russian_roulette: u32,
     /// Emission from which on a surface counts as an emitter, 0 to 1
     #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = share)]
     pub(super) emission_threshold: f32,
@@ -74,7 +74,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, default_value = "next-event")]
     sampling: Sampling,
     /// Surface of a path's ray that meets several Gaussians
-    #[arg(long, value_enum, default_value = "mixed")]
+    #[arg(long, value_enum, default_value = "sampled")]
     hits: Hits,
     /// Seed of the random numbers, 0 to 2^63 − 1
     #[arg(long, value_name = "S", default_value_t = 0, value_parser = args::seed())]
@@ -164,7 +164,7 @@ impl RenderArgs {
             Mode::Path => Integrator::Path {
                 num_samples,
                 max_bounces: self.bounces,
-                roulette_from: self.russian_roulette,
+                roulette_from: (self.russian_roulette > 0).then_some(self.russian_roulette),
             },
         }
     }

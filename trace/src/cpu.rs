@@ -6,7 +6,7 @@
 //!   hits for [`CameraRecord::adjoint`].
 //! - [`realizations`]: stochastic realizations of the Gaussians as opaque discs, for rays of which
 //!   the mean alone matters.
-//! - `integrate`, `path`: the integrators on single rays; `glossy`: those of scenes with gloss.
+//! - `integrate`, `path`: the integrators on single rays; `glossy`: what surfaces mirror.
 //! - [`CpuScene`]: all of it behind [`crate::Tracer`].
 
 mod adjoint;
@@ -21,6 +21,7 @@ pub mod realizations;
 mod scene;
 mod search;
 mod tile;
+mod vertex;
 
 pub use camera::{CameraRecord, HitSearch};
 pub use glossy::Mirrored;

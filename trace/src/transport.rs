@@ -26,6 +26,13 @@ use serde::{Deserialize, Serialize};
 /// Emission above which a blended hit counts as an emitter, τ_E of the paper.
 pub use eagpt_scene::lamps::EMISSION_THRESHOLD;
 
+/// Maximum path depth unless told otherwise, of paths and of bakes. In a room of white walls a tenth
+/// of the light comes after seven bounces, the depth of the paper.
+pub const MAX_BOUNCES: u32 = 16;
+/// First bounce at which paths may end at random unless told otherwise: the bounces before bring
+/// most of the light.
+pub const ROULETTE_FROM: u32 = 3;
+
 /// Integrator of a frame. The names are those of the paper's tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "mode")]
@@ -85,34 +92,15 @@ pub struct LightOptions {
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Hits {
-    /// The blend of all is one surface, as in the paper
-    Blended,
-    /// The blend at the first two bounces, one of them at those behind: about twice as fast, for
-    /// light that comes to some 0.2 percent less in a room
-    Mixed,
-    /// One of them, chosen by its weight, stands for all, for light that comes to up to one percent
-    /// less in a room. 1-bounce does so always, to the same mean
+    /// The blend of all is one surface, as in the paper. Slower by far, and light comes to one to two
+    /// percent more in a room
     ///
-    /// The mean is lower because emission is compared with τ_E hit by hit, which takes nothing from
-    /// the Gaussians around an emitter, and because bounces start on one disc of several that
-    /// overlap.
+    /// Where a ray meets the edge of a thing and what is behind it, the mean of their places lies in
+    /// mid-air, where light comes from everywhere.
+    Blended,
+    /// One of them, chosen by its weight, stands for all
     Sampled,
 }
-
-impl Hits {
-    /// Whether the rays that leave the vertex of a path after `bounce` bounces take one hit.
-    pub(crate) fn is_sampled(self, bounce: u32) -> bool {
-        match self {
-            Self::Blended => false,
-            Self::Mixed => bounce >= NUM_BLENDED_BOUNCES,
-            Self::Sampled => true,
-        }
-    }
-}
-
-/// Bounces of [`Hits::Mixed`] whose rays are blended. What later ones get wrong is a share of the
-/// little light that they bring.
-const NUM_BLENDED_BOUNCES: u32 = 2;
 
 /// Light sampling. The noise differs, the mean does not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -137,7 +125,7 @@ impl Default for LightOptions {
             seed: 0,
             emission_threshold: EMISSION_THRESHOLD,
             sampling: Sampling::NextEvent,
-            hits: Hits::Mixed,
+            hits: Hits::Sampled,
         }
     }
 }

@@ -125,7 +125,6 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
         (path(4, 3), (Sampling::Cosine, Hits::Blended)),
         (path(4, 3), PLAIN),
         (path(4, 3), (Sampling::NextEvent, Hits::Sampled)),
-        (path(4, 4), (Sampling::NextEvent, Hits::Mixed)),
         (roulette, PLAIN),
     ] {
         let got = runs(&gpu, integrator, how);

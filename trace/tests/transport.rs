@@ -97,7 +97,7 @@ fn paths_in_a_sphere_sum_the_geometric_series() {
     };
     let gaussians = sphere(6000, 1.0, cap);
     let scene = CpuScene::new(&gaussians);
-    for hits in [Hits::Blended, Hits::Mixed, Hits::Sampled] {
+    for hits in [Hits::Blended, Hits::Sampled] {
         let (p, brightness) = cap_seen_by(&scene, hits);
         for bounces in [1, 2, 7] {
             let expected: f64 = (1..=bounces)
@@ -138,7 +138,7 @@ fn cap_seen_by(scene: &CpuScene, hits: Hits) -> (f64, f64) {
             .to_array();
         let ray = Ray::free([0.0; 3], direction);
         let features = match hits {
-            Hits::Blended | Hits::Mixed => scene.trace(&ray),
+            Hits::Blended => scene.trace(&ray),
             Hits::Sampled => scene
                 .sample_hit(&ray, i)
                 .map_or(Features::default(), |hit| {

@@ -37,12 +37,6 @@ pub enum BakeMethod {
     Views(ViewBake),
 }
 
-/// Maximum path depth unless told otherwise. In a room of white walls a tenth of the light comes
-/// after seven bounces, the depth of the paper, and here one more is a product with a matrix.
-pub const MAX_BOUNCES: u32 = 16;
-/// That of [`BakeMethod::Views`], which traces every path.
-pub const MAX_BOUNCES_OF_VIEWS: u32 = 7;
-
 /// Options that decide the result, beside scene and cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BakeOptions {

@@ -6,15 +6,16 @@
 //! ([`eagpt_eval::psnr_srgb`], [`eagpt_eval::ExposureFit`]). Before an edit nothing should change.
 
 use crate::backend::TrainingView;
+use crate::bake::BakeProgress;
 use crate::bake::gaussians::GaussianBake;
 use crate::bake::solution::Solution;
-use crate::bake::{BakeProgress, MAX_BOUNCES};
 use crate::error::Result;
 use crate::irradiance::usual_samples;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Camera, Gaussians, Image};
 use eagpt_trace::Device;
+use eagpt_trace::transport::MAX_BOUNCES;
 use serde::Serialize;
 use std::ops::ControlFlow;
 

@@ -5,7 +5,7 @@
 
 use crate::backend::TrainingView;
 use crate::bake::gaussians::GaussianBake;
-use crate::bake::{self, BakeMethod, BakeOptions, BakeProgress, BakeRequest, MAX_BOUNCES};
+use crate::bake::{self, BakeMethod, BakeOptions, BakeProgress, BakeRequest};
 use crate::error::Result;
 use crate::light_fit::{FitViews, LightFitRequest, fit_lights};
 use crate::own_light::{self, OwnLight};
@@ -13,6 +13,7 @@ use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::light_basis::{LightBasis, lights_file_beside};
 use eagpt_scene::{Dataset, SceneError, ply};
 use eagpt_trace::Device;
+use eagpt_trace::transport::MAX_BOUNCES;
 use glam::Vec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

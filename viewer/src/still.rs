@@ -7,6 +7,7 @@ use eagpt_scene::camera_path::CameraPath;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::{Display, ToneMap};
 use eagpt_scene::{Gaussians, files, png};
+use eagpt_trace::transport::{MAX_BOUNCES, ROULETTE_FROM};
 use eagpt_trace::{Integrator, LightOptions};
 use serde::Deserialize;
 use serde_json::Value;
@@ -23,8 +24,6 @@ const RAYS_PER_AXIS: u32 = 2;
 /// Factor by which a first picture, which tells how long the other will take, is smaller along each
 /// axis.
 const FIRST_REDUCTION: u32 = 8;
-/// Bounces, likewise.
-const MAX_BOUNCES: u32 = 7;
 
 /// A picture to be made.
 #[derive(Debug, Clone, Deserialize)]
@@ -124,7 +123,7 @@ impl Workshop {
             integrator: Integrator::Path {
                 num_samples: request.samples.div_ceil(RAYS_PER_AXIS.pow(2)),
                 max_bounces: MAX_BOUNCES,
-                roulette_from: None,
+                roulette_from: Some(ROULETTE_FROM),
             },
             light: LightOptions::default(),
             rays_per_axis: RAYS_PER_AXIS,

@@ -1,10 +1,11 @@
 //! The integrators on the CPU: light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
 
 use super::CpuScene;
-use super::glossy::Glossy;
+use super::glossy::{self, Mirrors};
 use super::path::{PathLight, Paths, Start};
+use super::vertex::{Vertex, surfaces_of_pixels};
 use crate::features::{Features, GBuffer};
-use crate::tracer::RenderedView;
+use crate::tracer::{Guide, RenderedView};
 use crate::transport::lights::{BounceSampler, Lights};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
@@ -24,47 +25,62 @@ pub(super) fn render(
     integrator: &Integrator,
     options: &LightOptions,
 ) -> RenderedView {
-    let frame = camera.ray_frame();
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
     let lights = match options.sampling {
         Sampling::Cosine => None,
         Sampling::NextEvent => scene.lights(),
     };
-    if scene.is_glossy() && *integrator != Integrator::ZeroBounce {
-        let glossy = Glossy::new(scene, lights, integrator, options);
-        return glossy.render(camera, features, key);
-    }
-    let shows_own = |seen: &Features| {
-        seen.emission() > options.emission_threshold || integrator.shows_own_radiance()
-    };
-    let surface = |pixel: usize| -> Option<Start> {
-        let seen = &features.pixels[pixel];
-        if shows_own(seen) {
-            return None;
-        }
-        let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
-        let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-        Some(Start {
-            pixel: pixel as u32,
-            surface: Surface::at(frame.origin, direction, seen)?,
-        })
-    };
-    let pixels = (0..camera.num_pixels()).into_par_iter();
-    let starts: Vec<Start> = pixels.filter_map(surface).collect();
-    let sampled = sampled(scene, &starts, lights, integrator, options, key);
+    let threshold = options.emission_threshold;
+    let shows_own =
+        |seen: &Features| seen.emission() > threshold || integrator.shows_own_radiance();
     let own = |seen: &Features| match shows_own(seen) {
         true => seen.radiance().to_array(),
         false => [0.0; 3],
     };
     let mut radiance: Vec<[f32; 3]> = features.pixels.iter().map(own).collect();
     let mut second_moment = vec![[0.0]; camera.num_pixels()];
+    let mut guides = Vec::new();
     let mut num_rays = 0;
-    for (start, samples) in starts.iter().zip(sampled) {
-        let pixel = start.pixel as usize;
-        let (mean, moment) = samples.moments();
-        radiance[pixel] = (features.pixels[pixel].albedo() * mean).to_array();
-        second_moment[pixel] = [moment];
-        num_rays += u64::from(samples.num_rays);
+    match *integrator {
+        Integrator::Gather { num_samples } if scene.is_glossy() => {
+            let mirrors = Mirrors {
+                scene,
+                lights,
+                num_samples,
+            };
+            guides = vec![Guide::default(); camera.num_pixels()];
+            for (pixel, gathered) in mirrors.gather(camera, &features, threshold, key) {
+                radiance[pixel] = gathered.light.to_array();
+                second_moment[pixel] = [gathered.second_moment];
+                guides[pixel] = gathered.guide;
+                num_rays += gathered.num_rays;
+            }
+        }
+        Integrator::ZeroBounce | Integrator::Gather { .. } => {}
+        Integrator::OneBounce { .. } | Integrator::Path { .. } => {
+            let glosses = scene.gloss_of_pixels(camera, &features);
+            let surfaces = surfaces_of_pixels(camera, &features, threshold, &glosses);
+            if scene.is_glossy() {
+                let of_surface =
+                    |(_, vertex): &(u32, Vertex)| glossy::guide(scene, vertex, threshold);
+                let found: Vec<Guide> = surfaces.par_iter().map(of_surface).collect();
+                guides = vec![Guide::default(); camera.num_pixels()];
+                for ((pixel, _), guide) in surfaces.iter().zip(found) {
+                    guides[*pixel as usize] = guide;
+                }
+            }
+            let starts: Vec<Start> = (surfaces.into_iter())
+                .map(|(pixel, vertex)| Start::new(pixel, vertex))
+                .collect();
+            let sampled = sampled(scene, &starts, lights, integrator, options, key);
+            for (start, samples) in starts.iter().zip(sampled) {
+                let pixel = start.pixel as usize;
+                let (mean, moment) = samples.moments();
+                radiance[pixel] = (start.factor * mean).to_array();
+                second_moment[pixel] = [moment];
+                num_rays += u64::from(samples.num_rays);
+            }
+        }
     }
     let (width, height) = (camera.width, camera.height);
     let one_each = "one value for each pixel";
@@ -73,11 +89,11 @@ pub(super) fn render(
         second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
         num_rays,
         features,
-        guides: Vec::new(),
+        guides,
     }
 }
 
-/// Samples of the incident light at each of `starts`, `[n]`.
+/// Samples of the light at each of `starts`, `[n]`.
 fn sampled(
     scene: &CpuScene,
     starts: &[Start],
@@ -94,7 +110,15 @@ fn sampled(
                 let points = Points::new(key, start.pixel);
                 let mut samples = Samples::default();
                 for s in 0..num_samples {
-                    let light = bounced(scene, &sampler, &start.surface, &points, s);
+                    let light = match start.vertex.is_glossy() {
+                        true => {
+                            let bsdf = start.vertex.bsdf();
+                            let surface = &start.vertex.surface;
+                            glossy::bounced(scene, lights, (surface, &bsdf), &points, s)
+                                / start.divisor
+                        }
+                        false => bounced(scene, &sampler, &start.vertex.surface, &points, s),
+                    };
                     samples.add(PathLight { light, num_rays: 1 });
                 }
                 samples
@@ -121,7 +145,7 @@ fn sampled(
     }
 }
 
-/// Samples of the incident light at one point, before the albedo.
+/// Samples of the light at one point, before the albedo.
 #[derive(Default)]
 pub(super) struct Samples {
     total: Vec3,
@@ -191,23 +215,17 @@ impl CpuScene {
         num_samples: u32,
         key: RandomKey,
     ) -> Vec<Vec3> {
-        let frame = camera.ray_frame();
         let sampler = BounceSampler::new(self.lights(), LIGHT_SHARE);
-        let of_pixel = |pixel: usize| {
-            let seen = &features.pixels[pixel];
-            if seen.emission() > emission_threshold {
-                return Vec3::ZERO;
-            }
-            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
-            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
-            Surface::at(frame.origin, direction, seen).map_or(Vec3::ZERO, |surface| {
-                let points = Points::new(key, pixel as u32);
-                self.irradiance_at(&surface, &sampler, num_samples, &points)
-            })
+        let surfaces = surfaces_of_pixels(camera, features, emission_threshold, &[]);
+        let of_surface = |(pixel, vertex): &(u32, Vertex)| {
+            let points = Points::new(key, *pixel);
+            self.irradiance_at(&vertex.surface, &sampler, num_samples, &points)
         };
-        (0..camera.num_pixels())
-            .into_par_iter()
-            .map(of_pixel)
-            .collect()
+        let found: Vec<Vec3> = surfaces.par_iter().map(of_surface).collect();
+        let mut irradiance = vec![Vec3::ZERO; camera.num_pixels()];
+        for ((pixel, _), light) in surfaces.iter().zip(found) {
+            irradiance[*pixel as usize] = light;
+        }
+        irradiance
     }
 }

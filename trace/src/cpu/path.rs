@@ -1,30 +1,39 @@
 //! Paths from surfaces to the emitters.
 //!
+//! A path that a diffuse lobe has scattered meets surfaces at least [`ROUGH_BEHIND`] rough: light
+//! of lamps by way of mirrors, which such paths find by chance alone, is a little blurred in place
+//! of spots of noise.
+//!
 //! Many paths are followed at once, bounce by bounce: before each, they are put in an order in
 //! which neighbours meet the same parts of the scene ([`order`]), which the processor's caches then
 //! hold. The light of a path does not depend on the order.
 
 mod order;
 mod seen;
+#[cfg(test)]
+mod tests;
 
 use super::CpuScene;
 use super::integrate::Samples;
+use super::vertex::{MIN_REFLECTANCE, Vertex};
 use crate::transport::Hits;
+use crate::transport::bsdf::Bsdf;
 use crate::transport::light_list::{Importances, LightList};
 use crate::transport::points::Points;
-use crate::transport::sampling::cosine_direction;
 use crate::transport::start::Surface;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
 use rayon::prelude::*;
 use seen::Seen;
-use std::f32::consts::FRAC_1_PI;
 
 /// Blocks of random numbers of a bounce: one for the bounce, one for the light.
 const BLOCKS: u32 = 2;
 
 /// Paths that are followed at once, unless one pixel has more samples.
 const PATHS_AT_ONCE: u32 = 1 << 18;
+
+/// Least roughness of what a path meets after a diffuse bounce.
+const ROUGH_BEHIND: f32 = 0.3;
 
 /// Paths that a thread follows before it looks for others.
 const PATHS_OF_A_TURN: usize = 1024;
@@ -45,10 +54,39 @@ pub(super) struct Paths<'a> {
 }
 
 /// A pixel's surface, from which its paths go on.
+///
+/// Samples are of the light before the reflectance, which a denoiser can smooth: of a white surface
+/// in place of a diffuse one, and divided by what a glossy one reflects.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start {
     pub(super) pixel: u32,
-    pub(super) surface: Surface,
+    pub(super) vertex: Vertex,
+    /// What the light of a sample is to be divided by.
+    pub(super) divisor: Vec3,
+    /// What makes the pixel of the mean of its samples.
+    pub(super) factor: Vec3,
+}
+
+impl Start {
+    pub(super) fn new(pixel: u32, vertex: Vertex) -> Self {
+        let (divisor, reflectance) = match vertex.is_glossy() {
+            true => {
+                let all = vertex.reflectance().max(Vec3::splat(MIN_REFLECTANCE));
+                (all, all)
+            }
+            false => (Vec3::ONE, vertex.reflectance()),
+        };
+        Self {
+            pixel,
+            vertex: if vertex.is_glossy() {
+                vertex
+            } else {
+                vertex.white()
+            },
+            divisor,
+            factor: reflectance * vertex.alpha,
+        }
+    }
 }
 
 /// Light of a path, and the rays traced for it.
@@ -65,9 +103,11 @@ struct Path {
     start: u32,
     sample: u32,
     pixel: u32,
-    surface: Surface,
+    vertex: Vertex,
     throughput: Vec3,
     brought: PathLight,
+    /// Least roughness of what it meets.
+    min_roughness: f32,
     is_alive: bool,
 }
 
@@ -79,7 +119,7 @@ impl Path {
 }
 
 impl Paths<'_> {
-    /// Incident light of all paths of each start, not yet multiplied by the albedo there, `[n]`.
+    /// Light of all paths of each start, before the reflectance there, `[n]`.
     pub(super) fn sample(&self, starts: &[Start]) -> Vec<Samples> {
         let at_once = (PATHS_AT_ONCE / self.num_samples.max(1)).max(1);
         let some = starts.chunks(at_once as usize);
@@ -105,31 +145,38 @@ impl Paths<'_> {
             self.put_in_order(&mut paths, bounce);
             (paths.par_chunks_mut(PATHS_OF_A_TURN)).for_each(|some| {
                 for path in some {
-                    let of_bounce = self.importances(&path.surface);
+                    let of_bounce = self.importances(&path.vertex.surface);
                     self.advance(path, bounce, of_bounce.as_ref());
                 }
             });
             bounce += 1;
         }
-        let of_start = |lights: &[PathLight]| {
+        let of_start = |(start, lights): (&Start, &[PathLight])| {
             let mut samples = Samples::default();
-            lights.iter().for_each(|&light| samples.add(light));
+            for &PathLight { light, num_rays } in lights {
+                samples.add(PathLight {
+                    light: light / start.divisor,
+                    num_rays,
+                });
+            }
             samples
         };
-        lights.chunks(num_samples.max(1)).map(of_start).collect()
+        let of_starts = lights.chunks(num_samples.max(1));
+        starts.iter().zip(of_starts).map(of_start).collect()
     }
 
     /// The paths of a start after one bounce, whose emitters are weighed once for all.
     fn first_bounce(&self, number: u32, start: &Start) -> impl Iterator<Item = Path> {
-        let importances = self.importances(&start.surface);
+        let importances = self.importances(&start.vertex.surface);
         (0..self.num_samples).map(move |sample| {
             let mut path = Path {
                 start: number,
                 sample,
                 pixel: start.pixel,
-                surface: start.surface,
+                vertex: start.vertex,
                 throughput: Vec3::ONE,
                 brought: PathLight::default(),
+                min_roughness: 0.0,
                 is_alive: true,
             };
             self.advance(&mut path, 0, importances.as_ref());
@@ -145,53 +192,61 @@ impl Paths<'_> {
     /// Follows a path for a bounce, and collects the light of its emitters.
     ///
     /// A direction contributes R where E > τ_E, nothing elsewhere. With next-event estimation every
-    /// bounce samples a direction towards an emitter (density p) and one from the BSDF (density q =
-    /// cos θ/π), and both are weighted by q/(p + q): the balance heuristic of multiple importance
-    /// sampling (Veach 1997, section 9.2). No weight exceeds 1, and the mean is that of q alone.
+    /// bounce samples a direction towards an emitter (density p) and one from the BSDF (density q),
+    /// and both are weighted by q/(p + q): the balance heuristic of multiple importance sampling
+    /// (Veach 1997, section 9.2). The mean is that of q alone.
     fn advance(&self, path: &mut Path, bounce: u32, importances: Option<&Importances>) {
         path.is_alive = false;
-        let surface = path.surface;
-        let [a, b, survive, choice] = path.numbers(self.key, bounce, 0);
-        let seen = self.seen(bounce, choice);
+        let surface = path.vertex.surface;
+        let bsdf = path.vertex.bsdf();
+        let [a, b, lobe, choice] = path.numbers(self.key, bounce, 0);
+        let [pick, u, v, survive] = path.numbers(self.key, bounce, 1);
+        let seen = self.seen(choice);
         let lights = self.lights.zip(importances);
         if let Some(lights) = lights
-            && let Some(light) =
-                self.towards_light(lights, &surface, seen, path.numbers(self.key, bounce, 1))
+            && let Some(light) = self.towards_light(lights, (&surface, &bsdf), seen, [pick, u, v])
         {
             path.brought.light += path.throughput * light;
             path.brought.num_rays += 1;
         }
-        let ray = surface.ray(cosine_direction(surface.normal, a, b));
-        let direction = Vec3::from(ray.direction);
-        let met = seen.trace(self.scene, &ray);
+        let Some(sample) = bsdf.sample([lobe, a, b]) else {
+            return;
+        };
+        let direction = sample.direction;
+        let (met, gloss) = seen.trace(self.scene, &surface.ray(direction));
         path.brought.num_rays += 1;
         if met.emission() > self.threshold {
-            let weight = lights.map_or(1.0, |lights| {
-                let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
-                bsdf / (bsdf + seen.density(lights, &surface, direction))
-            });
+            let of_lights = lights.map_or(0.0, |lights| seen.density(lights, &surface, direction));
+            let weight = sample.value / (sample.density + of_lights);
             path.brought.light += path.throughput * met.radiance() * weight;
             return;
         }
-        path.throughput *= met.albedo();
+        if lobe >= bsdf.specular_share() {
+            path.min_roughness = ROUGH_BEHIND;
+        }
+        let ray = (surface.position, direction);
+        let Some(next) = Vertex::new(ray, &met, gloss, path.min_roughness) else {
+            return;
+        };
+        path.throughput *= sample.value / sample.density * next.alpha;
         if bounce + 1 >= self.roulette_from.unwrap_or(u32::MAX) {
-            let chance = path.throughput.max_element().min(1.0);
+            let chance = (path.throughput * next.reflectance())
+                .max_element()
+                .min(1.0);
             if survive >= chance {
                 return;
             }
             path.throughput /= chance;
         }
-        if let Some(next) = Surface::at(ray.origin.into(), direction, &met) {
-            path.surface = next;
-            path.is_alive = true;
-        }
+        path.vertex = next;
+        path.is_alive = true;
     }
 
     /// The scene as the rays of a bounce meet it; `choice` is a number in [0, 1).
-    fn seen(&self, bounce: u32, choice: f32) -> Seen {
-        match self.hits.is_sampled(bounce) {
-            false => Seen::Blend,
-            true => Seen::realization(choice),
+    fn seen(&self, choice: f32) -> Seen {
+        match self.hits {
+            Hits::Blended => Seen::Blend,
+            Hits::Sampled => Seen::realization(choice),
         }
     }
 
@@ -200,21 +255,20 @@ impl Paths<'_> {
     fn towards_light(
         &self,
         lights: (&LightList, &Importances),
-        surface: &Surface,
+        (surface, bsdf): (&Surface, &Bsdf),
         seen: Seen,
-        [pick, a, b, _]: [f32; 4],
+        numbers: [f32; 3],
     ) -> Option<Vec3> {
-        let direction = seen.sample(lights, surface, [pick, a, b])?;
-        let bsdf = direction.dot(surface.normal) * FRAC_1_PI;
-        if bsdf <= 0.0 {
+        let direction = seen.sample(lights, surface, numbers)?;
+        let (value, density) = bsdf.evaluate(direction);
+        if density <= 0.0 {
             return None;
         }
-        let met = seen.trace(self.scene, &surface.ray(direction));
+        let (met, _) = seen.trace(self.scene, &surface.ray(direction));
         if met.emission() <= self.threshold {
             return Some(Vec3::ZERO);
         }
-        let density = seen.density(lights, surface, direction);
-        let weight = bsdf / (bsdf + density);
-        Some(met.radiance() * weight)
+        let of_lights = seen.density(lights, surface, direction);
+        Some(met.radiance() * value / (density + of_lights))
     }
 }

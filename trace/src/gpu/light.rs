@@ -174,8 +174,11 @@ impl LightGatherer {
                 (self.kernels.each_ref()).map(|kernels| passes(device, kernels, groups));
             for parameters in self.turns(pixels) {
                 device.write(&self.uniform, bytemuck::bytes_of(&parameters));
-                let is_sampled = self.hits.is_sampled(parameters.bounce);
-                device.run(if is_sampled { &sampled } else { &blended })?;
+                let passes = match self.hits {
+                    Hits::Blended => &blended,
+                    Hits::Sampled => &sampled,
+                };
+                device.run(passes)?;
                 num_dispatches += 1;
                 if num_dispatches.is_multiple_of(DISPATCHES_AHEAD) {
                     device.wait()?;

@@ -9,7 +9,7 @@
 //! stratified number picks cluster and disc in the order of the list, in which neighbours in space
 //! follow each other: every lamp gets its share of the samples, from all over it.
 //!
-//! Paths on blended rays choose among the same clusters (`footprints`).
+//! Paths choose among the same clusters, those on blended rays by their footprints (`footprints`).
 
 mod clusters;
 mod footprints;

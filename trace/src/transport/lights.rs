@@ -8,7 +8,7 @@
 //! so the mean is that of cosine sampling, for soft emitters, too; no weight exceeds `1/(1 − c)`.
 //!
 //! Paths on the CPU choose by what emitters may give to where they are, too
-//! ([`light_list`](super::light_list)); those on devices, and those of glossy scenes, by power.
+//! ([`light_list`](super::light_list)); those on devices by power.
 
 use crate::cpu::bvh::{Bvh, RayScratch, Reach};
 use crate::ray::Ray;

@@ -31,14 +31,14 @@ impl Paths<'_> {
             high: Vec3::NEG_INFINITY,
         };
         let bounds = paths.iter().fold(none, |all, path| Bounds {
-            low: all.low.min(path.surface.position),
-            high: all.high.max(path.surface.position),
+            low: all.low.min(path.vertex.surface.position),
+            high: all.high.max(path.vertex.surface.position),
         });
         paths.par_sort_by_cached_key(|path| {
             let [a, b, _, choice] = path.numbers(self.key, bounce, 0);
-            let direction = cosine_direction(path.surface.normal, a, b);
-            let place = bounds.relative(path.surface.position);
-            let realization = match self.seen(bounce, choice) {
+            let direction = cosine_direction(path.vertex.surface.normal, a, b);
+            let place = bounds.relative(path.vertex.surface.position);
+            let realization = match self.seen(choice) {
                 Seen::Blend => 0,
                 Seen::Realization(number) => number,
             };

@@ -7,6 +7,7 @@ use crate::ray::Ray;
 use crate::transport::light_list::{Importances, LightList};
 use crate::transport::matrix::NUM_REALIZATIONS;
 use crate::transport::start::Surface;
+use eagpt_scene::Gloss;
 use glam::Vec3;
 
 /// The blend of all hits, or the opaque discs of one realization. Emitters are chosen among what rays
@@ -23,14 +24,16 @@ impl Seen {
         Self::Realization((choice * NUM_REALIZATIONS as f32) as u32)
     }
 
-    /// Features of what a ray meets.
-    pub(super) fn trace(self, scene: &CpuScene, ray: &Ray) -> Features {
+    /// What a ray meets: its features, and the specular part of its material.
+    pub(super) fn trace(self, scene: &CpuScene, ray: &Ray) -> (Features, Gloss) {
         match self {
-            Self::Blend => scene.trace(ray),
+            Self::Blend => scene.trace_glossy(ray),
             Self::Realization(number) => {
                 let hit = scene.realization_hit(ray, number);
-                hit.map_or(Features::default(), |hit| {
-                    features_of_one(hit.t, scene.attributes(hit.index), ray.direction)
+                hit.map_or((Features::default(), Gloss::NONE), |hit| {
+                    let attributes = scene.attributes(hit.index);
+                    let features = features_of_one(hit.t, attributes, ray.direction);
+                    (features, scene.gloss(hit.index))
                 })
             }
         }

@@ -1,0 +1,141 @@
+use crate::blend::features_of_one;
+use crate::cpu::CpuScene;
+use crate::transport::points::Points;
+use crate::transport::sampling::cosine_direction;
+use crate::transport::start::Surface;
+use crate::transport::{EMISSION_THRESHOLD, MAX_BOUNCES, ROULETTE_FROM};
+use crate::{Integrator, LightOptions, Tracer};
+use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, Gaussian, Gaussians};
+use eagpt_testkit::gaussians::{cube, look_at, material, rectangle};
+use glam::{DVec3, Quat, Vec3};
+
+/// A room of tilted, half-transparent discs at different heights, as training leaves them, with a
+/// table in it and `lamps`.
+fn room(lamps: Vec<Gaussian>, seed: u64) -> Gaussians {
+    let key = RandomKey::new(seed, Purpose::Initialise, 0);
+    let paint = |side: Vec3| {
+        let color = Vec3::new(0.6, 0.5 + 0.3 * side.x, 0.5 - 0.3 * side.y);
+        material(Vec3::ZERO, 0.0, color)
+    };
+    let top = material(Vec3::ZERO, 0.0, Vec3::new(0.7, 0.4, 0.2));
+    let (across, along) = (Vec3::X * 0.4, Vec3::Y * 0.3);
+    let table = rectangle(Vec3::new(0.1, 0.2, -0.4), across, along, 0.08, top);
+    let surfaces = cube(1.0, 0.1, paint).into_iter().chain(table);
+    let rough = (0..).zip(surfaces).map(|(i, disc)| {
+        let [tilt, about, height, opacity] = key.stream(i, 0).next_uniforms();
+        let axis = Quat::from_rotation_z(about * std::f32::consts::TAU) * Vec3::X;
+        let normal = disc.rotation * Vec3::Z;
+        Gaussian {
+            position: disc.position + normal * (0.4 * (height - 0.5) * disc.scale.x),
+            rotation: disc.rotation * Quat::from_axis_angle(axis, 0.4 * tilt),
+            opacity: 0.4 + 0.55 * opacity,
+            ..disc
+        }
+    });
+    rough.chain(lamps).collect()
+}
+
+fn lamp(place: Vec3, across: Vec3, along: Vec3, radiance: f32) -> Vec<Gaussian> {
+    let light = material(Vec3::splat(radiance), 1.0, Vec3::ZERO);
+    rectangle(place, across, along, 0.03, light)
+}
+
+/// A panel under the ceiling, a strip along a wall, and two lamps that stand in the room.
+fn rooms() -> [Gaussians; 3] {
+    let panel = lamp(Vec3::Z * 0.9, Vec3::X * 0.4, Vec3::Y * 0.3, 3.0);
+    let strip = lamp(Vec3::new(0.0, 0.85, 0.3), Vec3::X * 0.7, Vec3::Y * 0.1, 5.0);
+    let low = Vec3::new(-0.4, -0.3, -0.1);
+    let upright = lamp(low, Vec3::X * 0.25, Vec3::Z * 0.2, 4.0);
+    let flat = lamp(
+        Vec3::new(0.5, -0.5, 0.5),
+        Vec3::Y * 0.25,
+        Vec3::X * 0.25,
+        6.0,
+    );
+    let standing = upright.into_iter().chain(flat).collect();
+    [room(panel, 1), room(strip, 2), room(standing, 3)]
+}
+
+/// Light of one path, plainly: each ray takes one hit of all by its weight, whatever others take,
+/// directions are those of the cosine alone, and nothing ends before the last bounce.
+fn plain_path(scene: &CpuScene, start: Surface, points: &Points, sample: u32) -> f64 {
+    let mut surface = start;
+    let mut throughput = 1.0_f64;
+    for bounce in 0..MAX_BOUNCES {
+        let [a, b, choice, _] = points.block(sample, bounce);
+        let direction = cosine_direction(surface.normal, a, b);
+        let Some(hit) = scene.sample_hit(&surface.ray(direction), choice.to_bits()) else {
+            return 0.0;
+        };
+        let met = features_of_one(hit.t, scene.attributes(hit.index), direction.to_array());
+        if met.emission() > EMISSION_THRESHOLD {
+            return throughput * f64::from(met.radiance().y);
+        }
+        throughput *= f64::from(met.albedo().y);
+        match Surface::at(surface.position, direction, &met) {
+            Some(next) => surface = next,
+            None => return 0.0,
+        }
+    }
+    0.0
+}
+
+/// The image that `plain_path` gives of each pixel that shows a surface, `[pixels]`.
+fn plain_image(scene: &CpuScene, camera: &Camera, num_samples: u32) -> Vec<(usize, f64)> {
+    let key = RandomKey::new(77, Purpose::Render, 0);
+    let frame = camera.ray_frame();
+    let features = scene.gbuffer(camera).unwrap();
+    let of_pixel = |pixel: usize| {
+        let seen = &features.pixels[pixel];
+        if seen.emission() > EMISSION_THRESHOLD {
+            return None;
+        }
+        let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
+        let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+        let start = Surface::at(frame.origin, direction, seen)?;
+        let points = Points::new(key, pixel as u32);
+        let paths = (0..num_samples).map(|s| plain_path(scene, start, &points, s));
+        let light = paths.sum::<f64>() / f64::from(num_samples);
+        Some((pixel, light * f64::from(seen.albedo().y)))
+    };
+    (0..camera.num_pixels()).filter_map(of_pixel).collect()
+}
+
+/// Realizations that rays share, emitters chosen among the discs of each, and paths that end at
+/// random leave the mean where it is: in three rooms within three standard errors.
+#[test]
+fn paths_have_the_mean_of_plain_ones() {
+    let camera = look_at(
+        DVec3::new(-0.7, -0.7, 0.3),
+        DVec3::new(0.4, 0.5, -0.4),
+        16,
+        12,
+    );
+    let integrator = Integrator::Path {
+        num_samples: 512,
+        max_bounces: MAX_BOUNCES,
+        roulette_from: Some(ROULETTE_FROM),
+    };
+    for (number, gaussians) in rooms().into_iter().enumerate() {
+        let scene = CpuScene::new(&gaussians);
+        let view = scene
+            .render(&camera, &integrator, &LightOptions::default())
+            .unwrap();
+        let plain = plain_image(&scene, &camera, 1024);
+        let differences: Vec<f64> = (plain.iter())
+            .map(|&(pixel, light)| f64::from(view.radiance.pixels()[pixel][1]) - light)
+            .collect();
+        let num = differences.len() as f64;
+        let mean = differences.iter().sum::<f64>() / num;
+        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (num - 1.0);
+        let error = (variance / num).sqrt();
+        let light = plain.iter().map(|(_, light)| light).sum::<f64>() / num;
+        assert!(
+            mean.abs() < 3.0 * error,
+            "room {number}: {mean} ± {error} of {light}"
+        );
+        // The comparison tells something: it would see 2.4 percent.
+        assert!(error < 0.008 * light, "room {number}: {error} of {light}");
+    }
+}
