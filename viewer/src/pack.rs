@@ -12,7 +12,7 @@
 //! | 1 word | opacity |
 //! | 3 words | logarithm of green radiance, differences of red and of blue to it |
 //! | 1 byte | emission |
-//! | 3 bytes | albedo |
+//! | 3 bytes | square root of albedo |
 //! | 1 byte | lamp, from 1; 0 is none |
 //! | 24 words | harmonics, where there are any |
 //! | 3 words for each light | radiance by that light alone, where there is a basis of light |
@@ -143,7 +143,7 @@ impl Pack {
                 harmonics: Harmonics(coefficients),
                 gloss: Gloss::NONE,
                 emission: f32::from(emission[i]) / 255.0,
-                albedo: Vec3::from(albedo.each_ref().map(|column| f32::from(column[i]) / 255.0)),
+                albedo: Vec3::from(albedo.each_ref().map(|column| Steps::albedo(column[i]))),
             }
         };
         Ok(((0..self.num).map(gaussian).collect(), lamps))
@@ -241,6 +241,6 @@ fn write_material(columns: &mut Writer, rows: &[Gaussian]) {
     let unit = |value: f32| (value * 255.0).round() as u8;
     columns.bytes(rows.iter().map(|g| unit(g.emission)));
     for channel in 0..3 {
-        columns.bytes(rows.iter().map(|g| unit(g.albedo[channel])));
+        columns.bytes(rows.iter().map(|g| Steps::albedo_code(g.albedo[channel])));
     }
 }

@@ -113,7 +113,7 @@ export class Renderer {
     still.axesV.list(four(scene.axesV, scene.lamps), 4);
     const albedos = four(scene.albedos, null);
     this.albedoBytes = new Uint8Array(albedos.length);
-    for (let i = 0; i < albedos.length; i++) this.albedoBytes[i] = Math.round(255 * albedos[i]);
+    for (let i = 0; i < albedos.length; i++) this.albedoBytes[i] = Math.round(255 * Math.sqrt(albedos[i] / scene.maxAlbedo));
     still.albedos.list(this.albedoBytes, 4);
     still.harmonics.list(scene.harmonics.length > 0 ? scene.harmonics : new Int16Array(4), 4);
     this.setRadiances(scene.radiances);
@@ -172,6 +172,7 @@ export class Renderer {
     });
     pass.int("hasHarmonics", scene.harmonicStep > 0 ? 1 : 0);
     pass.float("harmonicStep", scene.harmonicStep);
+    pass.float("maxAlbedo", scene.maxAlbedo);
     pass.int("layer", LAYERS.indexOf(layer));
     pass.int("num", scene.num);
     pass.int("highlighted", this.highlighted);

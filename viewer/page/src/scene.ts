@@ -31,6 +31,7 @@ export interface SceneMeta {
   scale: { low: number; step: number };
   opacity: { step: number };
   radiance: { low: number; step: number };
+  albedo: { max: number };
   harmonic: { step: number };
   bounds: number[][];
   /** Lights whose light alone is packed: names of lamps, or "rest". */
@@ -61,6 +62,8 @@ export interface Scene {
   opacities: Float32Array;
   radiances: Float32Array;
   albedos: Float32Array;
+  /** Largest albedo that a byte can be. */
+  maxAlbedo: number;
   emissions: Float32Array;
   /** Number of the lamp, from 1; 0 is none. */
   lamps: Uint8Array;
@@ -144,6 +147,7 @@ export async function unpack(meta: SceneMeta, base64: string): Promise<Scene> {
     opacities: new Float32Array(num),
     radiances: new Float32Array(0),
     albedos: vectors(),
+    maxAlbedo: meta.albedo.max,
     emissions: new Float32Array(num),
     lamps: new Uint8Array(num),
     harmonics: new Int16Array(meta.harmonics ? 24 * num : 0),
@@ -163,7 +167,7 @@ export async function unpack(meta: SceneMeta, base64: string): Promise<Scene> {
   scene.emissions = floats(columns.plane(), (code) => code / 255);
   for (let channel = 0; channel < 3; channel++) {
     const codes = columns.plane();
-    for (let i = 0; i < num; i++) scene.albedos[3 * i + channel] = codes[i] / 255;
+    for (let i = 0; i < num; i++) scene.albedos[3 * i + channel] = meta.albedo.max * (codes[i] / 255) ** 2;
   }
   scene.lamps = columns.plane().slice();
   for (let k = 0; k < (meta.harmonics ? 24 : 0); k++) {

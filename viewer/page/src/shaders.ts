@@ -31,7 +31,7 @@ export function prepareShader(model: Record<string, number>): string {
   return `${HEAD}${LIST}
 uniform sampler2D positions, axesU, axesV, radiances, albedos;
 uniform isampler2D harmonics;
-uniform float harmonicStep;
+uniform float harmonicStep, maxAlbedo;
 uniform bool hasHarmonics;
 uniform int layer;
 uniform int num;
@@ -83,6 +83,7 @@ void main() {
   outPlane = vec4(plane, position.w);
   vec3 shown = texelFetch(radiances, at, 0).rgb;
   vec4 albedo = texelFetch(albedos, at, 0);
+  albedo.rgb *= maxAlbedo * albedo.rgb;
   float emission = axisU.w;
   int lamp = int(axisV.w + 0.5);
   if (layer == 0) {

@@ -1,5 +1,6 @@
 //! Codes of quantities, and back.
 
+use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::{Gaussians, morton};
 use glam::{Quat, Vec3};
 use serde::Serialize;
@@ -14,6 +15,8 @@ const RADIANCE_LOW: f32 = -20.0;
 const OPACITY_STEP: f32 = 1.0 / 4095.0;
 /// Steps of the coefficients of harmonics, which are exponents: each is at most 0.01 off.
 const HARMONIC_STEP: f32 = 0.02;
+/// Largest code of an albedo's square root: an albedo `a` is at most 0.0079 √a off.
+const ALBEDO_CODES: f32 = 255.0;
 /// Largest code of a component of a quaternion, 12 bits.
 const ROTATION_CODES: f32 = 4095.0;
 
@@ -32,6 +35,7 @@ pub(crate) struct StepsOnPage {
     scale: OfLogarithm,
     opacity: Step,
     radiance: OfLogarithm,
+    albedo: OfRoot,
     harmonic: Step,
 }
 
@@ -45,6 +49,12 @@ struct OfPosition {
 struct OfLogarithm {
     low: f32,
     step: f32,
+}
+
+#[derive(Debug, Serialize)]
+struct OfRoot {
+    /// Of the largest code.
+    max: f32,
 }
 
 #[derive(Debug, Serialize)]
@@ -84,6 +94,7 @@ impl Steps {
                 low: RADIANCE_LOW,
                 step: RADIANCE_STEP,
             },
+            albedo: OfRoot { max: MAX_ALBEDO },
             harmonic: Step {
                 step: HARMONIC_STEP,
             },
@@ -114,6 +125,14 @@ impl Steps {
 
     pub(super) fn opacity(&self, code: u16) -> f32 {
         f32::from(code) * OPACITY_STEP
+    }
+
+    pub(super) fn albedo_code(value: f32) -> u8 {
+        ((value / MAX_ALBEDO).sqrt() * ALBEDO_CODES).round() as u8
+    }
+
+    pub(super) fn albedo(code: u8) -> f32 {
+        MAX_ALBEDO * (f32::from(code) / ALBEDO_CODES).powi(2)
     }
 
     /// 0 for no light.
