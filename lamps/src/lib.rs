@@ -15,6 +15,7 @@ mod evidence;
 mod fit;
 mod group;
 mod measure;
+mod meet;
 mod mount;
 mod names;
 mod patches;

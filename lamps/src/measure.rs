@@ -2,6 +2,7 @@
 
 use crate::evidence::{Evidence, Lit, Sight};
 use crate::group::Group;
+use crate::meet::ShapeFrom;
 use crate::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
@@ -96,8 +97,9 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
         solid_angle: 0.0,
         hidden: 0.0,
     };
+    let seen = ShapeFrom::new(shape, sight.origin());
+    let meet = |direction: Vec3| seen.meet(direction);
     for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-        let meet = |direction: Vec3| shape.meet(sight.origin(), direction);
         let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
             .map(|(x, y)| meet(sight.direction(pixel, x, y)));
         let farthest = corners.into_iter().flatten().fold(0.0, f32::max);

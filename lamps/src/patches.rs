@@ -2,13 +2,12 @@
 
 use crate::evidence::{Evidence, Lit, Pixel, Sight, rim};
 use crate::group::Group;
+use crate::meet::{PixelRays, RAYS, ShapeFrom};
 use crate::shape::Shape;
 use glam::Vec3;
 
 /// Views that a shape is fitted to and that measure its light: those with most pixels.
 pub(crate) const MAX_VIEWS: usize = 16;
-/// Rays along each axis of a pixel.
-const RAYS: u32 = 3;
 /// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
 const NEARER: f32 = 0.08;
 /// A place farther than the scene by so many widths of a pixel, and by this share, is hidden …
@@ -31,7 +30,7 @@ const MAX_PLAIN: usize = 500;
 /// A pixel as a fit wants it.
 struct Target {
     /// Unit directions of its rays.
-    rays: [Vec3; (RAYS * RAYS) as usize],
+    rays: PixelRays,
     /// Part of it that the lamp covers, 0 to 1.
     cover: f32,
     /// Pixels that it stands for.
@@ -173,24 +172,16 @@ pub(crate) fn residual(shape: &Shape, patches: &[Patch], gaps: Gaps) -> f32 {
     let (mut error, mut all) = (0.0_f32, 0.0_f32);
     let (mut elsewhere, mut num_distances) = (0.0_f32, 0_usize);
     for patch in patches {
-        for (direction, seen) in &patch.distances {
-            if let Some(distance) = shape.meet(patch.origin, *direction) {
-                let off = (distance / seen - 1.0).powi(2);
+        let seen = ShapeFrom::new(shape, patch.origin);
+        for (direction, trained) in &patch.distances {
+            if let Some(distance) = seen.meet(*direction) {
+                let off = (distance / trained - 1.0).powi(2);
                 elsewhere += off / (off + OFF * OFF);
                 num_distances += 1;
             }
         }
         for target in &patch.targets {
-            let (mut met, mut farthest) = (0, 0.0_f32);
-            for distance in target
-                .rays
-                .iter()
-                .filter_map(|ray| shape.meet(patch.origin, *ray))
-            {
-                met += 1;
-                farthest = farthest.max(distance);
-            }
-            let cover = met as f32 / (RAYS * RAYS) as f32;
+            let (cover, farthest) = seen.cover(&target.rays);
             // A lamp may go on behind what hides it, but has no reason to.
             let counts = match gaps {
                 _ if cover <= target.cover => 1.0,

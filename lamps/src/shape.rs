@@ -1,7 +1,8 @@
 //! Surfaces that lamps can have, as few numbers.
 
+use crate::meet::ShapeFrom;
 use eagpt_scene::rotation;
-use glam::{Mat3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use std::f32::consts::PI;
 
 /// A surface that shines alike everywhere.
@@ -134,33 +135,7 @@ impl Shape {
     /// Distance along a ray of unit `direction` to the shape's first point, if it is met; a flat
     /// shape only from the side of its normal.
     pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        match *self {
-            Self::Rectangle(flat) => {
-                let (t, [x, y]) = meet_plane(&flat, origin, direction)?;
-                (x.abs() <= 1.0 && y.abs() <= 1.0).then_some(t)
-            }
-            Self::Ellipse(flat) => {
-                let (t, [x, y]) = meet_plane(&flat, origin, direction)?;
-                (x * x + y * y <= 1.0).then_some(t)
-            }
-            Self::Ball { centre, radius } => {
-                let to_centre = centre - origin;
-                let along = to_centre.dot(direction);
-                let short = radius * radius - (to_centre - direction * along).length_squared();
-                (short >= 0.0 && along > 0.0).then(|| along - short.sqrt())
-            }
-            Self::Tube {
-                centre,
-                rotation,
-                radius,
-                length,
-                taper,
-            } => {
-                let inverse = rotation.conjugate();
-                let (o, d) = (inverse * (origin - centre), inverse * direction);
-                meet_tube(o, d, radius, 0.5 * length, taper)
-            }
-        }
+        ShapeFrom::new(self, origin).meet(direction)
     }
 
     /// Number of values of [`Self::changed`] that count.
@@ -231,55 +206,6 @@ impl Shape {
         };
         [0.2, 0.2, 0.2, 0.2, 0.2, turn, tilt, 0.2]
     }
-}
-
-/// Distance to the plane of `flat`, met against its normal, and where, in half sizes.
-fn meet_plane(flat: &Flat, origin: Vec3, direction: Vec3) -> Option<(f32, [f32; 2])> {
-    let frame = Mat3::from_quat(flat.rotation);
-    let cosine = direction.dot(frame.z_axis);
-    if cosine >= 0.0 {
-        return None;
-    }
-    let t = (flat.centre - origin).dot(frame.z_axis) / cosine;
-    let at = origin + direction * t - flat.centre;
-    let [width, height] = flat.size;
-    let place = [
-        2.0 * at.dot(frame.x_axis) / width,
-        2.0 * at.dot(frame.y_axis) / height,
-    ];
-    (t > 0.0).then_some((t, place))
-}
-
-/// Distance to a closed cone about z of half its length `half`, from outside; its radius is
-/// `radius · (1 + taper · z / half)`.
-fn meet_tube(o: Vec3, d: Vec3, radius: f32, half: f32, taper: f32) -> Option<f32> {
-    let slope = radius * taper / half;
-    let mut nearest: Option<f32> = None;
-    let mut add = |t: f32| nearest = Some(nearest.map_or(t, |n| n.min(t)));
-    // x² + y² = (radius + slope z)² along the ray.
-    let (r, dr) = (radius + slope * o.z, slope * d.z);
-    let a = d.x * d.x + d.y * d.y - dr * dr;
-    let b = o.x * d.x + o.y * d.y - r * dr;
-    let c = o.x * o.x + o.y * o.y - r * r;
-    let discriminant = b * b - a * c;
-    if discriminant >= 0.0 && a != 0.0 {
-        for root in [-discriminant.sqrt(), discriminant.sqrt()] {
-            let t = (-b + root) / a;
-            if t > 0.0 && (o.z + t * d.z).abs() <= half {
-                add(t);
-            }
-        }
-    }
-    if d.z != 0.0 {
-        for end in [-half, half] {
-            let t = (end - o.z) / d.z;
-            let (at, radius) = (o + d * t, radius + slope * end);
-            if t > 0.0 && at.x * at.x + at.y * at.y <= radius * radius {
-                add(t);
-            }
-        }
-    }
-    nearest
 }
 
 #[cfg(test)]
