@@ -112,6 +112,20 @@ struct Path {
 }
 
 impl Path {
+    /// A path of a start before its first bounce.
+    fn new(number: u32, sample: u32, start: &Start) -> Self {
+        Self {
+            start: number,
+            sample,
+            pixel: start.pixel,
+            vertex: start.vertex,
+            throughput: Vec3::ONE,
+            brought: PathLight::default(),
+            min_roughness: 0.0,
+            is_alive: true,
+        }
+    }
+
     /// Four random numbers of a block of a bounce, 0 to [`BLOCKS`].
     fn numbers(&self, key: RandomKey, bounce: u32, block: u32) -> [f32; 4] {
         Points::new(key, self.pixel).block(self.sample, BLOCKS * bounce + block)
@@ -129,27 +143,35 @@ impl Paths<'_> {
     fn sample_some(&self, starts: &[Start]) -> Vec<Samples> {
         let num_samples = self.num_samples as usize;
         let mut lights = vec![PathLight::default(); starts.len() * num_samples];
-        let mut paths: Vec<Path> = (starts.par_iter().enumerate())
-            .flat_map_iter(|(number, start)| self.first_bounce(number as u32, start))
+        // Of the first bounce, where all paths of a start weigh the same emitters.
+        let of_starts: Vec<Option<Importances>> = (starts.par_iter())
+            .map(|start| self.importances(&start.vertex.surface))
             .collect();
-        let mut bounce = 1;
-        loop {
+        let mut paths: Vec<Path> = (0..)
+            .zip(starts)
+            .flat_map(|(number, start)| {
+                (0..self.num_samples).map(move |sample| Path::new(number, sample, start))
+            })
+            .collect();
+        for bounce in 0..self.max_bounces {
+            self.put_in_order(&mut paths, bounce);
+            (paths.par_chunks_mut(PATHS_OF_A_TURN)).for_each(|some| {
+                for path in some {
+                    let importances = match bounce {
+                        0 => of_starts[path.start as usize],
+                        _ => self.importances(&path.vertex.surface),
+                    };
+                    self.advance(path, bounce, importances.as_ref());
+                }
+            });
             paths.retain(|path| {
                 let number = path.start as usize * num_samples + path.sample as usize;
                 lights[number] = path.brought;
                 path.is_alive
             });
-            if bounce >= self.max_bounces || paths.is_empty() {
+            if paths.is_empty() {
                 break;
             }
-            self.put_in_order(&mut paths, bounce);
-            (paths.par_chunks_mut(PATHS_OF_A_TURN)).for_each(|some| {
-                for path in some {
-                    let of_bounce = self.importances(&path.vertex.surface);
-                    self.advance(path, bounce, of_bounce.as_ref());
-                }
-            });
-            bounce += 1;
         }
         let of_start = |(start, lights): (&Start, &[PathLight])| {
             let mut samples = Samples::default();
@@ -163,25 +185,6 @@ impl Paths<'_> {
         };
         let of_starts = lights.chunks(num_samples.max(1));
         starts.iter().zip(of_starts).map(of_start).collect()
-    }
-
-    /// The paths of a start after one bounce, whose emitters are weighed once for all.
-    fn first_bounce(&self, number: u32, start: &Start) -> impl Iterator<Item = Path> {
-        let importances = self.importances(&start.vertex.surface);
-        (0..self.num_samples).map(move |sample| {
-            let mut path = Path {
-                start: number,
-                sample,
-                pixel: start.pixel,
-                vertex: start.vertex,
-                throughput: Vec3::ONE,
-                brought: PathLight::default(),
-                min_roughness: 0.0,
-                is_alive: true,
-            };
-            self.advance(&mut path, 0, importances.as_ref());
-            path
-        })
     }
 
     /// Light that emitters may give `surface`.
