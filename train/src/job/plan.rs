@@ -9,7 +9,7 @@ use crate::relit::RELIT_DIR;
 use eagpt_scene::files::{self, Key, digest};
 use eagpt_scene::lamps::{ALL_LAMPS_DIR, LAMPS_FILE};
 use eagpt_scene::{Dataset, SceneError};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Folder of the other lights.
 const LIGHTS_DIR: &str = "lights";
@@ -249,12 +249,54 @@ fn digest_of(dataset: &Dataset) -> Result<String> {
         .into_iter()
         .flatten()
     });
+    let absolute = |path: &Path| {
+        path.canonicalize()
+            .map_err(|e| SceneError::io(path, "read", e))
+    };
+    let root = absolute(dataset.root())?;
     for path in images {
         let size = std::fs::metadata(path)
             .map_err(|e| SceneError::io(path, "read", e))?
             .len();
-        let name = path.strip_prefix(dataset.root()).unwrap_or(path);
+        // However it is written; a dataset may be moved with its images.
+        let whole = absolute(path)?;
+        let name = whole.strip_prefix(&root).unwrap_or(&whole);
         inputs.extend_from_slice(format!("{}\0{size}\0", name.display()).as_bytes());
     }
     Ok(digest::of_bytes(&inputs))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::dataset::EMISSION_DIR;
+    use eagpt_testkit::room;
+
+    /// One folder of masks, written in two ways, is one dataset; another folder is another.
+    #[test]
+    fn masks_elsewhere_have_one_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path().join("room");
+        let options = room::RoomOptions {
+            num_views: 2,
+            width: 8,
+            height: 8,
+            num_samples: 1,
+            num_points: 10,
+            seed: 0,
+        };
+        room::write(&root, &options, |_| ()).unwrap();
+        let masks = dir.path().join("masks");
+        std::fs::create_dir(&masks).unwrap();
+        std::fs::rename(root.join(EMISSION_DIR), masks.join(EMISSION_DIR)).unwrap();
+        let digest_with = |masks: PathBuf| {
+            let dataset = Dataset::open(&root).unwrap();
+            digest_of(&dataset.with_masks(&masks).unwrap()).unwrap()
+        };
+        let digest = digest_with(masks.clone());
+        assert_eq!(digest_with(root.join("../masks")), digest);
+        let others = dir.path().join("others");
+        std::fs::rename(&masks, &others).unwrap();
+        assert_ne!(digest_with(others), digest);
+    }
 }
