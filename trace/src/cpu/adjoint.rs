@@ -32,6 +32,11 @@ mod moment {
     pub(super) const A: usize = 0;
     /// `Σ h·{1, u, v}`.
     pub(super) const H: usize = 8;
+    /// What the two factors of a lane's power are: 1, u, v or r². Lanes without a moment sum h.
+    pub(super) const FACTORS: [[usize; super::NUM_LANES]; 2] = [
+        [0, 1, 2, 1, 2, 1, 1, 2, 0, 1, 2, 0, 0, 0, 0, 0],
+        [0, 0, 0, 1, 2, 2, 3, 3, 0, 0, 0, 0, 0, 0, 0, 0],
+    ];
 }
 
 #[derive(Clone, Copy, Default)]
@@ -249,14 +254,13 @@ impl Moments {
     #[inline(always)]
     fn add_shape(&mut self, hit: &BlendedHit, a: f32, h: f32) {
         let (u, v) = (hit.u, hit.v);
-        let (uu, vv, uv) = (u * u, v * v, u * v);
-        let r2 = uu + vv;
-        let powers = [1.0, u, v, uu, vv, uv, u * r2, v * r2];
-        for (k, power) in powers.into_iter().enumerate() {
-            self.shape.0[moment::A + k] += a * power;
-        }
-        for (k, power) in powers[..3].iter().enumerate() {
-            self.shape.0[moment::H + k] += h * power;
+        let r2 = u * u + v * v;
+        // Each lane is a product of three factors.
+        let values = [1.0, u, v, r2];
+        for k in 0..NUM_LANES {
+            let of = if k < moment::H { a } else { h };
+            let power = values[moment::FACTORS[0][k]] * values[moment::FACTORS[1][k]];
+            self.shape.0[k] += of * power;
         }
     }
 

@@ -19,7 +19,8 @@ pub(super) struct HitValues {
 pub(super) struct BlockHits {
     /// Capacity of each list: a multiple of [`LANES`].
     stride: usize,
-    lens: [u32; LANES],
+    /// End of each list, counted from the first's start.
+    ends: [u32; LANES],
     /// Distances, `[LANES, stride]`.
     t: Vec<f32>,
     values: Vec<HitValues>,
@@ -30,14 +31,16 @@ pub(super) struct BlockHits {
 impl BlockHits {
     /// Empties all lists.
     pub(super) fn clear(&mut self) {
-        self.lens = [0; LANES];
+        self.ends = std::array::from_fn(|lane| (lane * self.stride) as u32);
         self.reserve(LANES);
     }
 
     /// Makes capacity for `num` more hits in every list.
     #[inline(always)]
     pub(super) fn reserve(&mut self, num: usize) {
-        let longest = self.lens.iter().fold(0, |a, &b| a.max(b)) as usize;
+        let stride = self.stride as u32;
+        let lens = (0..).zip(&self.ends).map(|(lane, end)| end - lane * stride);
+        let longest = lens.fold(0, u32::max) as usize;
         if longest + num > self.stride {
             self.grow(longest + num);
         }
@@ -49,10 +52,11 @@ impl BlockHits {
         let mut t = vec![0.0; LANES * stride];
         let mut values = vec![HitValues::default(); LANES * stride];
         for lane in 0..LANES {
-            let len = self.lens[lane] as usize;
-            let (from, to) = (lane * self.stride, lane * stride);
-            t[to..to + len].copy_from_slice(&self.t[from..from + len]);
-            values[to..to + len].copy_from_slice(&self.values[from..from + len]);
+            let old = lane * self.stride..self.ends[lane] as usize;
+            let new = lane * stride..lane * stride + old.len();
+            self.ends[lane] = new.end as u32;
+            t[new.clone()].copy_from_slice(&self.t[old.clone()]);
+            values[new].copy_from_slice(&self.values[old]);
         }
         (self.stride, self.t, self.values) = (stride, t, values);
         self.order.resize(stride, 0);
@@ -62,16 +66,17 @@ impl BlockHits {
     /// `[alpha, u, v]`.
     #[inline(always)]
     pub(super) fn push(&mut self, lane: usize, t: f32, [alpha, u, v]: [f32; 3], slot: u32) {
-        let at = lane * self.stride + self.lens[lane] as usize;
+        let at = self.ends[lane] as usize;
         self.t[at] = t;
         self.values[at] = HitValues { slot, alpha, u, v };
-        self.lens[lane] += 1;
+        self.ends[lane] += 1;
     }
 
     /// The hits of ray `lane`, front to back, ties by slot.
     #[inline(always)]
     pub(super) fn ordered(&mut self, lane: usize) -> impl Iterator<Item = (f32, &HitValues)> {
-        let (start, len) = (lane * self.stride, self.lens[lane] as usize);
+        let start = lane * self.stride;
+        let len = self.ends[lane] as usize - start;
         let padded = len.next_multiple_of(LANES);
         self.t[start + len..start + padded].fill(f32::INFINITY);
         let t = &self.t[start..start + padded];
@@ -92,32 +97,50 @@ impl BlockHits {
 #[inline(always)]
 fn order_by_counting(t: &[f32], len: usize, order: &mut [u32]) -> bool {
     let (mut sum, mut first) = (0_u32, 0);
-    // Two registers at once share the numbers they are compared with.
-    while first + LANES < len {
-        sum += place_block::<{ 2 * LANES }>(t, len, first, order);
-        first += 2 * LANES;
-    }
-    if first < len {
-        sum += place_block::<LANES>(t, len, first, order);
+    // Several registers at once share the numbers they are compared with.
+    while first < len {
+        let left = len - first;
+        sum += if left > TWO {
+            place_block::<FOUR>(t, len, first, order)
+        } else if left > LANES {
+            place_block::<TWO>(t, len, first, order)
+        } else {
+            place_block::<LANES>(t, len, first, order)
+        };
+        first += FOUR;
     }
     let num = len as u32;
     sum == num * num.saturating_sub(1) / 2
 }
 
+/// Numbers in two registers, and in four.
+const TWO: usize = 2 * LANES;
+const FOUR: usize = 4 * LANES;
+
 /// Places `N` numbers from `first` on; returns the sum of the places.
+///
+/// They are counted in floats: compilers may not change the order of such sums, and so make vectors
+/// of the block, not of the numbers that each is compared with.
 #[inline(always)]
 fn place_block<const N: usize>(t: &[f32], len: usize, first: usize, order: &mut [u32]) -> u32 {
+    // From here on floats have the bits of integers.
+    const ZERO: f32 = 8_388_608.0;
     let mut block = [f32::INFINITY; N];
     let held = N.min(t.len() - first);
     block[..held].copy_from_slice(&t[first..first + held]);
-    let mut smaller = [0_u32; N];
+    let mut smaller = [ZERO; N];
     for &other in &t[..len] {
         for k in 0..N {
-            smaller[k] += u32::from(other < block[k]);
+            smaller[k] = if other < block[k] {
+                smaller[k] + 1.0
+            } else {
+                smaller[k]
+            };
         }
     }
     let mut sum = 0;
-    for (k, &place) in smaller.iter().enumerate().take(len - first) {
+    for (k, count) in smaller.iter().enumerate().take(len - first) {
+        let place = count.to_bits() - ZERO.to_bits();
         sum += place;
         order[place as usize] = (first + k) as u32;
     }

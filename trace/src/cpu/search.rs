@@ -6,7 +6,7 @@
 
 use super::bins::BinnedSurfel;
 use super::hits::BlockHits;
-use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays};
+use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays, for_each_lane};
 use crate::blend::Face;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, exp_of_negative};
@@ -72,11 +72,9 @@ impl TileList {
         self.nearest_first.sort_unstable();
         self.blocks.iter_mut().for_each(Vec::clear);
         for entry in &self.nearest_first {
-            let mut left = self.seen_by[entry.index() as usize];
-            while left != 0 {
-                self.blocks[left.trailing_zeros() as usize / 8].push(entry.index());
-                left &= left - 1;
-            }
+            for_each_lane(self.seen_by[entry.index() as usize], |block| {
+                self.blocks[block].push(entry.index());
+            });
         }
     }
 
@@ -142,12 +140,9 @@ impl TileList {
                 let r2 = met.u[k] * met.u[k] + met.v[k] * met.v[k];
                 alpha[k] = surfel.seen.opacity * exp_of_negative(-0.5 * r2);
             }
-            let mut left = closing.add(&met, &alpha);
-            while left != 0 {
-                let k = left.trailing_zeros() as usize / 8;
-                left &= left - 1;
+            for_each_lane(closing.add(&met, &alpha), |k| {
                 hits.push(k, met.t[k], [alpha[k], met.u[k], met.v[k]], slot);
-            }
+            });
         }
     }
 }
