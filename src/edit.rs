@@ -17,8 +17,8 @@ use std::process::ExitCode;
 
 /// Change a scene by a script
 ///
-/// A script is a TOML file of steps, each of which says what (a region, a range of values, a lamp, a
-/// connected cluster, a new surface, a part of another scene) and then (remove, light, albedo,
+/// A script is a TOML file of steps, each of which says what (a region, a range of values, a lamp,
+/// a connected cluster, a new surface, a part of another scene) and then (remove, light, albedo,
 /// move, rotate, scale, duplicate). All of it is checked before anything is touched, and it is
 /// replayed with bit-identical results. Beside E.ply comes E.record.json, with digests of scene,
 /// script and imported scenes and what every step found.

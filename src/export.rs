@@ -19,13 +19,11 @@ use std::process::ExitCode;
 /// The format `html` is one file that needs nothing else, opened from disk or sent to someone: the
 /// scene to walk through, with its lamps and, with --dataset, its cameras and photographs. Every
 /// pixel blends the discs that its ray meets, as renderings of --mode 0-bounce do. Values are
-/// quantised; their largest errors are printed.
-/// The formats `2dgs` and `3dgs` are for looking: splat viewers open them, with the radiance as
-/// display colour, clipped at white. Emission and albedo are lost: `eagpt import` reads such files
-/// without them.
-/// The format `eagpt` is the scene itself, written anew as binary little endian whatever the file's
-/// own encoding was; `eag-pt` is what the code of EAG-PT reads of it, without harmonics and gloss and
-/// with albedos up to 1.
+/// quantised; their largest errors are printed. The formats `2dgs` and `3dgs` are for looking:
+/// splat viewers open them, with the radiance as display colour, clipped at white. Emission and
+/// albedo are lost: `eagpt import` reads such files without them. The format `eagpt` is the scene
+/// itself, written anew as binary little endian whatever the file's own encoding was; `eag-pt` is
+/// what the code of EAG-PT reads of it, without harmonics and gloss and with albedos up to 1.
 #[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ExportArgs {

@@ -22,11 +22,12 @@ use std::sync::Arc;
 /// Show a scene in a browser, and edit it
 ///
 /// A server for browsers of this machine shows the page of `eagpt export --format html` at the
-/// address that is printed, until Ctrl-C. What is done there to what was selected, what is inserted,
-/// and, of a scene that was baked with --per-light, every change of a lamp is a step of an edit
-/// script, shown beside, with undo and redo. The script is on disk after every step; `eagpt edit`
-/// replays it to the same bits, and the same command goes on from it. After a step that changes more
-/// than lamps the light is baked anew, as `eagpt bake` does, for the cameras of the dataset.
+/// address that is printed, until Ctrl-C. What is done there to what was selected, what is
+/// inserted, and, of a scene that was baked with --per-light, every change of a lamp is a step of
+/// an edit script, shown beside, with undo and redo. The script is on disk after every step; `eagpt
+/// edit` replays it to the same bits, and the same command goes on from it. After a step that
+/// changes more than lamps the light is baked anew, as `eagpt bake` does, for the cameras of the
+/// dataset.
 ///
 /// The page also has path-traced pictures made, as `eagpt render --mode path` does.
 ///
@@ -38,8 +39,8 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct ViewArgs {
-    /// Scene of 2D Gaussians, as `eagpt train` or `eagpt bake` writes it; folder of a run, as `eagpt
-    /// train` or `eagpt run` leaves it; or project of `eagpt run`
+    /// Scene of 2D Gaussians, as `eagpt train` or `eagpt bake` writes it; folder of a run, as
+    /// `eagpt train` or `eagpt run` leaves it; or project of `eagpt run`
     #[arg(value_name = "SCENE.ply|RUN|PROJECT.toml")]
     scene: PathBuf,
     /// Port of the server, 0 to 65535; 0 is any that is free

@@ -78,9 +78,9 @@
 //!
 //! `insert` is `{ ball = { centre, radius } }`, `{ quad = { centre, u, v } }` with whole edges u
 //! and v, or `{ box = { centre, size, rotate } }`; each with `albedo`, or `radiance` if it emits,
-//! or both, and the `spacing` of its discs. It mirrors with `specular` (F0) and `roughness` (0.2, if
-//! nothing is said), or is a `metal = { color, roughness }` and nothing else. `import` is `{ file, select }` and the keys of a
-//! placement; the file is relative to the script.
+//! or both, and the `spacing` of its discs. It mirrors with `specular` (F0) and `roughness` (0.2,
+//! if nothing is said), or is a `metal = { color, roughness }` and nothing else. `import` is
+//! `{ file, select }` and the keys of a placement; the file is relative to the script.
 //!
 //! `set_light` is a table of names of lights, or patterns, and factors, as `{ "ceiling-2" = [1,
 //! 0.8, 0.6], "wall-*" = 0 }`: their light as parts of that which they had when the light basis of

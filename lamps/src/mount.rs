@@ -1,8 +1,8 @@
 //! The surface that a flat lamp is mounted on.
 //!
 //! A ceiling of Gaussians is rough: discs that are tilted by a degree, or hang a centimetre below
-//! it, hide a lamp that is flush with it. Few cameras see a lamp along its ceiling and complain, but
-//! the walls of the room do, which is where its light goes.
+//! it, hide a lamp that is flush with it. Few cameras see a lamp along its ceiling and complain,
+//! but the walls of the room do, which is where its light goes.
 
 use crate::shape::Flat;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};

@@ -180,7 +180,8 @@ fn panel(bars: bool) -> Lamps {
 }
 
 /// Discs before the lamp: the edge of a large one of the ceiling that is tilted, a faint one below
-/// the lamp, one that stands upright beside it, one of the ceiling farther away, and the lamp's own.
+/// the lamp, one that stands upright beside it, one of the ceiling farther away, and the lamp's
+/// own.
 fn discs() -> [Gaussian; 5] {
     let like = room().get(0);
     let disc = |position: [f32; 3], scale: [f32; 2], rotation: Quat, opacity: f32| Gaussian {

@@ -50,9 +50,9 @@
 //! Lengths are metres, z is up. Colours are linear numbers, or `"#rrggbb"` as displays show them.
 //!
 //! **Materials** have one of `plain`, `checker`, `stripes`, `noise`, `bricks`, `wood`, `rug`,
-//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat of GGX's facets, or bare metal
-//! where what is beneath is black, that mirrors the room to the camera. Other surfaces receive the
-//! light that it reflects, spread as by a diffuse surface.
+//! `landscape`, `motif`; `grain` makes them uneven. `gloss` is a coat of GGX's facets, or bare
+//! metal where what is beneath is black, that mirrors the room to the camera. Other surfaces
+//! receive the light that it reflects, spread as by a diffuse surface.
 //!
 //! **Objects** stand with their foot at `at` and look towards −y, before `turn`:
 //!

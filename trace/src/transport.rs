@@ -26,8 +26,8 @@ use serde::{Deserialize, Serialize};
 /// Emission above which a blended hit counts as an emitter, τ_E of the paper.
 pub use eagpt_scene::lamps::EMISSION_THRESHOLD;
 
-/// Maximum path depth unless told otherwise, of paths and of bakes. In a room of white walls a tenth
-/// of the light comes after seven bounces, the depth of the paper.
+/// Maximum path depth unless told otherwise, of paths and of bakes. In a room of white walls a
+/// tenth of the light comes after seven bounces, the depth of the paper.
 pub const MAX_BOUNCES: u32 = 16;
 /// First bounce at which paths may end at random unless told otherwise: the bounces before bring
 /// most of the light.
@@ -92,11 +92,11 @@ pub struct LightOptions {
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Hits {
-    /// The blend of all is one surface, as in the paper. Slower by far, and light comes to one to two
-    /// percent more in a room
+    /// The blend of all is one surface, as in the paper. Slower by far, and light comes to one to
+    /// two percent more in a room
     ///
-    /// Where a ray meets the edge of a thing and what is behind it, the mean of their places lies in
-    /// mid-air, where light comes from everywhere.
+    /// Where a ray meets the edge of a thing and what is behind it, the mean of their places lies
+    /// in mid-air, where light comes from everywhere.
     Blended,
     /// One of them, chosen by its weight, stands for all
     Sampled,

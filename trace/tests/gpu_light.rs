@@ -156,8 +156,8 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
     }
 }
 
-/// Devices do not mirror: they say so, and show no glossy scene as if it were diffuse. Where nothing
-/// is glossy a gather is the radiance of camera rays.
+/// Devices do not mirror: they say so, and show no glossy scene as if it were diffuse. Where
+/// nothing is glossy a gather is the radiance of camera rays.
 #[test]
 fn glossy_scenes_are_refused() {
     let Some(device) = gpu::device("glossy scenes") else {

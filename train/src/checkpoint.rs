@@ -2,8 +2,8 @@
 //!
 //! A sealed file with the raw values, first and second moments, `[n, 17]` each, and where radiance
 //! differs with the direction those of the coefficients, `[n, 24]` each. Of a scene in several
-//! lights the same follows for each light, with `[n, 4]` in place of `[n, 17]`. Written atomically; a
-//! damaged one is recognised by its digest.
+//! lights the same follows for each light, with `[n, 4]` in place of `[n, 17]`. Written atomically;
+//! a damaged one is recognised by its digest.
 
 use crate::error::Result;
 use crate::options::Stage;

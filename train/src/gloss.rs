@@ -4,10 +4,10 @@
 //! same in all of them; a lobe adds what the scene sends from around the mirrored direction. Light
 //! from there is traced through the scene's own radiance ([`observe`]), for lobes of several
 //! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences
-//! between views of its points best ([`fit`]); neighbours that one lobe explains as well as one each
-//! are one surface ([`join`]). Levels do not count, only differences at the same point: a bright
-//! texture is no gloss. What continues a glossy surface or is seen on it alone is of it ([`share`],
-//! [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
+//! between views of its points best ([`fit`]); neighbours that one lobe explains as well as one
+//! each are one surface ([`join`]). Levels do not count, only differences at the same point: a
+//! bright texture is no gloss. What continues a glossy surface or is seen on it alone is of it
+//! ([`share`], [`fill`]), and discs of a plane are turned to face its way ([`planes`]).
 //!
 //! A surface stays diffuse unless its lobe explains a good part of the differences, and that found
 //! in one half of the views explains the other half.
@@ -129,8 +129,8 @@ impl Estimate {
         found
     }
 
-    /// Gives `gaussians` the gloss that was found, takes the albedo of bare metal, and turns discs of
-    /// metal planes.
+    /// Gives `gaussians` the gloss that was found, takes the albedo of bare metal, and turns discs
+    /// of metal planes.
     pub(crate) fn apply(&self, gaussians: &mut Gaussians) {
         if !self.gloss.is_empty() {
             gaussians.gloss.clone_from(&self.gloss);

@@ -2,8 +2,9 @@
 //! of the light that they find.
 //!
 //! Direct light comes from emitters, indirect light from all other Gaussians
-//! ([`eagpt_trace::transport::matrix`]). Both are noisy; each is smoothed by what its own directions
-//! tell of its noise ([`smooth`]). Irradiance alone is smoothed, no radiance and no albedo.
+//! ([`eagpt_trace::transport::matrix`]). Both are noisy; each is smoothed by what its own
+//! directions tell of its noise ([`smooth`]). Irradiance alone is smoothed, no radiance and no
+//! albedo.
 
 pub mod smooth;
 
@@ -16,10 +17,10 @@ use smooth::Smoothing;
 /// the directions towards emitters within 11 to 13 %.
 const LIGHTS_EVERY: u32 = 2;
 
-/// Rays that are traced for all Gaussians together, about, unless each has its number of directions.
-/// A picture shows means over neighbours that are smoothed and blended: its noise follows the rays
-/// in the room, not those at a Gaussian. With half as many a kitchen of 116,000 Gaussians lit by a
-/// ball loses 0.03 dB, and one lit by thin lamps 0.2 dB.
+/// Rays that are traced for all Gaussians together, about, unless each has its number of
+/// directions. A picture shows means over neighbours that are smoothed and blended: its noise
+/// follows the rays in the room, not those at a Gaussian. With half as many a kitchen of 116,000
+/// Gaussians lit by a ball loses 0.03 dB, and one lit by thin lamps 0.2 dB.
 const RAYS: usize = 8_000_000;
 
 /// Numbers of directions at each Gaussian that follow from [`RAYS`], at least and at most.

@@ -11,9 +11,9 @@ use eagpt_scene::{Image, View, files, png};
 /// Columns of black between the two pictures.
 const GAP: usize = 4;
 
-/// Writes `<stage>-<iteration>-<view>.png` for every view, with `<light>-` before the view for other
-/// lights than the first, and returns the mean PSNR (clipped
-/// sRGB, dB). Stage 1 shows the albedo beside the photograph.
+/// Writes `<stage>-<iteration>-<view>.png` for every view, with `<light>-` before the view for
+/// other lights than the first, and returns the mean PSNR (clipped sRGB, dB). Stage 1 shows the
+/// albedo beside the photograph.
 ///
 /// # Errors
 /// If the device fails or a file cannot be written.

@@ -1,8 +1,8 @@
 //! An edit under way: acts that pages ask for, each a step of a script, with undo and redo.
 //!
 //! The script is on disk after every act, as `eagpt edit` replays it. While its steps only set
-//! lights of the scene's light basis ([`eagpt_scene::light_basis`]), pages sum the light themselves.
-//! Any other step makes another scene, which is replayed here.
+//! lights of the scene's light basis ([`eagpt_scene::light_basis`]), pages sum the light
+//! themselves. Any other step makes another scene, which is replayed here.
 
 mod original;
 mod step;
@@ -171,8 +171,8 @@ impl Edit {
     ///
     /// # Errors
     /// [`ViewerError::Script`] if there is no such light, its factor cannot be, or there is nothing
-    /// to undo or redo; [`ViewerError::Scene`] as [`eagpt_edit::replay()`] for a step that cannot be
-    /// done, and as [`files::write_bytes_atomic`] if the script cannot be written.
+    /// to undo or redo; [`ViewerError::Scene`] as [`eagpt_edit::replay()`] for a step that cannot
+    /// be done, and as [`files::write_bytes_atomic`] if the script cannot be written.
     pub fn act(&mut self, act: Act) -> Result<()> {
         let (mut steps, mut undone) = (self.steps.clone(), self.undone.clone());
         let changed = match act {

@@ -86,7 +86,8 @@ pub(crate) fn photograph(name: usize, camera: Camera, lamp: &Shape, hides: &[Sha
     }
 }
 
-/// A flat square, `edges` long, that shines or does not, where training left a lamp or what is near.
+/// A flat square, `edges` long, that shines or does not, where training left a lamp or what is
+/// near.
 pub(crate) fn patch(centre: Vec3, edges: [Vec3; 2], radiance: Option<Vec3>) -> Gaussians {
     let surface = Surface {
         solid: Solid::Quad { centre, edges },

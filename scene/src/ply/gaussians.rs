@@ -88,8 +88,8 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// # Errors
 /// [`SceneError`] naming the file and, where it applies, the Gaussian, property and value:
 /// unreadable, truncated, a missing property, a value or coefficient that is not finite, a scale
-/// not above 0, a negative radiance, an opacity, emission, F0 or roughness outside 0 to 1, an albedo
-/// outside 0 to [`MAX_ALBEDO`], a zero quaternion.
+/// not above 0, a negative radiance, an opacity, emission, F0 or roughness outside 0 to 1, an
+/// albedo outside 0 to [`MAX_ALBEDO`], a zero quaternion.
 pub fn read_gaussians(path: &Path) -> Result<Gaussians> {
     let bytes = files::read(path)?;
     parse(path, &bytes)

@@ -1,8 +1,9 @@
 //! Light that reaches the eye by specular lobes ([`crate::transport::bsdf`]).
 //!
-//! A gather takes the diffuse part of a glossy pixel from the radiance that its Gaussians carry, and
-//! samples the specular lobe alone, one bounce into the radiance that is met. Emitters are sampled
-//! beside the BSDF, and the two are combined by the balance heuristic (Veach 1997, section 9.2).
+//! A gather takes the diffuse part of a glossy pixel from the radiance that its Gaussians carry,
+//! and samples the specular lobe alone, one bounce into the radiance that is met. Emitters are
+//! sampled beside the BSDF, and the two are combined by the balance heuristic (Veach 1997, section
+//! 9.2).
 
 use super::CpuScene;
 use super::integrate::Samples;
@@ -127,8 +128,8 @@ impl Mirrors<'_> {
     }
 }
 
-/// One bounce off a surface into the radiance that Gaussians carry. Directions are those of the BSDF
-/// and, half of them, of emitters, weighted by the density of both together.
+/// One bounce off a surface into the radiance that Gaussians carry. Directions are those of the
+/// BSDF and, half of them, of emitters, weighted by the density of both together.
 pub(super) fn bounced(
     scene: &CpuScene,
     lights: Option<&Lights>,

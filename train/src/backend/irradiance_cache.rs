@@ -108,8 +108,8 @@ impl IrradianceCache {
     }
 }
 
-/// A scene of Gaussians with their irradiance in one light as their radiance, in all directions, and
-/// as their emission 1 where it is known.
+/// A scene of Gaussians with their irradiance in one light as their radiance, in all directions,
+/// and as their emission 1 where it is known.
 struct ShowingIrradiance {
     gaussians: Gaussians,
     light: usize,

@@ -2,8 +2,8 @@
 //!
 //! Most Gaussians of a large scene are faint: their weight is small in every pixel, and so is what
 //! is seen of an error of theirs. Rays are traced for those that are seen well, and the faint ones
-//! take the mean irradiance of the nearest of these on the same surface (as records of an irradiance
-//! cache: Ward et al. 1988).
+//! take the mean irradiance of the nearest of these on the same surface (as records of an
+//! irradiance cache: Ward et al. 1988).
 
 use super::solution::Told;
 use super::{BakeProgress, emits};
@@ -61,8 +61,8 @@ pub(super) struct Sources(pub(super) [u32; NUM_SOURCES]);
 
 impl Receivers {
     /// All Gaussians of `scene` that reflect: where one of the `cameras` sees them best, or, of
-    /// those that no camera sees, which still light others, on their own plane. `None` if `told` has
-    /// ended it.
+    /// those that no camera sees, which still light others, on their own plane. `None` if `told`
+    /// has ended it.
     ///
     /// # Errors
     /// If the device of the `tracer` fails.

@@ -18,8 +18,8 @@ pub(super) const NUM: usize = ROUGHNESSES.len();
 const LEAST_SPECULAR: f64 = 0.02;
 const NUM_SPECULARS: usize = 40;
 
-/// A surface scatters if more is seen than this many times what its lobe can mirror: the F0 that are
-/// tried are 10 % apart.
+/// A surface scatters if more is seen than this many times what its lobe can mirror: the F0 that
+/// are tried are 10 % apart.
 const BARE_TOLERANCE: f64 = 1.1;
 
 /// A surface as a bare metal, which scatters nothing.
@@ -191,8 +191,8 @@ impl Sums {
 
     /// The F0 at which a lobe mirrors all that is seen, nothing being scattered.
     ///
-    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0 that
-    /// explains most is too small, by no more than what is left unexplained.
+    /// Where the scene is a little off, so are the mirror images that are predicted, and the F0
+    /// that explains most is too small, by no more than what is left unexplained.
     pub(super) fn bare(&self, lobe: Fit) -> Bare {
         let [facing, edge] = self.lobes[lobe.roughness].level;
         let specular = (self.level - edge) / facing;

@@ -1,5 +1,5 @@
-//! Neighbouring surfaces of one gloss made one: what is divided by a texture or a shadow is explained
-//! by the same lobe, and better by the views of all.
+//! Neighbouring surfaces of one gloss made one: what is divided by a texture or a shadow is
+//! explained by the same lobe, and better by the views of all.
 
 use super::evidence::Evidence;
 use super::planes::Planes;

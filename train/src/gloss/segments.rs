@@ -1,7 +1,7 @@
 //! Surfaces of one material: neighbours of like normal, colour and spread between views.
 //!
-//! Steel may be as bright as the painted wall beside it, but what it sends differs far more with the
-//! direction.
+//! Steel may be as bright as the painted wall beside it, but what it sends differs far more with
+//! the direction.
 //!
 //! Graph-based segmentation (Felzenszwalb and Huttenlocher 2004): edges are taken in order of the
 //! difference they bridge, and join two parts if it is no larger than what either has within, with

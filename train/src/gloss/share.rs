@@ -18,8 +18,8 @@ const LEAST_SUPPORT: f64 = 0.05;
 /// Difference of the logarithm of colour of what counts as the same.
 const SAME_COLOR: f32 = 0.35;
 /// A surface in the plane of a metal, by this part of its receivers, with at least this spread
-/// between views is of it: where a dark part of the room is mirrored, a small error of the scene is a
-/// large one of the prediction. Paint in the same plane differs less.
+/// between views is of it: where a dark part of the room is mirrored, a small error of the scene is
+/// a large one of the prediction. Paint in the same plane differs less.
 const LEAST_IN_PLANE: f32 = 0.6;
 const LEAST_SPREAD: f32 = 0.5;
 

@@ -219,8 +219,8 @@ impl RotationCode {
     }
 }
 
-/// Indices of the Gaussians that a ray can hit, along a Z-order curve through space; of equal places
-/// in their order.
+/// Indices of the Gaussians that a ray can hit, along a Z-order curve through space; of equal
+/// places in their order.
 pub(super) fn morton_order(gaussians: &Gaussians, steps: &Steps) -> Vec<u32> {
     let mut keyed: Vec<(u64, u32)> = (0..gaussians.len())
         .filter(|&i| super::is_visible(gaussians.opacities[i]))

@@ -10,8 +10,8 @@ use crate::transport::start::Surface;
 use eagpt_scene::Gloss;
 use glam::Vec3;
 
-/// The blend of all hits, or the opaque discs of one realization. Emitters are chosen among what rays
-/// can meet there.
+/// The blend of all hits, or the opaque discs of one realization. Emitters are chosen among what
+/// rays can meet there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Seen {
     Blend,

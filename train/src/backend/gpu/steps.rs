@@ -4,8 +4,8 @@
 //!
 //! A step that overflows its buffers, or whose gradients are no numbers, moves nothing, and nor do
 //! those behind it until the host has read its report. Then the host grows the buffers and records
-//! all of them again, each in the light of its view: the results are bit-identical to those of steps
-//! taken one by one.
+//! all of them again, each in the light of its view: the results are bit-identical to those of
+//! steps taken one by one.
 
 use super::loss::{self, LossBuffers, LossOptions};
 use super::report::Report;
