@@ -181,7 +181,7 @@ mod tests {
                 // The distance is convex, or of a plane all but straight, between the corners.
                 let all = met.iter().copied().fold(0.0, f32::max);
                 assert!((farthest - all).abs() <= 1e-3 * all, "{farthest} {all}");
-                nums[(share > 0.0) as usize + (share == 1.0) as usize] += 1;
+                nums[usize::from(share > 0.0) + usize::from(share == 1.0)] += 1;
             }
             assert!(nums.iter().all(|num| *num > 50), "{nums:?}");
         }
