@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 7] = [
+pub const SCENES: [EmbeddedScene; 8] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -37,6 +37,11 @@ pub const SCENES: [EmbeddedScene; 7] = [
         name: "office",
         about: "a large panel, a floor lamp and a screen; each alone, too",
         toml: include_str!("../scenes/office.toml"),
+    },
+    EmbeddedScene {
+        name: "living-room",
+        about: "small panels in a ceiling, a wide one behind two bulbs, a shaded lamp; each alone, too",
+        toml: include_str!("../scenes/living-room.toml"),
     },
     EmbeddedScene {
         name: "glossy-room",
