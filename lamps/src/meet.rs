@@ -1,15 +1,16 @@
 //! Where rays from one point meet a shape.
 
 use crate::shape::{Flat, Shape};
-use glam::{Mat3, Quat, Vec3};
+use glam::{Mat3, Vec3};
 
 /// Rays along each axis of a pixel.
 pub(crate) const RAYS: u32 = 3;
 /// Unit directions of the rays of a pixel, row by row.
 pub(crate) type PixelRays = [Vec3; (RAYS * RAYS) as usize];
 
-/// Which of these are in the corners, and in the middle.
+/// Which of these are in the corners, the others, and the one in the middle.
 const CORNERS: [usize; 4] = [0, 2, 6, 8];
+const OTHERS: [usize; 5] = [1, 3, 4, 5, 7];
 const MIDDLE: usize = 4;
 
 /// A shape as a point sees it.
@@ -27,8 +28,7 @@ pub(crate) struct ShapeFrom<'a> {
 
 impl<'a> ShapeFrom<'a> {
     pub(crate) fn new(shape: &'a Shape, origin: Vec3) -> Self {
-        let rotation: Quat = shape.rotation();
-        let own = Mat3::from_quat(rotation.conjugate());
+        let own = Mat3::from_quat(shape.rotation().conjugate());
         let to_centre = shape.centre() - origin;
         Self {
             shape,
@@ -78,8 +78,9 @@ impl<'a> ShapeFrom<'a> {
         if let [Some(a), Some(b), Some(c), Some(d)] = corners {
             return (1.0, a.max(b).max(c).max(d));
         }
+        let others = OTHERS.map(|i| self.meet(rays[i]));
         let (mut met, mut farthest) = (0, 0.0_f32);
-        for distance in rays.iter().filter_map(|ray| self.meet(*ray)) {
+        for distance in corners.into_iter().chain(others).flatten() {
             met += 1;
             farthest = farthest.max(distance);
         }
@@ -142,6 +143,7 @@ fn meet_tube(o: Vec3, d: Vec3, radius: f32, half: f32, taper: f32) -> Option<f32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Quat;
     use std::f32::consts::PI;
 
     /// Whole rows of pixels across shapes: as many rays of each are met as one by one.

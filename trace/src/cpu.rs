@@ -16,6 +16,7 @@ pub mod camera;
 mod glossy;
 mod hits;
 mod integrate;
+mod lanes;
 mod path;
 pub mod realizations;
 mod scene;

@@ -32,7 +32,7 @@ mod moment {
     pub(super) const A: usize = 0;
     /// `Σ h·{1, u, v}`.
     pub(super) const H: usize = 8;
-    /// What the two factors of a lane's power are: 1, u, v or r². Lanes without a moment sum h.
+    /// The two factors of each lane's power, by number: 1, u, v, r². Lanes without a moment sum h.
     pub(super) const FACTORS: [[usize; super::NUM_LANES]; 2] = [
         [0, 1, 2, 1, 2, 1, 1, 2, 0, 1, 2, 0, 0, 0, 0, 0],
         [0, 0, 0, 1, 2, 2, 3, 3, 0, 0, 0, 0, 0, 0, 0, 0],

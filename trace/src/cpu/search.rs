@@ -6,7 +6,8 @@
 
 use super::bins::BinnedSurfel;
 use super::hits::BlockHits;
-use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays, for_each_lane};
+use super::lanes::for_each_lane;
+use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays};
 use crate::blend::Face;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, exp_of_negative};

@@ -49,18 +49,6 @@ pub(super) struct BlockMet {
     pub(super) hits: u128,
 }
 
-/// Calls `each` with the lanes whose byte is 1 rather than 0, in order.
-#[inline(always)]
-pub(super) fn for_each_lane(marked: u128, mut each: impl FnMut(usize)) {
-    for (first, half) in [(0, marked as u64), (LANES / 2, (marked >> 64) as u64)] {
-        let mut left = half;
-        while left != 0 {
-            each(first + left.trailing_zeros() as usize / 8);
-            left &= left - 1;
-        }
-    }
-}
-
 impl RayBlock {
     #[inline(always)]
     pub(super) fn direction(&self, lane: usize) -> [f32; 3] {

@@ -1,8 +1,9 @@
 //! Trees over opaque discs: the nearest along a ray, and all of them.
 
-use super::nodes::{self, Lanes, Node, visit_leaves};
+use super::nodes::{self, Node, visit_leaves};
 use super::widen::{BinaryTree, Topology};
 use super::{EMPTY, RayScratch, WIDTH, bounds_of};
+use crate::cpu::lanes::Lanes;
 use crate::model::{MIN_COSINE, OWN_COSINE};
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};

@@ -1,6 +1,7 @@
 //! Nodes of a wide tree: how they follow moved boxes, and are walked along a ray.
 
 use super::{EMPTY, LEAF, WIDTH};
+use crate::cpu::lanes::Lanes;
 use crate::ray::Ray;
 use obvhs::aabb::Aabb;
 
@@ -180,32 +181,5 @@ fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH], en
             stack.swap(at, at - 1);
             at -= 1;
         }
-    }
-}
-
-/// Some of the lanes, in order. Bytes rather than bits: compilers turn eight comparisons into eight
-/// bytes at once, but not into a mask.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Lanes(u64);
-
-impl Lanes {
-    /// The lanes that hold 1 rather than 0.
-    #[inline(always)]
-    pub(super) fn new(marked: [u8; WIDTH]) -> Self {
-        Self(u64::from_le_bytes(marked))
-    }
-}
-
-impl Iterator for Lanes {
-    type Item = usize;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        if self.0 == 0 {
-            return None;
-        }
-        let lane = self.0.trailing_zeros() as usize / 8;
-        self.0 &= self.0 - 1;
-        Some(lane % WIDTH)
     }
 }

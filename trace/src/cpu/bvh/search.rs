@@ -1,8 +1,9 @@
 //! Search along single rays: all hits, or one chosen by its weight.
 
-use super::nodes::{Lanes, Node, visit_leaves};
+use super::nodes::{Node, visit_leaves};
 use super::{Bvh, Leaf, WIDTH};
 use crate::blend::{BlendStatus, Blender, GlossBlend, Hit, sort_hits};
+use crate::cpu::lanes::Lanes;
 use crate::features::Features;
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
 use crate::ray::Ray;
