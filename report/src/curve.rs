@@ -15,7 +15,7 @@ const MAX_POINTS: usize = 600;
 
 /// A drawing of values above 0 over their index `x`, the values on a logarithmic scale; empty
 /// without two points.
-pub fn log_curve(points: &[(f64, f64)], x_label: &str, y_label: &str) -> String {
+pub(crate) fn log_curve(points: &[(f64, f64)], x_label: &str, y_label: &str) -> String {
     let usable: Vec<(f64, f64)> = points
         .iter()
         .copied()

@@ -5,19 +5,18 @@
 //! the sliders, no script. Pictures are embedded as JPEG, at most a display's size.
 //!
 //! - [`mod@run`]: `run.json`, what was made from what.
-//! - [`content`]: what is on the page; [`gather`]: how it is read.
+//! - [`gather`]: what is on the page, and how it is read.
 //! - [`lamps`]: the table of the lamps of a scene.
 //! - [`pages`]: links to pages of scenes, the only other files.
 //! - [`picture`], [`curve`]: pictures and curves as text.
 //! - [`page`]: the template.
 
-pub mod content;
-pub mod curve;
-pub mod error;
-pub mod gather;
+mod curve;
+mod error;
+mod gather;
 pub mod lamps;
-pub mod page;
-pub mod pages;
+mod page;
+mod pages;
 pub mod picture;
 pub mod run;
 
@@ -32,7 +31,8 @@ use std::path::Path;
 /// [`ReportError`] naming the file that is missing or is not what the commands write.
 pub fn write(dir: &Path, out: &Path) -> Result<()> {
     let mut content = gather::gather(dir)?;
-    content.pages = pages::find(dir, out.parent().unwrap_or(dir))?;
+    let pages = pages::find(dir, out.parent().unwrap_or(dir))?;
+    content["pages"] = serde_json::json!(pages);
     let html = page::render(&content)?;
     Ok(files::write_bytes_atomic(out, html.as_bytes())?)
 }

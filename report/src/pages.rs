@@ -12,11 +12,11 @@ const FOLDERS: [&str; 4] = ["", folders::TRAIN, folders::EDIT, folders::BAKE];
 
 /// The page of a scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct ScenePage {
+pub(crate) struct ScenePage {
     /// The scene's file in the run's folder, without its extension: `bake/evening`.
-    pub scene: String,
+    pub(crate) scene: String,
     /// Address of the page, relative to the report.
-    pub href: String,
+    pub(crate) href: String,
 }
 
 /// Pages of the scenes of the run in `dir`, for a report in the folder `from`: each file
@@ -24,7 +24,7 @@ pub struct ScenePage {
 ///
 /// # Errors
 /// [`ReportError`] naming the folder that cannot be read.
-pub fn find(dir: &Path, from: &Path) -> Result<Vec<ScenePage>> {
+pub(crate) fn find(dir: &Path, from: &Path) -> Result<Vec<ScenePage>> {
     let from = absolute(from)?;
     let mut pages = Vec::new();
     for name in FOLDERS {

@@ -1,7 +1,7 @@
 //! The projects of all rows.
 
-use super::published::{self, Light, SCENES};
-use super::rows::{Mode, Row, Scene};
+use super::published::{self, RELIT};
+use super::rows::{self, Row};
 use crate::run::{ORIGINAL, Project, ProjectFile};
 use anyhow::{Context, Result, bail};
 use eagpt_eval::tabulate::repeats::RepeatCell;
@@ -121,9 +121,9 @@ impl Base {
         })
     }
 
-    /// The rows that there are: nothing is baked unless the light changes.
+    /// The rows that there are.
     fn rows<'a>(&self, rows: &[&'a Row]) -> Vec<&'a Row> {
-        let is_shown = |row: &&&Row| row.mode != Mode::Baked || !self.relit.is_empty();
+        let is_shown = |row: &&&Row| row.shows(!self.relit.is_empty());
         rows.iter().filter(is_shown).copied().collect()
     }
 
@@ -154,12 +154,13 @@ impl Base {
     /// # Errors
     /// If a row cannot be derived from this project.
     pub(super) fn groups(&self, rows: &[&Row], seed: u32) -> Result<Vec<Group>> {
-        let mut groups: Vec<(Scene, Group)> = Vec::new();
+        let mut groups: Vec<(&str, Group)> = Vec::new();
         for row in self.rows(rows) {
-            let at = match groups.iter().position(|(scene, _)| *scene == row.scene) {
+            let of = row.scene();
+            let at = match groups.iter().position(|(scene, _)| *scene == of) {
                 Some(at) => at,
                 None => {
-                    groups.push((row.scene, self.group(row.scene, seed)?));
+                    groups.push((of, self.group(of, seed)?));
                     groups.len() - 1
                 }
             };
@@ -174,11 +175,11 @@ impl Base {
         Ok(groups.into_iter().map(|(_, group)| group).collect())
     }
 
-    fn group(&self, scene: Scene, seed: u32) -> Result<Group> {
-        let project = scene.project(&self.project);
+    fn group(&self, scene: &str, seed: u32) -> Result<Group> {
+        let project = rows::training(scene, &self.project);
         let project = project.with_context(|| self.name.clone())?;
-        let title = format!("Scene {}", scene.name());
-        let place = Self::place("scenes", scene.name(), seed);
+        let title = format!("Scene {scene}");
+        let place = Self::place("scenes", scene, seed);
         let scene = RowProject {
             until: Some("train"),
             ..self.row_project(&place, project, (&title, seed))?
@@ -199,12 +200,12 @@ impl Base {
             for &(condition, place) in lights.iter().filter(|(_, p)| row.shows(p.is_some())) {
                 let folders = seeds.iter().map(|seed| {
                     let out = self.out.join(Self::place("rows", row.name, *seed));
-                    out.join(folders::EVAL).join(condition).join(row.folder())
+                    out.join(folders::EVAL).join(condition).join(row.mode())
                 });
                 // The paper changes the light of a scene once.
                 let published = match place {
-                    None => published::values(&self.name, Light::Original, row.name),
-                    Some(0) => published::values(&self.name, Light::Relit, row.name),
+                    None => published::values(&self.name, ORIGINAL, row.name),
+                    Some(0) => published::values(&self.name, RELIT, row.name),
                     Some(_) => Default::default(),
                 };
                 cells.push(RepeatCell {
@@ -228,7 +229,7 @@ impl Base {
         } else {
             notes.push(format!("seed {seeds}"));
         }
-        if SCENES.contains(&self.name.as_str()) {
+        if published::has_scene(&self.name) {
             notes.push(format!(
                 "paper: EAG-PT (SIGGRAPH 2026, arXiv 2601.23065), Tables 1 to 3, scene {}, on an RTX 4090; its relit scene stands beside the first other light",
                 self.name

@@ -1,4 +1,4 @@
-//! The rows of the tables: what each changes in a project.
+//! The rows of the tables: what each changes in a project, which follows from its name.
 
 use crate::run::{Part, ProjectFile, Section, part};
 use anyhow::{Result, bail};
@@ -12,192 +12,67 @@ pub(super) struct Row {
     pub(super) name: &'static str,
     /// Description, for the notes below a table.
     pub(super) title: &'static str,
-    /// The scene that it renders; rows of one scene share its training.
-    pub(super) scene: Scene,
-    /// How it renders it.
-    pub(super) mode: Mode,
-    /// Options of `eagpt render` that it sets.
-    render: &'static [(&'static str, i64)],
 }
 
-/// How a scene is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Mode {
-    /// By `eagpt render` in this mode.
-    Render(&'static str),
-    /// With its light baked, after an edit.
-    Baked,
-}
-
-/// How a scene is trained.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Scene {
-    /// As the project says.
-    Full,
-    /// Without the normal maps.
-    NoNormalSupervision,
-    /// Without the agreement of normals and depths.
-    NoNormalConsistency,
-    /// With masks that reach beyond the lights.
-    InaccurateMasks,
-    /// With 200,000 Gaussians for 500,000.
-    FewerGaussians,
-}
+/// The mode of a scene with its light baked, after an edit; others are those of `eagpt render`.
+const BAKED: &str = "baked";
+/// The scene as the project trains it.
+const FULL: &str = "full";
+const NO_NORMAL_SUPERVISION: &str = "no-normal-supervision";
+const NO_NORMAL_CONSISTENCY: &str = "no-normal-consistency";
+const INACCURATE_MASKS: &str = "inaccurate-masks";
+const FEWER_GAUSSIANS: &str = "fewer-gaussians";
 
 /// Pixels by which masks are too large.
 const MASK_ERROR: i64 = 4;
-/// Share of the Gaussians that is left, that of the paper.
+/// Share of the Gaussians that is left, that of the paper: 200,000 of 500,000.
 const FEWER: f64 = 0.4;
 
-const PATH: Mode = Mode::Render("path");
-
-const fn row(
-    name: &'static str,
-    title: &'static str,
-    scene: Scene,
-    mode: Mode,
-    render: &'static [(&'static str, i64)],
-) -> Row {
-    Row {
-        name,
-        title,
-        scene,
-        mode,
-        render,
-    }
+const fn row(name: &'static str, title: &'static str) -> Row {
+    Row { name, title }
 }
 
 /// All rows: Tables 1 and 2, then the ablations of Table 3.
 pub(super) const ROWS: [Row; 14] = [
+    row("0-bounce", "the radiance of the Gaussians"),
+    row("1-bounce", "one bounce into that radiance"),
+    row("path", "path tracing from the emitters"),
+    row(BAKED, "light baked after the edit"),
+    row(NO_NORMAL_SUPERVISION, "trained without normal maps, path"),
     row(
-        "0-bounce",
-        "the radiance of the Gaussians",
-        Scene::Full,
-        Mode::Render("0-bounce"),
-        &[],
-    ),
-    row(
-        "1-bounce",
-        "one bounce into that radiance",
-        Scene::Full,
-        Mode::Render("1-bounce"),
-        &[],
-    ),
-    row(
-        "path",
-        "path tracing from the emitters",
-        Scene::Full,
-        PATH,
-        &[],
-    ),
-    row(
-        "baked",
-        "light baked after the edit",
-        Scene::Full,
-        Mode::Baked,
-        &[],
-    ),
-    row(
-        "no-normal-supervision",
-        "trained without normal maps, path",
-        Scene::NoNormalSupervision,
-        PATH,
-        &[],
-    ),
-    row(
-        "no-normal-consistency",
+        NO_NORMAL_CONSISTENCY,
         "trained without agreement of normals and depths, path",
-        Scene::NoNormalConsistency,
-        PATH,
-        &[],
     ),
     row(
-        "inaccurate-masks",
+        INACCURATE_MASKS,
         "emission masks from a threshold, 4 pixels too large all around, path",
-        Scene::InaccurateMasks,
-        PATH,
-        &[],
     ),
-    row(
-        "fewer-gaussians",
-        "two fifths of the Gaussians, path",
-        Scene::FewerGaussians,
-        PATH,
-        &[],
-    ),
-    row(
-        "bounces-3",
-        "path, at most 3 bounces",
-        Scene::Full,
-        PATH,
-        &[("bounces", 3)],
-    ),
-    row(
-        "bounces-7",
-        "path, at most 7 bounces",
-        Scene::Full,
-        PATH,
-        &[("bounces", 7)],
-    ),
-    row(
-        "bounces-11",
-        "path, at most 11 bounces",
-        Scene::Full,
-        PATH,
-        &[("bounces", 11)],
-    ),
-    row(
-        "spp-256",
-        "path, 256 samples a pixel",
-        Scene::Full,
-        PATH,
-        &[("spp", 256)],
-    ),
-    row(
-        "spp-1024",
-        "path, 1,024 samples a pixel",
-        Scene::Full,
-        PATH,
-        &[("spp", 1024)],
-    ),
-    row(
-        "spp-4096",
-        "path, 4,096 samples a pixel",
-        Scene::Full,
-        PATH,
-        &[("spp", 4096)],
-    ),
+    row(FEWER_GAUSSIANS, "two fifths of the Gaussians, path"),
+    row("bounces-3", "path, at most 3 bounces"),
+    row("bounces-7", "path, at most 7 bounces"),
+    row("bounces-11", "path, at most 11 bounces"),
+    row("spp-256", "path, 256 samples a pixel"),
+    row("spp-1024", "path, 1,024 samples a pixel"),
+    row("spp-4096", "path, 4,096 samples a pixel"),
 ];
 
-impl Scene {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Full => "full",
-            Self::NoNormalSupervision => "no-normal-supervision",
-            Self::NoNormalConsistency => "no-normal-consistency",
-            Self::InaccurateMasks => "inaccurate-masks",
-            Self::FewerGaussians => "fewer-gaussians",
+/// The project that trains a scene, by its name.
+///
+/// # Errors
+/// If the project leaves open how many Gaussians there are, and there should be fewer.
+pub(super) fn training(scene: &str, base: &ProjectFile) -> Result<ProjectFile> {
+    let mut project = base.clone();
+    match scene {
+        NO_NORMAL_SUPERVISION => set(&mut project, "radiance.weights.normal=0"),
+        NO_NORMAL_CONSISTENCY => set(&mut project, "radiance.weights.depth_normal=0"),
+        INACCURATE_MASKS => {
+            let masks = project.masks.get_or_insert_default();
+            masks.insert("grow".to_owned(), MASK_ERROR.into());
         }
+        FEWER_GAUSSIANS => fewer_gaussians(&mut project)?,
+        _ => {}
     }
-
-    /// The project that trains it.
-    ///
-    /// # Errors
-    /// If the project leaves open how many Gaussians there are, and there should be fewer.
-    pub(super) fn project(self, base: &ProjectFile) -> Result<ProjectFile> {
-        let mut project = base.clone();
-        match self {
-            Self::Full => {}
-            Self::NoNormalSupervision => set(&mut project, "radiance.weights.normal=0"),
-            Self::NoNormalConsistency => set(&mut project, "radiance.weights.depth_normal=0"),
-            Self::InaccurateMasks => {
-                let masks = project.masks.get_or_insert_default();
-                masks.insert("grow".to_owned(), MASK_ERROR.into());
-            }
-            Self::FewerGaussians => fewer_gaussians(&mut project)?,
-        }
-        Ok(project)
-    }
+    Ok(project)
 }
 
 fn fewer_gaussians(project: &mut ProjectFile) -> Result<()> {
@@ -234,6 +109,24 @@ fn set(project: &mut ProjectFile, setting: &str) {
 }
 
 impl Row {
+    /// Name of the scene that it renders; rows of one scene share its training.
+    pub(super) fn scene(&self) -> &'static str {
+        match self.name {
+            NO_NORMAL_SUPERVISION | NO_NORMAL_CONSISTENCY | INACCURATE_MASKS | FEWER_GAUSSIANS => {
+                self.name
+            }
+            _ => FULL,
+        }
+    }
+
+    /// How it shows the scene, and the name of its folder below that of a condition.
+    pub(super) fn mode(&self) -> &'static str {
+        match self.name {
+            "0-bounce" | "1-bounce" | BAKED => self.name,
+            _ => "path",
+        }
+    }
+
     /// The project that renders and measures a trained scene.
     pub(super) fn project(&self, base: &ProjectFile, scene: &Path) -> ProjectFile {
         let mut project = base.clone();
@@ -244,39 +137,29 @@ impl Row {
         }
         project.scene = Some(scene.to_owned());
         let render = project.render.get_or_insert_default();
-        let modes = match self.mode {
-            Mode::Render(mode) => vec![Value::from(mode)],
-            Mode::Baked => Vec::new(),
-        };
-        render.insert("modes".to_owned(), modes.into());
-        match self.mode {
-            Mode::Render(mode) => {
-                let options = self.render.iter();
-                let options = options.map(|(key, value)| ((*key).to_owned(), (*value).into()));
-                let special = render.entry(mode).or_insert_with(|| Section::new().into());
-                if let Value::Table(special) = special {
-                    special.extend(options);
-                }
-                project.bake = None;
+        if self.shows(false) {
+            let mode = self.mode();
+            render.insert("modes".to_owned(), vec![mode].into());
+            let special = render.entry(mode).or_insert_with(|| Section::new().into());
+            let option = self.name.rsplit_once('-');
+            if let (Value::Table(special), Some((key @ ("bounces" | "spp"), num))) =
+                (special, option)
+            {
+                let num: i64 = num.parse().expect("names of rows end in their number");
+                special.insert(key.to_owned(), num.into());
             }
-            Mode::Baked => {
-                project.bake.get_or_insert_default();
-            }
+            project.bake = None;
+        } else {
+            render.insert("modes".to_owned(), Vec::<Value>::new().into());
+            project.bake.get_or_insert_default();
         }
         project
     }
 
-    /// Whether it has anything to show of a condition, which is another light or not.
+    /// Whether it has anything to show of a condition, which is another light or not: nothing is
+    /// baked unless the light changes.
     pub(super) fn shows(&self, is_changed: bool) -> bool {
-        is_changed || self.mode != Mode::Baked
-    }
-
-    /// Name of its folder below that of a condition.
-    pub(super) fn folder(&self) -> &'static str {
-        match self.mode {
-            Mode::Render(mode) => mode,
-            Mode::Baked => "baked",
-        }
+        is_changed || self.mode() != BAKED
     }
 }
 
@@ -306,7 +189,7 @@ mod tests {
         let render = derived.render.unwrap();
         assert!(render["modes"].as_array().unwrap().is_empty());
         assert!(derived.bake.is_some());
-        let trained = Scene::NoNormalConsistency.project(&base).unwrap();
+        let trained = training(NO_NORMAL_CONSISTENCY, &base).unwrap();
         let train = trained.train.unwrap();
         assert_eq!(
             train["set"][1].as_str(),
@@ -316,7 +199,7 @@ mod tests {
 
     #[test]
     fn fewer_gaussians_are_two_fifths() {
-        let fewer = |text: &str| Scene::FewerGaussians.project(&base(text));
+        let fewer = |text: &str| training(FEWER_GAUSSIANS, &base(text));
         let found = fewer("[train]\ngaussians = 500000").unwrap();
         assert_eq!(
             found.train.unwrap()["gaussians"].as_integer(),
