@@ -3,7 +3,10 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, ValueEnum};
 use serde::{Serialize, Serializer};
+use std::fmt::Display;
 use std::num::NonZeroUsize;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
 
 /// Options of every command.
 #[derive(Debug, Clone, Default, Args)]
@@ -29,6 +32,42 @@ pub(crate) struct GlobalArgs {
 /// Parses a seed: what TOML and JSON numbers can hold.
 pub(crate) fn seed() -> impl TypedValueParser<Value = u64> {
     clap::value_parser!(u64).range(..=i64::MAX as u64)
+}
+
+/// Parses a number of a range.
+pub(crate) fn within<T>(range: RangeInclusive<T>) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: Display> + PartialOrd + Display + Clone + Send + Sync + 'static,
+{
+    move |text: &str| match text.parse::<T>() {
+        Ok(value) if range.contains(&value) => Ok(value),
+        Ok(value) => Err(format!(
+            "{value} is outside {} to {}",
+            range.start(),
+            range.end()
+        )),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+/// Numbers with commas between them, if they are `N`.
+pub(crate) fn numbers<T: FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
+    let numbers: Option<Vec<T>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
+}
+
+/// Parses a width and a height, pixels, whose sides are in a range.
+pub(crate) fn size(sides: RangeInclusive<u32>) -> impl TypedValueParser<Value = [u32; 2]> {
+    move |text: &str| {
+        let size = text.split_once('x');
+        let size =
+            size.and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+        let size = size.filter(|size| size.iter().all(|side| sides.contains(side)));
+        size.ok_or_else(|| {
+            let (least, most) = (sides.start(), sides.end());
+            format!("`{text}` is not a width and a height of {least} to {most}, as 960x540")
+        })
+    }
 }
 
 /// A value, or `auto` for one that the job finds out.

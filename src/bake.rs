@@ -213,13 +213,8 @@ pub(crate) fn run(args: &BakeArgs, global: &GlobalArgs) -> Result<ExitCode> {
     record.warnings = warnings;
     let lights = summary.num_lights.map(|num| (lights, num));
     let written = [Some(scene), lights.as_ref().map(|(path, _)| path)];
-    let names = written
-        .into_iter()
-        .flatten()
-        .filter_map(|path| path.file_name());
-    record.outputs = names
-        .map(|name| name.to_string_lossy().into_owned())
-        .collect();
+    let written = written.into_iter().flatten();
+    builder.wrote(written.filter_map(|path| path.file_name()));
     let record_path = output::record_path(&args.out);
     builder.write_to(&record_path)?;
     reporter.note(&format!("{}: {} rays", scene.display(), summary.num_rays));
@@ -302,23 +297,17 @@ fn unfinished(
 
 /// Shows a message of the job.
 pub(crate) fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()> {
-    let (done, total, task, unit) = match *message {
-        BakeProgress::Looking { done, total } => {
-            (done, total, "looking for surfaces".to_owned(), "views")
-        }
+    let (steps, task) = match *message {
+        BakeProgress::Looking { done, total } => ((done, total), ("looking for surfaces", "views")),
         BakeProgress::Gathering { done, total } => {
-            (done, total, "gathering light".to_owned(), "Gaussians")
+            ((done, total), ("gathering light", "Gaussians"))
         }
-        BakeProgress::Rendering { done, total } => {
-            (done, total, "path tracing".to_owned(), "views")
-        }
+        BakeProgress::Rendering { done, total } => ((done, total), ("path tracing", "views")),
         BakeProgress::Fitting {
             iteration, total, ..
         } => (
-            iteration as usize,
-            total as usize,
-            "fitting".to_owned(),
-            "iterations",
+            (iteration as usize, total as usize),
+            ("fitting", "iterations"),
         ),
         BakeProgress::Bounced { bounce, share } => {
             reporter.note(&format!(
@@ -332,13 +321,9 @@ pub(crate) fn tell(reporter: &mut Reporter, message: &BakeProgress) -> Result<()
             return reporter.message(message);
         }
     };
-    let (done, total) = (done as u64, total as u64);
-    if !reporter.is_at(&task) {
-        reporter.begin(&task, unit, done, total);
-    }
-    reporter.advance(done, || match message {
+    let note = || match message {
         BakeProgress::Fitting { loss, .. } => format!("loss {loss:.4}"),
         _ => String::new(),
-    });
-    reporter.step_message(done, message)
+    };
+    reporter.count_with(task, steps, note, message)
 }

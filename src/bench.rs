@@ -9,7 +9,7 @@ mod sheet;
 mod stage;
 mod table;
 
-use crate::args::GlobalArgs;
+use crate::args::{self, GlobalArgs};
 use crate::device::DeviceArgs;
 use crate::interrupt;
 use crate::output::{self, Replace};
@@ -22,7 +22,6 @@ use eagpt_scene::{Gaussians, files};
 use eagpt_trace::Device;
 use results::{Change, Machine, Measured, Results};
 use scene::Subject;
-use serde::Serialize;
 pub(crate) use sheet::Unit;
 use sheet::{Row, Sheet};
 use stage::{Bench, Stage};
@@ -68,11 +67,11 @@ pub(crate) struct BenchArgs {
     thread_counts: Vec<NonZeroUsize>,
     /// Seconds for each figure, 0 to 3600; there are three runs and one to warm up however long
     /// they take
-    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = seconds)]
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = args::within(0.0..=3600.0))]
     seconds: f64,
     /// Size of the images of metrics and EXR files, pixels, 16x16 to 16384x16384
-    #[arg(long, value_name = "WxH", default_value = "3000x2000", value_parser = size)]
-    image: ImageSize,
+    #[arg(long, value_name = "WxH", default_value = "3000x2000", value_parser = args::size(16..=16_384))]
+    image: [u32; 2],
     /// Samples for each pixel of path-traced frames, 1 to 65536
     #[arg(long, value_name = "N", default_value_t = 1,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
@@ -98,19 +97,6 @@ const EXAMPLES: &str = "Examples:
   eagpt bench --stage bounce-rays,paths --gaussians 25k,60k,250k,1M --thread-counts 1,2,4
   eagpt bench --device gpu --gaussians 500k --spp 64";
 
-/// Width and height in pixels.
-type ImageSize = [u32; 2];
-
-fn size(text: &str) -> Result<ImageSize, String> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
-    match sides {
-        Some(sides) if sides.iter().all(|side| (16..=16_384).contains(side)) => Ok(sides),
-        _ => Err(format!("`{text}` is not WxH with sides of 16 to 16384")),
-    }
-}
-
 fn count(text: &str) -> Result<usize, String> {
     let (digits, factor) = match text.strip_suffix(['k', 'M']) {
         Some(digits) if text.ends_with('k') => (digits, 1e3),
@@ -122,26 +108,6 @@ fn count(text: &str) -> Result<usize, String> {
         Some(number) if (1.0..=1e8).contains(&number) => Ok(number as usize),
         _ => Err(format!("`{text}` is no number from 1 to 100M")),
     }
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
-        _ => Err(format!("`{text}` is not from 0 to 3600")),
-    }
-}
-
-/// Progress for machines.
-#[derive(Debug, Serialize)]
-#[serde(tag = "message", rename_all = "kebab-case")]
-enum BenchMessage<'a> {
-    /// A stage is done.
-    Stage {
-        stage: &'a str,
-        gaussians: Option<usize>,
-        threads: usize,
-        rows: Vec<Change<'a>>,
-    },
 }
 
 /// A stage on a scene with so many threads.
@@ -205,12 +171,14 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         let done = done as u64 + 1;
         reporter.advance(done, || name.clone());
         let rows = results.rows[first..].iter();
-        reporter.message(&BenchMessage::Stage {
-            stage: &name,
-            gaussians: task.scene.map(|_| gaussians.len()),
-            threads: task.threads,
-            rows: rows.map(|row| change(row, baseline.as_ref())).collect(),
-        })?;
+        let rows = rows.map(|row| Change::of(row, baseline.as_ref()));
+        reporter.message(&serde_json::json!({
+            "message": "stage",
+            "stage": name,
+            "gaussians": task.scene.map(|_| gaussians.len()),
+            "threads": task.threads,
+            "rows": rows.collect::<Vec<_>>(),
+        }))?;
     }
     reporter.finish();
     if let Some(out) = &args.out {
@@ -220,8 +188,7 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         let scene = args.scene.iter().map(|path| Input::of(path));
         builder.record.inputs = scene.collect::<Result<_>>()?;
         builder.record.device = Some(device_name);
-        let name = out.file_name().unwrap_or_default().to_string_lossy();
-        builder.record.outputs = vec![name.into_owned()];
+        builder.wrote(out.file_name());
         builder.write_to(&output::record_path(out))?;
     }
     if !global.json {
@@ -238,13 +205,6 @@ pub(crate) fn run(args: &BenchArgs, global: &GlobalArgs) -> Result<ExitCode> {
         terminal::print(&(heading + &table::text(&results, baseline.as_ref())))?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn change<'a>(row: &'a Row, baseline: Option<&Results>) -> Change<'a> {
-    match baseline {
-        Some(baseline) => Change::of(row, baseline),
-        None => Change::alone(row),
-    }
 }
 
 fn check_machine(

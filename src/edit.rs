@@ -110,11 +110,11 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
     if args.dry_run {
         for selection in &edited.selections {
-            reporter.message(&Tagged("selection", selection))?;
+            reporter.tagged("selection", selection)?;
         }
     }
     for step in &edited.steps {
-        reporter.message(&Tagged("step", step))?;
+        reporter.tagged("step", step)?;
     }
     let Some(out) = out else {
         return Ok(ExitCode::SUCCESS);
@@ -151,10 +151,7 @@ pub(crate) fn run(args: &EditArgs, global: &GlobalArgs) -> Result<ExitCode> {
     record
         .inputs
         .extend(assets.map(|asset| digest(&asset.path, &asset.blake3)));
-    let names = written.into_iter().filter_map(Path::file_name);
-    record.outputs = names
-        .map(|name| name.to_string_lossy().into_owned())
-        .collect();
+    builder.wrote(written.into_iter().filter_map(Path::file_name));
     let record_path = output::record_path(out);
     builder.write_to(&record_path)?;
     reporter.note(&format!(
@@ -175,22 +172,6 @@ fn digest(path: &Path, blake3: &str) -> Input {
     Input {
         path: path.to_owned(),
         blake3: blake3.to_owned(),
-    }
-}
-
-/// A message for machines.
-struct Tagged<'a, T>(&'static str, &'a T);
-
-impl<T: Serialize> Serialize for Tagged<'_, T> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Message<'a, T> {
-            message: &'static str,
-            #[serde(flatten)]
-            content: &'a T,
-        }
-        let (message, content) = (self.0, self.1);
-        Message { message, content }.serialize(serializer)
     }
 }
 

@@ -1,11 +1,11 @@
 //! `eagpt export`: a scene for other programs, and for people with a browser.
 
 use crate::args::GlobalArgs;
-use crate::output;
+use crate::output::{self, Replace};
 use crate::page::{PageArgs, ScenePage};
 use crate::progress::Reporter;
 use crate::source::Source;
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::{Args, ValueEnum};
 use eagpt_scene::ply::{self, Preview};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, files};
@@ -76,23 +76,6 @@ fn as_in_eag_pt(gaussians: &Gaussians) -> Gaussians {
     gaussians.iter().map(plain).collect()
 }
 
-/// Refuses to replace the input, and without `force` any file.
-///
-/// # Errors
-/// If the file is there.
-pub(crate) fn check_target(out: &Path, input: &Path, force: bool) -> Result<()> {
-    if !out.exists() {
-        return Ok(());
-    }
-    if out.canonicalize().ok() == input.canonicalize().ok() {
-        bail!("{}: --out would replace an input", out.display());
-    }
-    if !force {
-        bail!("{}: is there already: --force replaces it", out.display());
-    }
-    Ok(())
-}
-
 /// Writes the page of `scene`, with the views of `dataset`, in place of one that is there.
 ///
 /// # Errors
@@ -116,7 +99,7 @@ pub(crate) fn write_page(
 pub(crate) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let source = Source::find(&args.scene)?;
     let scene = &source.scene;
-    check_target(&args.out, scene, args.force)?;
+    output::check_part(&args.out, &[scene], Replace::from_flag(args.force))?;
     if args.format != Format::Html {
         args.page.refuse()?;
     }

@@ -1,8 +1,7 @@
 //! `eagpt import`: Gaussians of other programs become a scene.
 
 use crate::args::GlobalArgs;
-use crate::export::check_target;
-use crate::output;
+use crate::output::{self, Replace};
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -50,7 +49,7 @@ const EXAMPLES: &str = "Examples:
   eagpt train kitchen --start scene.ply --out runs/kitchen";
 
 pub(crate) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    check_target(&args.out, &args.file, args.force)?;
+    output::check_part(&args.out, &[&args.file], Replace::from_flag(args.force))?;
     let options = SplatOptions {
         color: args.color,
         scene_from_file: args.aligned.as_deref().map(transform).transpose()?,

@@ -1,12 +1,12 @@
 //! `eagpt ingest`: RAW brackets to linear HDR images.
 
-use crate::args::GlobalArgs;
+use crate::args::{self, GlobalArgs};
 use crate::command_line;
 use crate::decode;
 use crate::interrupt;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
@@ -129,16 +129,8 @@ capture.toml, in the folder of the capture:
   condition = \"front\"
   files = [\"front/DSC0001.ARW\", \"front/DSC0002.ARW\", \"front/DSC0003.ARW\"]";
 
-fn three(text: &str) -> Option<[f32; 3]> {
-    let numbers: Option<Vec<f32>> = text
-        .split(',')
-        .map(|part| part.trim().parse().ok())
-        .collect();
-    numbers?.try_into().ok()
-}
-
 fn polynomial(text: &str) -> Result<[f32; 3], String> {
-    three(text).ok_or_else(|| format!("`{text}` is not A,B,C: three numbers"))
+    args::numbers(text).ok_or_else(|| format!("`{text}` is not A,B,C: three numbers"))
 }
 
 fn lens(text: &str) -> Result<LensOption, String> {
@@ -162,17 +154,13 @@ fn white_balance(text: &str) -> Result<WhiteBalance, String> {
         return Ok(WhiteBalance::AsShot);
     }
     if let Some((stack, rectangle)) = text.rsplit_once('@') {
-        let numbers: Option<Vec<u32>> = rectangle
-            .split(',')
-            .map(|part| part.trim().parse().ok())
-            .collect();
-        if let Some(rectangle) = numbers.and_then(|numbers| numbers.try_into().ok()) {
+        if let Some(rectangle) = args::numbers(rectangle) {
             return Ok(WhiteBalance::GreyCard {
                 stack: stack.to_owned(),
                 rectangle,
             });
         }
-    } else if let Some(factors) = three(text) {
+    } else if let Some(factors) = args::numbers(text) {
         return Ok(WhiteBalance::Factors(factors));
     }
     Err(format!(
@@ -211,16 +199,10 @@ fn options(args: &IngestArgs) -> IngestOptions {
 pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = options(args);
     options.validate()?;
-    let target = |replace| Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "ingest",
-        inputs: &[],
-        replace,
-    };
+    let target = |force| Target::new(&args.out, "ingest", &[], force);
     // Another command's result is never touched; one of this command is added to, unless it is to
     // be replaced.
-    target(Replace::Allow).check(&[])?;
+    target(true).check(&[])?;
     let request = IngestRequest {
         capture: args.capture.clone(),
         out: args.out.clone(),
@@ -231,7 +213,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
         stop: interrupt::stop_flag()?,
     };
     eagpt_ingest::check_places(&args.capture, &args.out)?;
-    target(Replace::from_flag(args.force)).prepare()?;
+    target(args.force).prepare()?;
     let mut builder = RecordBuilder::begin("ingest", &options, global)?;
     let mut reporter = Reporter::new(global);
     let mut warnings = Vec::new();
@@ -272,11 +254,7 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
         .into_iter()
         .map(|(path, blake3)| Input { path, blake3 })
         .collect();
-    let relative = summary
-        .outputs
-        .iter()
-        .map(|path| path.to_string_lossy().into_owned());
-    record.outputs = relative.collect();
+    builder.wrote(&summary.outputs);
     let record_path = builder.write(&args.out)?;
     let num_stacks = summary.capture.stacks.len();
     reporter.note(&format!(
@@ -298,10 +276,10 @@ pub(crate) fn run(args: &IngestArgs, global: &GlobalArgs) -> Result<ExitCode> {
 
 /// Shows a message of the job.
 fn tell(reporter: &mut Reporter, message: &IngestProgress, skip_bad: bool) -> Result<()> {
-    let (task, unit, done, total) = match message {
-        IngestProgress::Reading { done, total } => ("reading", "files", *done, *total),
-        IngestProgress::Surveying { done, total } => ("looking", "stacks", *done, *total),
-        IngestProgress::Merging { done, total, .. } => ("merging", "stacks", *done, *total),
+    let (task, steps) = match message {
+        IngestProgress::Reading { done, total } => (("reading", "files"), (*done, *total)),
+        IngestProgress::Surveying { done, total } => (("looking", "stacks"), (*done, *total)),
+        IngestProgress::Merging { done, total, .. } => (("merging", "stacks"), (*done, *total)),
         IngestProgress::Problem(problem) => {
             if skip_bad {
                 reporter.warning(&format!("left out: {problem}"));
@@ -320,15 +298,11 @@ fn tell(reporter: &mut Reporter, message: &IngestProgress, skip_bad: bool) -> Re
             return reporter.message(message);
         }
     };
-    let (done, total) = (done as u64, total as u64);
-    if !reporter.is_at(task) {
-        reporter.begin(task, unit, 0, total);
-    }
-    reporter.advance(done, || match message {
+    let note = || match message {
         IngestProgress::Merging { stack, .. } => stack.clone(),
         _ => String::new(),
-    });
-    reporter.step_message(done, message)
+    };
+    reporter.count_with(task, steps, note, message)
 }
 
 #[cfg(test)]

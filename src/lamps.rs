@@ -3,8 +3,7 @@
 mod fit;
 
 use crate::args::GlobalArgs;
-use crate::export::check_target;
-use crate::output;
+use crate::output::{self, Replace};
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::Result;
@@ -81,10 +80,12 @@ pub(crate) fn run(args: &LampsArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let reference = args.reference.as_deref();
     let reference = reference.map(|path| file_in(path, TRUTH_FILE));
     if let Some(out) = &args.out {
-        check_target(out, &path, args.force)?;
-        if let Some(reference) = &reference {
-            check_target(out, reference, args.force)?;
-        }
+        let inputs: Vec<&Path> = [Some(&path), reference.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
+            .collect();
+        output::check_part(out, &inputs, Replace::from_flag(args.force))?;
     }
     let lamps = read_lamps(&path)?;
     let comparison = match &reference {

@@ -2,7 +2,7 @@
 
 use crate::args::GlobalArgs;
 use crate::command_line;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
 use anyhow::{Result, bail};
@@ -136,11 +136,8 @@ pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let scene = args.from_scene.as_ref().or(args.scene.as_ref());
     let inputs = inputs(&dataset, scene);
     let target = Target {
-        dir: &out,
         record: RECORD,
-        command: "masks",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
+        ..Target::new(&out, "masks", &inputs, args.force)
     };
     target.check(&planned_files(&dataset))?;
     target.prepare()?;
@@ -173,10 +170,7 @@ pub(crate) fn run(args: &MasksArgs, global: &GlobalArgs) -> Result<ExitCode> {
         record.inputs.push(Input::of(scene)?);
     }
     record.warnings.clone_from(&summary.warnings);
-    let outputs = summary.outputs.iter();
-    record.outputs = outputs
-        .map(|path| path.to_string_lossy().into_owned())
-        .collect();
+    builder.wrote(&summary.outputs);
     builder.write_to(&request.out.join(RECORD))?;
     close(&reporter, &request, &summary)?;
     Ok(ExitCode::SUCCESS)

@@ -1,7 +1,7 @@
 //! `eagpt normals`: normal maps of any estimator for a dataset.
 
 use crate::args::{self, Auto, GlobalArgs};
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
 use crate::record::{Input, RecordBuilder};
 use anyhow::Result;
@@ -90,7 +90,7 @@ struct NetworkArgs {
     onnxruntime: Option<PathBuf>,
     /// Width and height of the network's picture, pixels, 1 to 8192 each [default: what the model
     /// says, else the view's, rounded]
-    #[arg(long, value_name = "WxH", requires = "onnx", value_parser = size)]
+    #[arg(long, value_name = "WxH", requires = "onnx", value_parser = args::size(1..=8192))]
     size: Option<[u32; 2]>,
     /// Number of which the sides of the picture become multiples, where the model leaves them
     /// open, 1 to 1024
@@ -104,18 +104,8 @@ struct NetworkArgs {
     deviation: [f32; 3],
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let sides = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
-    match sides {
-        Some((Ok(width), Ok(height))) => Ok([width, height]),
-        _ => Err("not a width and a height, as 640x480".to_owned()),
-    }
-}
-
 fn three(text: &str) -> Result<[f32; 3], String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    let numbers = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| "not three numbers, as 0.5,0.5,0.5".to_owned())
+    args::numbers(text).ok_or_else(|| "not three numbers, as 0.5,0.5,0.5".to_owned())
 }
 
 const EXAMPLES: &str = "Examples:
@@ -163,11 +153,8 @@ pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let mut builder = RecordBuilder::begin("normals", &recorded(None), global)?;
     let inputs = inputs(&dataset, args.maps.as_deref(), &args.suffix);
     let target = Target {
-        dir: &out,
         record: RECORD,
-        command: "normals",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
+        ..Target::new(&out, "normals", &inputs, args.force)
     };
     let mut planned = planned_files(&dataset);
     if network.is_some() {
@@ -194,14 +181,9 @@ pub(crate) fn run(args: &NormalsArgs, global: &GlobalArgs) -> Result<ExitCode> {
         record.inputs.push(Input::of(model)?);
     }
     record.warnings.clone_from(&summary.warnings);
-    let outputs = summary.outputs.iter();
-    record.outputs = outputs
-        .map(|path| path.to_string_lossy().into_owned())
-        .collect();
+    builder.wrote(&summary.outputs);
     if network.is_some() {
-        let maps = planned.iter().filter(|file| file.starts_with(NETWORK_DIR));
-        let maps = maps.map(|file| file.to_string_lossy().into_owned());
-        record.outputs.extend(maps);
+        builder.wrote(planned.iter().filter(|file| file.starts_with(NETWORK_DIR)));
     }
     builder.write_to(&request.out.join(RECORD))?;
     close(&reporter, &request.out, &summary)?;

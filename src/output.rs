@@ -1,7 +1,7 @@
 //! Folders that results go to: nothing that this program did not make is overwritten without being
 //! told to.
 
-use crate::record::Record;
+use crate::record::{FILE_NAME, Record};
 use anyhow::{Result, anyhow, bail};
 use eagpt_scene::files;
 use std::collections::HashSet;
@@ -41,7 +41,18 @@ pub(crate) struct Target<'a> {
     pub(crate) replace: Replace,
 }
 
-impl Target<'_> {
+impl<'a> Target<'a> {
+    /// A folder of its own for the result of `command`, which `--force` replaces.
+    pub(crate) fn new(dir: &'a Path, command: &'a str, inputs: &'a [PathBuf], force: bool) -> Self {
+        Self {
+            dir,
+            record: FILE_NAME,
+            command,
+            inputs,
+            replace: Replace::from_flag(force),
+        }
+    }
+
     /// Finds out whether `files` (relative to the folder) may be written, before any work and
     /// without touching anything.
     ///
@@ -229,7 +240,7 @@ pub(crate) fn place(dir: &Path, file: &Path) -> Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{FILE_NAME, RecordBuilder};
+    use crate::record::RecordBuilder;
 
     fn names(files: &[&str]) -> Vec<PathBuf> {
         files.iter().map(PathBuf::from).collect()

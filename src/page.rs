@@ -1,5 +1,6 @@
 //! A scene as a page for a browser.
 
+use crate::args;
 use crate::terminal;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
@@ -46,7 +47,7 @@ pub(crate) struct PageArgs {
     #[arg(long, conflicts_with = "lights")]
     no_lights: bool,
     /// Exposure that the page opens with, stops, -8 to 8 [default: 0]
-    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops)]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = args::within(-8.0..=8.0))]
     exposure: Option<f32>,
     /// Tone map that the page opens with [default: srgb]
     #[arg(long, value_name = "CURVE", value_enum)]
@@ -54,14 +55,6 @@ pub(crate) struct PageArgs {
     /// Title of the page [default: the name of the scene's file]
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,
-}
-
-fn stops(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if (-8.0..=8.0).contains(&value) => Ok(value),
-        Ok(value) => Err(format!("{value} is outside -8 to 8")),
-        Err(error) => Err(error.to_string()),
-    }
 }
 
 impl PageArgs {

@@ -12,7 +12,7 @@ mod published;
 mod rows;
 
 use crate::args::GlobalArgs;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, RecordBuilder};
 use crate::run::{self, Plan, PlanStep, Project};
@@ -124,15 +124,6 @@ fn named(text: &str) -> Result<Named, String> {
     })
 }
 
-/// Samples a pixel of the renderings.
-fn spp(preset: Preset) -> i64 {
-    match preset {
-        Preset::Draft => 16,
-        Preset::Fast => 64,
-        Preset::Paper => 1024,
-    }
-}
-
 fn row() -> impl TypedValueParser<Value = &'static Row> {
     let find = |name: String| {
         let found = ROWS.iter().find(|row| row.name == name);
@@ -164,14 +155,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if args.dry_run {
         return dry_run(&groups, global);
     }
-    let target = Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "paper",
-        inputs: &[],
-        replace: Replace::Allow,
-    };
-    target.check(&[])?;
+    Target::new(&args.out, "paper", &[], true).check(&[])?;
     files::create_dir(&args.out)?;
     if args.force {
         ledger::clear(&args.out, "paper")?;
@@ -200,8 +184,7 @@ pub(crate) fn run(args: &PaperArgs, global: &GlobalArgs) -> Result<ExitCode> {
         let out = base.out.join("table");
         table.write(&out)?;
         let relative = out.strip_prefix(&args.out).unwrap_or(&out);
-        let names = FILES.map(|file| relative.join(file).display().to_string());
-        builder.record.outputs.extend(names);
+        builder.wrote(FILES.map(|file| relative.join(file)));
         reporter.message(&serde_json::json!({
             "message": "table",
             "dataset": base.name,
@@ -232,7 +215,7 @@ fn bases(args: &PaperArgs) -> Result<Vec<Base>> {
             Project::absolute(path)?
         } else {
             let config = args.config.as_deref().map(Project::absolute).transpose()?;
-            projects::of_folder(path, config, (args.preset.name(), spp(args.preset)))?
+            projects::of_folder(path, config, (args.preset.name(), run::spp(args.preset)))?
         };
         let out = std::path::absolute(args.out.join(name))
             .with_context(|| format!("{}", args.out.display()))?;

@@ -106,11 +106,6 @@ impl Reporter {
         });
     }
 
-    /// Returns whether the task under way is called `name`.
-    pub(crate) fn is_at(&self, name: &str) -> bool {
-        self.task.as_ref().is_some_and(|task| task.name == name)
-    }
-
     /// Notes that `done` steps are done; `note` says how it goes.
     pub(crate) fn advance(&mut self, done: u64, note: impl FnOnce() -> String) {
         let Some(task) = &mut self.task else { return };
@@ -124,21 +119,46 @@ impl Reporter {
     }
 
     /// Shows that `done` of `total` steps of the task `name` are done, which begins with the first
-    /// of them, and writes `message`.
+    /// message of them, and writes `message`.
     ///
     /// # Errors
     /// As [`Self::step_message`].
     pub(crate) fn count(
         &mut self,
-        (name, unit): (&str, &'static str),
-        (done, total): (usize, usize),
+        task: (&str, &'static str),
+        steps: (usize, usize),
         message: &impl Serialize,
     ) -> Result<()> {
-        if done == 1 {
-            self.begin(name, unit, 0, total as u64);
-        }
-        self.advance(done as u64, String::new);
+        self.count_with(task, steps, String::new, message)
+    }
+
+    /// As [`Self::count`]; `note` says how it goes.
+    ///
+    /// # Errors
+    /// As [`Self::step_message`].
+    pub(crate) fn count_with(
+        &mut self,
+        (name, unit): (&str, &'static str),
+        (done, total): (usize, usize),
+        note: impl FnOnce() -> String,
+        message: &impl Serialize,
+    ) -> Result<()> {
+        self.show((name, unit), (done as u64, total as u64), note);
         self.step_message(done as u64, message)
+    }
+
+    /// As [`Self::count_with`], without a message.
+    pub(crate) fn show(
+        &mut self,
+        (name, unit): (&str, &'static str),
+        (done, total): (u64, u64),
+        note: impl FnOnce() -> String,
+    ) {
+        if done <= 1 || !self.task.as_ref().is_some_and(|task| task.name == name) {
+            // Steps before the first that is told are of an earlier process: no rate has them.
+            self.begin(name, unit, done.saturating_sub(1), total);
+        }
+        self.advance(done, note);
     }
 
     /// Ends the task.
@@ -176,6 +196,20 @@ impl Reporter {
         let mut text = serde_json::to_string(message)?;
         text.push('\n');
         terminal::print(&text)
+    }
+
+    /// Writes a message for machines: what it is, and its content.
+    ///
+    /// # Errors
+    /// As [`Self::message`].
+    pub(crate) fn tagged(&self, message: &str, content: &impl Serialize) -> Result<()> {
+        #[derive(Serialize)]
+        struct Tagged<'a, T> {
+            message: &'a str,
+            #[serde(flatten)]
+            content: &'a T,
+        }
+        self.message(&Tagged { message, content })
     }
 
     /// As [`Self::message`] for messages that come with every step: most of them are left out.

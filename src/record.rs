@@ -15,7 +15,7 @@ pub(crate) const FILE_NAME: &str = "record.json";
 
 /// A record. All commands write the same keys; those that mean nothing for a command are null or
 /// empty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Record {
     /// Name of the program.
     pub(crate) program: String,
@@ -64,7 +64,7 @@ pub(crate) struct Input {
 }
 
 /// The views of a job.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SplitRecord {
     /// The rule; null if the views were chosen without one.
     pub(crate) rule: Option<SplitRule>,
@@ -134,18 +134,10 @@ impl RecordBuilder {
             command: command.to_owned(),
             arguments: global.command_line.clone(),
             options: json(options)?,
-            seed: None,
-            device: None,
             threads: rayon::current_num_threads(),
-            inputs: Vec::new(),
-            split: None,
-            warnings: Vec::new(),
-            measured: Map::new(),
             complete: true,
             started: now_rfc3339(),
-            seconds: Map::new(),
-            peak_memory_mib: None,
-            outputs: Vec::new(),
+            ..Record::default()
         };
         Ok(Self {
             record,
@@ -169,6 +161,13 @@ impl RecordBuilder {
     pub(crate) fn measured(&mut self, name: &str, value: &impl Serialize) -> Result<()> {
         self.record.measured.insert(name.to_owned(), json(value)?);
         Ok(())
+    }
+
+    /// Notes the files written, relative to the record's folder.
+    pub(crate) fn wrote(&mut self, files: impl IntoIterator<Item = impl AsRef<Path>>) {
+        let names = files.into_iter();
+        let names = names.map(|file| file.as_ref().to_string_lossy().into_owned());
+        self.record.outputs.extend(names);
     }
 
     /// Notes how long a part took.

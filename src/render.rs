@@ -73,11 +73,8 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let lights = light::file(&args.scene, args.lights.as_deref(), &args.set_light);
     inputs.extend(lights.clone());
     let target = |replace| Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "render",
-        inputs: &inputs,
         replace,
+        ..Target::new(&args.out, "render", &inputs, false)
     };
     let shard = args.shard.unwrap_or(Shard::WHOLE);
     check(args, shard, &shots, &outputs, target)?;
@@ -164,10 +161,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     record.seed = Some(light.seed);
     record.device = Some(device.name());
     record.split = shots.split.clone();
-    record.outputs = outputs
-        .iter()
-        .map(|path| path.display().to_string())
-        .collect();
+    builder.wrote(&outputs);
     builder.write(&args.out)?;
     ledger.close()?;
     let total = shots.list.len();

@@ -1,9 +1,9 @@
 //! `eagpt report`: the results of a run on one page.
 
 use crate::args::GlobalArgs;
-use crate::output;
+use crate::output::{self, Replace};
 use crate::progress::Reporter;
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -30,12 +30,7 @@ pub(crate) struct ReportArgs {
 }
 
 pub(crate) fn run(args: &ReportArgs, global: &GlobalArgs) -> Result<ExitCode> {
-    if args.out.exists() && !args.force {
-        bail!(
-            "{}: is there already: --force replaces it",
-            args.out.display()
-        );
-    }
+    output::check_part(&args.out, &[], Replace::from_flag(args.force))?;
     output::create_parent(&args.out)?;
     eagpt_report::write(&args.run, &args.out)?;
     let reporter = Reporter::new(global);

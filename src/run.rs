@@ -18,7 +18,7 @@ mod state;
 mod step;
 mod verify;
 
-pub(crate) use init::{InitArgs, run as init};
+pub(crate) use init::{InitArgs, run as init, spp};
 pub(crate) use plan::Plan;
 pub(crate) use project::{ORIGINAL, Project, ProjectFile};
 pub(crate) use section::{Part, Section, part};
@@ -30,7 +30,7 @@ use anyhow::Result;
 use clap::Args;
 use eagpt_scene::Shard;
 use execute::{Range, Status};
-use state::{Folder, Patience};
+use state::{Folder, SHORT_WAIT};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -142,7 +142,7 @@ fn run_steps(
     range: &Range,
     global: &GlobalArgs,
 ) -> Result<ExitCode> {
-    let mut folder = Folder::open(&project.out, Patience::Short)?;
+    let mut folder = Folder::open(&project.out, SHORT_WAIT)?;
     folder.keep_project(project)?;
     match execute::run(plan, &mut folder, range, global)? {
         Status::Done => Ok(ExitCode::SUCCESS),

@@ -1,17 +1,16 @@
 //! `eagpt synth`: a virtual room, photographed.
 
 use crate::args::{self, GlobalArgs};
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use crate::terminal;
 use anyhow::{Context, Result};
 use clap::Args;
 use eagpt_scene::files;
 use eagpt_synth::capture::{self, LightMethod, Parts};
-use eagpt_synth::photograph::SampleNoise;
 use eagpt_synth::scenes::{self, SCENES};
-use eagpt_synth::{SceneScript, SynthOptions, SynthProgress, simulate};
+use eagpt_synth::{SampleNoise, SceneScript, SynthOptions, SynthProgress, simulate};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -46,7 +45,7 @@ pub(crate) struct SynthArgs {
     parts: Parts,
     /// Size of the truth images, pixels, 8x8 to 16384x16384; the sensor has more by the rig's
     /// oversampling [default: the scene's]
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = args::size(8..=16_384))]
     size: Option<[u32; 2]>,
     /// Number of positions, 1 to 10000 [default: the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -76,16 +75,6 @@ const EXAMPLES: &str = "Examples:
   eagpt synth small-room --out captures/small --parts truth --views 24
   eagpt synth furnished-room --print > my-room.toml
   eagpt synth my-room.toml --out captures/mine --size 540x360 --spp 256";
-
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
-    match sides {
-        Some(sides) if sides.iter().all(|side| (8..=16_384).contains(side)) => Ok(sides),
-        _ => Err(format!("`{text}` is not WxH with sides of 8 to 16384")),
-    }
-}
 
 /// Options that decide the result, for the record.
 #[derive(Serialize)]
@@ -123,13 +112,7 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
         global,
     )?;
     let inputs = source.files();
-    let target = Target {
-        dir: out,
-        record: FILE_NAME,
-        command: "synth",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
-    };
+    let target = Target::new(out, "synth", &inputs, args.force);
     target.check(&capture::outputs(&script, &options))?;
     target.prepare()?;
     let mut reporter = Reporter::new(global);
@@ -141,8 +124,7 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }];
     record.seed = Some(args.seed);
     record.device = Some("cpu".to_owned());
-    let names = summary.files.iter().map(|file| file.to_string_lossy());
-    record.outputs = names.map(std::borrow::Cow::into_owned).collect();
+    builder.wrote(&summary.files);
     let record_path = builder.write(out)?;
     reporter.note(&format!(
         "{}: {} positions, {} conditions, {} RAW files",
@@ -220,26 +202,7 @@ fn tell(reporter: &mut Reporter, message: &SynthProgress) -> Result<()> {
     match *message {
         SynthProgress::Lit { .. } => reporter.message(message),
         SynthProgress::Photographing { done, total } => {
-            const TASK: &str = "photographing";
-            let (done, total) = (done as u64, total as u64);
-            if !reporter.is_at(TASK) {
-                reporter.begin(TASK, "views", 0, total);
-            }
-            reporter.advance(done, String::new);
-            reporter.step_message(done, message)
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_parsed() {
-        assert_eq!(size("240x160"), Ok([240, 160]));
-        for bad in ["240", "x", "4x160", "240x99999", "-1x5"] {
-            assert!(size(bad).unwrap_err().contains(bad));
+            reporter.count(("photographing", "views"), (done, total), message)
         }
     }
 }

@@ -8,15 +8,15 @@ mod viewing;
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
 use crate::interrupt;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, RecordBuilder};
+use crate::record::RecordBuilder;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use eagpt_train::job::{BadViews, Existing};
 use eagpt_train::options::{OptionArgs, StageChoice};
-use eagpt_train::{TrainOptions, TrainProgress, TrainRequest, TrainSummary};
+use eagpt_train::{OwnLight, TrainOptions, TrainProgress, TrainRequest, TrainSummary};
 use held_out::HeldOut;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -262,10 +262,15 @@ fn own_light(request: &TrainRequest, summary: &TrainSummary) -> String {
             false => "own light: not compared, nothing emits".to_owned(),
         };
     };
+    format!("own light: {} training views", compared(found))
+}
+
+/// How renderings compare with photographs, and over how many of them.
+fn compared(found: &OwnLight) -> String {
     let factor = found.exposure_scale;
     let factor = factor.map_or(String::new(), |factor| format!(", factor {factor:.2}"));
     format!(
-        "own light: {:.1} dB{factor} over {} training views",
+        "{:.1} dB{factor} over {}",
         found.psnr_srgb_db, found.num_views
     )
 }
@@ -278,13 +283,7 @@ fn check_target(request: &TrainRequest) -> Result<()> {
     let is_run = ["log.jsonl", "checkpoints"]
         .iter()
         .any(|name| request.out.join(name).exists());
-    let replace = Replace::from_flag(goes_on || is_run);
-    let target = Target {
-        dir: &request.out,
-        record: FILE_NAME,
-        command: "train",
-        inputs: request.start.as_slice(),
-        replace,
-    };
+    let inputs = request.start.as_slice();
+    let target = Target::new(&request.out, "train", inputs, goes_on || is_run);
     target.check(&["scene.ply".into()])
 }

@@ -90,10 +90,4 @@ pub enum EvalError {
         /// Their condition.
         condition: String,
     },
-    /// The output folder holds results already.
-    #[error("{}: exists already; force replaces it", path.display())]
-    Exists {
-        /// The file in the way.
-        path: PathBuf,
-    },
 }

@@ -17,6 +17,7 @@ mod exposures;
 mod filters;
 mod magma;
 mod math;
+mod pass;
 mod shown;
 
 pub use eagpt_scene::tonemap::ToneMapper;

@@ -11,9 +11,8 @@
 //! - `known`: the same with partly unknown references;
 //! - `lamps`: found lamps against true ones.
 //!
-//! Then the jobs: [`evaluate`] compares a folder of renders with the views of a dataset and writes
-//! tables and error maps, [`evaluate_conditions`] does so for several lightings of a room, and
-//! [`tabulate()`] puts evaluations of several modes of rendering into one table.
+//! Then the jobs: [`evaluate`] compares folders of renders with the views of datasets and writes
+//! tables and error maps, for one lighting of a room or several, and [`tabulate()`] puts evaluations of several modes of rendering into one table.
 //!
 //! Images are linear Rec.709 unless a name says otherwise. All sums run in a fixed order in f64, so
 //! a result has the same bits for any number of threads.
@@ -21,28 +20,29 @@
 mod align;
 mod encode;
 mod error;
+mod evaluation;
 mod flip;
 mod job;
 mod known;
 mod lamps;
 mod metrics;
 mod pair;
+mod provenance;
 mod psnr;
 mod regions;
 mod report;
 mod scene_metrics;
 pub mod ssim;
 pub mod tabulate;
+mod view;
 pub mod window;
 
 pub use align::ExposureFit;
 pub use encode::{pq_encoded, srgb_clipped};
 pub use error::{EvalError, Result};
+pub use evaluation::{Conditions, Evaluation, Mean};
 pub use flip::{FlipOptions, ToneMapper, flip_hdr, flip_ldr, magma_rgb8};
-pub use job::{
-    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, Mean, Selection,
-    evaluate, evaluate_conditions,
-};
+pub use job::{ConditionsOptions, EvalOptions, EvalProgress, Selection, evaluate};
 pub use known::{KnownPixels, Windows};
 pub use lamps::{ComparedLamp, LampComparison, TrueLamp, TrueLamps, compare_lamps};
 pub use metrics::{METRICS, Metric};

@@ -1,7 +1,7 @@
 //! The table of all metrics: one row has everything that outputs need about a metric.
 
-use crate::job::ViewMetrics;
 use crate::scene_metrics::Overlap;
+use crate::view::ViewMetrics;
 
 /// Direction in which a metric improves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

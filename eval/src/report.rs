@@ -4,12 +4,12 @@ pub(crate) mod grid;
 mod tables;
 
 use crate::error::Result;
-use crate::job::{Conditions, Evaluation, Mean};
+use crate::evaluation::{Conditions, Evaluation, Mean};
 use crate::metrics::METRICS;
 use eagpt_scene::{SceneError, files};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// File of an evaluation for programs: means, views, definitions.
 pub const METRICS_FILE: &str = "metrics.json";
@@ -39,11 +39,6 @@ const MORE_DEFINITIONS: [(&str, &str); 4] = [
     ),
 ];
 
-/// The files of [`write`] in the folder `out`.
-pub(crate) fn files(out: &Path) -> [PathBuf; 4] {
-    RESULT_FILES.map(|name| out.join(name))
-}
-
 /// Writes all files, each atomically, `metrics.json` last.
 ///
 /// # Errors
@@ -56,7 +51,7 @@ pub(crate) fn write(out: &Path, evaluation: &Evaluation) -> Result<()> {
         (MARKDOWN, joined(views.markdown(), regions)),
         (LATEX, views.latex()),
     ];
-    write_all(out, texts, (METRICS_FILE, json(evaluation)))
+    write_all(out, texts, (METRICS_FILE, &json(evaluation)))
 }
 
 /// As [`write`] for several conditions, whose own files are elsewhere.
@@ -70,15 +65,12 @@ pub(crate) fn write_conditions(out: &Path, found: &Conditions) -> Result<()> {
         (MARKDOWN, table.markdown()),
         (LATEX, table.latex()),
     ];
-    let conditions: serde_json::Result<Vec<Value>> = found.conditions.iter().map(json).collect();
-    let json = conditions.map(|conditions| {
-        json!({
-            "mean": means(&found.means),
-            "num_conditions": conditions.len(),
-            "conditions": conditions,
-        })
+    let json = json!({
+        "mean": means(&found.means),
+        "num_conditions": found.conditions.len(),
+        "conditions": found.conditions.iter().map(json).collect::<Vec<_>>(),
     });
-    write_all(out, texts, (METRICS_FILE, json))
+    write_all(out, texts, (METRICS_FILE, &json))
 }
 
 /// Writes texts, each atomically, and at last the JSON file, from which the others can be told to
@@ -89,15 +81,14 @@ pub(crate) fn write_conditions(out: &Path, found: &Conditions) -> Result<()> {
 pub(crate) fn write_all<const N: usize>(
     out: &Path,
     texts: [(&str, String); N],
-    (name, value): (&str, serde_json::Result<Value>),
+    (name, value): (&str, &Value),
 ) -> Result<()> {
     files::create_dir(out)?;
     for (name, text) in texts {
         files::write_bytes_atomic(&out.join(name), text.as_bytes())?;
     }
     let path = out.join(name);
-    let text = value
-        .and_then(|value| serde_json::to_string_pretty(&value))
+    let text = serde_json::to_string_pretty(value)
         .map_err(|e| SceneError::invalid(&path, "content", e.to_string()))?;
     files::write_bytes_atomic(&path, (text + "\n").as_bytes())?;
     Ok(())
@@ -118,27 +109,27 @@ fn means(means: &[Mean]) -> Map<String, Value> {
         .collect()
 }
 
-fn json(evaluation: &Evaluation) -> serde_json::Result<Value> {
+fn json(evaluation: &Evaluation) -> Value {
     let of_metrics = METRICS.iter().map(|metric| (metric.key, metric.definition));
     let definitions: Map<String, Value> = of_metrics
         .chain(MORE_DEFINITIONS)
         .map(|(key, definition)| (key.to_owned(), json!(definition)))
         .collect();
-    Ok(json!({
+    json!({
         "name": evaluation.name,
-        "render": serde_json::to_value(&evaluation.provenance)?,
+        "render": evaluation.provenance,
         "mean": means(&evaluation.means),
         "exposure_scale": evaluation.exposure_scale,
         "light_change": evaluation.light_change,
-        "regions": serde_json::to_value(&evaluation.regions)?,
+        "regions": evaluation.regions,
         "num_views": evaluation.views.len(),
         "num_rendered": evaluation.num_rendered,
         "split": evaluation.split,
         "subset": evaluation.subset,
         "warnings": evaluation.warnings,
         "definitions": definitions,
-        "views": serde_json::to_value(&evaluation.views)?,
-    }))
+        "views": evaluation.views,
+    })
 }
 
 /// One line for each condition: its means, an empty field where it lacks a metric, `inf` for equal

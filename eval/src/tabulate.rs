@@ -12,23 +12,25 @@ pub mod repeats;
 mod tests;
 
 use crate::error::{EvalError, Result};
-use crate::job::Provenance;
 use crate::metrics::{METRICS, Metric};
+use crate::provenance::Provenance;
+use crate::report::grid::Grid;
+use crate::report::write_all;
 use crate::scene_metrics::mean;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Modes in the order of the paper; others come after them.
 const MODES: [&str; 4] = ["0-bounce", "1-bounce", "path", "baked"];
-/// Files of [`ModeTable::write`].
+/// Files of [`Table::write`].
 pub const FILES: [&str; 4] = ["table.md", "table.tex", "table.csv", "table.json"];
 /// Metrics of the table unless others are asked for.
 pub const DEFAULT_METRICS: [&str; 4] = ["psnr_srgb_db", "ssim_srgb", "flip_hdr", "exposure_scale"];
 
 /// Options of the table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TableOptions {
     /// Evaluations, at least one.
     pub folders: Vec<TableFolder>,
@@ -37,13 +39,11 @@ pub struct TableOptions {
 }
 
 /// An evaluation.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct TableFolder {
     /// Folder with a `metrics.json`.
     pub folder: PathBuf,
     /// Name of its row; by default the mode of its renders.
-    #[serde(default)]
     pub row: Option<String>,
 }
 
@@ -56,9 +56,42 @@ impl fmt::Display for TableFolder {
     }
 }
 
-/// A table of means.
-#[derive(Debug, Clone)]
-pub struct ModeTable {
+/// A table of means in all its forms.
+#[derive(Debug)]
+pub struct Table {
+    grid: Grid,
+    csv: String,
+    json: Value,
+}
+
+impl Table {
+    /// Writes the [`FILES`] into `out`, each atomically.
+    ///
+    /// # Errors
+    /// [`SceneError::Io`](eagpt_scene::SceneError) with the file's name.
+    pub fn write(&self, out: &Path) -> Result<()> {
+        let [markdown, latex, csv, json] = FILES;
+        let texts = [
+            (markdown, self.markdown()),
+            (latex, self.grid.latex()),
+            (csv, self.csv.clone()),
+        ];
+        write_all(out, texts, (json, &self.json))
+    }
+
+    /// The table as Markdown, with notes on the provenance of each number.
+    pub fn markdown(&self) -> String {
+        self.grid.markdown()
+    }
+
+    /// Number of rows.
+    pub fn num_rows(&self) -> usize {
+        self.grid.rows.len()
+    }
+}
+
+/// The means of modes.
+struct ModeTable {
     /// The metrics of each condition.
     metrics: Vec<&'static Metric>,
     /// The modes: those of the paper in its order, then others in the order of appearance.
@@ -147,13 +180,13 @@ impl<T> Cells<T> {
     }
 }
 
-/// Puts evaluations into one table, which [`ModeTable::write`] writes.
+/// Puts evaluations into one table, which [`Table::write`] writes.
 ///
 /// # Errors
 /// [`EvalError`] naming the file and field: no `metrics.json` or one of another program, renders
 /// whose mode is not known and that were given no row, two evaluations for one cell;
 /// [`EvalError::Option`] for an unknown metric.
-pub fn tabulate(options: &TableOptions) -> Result<ModeTable> {
+pub fn tabulate(options: &TableOptions) -> Result<Table> {
     let metrics = options
         .metrics
         .iter()
@@ -178,7 +211,7 @@ pub fn tabulate(options: &TableOptions) -> Result<ModeTable> {
     cells
         .rows
         .sort_by_key(|(name, _)| rank(name).unwrap_or(MODES.len()));
-    Ok(ModeTable { metrics, cells })
+    Ok(ModeTable { metrics, cells }.table())
 }
 
 fn metric(key: &str) -> Result<&'static Metric> {
@@ -188,11 +221,4 @@ fn metric(key: &str) -> Result<&'static Metric> {
         value: key.to_owned(),
         expected: "a key of `mean` in metrics.json, as psnr_srgb_db",
     })
-}
-
-impl ModeTable {
-    /// Number of rows.
-    pub fn num_rows(&self) -> usize {
-        self.cells.rows.len()
-    }
 }

@@ -5,11 +5,11 @@
 //! the sliders, no script. Pictures are embedded as JPEG, at most a display's size.
 //!
 //! - [`mod@run`]: `run.json`, what was made from what.
-//! - [`gather`]: what is on the page, and how it is read.
+//! - `gather`: what is on the page, and how it is read.
 //! - [`lamps`]: the table of the lamps of a scene.
-//! - [`pages`]: links to pages of scenes, the only other files.
-//! - [`picture`], [`curve`]: pictures and curves as text.
-//! - [`page`]: the template.
+//! - `pages`: links to pages of scenes, the only other files.
+//! - [`picture`], `curve`: pictures and curves as text.
+//! - `page`: the template.
 
 mod curve;
 mod error;

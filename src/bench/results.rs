@@ -195,19 +195,16 @@ pub(super) struct Change<'a> {
 }
 
 impl<'a> Change<'a> {
-    /// A figure that there is nothing to compare with.
-    pub(super) fn alone(row: &'a Row) -> Self {
-        Self {
-            row,
-            before: None,
-            ratio: None,
-            verdict: Verdict::New,
-        }
-    }
-
-    pub(super) fn of(row: &'a Row, baseline: &Results) -> Self {
-        let Some(old) = baseline.rows.iter().find(|old| old.is_as(row)) else {
-            return Self::alone(row);
+    /// A figure and that of a baseline, if there is one.
+    pub(super) fn of(row: &'a Row, baseline: Option<&Results>) -> Self {
+        let mut rows = baseline.iter().flat_map(|baseline| &baseline.rows);
+        let Some(old) = rows.find(|old| old.is_as(row)) else {
+            return Self {
+                row,
+                before: None,
+                ratio: None,
+                verdict: Verdict::New,
+            };
         };
         let ratio = row.unit.ratio(old.median, row.median);
         let overlap = row.min <= old.max && old.min <= row.max;
@@ -261,7 +258,7 @@ mod tests {
         let old = results(10.0, 2.0, Unit::Rays);
         let verdict = |median, unit| {
             let new = results(median, 1.0, unit);
-            Change::of(&new.rows[0], &old).verdict
+            Change::of(&new.rows[0], Some(&old)).verdict
         };
         assert_eq!(verdict(12.5, Unit::Rays), Verdict::Same);
         assert_eq!(verdict(13.5, Unit::Rays), Verdict::Faster);
@@ -270,7 +267,7 @@ mod tests {
         assert_eq!(verdict(13.5, Unit::Bytes), Verdict::New);
         let old = results(10.0, 2.0, Unit::Seconds);
         let new = results(5.0, 1.0, Unit::Seconds);
-        let change = Change::of(&new.rows[0], &old);
+        let change = Change::of(&new.rows[0], Some(&old));
         assert_eq!((change.verdict, change.ratio), (Verdict::Faster, Some(2.0)));
     }
 

@@ -4,6 +4,7 @@ use crate::record;
 use anyhow::Result;
 use eagpt_trace::Device;
 use serde::{Deserialize, Serialize};
+use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 /// Fewest runs of a measurement: a spread needs three.
@@ -109,14 +110,17 @@ impl Sheet<'_> {
     ///
     /// # Errors
     /// The first of `run`.
-    pub(super) fn measure(
+    pub(super) fn measure<T>(
         &mut self,
         what: &str,
         unit: Unit,
         work: f64,
-        mut run: impl FnMut() -> Result<()>,
+        mut run: impl FnMut() -> Result<T>,
     ) -> Result<()> {
-        self.measure_counted(what, unit, || run().map(|()| work))
+        self.measure_counted(what, unit, || {
+            black_box(run()?);
+            Ok(work)
+        })
     }
 
     /// As [`Self::measure`] for runs that say only afterwards how much they did.

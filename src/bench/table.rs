@@ -50,7 +50,7 @@ pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
         if scales {
             line.push(scaling(row, rows));
         }
-        if let Some(baseline) = baseline {
+        if baseline.is_some() {
             let change = Change::of(row, baseline);
             line.push(change.before.map_or_else(String::new, figure));
             line.push(

@@ -4,9 +4,9 @@ mod survey;
 
 use crate::args::{self, GlobalArgs};
 use crate::command_line;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use eagpt_colmap::align::{AlignOptions, Alignment, Anchor, KnownCamera, Manual, Mode, Scale};
@@ -56,9 +56,6 @@ pub(crate) struct ImportArgs {
     #[arg(long, value_enum, default_value = "refuse")]
     #[serde(serialize_with = "command_line::value")]
     ldr: Ldr,
-    /// The earlier name of --ldr srgb
-    #[arg(long, hide = true)]
-    allow_srgb8: bool,
     /// Leave registered images without a file out, instead of refusing
     #[arg(long)]
     skip_missing: bool,
@@ -173,9 +170,7 @@ Examples:
   eagpt colmap import sparse/0 --images capture --out kitchen --up 0,-1,0 --known-distance a.jpg,b.jpg,1.2";
 
 fn position(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    let position = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
-    position.ok_or_else(|| format!("`{text}` is not X,Y,Z"))
+    args::numbers(text).ok_or_else(|| format!("`{text}` is not X,Y,Z"))
 }
 
 fn known_distance(text: &str) -> Result<Scale, String> {
@@ -200,8 +195,8 @@ impl ImportArgs {
             images: self.images.clone(),
             conditions: self.conditions.clone(),
             srgb8: match self.ldr {
-                Ldr::Refuse if !self.allow_srgb8 => Srgb8::Refuse,
-                _ => Srgb8::Decode,
+                Ldr::Refuse => Srgb8::Refuse,
+                Ldr::Srgb => Srgb8::Decode,
             },
             missing: if self.skip_missing {
                 Missing::Skip
@@ -328,13 +323,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
     let mut inputs = plan.images();
     inputs.extend(plan.inputs());
-    let target = Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "colmap import",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
-    };
+    let target = Target::new(&args.out, "colmap import", &inputs, args.force);
     let files = plan.files();
     target.check(&files)?;
     builder.record.inputs = plan
@@ -345,33 +334,17 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     target.prepare()?;
     let report = reporter.follow(tell, |progress| plan.run(&args.out, progress))?;
     reporter.note(&summary(&report));
-    reporter.message(&Finished {
-        message: "imported",
-        out: &args.out,
-        num_views: num_views(&report),
-        num_points: report.points.num_kept,
-    })?;
+    reporter.message(&serde_json::json!({
+        "message": "imported",
+        "out": args.out,
+        "num_views": num_views(&report),
+        "num_points": report.points.num_kept,
+    }))?;
     builder.record.seed = Some(options.align.seed);
     builder.record.warnings.clone_from(&report.warnings);
-    let written = files.iter().filter(|file| args.out.join(file).is_file());
-    builder.record.outputs = written.map(|file| file.display().to_string()).collect();
+    builder.wrote(files.iter().filter(|file| args.out.join(file).is_file()));
     builder.write(&args.out)?;
     Ok(ExitCode::SUCCESS)
-}
-
-#[derive(Serialize)]
-struct Finished<'a> {
-    message: &'static str,
-    out: &'a PathBuf,
-    num_views: usize,
-    num_points: usize,
-}
-
-#[derive(Serialize)]
-struct Aligned<'a> {
-    message: &'static str,
-    #[serde(flatten)]
-    alignment: &'a Alignment,
 }
 
 fn tell(reporter: &mut Reporter, message: &ImportProgress) -> Result<()> {
@@ -382,12 +355,8 @@ fn tell(reporter: &mut Reporter, message: &ImportProgress) -> Result<()> {
             total,
             ..
         } => {
-            if !reporter.is_at("images") {
-                reporter.begin("images", "images", 0, *total as u64);
-            }
-            let done = *done as u64;
-            reporter.advance(done, || condition.clone().unwrap_or_default());
-            reporter.step_message(done, message)
+            let note = || condition.clone().unwrap_or_default();
+            reporter.count_with(("images", "images"), (*done, *total), note, message)
         }
         ImportProgress::Warning { text } => {
             reporter.warning(text);
@@ -418,10 +387,7 @@ fn tell_alignment(reporter: &Reporter, alignment: &Alignment) -> Result<()> {
         let unit = if alignment.is_metric { "m" } else { "units" };
         reporter.note(&format!("cameras: {height:.2} {unit} above the floor"));
     }
-    reporter.message(&Aligned {
-        message: "aligned",
-        alignment,
-    })
+    reporter.tagged("aligned", alignment)
 }
 
 fn num_views(report: &ImportReport) -> usize {

@@ -2,9 +2,9 @@
 
 use crate::args::GlobalArgs;
 use crate::command_line;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, RecordBuilder};
+use crate::record::RecordBuilder;
 use anyhow::Result;
 use clap::Args;
 use eagpt_colmap::model::{Form, Part};
@@ -93,13 +93,6 @@ struct Recorded<'a> {
     options: &'a RunOptions,
 }
 
-#[derive(Serialize)]
-struct Finished<'a, T> {
-    message: &'static str,
-    #[serde(flatten)]
-    report: &'a T,
-}
-
 pub(super) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let options = args.options(global);
     let recorded = Recorded {
@@ -110,13 +103,7 @@ pub(super) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
     options.validate()?;
     let names = list_images(&args.images)?;
     let inputs: Vec<PathBuf> = names.iter().map(|name| args.images.join(name)).collect();
-    let target = Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "colmap run",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
-    };
+    let target = Target::new(&args.out, "colmap run", &inputs, args.force);
     let parts = Part::ALL.map(|part| part.path("".as_ref(), Form::Binary));
     let mut files = parts.to_vec();
     files.extend([REPORT_FILE, LOG_FILE].map(PathBuf::from));
@@ -152,13 +139,9 @@ pub(super) fn run(args: &RunArgs, global: &GlobalArgs) -> Result<ExitCode> {
         reporter.warning(&text);
         builder.record.warnings.push(text);
     }
-    reporter.message(&Finished {
-        message: "registered",
-        report: &report,
-    })?;
+    reporter.tagged("registered", &report)?;
     builder.record.device = Some(report.version.clone());
-    let written = files.iter().filter(|file| args.out.join(file).is_file());
-    builder.record.outputs = written.map(|file| file.display().to_string()).collect();
+    builder.wrote(files.iter().filter(|file| args.out.join(file).is_file()));
     builder.write(&args.out)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -169,15 +152,11 @@ fn tell(reporter: &mut Reporter, message: &RunProgress, num_images: u64) -> Resu
         if let Some(Done { done, total }) = done {
             // The mapper counts images and does not know how many will be.
             let total = if *total == 0 { num_images } else { *total };
-            if !reporter.is_at(step) {
-                let unit = if *step == "matches" {
-                    "parts"
-                } else {
-                    "images"
-                };
-                reporter.begin(step, unit, 0, total);
-            }
-            reporter.advance(*done, String::new);
+            let unit = match *step {
+                "matches" => "parts",
+                _ => "images",
+            };
+            reporter.show((step, unit), (*done, total), String::new);
         }
     }
     reporter.message(message)

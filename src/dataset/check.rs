@@ -45,9 +45,5 @@ pub(super) fn run(args: &CheckArgs, global: &GlobalArgs) -> Result<ExitCode> {
 /// Shows a message of the job.
 fn tell(reporter: &mut Reporter, message: &CheckProgress) -> Result<()> {
     let CheckProgress::Checking { done, total } = message;
-    if !reporter.is_at("checking") {
-        reporter.begin("checking", "views", 0, *total as u64);
-    }
-    reporter.advance(*done as u64, String::new);
-    reporter.step_message(*done as u64, message)
+    reporter.count(("checking", "views"), (*done, *total), message)
 }

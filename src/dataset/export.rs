@@ -1,9 +1,9 @@
 //! `eagpt dataset export`: a dataset for other programs.
 
 use crate::args::GlobalArgs;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use anyhow::Result;
 use clap::Args;
 use eagpt_convert::export::{Images, planned_files};
@@ -59,13 +59,7 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let mut builder = RecordBuilder::begin("dataset export", &recorded, global)?;
     let dataset = Dataset::open(&args.dataset)?;
     let inputs = dataset.files();
-    let target = Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "dataset export",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
-    };
+    let target = Target::new(&args.out, "dataset export", &inputs, args.force);
     let planned = planned_files(&dataset, format, images);
     target.check(&planned)?;
     super::refuse_foreign(&args.out, &planned)?;
@@ -77,10 +71,7 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let record = &mut builder.record;
     record.inputs.push(Input::of_cameras(&dataset)?);
     record.warnings.clone_from(&summary.warnings);
-    let outputs = summary.outputs.iter();
-    record.outputs = outputs
-        .map(|path| path.to_string_lossy().into_owned())
-        .collect();
+    builder.wrote(&summary.outputs);
     builder.write(&args.out)?;
     reporter.note(&format!(
         "{}: {} views, {} points",
@@ -102,11 +93,7 @@ pub(super) fn run(args: &ExportArgs, global: &GlobalArgs) -> Result<ExitCode> {
 fn tell(reporter: &mut Reporter, message: &ExportProgress) -> Result<()> {
     match message {
         ExportProgress::Exporting { done, total } => {
-            if !reporter.is_at("exporting") {
-                reporter.begin("exporting", "views", 0, *total as u64);
-            }
-            reporter.advance(*done as u64, String::new);
-            reporter.step_message(*done as u64, message)
+            reporter.count(("exporting", "views"), (*done, *total), message)
         }
         ExportProgress::Warning { text } => {
             reporter.warning(text);

@@ -1,9 +1,9 @@
 //! `eagpt dataset import`: a dataset of another program becomes ours.
 
 use crate::args::{self, Auto, GlobalArgs};
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use anyhow::Result;
 use clap::Args;
 use eagpt_convert::World;
@@ -127,13 +127,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         options: &options,
     })?;
     let inputs = source.files();
-    let target = Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "dataset import",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
-    };
+    let target = Target::new(&args.out, "dataset import", &inputs, args.force);
     let planned = planned_files(&source);
     target.check(&planned)?;
     super::refuse_foreign(&args.out, &planned)?;
@@ -157,10 +151,7 @@ pub(super) fn run(args: &ImportArgs, global: &GlobalArgs) -> Result<ExitCode> {
         record.inputs.push(Input::of(file)?);
     }
     record.warnings.clone_from(&summary.report.warnings);
-    let outputs = summary.outputs.iter();
-    record.outputs = outputs
-        .map(|path| path.to_string_lossy().into_owned())
-        .collect();
+    builder.wrote(&summary.outputs);
     builder.write(&args.out)?;
     close(&reporter, &args.out, &summary)?;
     Ok(ExitCode::SUCCESS)
@@ -213,11 +204,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
 fn tell(reporter: &mut Reporter, message: &ImportProgress) -> Result<()> {
     match message {
         ImportProgress::Importing { done, total } => {
-            if !reporter.is_at("importing") {
-                reporter.begin("importing", "views", 0, *total as u64);
-            }
-            reporter.advance(*done as u64, String::new);
-            return reporter.step_message(*done as u64, message);
+            return reporter.count(("importing", "views"), (*done, *total), message);
         }
         ImportProgress::Bad(problem) => {
             reporter.note(&format!("bad: {}: {}", problem.view, problem.problem));

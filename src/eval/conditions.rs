@@ -2,34 +2,19 @@
 
 use super::{COLUMN_WIDTH, EvalArgs, table};
 use crate::args::GlobalArgs;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder, SplitRecord};
+use crate::record::{Input, RecordBuilder, SplitRecord};
 use crate::terminal;
 use anyhow::{Result, bail};
-use eagpt_eval::Mean;
 use eagpt_eval::{
-    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, METRICS_FILE,
-    RESULT_FILES, Selection,
+    Conditions, ConditionsOptions, EvalOptions, EvalProgress, Evaluation, METRICS_FILE, Mean,
+    RESULT_FILES, Selection, evaluate,
 };
 use eagpt_scene::Dataset;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-
-/// One condition is evaluated as ever; several get a folder each.
-#[derive(Serialize)]
-#[serde(untagged)]
-enum Job {
-    One(EvalOptions),
-    Several(ConditionsOptions),
-}
-
-enum Outcome {
-    One(Box<Evaluation>),
-    Several(Conditions),
-}
 
 /// The files of a job.
 #[derive(Default)]
@@ -43,136 +28,73 @@ struct Files {
 pub(super) fn run(args: &EvalArgs, global: &GlobalArgs) -> Result<ExitCode> {
     // clap asks for it unless a subcommand is given.
     let out = args.out.clone().unwrap_or_default();
-    let mut job = Job::new(args, &out)?;
-    let mut builder = RecordBuilder::begin("eval", &job, global)?;
-    let files = files(&job, &out, &mut builder)?;
-    let target = Target {
-        dir: &out,
-        record: FILE_NAME,
-        command: "eval",
-        inputs: &files.inputs,
-        replace: Replace::from_flag(args.force),
+    let job = options(args, &out)?;
+    let mut builder = match job.conditions.as_slice() {
+        [alone] => RecordBuilder::begin("eval", alone, global)?,
+        _ => RecordBuilder::begin("eval", &job, global)?,
     };
+    let files = files(&job, &out, &mut builder)?;
+    let target = Target::new(&out, "eval", &files.inputs, args.force);
     target.check(&files.outputs)?;
-    // Nothing is in the way now, or it may be replaced.
-    for condition in job.conditions_mut() {
-        condition.force = true;
-    }
-
     let mut reporter = Reporter::new(global);
-    let mut failed = None;
-    let outcome = job.run(&mut |message| {
-        let told = tell(&mut reporter, &message, &target);
-        if let Err(error) = told {
-            failed.get_or_insert(error);
-        }
-    });
-    reporter.finish();
-    let outcome = outcome?;
-    if let Some(error) = failed {
-        return Err(error);
-    }
+    let tell = |reporter: &mut Reporter, message: &_| tell(reporter, message, &target);
+    let found = reporter.follow(tell, |progress| evaluate(&job, progress))?;
+    let warnings = warnings(&found);
     let record = &mut builder.record;
     record.device = Some("cpu".to_owned());
-    record.warnings = outcome.warnings();
-    let outputs = files.outputs.iter();
-    record.outputs = outputs.map(|path| path.display().to_string()).collect();
+    record.warnings.clone_from(&warnings);
+    builder.wrote(&files.outputs);
     builder.write(&out)?;
-    for warning in outcome.warnings() {
-        reporter.warning(&warning);
+    for warning in &warnings {
+        reporter.warning(warning);
     }
-    finish(&reporter, &out, &outcome, global)?;
+    finish(&reporter, &out, &found, global)?;
     Ok(ExitCode::SUCCESS)
 }
 
-impl Job {
-    fn new(args: &EvalArgs, out: &Path) -> Result<Self> {
-        let num = args.reference.len();
-        if args.renders.len() != num {
-            bail!(
-                "--reference: given {num} times for {} folders of renderings: each folder needs its own",
-                args.renders.len()
-            );
-        }
-        if !args.name.is_empty() && args.name.len() != num {
-            bail!(
-                "--name: given {} times for {num} conditions",
-                args.name.len()
-            );
-        }
-        let before = of_each("--before", &args.before, num)?;
-        let subset = of_each("--split", &args.split, num)?;
-        let split = of_each("--split-rule", &args.split_rule, num)?;
-        let mut conditions = Vec::with_capacity(num);
-        for (i, (renders, dataset)) in args.renders.iter().zip(&args.reference).enumerate() {
-            conditions.push(EvalOptions {
-                before: before.get(i).cloned(),
-                name: args.name.get(i).cloned(),
-                split: split.get(i).copied(),
-                subset: subset.get(i).copied(),
-                flip: args.flip.options()?,
-                force: args.force,
-                ..EvalOptions::new(renders, dataset, out)
-            });
-        }
-        if num == 1 {
-            return Ok(Self::One(conditions.remove(0)));
-        }
-        Ok(Self::Several(ConditionsOptions::new(conditions, out)?))
+/// The conditions that the arguments name.
+fn options(args: &EvalArgs, out: &Path) -> Result<ConditionsOptions> {
+    let num = args.reference.len();
+    if args.renders.len() != num {
+        bail!(
+            "--reference: given {num} times for {} folders of renderings: each folder needs its own",
+            args.renders.len()
+        );
     }
-
-    fn conditions(&self) -> &[EvalOptions] {
-        match self {
-            Self::One(condition) => std::slice::from_ref(condition),
-            Self::Several(several) => &several.conditions,
-        }
+    if !args.name.is_empty() && args.name.len() != num {
+        bail!(
+            "--name: given {} times for {num} conditions",
+            args.name.len()
+        );
     }
-
-    fn conditions_mut(&mut self) -> &mut [EvalOptions] {
-        match self {
-            Self::One(condition) => std::slice::from_mut(condition),
-            Self::Several(several) => &mut several.conditions,
-        }
+    let before = of_each("--before", &args.before, num)?;
+    let subset = of_each("--split", &args.split, num)?;
+    let split = of_each("--split-rule", &args.split_rule, num)?;
+    let mut conditions = Vec::with_capacity(num);
+    for (i, (renders, dataset)) in args.renders.iter().zip(&args.reference).enumerate() {
+        conditions.push(EvalOptions {
+            before: before.get(i).cloned(),
+            name: args.name.get(i).cloned(),
+            split: split.get(i).copied(),
+            subset: subset.get(i).copied(),
+            flip: args.flip.options()?,
+            ..EvalOptions::new(renders, dataset, out)
+        });
     }
-
-    fn run(&self, progress: &mut dyn FnMut(EvalProgress)) -> eagpt_eval::Result<Outcome> {
-        Ok(match self {
-            Self::One(options) => Outcome::One(eagpt_eval::evaluate(options, progress)?.into()),
-            Self::Several(options) => {
-                Outcome::Several(eagpt_eval::evaluate_conditions(options, progress)?)
-            }
-        })
-    }
+    Ok(ConditionsOptions::new(conditions, out)?)
 }
 
-impl Outcome {
-    fn conditions(&self) -> &[Evaluation] {
-        match self {
-            Self::One(evaluation) => std::slice::from_ref(evaluation.as_ref()),
-            Self::Several(several) => &several.conditions,
-        }
+/// Warnings of all conditions, of several with their names.
+fn warnings(found: &Conditions) -> Vec<String> {
+    if let [alone] = found.conditions.as_slice() {
+        return alone.warnings.clone();
     }
-
-    fn means(&self) -> &[Mean] {
-        match self {
-            Self::One(evaluation) => &evaluation.means,
-            Self::Several(several) => &several.means,
-        }
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        match self {
-            Self::One(evaluation) => evaluation.warnings.clone(),
-            Self::Several(several) => {
-                let conditions = several.conditions.iter();
-                let warnings = conditions.flat_map(|condition| {
-                    let texts = condition.warnings.iter();
-                    texts.map(|text| format!("{}: {text}", condition.name))
-                });
-                warnings.collect()
-            }
-        }
-    }
+    let conditions = found.conditions.iter();
+    let warnings = conditions.flat_map(|condition| {
+        let texts = condition.warnings.iter();
+        texts.map(|text| format!("{}: {text}", condition.name))
+    });
+    warnings.collect()
 }
 
 /// A value for each of `num` conditions from one for all or one for each; none if none is given.
@@ -188,12 +110,13 @@ fn of_each<T: Clone>(flag: &str, values: &[T], num: usize) -> Result<Vec<T>> {
 }
 
 /// Finds the files of all conditions, and puts the datasets into the record.
-fn files(job: &Job, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
+fn files(job: &ConditionsOptions, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
     let mut files = Files::default();
-    if let Job::Several(_) = job {
+    let is_alone = job.conditions.len() == 1;
+    if !is_alone {
         files.outputs.extend(result_files());
     }
-    for condition in job.conditions() {
+    for condition in &job.conditions {
         for folder in [out, &condition.out] {
             if same_folder(folder, &condition.renders) {
                 bail!(
@@ -205,7 +128,7 @@ fn files(job: &Job, out: &Path, builder: &mut RecordBuilder) -> Result<Files> {
         let selection = Selection::new(condition)?;
         let dataset = selection.dataset();
         builder.record.inputs.push(Input::of_cameras(dataset)?);
-        if let Job::One(_) = job {
+        if is_alone {
             builder.record.split = Some(SplitRecord {
                 rule: selection.split.as_ref().map(|split| split.rule),
                 num_train: selection.split.as_ref().map(|split| split.train.len()),
@@ -262,7 +185,7 @@ fn tell(reporter: &mut Reporter, message: &EvalProgress, target: &Target<'_>) ->
 }
 
 /// The means, as the last thing on the screen.
-fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArgs) -> Result<()> {
+fn finish(reporter: &Reporter, out: &Path, found: &Conditions, global: &GlobalArgs) -> Result<()> {
     let path = out.join(METRICS_FILE);
     let keyed = |means: &[Mean]| -> Map<String, Value> {
         let means = means.iter();
@@ -270,9 +193,10 @@ fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArg
             .map(|mean| (mean.metric.key.to_owned(), mean.value.into()))
             .collect()
     };
-    let mut done = json!({ "message": "done", "path": path, "mean": keyed(outcome.means()) });
-    if let Outcome::Several(several) = outcome {
-        let conditions = several.conditions.iter();
+    let mut done = json!({ "message": "done", "path": path, "mean": keyed(&found.means) });
+    let several = Some(&found.conditions).filter(|conditions| conditions.len() > 1);
+    if let Some(several) = several {
+        let conditions = several.iter();
         let conditions = conditions.map(|c| json!({ "name": c.name, "mean": keyed(&c.means) }));
         done["conditions"] = conditions.collect();
     }
@@ -281,8 +205,8 @@ fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArg
         return Ok(());
     }
     let mut names: Vec<&str> = Vec::new();
-    if let Outcome::Several(several) = outcome {
-        names.extend(several.conditions.iter().map(|c| c.name.as_str()));
+    if let Some(several) = several {
+        names.extend(several.iter().map(|c| c.name.as_str()));
         names.push("mean");
     }
     let widths = names.iter().map(|name| name.chars().count());
@@ -294,17 +218,17 @@ fn finish(reporter: &Reporter, out: &Path, outcome: &Outcome, global: &GlobalArg
             .collect();
         terminal::print(&format!("{:<22}{heading}\n", ""))?;
     }
-    let rows = outcome.means().iter().map(|mean| {
+    let rows = found.means.iter().map(|mean| {
         let mut values = Vec::new();
-        if let Outcome::Several(several) = outcome {
-            let of_each = several.conditions.iter();
+        if let Some(several) = several {
+            let of_each = several.iter();
             values.extend(of_each.map(|condition| condition.mean(mean.metric.key)));
         }
         values.push(Some(mean.value));
         (mean.metric.key, values)
     });
     terminal::print(&table(rows, width))?;
-    let sum = |of: fn(&Evaluation) -> usize| outcome.conditions().iter().map(of).sum::<usize>();
+    let sum = |of: fn(&Evaluation) -> usize| found.conditions.iter().map(of).sum::<usize>();
     reporter.note(&format!(
         "{}: {} views of {} rendered",
         path.display(),

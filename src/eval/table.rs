@@ -2,9 +2,9 @@
 
 use crate::args::GlobalArgs;
 use crate::command_line;
-use crate::output::{Replace, Target};
+use crate::output::Target;
 use crate::progress::Reporter;
-use crate::record::{FILE_NAME, Input, RecordBuilder};
+use crate::record::{Input, RecordBuilder};
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
@@ -72,18 +72,12 @@ pub(super) fn run(args: &TableArgs, global: &GlobalArgs) -> Result<ExitCode> {
     for path in &inputs {
         builder.record.inputs.push(Input::of(path)?);
     }
-    let target = Target {
-        dir: &args.out,
-        record: FILE_NAME,
-        command: "eval table",
-        inputs: &inputs,
-        replace: Replace::from_flag(args.force),
-    };
+    let target = Target::new(&args.out, "eval table", &inputs, args.force);
     target.check(&FILES.map(PathBuf::from))?;
     let table = eagpt_eval::tabulate(&options)?;
     target.prepare()?;
     table.write(&args.out)?;
-    builder.record.outputs = FILES.map(str::to_owned).into();
+    builder.wrote(FILES);
     builder.write(&args.out)?;
 
     let reporter = Reporter::new(global);

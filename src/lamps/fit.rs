@@ -3,8 +3,7 @@
 use super::columns;
 use crate::args::GlobalArgs;
 use crate::device::DeviceArgs;
-use crate::export::check_target;
-use crate::output;
+use crate::output::{self, Replace};
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::Result;
@@ -73,9 +72,8 @@ pub(super) fn run(args: &FitArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let beside = || lights_file_beside(&args.scene);
     let lights = args.lights.clone().unwrap_or_else(beside);
     if let Some(out) = &args.out {
-        for input in [&args.scene, &lights] {
-            check_target(out, input, args.force)?;
-        }
+        let inputs = [args.scene.as_path(), &lights];
+        output::check_part(out, &inputs, Replace::from_flag(args.force))?;
     }
     let views = match args.views.is_empty() {
         true => FitViews::Best(args.num_views as usize),
@@ -108,12 +106,7 @@ pub(super) fn run(args: &FitArgs, global: &GlobalArgs) -> Result<ExitCode> {
 
 fn tell(reporter: &mut Reporter, message: &LightFitProgress) -> Result<()> {
     let LightFitProgress::Rendering { done, total } = *message;
-    let (done, total) = (done as u64, total as u64);
-    if !reporter.is_at("rendering") {
-        reporter.begin("rendering", "lights", done, total);
-    }
-    reporter.advance(done, String::new);
-    reporter.step_message(done, message)
+    reporter.count(("rendering", "lights"), (done, total), message)
 }
 
 fn table(fit: &LightFit) -> String {

@@ -1,6 +1,7 @@
 //! Views to render: those of a dataset, or the frames of a camera path.
 
 use super::RenderArgs;
+use crate::args;
 use crate::record::SplitRecord;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -27,18 +28,11 @@ pub(super) struct PathArgs {
     #[arg(long, value_name = "N", requires = "camera_path", conflicts_with_all = OF_VIEWS)]
     pub(super) frames: Option<u32>,
     /// Width and height of the frames, as 960x540; the vertical field of view stays
-    #[arg(long, value_name = "WxH", requires = "camera_path", conflicts_with_all = OF_VIEWS, value_parser = size)]
-    pub(super) size: Option<(u32, u32)>,
+    #[arg(long, value_name = "WxH", requires = "camera_path", conflicts_with_all = OF_VIEWS, value_parser = args::size(1..=u32::MAX))]
+    pub(super) size: Option<[u32; 2]>,
     /// Write EXRs of the frames as well
     #[arg(long, requires = "camera_path", conflicts_with_all = OF_VIEWS)]
     pub(super) exr: bool,
-}
-
-fn size(text: &str) -> Result<(u32, u32), String> {
-    let parsed = text
-        .split_once('x')
-        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
-    parsed.ok_or_else(|| "not a width and a height, as 960x540".to_owned())
 }
 
 /// All pictures to render, and where they come from.
@@ -84,7 +78,7 @@ impl Shots {
         };
         let overrides = PathOverrides {
             num_frames: args.path.frames,
-            size: args.path.size,
+            size: args.path.size.map(Into::into),
         };
         let path = CameraPath::read(argument, dataset, &overrides)?;
         let list = path.cameras.iter().enumerate().map(|(i, camera)| Shot {
@@ -192,10 +186,8 @@ fn views(
 
 fn unruled(subset: Option<Subset>, num_views: usize) -> SplitRecord {
     SplitRecord {
-        rule: None,
-        num_train: None,
-        num_test: None,
         subset,
         num_views,
+        ..SplitRecord::default()
     }
 }

@@ -14,6 +14,7 @@ use anyhow::{Context, Result, bail};
 use eagpt_report::run::StepRecord;
 use eagpt_scene::files;
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -136,7 +137,7 @@ pub(super) fn run(
             step.name,
             reason.text()
         ));
-        reporter.message(&StepMessage::new(step, index, total, reason)?)?;
+        reporter.message(&message(step, index, total, reason)?)?;
         if reason == Reason::UpToDate {
             continue;
         }
@@ -247,27 +248,15 @@ fn remove_files(step: &PlanStep) -> Result<()> {
 }
 
 /// A step in JSON messages.
-#[derive(Serialize)]
-struct StepMessage<'a> {
-    message: &'static str,
-    step: &'a str,
-    index: usize,
-    total: usize,
-    reason: Reason,
-    command: String,
-}
-
-impl<'a> StepMessage<'a> {
-    fn new(step: &'a PlanStep, index: usize, total: usize, reason: Reason) -> Result<Self> {
-        Ok(Self {
-            message: "run-step",
-            step: &step.name,
-            index: index + 1,
-            total,
-            reason,
-            command: step.shown()?,
-        })
-    }
+fn message(step: &PlanStep, index: usize, total: usize, reason: Reason) -> Result<Value> {
+    Ok(json!({
+        "message": "run-step",
+        "step": step.name,
+        "index": index + 1,
+        "total": total,
+        "reason": reason,
+        "command": step.shown()?,
+    }))
 }
 
 /// Prints what would run.
@@ -291,7 +280,7 @@ pub(super) fn dry_run(
             why = Reason::Depends;
         }
         runs[index] = why != Reason::UpToDate;
-        reporter.message(&StepMessage::new(step, index, total, why)?)?;
+        reporter.message(&message(step, index, total, why)?)?;
         let mut cost = String::new();
         let known = folder.record.steps.get(&step.name);
         if let Some(record) = known.filter(|record| record.seconds > 0.0) {

@@ -4,8 +4,9 @@ use crate::args::GlobalArgs;
 use crate::output;
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eagpt_scene::files;
+use eagpt_train::Preset;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -29,16 +30,6 @@ pub(crate) struct InitArgs {
     force: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Preset {
-    /// A first look, in minutes
-    Draft,
-    /// Good results on a CPU
-    Fast,
-    /// Iterations and samples of the paper
-    Paper,
-}
-
 pub(crate) fn run(args: &InitArgs, global: &GlobalArgs) -> Result<ExitCode> {
     if args.project.exists() && !args.force {
         bail!(
@@ -47,19 +38,23 @@ pub(crate) fn run(args: &InitArgs, global: &GlobalArgs) -> Result<ExitCode> {
         );
     }
     output::create_parent(&args.project)?;
-    let (preset, spp) = match args.preset {
-        Preset::Draft => ("draft", 16),
-        Preset::Fast => ("fast", 64),
-        Preset::Paper => ("paper", 1024),
-    };
     let dataset = toml::Value::from(args.dataset.display().to_string());
     let text = TEMPLATE
         .replace("{dataset}", &dataset.to_string())
-        .replace("{preset}", preset)
-        .replace("{spp}", &spp.to_string());
+        .replace("{preset}", args.preset.name())
+        .replace("{spp}", &spp(args.preset).to_string());
     files::write_bytes_atomic(&args.project, text.as_bytes())?;
     Reporter::new(global).note(&format!("{}", args.project.display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Samples a pixel of the renderings of a project.
+pub(crate) fn spp(preset: Preset) -> i64 {
+    match preset {
+        Preset::Draft => 16,
+        Preset::Fast => 64,
+        Preset::Paper => 1024,
+    }
 }
 
 const TEMPLATE: &str = r#"# A project of eagpt: `eagpt run` does what it says, step by step, and only what has changed since the last time.

@@ -6,15 +6,13 @@
 use super::execute::{self, Reason};
 use super::plan::Plan;
 use super::project::Project;
-use super::state::{Folder, Patience};
+use super::state::{Folder, LONG_WAIT};
 use super::step::{PlanStep, set_shard};
 use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use eagpt_scene::Shard;
-use serde::Serialize;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Runs one step, or a part of it, if it has to be run.
@@ -39,7 +37,7 @@ pub(super) fn run(
     let mut ahead = Folder::look_at(&plan.out)?;
     check_earlier(plan, step, &ahead)?;
     ahead.key(plan, step)?;
-    let mut folder = Folder::open(&plan.out, Patience::Long)?;
+    let mut folder = Folder::open(&plan.out, LONG_WAIT)?;
     folder.learn(ahead);
     folder.keep_project(project)?;
     let key = folder.key(plan, step)?;
@@ -61,7 +59,7 @@ pub(super) fn run(
     }
     let mut ahead = Folder::look_at(&plan.out)?;
     ahead.products(step)?;
-    let mut folder = Folder::open(&plan.out, Patience::Long)?;
+    let mut folder = Folder::open(&plan.out, LONG_WAIT)?;
     folder.learn(ahead);
     execute::finish(step, &mut folder, begun, seconds)?;
     Ok(ExitCode::SUCCESS)
@@ -85,25 +83,9 @@ fn check_earlier(plan: &Plan, step: &PlanStep, folder: &Folder) -> Result<()> {
     );
 }
 
-/// A step in the list of steps.
-#[derive(Serialize)]
-struct Listed<'a> {
-    message: &'static str,
-    step: &'a str,
-    /// Command, without the name of the program.
-    arguments: Vec<String>,
-    /// Steps whose products it takes.
-    after: Vec<&'a str>,
-    /// Files and folders outside of the run that it reads.
-    reads: &'a [PathBuf],
-    products: &'a [PathBuf],
-    /// Whether `--shard` divides it.
-    divides: bool,
-    /// Folder of the run.
-    out: &'a Path,
-}
-
-/// Prints the steps without a look at any file.
+/// Prints the steps without a look at any file; in JSON the command without the name of the program,
+/// the steps whose products it takes, what it reads outside of the run and what it makes, whether
+/// `--shard` divides it, and the folder of the run.
 ///
 /// # Errors
 /// If standard output cannot be written.
@@ -115,16 +97,16 @@ pub(super) fn list(plan: &Plan, global: &GlobalArgs) -> Result<ExitCode> {
             .after
             .iter()
             .map(|&index| plan.steps[index].name.as_str());
-        reporter.message(&Listed {
-            message: "step",
-            step: &step.name,
-            arguments: step.words()?,
-            after: after.collect(),
-            reads: &step.reads,
-            products: &step.products,
-            divides: step.divides(),
-            out: &plan.out,
-        })?;
+        reporter.message(&serde_json::json!({
+            "message": "step",
+            "step": step.name,
+            "arguments": step.words()?,
+            "after": after.collect::<Vec<_>>(),
+            "reads": step.reads,
+            "products": step.products,
+            "divides": step.divides(),
+            "out": plan.out,
+        }))?;
         text += &format!("{}\n    {}\n", step.name, step.shown()?);
     }
     if !global.json {

@@ -82,22 +82,6 @@ pub(super) const MODES: &str = "modes";
 
 impl ProjectFile {
     /// Sections with their names.
-    pub(crate) fn sections(&self) -> [(&'static str, &Option<Section>); 10] {
-        [
-            ("synth", &self.synth),
-            ("ingest", &self.ingest),
-            ("colmap", &self.colmap),
-            ("poses", &self.poses),
-            ("masks", &self.masks),
-            ("normals", &self.normals),
-            ("train", &self.train),
-            ("render", &self.render),
-            ("bake", &self.bake),
-            ("eval", &self.eval),
-        ]
-    }
-
-    /// As [`Self::sections`], to change them.
     pub(crate) fn sections_mut(&mut self) -> [(&'static str, &mut Option<Section>); 10] {
         [
             ("synth", &mut self.synth),
@@ -239,7 +223,7 @@ impl Project {
             let problem = "needs exactly one of dataset, capture, simulate";
             return Err(self.error(&given[given.len().min(1)..], problem).into());
         }
-        for (name, section) in file.sections() {
+        for (name, section) in file.clone().sections_mut() {
             let problem = match section::part(name) {
                 section::Part::Capture if file.dataset.is_some() => {
                     "is for a capture, not for a dataset"

@@ -28,39 +28,25 @@ pub(crate) enum Part {
     Results,
 }
 
+/// Arguments that stand for an input and a folder for results.
+const IN_AND_OUT: &[&str] = &["-", "--out", "-"];
+const RENDER: &[&str] = &["-", "--cameras", "-", "--mode", "path", "--out", "-"];
+const BAKE: &[&str] = &["-", "--cameras", "-", "--out", "-"];
+const EVAL: &[&str] = &["-", "--reference", "-", "--out", "-"];
+
 /// Sections: name, command whose options it holds, stage, and arguments that stand for those that
 /// a run fills in.
 const SECTIONS: [(&str, &str, Part, &[&str]); 10] = [
-    ("synth", "synth", Part::Capture, &["-", "--out", "-"]),
-    ("ingest", "ingest", Part::Capture, &["-", "--out", "-"]),
-    ("colmap", "colmap run", Part::Capture, &["-", "--out", "-"]),
-    (
-        "poses",
-        "colmap import",
-        Part::Capture,
-        &["-", "--out", "-"],
-    ),
+    ("synth", "synth", Part::Capture, IN_AND_OUT),
+    ("ingest", "ingest", Part::Capture, IN_AND_OUT),
+    ("colmap", "colmap run", Part::Capture, IN_AND_OUT),
+    ("poses", "colmap import", Part::Capture, IN_AND_OUT),
     ("masks", "masks", Part::Training, &["-"]),
     ("normals", "normals", Part::Training, &["-"]),
-    ("train", "train", Part::Training, &["-", "--out", "-"]),
-    (
-        "render",
-        "render",
-        Part::Results,
-        &["-", "--cameras", "-", "--mode", "path", "--out", "-"],
-    ),
-    (
-        "bake",
-        "bake",
-        Part::Results,
-        &["-", "--cameras", "-", "--out", "-"],
-    ),
-    (
-        "eval",
-        "eval",
-        Part::Results,
-        &["-", "--reference", "-", "--out", "-"],
-    ),
+    ("train", "train", Part::Training, IN_AND_OUT),
+    ("render", "render", Part::Results, RENDER),
+    ("bake", "bake", Part::Results, BAKE),
+    ("eval", "eval", Part::Results, EVAL),
 ];
 
 /// Options that are for `eagpt run` to give.
@@ -152,10 +138,10 @@ impl Project {
     /// # Errors
     /// Naming line, key and value of what the command does not take.
     pub(super) fn options<A: Args>(&self, name: &str) -> Result<Options<A>> {
-        let all = self.file.sections();
-        let section = all.iter().find(|(of, _)| *of == name);
-        let section = section.and_then(|(_, section)| section.as_ref());
-        let entries = section.into_iter().flatten();
+        let mut file = self.file.clone();
+        let section = file.sections_mut().into_iter().find(|(of, _)| *of == name);
+        let section = section.and_then(|(_, section)| section.take());
+        let entries = section.iter().flatten();
         let entries = entries.filter(|(key, _)| (name, key.as_str()) != ("poses", MODEL));
         self.parse_options(name, entries.map(|(key, value)| (vec![name, key], value)))
     }

@@ -15,23 +15,10 @@ use std::time::Duration;
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
 
-/// Time to wait for a lock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Patience {
-    /// As long as the system takes to clear away a run that was killed.
-    Short,
-    /// As long as others may take to note what they do.
-    Long,
-}
-
-impl Patience {
-    fn duration(self) -> Duration {
-        match self {
-            Self::Short => Duration::from_secs(2),
-            Self::Long => Duration::from_secs(600),
-        }
-    }
-}
+/// Time to wait for a lock that a run has which was killed: as long as systems take to clear it away.
+pub(super) const SHORT_WAIT: Duration = Duration::from_secs(2);
+/// Time to wait for the lock of others who note what they do.
+pub(super) const LONG_WAIT: Duration = Duration::from_mins(10);
 
 /// The folder of a run.
 #[derive(Debug)]
@@ -48,8 +35,8 @@ impl Folder {
     ///
     /// # Errors
     /// If another process has it, or it cannot be read or written.
-    pub(super) fn open(dir: &Path, patience: Patience) -> Result<Self> {
-        let lock = FolderLock::acquire(dir, patience.duration())?;
+    pub(super) fn open(dir: &Path, wait: Duration) -> Result<Self> {
+        let lock = FolderLock::acquire(dir, wait)?;
         Ok(Self {
             _lock: Some(lock),
             ..Self::look_at(dir)?

@@ -3,7 +3,7 @@
 use super::execute::{self, Range, Status};
 use super::plan::Plan;
 use super::project::Project;
-use super::state::{Folder, Patience};
+use super::state::{Folder, SHORT_WAIT};
 use crate::args::GlobalArgs;
 use crate::progress::Reporter;
 use crate::terminal;
@@ -48,7 +48,7 @@ pub(super) fn run(dir: &Path, until: Option<&str>, global: &GlobalArgs) -> Resul
         .with_context(|| format!("{}", dir.join(PROJECT_FILE).display()))?;
     let plan = Plan::of(&project)?;
     let range = Range::new(&plan, None, until)?;
-    let mut now = Folder::open(&again, Patience::Short)?;
+    let mut now = Folder::open(&again, SHORT_WAIT)?;
     now.keep_project(&project)?;
     match execute::run(&plan, &mut now, &range, global)? {
         Status::Done => {}

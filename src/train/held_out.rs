@@ -1,6 +1,6 @@
 //! A light that a training leaves out, and how the scene shows it with its lamps switched.
 
-use super::TrainArgs;
+use super::{TrainArgs, compared};
 use crate::bake;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
@@ -149,14 +149,7 @@ fn line(name: &str, relit: &Relit) -> String {
     };
     let compared = relit.compared.map_or_else(
         || "no test view".to_owned(),
-        |found| {
-            let factor = found.exposure_scale;
-            let factor = factor.map_or(String::new(), |factor| format!(", factor {factor:.2}"));
-            format!(
-                "{:.1} dB{factor} over {} test views",
-                found.psnr_srgb_db, found.num_views
-            )
-        },
+        |found| format!("{} test views", compared(&found)),
     );
     format!("{name}, held out: {compared} ({lamps}{fitted})")
 }

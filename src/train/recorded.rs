@@ -47,19 +47,14 @@ pub(super) fn fill(
     if let Some(own_light) = &summary.own_light {
         builder.measured("own_light", own_light)?;
     }
-    let record = &mut builder.record;
     let of_lights = (summary.lights.iter().skip(1)).map(|name| format!("lights/{name}/scene.ply"));
     let outputs = [
         "scene.ply",
         "all-lamps/scene.ply",
         "train.toml",
         "log.jsonl",
-    ]
-    .map(str::to_owned);
-    record.outputs = outputs
-        .into_iter()
-        .chain(of_lights)
-        .filter(|name| request.out.join(name).is_file())
-        .collect();
+    ];
+    let outputs = outputs.map(str::to_owned).into_iter().chain(of_lights);
+    builder.wrote(outputs.filter(|name| request.out.join(name).is_file()));
     Ok(())
 }

@@ -15,11 +15,8 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             return reporter.count(("reading", "views"), (*done, *total), message);
         }
         TrainProgress::Gathering { done, total } => {
-            if *done == 0 {
-                reporter.begin("gathering light", "Gaussians", 0, *total as u64);
-            }
-            reporter.advance(*done as u64, String::new);
-            return reporter.step_message(*done as u64, message);
+            let task = ("gathering light", "Gaussians");
+            return reporter.count(task, (*done, *total), message);
         }
         TrainProgress::OwnLight { step } => return tell_own_light(reporter, step, message),
         TrainProgress::StageStarted {
@@ -113,14 +110,12 @@ fn tell_own_light(
     step: &BakeProgress,
     message: &TrainProgress,
 ) -> Result<()> {
-    let (done, total, task, unit) = match *step {
-        BakeProgress::Looking { done, total } => (done, total, "own light: surfaces", "views"),
-        BakeProgress::Gathering { done, total } => (done, total, "own light: rays", "Gaussians"),
+    let (steps, task) = match *step {
+        BakeProgress::Looking { done, total } => ((done, total), ("own light: surfaces", "views")),
+        BakeProgress::Gathering { done, total } => {
+            ((done, total), ("own light: rays", "Gaussians"))
+        }
         _ => return reporter.message(message),
     };
-    if !reporter.is_at(task) {
-        reporter.begin(task, unit, 0, total as u64);
-    }
-    reporter.advance(done as u64, String::new);
-    reporter.step_message(done as u64, message)
+    reporter.count(task, steps, message)
 }

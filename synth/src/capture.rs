@@ -263,3 +263,6 @@ impl Simulation<'_> {
 fn round_to(value: f64, step: f64) -> f64 {
     (value / step).round() * step
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,9 @@
 //! Lamps of a room: where they are and how much light leaves them, for what is compared with the
 //! truth.
 
+#[cfg(test)]
+mod tests;
+
 use crate::light::emitters::cosine_direction;
 use crate::room::shape::Shape;
 use crate::room::{LIFT, Room, Surface};
@@ -15,25 +18,25 @@ const RAYS_OF_FACE: u32 = 4096;
 
 /// Surfaces of one light that touch each other.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Lamp {
+pub(crate) struct Lamp {
     /// The name of the light; with a number from 1 where that has several lamps.
-    pub name: String,
+    pub(crate) name: String,
     /// Corners of the axis-aligned box around its surfaces, metres.
-    pub bounds_m: [Vec3; 2],
+    pub(crate) bounds_m: [Vec3; 2],
     /// Area of the faces that emit, m².
-    pub area_m2: f32,
+    pub(crate) area_m2: f32,
     /// Mean direction of the emission, weighted by area; shorter than 1 where faces differ, 0 for a
     /// ball.
-    pub direction: Vec3,
+    pub(crate) direction: Vec3,
     /// Linear Rec.709 radiance by condition; 0 where it is off.
-    pub radiance: BTreeMap<String, Vec3>,
+    pub(crate) radiance: BTreeMap<String, Vec3>,
     /// Radiant flux that leaves it by condition: radiance × π × area, less what its own surfaces
     /// take in, as the inside of a shade does.
-    pub power: BTreeMap<String, Vec3>,
+    pub(crate) power: BTreeMap<String, Vec3>,
 }
 
 /// All lamps of a room, in the order of their surfaces.
-pub fn lamps(room: &Room, conditions: &[String]) -> Vec<Lamp> {
+pub(crate) fn lamps(room: &Room, conditions: &[String]) -> Vec<Lamp> {
     let mut groups: Vec<(u32, Vec<u32>)> = Vec::new();
     for (index, surface) in (0..).zip(room.surfaces()) {
         let Some(light) = surface.light else { continue };

@@ -1,11 +1,11 @@
 //! A virtual capture rig: rooms of analytic shapes, path-traced with exact ground truth,
 //! photographed as RAW brackets.
 //!
-//! - [`room`]: shapes, patterns, materials, lights.
+//! - `room`: shapes, patterns, materials, lights.
 //! - [`script`]: scene files; [`scenes`]: those that come with the program.
-//! - [`light`]: the path tracer; [`photograph`]: images of a camera.
-//! - [`lamps`]: what is true of the room's lamps.
-//! - [`rig`]: lens, sensor, exposures; [`dng`]: mosaics as DNG files.
+//! - `light`: the path tracer; `photograph`: images of a camera.
+//! - `lamps`: what is true of the room's lamps.
+//! - `rig`: lens, sensor, exposures; [`dng`]: mosaics as DNG files.
 //! - [`capture`]: the job.
 //!
 //! # Scene files
@@ -80,15 +80,17 @@
 
 pub mod capture;
 pub mod dng;
-pub mod error;
-pub mod lamps;
-pub mod light;
-pub mod photograph;
-pub mod rig;
-pub mod room;
+mod error;
+mod lamps;
+mod light;
+mod photograph;
+mod rig;
+mod room;
 pub mod scenes;
 pub mod script;
 
 pub use capture::{SynthOptions, SynthProgress, SynthSummary, simulate};
 pub use error::{Result, SynthError};
+pub use photograph::SampleNoise;
+pub use rig::Rig;
 pub use script::SceneScript;

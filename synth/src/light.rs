@@ -6,11 +6,14 @@
 //! - [`coat`]: light that coats mirror.
 //! - [`cache`]: light that is solved once for the whole room, for the far ends of paths.
 
-pub mod cache;
-pub mod coat;
-pub mod emitters;
-pub mod path;
-pub mod points;
+pub(crate) mod cache;
+pub(crate) mod coat;
+pub(crate) mod emitters;
+pub(crate) mod path;
+pub(crate) mod points;
 
-pub use cache::{Cache, CacheOptions};
-pub use path::Lighting;
+pub(crate) use cache::{Cache, CacheOptions};
+pub(crate) use path::Lighting;
+
+#[cfg(test)]
+mod tests;

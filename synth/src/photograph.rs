@@ -15,16 +15,16 @@ use serde::{Deserialize, Serialize};
 
 /// Sampling of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sampling {
+pub(crate) struct Sampling {
     /// Rays for each pixel of the camera, at least one for each cell; rounded up to as many in
     /// every cell.
-    pub num_samples: u32,
+    pub(crate) num_samples: u32,
     /// Cells along each side of a pixel, whose light is kept apart: the pixels of the sensor.
-    pub num_cells: u32,
+    pub(crate) num_cells: u32,
     /// Pixels around the camera's image that are photographed, too, for a lens that sees more.
-    pub margin: u32,
+    pub(crate) margin: u32,
     /// Treatment of noise.
-    pub noise: SampleNoise,
+    pub(crate) noise: SampleNoise,
 }
 
 /// Treatment of the noise of sampled light.
@@ -46,7 +46,7 @@ impl Sampling {
 
 /// A photograph before any camera adds its noise, in all conditions.
 #[derive(Debug, Clone)]
-pub struct Photograph {
+pub(crate) struct Photograph {
     camera: Camera,
     /// The camera with the margin.
     wide: Camera,
@@ -71,7 +71,7 @@ const GRID: u32 = 8;
 
 impl Photograph {
     /// Takes a photograph. The same bits for any number of threads.
-    pub fn take(
+    pub(crate) fn take(
         lighting: &Lighting<'_>,
         camera: &Camera,
         sampling: Sampling,
@@ -119,24 +119,24 @@ impl Photograph {
 
     /// Light in a condition, margin included, finer than the camera's image by the number of cells
     /// along each side.
-    pub fn fine(&self, condition: usize) -> &Image<3> {
+    pub(crate) fn fine(&self, condition: usize) -> &Image<3> {
         &self.radiance[condition]
     }
 
     /// The pinhole camera of [`Self::fine`].
-    pub fn fine_camera(&self) -> Camera {
+    pub(crate) fn fine_camera(&self) -> Camera {
         self.wide.magnified(self.sampling.num_cells)
     }
 
     /// Hit of the ray through the centre of each pixel, margin included, row by row.
-    pub fn centres(&self) -> &[Option<Hit>] {
+    pub(crate) fn centres(&self) -> &[Option<Hit>] {
         &self.centres
     }
 
     /// The photograph in a condition with everything that is known about it. Radiance and albedo
     /// are means over the pixel, the mask is where lights cover at least half of it; normal and
     /// depth are those of its centre.
-    pub fn view(&self, condition: usize, name: &str) -> View {
+    pub(crate) fn view(&self, condition: usize, name: &str) -> View {
         let (origin, forward) = (self.camera.origin(), self.camera.forward());
         let mask = self.emitting.iter();
         let mask = mask.map(|emitting| [f32::from(emitting >> condition & 1)]);

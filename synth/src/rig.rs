@@ -3,7 +3,7 @@
 mod lens;
 mod sensor;
 
-pub use sensor::Sensor;
+pub(crate) use sensor::Sensor;
 
 use crate::dng::RGGB;
 use eagpt_scene::script::value::{Array, NotNegative, Number, Positive, Whole, checked, via};
@@ -92,7 +92,7 @@ impl Default for Rig {
 
 impl Rig {
     /// Camera's R, G, B of linear Rec.709, row by row; its green of white is 1.
-    pub fn camera_from_rec709(&self) -> [[f64; 3]; 3] {
+    pub(crate) fn camera_from_rec709(&self) -> [[f64; 3]; 3] {
         let mut matrix = self.camera_from_xyz.map(|row| {
             [0, 1, 2].map(|j| (0..3).map(|i| row[i] * XYZ_FROM_REC709[i][j]).sum::<f64>())
         });
@@ -104,24 +104,24 @@ impl Rig {
     }
 
     /// Camera's R, G, B of a neutral surface under D65, green 1.
-    pub fn as_shot_neutral(&self) -> [f64; 3] {
+    pub(crate) fn as_shot_neutral(&self) -> [f64; 3] {
         self.camera_from_rec709().map(|row| row.iter().sum())
     }
 
     /// Focal length for a field of view across, millimetres.
-    pub fn focal_length_mm(&self, fov_x_rad: f64) -> f64 {
+    pub(crate) fn focal_length_mm(&self, fov_x_rad: f64) -> f64 {
         0.5 * self.sensor_width_mm / (0.5 * fov_x_rad).tan()
     }
 
     /// Share of the light that reaches a point of the image, `r2` the square of its distance from
     /// the middle over that of the corner.
-    pub fn falloff(&self, r2: f64) -> f64 {
+    pub(crate) fn falloff(&self, r2: f64) -> f64 {
         let [a, b, c] = self.vignetting;
         1.0 + r2 * (a + r2 * (b + r2 * c))
     }
 
     /// The filters of its mosaic.
-    pub fn cfa(&self) -> crate::dng::Cfa {
+    pub(crate) fn cfa(&self) -> crate::dng::Cfa {
         RGGB
     }
 }

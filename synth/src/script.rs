@@ -19,7 +19,7 @@ use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use cameras::{CameraPlan, Ring};
+pub(crate) use cameras::CameraPlan;
 
 /// A scene file, read and checked.
 #[derive(Debug, Clone)]
@@ -31,11 +31,11 @@ pub struct SceneScript {
     /// Title.
     pub title: String,
     /// The room.
-    pub room: Room,
+    pub(crate) room: Room,
     /// Names of the conditions, in the order of the room's.
     pub conditions: Vec<String>,
     /// Positions that photographs are taken from.
-    pub cameras: CameraPlan,
+    pub(crate) cameras: CameraPlan,
     /// Camera that takes them.
     pub rig: Rig,
 }

@@ -36,113 +36,68 @@ impl<'de> Deserialize<'de> for ReadSurface {
     }
 }
 
-fn ball<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        centre: Array<Number, 3>,
-        radius: Positive,
-        albedo: Option<Albedo>,
-        radiance: Option<Color>,
-        specular: Option<Albedo>,
-        roughness: Option<Fraction>,
-        metal: Option<MetalKeys>,
-        spacing: Option<Positive>,
-    }
-
-    checked(deserializer, |keys: Keys| {
-        let solid = Solid::Ball {
-            centre: keys.centre.into(),
-            radius: keys.radius.into(),
-        };
-        let look = Look {
-            albedo: keys.albedo,
-            radiance: keys.radiance,
-            specular: keys.specular,
-            roughness: keys.roughness,
-            metal: keys.metal,
-        };
-        surface(solid, look, keys.spacing)
-    })
-}
-
-fn quad<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        centre: Array<Number, 3>,
-        u: Array<Number, 3>,
-        v: Array<Number, 3>,
-        albedo: Option<Albedo>,
-        radiance: Option<Color>,
-        specular: Option<Albedo>,
-        roughness: Option<Fraction>,
-        metal: Option<MetalKeys>,
-        spacing: Option<Positive>,
-    }
-
-    checked(deserializer, |keys: Keys| {
-        let [u, v] = [keys.u, keys.v].map(Vec3::from);
-        if u.cross(v).length() <= MIN_SINE * u.length() * v.length() {
-            return Err(format!("v {v} is parallel to u {u}"));
-        }
-        let solid = Solid::Quad {
-            centre: keys.centre.into(),
-            edges: [u, v],
-        };
-        let look = Look {
-            albedo: keys.albedo,
-            radiance: keys.radiance,
-            specular: keys.specular,
-            roughness: keys.roughness,
-            metal: keys.metal,
-        };
-        surface(solid, look, keys.spacing)
-    })
-}
-
-fn cuboid<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Keys {
-        centre: Array<Number, 3>,
-        size: Array<Positive, 3>,
-        rotate: Option<Rotation>,
-        albedo: Option<Albedo>,
-        radiance: Option<Color>,
-        specular: Option<Albedo>,
-        roughness: Option<Fraction>,
-        metal: Option<MetalKeys>,
-        spacing: Option<Positive>,
-    }
-
-    checked(deserializer, |keys: Keys| {
-        let solid = Solid::Box {
-            centre: keys.centre.into(),
-            size: keys.size.into(),
-            rotation: keys.rotate.map_or(Quat::IDENTITY, Quat::from),
-        };
-        let look = Look {
-            albedo: keys.albedo,
-            radiance: keys.radiance,
-            specular: keys.specular,
-            roughness: keys.roughness,
-            metal: keys.metal,
-        };
-        surface(solid, look, keys.spacing)
-    })
-}
-
-/// Material of a new surface, key by key.
-struct Look {
+/// Place and material of a new surface, key by key.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    centre: Array<Number, 3>,
+    radius: Option<Positive>,
+    u: Option<Array<Number, 3>>,
+    v: Option<Array<Number, 3>>,
+    size: Option<Array<Positive, 3>>,
+    rotate: Option<Rotation>,
     albedo: Option<Albedo>,
     radiance: Option<Color>,
     specular: Option<Albedo>,
     roughness: Option<Fraction>,
     metal: Option<MetalKeys>,
+    spacing: Option<Positive>,
 }
 
-impl Look {
+fn ball<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
+    checked(deserializer, |keys: Keys| {
+        let (Some(radius), None, None, None, None) =
+            (keys.radius, keys.u, keys.v, keys.size, keys.rotate)
+        else {
+            return Err("a ball has a `centre` and a `radius`".to_owned());
+        };
+        let (centre, radius) = (keys.centre.into(), radius.into());
+        keys.surface(Solid::Ball { centre, radius })
+    })
+}
+
+fn quad<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
+    checked(deserializer, |keys: Keys| {
+        let (Some(u), Some(v), None, None, None) =
+            (keys.u, keys.v, keys.radius, keys.size, keys.rotate)
+        else {
+            return Err("a quad has a `centre`, `u` and `v`".to_owned());
+        };
+        let [u, v] = [u, v].map(Vec3::from);
+        if u.cross(v).length() <= MIN_SINE * u.length() * v.length() {
+            return Err(format!("v {v} is parallel to u {u}"));
+        }
+        let (centre, edges) = (keys.centre.into(), [u, v]);
+        keys.surface(Solid::Quad { centre, edges })
+    })
+}
+
+fn cuboid<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Surface, D::Error> {
+    checked(deserializer, |keys: Keys| {
+        let (Some(size), None, None, None) = (keys.size, keys.radius, keys.u, keys.v) else {
+            return Err("a box has a `centre` and a `size`, and may `rotate`".to_owned());
+        };
+        let solid = Solid::Box {
+            centre: keys.centre.into(),
+            size: size.into(),
+            rotation: keys.rotate.map_or(Quat::IDENTITY, Quat::from),
+        };
+        keys.surface(solid)
+    })
+}
+
+impl Keys {
+    /// The material.
     fn material(self) -> Result<Material, String> {
         let is_metal = self.metal.is_some();
         if is_metal && (self.albedo.is_some() || self.specular.is_some()) {
@@ -169,23 +124,26 @@ impl Look {
             gloss,
         })
     }
-}
 
-fn surface(solid: Solid, look: Look, spacing: Option<Positive>) -> Result<Surface, String> {
-    let surface = Surface {
-        solid,
-        material: look.material()?,
-        spacing: spacing.map(f32::from),
-    };
-    let num = surface.num_discs();
-    if num > MAX_DISCS as f64 {
-        let spacing = match surface.spacing {
-            Some(spacing) => format!("of spacing {spacing} "),
-            None => String::new(),
+    /// The surface of this shape.
+    fn surface(self, solid: Solid) -> Result<Surface, String> {
+        let spacing = self.spacing.map(f32::from);
+        let material = self.material()?;
+        let surface = Surface {
+            solid,
+            material,
+            spacing,
         };
-        return Err(format!(
-            "a surface of {num:.0} discs {spacing}is too large: more than {MAX_DISCS} are not made"
-        ));
+        let num = surface.num_discs();
+        if num > MAX_DISCS as f64 {
+            let spacing = match spacing {
+                Some(spacing) => format!("of spacing {spacing} "),
+                None => String::new(),
+            };
+            return Err(format!(
+                "a surface of {num:.0} discs {spacing}is too large: more than {MAX_DISCS} are not made"
+            ));
+        }
+        Ok(surface)
     }
-    Ok(surface)
 }

@@ -10,8 +10,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// Numbers are comparable only at equal exposures; those derived from one reference are equal for
 /// all its tests.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FlipOptions {
     /// Pixels per degree of vision; the default is a 0.7 m wide 3840-pixel display seen from 0.7 m.
     pub ppd: f32,

@@ -1,59 +1,41 @@
-//! Several lightings of one room, each with its own renders and references.
+//! The job: one lighting of a room or several, each with its own renders and references.
 
+use super::EvalProgress;
 use super::options::{ConditionsOptions, EvalOptions};
-use super::prepared::{Prepared, refuse_existing};
-use super::{EvalProgress, Evaluation, Mean, mean_of};
+use super::prepared::Prepared;
 use crate::error::Result;
-use crate::metrics::METRICS;
+use crate::evaluation::{Conditions, Mean};
 use crate::report;
-use crate::scene_metrics::mean;
 
-/// The result of [`evaluate_conditions`].
-#[derive(Debug, Clone)]
-pub struct Conditions {
-    /// Means over the conditions that have a metric of their means, each condition with the same
-    /// weight however many views it has; in the order of [`METRICS`].
-    pub means: Vec<Mean>,
-    /// The conditions, in the order of the options.
-    pub conditions: Vec<Evaluation>,
-}
-
-impl Conditions {
-    /// The mean of the metric called `key`, if a condition has it.
-    pub fn mean(&self, key: &str) -> Option<f64> {
-        mean_of(&self.means, key)
-    }
-}
-
-/// Evaluates every condition as [`evaluate`](super::evaluate) does, and writes the results of all
-/// together.
+/// Compares the renders of each condition with the views of its dataset, and writes the results: of
+/// one condition alone into the output folder, of several into a folder each, and those of all
+/// together beside.
 ///
-/// All conditions are checked before any comparison; progress counts the views of all of them.
+/// Measured are the views that were rendered and that the dataset has: see
+/// [`Selection`](super::Selection). All conditions are checked before any comparison; progress
+/// counts the views of all of them. Results that are there are replaced.
 ///
 /// # Errors
-/// As [`evaluate`](super::evaluate) for each condition.
-pub fn evaluate_conditions(
+/// [`EvalError`](crate::EvalError) naming the file or option: no render of a view, a missing render
+/// of the subset that was asked for (all are listed), a render of another size or with values that
+/// are not finite, a view that the earlier dataset lacks, or whatever reading and writing files
+/// returns.
+pub fn evaluate(
     options: &ConditionsOptions,
     progress: &mut dyn FnMut(EvalProgress),
 ) -> Result<Conditions> {
-    let prepared = options
-        .conditions
-        .iter()
-        .map(Prepared::new)
-        .collect::<Result<Vec<_>>>()?;
-    if !options.conditions.iter().all(|condition| condition.force) {
-        refuse_existing(report::files(&options.out).into_iter())?;
-    }
-    let names: Vec<String> = options
-        .conditions
-        .iter()
-        .map(EvalOptions::condition)
-        .collect();
+    let prepared = options.conditions.iter().map(Prepared::new);
+    let prepared = prepared.collect::<Result<Vec<_>>>()?;
+    let is_alone = prepared.len() == 1;
+    let names = options.conditions.iter().map(EvalOptions::condition);
+    let names: Vec<String> = names.collect();
     for (name, prepared) in names.iter().zip(&prepared) {
         for text in &prepared.warnings {
-            progress(EvalProgress::Warning {
-                text: format!("{name}: {text}"),
-            });
+            let text = match is_alone {
+                true => text.clone(),
+                false => format!("{name}: {text}"),
+            };
+            progress(EvalProgress::Warning { text });
         }
     }
     let total = prepared.iter().map(Prepared::num_views).sum();
@@ -63,32 +45,19 @@ pub fn evaluate_conditions(
     for (condition, prepared) in names.iter().zip(prepared) {
         conditions.push(prepared.run(&mut |view| {
             done += 1;
-            progress(EvalProgress::View {
-                name: format!("{condition}/{view}"),
-                done,
-                total,
-            });
+            let name = match is_alone {
+                true => view.to_owned(),
+                false => format!("{condition}/{view}"),
+            };
+            progress(EvalProgress::View { name, done, total });
         })?);
     }
     let found = Conditions {
-        means: means(&conditions),
+        means: Mean::of_conditions(&conditions),
         conditions,
     };
-    report::write_conditions(&options.out, &found)?;
+    if !is_alone {
+        report::write_conditions(&options.out, &found)?;
+    }
     Ok(found)
-}
-
-fn means(conditions: &[Evaluation]) -> Vec<Mean> {
-    METRICS
-        .iter()
-        .filter_map(|metric| {
-            let of_all = conditions.iter().flat_map(|condition| &condition.means);
-            let found: Vec<&Mean> = of_all.filter(|m| m.metric.key == metric.key).collect();
-            Some(Mean {
-                metric,
-                value: mean(found.iter().map(|mean| mean.value))?,
-                num_views: found.iter().map(|mean| mean.num_views).sum(),
-            })
-        })
-        .collect()
 }

@@ -3,13 +3,12 @@
 use crate::error::{EvalError, Result};
 use crate::flip::FlipOptions;
 use eagpt_scene::dataset::{SplitRule, Subset};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
-/// Options of [`crate::evaluate`]: renders of one condition, that is, of one lighting.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Renders of one condition, that is, of one lighting.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EvalOptions {
     /// Folder of renders.
     pub renders: PathBuf,
@@ -17,26 +16,18 @@ pub struct EvalOptions {
     pub dataset: PathBuf,
     /// Dataset with the same views under an earlier light, which tells lit from
     /// shadow (`crate::regions`). `dataset` itself gives no change of light.
-    #[serde(default)]
     pub before: Option<PathBuf>,
     /// Name of the condition in tables and files; by default that of the dataset's folder.
-    #[serde(default)]
     pub name: Option<String>,
     /// Output folder; created.
     pub out: PathBuf,
     /// Rule that divides the views of the dataset that was rendered; by default that of the
     /// renders' record.
-    #[serde(default)]
     pub split: Option<SplitRule>,
     /// The views to evaluate, all of which must have been rendered; by default those that were.
-    #[serde(default)]
     pub subset: Option<Subset>,
     /// Settings of FLIP.
-    #[serde(default)]
     pub flip: FlipOptions,
-    /// Replace results that are in the output folder.
-    #[serde(default)]
-    pub force: bool,
 }
 
 impl EvalOptions {
@@ -51,7 +42,6 @@ impl EvalOptions {
             split: None,
             subset: None,
             flip: FlipOptions::default(),
-            force: false,
         }
     }
 
@@ -73,24 +63,31 @@ impl EvalOptions {
     }
 }
 
-/// Several conditions of one method.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Options of [`crate::evaluate`]: one condition of a method, or several.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ConditionsOptions {
     /// The conditions, at least one, of different names. `out` of each is the folder of its own
-    /// results.
+    /// results; of one alone the folder of all.
     pub conditions: Vec<EvalOptions>,
     /// Folder of the results of all together; created.
     pub out: PathBuf,
 }
 
 impl ConditionsOptions {
-    /// Puts the results of each condition into a folder of `out` named after it.
+    /// Puts the results into `out`; those of each of several conditions into a folder of it that is
+    /// named after the condition.
     ///
     /// # Errors
     /// [`EvalError::Option`] if two conditions have one name, or a name cannot be a folder's.
     pub fn new(mut conditions: Vec<EvalOptions>, out: &Path) -> Result<Self> {
         let mut seen = HashSet::new();
+        if let [alone] = conditions.as_mut_slice() {
+            alone.out = out.to_owned();
+            return Ok(Self {
+                out: alone.out.clone(),
+                conditions,
+            });
+        }
         for condition in &mut conditions {
             let name = condition.condition();
             let mut parts = Path::new(&name).components();

@@ -1,18 +1,19 @@
 //! One condition: its checks before any work, then its views.
 
+use super::channels::scene_metrics;
 use super::options::EvalOptions;
-use super::provenance::Provenance;
 use super::renders::Renders;
 use super::selection::Selection;
-use super::view::{EmittersFrom, ViewMetrics, scene_metrics};
-use super::{Evaluation, means};
 use crate::align::{ExposureFit, compare_aligned};
 use crate::error::{EvalError, Result};
+use crate::evaluation::{Evaluation, Mean};
 use crate::flip::magma_rgb8;
 use crate::known::{KnownPixels, pack};
 use crate::pair::compare_known;
+use crate::provenance::Provenance;
 use crate::regions::{self, LightChange, Lights, region_metrics};
 use crate::report;
+use crate::view::{EmittersFrom, ViewMetrics};
 use eagpt_scene::dataset::VALID_DIR;
 use eagpt_scene::{Dataset, Frame, Image, SceneError, View, files, png};
 use std::borrow::Cow;
@@ -100,10 +101,6 @@ impl<'a> Prepared<'a> {
         let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
         let provenance = Provenance::of(&selection.record, &names);
         let before = Earlier::open(options, &selection)?;
-        if !options.force {
-            let maps = names.iter().map(|name| map_path(options, name));
-            refuse_existing(report::files(&options.out).into_iter().chain(maps))?;
-        }
         let mut warnings = [selection.warnings.clone(), renders.warnings()].concat();
         let num_masked = frames.iter().filter(|f| f.files.valid.is_some()).count();
         if num_masked > 0 {
@@ -149,7 +146,7 @@ impl<'a> Prepared<'a> {
         let evaluation = Evaluation {
             name: self.options.condition(),
             provenance: self.provenance,
-            means: means(&views),
+            means: Mean::of_views(&views),
             exposure_scale: survey.exposure.scale(),
             light_change: survey.change.ratio(),
             regions: regions::pooled(views.iter().map(|view| &view.regions)),
@@ -284,11 +281,4 @@ impl Earlier {
 
 fn map_path(options: &EvalOptions, view: &str) -> PathBuf {
     options.out.join("flip").join(format!("{view}.png"))
-}
-
-pub(super) fn refuse_existing(mut paths: impl Iterator<Item = PathBuf>) -> Result<()> {
-    match paths.find(|path| path.exists()) {
-        Some(path) => Err(EvalError::Exists { path }),
-        None => Ok(()),
-    }
 }

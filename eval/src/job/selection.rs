@@ -4,9 +4,9 @@
 //! reference may hold the test views alone, and must not be divided once more.
 
 use super::options::EvalOptions;
-use super::provenance::RenderRecord;
 use super::renders;
 use crate::error::{EvalError, Result, listed};
+use crate::provenance::RenderRecord;
 use eagpt_scene::dataset::{Split, SplitRule, Subset};
 use eagpt_scene::{Dataset, Frame, SceneError};
 use std::collections::HashSet;

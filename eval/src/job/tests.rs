@@ -2,7 +2,11 @@ mod conditions;
 mod selection;
 
 use super::*;
-use eagpt_scene::dataset::DatasetWriter;
+use crate::error::Result;
+use crate::evaluation::Evaluation;
+use crate::metrics::METRICS;
+use crate::view::ViewMetrics;
+use eagpt_scene::dataset::{DatasetWriter, Subset};
 use eagpt_scene::exr::Precision;
 use eagpt_scene::{Camera, Image, View, exr};
 use std::path::PathBuf;
@@ -55,6 +59,16 @@ fn view(index: usize) -> View {
 
 /// A dataset and a folder of renders: the references plus 0.1 in green, and the other channels of
 /// view 0.
+/// The evaluation of one condition.
+fn evaluated(options: &EvalOptions, progress: &mut dyn FnMut(EvalProgress)) -> Result<Evaluation> {
+    let options = ConditionsOptions::new(vec![options.clone()], &options.out)?;
+    let mut found = evaluate(&options, progress)?;
+    for (mean, own) in found.means.iter().zip(&found.conditions[0].means) {
+        assert_eq!((mean.metric.key, mean.value), (own.metric.key, own.value));
+    }
+    Ok(found.conditions.remove(0))
+}
+
 struct Case {
     dir: TempDir,
     options: EvalOptions,
@@ -105,7 +119,7 @@ impl Case {
     }
 
     fn run(&self) -> Result<Evaluation> {
-        evaluate(&self.options, &mut |_| {})
+        evaluated(&self.options, &mut |_| {})
     }
 
     #[track_caller]
@@ -126,7 +140,7 @@ impl Case {
 fn two_views_with_known_errors() {
     let case = Case::new();
     let mut messages = Vec::new();
-    let found = evaluate(&case.options, &mut |message| messages.push(message)).unwrap();
+    let found = evaluated(&case.options, &mut |message| messages.push(message)).unwrap();
     assert_eq!(messages.len(), 3 + 1 + 2, "{messages:?}");
     assert_eq!(messages[3], EvalProgress::Started { total: 2 });
 
@@ -178,13 +192,6 @@ fn what_the_reference_does_not_know_is_not_measured() {
     assert!(found.warnings.iter().any(told), "{:?}", found.warnings);
     render(0, 500.0);
     render(8, 3.0);
-    let case = Case {
-        options: EvalOptions {
-            force: true,
-            ..case.options
-        },
-        dir: case.dir,
-    };
     let again = case.run().unwrap();
     assert_eq!(found.views, again.views);
     assert_eq!(found.exposure_scale, again.exposure_scale);
@@ -288,36 +295,4 @@ fn bad_renders_are_named() {
     let mut case = Case::new();
     case.options.flip.ppd = -1.0;
     case.assert_refused(&["ppd", "-1"]);
-}
-
-#[test]
-fn results_are_replaced_only_by_force() {
-    let mut case = Case::new();
-    case.run().unwrap();
-    let before = case.output("metrics.json");
-    case.render_rgb("", 0, &radiance(0));
-    case.assert_refused(&["metrics.json", "exists", "force"]);
-    assert_eq!(case.output("metrics.json"), before);
-    case.options.force = true;
-    case.run().unwrap();
-    assert_ne!(case.output("metrics.json"), before);
-
-    // Also a file that no evaluation made.
-    let case = Case::new();
-    std::fs::create_dir_all(case.options.out.join("flip/cam_0")).unwrap();
-    std::fs::write(case.options.out.join("flip/cam_0/img_8.png"), "mine").unwrap();
-    case.assert_refused(&["flip/cam_0/img_8.png", "force"]);
-    assert_eq!(case.output("flip/cam_0/img_8.png"), "mine");
-}
-
-#[test]
-fn options_have_defaults_and_no_unknown_keys() {
-    let text = r#"{"renders": "a", "dataset": "b", "out": "c"}"#;
-    let options: EvalOptions = serde_json::from_str(text).unwrap();
-    assert_eq!(
-        options,
-        EvalOptions::new("a".as_ref(), "b".as_ref(), "c".as_ref())
-    );
-    let unknown = r#"{"renders": "a", "dataset": "b", "out": "c", "ppd": 3}"#;
-    assert!(serde_json::from_str::<EvalOptions>(unknown).is_err());
 }

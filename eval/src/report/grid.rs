@@ -4,6 +4,7 @@ use super::append;
 use crate::metrics::{Better, Metric};
 
 /// A table of texts.
+#[derive(Debug)]
 pub(crate) struct Grid {
     /// Heading of the names of rows, lower case.
     pub(crate) corner: &'static str,

@@ -1,8 +1,9 @@
 //! The tables of views, of regions and of conditions.
 
 use super::grid::{Column, Grid, shown};
-use crate::job::{Conditions, EmittersFrom, Evaluation, Mean};
+use crate::evaluation::{Conditions, Evaluation, Mean};
 use crate::metrics::MeanOf;
+use crate::view::EmittersFrom;
 
 /// All views and their mean.
 pub(super) fn views(evaluation: &Evaluation) -> Grid {

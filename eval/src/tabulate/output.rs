@@ -1,31 +1,18 @@
-//! The table as files.
+//! The table of modes in all its forms.
 
-use super::{FILES, ModeTable, TableCell, seconds_per_frame};
-use crate::error::Result;
+use super::{ModeTable, Table, TableCell, seconds_per_frame};
 use crate::metrics::Metric;
 use crate::report::grid::{Column, Grid, shown};
-use crate::report::{csv_text, csv_value, write_all};
+use crate::report::{csv_text, csv_value};
 use serde_json::{Map, Value, json};
-use std::path::Path;
 
 impl ModeTable {
-    /// Writes the [`FILES`] into `out`, each atomically.
-    ///
-    /// # Errors
-    /// [`SceneError::Io`](eagpt_scene::SceneError) with the file's name.
-    pub fn write(&self, out: &Path) -> Result<()> {
-        let [markdown, latex, csv, json] = FILES;
-        let texts = [
-            (markdown, self.markdown()),
-            (latex, self.grid().latex()),
-            (csv, self.csv()),
-        ];
-        write_all(out, texts, (json, self.json()))
-    }
-
-    /// The table as Markdown, with notes on the provenance of each number.
-    pub fn markdown(&self) -> String {
-        self.grid().markdown()
+    pub(super) fn table(&self) -> Table {
+        Table {
+            grid: self.grid(),
+            csv: self.csv(),
+            json: self.json(),
+        }
     }
 
     fn grid(&self) -> Grid {
@@ -104,37 +91,36 @@ impl ModeTable {
         csv_text(heading.map(str::to_owned), rows)
     }
 
-    fn json(&self) -> serde_json::Result<Value> {
+    fn json(&self) -> Value {
         let keyed = |value: &dyn Fn(usize, &Metric) -> Option<Value>| -> Map<String, Value> {
             let metrics = self.metrics.iter().enumerate();
             metrics
                 .filter_map(|(i, metric)| Some((metric.key.to_owned(), value(i, metric)?)))
                 .collect()
         };
-        let cell = |cell: &TableCell| -> serde_json::Result<Value> {
-            Ok(json!({
+        let cell = |cell: &TableCell| {
+            json!({
                 "folder": cell.folder,
-                "render": serde_json::to_value(&cell.provenance)?,
+                "render": cell.provenance,
                 // As in metrics.json: null is infinite, absent is absent.
                 "mean": keyed(&|i, _| cell.values[i].map(|value| json!(value))),
-            }))
+            })
         };
-        let row = |(name, cells): &(String, Vec<Option<TableCell>>)| -> serde_json::Result<Value> {
-            let conditions = self.cells.conditions.iter();
-            let of_conditions = conditions
-                .zip(self.cells.of_row(cells))
-                .map(|(name, found)| Ok((name.clone(), found.map(cell).transpose()?.into())))
-                .collect::<serde_json::Result<Map<_, _>>>()?;
-            Ok(json!({
+        let rows = self.cells.rows.iter().map(|(name, cells)| {
+            let of_conditions = self.cells.conditions.iter().zip(self.cells.of_row(cells));
+            let of_conditions: Map<_, _> = of_conditions
+                .map(|(name, found)| (name.clone(), found.map(cell).into()))
+                .collect();
+            json!({
                 "name": name,
                 "seconds_per_frame": seconds_per_frame(cells),
                 "conditions": of_conditions,
-            }))
-        };
-        Ok(json!({
+            })
+        });
+        json!({
             "conditions": self.cells.conditions,
             "definitions": keyed(&|_, metric| Some(json!(metric.definition))),
-            "rows": self.cells.rows.iter().map(row).collect::<serde_json::Result<Vec<_>>>()?,
-        }))
+            "rows": rows.collect::<Vec<_>>(),
+        })
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{TableCell, TableFolder};
 use crate::error::Result;
-use crate::job::Provenance;
 use crate::metrics::Metric;
+use crate::provenance::Provenance;
 use crate::report;
 use eagpt_scene::{SceneError, files};
 use serde::Deserialize;

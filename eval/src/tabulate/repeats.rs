@@ -8,16 +8,16 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Cells, FILES, TableFolder, metric, read};
+use super::{Cells, Table, TableFolder, metric, read};
 use crate::error::{EvalError, Result};
 use crate::metrics::Metric;
 use crate::report::grid::{Column, Grid, shown};
-use crate::report::{csv_text, csv_value, write_all};
+use crate::report::{csv_text, csv_value};
 use eagpt_scene::SceneError;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Key of the seconds that a frame took, beside those of metrics.
 pub const SECONDS: &str = "seconds_per_frame";
@@ -25,8 +25,7 @@ pub const SECONDS: &str = "seconds_per_frame";
 const SECONDS_DECIMALS: usize = 3;
 
 /// Options of the table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RepeatOptions {
     /// Cells in the order of their rows; conditions are in the order of appearance.
     pub cells: Vec<RepeatCell>,
@@ -35,8 +34,7 @@ pub struct RepeatOptions {
 }
 
 /// A row under a condition.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RepeatCell {
     /// Its row.
     pub row: String,
@@ -46,19 +44,18 @@ pub struct RepeatCell {
     pub folders: Vec<PathBuf>,
     /// Values to compare with, by key: those of metrics and [`SECONDS`], and others, which are only
     /// in the JSON.
-    #[serde(default)]
     pub published: BTreeMap<String, f64>,
 }
 
 /// Mean and standard deviation over the seeds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Spread {
+struct Spread {
     /// Mean; JSON has null for an infinite one.
-    pub mean: f64,
+    mean: f64,
     /// Standard deviation of the sample, divided by n − 1; `None` for one seed or an infinite mean.
-    pub sd: Option<f64>,
+    sd: Option<f64>,
     /// The values, in the order of the folders.
-    pub values: Vec<f64>,
+    values: Vec<f64>,
 }
 
 impl Spread {
@@ -89,15 +86,13 @@ impl Spread {
     }
 }
 
-/// A table of means over seeds.
-#[derive(Debug, Clone)]
-pub struct RepeatTable {
+/// Means over seeds.
+struct RepeatTable {
     metrics: Vec<&'static Metric>,
     cells: Cells<Filled>,
     notes: Vec<String>,
 }
 
-#[derive(Debug, Clone)]
 struct Filled {
     folders: Vec<PathBuf>,
     /// A spread for each metric, and for the seconds last.
@@ -105,11 +100,11 @@ struct Filled {
     published: BTreeMap<String, f64>,
 }
 
-/// Puts evaluations into one table, which [`RepeatTable::write`] writes; `notes` stand below it.
+/// Puts evaluations into one table; `notes` stand below it.
 ///
 /// # Errors
 /// As [`super::tabulate`]; also if an evaluation has no condition of the cell's name.
-pub fn tabulate_repeats(options: &RepeatOptions, notes: Vec<String>) -> Result<RepeatTable> {
+pub fn tabulate_repeats(options: &RepeatOptions, notes: Vec<String>) -> Result<Table> {
     let keys = options.metrics.iter();
     let metrics = keys.map(|key| metric(key)).collect::<Result<Vec<_>>>()?;
     let mut table = RepeatTable {
@@ -120,7 +115,11 @@ pub fn tabulate_repeats(options: &RepeatOptions, notes: Vec<String>) -> Result<R
     for cell in &options.cells {
         table.put(cell)?;
     }
-    Ok(table)
+    Ok(Table {
+        grid: table.grid(),
+        csv: table.csv(),
+        json: table.json(),
+    })
 }
 
 impl RepeatTable {
@@ -159,25 +158,6 @@ impl RepeatTable {
                 condition: cell.condition.clone(),
             })?;
         Ok(())
-    }
-
-    /// Writes the [`FILES`] into `out`, each atomically.
-    ///
-    /// # Errors
-    /// [`SceneError::Io`] with the file's name.
-    pub fn write(&self, out: &Path) -> Result<()> {
-        let [markdown, latex, csv, json] = FILES;
-        let texts = [
-            (markdown, self.markdown()),
-            (latex, self.grid().latex()),
-            (csv, self.csv()),
-        ];
-        write_all(out, texts, (json, self.json()))
-    }
-
-    /// The table as Markdown, with its notes.
-    pub fn markdown(&self) -> String {
-        self.grid().markdown()
     }
 
     /// Keys of the columns of a condition.
@@ -264,7 +244,7 @@ impl RepeatTable {
         csv_text(heading, rows)
     }
 
-    fn json(&self) -> serde_json::Result<Value> {
+    fn json(&self) -> Value {
         let mut rows: Vec<Value> = Vec::new();
         for (row, condition, cell) in self.cells.iter() {
             let spreads = self.keys().into_iter().zip(&cell.spreads);
@@ -283,6 +263,6 @@ impl RepeatTable {
         let definitions: Map<String, Value> = definitions
             .map(|metric| (metric.key.to_owned(), json!(metric.definition)))
             .collect();
-        Ok(json!({ "definitions": definitions, "cells": rows, "notes": self.notes }))
+        json!({ "definitions": definitions, "cells": rows, "notes": self.notes })
     }
 }

@@ -78,15 +78,7 @@ fn modes_down_and_conditions_across() {
     );
     let table = tabulate(&case.options).unwrap();
     table.write(&case.dir.path().join("out")).unwrap();
-    let rows: Vec<&str> = table
-        .cells
-        .rows
-        .iter()
-        .map(|(name, _)| name.as_str())
-        .collect();
-    assert_eq!(rows, ["0-bounce", "path", "baked", "mine"]);
-    assert_eq!(table.cells.conditions, ["original", "relit"]);
-    assert_eq!(seconds_per_frame(&table.cells.rows[1].1), Some(185.0));
+    assert_eq!(table.num_rows(), 4);
 
     let markdown = case.output("table.md");
     let lines: Vec<&str> = markdown.lines().collect();
@@ -109,6 +101,7 @@ fn modes_down_and_conditions_across() {
         lines[4],
         "| baked | -- | -- | -- | -- | 28.97 | -- | 0.1250 | 0.500 | 0.02 |"
     );
+    assert!(lines[5].starts_with("| mine | "), "{markdown}");
     assert!(markdown.contains("path, relit: "), "{markdown}");
     assert!(markdown.contains("/a, 64 spp\n"), "{markdown}");
     assert!(
@@ -126,6 +119,7 @@ fn modes_down_and_conditions_across() {
     assert_eq!(lines.len(), 1 + 5);
 
     let json: Value = serde_json::from_str(&case.output("table.json")).unwrap();
+    assert_eq!(json["conditions"], json!(["original", "relit"]));
     assert_eq!(json["rows"][0]["conditions"]["relit"], Value::Null);
     let cell = &json["rows"][1]["conditions"]["relit"];
     assert_eq!(

@@ -5,15 +5,7 @@ use crate::progress::Reporter;
 use anyhow::Result;
 use eagpt_colmap::ColmapError;
 use eagpt_colmap::import::{ImportOptions, Survey};
-use serde::Serialize;
 use std::path::Path;
-
-#[derive(Serialize)]
-struct Told<'a> {
-    message: &'static str,
-    #[serde(flatten)]
-    survey: &'a Survey,
-}
 
 /// Tells what is in a model and where its floor is, or why none was found.
 ///
@@ -22,10 +14,7 @@ struct Told<'a> {
 pub(super) fn tell(reporter: &Reporter, model: &Path, options: &ImportOptions) -> Result<()> {
     let (survey, alignment) = Survey::new(model, options)?;
     reporter.note(&text(model, &survey));
-    reporter.message(&Told {
-        message: "model",
-        survey: &survey,
-    })?;
+    reporter.tagged("model", &survey)?;
     match alignment {
         Ok(alignment) => tell_alignment(reporter, &alignment),
         Err(error) => {

@@ -84,7 +84,7 @@ impl SynthOptions {
     ///
     /// # Errors
     /// [`SynthError::Option`] naming the first that cannot be.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let option = |field, problem: String| Err(SynthError::Option { field, problem });
         if let Some([width, height]) = self.size
             && !([width, height]
@@ -114,7 +114,7 @@ impl SynthOptions {
     }
 
     /// The cameras' plan of a scene under these options.
-    pub fn plan(&self, script: &SceneScript) -> CameraPlan {
+    pub(crate) fn plan(&self, script: &SceneScript) -> CameraPlan {
         let plan = &script.cameras;
         CameraPlan {
             num_views: self.num_views.unwrap_or(plan.num_views),

@@ -25,13 +25,13 @@ const NOWHERE: u32 = u32::MAX;
 
 /// Settings of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CacheOptions {
+pub(crate) struct CacheOptions {
     /// Width of a cell, metres.
-    pub cell_m: f32,
+    pub(crate) cell_m: f32,
     /// Rays that leave a cell.
-    pub num_links: u32,
+    pub(crate) num_links: u32,
     /// Shadow rays from a cell in each condition.
-    pub num_direct: u32,
+    pub(crate) num_direct: u32,
 }
 
 impl Default for CacheOptions {
@@ -46,7 +46,7 @@ impl Default for CacheOptions {
 
 /// Irradiance over π in each condition and cell.
 #[derive(Debug, Clone)]
-pub struct Cache {
+pub(crate) struct Cache {
     grids: Vec<Grid>,
     /// Index into `grids` of each surface's first face.
     first_grid: Vec<u32>,
@@ -71,7 +71,7 @@ struct Cell {
 
 impl Cache {
     /// Solves the light of a room.
-    pub fn solve(lighting: &Lighting<'_>, key: RandomKey, options: &CacheOptions) -> Self {
+    pub(crate) fn solve(lighting: &Lighting<'_>, key: RandomKey, options: &CacheOptions) -> Self {
         let room = lighting.room;
         let mut cache = Self {
             grids: Vec::new(),
@@ -110,14 +110,14 @@ impl Cache {
     }
 
     /// Number of cells.
-    pub fn num_cells(&self) -> usize {
+    pub(crate) fn num_cells(&self) -> usize {
         self.grids.last().map_or(0, |grid| {
             (grid.first_cell + grid.size[0] * grid.size[1]) as usize
         })
     }
 
     /// Irradiance over π at a point.
-    pub fn irradiance(&self, condition: usize, hit: &Hit) -> Vec3 {
+    pub(crate) fn irradiance(&self, condition: usize, hit: &Hit) -> Vec3 {
         self.light
             .get(condition)
             .and_then(|light| light.get(self.cell(hit)? as usize))

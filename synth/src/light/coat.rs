@@ -15,7 +15,7 @@ const LEAST_ALPHA: f32 = 1e-3;
 
 /// A point of a coat that is seen from one direction.
 #[derive(Debug, Clone, Copy)]
-pub struct Coat {
+pub(crate) struct Coat {
     gloss: Gloss,
     alpha: f32,
     /// Tangent, bitangent and normal.
@@ -26,7 +26,7 @@ pub struct Coat {
 
 impl Coat {
     /// The coat of a surface of unit normal `normal`, met by a ray of the unit `direction`.
-    pub fn new(direction: Vec3, normal: Vec3, gloss: Gloss) -> Self {
+    pub(crate) fn new(direction: Vec3, normal: Vec3, gloss: Gloss) -> Self {
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         Self {
             gloss,
@@ -43,7 +43,7 @@ impl Coat {
     /// A unit direction that a facet mirrors to the eye, and its weight: Fresnel's reflectance and
     /// the masking of the facets, which are chosen by their visible area (Heitz 2018). `None` where
     /// a facet mirrors into the surface. `uniform` are numbers in [0, 1).
-    pub fn sample(&self, uniform: Vec2) -> Option<(Vec3, Vec3)> {
+    pub(crate) fn sample(&self, uniform: Vec2) -> Option<(Vec3, Vec3)> {
         let Self { alpha, out, .. } = *self;
         // The hemisphere that is seen of the facets stretched to a ball: a disc, half of it bent.
         let stretched = Vec3::new(alpha * out.x, alpha * out.y, out.z).normalize();
@@ -72,7 +72,7 @@ impl Coat {
 
     /// Share of the light from the unit `towards` that the eye sees, per steradian and cosine
     /// included, and the density with which [`Self::sample`] chooses that direction.
-    pub fn evaluate(&self, towards: Vec3) -> (Vec3, f32) {
+    pub(crate) fn evaluate(&self, towards: Vec3) -> (Vec3, f32) {
         let incoming = self.world_from_local.transpose() * towards;
         let Some(facet) = (incoming + self.out).try_normalize() else {
             return (Vec3::ZERO, 0.0);
@@ -109,7 +109,7 @@ impl Lighting<'_> {
     /// One sample of the light that the coat `gloss` at `hit` mirrors against the unit `direction`,
     /// in each condition, of which further coats may mirror a part. `path` is that of the point's
     /// own irradiance, `uniform` are two more numbers in [0, 1).
-    pub fn mirrored(
+    pub(crate) fn mirrored(
         &self,
         hit: &Hit,
         (direction, gloss): (Vec3, Gloss),

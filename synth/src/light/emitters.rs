@@ -11,7 +11,7 @@ use visible::{Arc, Cone};
 
 /// All faces that emit in one condition.
 #[derive(Debug, Clone)]
-pub struct Emitters {
+pub(crate) struct Emitters {
     all: Vec<Emitter>,
     /// Index into `all` of each surface's first face, plus one; 0 for surfaces that do not emit.
     of_surface: Vec<u32>,
@@ -42,29 +42,29 @@ enum EmitterShape {
 
 /// A point that asks for light.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Receiver {
+pub(crate) struct Receiver {
     /// Position, lifted off its surface.
-    pub position: Vec3,
+    pub(crate) position: Vec3,
     /// Unit normal.
-    pub normal: Vec3,
+    pub(crate) normal: Vec3,
 }
 
 /// A direction in which a light may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LightSample {
+pub(crate) struct LightSample {
     /// Unit direction from the point asked about.
-    pub direction: Vec3,
+    pub(crate) direction: Vec3,
     /// The point of the light, lifted off its surface.
-    pub position: Vec3,
+    pub(crate) position: Vec3,
     /// Density of the direction, per steradian.
-    pub pdf: f32,
+    pub(crate) pdf: f32,
     /// Radiance that comes from there, if nothing is in between.
-    pub radiance: Vec3,
+    pub(crate) radiance: Vec3,
 }
 
 impl Receiver {
     /// The point of a hit.
-    pub fn of(hit: &Hit) -> Self {
+    pub(crate) fn of(hit: &Hit) -> Self {
         Self {
             position: hit.position + hit.normal * LIFT,
             normal: hit.normal,
@@ -74,7 +74,7 @@ impl Receiver {
 
 impl Emitters {
     /// Emitters of a condition.
-    pub fn new(room: &Room, condition: usize) -> Self {
+    pub(crate) fn new(room: &Room, condition: usize) -> Self {
         let mut all = Vec::new();
         let mut of_surface = Vec::with_capacity(room.surfaces().len());
         for (index, surface) in room.surfaces().iter().enumerate() {
@@ -107,7 +107,7 @@ impl Emitters {
 
     /// Chooses a direction towards a light, about in proportion to the light it would bring;
     /// `uniform` are three numbers in [0, 1).
-    pub fn sample(&self, room: &Room, receiver: &Receiver, uniform: Vec3) -> Option<LightSample> {
+    pub(crate) fn sample(&self, room: &Room, receiver: &Receiver, uniform: Vec3) -> Option<LightSample> {
         let total: f32 = self.all.iter().map(|e| e.weight(receiver)).sum();
         if total <= 0.0 {
             return None;
@@ -133,7 +133,7 @@ impl Emitters {
 
     /// Density with which [`Self::sample`] chooses the direction to `hit`, per steradian; 0 for
     /// surfaces that do not emit.
-    pub fn pdf(&self, receiver: &Receiver, hit: &Hit) -> f32 {
+    pub(crate) fn pdf(&self, receiver: &Receiver, hit: &Hit) -> f32 {
         let first = self.of_surface[hit.surface as usize];
         if first == 0 {
             return 0.0;
@@ -267,7 +267,7 @@ fn kind(shape: &Shape, face: u32) -> EmitterShape {
 }
 
 /// A direction about the unit `normal` with density cos θ / π (Malley's method).
-pub fn cosine_direction(normal: Vec3, uniform: Vec2) -> Vec3 {
+pub(crate) fn cosine_direction(normal: Vec3, uniform: Vec2) -> Vec3 {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let radius = uniform.x.sqrt();
     let (sin, cos) = (TAU * uniform.y).sin_cos();
@@ -276,6 +276,6 @@ pub fn cosine_direction(normal: Vec3, uniform: Vec2) -> Vec3 {
 }
 
 /// Density of [`cosine_direction`], per steradian.
-pub fn cosine_pdf(normal: Vec3, direction: Vec3) -> f32 {
+pub(crate) fn cosine_pdf(normal: Vec3, direction: Vec3) -> f32 {
     normal.dot(direction).max(0.0) / PI
 }

@@ -11,24 +11,24 @@ use glam::{Vec2, Vec3};
 const ROULETTE_FROM: u32 = 4;
 /// Paths end here at the latest. Behind the roulette few come so far; what they carry is far below
 /// noise.
-pub const MAX_BOUNCES: u32 = 32;
+pub(crate) const MAX_BOUNCES: u32 = 32;
 /// Fours of numbers for each bounce.
 const BLOCKS: u32 = 2;
 
 /// Inputs of light transport.
 #[derive(Debug, Clone)]
-pub struct Lighting<'a> {
+pub(crate) struct Lighting<'a> {
     /// The room.
-    pub room: &'a Room,
+    pub(crate) room: &'a Room,
     /// Its lights in each condition.
-    pub emitters: Vec<Emitters>,
+    pub(crate) emitters: Vec<Emitters>,
     /// Light that is known already; without it every path is followed to its end.
-    pub cache: Option<Cache>,
+    pub(crate) cache: Option<Cache>,
 }
 
 impl<'a> Lighting<'a> {
     /// All light by paths.
-    pub fn new(room: &'a Room) -> Self {
+    pub(crate) fn new(room: &'a Room) -> Self {
         let conditions = 0..room.num_conditions();
         Self {
             room,
@@ -40,7 +40,7 @@ impl<'a> Lighting<'a> {
     /// One sample of the light that reaches a white surface at `hit` and leaves it by diffuse
     /// reflection, in each condition: irradiance over π. `block` is the first unused four of
     /// `points`; at most `max_bounces` surfaces reflect.
-    pub fn irradiance(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
+    pub(crate) fn irradiance(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
         let mut total = [Vec3::ZERO; MAX_CONDITIONS];
         let mut throughput = Vec3::ONE;
         let num = self.emitters.len();
@@ -121,7 +121,7 @@ impl<'a> Lighting<'a> {
 
     /// Light that a point seen along `direction` sends back: what it emits, and one sample of what
     /// it reflects diffusely.
-    pub fn reflected(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
+    pub(crate) fn reflected(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
         let albedo = self.room.albedo(hit.surface, hit.face, hit.st);
         let emitted = self.room.emitted(hit.surface, hit.face);
         let mut light = match &self.cache {
@@ -142,11 +142,11 @@ impl<'a> Lighting<'a> {
 
 /// Random numbers and path depth of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PathSample {
+pub(crate) struct PathSample {
     /// Number of the sample.
-    pub sample: u32,
+    pub(crate) sample: u32,
     /// First four of numbers.
-    pub block: u32,
+    pub(crate) block: u32,
     /// Surfaces that reflect, at most.
-    pub max_bounces: u32,
+    pub(crate) max_bounces: u32,
 }

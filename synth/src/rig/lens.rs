@@ -17,7 +17,7 @@ impl Rig {
     ///
     /// # Errors
     /// [`SynthError::Option`] if no lens has this distortion.
-    pub fn lens(&self, camera: &Camera) -> Result<Lens> {
+    pub(crate) fn lens(&self, camera: &Camera) -> Result<Lens> {
         let sensor = camera.magnified(self.oversampling);
         let [k1, k2, p1, p2] = self.distortion;
         let params = [sensor.fx, sensor.fy, sensor.cx, sensor.cy, k1, k2, p1, p2];
@@ -26,7 +26,7 @@ impl Rig {
     }
 
     /// Whether the lens is a pinhole.
-    pub fn is_straight(&self) -> bool {
+    pub(crate) fn is_straight(&self) -> bool {
         self.distortion == [0.0; 4]
     }
 
@@ -34,7 +34,7 @@ impl Rig {
     ///
     /// # Errors
     /// [`SynthError::Option`] if that is unreasonably many, or pixels of the sensor see nothing.
-    pub fn margin(&self, camera: &Camera) -> Result<u32> {
+    pub(crate) fn margin(&self, camera: &Camera) -> Result<u32> {
         if self.is_straight() {
             return Ok(0);
         }
@@ -71,7 +71,7 @@ impl Rig {
     ///
     /// # Errors
     /// [`SynthError::Option`] if the lens sees beyond the margin.
-    pub fn through_lens(&self, image: &Image<3>, camera: &Camera, lens: &Lens) -> Result<Image<3>> {
+    pub(crate) fn through_lens(&self, image: &Image<3>, camera: &Camera, lens: &Lens) -> Result<Image<3>> {
         let distorted = undistort::distort(image, camera, lens).map_err(distortion)?;
         match distorted.num_unknown() {
             0 => Ok(distorted.image),

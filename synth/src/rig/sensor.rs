@@ -13,7 +13,7 @@ const POISSON_BELOW: f64 = 100.0;
 
 /// A sensor with its sensitivity.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sensor {
+pub(crate) struct Sensor {
     rig: Rig,
     camera_from_rec709: [[f64; 3]; 3],
     /// Linear radiance of a neutral surface at which green clips in one second, in the middle of
@@ -24,7 +24,7 @@ pub struct Sensor {
 impl Sensor {
     /// The sensor of a rig whose shortest exposure just holds `brightest`, with a quarter of a stop
     /// to spare.
-    pub fn new(rig: &Rig, brightest: f32) -> Self {
+    pub(crate) fn new(rig: &Rig, brightest: f32) -> Self {
         const HEADROOM: f64 = 1.19;
         let shortest = rig
             .exposures_s
@@ -44,18 +44,18 @@ impl Sensor {
     }
 
     /// Linear radiance of a neutral surface at which green clips in an exposure of one second.
-    pub fn clip_of_second(&self) -> f64 {
+    pub(crate) fn clip_of_second(&self) -> f64 {
         self.clip_of_second
     }
 
     /// Electrons of one step of the digitised signal.
-    pub fn electrons_of_step(&self) -> f64 {
+    pub(crate) fn electrons_of_step(&self) -> f64 {
         self.rig.full_well_e / f64::from(self.rig.white - self.rig.black)
     }
 
     /// Mean electrons of the pixel with filter `color` that `light` falls on for `exposure_s`,
     /// before clipping.
-    pub fn electrons(&self, light: [f32; 3], color: CfaColor, exposure_s: f64) -> f64 {
+    pub(crate) fn electrons(&self, light: [f32; 3], color: CfaColor, exposure_s: f64) -> f64 {
         let row = self.camera_from_rec709[color as usize];
         let response: f64 = row.iter().zip(light).map(|(m, l)| m * f64::from(l)).sum();
         response.max(0.0) * exposure_s / self.clip_of_second * self.rig.full_well_e
@@ -63,7 +63,7 @@ impl Sensor {
 
     /// Exposes the sensor to linear Rec.709 light on its pixels. `shot` numbers the exposures of
     /// `key`.
-    pub fn expose(
+    pub(crate) fn expose(
         &self,
         light: &Image<3>,
         exposure_s: f64,

@@ -13,7 +13,7 @@ const MAX_DEPTH: usize = 2 * HALVE_FROM;
 
 /// A tree over shapes, which it refers to by their index.
 #[derive(Debug, Clone)]
-pub struct Bvh {
+pub(crate) struct Bvh {
     nodes: Vec<Node>,
     order: Vec<u32>,
 }
@@ -31,7 +31,7 @@ struct Node {
 impl Bvh {
     /// Builds the tree: splits are where the surface area heuristic is cheapest, over all places
     /// along all axes.
-    pub fn new(shapes: &[Shape]) -> Self {
+    pub(crate) fn new(shapes: &[Shape]) -> Self {
         let bounds: Vec<[Vec3; 2]> = shapes.iter().map(Shape::bounds).collect();
         let mut order: Vec<u32> = (0..shapes.len() as u32).collect();
         let mut nodes = Vec::with_capacity(2 * shapes.len());
@@ -45,7 +45,7 @@ impl Bvh {
     }
 
     /// The nearest crossing within `range`, and the index of its shape.
-    pub fn nearest(
+    pub(crate) fn nearest(
         &self,
         shapes: &[Shape],
         origin: Vec3,
@@ -65,7 +65,7 @@ impl Bvh {
     }
 
     /// Whether nothing is met within `range`.
-    pub fn is_free(
+    pub(crate) fn is_free(
         &self,
         shapes: &[Shape],
         origin: Vec3,

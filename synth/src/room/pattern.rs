@@ -7,7 +7,7 @@ use paint::{bricks, contrast, fractal, landscape, motif, rug, wood};
 
 /// A diffuse colour that varies over a surface.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Pattern {
+pub(crate) enum Pattern {
     /// One colour.
     Plain(Vec3),
     /// Squares of two colours.
@@ -70,22 +70,22 @@ pub enum Pattern {
 
 /// A pattern with unevenness of its own.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Texture {
+pub(crate) struct Texture {
     /// The pattern.
-    pub pattern: Pattern,
+    pub(crate) pattern: Pattern,
     /// Fine unevenness: largest relative deviation of the colour, 0 to 1.
-    pub grain: f32,
+    pub(crate) grain: f32,
 }
 
 /// A point on a surface, as patterns see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PatternPoint {
+pub(crate) struct PatternPoint {
     /// Coordinates along the surface, metres.
-    pub place: Vec2,
+    pub(crate) place: Vec2,
     /// Extent of the surface, metres.
-    pub extent: Vec2,
+    pub(crate) extent: Vec2,
     /// Tells surfaces apart, so that no two have the same boards.
-    pub seed: u32,
+    pub(crate) seed: u32,
 }
 
 /// Size of the grain's largest features, metres.
@@ -93,7 +93,7 @@ const GRAIN_SIZE: f32 = 0.05;
 
 impl Texture {
     /// One colour, perfectly even.
-    pub fn plain(albedo: Vec3) -> Self {
+    pub(crate) fn plain(albedo: Vec3) -> Self {
         Self {
             pattern: Pattern::Plain(albedo),
             grain: 0.0,
@@ -101,7 +101,7 @@ impl Texture {
     }
 
     /// Diffuse albedo at a point, 0 to 1.
-    pub fn albedo(&self, point: &PatternPoint) -> Vec3 {
+    pub(crate) fn albedo(&self, point: &PatternPoint) -> Vec3 {
         let color = self.pattern.color(point);
         if self.grain == 0.0 {
             return color;

@@ -11,7 +11,7 @@ use std::f32::consts::{PI, TAU};
 /// A quadrilateral, a parallelogram. Face 0 is the side that its normal `edges[0] × edges[1]`
 /// points to, face 1 the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quad {
+pub(crate) struct Quad {
     corner: Vec3,
     edges: [Vec3; 2],
     /// `(p − corner) · duals[i]` is coordinate i of p.
@@ -21,43 +21,43 @@ pub struct Quad {
 
 /// A box. Faces 0 to 5 look along −x, +x, −y, +y, −z, +z of its own axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block {
+pub(crate) struct Block {
     /// Middle.
-    pub centre: Vec3,
+    pub(crate) centre: Vec3,
     /// Half the lengths of the edges.
-    pub half: Vec3,
+    pub(crate) half: Vec3,
     /// Its axes as columns; orthonormal.
-    pub axes: Mat3,
+    pub(crate) axes: Mat3,
 }
 
 /// A sphere, one face.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ball {
+pub(crate) struct Ball {
     /// Middle.
-    pub centre: Vec3,
+    pub(crate) centre: Vec3,
     /// Radius.
-    pub radius: f32,
+    pub(crate) radius: f32,
 }
 
 /// A cylinder or frustum of a cone. Faces: 0 outside, 1 inside, 2 the disc at its base, 3 the disc
 /// on top.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drum {
+pub(crate) struct Drum {
     /// Middle of the base.
-    pub base: Vec3,
+    pub(crate) base: Vec3,
     /// Its axes as columns, the third along the drum; orthonormal.
-    pub axes: Mat3,
+    pub(crate) axes: Mat3,
     /// Length along the axis.
-    pub height: f32,
+    pub(crate) height: f32,
     /// Radius at the base and on top.
-    pub radii: [f32; 2],
+    pub(crate) radii: [f32; 2],
     /// Whether there are discs at the ends.
-    pub ends: Ends,
+    pub(crate) ends: Ends,
 }
 
 /// Whether a [`Drum`] is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ends {
+pub(crate) enum Ends {
     /// A can.
     Closed,
     /// A tube, as a lamp shade.
@@ -66,7 +66,7 @@ pub enum Ends {
 
 /// A shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
+pub(crate) enum Shape {
     /// A parallelogram.
     Quad(Quad),
     /// A box.
@@ -79,31 +79,31 @@ pub enum Shape {
 
 /// Intersection of a ray and a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crossing {
+pub(crate) struct Crossing {
     /// Distance along the ray.
-    pub distance: f32,
+    pub(crate) distance: f32,
     /// Face.
-    pub face: u32,
+    pub(crate) face: u32,
     /// Coordinates on the face, 0 to 1.
-    pub st: Vec2,
+    pub(crate) st: Vec2,
     /// Unit normal of the face, outwards.
-    pub normal: Vec3,
+    pub(crate) normal: Vec3,
 }
 
 /// A point of a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfacePoint {
+pub(crate) struct SurfacePoint {
     /// World position.
-    pub position: Vec3,
+    pub(crate) position: Vec3,
     /// Unit normal of the face, outwards.
-    pub normal: Vec3,
+    pub(crate) normal: Vec3,
 }
 
 impl Shape {
     /// The first crossing with the ray whose distance lies strictly within `range`. `direction` is
     /// of unit length.
     #[inline]
-    pub fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
+    pub(crate) fn meet(&self, origin: Vec3, direction: Vec3, range: [f32; 2]) -> Option<Crossing> {
         match self {
             Self::Quad(quad) => quad.meet(origin, direction, range),
             Self::Block(block) => block.meet(origin, direction, range),
@@ -113,7 +113,7 @@ impl Shape {
     }
 
     /// Number of faces.
-    pub fn num_faces(&self) -> u32 {
+    pub(crate) fn num_faces(&self) -> u32 {
         match self {
             Self::Quad(_) => 2,
             Self::Block(_) => 6,
@@ -123,7 +123,7 @@ impl Shape {
     }
 
     /// Whether the inside cannot be seen.
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         match self {
             Self::Quad(_) => false,
             Self::Block(_) | Self::Ball(_) => true,
@@ -132,7 +132,7 @@ impl Shape {
     }
 
     /// Lengths of a face along its two coordinates, about; what patterns and grids are laid out by.
-    pub fn extent(&self, face: u32) -> Vec2 {
+    pub(crate) fn extent(&self, face: u32) -> Vec2 {
         match self {
             Self::Quad(quad) => Vec2::new(quad.edges[0].length(), quad.edges[1].length()),
             Self::Block(block) => {
@@ -152,7 +152,7 @@ impl Shape {
     }
 
     /// Area of a face; 0 for one that cannot be seen from outside.
-    pub fn area(&self, face: u32) -> f32 {
+    pub(crate) fn area(&self, face: u32) -> f32 {
         match self {
             Self::Quad(quad) => quad.edges[0].cross(quad.edges[1]).length(),
             Self::Block(_) => self.extent(face).element_product(),
@@ -171,7 +171,7 @@ impl Shape {
     }
 
     /// The point of a face with coordinates `st`.
-    pub fn point(&self, face: u32, st: Vec2) -> SurfacePoint {
+    pub(crate) fn point(&self, face: u32, st: Vec2) -> SurfacePoint {
         match self {
             Self::Quad(quad) => SurfacePoint {
                 position: quad.corner + quad.edges[0] * st.x + quad.edges[1] * st.y,
@@ -205,7 +205,7 @@ impl Shape {
     }
 
     /// `st` of a point that is uniform over the area of a face, for two uniform numbers.
-    pub fn uniform_st(&self, face: u32, uniform: Vec2) -> Vec2 {
+    pub(crate) fn uniform_st(&self, face: u32, uniform: Vec2) -> Vec2 {
         let Self::Drum(drum) = self else {
             return uniform;
         };
@@ -219,7 +219,7 @@ impl Shape {
     }
 
     /// Corners of the axis-aligned box around the shape.
-    pub fn bounds(&self) -> [Vec3; 2] {
+    pub(crate) fn bounds(&self) -> [Vec3; 2] {
         match self {
             Self::Quad(quad) => {
                 let far = quad.corner + quad.edges[0] + quad.edges[1];
@@ -280,3 +280,6 @@ impl Drum {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,43 +9,43 @@ use std::f64::consts::TAU;
 /// Positions and directions that photographs are taken from.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CameraPlan {
+pub(crate) struct CameraPlan {
     /// Number of positions.
     #[serde(rename = "views", deserialize_with = "via::<Whole<1, 10_000>, _, _>")]
-    pub num_views: u32,
+    pub(crate) num_views: u32,
     /// Size of the truth images, pixels.
     #[serde(deserialize_with = "via::<Array<Whole<8, 16_384>, 2>, _, _>")]
-    pub size: [u32; 2],
+    pub(crate) size: [u32; 2],
     /// Field of view across, radians.
     #[serde(rename = "fov_x", deserialize_with = "fov")]
-    pub fov_x_rad: f64,
+    pub(crate) fov_x_rad: f64,
     /// Rings that the positions are spread over.
     #[serde(rename = "ring", deserialize_with = "via::<NonEmpty<Ring>, _, _>")]
-    pub rings: Vec<Ring>,
+    pub(crate) rings: Vec<Ring>,
 }
 
 /// Cameras on an ellipse; heights, directions and pitches are taken in turn.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ring {
+pub(crate) struct Ring {
     /// Share of the positions, relative to other rings.
     #[serde(default = "whole_share", deserialize_with = "share")]
-    pub share: f64,
+    pub(crate) share: f64,
     /// Middle of the ellipse.
     #[serde(deserialize_with = "via::<Array<Number, 2>, _, _>")]
-    pub centre: DVec2,
+    pub(crate) centre: DVec2,
     /// Half axes along x and y, metres.
     #[serde(deserialize_with = "via::<Array<Number, 2>, _, _>")]
-    pub radii: DVec2,
+    pub(crate) radii: DVec2,
     /// Heights, metres.
     #[serde(deserialize_with = "via::<NonEmpty<Number>, _, _>")]
-    pub heights: Vec<f64>,
+    pub(crate) heights: Vec<f64>,
     /// Directions, radians from that to the middle.
     #[serde(rename = "turns", deserialize_with = "turns")]
-    pub turns_rad: Vec<f64>,
+    pub(crate) turns_rad: Vec<f64>,
     /// Pitches, radians above the horizon.
     #[serde(rename = "pitches", deserialize_with = "pitches")]
-    pub pitches_rad: Vec<f64>,
+    pub(crate) pitches_rad: Vec<f64>,
 }
 
 fn fov<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
@@ -84,7 +84,7 @@ fn pitches<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Er
 
 impl CameraPlan {
     /// The cameras, ring by ring.
-    pub fn cameras(&self) -> Vec<Camera> {
+    pub(crate) fn cameras(&self) -> Vec<Camera> {
         let total: f64 = self.rings.iter().map(|ring| ring.share).sum();
         let (mut cameras, mut share) = (Vec::new(), 0.0);
         for ring in &self.rings {

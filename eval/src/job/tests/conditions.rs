@@ -3,6 +3,7 @@
 use super::{Case, NUM_VIEWS, SIZE, name, radiance, view};
 use crate::job::*;
 use crate::regions::Region;
+use crate::view::{EmittersFrom, ViewMetrics};
 use eagpt_scene::dataset::DatasetWriter;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::{Image, View};
@@ -56,7 +57,6 @@ fn renders_of_another_exposure_are_perfect_when_aligned() {
     let path = case.path("", 8);
     let image = radiance(8).map(|pixel| pixel.map(|v| v * 0.25));
     exr::write_rgb(&path, &image, Precision::Float).unwrap();
-    case.options.force = true;
     let found = case.run().unwrap();
     assert!((2.01..3.99).contains(&found.exposure_scale.unwrap()));
     assert!(found.mean("psnr_pq_aligned_db").unwrap() < 60.0);
@@ -94,7 +94,6 @@ fn regions_come_from_masks_and_the_earlier_light() {
         view.radiance.pixels_mut()[..half].fill([0.0; 3]);
     });
     case.options.before = Some(before);
-    case.options.force = true;
     let found = case.run().unwrap();
     let shares: Vec<f64> = found
         .regions
@@ -129,7 +128,6 @@ fn emitters_come_from_the_renders_for_want_of_masks() {
     assert_eq!(found.views[0].emitters_from, Some(EmittersFrom::Render));
     assert!(case.output("table.md").contains("in 2 of 2 views"));
     std::fs::remove_dir_all(case.options.renders.join("emission")).unwrap();
-    case.options.force = true;
     let found = case.run().unwrap();
     assert!(!found.regions.contains_key(&Region::Emitter));
     let warned = found
@@ -181,7 +179,7 @@ fn two_conditions_and_their_mean() {
     std::fs::write(case.options.renders.join("record.json"), record.to_string()).unwrap();
     let options = two_conditions(&case);
     let mut messages = Vec::new();
-    let found = evaluate_conditions(&options, &mut |message| messages.push(message)).unwrap();
+    let found = evaluate(&options, &mut |message| messages.push(message)).unwrap();
     assert!(messages.contains(&EvalProgress::Started { total: 4 }));
     let last = EvalProgress::View {
         name: "relit/cam_0/img_8".to_owned(),
@@ -239,7 +237,7 @@ fn conditions_are_checked_before_any_work() {
     let options = two_conditions(&case);
     let missing = case.dir.path().join("relit/Radiance-exr/cam_0/img_8.exr");
     std::fs::remove_file(missing).unwrap();
-    let message = evaluate_conditions(&options, &mut |_| {}).unwrap_err();
+    let message = evaluate(&options, &mut |_| {}).unwrap_err();
     assert!(
         message.to_string().contains("relit/transforms.json"),
         "{message}"

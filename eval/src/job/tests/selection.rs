@@ -1,8 +1,9 @@
 //! Which views are measured: those that were rendered and that the reference has.
 
 use super::{Case, NUM_VIEWS, name, radiance, view};
+use crate::evaluation::Evaluation;
 use crate::job::*;
-use eagpt_scene::dataset::DatasetWriter;
+use eagpt_scene::dataset::{DatasetWriter, SplitRule, Subset};
 use eagpt_scene::exr::Precision;
 use eagpt_scene::files::digest;
 use serde_json::json;
@@ -40,7 +41,6 @@ fn write_record(case: &Case, cameras: &Path, rule: Option<&str>, subset: &str, n
 }
 
 fn measured(case: &mut Case) -> Evaluation {
-    case.options.force = true;
     case.run().unwrap()
 }
 

@@ -6,7 +6,7 @@ use std::f32::consts::TAU;
 
 impl Quad {
     /// A quad from a corner and its two edges, which are not parallel.
-    pub fn new(corner: Vec3, edges: [Vec3; 2]) -> Self {
+    pub(crate) fn new(corner: Vec3, edges: [Vec3; 2]) -> Self {
         let across = edges[0].cross(edges[1]);
         let square = across.length_squared();
         Self {

@@ -1,20 +1,16 @@
 //! The metrics of one view.
 
-use super::renders::Renders;
 use crate::align::AlignedMetrics;
-use crate::error::Result;
-use crate::known::{KnownPixels, pack};
 use crate::pair::{ImageMetrics, decibels};
 use crate::regions::Regions;
-use crate::scene_metrics::{Overlap, albedo_psnr, depth_mae, emission_overlap, normal_mean_deg};
-use eagpt_scene::View;
+use crate::scene_metrics::Overlap;
 use serde::{Deserialize, Serialize};
 
 /// Metrics of the channels beside radiance; `None` where the render or the reference lacks the
 /// channel, or no pixel can be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SceneMetrics {
-    /// See [`crate::scene_metrics::albedo_psnr`]; infinite for equal albedos, which is `null` in
+    /// See `scene_metrics::albedo_psnr`; infinite for equal albedos, which is `null` in
     /// JSON.
     #[serde(
         skip_serializing_if = "Option::is_none",
@@ -29,16 +25,16 @@ pub struct SceneMetrics {
         default
     )]
     pub albedo_psnr_scaled_db: Option<f64>,
-    /// See [`normal_mean_deg`].
+    /// See `scene_metrics::normal_mean_deg`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub normal_mean_deg: Option<f64>,
-    /// See [`depth_mae`].
+    /// See `scene_metrics::depth_mae`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub depth_mae: Option<f64>,
-    /// See [`emission_overlap`]; kept because the views' overlaps make up that of all pixels.
+    /// See `scene_metrics::emission_overlap`; kept because the views' overlaps make up that of all pixels.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) emission_overlap: Option<Overlap>,
-    /// See [`Overlap::iou`].
+    /// See `Overlap::iou`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub emission_iou: Option<f64>,
 }
@@ -74,44 +70,4 @@ pub struct ViewMetrics {
     /// The error by region, as far as regions are known.
     #[serde(skip_serializing_if = "Regions::is_empty", default)]
     pub regions: Regions,
-}
-
-pub(super) fn scene_metrics(
-    view: &View,
-    known: Option<&KnownPixels>,
-    renders: &Renders,
-) -> Result<SceneMetrics> {
-    let mut found = SceneMetrics::default();
-    if let Some(reference) = &view.albedo
-        && let Some(test) = renders.albedo(&view.name)?
-        && let Some(albedo) = albedo_psnr(
-            &pack(known, reference),
-            &pack(known, &test),
-            view.emission
-                .as_ref()
-                .map(|mask| pack(known, mask))
-                .as_deref(),
-        )
-    {
-        found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
-        found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
-    }
-    if let Some(reference) = &view.normal
-        && let Some(test) = renders.normal(&view.name)?
-    {
-        found.normal_mean_deg = normal_mean_deg(&pack(known, reference), &pack(known, &test));
-    }
-    if let Some(reference) = &view.depth
-        && let Some(test) = renders.depth(&view.name)?
-    {
-        found.depth_mae = depth_mae(&pack(known, reference), &pack(known, &test));
-    }
-    if let Some(reference) = &view.emission
-        && let Some(test) = renders.emission(&view.name)?
-    {
-        let overlap = emission_overlap(&pack(known, reference), &pack(known, &test));
-        found.emission_iou = overlap.iou();
-        found.emission_overlap = overlap.iou().map(|_| overlap);
-    }
-    Ok(found)
 }

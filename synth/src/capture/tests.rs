@@ -1,21 +1,16 @@
 //! Captures against their own truth, read by an independent decoder.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
-)]
-
 use eagpt_colmap::model::{Model, Observations};
 use eagpt_scene::Dataset;
-use eagpt_synth::capture::Parts;
-use eagpt_synth::photograph::SampleNoise;
-use eagpt_synth::scenes::SCENES;
-use eagpt_synth::{SceneScript, SynthOptions, simulate};
+use crate::capture::Parts;
+use crate::photograph::SampleNoise;
+use crate::scenes::SCENES;
+use crate::{SceneScript, SynthOptions, simulate};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
 fn scene(name: &str) -> SceneScript {
-    let scene = eagpt_synth::scenes::embedded(name).unwrap();
+    let scene = crate::scenes::embedded(name).unwrap();
     SceneScript::parse(Path::new(name), scene.toml.as_bytes()).unwrap()
 }
 
@@ -73,7 +68,7 @@ fn brackets_hold_the_light_of_the_truth() {
     for file in &summary.files {
         assert!(dir.path().join(file).is_file(), "{}", file.display());
     }
-    let sensor = eagpt_synth::rig::Sensor::new(&script.rig, script.room.brightest());
+    let sensor = crate::rig::Sensor::new(&script.rig, script.room.brightest());
     let matrix = script.rig.camera_from_rec709();
     for condition in &script.conditions {
         let truth = Dataset::open(&dir.path().join("truth").join(condition)).unwrap();

@@ -11,14 +11,14 @@ use std::path::{Path, PathBuf};
 
 /// The `record.json` of renders; empty where `eagpt render` has left none.
 #[derive(Debug, Default)]
-pub(super) struct RenderRecord(Option<Value>);
+pub(crate) struct RenderRecord(Option<Value>);
 
 impl RenderRecord {
     /// Reads the record in `folder`.
     ///
     /// # Errors
     /// [`SceneError`] if there is a record that cannot be read or is no JSON.
-    pub(super) fn read(folder: &Path) -> Result<Self> {
+    pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("record.json");
         if !path.is_file() {
             return Ok(Self(None));
@@ -29,13 +29,13 @@ impl RenderRecord {
     }
 
     /// The folder or file of the dataset whose cameras were rendered.
-    pub(super) fn cameras(&self) -> Option<PathBuf> {
+    pub(crate) fn cameras(&self) -> Option<PathBuf> {
         let path = self.0.as_ref()?["options"]["cameras"].as_str()?;
         Some(path.into())
     }
 
     /// The dataset whose cameras were rendered, if it is still there, and the same.
-    pub(super) fn dataset(&self) -> Option<Dataset> {
+    pub(crate) fn dataset(&self) -> Option<Dataset> {
         let dataset = Dataset::open_cameras(&self.cameras()?).ok()?;
         let now = digest::of_file(dataset.transforms()).ok()?;
         let mut inputs = self.0.as_ref()?["inputs"].as_array()?.iter();
@@ -45,17 +45,17 @@ impl RenderRecord {
     }
 
     /// The rule by which views were chosen.
-    pub(super) fn rule(&self) -> Option<SplitRule> {
+    pub(crate) fn rule(&self) -> Option<SplitRule> {
         serde_json::from_value(self.0.as_ref()?["split"]["rule"].clone()).ok()
     }
 
     /// The subset that was rendered.
-    pub(super) fn subset(&self) -> Option<Subset> {
+    pub(crate) fn subset(&self) -> Option<Subset> {
         serde_json::from_value(self.0.as_ref()?["split"]["subset"].clone()).ok()
     }
 
     /// Number of views that were rendered.
-    pub(super) fn num_views(&self) -> Option<usize> {
+    pub(crate) fn num_views(&self) -> Option<usize> {
         let num = self.0.as_ref()?["split"]["num_views"].as_u64()?;
         usize::try_from(num).ok()
     }
@@ -79,7 +79,7 @@ pub(crate) struct Provenance {
 
 impl Provenance {
     /// Takes it from a record; `views` are the names of those that are evaluated.
-    pub(super) fn of(record: &RenderRecord, views: &[&str]) -> Self {
+    pub(crate) fn of(record: &RenderRecord, views: &[&str]) -> Self {
         let Some(record) = &record.0 else {
             return Self::default();
         };

@@ -1,18 +1,13 @@
 //! The path tracer against closed forms, and its two methods against each other.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test ends with its first surprise; helpers outside of test functions do as well"
-)]
-
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_synth::light::coat::Coat;
-use eagpt_synth::light::path::{MAX_BOUNCES, PathSample};
-use eagpt_synth::light::points::Points;
-use eagpt_synth::light::{Cache, CacheOptions, Lighting};
-use eagpt_synth::room::pattern::Texture;
-use eagpt_synth::room::shape::{Ball, Quad, Shape};
-use eagpt_synth::room::{Gloss, Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
+use crate::light::coat::Coat;
+use crate::light::path::{MAX_BOUNCES, PathSample};
+use crate::light::points::Points;
+use crate::light::{Cache, CacheOptions, Lighting};
+use crate::room::pattern::Texture;
+use crate::room::shape::{Ball, Quad, Shape};
+use crate::room::{Gloss, Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 

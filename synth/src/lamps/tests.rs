@@ -1,9 +1,9 @@
 //! Lamps of a room against closed forms.
 
-use eagpt_synth::lamps::lamps;
-use eagpt_synth::room::pattern::Texture;
-use eagpt_synth::room::shape::{Ball, Drum, Ends, Quad, Shape};
-use eagpt_synth::room::{Light, MAX_CONDITIONS, Material, Room, Surface};
+use crate::lamps::lamps;
+use crate::room::pattern::Texture;
+use crate::room::shape::{Ball, Drum, Ends, Quad, Shape};
+use crate::room::{Light, MAX_CONDITIONS, Material, Room, Surface};
 use glam::{Mat3, Vec3};
 use std::f32::consts::PI;
 

@@ -1,0 +1,49 @@
+//! Channels of renders beside radiance.
+
+use super::renders::Renders;
+use crate::error::Result;
+use crate::known::{KnownPixels, pack};
+use crate::scene_metrics::{albedo_psnr, depth_mae, emission_overlap, normal_mean_deg};
+use crate::view::SceneMetrics;
+use eagpt_scene::View;
+
+/// Compares the channels of a view that renders and reference both have.
+pub(super) fn scene_metrics(
+    view: &View,
+    known: Option<&KnownPixels>,
+    renders: &Renders,
+) -> Result<SceneMetrics> {
+    let mut found = SceneMetrics::default();
+    if let Some(reference) = &view.albedo
+        && let Some(test) = renders.albedo(&view.name)?
+        && let Some(albedo) = albedo_psnr(
+            &pack(known, reference),
+            &pack(known, &test),
+            view.emission
+                .as_ref()
+                .map(|mask| pack(known, mask))
+                .as_deref(),
+        )
+    {
+        found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
+        found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
+    }
+    if let Some(reference) = &view.normal
+        && let Some(test) = renders.normal(&view.name)?
+    {
+        found.normal_mean_deg = normal_mean_deg(&pack(known, reference), &pack(known, &test));
+    }
+    if let Some(reference) = &view.depth
+        && let Some(test) = renders.depth(&view.name)?
+    {
+        found.depth_mae = depth_mae(&pack(known, reference), &pack(known, &test));
+    }
+    if let Some(reference) = &view.emission
+        && let Some(test) = renders.emission(&view.name)?
+    {
+        let overlap = emission_overlap(&pack(known, reference), &pack(known, &test));
+        found.emission_iou = overlap.iou();
+        found.emission_overlap = overlap.iou().map(|_| overlap);
+    }
+    Ok(found)
+}
