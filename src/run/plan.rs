@@ -1,16 +1,15 @@
 //! The commands that follow from a project, in an order in which each finds what it needs.
 
+mod results;
 mod training;
 
-use super::project::{ORIGINAL, Project, Relight, is_file, mode_name};
+use super::project::{ORIGINAL, Project, Relight, is_file};
 use super::section::{MODEL, Options};
 use super::step::PlanStep;
-use crate::bake::BakeArgs;
 use crate::colmap::{ColmapArgs, ColmapCommand, ImportArgs, RunArgs};
 use crate::command::JobCommand;
 use crate::edit::EditArgs;
 use crate::eval::{EvalArgs, TableArgs};
-use crate::render::Mode;
 use crate::report::ReportArgs;
 use crate::synth::SynthArgs;
 use anyhow::{Context, Result, anyhow, bail};
@@ -19,8 +18,8 @@ use eagpt_eval::tabulate::DEFAULT_METRICS;
 use eagpt_eval::{METRICS_FILE, TableFolder};
 use eagpt_report::run::folders;
 use eagpt_scene::Dataset;
-use eagpt_scene::dataset::TRANSFORMS_FILE;
 use eagpt_scene::lamps::lamps_file_beside;
+use results::Condition;
 use std::path::{Path, PathBuf};
 use training::all_lamps_on;
 
@@ -142,14 +141,15 @@ impl Plan {
         names.join(", ")
     }
 
-    /// Adds a step that takes files and folders, of the outside world or made by other steps.
+    /// Adds a step that takes files and folders, of the outside world or made by other steps, and
+    /// returns what it makes.
     fn add(
         &mut self,
         name: impl Into<String>,
         command: JobCommand,
         takes: impl IntoIterator<Item = PathBuf>,
         product: PathBuf,
-    ) {
+    ) -> PathBuf {
         let (mut reads, mut after) = (Vec::new(), Vec::new());
         for path in takes {
             let makes = |step: &PlanStep| step.products.iter().any(|made| path.starts_with(made));
@@ -165,8 +165,9 @@ impl Plan {
             command,
             reads,
             after,
-            products: vec![product],
+            products: vec![product.clone()],
         });
+        product
     }
 
     /// From photographs to the dataset of the first lighting; returns its folder.
@@ -202,8 +203,7 @@ impl Plan {
                 let command = JobCommand::Colmap(ColmapArgs {
                     command: ColmapCommand::Run(args),
                 });
-                self.add("colmap", command, takes, out.clone());
-                out
+                self.add("colmap", command, takes, out)
             }
         };
         let out = self.out.join("dataset");
@@ -216,8 +216,7 @@ impl Plan {
         let command = JobCommand::Colmap(ColmapArgs {
             command: ColmapCommand::Import(args),
         });
-        self.add("poses", command, takes, out.clone());
-        Ok(in_first(&out))
+        Ok(in_first(&self.add("poses", command, takes, out)))
     }
 
     fn simulate(&mut self, project: &Project, scene: &str) -> Result<PathBuf> {
@@ -229,8 +228,7 @@ impl Plan {
             .then(|| scene.into())
             .into_iter()
             .chain(paths);
-        self.add("simulate", JobCommand::Synth(args), takes, out.clone());
-        Ok(out)
+        Ok(self.add("simulate", JobCommand::Synth(args), takes, out))
     }
 
     fn edit(&mut self, relight: &Relight, scene: &Path) -> PathBuf {
@@ -254,118 +252,7 @@ impl Plan {
         let lamps = lamps.filter(|path| !path.starts_with(&self.out) && needs_lamps());
         let takes = [scene.to_owned(), relight.script.clone()];
         let takes = takes.into_iter().chain(lamps);
-        self.add(
-            format!("edit/{}", relight.name),
-            command,
-            takes,
-            out.clone(),
-        );
-        out
-    }
-
-    /// Baking, rendering and measuring of one light; returns the evaluations.
-    fn condition(
-        &mut self,
-        project: &Project,
-        condition: &Condition<'_>,
-    ) -> Result<Vec<TableFolder>> {
-        let mut rendered = Vec::new();
-        for mode in project.modes()? {
-            let row = mode_name(&mode);
-            self.render(project, condition, mode, &row)?;
-            rendered.push(row);
-        }
-        if project.file.bake.is_some() && condition.relight.is_some() {
-            let scene = self.bake(project, condition)?;
-            let baked = Condition {
-                scene: &scene,
-                ..*condition
-            };
-            self.render(project, &baked, Mode::ZeroBounce, "baked")?;
-            rendered.push("baked".to_owned());
-        }
-        let Some(reference) = condition.reference else {
-            return Ok(Vec::new());
-        };
-        let rows = rendered.into_iter();
-        rows.map(|row| self.eval(project, condition, reference, row))
-            .collect()
-    }
-
-    fn bake(&mut self, project: &Project, condition: &Condition<'_>) -> Result<PathBuf> {
-        let name = condition.name;
-        let out = self.out.join(folders::BAKE).join(format!("{name}.ply"));
-        let Options { mut args, paths } = project.options::<BakeArgs>("bake")?;
-        args.scene = condition.scene.to_owned();
-        args.cameras = condition.dataset.to_owned();
-        args.out.clone_from(&out);
-        let takes = condition.view_inputs().chain(paths);
-        self.add(
-            format!("bake/{name}"),
-            JobCommand::Bake(args),
-            takes,
-            out.clone(),
-        );
-        Ok(out)
-    }
-
-    fn render(
-        &mut self,
-        project: &Project,
-        condition: &Condition<'_>,
-        mode: Mode,
-        row: &str,
-    ) -> Result<()> {
-        let Condition { name, scene, .. } = condition;
-        let out = self.out.join(folders::RENDER).join(name).join(row);
-        let Options { mut args, paths } = project.render_options(mode)?;
-        args.scene = (*scene).to_owned();
-        args.cameras = condition.dataset.to_owned();
-        args.mode = mode;
-        args.out.clone_from(&out);
-        let takes = condition.view_inputs().chain(paths);
-        self.add(
-            format!("render/{name}/{row}"),
-            JobCommand::Render(args),
-            takes,
-            out,
-        );
-        Ok(())
-    }
-
-    fn eval(
-        &mut self,
-        project: &Project,
-        condition: &Condition<'_>,
-        reference: &Path,
-        row: String,
-    ) -> Result<TableFolder> {
-        let Condition { name, dataset, .. } = condition;
-        let renders = self.out.join(folders::RENDER).join(name).join(&row);
-        let folder = self.out.join(folders::EVAL).join(name).join(&row);
-        let Options { mut args, paths } = project.options::<EvalArgs>("eval")?;
-        let mut takes = vec![reference.to_owned(), renders.clone()];
-        if let Some(relight) = condition.relight {
-            takes.push((*dataset).to_owned());
-            args.before.push((*dataset).to_owned());
-            if let Some(split) = relight.split {
-                args.split = vec![split];
-            }
-        }
-        args.renders = vec![renders];
-        args.reference = vec![reference.to_owned()];
-        args.name = vec![(*name).to_owned()];
-        args.out = Some(folder.clone());
-        takes.extend(paths);
-        let product = folder.join(METRICS_FILE);
-        self.add(
-            format!("eval/{name}/{row}"),
-            JobCommand::Eval(args),
-            takes,
-            product,
-        );
-        let row = Some(row);
-        Ok(TableFolder { folder, row })
+        self.add(format!("edit/{}", relight.name), command, takes, out)
     }
 
     fn table(&mut self, folders: Vec<TableFolder>) {
@@ -392,29 +279,5 @@ impl Plan {
         });
         let takes: Vec<PathBuf> = self.steps.iter().flat_map(|s| s.products.clone()).collect();
         self.add("report", command, takes, out);
-    }
-}
-
-/// A light to render and measure.
-#[derive(Clone, Copy)]
-struct Condition<'a> {
-    name: &'a str,
-    scene: &'a Path,
-    /// Dataset with the cameras.
-    dataset: &'a Path,
-    reference: Option<&'a Path>,
-    /// The change of light; `None` for that of the photographs.
-    relight: Option<&'a Relight>,
-}
-
-impl Condition<'_> {
-    /// Arguments of a command that needs only the scene and the cameras of the dataset.
-    fn view_inputs(&self) -> impl Iterator<Item = PathBuf> + use<> {
-        let cameras = if self.dataset.is_file() {
-            self.dataset.to_owned()
-        } else {
-            self.dataset.join(TRANSFORMS_FILE)
-        };
-        [cameras, self.scene.to_owned()].into_iter()
     }
 }
