@@ -14,6 +14,8 @@ use eagpt_trace::parity::{self, PARITY_TOLERANCE, Parity};
 use eagpt_trace::{Device, TraceError};
 use serde::Serialize;
 use std::path::Path;
+#[cfg(not(feature = "onnx"))]
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Report the capabilities of this machine, and check that it computes right
@@ -245,9 +247,12 @@ fn colmap() -> Finding {
     }
 }
 
-#[cfg(feature = "onnx")]
 fn normals() -> Finding {
-    match eagpt_convert::normals::find_runtime() {
+    #[cfg(feature = "onnx")]
+    let found = eagpt_convert::normals::find_runtime();
+    #[cfg(not(feature = "onnx"))]
+    let found = Err::<PathBuf, _>("built without the feature onnx".to_owned());
+    match found {
         Ok(path) => Finding::good("normals", format!("ONNX Runtime ({})", path.display())),
         Err(problem) => Finding::missing(
             "normals",
@@ -255,15 +260,6 @@ fn normals() -> Finding {
             "`eagpt normals --onnx` runs networks that estimate normals with it; maps that are there are read without",
         ),
     }
-}
-
-#[cfg(not(feature = "onnx"))]
-fn normals() -> Finding {
-    Finding::missing(
-        "normals",
-        "built without the feature onnx".to_owned(),
-        "`eagpt normals --onnx` runs networks that estimate normals with it; maps that are there are read without",
-    )
 }
 
 /// Self-test of a device that is not the CPU.

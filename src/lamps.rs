@@ -175,24 +175,10 @@ fn compared(lamp: &ComparedLamp) -> [String; 7] {
     [lamp.name.clone(), found, power, ratio(lamp.ratio), r, g, b]
 }
 
-/// Texts in columns, all but the first aligned to the right.
+/// Texts below headings, all but the first aligned to the right.
 fn columns<const N: usize>(headings: &[&str; N], rows: &[[String; N]]) -> String {
-    let width = |column: usize| {
-        let cells = rows.iter().map(|row| row[column].chars().count());
-        cells.chain([headings[column].len()]).max()
-    };
-    let widths: Vec<usize> = (0..N).map(|column| width(column).unwrap_or(0)).collect();
-    let line = |cells: Vec<&str>| {
-        let cells = cells.iter().zip(&widths).enumerate();
-        let cells = cells.map(|(column, (cell, &width))| match column {
-            0 => format!("{cell:<width$}"),
-            _ => format!("  {cell:>width$}"),
-        });
-        cells.collect::<String>() + "\n"
-    };
-    let rows = rows
-        .iter()
-        .map(|row| row.iter().map(String::as_str).collect());
-    let lines = std::iter::once(headings.to_vec()).chain(rows);
-    lines.map(line).collect()
+    let headings = headings.map(str::to_owned).to_vec();
+    let rows = rows.iter().map(|row| row.to_vec());
+    let lines: Vec<_> = std::iter::once(headings).chain(rows).collect();
+    terminal::columns(&lines, 1)
 }

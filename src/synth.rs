@@ -12,7 +12,7 @@ use eagpt_synth::capture::{self, LightMethod, Parts};
 use eagpt_synth::scenes::{self, SCENES};
 use eagpt_synth::{SampleNoise, SceneScript, SynthOptions, SynthProgress, simulate};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Photograph a virtual room: RAW brackets, and the truth behind them
@@ -95,13 +95,17 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
     }
     // The parser has made sure of both.
     let scene = args.scene.as_deref().context("SCENE is missing")?;
-    let source = Source::find(scene);
+    let file = PathBuf::from(scene);
+    let (text, inputs) = match scenes::embedded(scene) {
+        Some(embedded) => (embedded.toml.as_bytes().to_vec(), Vec::new()),
+        None => (files::read(&file)?, vec![file.clone()]),
+    };
     if args.print {
-        terminal::print(&source.text()?)?;
+        terminal::print(&String::from_utf8_lossy(&text))?;
         return Ok(ExitCode::SUCCESS);
     }
     let out = args.out.as_deref().context("--out is missing")?;
-    let script = source.read()?;
+    let script = SceneScript::parse(&file, &text)?;
     let options = options(args);
     let mut builder = RecordBuilder::begin(
         "synth",
@@ -111,7 +115,6 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
         },
         global,
     )?;
-    let inputs = source.files();
     let target = Target::new(out, "synth", &inputs, args.force);
     target.check(&capture::outputs(&script, &options))?;
     target.prepare()?;
@@ -142,42 +145,6 @@ pub(crate) fn run(args: &SynthArgs, global: &GlobalArgs) -> Result<ExitCode> {
         "num_shots": summary.num_shots,
     }))?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Where a scene comes from.
-enum Source<'a> {
-    Embedded(scenes::EmbeddedScene),
-    File(&'a Path),
-}
-
-impl<'a> Source<'a> {
-    /// The embedded scene of this name, else the file.
-    fn find(scene: &'a str) -> Self {
-        scenes::embedded(scene).map_or(Self::File(Path::new(scene)), Self::Embedded)
-    }
-
-    fn read(&self) -> Result<SceneScript> {
-        Ok(match self {
-            Self::Embedded(scene) => {
-                SceneScript::parse(Path::new(scene.name), scene.toml.as_bytes())?
-            }
-            Self::File(path) => SceneScript::read(path)?,
-        })
-    }
-
-    fn text(&self) -> Result<String> {
-        match self {
-            Self::Embedded(scene) => Ok(scene.toml.to_owned()),
-            Self::File(path) => Ok(String::from_utf8_lossy(&files::read(path)?).into_owned()),
-        }
-    }
-
-    fn files(&self) -> Vec<PathBuf> {
-        match self {
-            Self::Embedded(_) => Vec::new(),
-            Self::File(path) => vec![(*path).to_owned()],
-        }
-    }
 }
 
 fn options(args: &SynthArgs) -> SynthOptions {

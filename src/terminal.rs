@@ -83,6 +83,27 @@ pub(crate) fn one_line(error: &anyhow::Error) -> String {
         .collect()
 }
 
+/// Lines of cells in columns, as many in each: the first `num_left` aligned to the left, others to
+/// the right.
+pub(crate) fn columns(lines: &[Vec<String>], num_left: usize) -> String {
+    let num_columns = lines.first().map_or(0, Vec::len);
+    let width = |column: usize| lines.iter().map(move |line| line[column].chars().count());
+    let widths: Vec<usize> = (0..num_columns)
+        .map(|column| width(column).max().unwrap_or(0))
+        .collect();
+    let mut text = String::new();
+    for line in lines {
+        let cells = line.iter().zip(&widths).enumerate();
+        let cells = cells.map(|(column, (cell, &width))| match column < num_left {
+            true => format!("{cell:<width$}"),
+            false => format!("{cell:>width$}"),
+        });
+        text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}
+
 struct BesideBars;
 
 impl Write for BesideBars {
@@ -100,6 +121,13 @@ mod tests {
     use super::*;
     use eagpt_scene::SceneError;
     use std::path::Path;
+
+    #[test]
+    fn columns_line_up() {
+        let line = |cells: [&str; 3]| cells.map(str::to_owned).to_vec();
+        let text = columns(&[line(["a", "what", "n"]), line(["abc", "w", "10"])], 2);
+        assert_eq!(text, "a    what   n\nabc  w     10\n");
+    }
 
     #[test]
     fn errors_are_one_line_and_repeat_nothing() {

@@ -2,6 +2,7 @@
 
 use super::results::{Change, Results, Verdict};
 use super::sheet::{Row, Unit};
+use crate::terminal;
 
 /// The table of all rows, against `baseline` where there is one.
 pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
@@ -67,7 +68,7 @@ pub(super) fn text(results: &Results, baseline: Option<&Results>) -> String {
         }
         lines.push(line);
     }
-    aligned(&lines)
+    terminal::columns(&lines, 2)
 }
 
 /// Factor by which a row is faster than the same with the fewest threads.
@@ -78,36 +79,6 @@ fn scaling(row: &Row, rows: &[Row]) -> String {
         .map_or_else(String::new, |fewest| {
             format!("{:.2}x", row.unit.ratio(fewest.median, row.median))
         })
-}
-
-/// The first two columns and the last to the left, numbers to the right.
-fn aligned(lines: &[Vec<String>]) -> String {
-    let num_columns = lines[0].len();
-    let widths: Vec<usize> = (0..num_columns)
-        .map(|column| {
-            lines
-                .iter()
-                .map(|line| line[column].chars().count())
-                .max()
-                .unwrap_or(0)
-        })
-        .collect();
-    let mut text = String::new();
-    for line in lines {
-        let cells = line.iter().zip(&widths).enumerate();
-        let cells: Vec<String> = cells
-            .map(|(column, (cell, &width))| {
-                if column < 2 {
-                    format!("{cell:<width$}")
-                } else {
-                    format!("{cell:>width$}")
-                }
-            })
-            .collect();
-        text.push_str(cells.join("  ").trim_end());
-        text.push('\n');
-    }
-    text
 }
 
 /// Three digits and a unit, as `1.23 Mrays/s` or `45.6 ms`.
@@ -143,12 +114,5 @@ mod tests {
         assert_eq!(figure(Unit::Bytes, 234e6), "234 MB/s");
         assert_eq!(figure(Unit::Iterations, 3.0), "3.00 it/s");
         assert_eq!(figure(Unit::Iterations, 0.0), "0.00 it/s");
-    }
-
-    #[test]
-    fn columns_line_up() {
-        let line = |cells: [&str; 3]| cells.map(str::to_owned).to_vec();
-        let text = aligned(&[line(["a", "what", "n"]), line(["abc", "w", "10"])]);
-        assert_eq!(text, "a    what   n\nabc  w     10\n");
     }
 }
