@@ -67,7 +67,7 @@ pub(crate) struct BenchArgs {
     thread_counts: Vec<NonZeroUsize>,
     /// Seconds for each figure, 0 to 3600; there are three runs and one to warm up however long
     /// they take
-    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = args::within(0.0..=3600.0))]
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = args::within(0.0_f64..=3600.0))]
     seconds: f64,
     /// Size of the images of metrics and EXR files, pixels, 16x16 to 16384x16384
     #[arg(long, value_name = "WxH", default_value = "3000x2000", value_parser = args::size(16..=16_384))]

@@ -47,7 +47,7 @@ pub(crate) struct PageArgs {
     #[arg(long, conflicts_with = "lights")]
     no_lights: bool,
     /// Exposure that the page opens with, stops, -8 to 8 [default: 0]
-    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = args::within(-8.0..=8.0))]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = args::within(-8.0_f32..=8.0))]
     exposure: Option<f32>,
     /// Tone map that the page opens with [default: srgb]
     #[arg(long, value_name = "CURVE", value_enum)]

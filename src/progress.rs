@@ -154,7 +154,7 @@ impl Reporter {
         (done, total): (u64, u64),
         note: impl FnOnce() -> String,
     ) {
-        if done <= 1 || !self.task.as_ref().is_some_and(|task| task.name == name) {
+        if done <= 1 || self.task.as_ref().is_none_or(|task| task.name != name) {
             // Steps before the first that is told are of an earlier process: no rate has them.
             self.begin(name, unit, done.saturating_sub(1), total);
         }

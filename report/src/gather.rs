@@ -60,7 +60,7 @@ fn text(path: &Path) -> Result<String> {
 }
 
 /// A number with its name, rounded, with its unit.
-fn fact(label: &str, value: String) -> Value {
+fn fact(label: &str, value: &str) -> Value {
     json!({ "label": label, "value": value })
 }
 
@@ -149,22 +149,25 @@ fn curves(dir: &Path) -> Result<Vec<Value>> {
 /// A few numbers that say what the run was.
 fn facts(dir: &Path, conditions: &[Value]) -> Result<Vec<Value>> {
     let mut facts = Vec::new();
-    let mut add = |label: &str, value: String| facts.push(fact(label, value));
+    let mut add = |label: &str, value: &str| facts.push(fact(label, value));
     if let Some(record) = read_json::<Value>(&dir.join(folders::TRAIN).join("record.json"))? {
         if let Some(num) = record["split"]["num_train"].as_u64() {
-            add("training views", num.to_string());
+            add("training views", &num.to_string());
         }
         if let Some(num) = record["split"]["num_test"].as_u64() {
-            add("test views", num.to_string());
+            add("test views", &num.to_string());
         }
         if let Some(device) = record["device"].as_str() {
-            add("computed on", device.to_owned());
+            add("computed on", device);
         }
         let own_light = &record["measured"]["own_light"];
         if let Some(psnr) = own_light["psnr_srgb_db"].as_f64() {
             let factor = own_light["exposure_scale"].as_f64();
             let factor = factor.map_or(String::new(), |factor| format!(", factor {factor:.2}"));
-            add("own light, training views", format!("{psnr:.1} dB{factor}"));
+            add(
+                "own light, training views",
+                &format!("{psnr:.1} dB{factor}"),
+            );
         }
     }
     for condition in conditions {
@@ -176,7 +179,7 @@ fn facts(dir: &Path, conditions: &[Value]) -> Result<Vec<Value>> {
         });
         if let Some((psnr, mode)) = best.max_by(|a, b| a.0.total_cmp(&b.0)) {
             let [name, mode] = [condition, mode].map(|of| of["name"].as_str().unwrap_or_default());
-            add(&format!("{name}, {mode}"), format!("{psnr:.2} dB"));
+            add(&format!("{name}, {mode}"), &format!("{psnr:.2} dB"));
         }
     }
     Ok(facts)

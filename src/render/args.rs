@@ -68,7 +68,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FROM_BOUNCE", default_value_t = ROULETTE_FROM)]
     pub(crate) russian_roulette: u32,
     /// Emission from which on a surface counts as an emitter, 0 to 1
-    #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = args::within(0.0..=1.0))]
+    #[arg(long, value_name = "E", default_value_t = EMISSION_THRESHOLD, value_parser = args::within(0.0_f32..=1.0))]
     pub(super) emission_threshold: f32,
     /// Light sampling; the mean image is the same, the noise is not
     #[arg(long, value_enum, default_value = "next-event")]

@@ -155,7 +155,7 @@ fn two_views_with_known_errors() {
     assert!(scene.albedo_psnr_srgb_db.unwrap() < 20.0);
     assert!(scene.albedo_psnr_scaled_db.unwrap() > 100.0);
     // View 8 has nothing that emits and no other channels.
-    assert_eq!(found.views[1].scene, super::view::SceneMetrics::default());
+    assert_eq!(found.views[1].scene, crate::view::SceneMetrics::default());
     assert_eq!(found.mean("emission_iou"), Some(0.5));
     assert!(found.mean("flip_hdr").unwrap() > 0.0);
     assert_eq!(found.mean("no such metric"), None);

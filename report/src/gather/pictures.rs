@@ -180,7 +180,7 @@ fn evenly(all: &[String], most: usize) -> Vec<&String> {
 /// Those of `wanted` that are in an object of metrics.
 fn listed(values: &Value, wanted: &[(&str, &str, usize)]) -> Vec<Value> {
     let found = wanted.iter().filter_map(|&(key, heading, decimals)| {
-        Some(fact(heading, rounded(values.get(key)?, decimals)))
+        Some(fact(heading, &rounded(values.get(key)?, decimals)))
     });
     found.collect()
 }

@@ -2,7 +2,6 @@
 
 use super::{Case, NUM_VIEWS, name, radiance, view};
 use crate::evaluation::Evaluation;
-use crate::job::*;
 use eagpt_scene::dataset::{DatasetWriter, SplitRule, Subset};
 use eagpt_scene::exr::Precision;
 use eagpt_scene::files::digest;

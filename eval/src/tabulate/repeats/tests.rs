@@ -1,4 +1,5 @@
 use super::*;
+use std::path::Path;
 
 fn evaluated(root: &Path, name: &str, psnr: f64) -> PathBuf {
     let folder = root.join(name);
