@@ -136,7 +136,7 @@ pub struct Alignment {
     /// The walls; null if they were not requested or not found.
     pub walls: Option<WallReport>,
     /// Fit to known cameras; null if there were none.
-    pub reference: Option<ReferenceReport>,
+    pub(crate) reference: Option<ReferenceReport>,
     /// Confidence of the floor, 0 to 1; 1 if the user gave it, null without a floor.
     pub confidence: Option<f64>,
     /// Whether a unit of the aligned world is a metre.

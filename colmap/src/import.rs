@@ -27,7 +27,7 @@ use eagpt_scene::dataset::{DatasetInfo, POINTS_FILE, TRANSFORMS_FILE, UpAxis};
 use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::{Undistortion, undistort::UndistortOptions};
 use eagpt_scene::ply::{self, PointCloud};
-use eagpt_scene::{Camera, files};
+use eagpt_scene::{Camera, files, words};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -332,10 +332,7 @@ impl ImportPlan {
         if self.options.aligned_model == AlignedModel::Write {
             self.model.write(&out.join(MODEL_DIR), self.form)?;
         }
-        let mut text = serde_json::to_vec_pretty(&report)
-            .map_err(|error| ColmapError::invalid(&out.join(REPORT_FILE), error.to_string()))?;
-        text.push(b'\n');
-        files::write_bytes_atomic(&out.join(REPORT_FILE), &text)?;
+        files::write_json(&out.join(REPORT_FILE), &report)?;
         Ok(report)
     }
 
@@ -429,19 +426,10 @@ fn find_conditions(
     Ok(conditions)
 }
 
-/// Names of images for a message: all if few, else some and the number of the rest.
+/// Names of images for a message.
 fn listed(names: &[String]) -> String {
-    const MAX: usize = 8;
-    let shown: Vec<String> = names
-        .iter()
-        .take(MAX)
-        .map(|n| n.escape_debug().to_string())
-        .collect();
-    let text = shown.join(", ");
-    match names.len().saturating_sub(MAX) {
-        0 => text,
-        more => format!("{text} and {more} more"),
-    }
+    let names: Vec<String> = names.iter().map(|n| n.escape_debug().to_string()).collect();
+    words::listed(&names, 8)
 }
 
 /// The undistortion of an image of a size.

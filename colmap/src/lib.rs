@@ -20,3 +20,6 @@ pub use error::{ColmapError, Result};
 pub use import::import;
 pub use model::{Model, Rigid, Similarity};
 pub use run::run;
+
+/// Folders of images are searched to this depth.
+const MAX_IMAGE_DEPTH: usize = 8;

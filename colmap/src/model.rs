@@ -126,7 +126,7 @@ pub struct TrackElement {
 /// Type of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(i8)]
-pub enum SensorType {
+pub(crate) enum SensorType {
     /// None
     Invalid = -1,
     /// A camera; its number is that of a [`ModelCamera`]
@@ -137,9 +137,9 @@ pub enum SensorType {
 
 /// A sensor of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct SensorId {
+pub(crate) struct SensorId {
     /// Kind.
-    pub kind: SensorType,
+    pub(crate) kind: SensorType,
     /// Number among its kind.
     pub number: u32,
 }
@@ -150,9 +150,9 @@ pub struct Rig {
     /// Number.
     pub id: RigId,
     /// The sensor whose pose is the rig's; a rig without sensors has none.
-    pub reference: Option<SensorId>,
+    pub(crate) reference: Option<SensorId>,
     /// The other sensors and their poses in the rig, where known.
-    pub others: Vec<(SensorId, Option<Rigid>)>,
+    pub(crate) others: Vec<(SensorId, Option<Rigid>)>,
 }
 
 /// A rig at an instant.
@@ -165,7 +165,7 @@ pub struct RigFrame {
     /// Pose.
     pub rig_from_world: Rigid,
     /// Recorded data: a sensor and the number of its datum, for cameras that of an image.
-    pub data: Vec<(SensorId, u64)>,
+    pub(crate) data: Vec<(SensorId, u64)>,
 }
 
 /// A sparse model. Lists are in the order of the files.

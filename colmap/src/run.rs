@@ -10,15 +10,15 @@ mod program;
 #[cfg(test)]
 mod tests;
 
+use crate::MAX_IMAGE_DEPTH;
 use crate::error::{ColmapError, Result};
 use crate::model::{Form, Model, Observations};
+use eagpt_scene::files;
 use eagpt_scene::lens::LensModel;
-use eagpt_scene::{SceneError, files};
 use log::ColmapStep;
 use program::Program;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// File of the report, in the folder of the model.
@@ -184,7 +184,16 @@ pub fn version(program: &Path) -> Result<String> {
 pub fn list_images(dir: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     let mut num_exr = 0;
-    collect(dir, "", &mut names, &mut num_exr)?;
+    for path in files::list_below(dir, MAX_IMAGE_DEPTH)? {
+        let extension = path.extension().unwrap_or_default().to_str();
+        match extension.unwrap_or_default().to_ascii_lowercase().as_str() {
+            "jpg" | "jpeg" | "png" | "tif" | "tiff" | "bmp" if path.to_str().is_some() => {
+                names.push(files::relative_name(dir, &path));
+            }
+            "exr" => num_exr += 1,
+            _ => {}
+        }
+    }
     names.sort();
     if names.is_empty() {
         let problem = match num_exr {
@@ -196,34 +205,6 @@ pub fn list_images(dir: &Path) -> Result<Vec<String>> {
         return Err(ColmapError::invalid(dir, problem));
     }
     Ok(names)
-}
-
-fn collect(dir: &Path, prefix: &str, names: &mut Vec<String>, num_exr: &mut usize) -> Result<()> {
-    const MAX_DEPTH: usize = 8;
-    let io = |error| SceneError::io(dir, "read folder", error);
-    for entry in fs::read_dir(dir).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-            continue;
-        };
-        let relative = format!("{prefix}{name}");
-        if path.is_dir() {
-            if prefix.matches('/').count() < MAX_DEPTH {
-                collect(&path, &format!("{relative}/"), names, num_exr)?;
-            }
-            continue;
-        }
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or_default();
-        match extension.to_ascii_lowercase().as_str() {
-            "jpg" | "jpeg" | "png" | "tif" | "tiff" | "bmp" => names.push(relative),
-            "exr" => *num_exr += 1,
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 /// Runs COLMAP on the images in `images` and writes the largest model into `out`.
@@ -278,11 +259,7 @@ pub fn run(
         num_models,
         matcher,
     };
-    let path = out.join(REPORT_FILE);
-    let mut text = serde_json::to_vec_pretty(&report)
-        .map_err(|error| ColmapError::invalid(&path, error.to_string()))?;
-    text.push(b'\n');
-    files::write_bytes_atomic(&path, &text)?;
+    files::write_json(&out.join(REPORT_FILE), &report)?;
     files::remove_if_there(&work)?;
     Ok(report)
 }
@@ -391,15 +368,8 @@ fn arguments(
 
 /// The model with most images among those in `sparse`, and their number.
 fn largest(sparse: &Path, log: &Path) -> Result<(Model, usize)> {
-    let io = |error| SceneError::io(sparse, "read folder", error);
-    let mut dirs = Vec::new();
-    for entry in fs::read_dir(sparse).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        if Form::of(&path).is_some() {
-            dirs.push(path);
-        }
-    }
-    dirs.sort();
+    let mut dirs = files::list(sparse)?;
+    dirs.retain(|dir| Form::of(dir).is_some());
     let mut best: Option<Model> = None;
     for dir in &dirs {
         let model = Model::read(dir, Observations::Keep)?;

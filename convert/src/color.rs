@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Primaries of linear light, with the white D65.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Primaries {
+pub(crate) enum Primaries {
     /// ITU-R BT.709, those of sRGB: ours.
     #[default]
     Rec709,
@@ -40,7 +40,7 @@ pub struct ColorTransform {
     /// Factors of R, G, B.
     pub gains: [f64; 3],
     /// Primaries of the source.
-    pub primaries: Primaries,
+    pub(crate) primaries: Primaries,
     /// Factor of all.
     pub scale: f64,
 }

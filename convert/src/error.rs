@@ -1,7 +1,7 @@
 //! The error of this crate.
 
 use eagpt_scene::SceneError;
-use std::fmt::Write;
+use eagpt_scene::words::listed;
 use std::path::{Path, PathBuf};
 
 /// Result with [`ConvertError`].
@@ -178,8 +178,10 @@ fn grouped(problems: &[Problem], num_frames: usize) -> String {
 
 /// Problems of one kind.
 fn told(cause: Cause, problems: &[&Problem]) -> String {
+    const MAX_NAMES: usize = 4;
     let num = problems.len();
-    let names = names(problems);
+    let names: Vec<&str> = problems.iter().map(|p| p.view.as_str()).collect();
+    let names = listed(&names, MAX_NAMES);
     let are = if num == 1 { "is" } else { "are" };
     match cause {
         Cause::Jpeg => format!("{num} {are} JPEG, for --ldr srgb to decode: {names}"),
@@ -188,18 +190,6 @@ fn told(cause: Cause, problems: &[&Problem]) -> String {
         Cause::Other if num == 1 => format!("{names}: {}", problems[0].problem),
         Cause::Other => format!("{num} as {}: {names}", problems[0].problem),
     }
-}
-
-/// Names of the first few frames, and the number of the others.
-fn names(problems: &[&Problem]) -> String {
-    const MAX_NAMES: usize = 4;
-    let shown = problems.iter().take(MAX_NAMES).map(|p| p.view.as_str());
-    let mut text = shown.collect::<Vec<_>>().join(", ");
-    if let more @ 1.. = problems.len().saturating_sub(MAX_NAMES) {
-        // Writing to a string does not fail.
-        write!(text, " and {more} more").unwrap_or_default();
-    }
-    text
 }
 
 #[cfg(test)]

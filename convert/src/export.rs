@@ -15,10 +15,7 @@ mod colmap;
 mod nerfstudio;
 
 use crate::error::{ConvertError, Result};
-use eagpt_scene::dataset::{
-    ALBEDO_DIR, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
-    RADIANCE_DIR, TRANSFORMS_FILE, VALID_DIR, write_transforms,
-};
+use eagpt_scene::dataset::{POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
 use eagpt_scene::{Camera, Dataset, Frame, SceneError, files};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
@@ -116,25 +113,19 @@ fn copies_of(frame: &Frame, format: ExportFormat) -> Vec<Copy> {
         ExportFormat::Colmap | ExportFormat::Nerfstudio => IMAGES_DIR,
         ExportFormat::Eagpt => RADIANCE_DIR,
     };
-    let files = &frame.files;
     let file = format!("{}.exr", frame.name);
-    let kinds = [
-        (photographs, Some(&files.radiance)),
-        (EMISSION_DIR, files.emission.as_ref()),
-        (NORMAL_DIR, files.normal.as_ref()),
-        (ALPHA_DIR, files.alpha.as_ref()),
-        (DEPTH_DIR, files.depth.as_ref()),
-        (ALBEDO_DIR, files.albedo.as_ref()),
-        (CLIPPED_DIR, files.clipped.as_ref()),
-        (VALID_DIR, files.valid.as_ref()),
-    ];
-    let there = kinds.into_iter().filter_map(|(folder, from)| {
-        Some(Copy {
-            from: from?.clone(),
+    let copy = |(folder, from): (&str, &PathBuf)| {
+        let folder = if folder == RADIANCE_DIR {
+            photographs
+        } else {
+            folder
+        };
+        Copy {
+            from: from.clone(),
             to: Path::new(folder).join(&file),
-        })
-    });
-    there.collect()
+        }
+    };
+    frame.files.all().map(copy).collect()
 }
 
 /// Writes a dataset for another program into the folder `out`; images pass through a buffer, never
@@ -210,9 +201,7 @@ fn cautions(dataset: &Dataset, format: ExportFormat, has_points: bool) -> Vec<St
 }
 
 fn copy_file(from: &Path, to: &Path) -> Result<()> {
-    if let Some(folder) = to.parent() {
-        files::create_dir(folder)?;
-    }
+    files::create_parent(to)?;
     let mut source = File::open(from).map_err(|e| SceneError::io(from, "read", e))?;
     files::write_atomic(to, |file| {
         std::io::copy(&mut source, file)

@@ -24,7 +24,7 @@ use eagpt_scene::dataset::{
 };
 use eagpt_scene::lens::Undistortion;
 use eagpt_scene::ply::PointCloud;
-use eagpt_scene::{Lens, ply};
+use eagpt_scene::{Lens, files, ply};
 use glam::DMat3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -184,7 +184,7 @@ pub fn import(
     for text in &report.warnings {
         progress(ImportProgress::Warning { text: text.clone() });
     }
-    report.write(&out.join(REPORT_FILE))?;
+    files::write_json(&out.join(REPORT_FILE), &report)?;
     let written = planned_files(&source).into_iter();
     Ok(ImportSummary {
         report,

@@ -105,11 +105,8 @@ pub fn make_normals(
         missing,
     };
     let path = request.out.join(report_file());
-    let mut text = serde_json::to_string_pretty(&report)
-        .map_err(|error| ConvertError::invalid(&path, "JSON", error.to_string()))?;
-    text.push('\n');
-    create_parent(&path)?;
-    files::write_bytes_atomic(&path, text.as_bytes())?;
+    files::create_parent(&path)?;
+    files::write_json(&path, &report)?;
     let written = planned_files(request.dataset).into_iter();
     Ok(NormalSummary {
         report,
@@ -153,8 +150,8 @@ impl NormalsJob<'_> {
             .collect();
         let step = with_map.len().div_ceil(NUM_PROBED).max(1);
         let probed: Vec<_> = with_map.into_iter().step_by(step).collect();
-        let mut agreement = Agreement::default();
-        let mut visibility = Agreement::default();
+        let mut agreement = Agreement::NONE;
+        let mut visibility = Agreement::NONE;
         let mut has_depth = false;
         for (done, (index, map)) in probed.iter().enumerate() {
             let frame = &self.request.dataset.frames()[*index];
@@ -311,10 +308,10 @@ impl NormalsJob<'_> {
         let stored = self.read(index, map)?;
         let (normals, facing) = world_normals(&stored, &frame.camera, reading);
         let path = self.request.out.join(normal_file(&frame.name));
-        create_parent(&path)?;
+        files::create_parent(&path)?;
         exr::write_rgb(&path, &normals, Precision::Half)?;
         let picture = self.request.out.join(picture_file(&frame.name));
-        create_parent(&picture)?;
+        files::create_parent(&picture)?;
         write_picture(&picture, &normals)?;
         let places = self.places(index)?;
         let angles = places.iter().filter_map(|place| {
@@ -362,13 +359,6 @@ fn space_name(space: Space) -> &'static str {
     match space {
         Space::Camera => "camera",
         Space::World => "world",
-    }
-}
-
-fn create_parent(path: &Path) -> Result<()> {
-    match path.parent() {
-        Some(folder) => Ok(files::create_dir(folder)?),
-        None => Ok(()),
     }
 }
 

@@ -21,9 +21,9 @@ pub(crate) mod nerfstudio;
 use crate::color::ColorTransform;
 use crate::error::{Cause, ConvertError, Problem, Result};
 use crate::options::ImportOptions;
+use eagpt_scene::Lens;
 use eagpt_scene::dataset::{DatasetInfo, POINTS_FILE, TRANSFORMS_FILE};
 use eagpt_scene::pictures;
-use eagpt_scene::{Lens, files};
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -139,22 +139,22 @@ pub struct SourceFrame {
     /// Pose in the source's world, OpenCV axes.
     pub world_from_camera: DAffine3,
     /// Its files.
-    pub files: SourceFiles,
+    pub(crate) files: SourceFiles,
 }
 
 /// The files of a frame; those that are there.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct SourceFiles {
+pub(crate) struct SourceFiles {
     /// The photograph.
     pub radiance: PathBuf,
     /// Emission.
-    pub emission: Option<Emission>,
+    pub(crate) emission: Option<Emission>,
     /// World-space normals.
     pub normal: Option<PathBuf>,
     /// Opacity.
     pub alpha: Option<PathBuf>,
     /// Depth along the optical axis.
-    pub depth: Option<Depth>,
+    pub(crate) depth: Option<Depth>,
     /// Diffuse albedo, linear Rec.709.
     pub albedo: Option<PathBuf>,
     /// Mask of clipped channels; PNG and JPEG say themselves.
@@ -165,7 +165,7 @@ pub struct SourceFiles {
 
 /// Source of a frame's emission mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Emission {
+pub(crate) enum Emission {
     /// A mask, 0 to 1.
     Mask(PathBuf),
     /// Emitted radiance: pixels above 0 are emitters.
@@ -183,7 +183,7 @@ impl Emission {
 
 /// A depth image and its unit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Depth {
+pub(crate) struct Depth {
     /// The file.
     pub path: PathBuf,
     /// Scene units that a value of 1 stands for.
@@ -394,10 +394,4 @@ fn size_of(path: &Path) -> Result<(u32, u32)> {
         });
     }
     Ok(pictures::size(path)?)
-}
-
-/// A JSON file.
-fn read_json(path: &Path) -> Result<serde_json::Value> {
-    let bytes = files::read(path)?;
-    serde_json::from_slice(&bytes).map_err(|e| ConvertError::invalid(path, "JSON", e.to_string()))
 }

@@ -109,8 +109,8 @@ fn everything_broken_is_told_at_once() {
             .any(|p| p.view == view && p.problem.contains(part))
     };
     for (view, part) in [
-        ("001", "pixel (4, 1): NaN is not finite; 1 of 864"),
-        ("001", "pixel (4, 1): -1.0 is negative; 2 of 864"),
+        ("001", "pixel (4, 1) channel R: NaN is not finite; 1 of 864"),
+        ("001", "pixel (4, 1) channel G: -1.0 is negative; 2 of 864"),
         ("002", "no image"),
         ("003", "Emissive-exr"),
         ("004", "3x2, but the radiance is 36x24"),

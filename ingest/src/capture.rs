@@ -23,7 +23,7 @@ pub struct Capture {
     /// Transform of colours.
     pub color: ColorTransform,
     /// The falloff that was divided by; `None`: none was.
-    pub falloff: Option<Falloff>,
+    pub(crate) falloff: Option<Falloff>,
     /// Camera of the written images if a lens was given; `None`: images are as the lens drew them.
     pub pinhole: Option<Pinhole>,
     /// Radiance of a sample at saturation in a shot of 1 s at ISO 100 and f/1.
@@ -48,7 +48,7 @@ pub struct StackReport {
     /// Position of the camera.
     pub position: String,
     /// Files relative to the output.
-    pub files: StackFiles,
+    pub(crate) files: StackFiles,
     /// Width of the images in pixels.
     pub width: u32,
     /// Height of the images in pixels.
@@ -65,7 +65,7 @@ pub struct StackReport {
 
 /// Files of a stack, relative to the output, with "/" between folders.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StackFiles {
+pub(crate) struct StackFiles {
     /// Linear radiance, EXR.
     pub radiance: String,
     /// sRGB preview, PNG.

@@ -2,8 +2,9 @@
 
 use crate::demosaic;
 use crate::gather::Gathered;
-use crate::problem::{Problem, Remedy, counted};
+use crate::problem::{Problem, Remedy};
 use crate::stack::{Photograph, Stack};
+use eagpt_scene::words::{counted, listed};
 use std::collections::{BTreeMap, HashMap};
 
 /// Adds problems of readable stacks that do not fit together.
@@ -106,7 +107,7 @@ fn deviating(stacks: &[Stack], problems: &mut Vec<Problem>) {
                 Remedy::LeaveOutStack,
                 format!(
                     "{property} {value} where most of the capture has {usual}: {}",
-                    crate::problem::listed(&files, 3)
+                    listed(&files, 3)
                 ),
             ));
             told.push(name);
@@ -221,7 +222,7 @@ fn pauses(stacks: &[Stack], max_pause_s: f64, problems: &mut Vec<Problem>) {
             let text = format!(
                 "{what} taken more than {:.0} min apart from the others: two rooms in one folder? A folder for each, or --max-pause: {}",
                 max_pause_s / 60.0,
-                crate::problem::listed(&names, 3)
+                listed(&names, 3)
             );
             problems.push(Problem::new(&names[0], Remedy::LeaveOutStack, text).concerning(names));
         }

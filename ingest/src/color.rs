@@ -43,7 +43,7 @@ impl ColorTransform {
 
     /// The transform for factors of white balance. Without a colour matrix, colours stay those of
     /// the camera.
-    pub fn new(color: &CameraColor, white_balance: [f32; 3]) -> Self {
+    pub(crate) fn new(color: &CameraColor, white_balance: [f32; 3]) -> Self {
         let [r, g, b] = white_balance.map(f64::from);
         let neutral = DVec3::new(g / r, 1.0, g / b);
         let balanced = Self {

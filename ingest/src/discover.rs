@@ -1,10 +1,11 @@
 //! Finding the photographs of a capture: folders are conditions or stacks.
 
 use crate::error::Result;
-use crate::problem::{Problem, Remedy, counted, listed};
+use crate::problem::{Problem, Remedy};
 use crate::raw::{FileKind, kind_of};
 use crate::stack::{ONLY_CONDITION, natural};
-use eagpt_scene::SceneError;
+use eagpt_scene::files;
+use eagpt_scene::words::{counted, listed};
 use std::path::{Path, PathBuf};
 
 /// The photographs of a folder.
@@ -151,26 +152,11 @@ fn photographs(
 }
 
 fn list(dir: &Path) -> Result<Listing> {
-    let io = |error| SceneError::io(dir, "read", error);
-    let mut listing = Listing {
-        files: Vec::new(),
-        folders: Vec::new(),
-    };
-    for entry in std::fs::read_dir(dir).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        if name_of(&path).starts_with('.') {
-            continue;
-        }
-        if path.is_dir() {
-            listing.folders.push(path);
-        } else {
-            listing.files.push(path);
-        }
-    }
-    for paths in [&mut listing.files, &mut listing.folders] {
-        paths.sort_by(|a, b| natural(&name_of(a), &name_of(b)));
-    }
-    Ok(listing)
+    let mut paths = files::list(dir)?;
+    paths.retain(|path| !name_of(path).starts_with('.'));
+    paths.sort_by(|a, b| natural(&name_of(a), &name_of(b)));
+    let (folders, files) = paths.into_iter().partition(|path| path.is_dir());
+    Ok(Listing { files, folders })
 }
 
 pub(crate) fn name_of(path: &Path) -> String {
@@ -178,13 +164,4 @@ pub(crate) fn name_of(path: &Path) -> String {
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned()
-}
-
-/// The name of a file relative to the capture, with "/" between folders.
-pub(crate) fn relative_name(capture: &Path, path: &Path) -> String {
-    let relative = path.strip_prefix(capture).unwrap_or(path);
-    let parts = relative
-        .components()
-        .map(|part| part.as_os_str().to_string_lossy().into_owned());
-    parts.collect::<Vec<_>>().join("/")
 }

@@ -1,13 +1,15 @@
 //! From a folder of photographs to stacks, with everything that is wrong about them.
 
-use crate::discover::{self, Folder, Found, relative_name};
+use crate::discover::{self, Folder, Found};
 use crate::error::{IngestError, Result};
 use crate::group::{self, Bracket, Key};
 use crate::manifest::{self, ListedStack, Manifest};
 use crate::options::IngestOptions;
-use crate::problem::{Problem, Remedy, counted};
+use crate::problem::{Problem, Remedy};
 use crate::raw::Decoding;
 use crate::stack::{Photograph, Stack};
+use eagpt_scene::files;
+use eagpt_scene::words::{counted, listed};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -143,7 +145,7 @@ fn read_all(
             .map(|path| decoding.inspect(path))
             .collect();
         for (path, outcome) in files.iter().zip(read) {
-            let name = relative_name(capture, path);
+            let name = files::relative_name(capture, path);
             match outcome {
                 Ok((header, blake3)) => {
                     let path = path.clone();
@@ -202,7 +204,7 @@ fn folder_stacks(
         known
     });
     for (problem, names) in unknown {
-        let subject = crate::problem::listed(&names, 3);
+        let subject = listed(&names, 3);
         let problem = Problem::new(subject, Remedy::LeaveOutFile, problem);
         gathered.problems.push(problem);
     }
@@ -276,7 +278,7 @@ fn report(
                 missing.len(),
                 counted(bracket.0.len(), "exposure"),
                 missing.join(", "),
-                crate::problem::listed(&files, 6)
+                listed(&files, 6)
             ),
         ));
     }
@@ -405,7 +407,7 @@ fn name_positions(gathered: &mut Gathered) {
                     counted(lacking.len(), "position")
                         .split_once(' ')
                         .map_or("position", |(_, noun)| noun),
-                    crate::problem::listed(&lacking, 6)
+                    listed(&lacking, 6)
                 ));
             }
         }

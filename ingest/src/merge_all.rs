@@ -14,11 +14,11 @@ use crate::resample::fitted;
 use crate::stack::{Photograph, Stack};
 use crate::survey::{self, Reader, Survey, estimated, read_shots};
 use crate::warnings;
-use eagpt_scene::Shard;
 use eagpt_scene::files::Key;
 use eagpt_scene::files::ledger::{self, Ledger};
 use eagpt_scene::lens::{Pinhole, Undistortion};
 use eagpt_scene::machine::available_memory;
+use eagpt_scene::{Shard, files};
 use glam::DAffine3;
 use std::path::{Path, PathBuf};
 
@@ -133,7 +133,7 @@ pub(crate) fn merge_all(
         "report.json".into(),
         "report.html".into(),
     ];
-    output::write_json(&request.out.join("capture.json"), &capture)?;
+    files::write_json(&request.out.join("capture.json"), &capture)?;
     let thumbnails: Vec<&str> = done.iter().map(|done| done.thumbnail.as_str()).collect();
     report::write(&request.out, &request.capture, &capture, &thumbnails)?;
     for planned in &planned {

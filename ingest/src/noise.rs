@@ -8,6 +8,7 @@
 //! read · (1 + r²).
 
 use crate::stack::Shot;
+use eagpt_scene::median::median_of;
 use serde::{Deserialize, Serialize};
 
 /// Noise variance gain · x + read of a value x, where saturation is 1.
@@ -122,10 +123,10 @@ fn pair_points(short: &Shot<'_>, long: &Shot<'_>, clip: f32) -> Vec<Point> {
         .map(|bin| {
             let num = bin.len() as f64;
             let mean = bin.iter().map(|(x, _)| f64::from(*x)).sum::<f64>() / num;
-            let mut residuals: Vec<f32> = bin.into_iter().map(|(_, d)| d).collect();
-            let middle = median(&mut residuals);
-            let mut deviations: Vec<f32> = residuals.iter().map(|d| (d - middle).abs()).collect();
-            let sigma = SIGMA_OF_MAD * f64::from(median(&mut deviations));
+            let residuals: Vec<f32> = bin.into_iter().map(|(_, d)| d).collect();
+            let middle = median_of(residuals.iter().copied());
+            let deviations = residuals.iter().map(|d| (d - middle).abs());
+            let sigma = SIGMA_OF_MAD * f64::from(median_of(deviations));
             Point {
                 signal: mean.max(0.0) / ratio * (ratio + ratio * ratio) / squares,
                 variance: sigma * sigma / squares,
@@ -139,15 +140,6 @@ fn pair_points(short: &Shot<'_>, long: &Shot<'_>, clip: f32) -> Vec<Point> {
 fn bin_of(x: f32) -> usize {
     let position = (x.max(1e-6).log2() + 12.0) / 12.0;
     ((position * NUM_BINS as f32).max(0.0) as usize).min(NUM_BINS - 1)
-}
-
-/// The median; reorders the numbers. 0 if empty.
-pub(crate) fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return 0.0;
-    }
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// Line through points whose spread is proportional to their height; found by weighting with the

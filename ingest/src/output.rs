@@ -2,9 +2,11 @@
 
 use crate::capture::{StackFiles, StackReport};
 use crate::develop::Developed;
-use crate::error::{IngestError, Result};
+use crate::error::Result;
 use crate::resample::{fitted, shrink};
 use crate::stack::{ONLY_CONDITION, Stack};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use eagpt_scene::color::srgb8_from_linear;
 use eagpt_scene::exr::{Precision, write_rgb};
 use eagpt_scene::{Image, files, png};
@@ -24,7 +26,7 @@ const THUMBNAIL_QUALITY: u8 = 80;
 /// A merged stack, as the ledger has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MergedStack {
-    pub(crate) report: StackReport,
+    pub report: StackReport,
     /// A small JPEG, base64.
     pub(crate) thumbnail: String,
 }
@@ -53,32 +55,6 @@ pub(crate) fn item(kind: &str, stack: &Stack) -> String {
     format!("{kind}/{}/{}", stack.condition, stack.position)
 }
 
-/// Writes JSON; atomic.
-pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let mut text = serde_json::to_string_pretty(value).map_err(|error| {
-        IngestError::Scene(eagpt_scene::SceneError::invalid(
-            path,
-            "JSON",
-            error.to_string(),
-        ))
-    })?;
-    text.push('\n');
-    write_text(path, &text)
-}
-
-/// Writes text; atomic.
-pub(crate) fn write_text(path: &Path, text: &str) -> Result<()> {
-    create_parent(path)?;
-    Ok(files::write_bytes_atomic(path, text.as_bytes())?)
-}
-
-fn create_parent(path: &Path) -> Result<()> {
-    match path.parent() {
-        Some(parent) => Ok(files::create_dir(parent)?),
-        None => Ok(()),
-    }
-}
-
 /// Writes radiance, preview and mask.
 pub(crate) fn write_stack(
     out: &Path,
@@ -89,7 +65,7 @@ pub(crate) fn write_stack(
 ) -> Result<()> {
     let paths = [&files.radiance, &files.preview, &files.unreliable].map(|file| out.join(file));
     for path in &paths {
-        create_parent(path)?;
+        files::create_parent(path)?;
     }
     let image = &developed.image;
     let (width, height) = image.size();
@@ -177,44 +153,12 @@ pub(crate) fn thumbnail(image: &Image<3>, exposure: f64) -> String {
     if written.is_err() {
         return String::new();
     }
-    base64(&jpeg)
-}
-
-/// Base64 (RFC 4648) with padding.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let byte = |index: usize| u32::from(chunk.get(index).copied().unwrap_or(0));
-        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for digit in 0..4 {
-            let value = (word >> (18 - 6 * digit)) & 63;
-            text.push(if digit <= chunk.len() {
-                char::from(DIGITS[value as usize])
-            } else {
-                '='
-            });
-        }
-    }
-    text
+    STANDARD.encode(&jpeg)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_test_vectors() {
-        for (bytes, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-        ] {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
 
     #[test]
     fn previews_are_within_one_code_of_srgb() {

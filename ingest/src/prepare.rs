@@ -13,10 +13,11 @@ use crate::response::{self, Response};
 use crate::stack::{Photograph, Shot, Stack};
 use crate::survey::{Reader, Survey, read_shots};
 use crate::vignetting::{Falloff, Grid, Vignetting};
+use eagpt_scene::files;
 use eagpt_scene::files::Key;
 use eagpt_scene::lens::Undistortion;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Luminance that the geometric mean of a capture gets: middle grey.
 const MIDDLE_GREY: f64 = 0.18;
@@ -240,18 +241,8 @@ fn flat_error(folder: &Path, problem: &str) -> IngestError {
 
 /// The falloff in a folder of photographs of an even surface.
 fn flat_field(reader: &Reader<'_>, folder: &Path, first: &Photograph, clip: f32) -> Result<Grid> {
-    let entries =
-        std::fs::read_dir(folder).map_err(|e| eagpt_scene::SceneError::io(folder, "read", e))?;
-    let mut paths: Vec<PathBuf> = Vec::new();
-    for entry in entries {
-        let path = entry
-            .map_err(|e| eagpt_scene::SceneError::io(folder, "read", e))?
-            .path();
-        if kind_of(&path).is_some_and(|kind| Some(kind) == kind_of(&first.path)) {
-            paths.push(path);
-        }
-    }
-    paths.sort();
+    let mut paths = files::list(folder)?;
+    paths.retain(|path| kind_of(path).is_some_and(|kind| Some(kind) == kind_of(&first.path)));
     let mut frames = Vec::new();
     for path in &paths {
         let frame = reader.read(path)?;

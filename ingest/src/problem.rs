@@ -55,23 +55,3 @@ impl fmt::Display for Problem {
         write!(f, "{}: {}", self.subject, self.problem)
     }
 }
-
-/// "1 stack", "3 stacks".
-pub(crate) fn counted(num: usize, noun: &str) -> String {
-    let plural = if num == 1 { "" } else { "s" };
-    format!("{num} {noun}{plural}")
-}
-
-/// At most `most` names, and the number of the rest.
-pub(crate) fn listed(names: &[String], most: usize) -> String {
-    let shown = names
-        .iter()
-        .take(most)
-        .cloned()
-        .collect::<Vec<_>>()
-        .join(", ");
-    match names.len().saturating_sub(most) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
-}

@@ -74,12 +74,12 @@ pub struct Header {
     /// Layout of colours.
     pub layout: Layout,
     /// Black level at the positions of a repeating block.
-    pub black: Black,
+    pub(crate) black: Black,
     /// Value at which a channel saturates, R, G, B; infinite where the format has none.
     #[serde(with = "crate::numbers::or_null")]
     pub white: [f32; 3],
     /// Colour calibration of the camera.
-    pub color: CameraColor,
+    pub(crate) color: CameraColor,
     /// Colours of a picture for display, whose samples are codes; `None`: samples are light.
     pub display: Option<Display>,
     /// Exposure, camera, lens, time.
@@ -106,7 +106,7 @@ pub enum Layout {
 
 /// Black level, repeated over the image from its top left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Black {
+pub(crate) struct Black {
     /// Columns of the block.
     pub columns: usize,
     /// Rows of the block.
@@ -117,7 +117,7 @@ pub struct Black {
 
 /// Colour calibration of the camera.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct CameraColor {
+pub(crate) struct CameraColor {
     /// Factors that make a neutral surface equal in all channels, as the camera chose them; green
     /// is 1.
     pub as_shot: Option<[f32; 3]>,

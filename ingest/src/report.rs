@@ -7,11 +7,10 @@ mod curves;
 
 use crate::capture::{Capture, StackReport};
 use crate::error::{IngestError, Result};
-use crate::output::{write_json, write_text};
 use crate::problem::Problem;
 use crate::warnings::LIMITS;
 use curves::Plot;
-use eagpt_scene::SceneError;
+use eagpt_scene::{SceneError, files};
 use minijinja::{AutoEscape, Environment, Value};
 use serde::Serialize;
 use std::path::Path;
@@ -187,7 +186,7 @@ pub(crate) fn write(
             })
             .collect(),
     };
-    write_json(&out.join("report.json"), &json)?;
+    files::write_json(&out.join("report.json"), &json)?;
     let path = out.join("report.html");
     let rows: Vec<Row<'_>> = capture
         .stacks
@@ -238,7 +237,7 @@ pub(crate) fn write(
     let page = page.map_err(|error| {
         IngestError::Scene(SceneError::invalid(&path, "template", error.to_string()))
     })?;
-    write_text(&path, &page)
+    Ok(files::write_bytes_atomic(&path, page.as_bytes())?)
 }
 
 fn render(page: &Page<'_>) -> Result<String, Box<dyn std::error::Error>> {

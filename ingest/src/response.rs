@@ -15,6 +15,7 @@ use crate::raw::{Decoding, RawFrame, Samples};
 use crate::stack::{Photograph, Stack};
 use crate::survey::{Reader, read_shots};
 use eagpt_scene::color::linear_from_srgb;
+use eagpt_scene::words::counted;
 use serde::Serialize;
 use std::path::Path;
 
@@ -239,7 +240,7 @@ impl Response {
         format!(
             "pictures for display: the camera's response is recovered from {} pixels of {}, which agree within {:.3} stops; primaries are {profile}, white balance is the camera's",
             self.num_pixels,
-            crate::problem::counted(self.num_stacks, "stack"),
+            counted(self.num_stacks, "stack"),
             self.error_stops
         )
     }

@@ -6,12 +6,13 @@
 
 use crate::color::ColorTransform;
 use crate::error::IngestError;
-use crate::noise::{Noise, estimate, median};
+use crate::noise::{Noise, estimate};
 use crate::raw::{Decoding, RawFrame};
 use crate::response::Response;
 use crate::stack::{Photograph, Shot, Stack};
 use crate::thumb::{Comparison, Thumb, compare};
 use eagpt_scene::color::luminance;
+use eagpt_scene::median::median_of;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -176,12 +177,9 @@ pub(crate) fn estimated(stated: &[f64], ratios: &[Option<f64>]) -> Vec<f64> {
         exposures[index] =
             exposures[index - 1] * ratio.unwrap_or(stated[index] / stated[index - 1]);
     }
-    let mut factors: Vec<f32> = exposures
-        .iter()
-        .zip(stated)
-        .map(|(e, s)| (e / s).ln() as f32)
-        .collect();
-    let offset = f64::from(median(&mut factors)).exp();
+    let factors = exposures.iter().zip(stated);
+    let factors = factors.map(|(e, s)| (e / s).ln() as f32);
+    let offset = f64::from(median_of(factors)).exp();
     exposures.iter().map(|exposure| exposure / offset).collect()
 }
 

@@ -1,7 +1,8 @@
 //! Block means of a shot, by which shots of a stack are compared.
 
-use crate::noise::{Noise, median};
+use crate::noise::Noise;
 use crate::raw::RawFrame;
+use eagpt_scene::median::median_of;
 use rayon::prelude::*;
 
 /// A shot in blocks of pixels.
@@ -113,8 +114,7 @@ pub(crate) fn compare(short: &Thumb, long: &Thumb, noise: &Noise, clip: f32) -> 
             moved: None,
         };
     }
-    let mut quotients: Vec<f32> = pairs.iter().map(|(x, y)| y / x).collect();
-    let ratio = median(&mut quotients);
+    let ratio = median_of(pairs.iter().map(|(x, y)| y / x));
     let moved = pairs.iter().filter(|(x, y)| {
         let sigma = (noise.variance(*y) / short.num_green).sqrt() + ratio * deviation(*x);
         (y - ratio * x).abs() > MOVED_SIGMAS * sigma + MOVED_SHARE * y.abs()

@@ -30,7 +30,7 @@ pub enum Vignetting {
 /// Relative illumination, 1 in the middle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Falloff {
+pub(crate) enum Falloff {
     /// 1 + a r² + b r⁴ + c r⁶.
     Polynomial([f32; 3]),
     /// Measured on a grid of cells over the image, bilinear between their centres.
@@ -39,7 +39,7 @@ pub enum Falloff {
 
 /// A measured falloff.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Grid {
+pub(crate) struct Grid {
     /// Cells across.
     pub columns: usize,
     /// Cells down.

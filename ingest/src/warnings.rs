@@ -1,7 +1,7 @@
 //! Warnings about stacks that should be checked or taken again.
 
 use crate::capture::{Quality, ShotReport, StackReport};
-use crate::noise::median;
+use eagpt_scene::median::median_of;
 
 /// Limits of measures above which a warning is given, as shares.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,7 +73,7 @@ pub(crate) fn compare<'a>(reports: impl Iterator<Item = &'a mut StackReport>) {
         return;
     }
     let sharpness = reports.iter().map(|report| report.quality.sharpness as f32);
-    let usual = f64::from(median(&mut sharpness.collect::<Vec<_>>()));
+    let usual = f64::from(median_of(sharpness));
     for report in reports {
         if report.quality.sharpness < SOFT * usual {
             report.warnings.push(format!(

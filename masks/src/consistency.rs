@@ -64,7 +64,7 @@ pub(crate) struct Place {
 
 /// Visibility of a region in other views.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Support {
+pub(crate) struct Support {
     /// Views that see its surface.
     pub num_views: usize,
     /// Places at which they see it.
@@ -110,7 +110,7 @@ impl Support {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Comparison {
     /// For each view and region, what other views see of it.
-    pub support: Vec<Vec<Support>>,
+    pub(crate) support: Vec<Vec<Support>>,
     /// For each view, the share of its places in regions confirmed by others that it does not mask,
     /// if it lacks a lamp.
     pub missed: Vec<Option<f64>>,

@@ -301,9 +301,7 @@ impl<'a> MaskJob<'a> {
 
     fn place(&self, file: &Path) -> Result<PathBuf> {
         let path = self.request.out.join(file);
-        if let Some(folder) = path.parent() {
-            files::create_dir(folder)?;
-        }
+        files::create_parent(&path)?;
         Ok(path)
     }
 

@@ -39,7 +39,7 @@ impl Labels {
 /// # Errors
 /// [`MaskError::NoLabels`] if no file is named like a view, or an I/O error of the folder.
 pub(crate) fn find(folder: &Path, dataset: &Dataset) -> Result<Labels> {
-    let files: Vec<Option<PathBuf>> = dataset
+    let labels: Vec<Option<PathBuf>> = dataset
         .frames()
         .iter()
         .map(|frame| {
@@ -47,24 +47,22 @@ pub(crate) fn find(folder: &Path, dataset: &Dataset) -> Result<Labels> {
             path.is_file().then_some(path)
         })
         .collect();
-    let entries = std::fs::read_dir(folder)
-        .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
-        .map_err(|source| SceneError::io(folder, "read folder", source))?;
-    if files.iter().all(Option::is_none) {
+    let mut strangers = files::list(folder)?;
+    if labels.iter().all(Option::is_none) {
         return Err(MaskError::NoLabels {
             path: folder.to_owned(),
             num_views: dataset.len(),
             example: dataset.frames()[0].name.clone(),
         });
     }
-    let mut strangers: Vec<PathBuf> = entries
-        .iter()
-        .map(std::fs::DirEntry::path)
-        .filter(|path| path.extension().is_some_and(|ext| ext == "png"))
-        .filter(|path| !files.iter().flatten().any(|file| file == path))
-        .collect();
-    strangers.sort();
-    Ok(Labels { files, strangers })
+    strangers.retain(|path| {
+        let is_label = labels.iter().flatten().any(|label| label == path);
+        path.extension().is_some_and(|ext| ext == "png") && !is_label
+    });
+    Ok(Labels {
+        files: labels,
+        strangers,
+    })
 }
 
 /// Reads a label for a view of `size` (width, height): a pixel is marked if at least half of it is.

@@ -107,7 +107,7 @@ pub struct RegionReport {
     pub verdict: Option<Verdict>,
     /// Visibility in other views.
     #[serde(flatten)]
-    pub support: Support,
+    pub(crate) support: Support,
     /// Whether it left the mask.
     pub dropped: bool,
 }

@@ -40,7 +40,7 @@ pub use cache::ViewCache;
 pub use names::{is_frame_name, strip_image_folder};
 pub use split::{Split, SplitRule, Subset};
 pub use up::UpAxis;
-pub use view::{View, is_known};
+pub use view::{MIN_NORMAL_LENGTH, View, check_mask, is_known, refuse};
 pub use write::{DatasetInfo, DatasetWriter, write_transforms};
 
 use crate::camera::Camera;
@@ -101,6 +101,24 @@ pub struct ViewFiles {
     pub clipped: Option<PathBuf>,
     /// Mask of known pixels.
     pub valid: Option<PathBuf>,
+}
+
+impl ViewFiles {
+    /// The files that are there, each with the folder of a dataset that it belongs in.
+    pub fn all(&self) -> impl Iterator<Item = (&'static str, &PathBuf)> {
+        let files = [
+            (RADIANCE_DIR, Some(&self.radiance)),
+            (EMISSION_DIR, self.emission.as_ref()),
+            (NORMAL_DIR, self.normal.as_ref()),
+            (ALPHA_DIR, self.alpha.as_ref()),
+            (DEPTH_DIR, self.depth.as_ref()),
+            (ALBEDO_DIR, self.albedo.as_ref()),
+            (CLIPPED_DIR, self.clipped.as_ref()),
+            (VALID_DIR, self.valid.as_ref()),
+        ];
+        let files = files.into_iter();
+        files.filter_map(|(folder, file)| Some((folder, file?)))
+    }
 }
 
 /// A frame that cannot be used.
@@ -302,19 +320,7 @@ impl Dataset {
         let mut all = vec![self.transforms.clone()];
         all.extend(self.points.clone());
         for frame in &self.frames {
-            let ViewFiles {
-                radiance,
-                emission,
-                normal,
-                alpha,
-                depth,
-                albedo,
-                clipped,
-                valid,
-            } = &frame.files;
-            all.push(radiance.clone());
-            let others = [emission, normal, alpha, depth, albedo, clipped, valid];
-            all.extend(others.into_iter().flatten().cloned());
+            all.extend(frame.files.all().map(|(_, file)| file.clone()));
         }
         all
     }

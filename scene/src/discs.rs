@@ -193,10 +193,7 @@ impl Surface {
     }
 
     fn cover_quad(&self, centre: Vec3, [u, v]: [Vec3; 2], spacing: f32, out: &mut Vec<Gaussian>) {
-        let normal = u.cross(v).normalize();
-        let x_axis = u.normalize();
-        let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
-        let rotation = rotation::unit(Quat::from_mat3(&frame));
+        let rotation = turned(u.normalize(), u.cross(v).normalize());
         let [across, up] = rows([u, v], spacing);
         let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
         for j in 0..up.num {
@@ -215,16 +212,13 @@ impl Surface {
         spacing: f32,
         out: &mut Vec<Gaussian>,
     ) {
+        let rotation = turned(u.normalize(), u.cross(v).normalize());
         let up = Row::new(v.length(), spacing);
         for j in 0..up.num {
             let place = up.place(j);
             // Twice the place is in parts of the half axis.
             let share = (1.0 - 4.0 * place * place).max(0.0).sqrt();
             let across = Row::new(u.length() * share, spacing);
-            let normal = u.cross(v).normalize();
-            let x_axis = u.normalize();
-            let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
-            let rotation = rotation::unit(Quat::from_mat3(&frame));
             let scale = Vec2::new(across.spacing, up.spacing) * SCALE_IN_SPACINGS;
             for i in 0..across.num {
                 let position = centre + u * (share * across.place(i)) + v * place;
@@ -248,11 +242,9 @@ impl Surface {
                 let radial = to_world * Vec3::new(cos, sin, 0.0);
                 let normal = (to_world * Vec3::new(cos, sin, -slope)).normalize();
                 let x_axis = to_world * Vec3::new(-sin, cos, 0.0);
-                let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
                 let scale = Vec2::new(ring.spacing, along.spacing) * SCALE_IN_SPACINGS;
                 let position = centre + axis * place + radial * ring.radius;
-                let rotation = rotation::unit(Quat::from_mat3(&frame));
-                out.push(self.disc(position, scale, rotation));
+                out.push(self.disc(position, scale, turned(x_axis, normal)));
             }
         }
         let [x, y] = [Vec3::X, Vec3::Y].map(|edge| to_world * edge * 2.0);
@@ -278,6 +270,12 @@ impl Surface {
             albedo: self.material.albedo,
         }
     }
+}
+
+/// The rotation of a disc with its first axis and its normal, perpendicular unit vectors.
+fn turned(x_axis: Vec3, normal: Vec3) -> Quat {
+    let frame = Mat3::from_cols(x_axis, normal.cross(x_axis), normal);
+    rotation::unit(Quat::from_mat3(&frame))
 }
 
 /// The rows of discs on a parallelogram.

@@ -13,6 +13,8 @@ pub use lock::FolderLock;
 pub use sealed::SealedFormat;
 
 use crate::error::{Result, SceneError};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs::File;
@@ -27,6 +29,14 @@ use std::sync::LazyLock;
 /// [`SceneError::Io`] with the folder's name.
 pub fn create_dir(dir: &Path) -> Result<()> {
     std::fs::create_dir_all(dir).map_err(|e| SceneError::io(dir, "create folder", e))
+}
+
+/// Creates the folder that `path` is to lie in.
+///
+/// # Errors
+/// As [`create_dir`].
+pub fn create_parent(path: &Path) -> Result<()> {
+    path.parent().map_or(Ok(()), create_dir)
 }
 
 /// First bytes of the text that Git has in place of a large file that was not fetched.
@@ -69,6 +79,52 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Reads a JSON file.
+///
+/// # Errors
+/// As [`open`]; [`SceneError::Invalid`] if it is no JSON, or has other keys or values than a `T`.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    serde_json::from_slice(&read(path)?)
+        .map_err(|error| SceneError::invalid(path, "JSON", error.to_string()))
+}
+
+/// Paths of all files and folders in a folder, in the order of their names.
+///
+/// # Errors
+/// [`SceneError::NotThere`] without such a folder, [`SceneError::Io`] if it cannot be read.
+pub fn list(dir: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(dir).and_then(|entries| {
+        let paths = entries.map(|entry| Ok(entry?.path()));
+        paths.collect::<std::io::Result<Vec<PathBuf>>>()
+    });
+    let mut paths = entries.map_err(|e| SceneError::io(dir, "read folder", e))?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Paths of all files in a folder and in those up to `depth` below it, in the order of their names.
+///
+/// # Errors
+/// As [`list`].
+pub fn list_below(dir: &Path, depth: usize) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in list(dir)? {
+        if !path.is_dir() {
+            files.push(path);
+        } else if depth > 0 {
+            files.extend(list_below(&path, depth - 1)?);
+        }
+    }
+    Ok(files)
+}
+
+/// The name of a file relative to a folder that it is in, with `/` on every system.
+pub fn relative_name(dir: &Path, path: &Path) -> String {
+    let relative = path.strip_prefix(dir).unwrap_or(path);
+    let parts = relative.iter().map(OsStr::to_string_lossy);
+    parts.collect::<Vec<_>>().join("/")
+}
+
 /// Writes `path` through a temporary file in the same folder, flushed to disk and renamed at the
 /// end: a reader sees the old content or the new, also after a crash. On an error the temporary
 /// file is removed.
@@ -101,6 +157,17 @@ pub fn write_bytes_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
         file.write_all(bytes)
             .map_err(|e| SceneError::io(path, "write", e))
     })
+}
+
+/// Writes `value` as JSON for people, with a newline at its end, as [`write_atomic`] does.
+///
+/// # Errors
+/// As [`write_atomic`].
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let mut text = serde_json::to_vec_pretty(value)
+        .map_err(|error| SceneError::invalid(path, "JSON", error.to_string()))?;
+    text.push(b'\n');
+    write_bytes_atomic(path, &text)
 }
 
 fn write_and_sync(
@@ -160,12 +227,7 @@ pub fn remove_temporaries(paths: impl IntoIterator<Item = impl AsRef<Path>>) -> 
 /// Removes temporary files of `only` these names; without them, of all names, and in folders below
 /// too.
 fn sweep(folder: &Path, only: Option<&BTreeSet<String>>) -> Result<()> {
-    let entries =
-        std::fs::read_dir(folder).map_err(|e| SceneError::io(folder, "read folder", e))?;
-    for entry in entries {
-        let path = entry
-            .map_err(|e| SceneError::io(folder, "read folder", e))?
-            .path();
+    for path in list(folder)? {
         let name = path.file_name().and_then(OsStr::to_str);
         let written = name.and_then(written_name);
         if path.is_dir() && !path.is_symlink() {

@@ -35,6 +35,7 @@ mod scene_edit;
 pub mod script;
 pub mod shard;
 pub mod tonemap;
+pub mod words;
 
 #[cfg(test)]
 mod testing;

@@ -37,7 +37,7 @@ pub struct SetLight {
 /// A request of a page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Act {
+pub(crate) enum Act {
     /// A light is set.
     SetLight(SetLight),
     /// Another step that sets no light.
@@ -73,7 +73,7 @@ pub struct Edit {
 /// The state of an edit that pages show.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct EditState {
+pub(crate) struct EditState {
     /// Grows with every act.
     pub revision: u64,
     /// Factors of all lights, by name.
@@ -173,7 +173,7 @@ impl Edit {
     /// [`ViewerError::Script`] if there is no such light, its factor cannot be, or there is nothing
     /// to undo or redo; [`ViewerError::Scene`] as [`eagpt_edit::replay()`] for a step that cannot
     /// be done, and as [`files::write_bytes_atomic`] if the script cannot be written.
-    pub fn act(&mut self, act: Act) -> Result<()> {
+    pub(crate) fn act(&mut self, act: Act) -> Result<()> {
         let (mut steps, mut undone) = (self.steps.clone(), self.undone.clone());
         let changed = match act {
             Act::SetLight(SetLight { name, factor }) => {
@@ -250,7 +250,7 @@ impl Edit {
     }
 
     /// The state that pages show.
-    pub fn state(&self) -> EditState {
+    pub(crate) fn state(&self) -> EditState {
         let mut factors: BTreeMap<String, [f32; 3]> = self
             .lights
             .iter()

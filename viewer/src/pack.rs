@@ -27,7 +27,7 @@ mod quantise;
 mod tests;
 
 pub use error_of::PackError;
-pub use quantise::Steps;
+pub(crate) use quantise::Steps;
 
 use crate::error::{Result, ViewerError};
 use columns::{Reader, Writer};
@@ -51,7 +51,7 @@ pub struct Pack {
     /// Names of the lights whose light alone is in it, in order; none without a basis of light.
     pub lights: Vec<String>,
     /// Sizes of the steps of quantities.
-    pub steps: Steps,
+    pub(crate) steps: Steps,
     /// The columns, compressed.
     pub bytes: Vec<u8>,
     /// For each packed Gaussian its index in the scene, `[num]`.

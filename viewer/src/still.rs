@@ -28,7 +28,7 @@ const FIRST_REDUCTION: u32 = 8;
 /// A picture to be made.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-pub struct StillRequest {
+pub(crate) struct StillRequest {
     /// Where it is seen from: a `camera_path.json` of one frame ([`eagpt_scene::camera_path`]).
     pub path: Value,
     /// Samples of a pixel, 1 to 4096.
@@ -82,7 +82,7 @@ impl StillRequest {
     ///
     /// # Errors
     /// [`ViewerError`] naming what cannot be: samples, size, camera, tone map.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if !(1..=MAX_SAMPLES).contains(&self.samples) {
             let problem = format!("{} samples are not 1 to {MAX_SAMPLES}", self.samples);
             return Err(ViewerError::Still(problem));
@@ -108,7 +108,7 @@ impl Workshop {
     ///
     /// # Errors
     /// As [`StillRequest::check`]; if the device fails, or a file cannot be written.
-    pub fn still(
+    pub(crate) fn still(
         &self,
         scene: &Gaussians,
         request: &StillRequest,

@@ -21,7 +21,7 @@ pub struct KnownCamera {
 
 /// Fit of the model to the known cameras.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ReferenceReport {
+pub(crate) struct ReferenceReport {
     /// Cameras that both have.
     pub num_cameras: usize,
     /// Known units for one unit of the model.

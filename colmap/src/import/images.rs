@@ -1,16 +1,14 @@
 //! Folders of images: which files there are, by the names of the views.
 
 use super::Srgb8;
+use crate::MAX_IMAGE_DEPTH;
 use crate::error::{ColmapError, Result};
-use eagpt_scene::SceneError;
 use eagpt_scene::dataset::{ALPHA_DIR, EMISSION_DIR, RADIANCE_DIR};
+use eagpt_scene::files;
 use eagpt_scene::pictures::{self, Light};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-
-/// Depth of nested folders that are searched.
-const MAX_DEPTH: usize = 8;
 
 /// An image file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,7 +63,7 @@ impl Folder {
             images: BTreeMap::new(),
             refused: BTreeSet::new(),
         };
-        let num_pictures = folder.collect(&root, "", 0, srgb8)?;
+        let num_pictures = folder.collect(&root, srgb8)?;
         if folder.images.is_empty() {
             let problem = match num_pictures {
                 0 => "no images".to_owned(),
@@ -79,24 +77,13 @@ impl Folder {
     }
 
     /// Collects images and returns the number of 8-bit pictures skipped.
-    fn collect(&mut self, dir: &Path, prefix: &str, depth: usize, srgb8: Srgb8) -> Result<usize> {
-        let io = |error| SceneError::io(dir, "read folder", error);
+    fn collect(&mut self, root: &Path, srgb8: Srgb8) -> Result<usize> {
         let mut num_pictures = 0;
-        for entry in fs::read_dir(dir).map_err(io)? {
-            let entry = entry.map_err(io)?;
-            let path = entry.path();
-            let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+        for path in files::list_below(root, MAX_IMAGE_DEPTH)? {
+            let Some(extension) = path.extension().and_then(OsStr::to_str) else {
                 continue;
             };
-            if path.is_dir() {
-                if depth < MAX_DEPTH {
-                    let inside = format!("{prefix}{name}/");
-                    num_pictures += self.collect(&path, &inside, depth + 1, srgb8)?;
-                }
-                continue;
-            }
-            let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
-            let name = format!("{prefix}{stem}");
+            let name = files::relative_name(root, &path.with_extension(""));
             let source = match extension.to_ascii_lowercase().as_str() {
                 "exr" => ImageFile::Linear(path.clone()),
                 "png" | "jpg" | "jpeg" if srgb8 == Srgb8::Decode => ImageFile::Srgb8(path.clone()),

@@ -1,4 +1,5 @@
 use super::*;
+use std::fs;
 
 #[test]
 fn images_are_listed_and_exr_is_explained() {

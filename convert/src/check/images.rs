@@ -3,15 +3,11 @@
 use super::report::{ImageKind, ValueRange, ViewCheck};
 use crate::error::Problem;
 use crate::surface::normals_from_depth;
-use eagpt_scene::dataset::is_known;
+use eagpt_scene::dataset::{MIN_NORMAL_LENGTH, check_mask, is_known, refuse};
 use eagpt_scene::{Frame, Image, Result, exr};
 use glam::Vec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Tolerance of masks beyond 0 to 1: half precision and resampling overshoot this much.
-const MASK_TOLERANCE: f32 = 1e-3;
-/// Normals shorter than this are unknown.
-const MIN_NORMAL_LENGTH: f32 = 1e-3;
 /// Tolerance of the length of known normals before a warning.
 const MAX_LENGTH_ERROR: f32 = 0.05;
 
@@ -37,72 +33,45 @@ pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
         depth_over_points: None,
     };
     let files = &frame.files;
-    if let Some(radiance) = looked.read(
-        frame,
-        ImageKind::Radiance,
-        Some(&files.radiance),
-        exr::read_rgb,
-    ) {
-        looked.radiance(&radiance, &files.radiance);
+    if let Some((radiance, path)) =
+        looked.read(ImageKind::Radiance, Some(&files.radiance), exr::read_rgb)
+    {
+        looked.radiance(&radiance, path);
     }
-    let emission = looked.read(
-        frame,
-        ImageKind::Emission,
-        files.emission.as_deref(),
-        exr::read_single,
-    );
-    if let (Some(mask), Some(path)) = (&emission, &files.emission) {
-        looked.mask(mask, path);
+    let emission = files.emission.as_ref();
+    if let Some((mask, path)) = looked.read(ImageKind::Emission, emission, exr::read_single) {
+        looked.check(check_mask(path, &mask));
         looked.view.emission = Some(share(mask.values(), |v| v >= 0.5));
     }
-    let alpha = looked.read(
-        frame,
-        ImageKind::Alpha,
-        files.alpha.as_deref(),
-        exr::read_single,
-    );
-    if let (Some(mask), Some(path)) = (&alpha, &files.alpha) {
-        looked.mask(mask, path);
+    let alpha = files.alpha.as_ref();
+    if let Some((mask, path)) = looked.read(ImageKind::Alpha, alpha, exr::read_single) {
+        looked.check(check_mask(path, &mask));
     }
-    if let Some(mask) = looked.read(
-        frame,
-        ImageKind::Valid,
-        files.valid.as_deref(),
-        exr::read_single,
-    ) {
+    let valid = files.valid.as_ref();
+    if let Some((mask, _)) = looked.read(ImageKind::Valid, valid, exr::read_single) {
         looked.view.valid = Some(share(mask.values(), is_known));
     }
-    let albedo = looked.read(
-        frame,
-        ImageKind::Albedo,
-        files.albedo.as_deref(),
-        exr::read_rgb,
-    );
-    if let (Some(albedo), Some(path)) = (&albedo, &files.albedo) {
-        looked.refuse(path, albedo, "is not finite and at least 0", |v| {
-            !(v.is_finite() && v >= 0.0)
-        });
+    let albedo = files.albedo.as_ref();
+    if let Some((albedo, path)) = looked.read(ImageKind::Albedo, albedo, exr::read_rgb) {
+        let is_bad = |v: f32| !(v.is_finite() && v >= 0.0);
+        looked.check(refuse(
+            path,
+            &albedo,
+            "is not finite and at least 0",
+            is_bad,
+        ));
     }
-    let depth = looked.read(
-        frame,
-        ImageKind::Depth,
-        files.depth.as_deref(),
-        exr::read_single,
-    );
-    if let (Some(depth), Some(path)) = (&depth, &files.depth) {
-        looked.refuse(path, depth, "is not a depth", |v| v.is_nan() || v < 0.0);
+    let depth = looked.read(ImageKind::Depth, files.depth.as_ref(), exr::read_single);
+    if let Some((depth, path)) = &depth {
+        let is_bad = |v: f32| v.is_nan() || v < 0.0;
+        looked.check(refuse(path, depth, "is not a depth", is_bad));
         looked.view.depth = Some(share(depth.values(), |v| v > 0.0 && v.is_finite()));
         looked.depth_over_points = depth_over_points(depth, frame, points);
     }
-    let normal = looked.read(
-        frame,
-        ImageKind::Normal,
-        files.normal.as_deref(),
-        exr::read_vectors,
-    );
-    if let (Some(normal), Some(path)) = (&normal, &files.normal) {
-        looked.refuse(path, normal, "is not finite", |v| !v.is_finite());
-        looked.normals(normal, depth.as_ref(), frame);
+    let normal = files.normal.as_ref();
+    if let Some((normal, path)) = looked.read(ImageKind::Normal, normal, exr::read_vectors) {
+        looked.check(refuse(path, &normal, "is not finite", |v| !v.is_finite()));
+        looked.normals(&normal, depth.as_ref().map(|(depth, _)| depth), frame);
     }
     looked
 }
@@ -113,13 +82,12 @@ impl Looked {
     }
 
     /// The image of a kind, if it is there, can be read and has the right size.
-    fn read<const C: usize>(
+    fn read<'a, const C: usize>(
         &mut self,
-        frame: &Frame,
         kind: ImageKind,
-        path: Option<&Path>,
+        path: Option<&'a PathBuf>,
         read: impl Fn(&Path) -> Result<Image<C>>,
-    ) -> Option<Image<C>> {
+    ) -> Option<(Image<C>, &'a Path)> {
         let path = path?;
         let image = match read(path) {
             Ok(image) => image,
@@ -129,9 +97,9 @@ impl Looked {
             }
         };
         self.ranges.push((kind, ValueRange::of(image.values())));
-        let expected = (frame.camera.width, frame.camera.height);
+        let expected: (u32, u32) = self.view.size.into();
         if image.size() == expected {
-            return Some(image);
+            return Some((image, path));
         }
         let (width, height) = image.size();
         self.problem(format!(
@@ -143,33 +111,15 @@ impl Looked {
         None
     }
 
-    /// Reports the pixels with a channel that `is_bad`, in one line.
-    fn refuse<const C: usize>(
-        &mut self,
-        path: &Path,
-        image: &Image<C>,
-        what: &str,
-        is_bad: impl Fn(f32) -> bool,
-    ) {
-        let has_bad = |pixel: &&[f32; C]| pixel.iter().any(|v| is_bad(*v));
-        let num_bad = image.pixels().iter().filter(has_bad).count();
-        let Some(first) = image.values().iter().position(|v| is_bad(*v)) else {
-            return;
-        };
-        let (pixel, width) = (first / C, image.width() as usize);
-        self.problem(format!(
-            "{}: pixel ({}, {}): {:?} {what}; {num_bad} of {} pixels are like this",
-            path.display(),
-            pixel % width,
-            pixel / width,
-            image.values()[first],
-            image.pixels().len()
-        ));
+    fn check(&mut self, outcome: Result<()>) {
+        if let Err(error) = outcome {
+            self.problem(error);
+        }
     }
 
     fn radiance(&mut self, image: &Image<3>, path: &Path) {
-        self.refuse(path, image, "is not finite", |v| !v.is_finite());
-        self.refuse(path, image, "is negative", |v| v < 0.0);
+        self.check(refuse(path, image, "is not finite", |v| !v.is_finite()));
+        self.check(refuse(path, image, "is negative", |v| v < 0.0));
         let count = |is: &dyn Fn(f32) -> bool| {
             let has = |pixel: &&[f32; 3]| pixel.iter().any(|v| is(*v));
             image.pixels().iter().filter(has).count()
@@ -188,12 +138,6 @@ impl Looked {
             .filter(|l| l.is_finite())
             .fold((0.0, 0.0_f64), |(sum, num), l| (sum + l, num + 1.0));
         self.view.mean_luminance = sum / num.max(1.0);
-    }
-
-    fn mask(&mut self, mask: &Image<1>, path: &Path) {
-        self.refuse(path, mask, "is outside 0 to 1", |v| {
-            !(-MASK_TOLERANCE..=1.0 + MASK_TOLERANCE).contains(&v)
-        });
     }
 
     fn normals(&mut self, normal: &Image<3>, depth: Option<&Image<1>>, frame: &Frame) {

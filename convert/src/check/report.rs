@@ -2,6 +2,7 @@
 
 use crate::error::Problem;
 use eagpt_scene::dataset::{SplitRule, UpAxis};
+use eagpt_scene::words::listed;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -45,7 +46,7 @@ pub struct CheckReport {
     /// Poses.
     pub cameras: CameraReport,
     /// Intrinsics.
-    pub intrinsics: IntrinsicsReport,
+    pub(crate) intrinsics: IntrinsicsReport,
     /// The point cloud, if there is one.
     pub points: Option<PointsReport>,
     /// Median of depths over the depths of points in the same pixels, over views; some occluded
@@ -147,7 +148,7 @@ pub struct CameraReport {
 
 /// Intrinsics, as ranges over all cameras.
 #[derive(Debug, Clone, Serialize)]
-pub struct IntrinsicsReport {
+pub(crate) struct IntrinsicsReport {
     /// Different sizes of images.
     pub sizes: Vec<[u32; 2]>,
     /// Angle of view across, degrees.
@@ -309,15 +310,8 @@ impl CheckReport {
             kind.num_present
         )?;
         if !kind.missing.is_empty() {
-            let listed = kind.missing.iter().take(MAX_LISTED);
-            let listed: Vec<&str> = listed.map(String::as_str).collect();
-            let more = kind.missing.len().saturating_sub(MAX_LISTED);
-            let more = if more > 0 {
-                format!(" and {more} more")
-            } else {
-                String::new()
-            };
-            writeln!(out, "                    none: {}{more}", listed.join(", "))?;
+            let names = listed(&kind.missing, MAX_LISTED);
+            writeln!(out, "                    none: {names}")?;
         }
         Ok(())
     }

@@ -5,7 +5,7 @@
 //! ours; other programs ignore them.
 
 use super::IMAGES_DIR;
-use crate::error::{ConvertError, Result};
+use crate::error::Result;
 use eagpt_scene::dataset::{TRANSFORMS_FILE, UpAxis, pose};
 use eagpt_scene::ply::{self, PointCloud};
 use eagpt_scene::{Camera, Dataset, files};
@@ -77,10 +77,7 @@ pub(super) fn write(dataset: &Dataset, points: Option<&PointCloud>, out: &Path) 
     let frames = frames.collect();
     top.insert("frames".to_owned(), Value::Array(frames));
     let path = out.join(TRANSFORMS_FILE);
-    let mut text = serde_json::to_vec_pretty(&Value::Object(top))
-        .map_err(|error| ConvertError::invalid(&path, "JSON", error.to_string()))?;
-    text.push(b'\n');
-    Ok(files::write_bytes_atomic(&path, &text)?)
+    Ok(files::write_json(&path, &top)?)
 }
 
 fn image_path(name: &str) -> String {

@@ -2,14 +2,14 @@
 
 use super::ImportOptions;
 use crate::color::ColorTransform;
-use crate::error::{Problem, Result};
+use crate::error::Problem;
 use crate::source::{SourceDataset, SourceFormat};
+use eagpt_scene::Camera;
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::lens::Undistortion;
-use eagpt_scene::{Camera, SceneError, files};
 use glam::{DAffine3, DMat3};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Its file, in the dataset's folder.
 pub const REPORT_FILE: &str = "import.json";
@@ -156,13 +156,6 @@ impl ImportReport {
             self.warnings
                 .push(format!("{} frames were left out", self.left_out.len()));
         }
-    }
-
-    pub(super) fn write(&self, path: &Path) -> Result<()> {
-        let mut text = serde_json::to_string_pretty(self)
-            .map_err(|e| SceneError::invalid(path, "JSON", e.to_string()))?;
-        text.push('\n');
-        Ok(files::write_bytes_atomic(path, text.as_bytes())?)
     }
 }
 

@@ -109,34 +109,32 @@ impl Serialize for Axes {
 
 /// Sums over places where both a stored vector and a reference are known. The mean cosine between
 /// them under any axes follows from these, as a cosine is linear in the stored vector.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Agreement {
-    in_camera: DMat3Sum,
-    in_world: DMat3Sum,
+    in_camera: DMat3,
+    in_world: DMat3,
     num: u64,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct DMat3Sum(DMat3);
-
-impl Default for DMat3Sum {
-    fn default() -> Self {
-        Self(DMat3::ZERO)
-    }
-}
-
 impl Agreement {
+    /// Of no places.
+    pub(super) const NONE: Self = Self {
+        in_camera: DMat3::ZERO,
+        in_world: DMat3::ZERO,
+        num: 0,
+    };
+
     /// Adds a stored unit vector and the reference's unit normal in both spaces.
     pub(super) fn add(&mut self, stored: DVec3, reference_camera: DVec3, reference_world: DVec3) {
         let outer = |a: DVec3| DMat3::from_cols(a * stored.x, a * stored.y, a * stored.z);
-        self.in_camera.0 += outer(reference_camera);
-        self.in_world.0 += outer(reference_world);
+        self.in_camera += outer(reference_camera);
+        self.in_world += outer(reference_world);
         self.num += 1;
     }
 
     pub(super) fn and(mut self, other: &Self) -> Self {
-        self.in_camera.0 += other.in_camera.0;
-        self.in_world.0 += other.in_world.0;
+        self.in_camera += other.in_camera;
+        self.in_world += other.in_world;
         self.num += other.num;
         self
     }
@@ -148,8 +146,8 @@ impl Agreement {
     /// Mean cosine between references and stored vectors that are read by `axes`.
     pub(super) fn mean_cosine(&self, space: Space, axes: Axes) -> f64 {
         let sum = match space {
-            Space::Camera => self.in_camera.0,
-            Space::World => self.in_world.0,
+            Space::Camera => self.in_camera,
+            Space::World => self.in_world,
         };
         let matrix = axes.matrix();
         let products = (0..3).map(|c| sum.col(c).dot(matrix.col(c)));
@@ -183,7 +181,7 @@ mod tests {
             (DVec3::new(0.6, 0.8, 0.0), DVec3::new(0.0, 0.6, -0.8)),
             (DVec3::new(0.0, -0.6, 0.8), DVec3::new(1.0, 0.0, 0.0)),
         ];
-        let mut agreement = Agreement::default();
+        let mut agreement = Agreement::NONE;
         for (stored, reference) in pairs {
             agreement.add(stored, reference, -reference);
         }

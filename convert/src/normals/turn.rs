@@ -18,7 +18,7 @@ pub(super) fn compare(
     let camera_from_world = camera.world_from_camera.matrix3.transpose();
     let rays = camera.ray_frame();
     let width = camera.width as usize;
-    let (mut agreement, mut visibility) = (Agreement::default(), Agreement::default());
+    let (mut agreement, mut visibility) = (Agreement::NONE, Agreement::NONE);
     let vector = |pixel: usize| Vec3::from(stored.pixels()[pixel]).as_dvec3();
     for place in places {
         let own = vector(place.pixel);

@@ -15,17 +15,16 @@
 //! world is y up, the floor at 0, in metres. `splits.json` lists what to train on and to test.
 
 use super::{
-    SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, points_beside, read_json,
-    size_of,
+    SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, points_beside, size_of,
 };
 use crate::color::Primaries;
 use crate::error::{ConvertError, Result};
 use crate::options::{ImportOptions, Ldr};
 use crate::world::from_camera_from_world;
-use eagpt_scene::Lens;
 use eagpt_scene::dataset::UpAxis;
 use eagpt_scene::dataset::json::{Object, excerpt};
 use eagpt_scene::lens::LensModel;
+use eagpt_scene::{Lens, files};
 use std::path::{Path, PathBuf};
 
 /// Poses and intrinsics.
@@ -63,7 +62,7 @@ const WHITE_BALANCE: [(&str, [f64; 3]); 13] = [
 
 pub(super) fn read(root: &Path, options: &ImportOptions) -> Result<SourceDataset> {
     let cameras_file = root.join(CAMERAS_FILE);
-    let value = read_json(&cameras_file)?;
+    let value = files::read_json(&cameras_file)?;
     let top = Object::root(&cameras_file, &value)?;
     let entries = top.objects(LIST)?;
     let (folder, extension) = image_folder(root, options)?;
@@ -173,32 +172,20 @@ fn white_balance(root: &Path, options: &ImportOptions) -> Result<(String, [f64; 
 /// The scene that a folder has: the name of its reconstruction report, or else the full name of the
 /// folder.
 fn scene_name(root: &Path) -> Result<Option<String>> {
-    let entries = std::fs::read_dir(root)
-        .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
-        .map_err(|source| eagpt_scene::SceneError::io(root, "read folder", source))?;
-    let mut reports: Vec<String> = entries
-        .iter()
-        .filter_map(|entry| {
-            entry
-                .file_name()
-                .to_str()?
-                .strip_suffix(REPORT)
-                .map(str::to_owned)
-        })
-        .collect();
-    reports.sort();
+    let report = files::list(root)?.iter().find_map(|path| {
+        let name = path.file_name()?.to_str()?;
+        name.strip_suffix(REPORT).map(str::to_owned)
+    });
     let folder = || {
         let whole = root.canonicalize().ok()?;
         Some(whole.file_name()?.to_str()?.to_owned())
     };
-    Ok(reports.into_iter().next().or_else(folder))
+    Ok(report.or_else(folder))
 }
 
 fn name<'a>(entry: &Object<'a>) -> Result<&'a str> {
     let key = "cameraId";
-    let name = entry
-        .string(key)?
-        .ok_or_else(|| entry.invalid(key, "missing"))?;
+    let name = entry.need(key, entry.string(key)?)?;
     if !eagpt_scene::dataset::is_frame_name(name) {
         let problem = format!("`{}` is not a relative name", name.escape_debug());
         return Err(entry.invalid(key, problem).into());
@@ -207,11 +194,7 @@ fn name<'a>(entry: &Object<'a>) -> Result<&'a str> {
 }
 
 fn frame(entry: &Object<'_>, name: &str, radiance: PathBuf) -> Result<SourceFrame> {
-    let need = |key: &str| {
-        entry
-            .pixels(key)?
-            .ok_or_else(|| entry.invalid(key, "missing"))
-    };
+    let need = |key: &str| entry.need(key, entry.pixels(key)?);
     let full_size = (need("width")?, need("height")?);
     let size = size_of(&radiance)?;
     let lens = lens(entry, full_size)?.resized(size);
@@ -240,9 +223,7 @@ fn lens(entry: &Object<'_>, size: (u32, u32)) -> Result<Lens> {
     }
     let mut params = vec![k[0][0], k[1][1], k[2][0], k[2][1]];
     let key = "distortionModel";
-    let kind = entry
-        .string(key)?
-        .ok_or_else(|| entry.invalid(key, "missing"))?;
+    let kind = entry.need(key, entry.string(key)?)?;
     let given = coefficients(entry)?;
     let model = match (kind, given.as_slice()) {
         ("RadialAndTangential", &[k1, k2, p1, p2, k3]) => {
@@ -274,9 +255,7 @@ fn lens(entry: &Object<'_>, size: (u32, u32)) -> Result<Lens> {
 
 fn coefficients(entry: &Object<'_>) -> Result<Vec<f64>> {
     let key = "distortion";
-    let values = entry
-        .array(key)?
-        .ok_or_else(|| entry.invalid(key, "missing"))?;
+    let values = entry.need(key, entry.array(key)?)?;
     // Unused slots may hold anything, including null.
     let numbers = values
         .iter()
@@ -288,9 +267,7 @@ fn coefficients(entry: &Object<'_>) -> Result<Vec<f64>> {
 
 /// A square matrix as a list of its columns.
 fn matrix<const N: usize>(entry: &Object<'_>, key: &str) -> Result<[[f64; N]; N]> {
-    let columns = entry
-        .array(key)?
-        .ok_or_else(|| entry.invalid(key, "missing"))?;
+    let columns = entry.need(key, entry.array(key)?)?;
     let mut matrix = [[0.0; N]; N];
     let column = |value: &serde_json::Value| -> Option<[f64; N]> {
         let numbers: Option<Vec<f64>> = value
@@ -322,7 +299,7 @@ fn read_split(source: &mut SourceDataset, root: &Path, missing: &[String]) -> Re
         source.warnings.push(text);
         return Ok(());
     };
-    let value = read_json(&path)?;
+    let value = files::read_json(&path)?;
     let top = Object::root(&path, &value)?;
     let missing: std::collections::HashSet<&str> = missing.iter().map(String::as_str).collect();
     let read = |key: &str| -> Result<Option<Vec<String>>> {

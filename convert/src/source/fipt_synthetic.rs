@@ -9,12 +9,13 @@
 
 use super::{
     Emission, SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, lens, points_beside,
-    read_json, size_of,
+    size_of,
 };
 use crate::error::Result;
 use crate::options::ImportOptions;
 use eagpt_scene::dataset::json::Object;
 use eagpt_scene::dataset::{TRANSFORMS_FILE, UpAxis, pose};
+use eagpt_scene::files;
 use std::path::Path;
 
 /// Folders of the splits.
@@ -39,7 +40,7 @@ pub(super) fn read(root: &Path, _options: &ImportOptions) -> Result<SourceDatase
         if split != SPLITS[0] {
             source.more_cameras.push(path.clone());
         }
-        let value = read_json(&path)?;
+        let value = files::read_json(&path)?;
         let top = Object::root(&path, &value)?;
         for (index, object) in top.objects("frames")?.iter().enumerate() {
             let name = format!("{split}_{index:03}");

@@ -24,7 +24,7 @@
 
 use super::{
     Depth, Emission, SourceDataset, SourceFiles, SourceFormat, SourceFrame, if_there, lens,
-    points_beside, read_json, size_of,
+    points_beside, size_of,
 };
 use crate::error::{Problem, Result};
 use crate::options::ImportOptions;
@@ -34,6 +34,7 @@ use eagpt_scene::dataset::{
     ALBEDO_DIR, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, DatasetInfo, EMISSION_DIR, NORMAL_DIR,
     TRANSFORMS_FILE, UpAxis, VALID_DIR, pose, strip_image_folder,
 };
+use eagpt_scene::files;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -68,7 +69,7 @@ impl Subset {
 /// Detects the writer of a `transforms.json` by its keys.
 pub(super) fn dialect(path: &Path) -> Result<SourceFormat> {
     let file = file_of(path);
-    let value = read_json(&file)?;
+    let value = files::read_json(&file)?;
     let top = Object::root(&file, &value)?;
     let first = top.objects("frames")?[0];
     if first.get("file_name").is_some() {
@@ -114,8 +115,8 @@ pub(super) fn read(
     source.more_cameras = files[1..].iter().map(|(path, _)| path.clone()).collect();
     let values: Vec<Value> = files
         .iter()
-        .map(|(path, _)| read_json(path))
-        .collect::<Result<_>>()?;
+        .map(|(path, _)| files::read_json(path))
+        .collect::<Result<_, _>>()?;
     let mut lists = Vec::new();
     for ((path, subset), value) in files.iter().zip(&values) {
         let top = Object::root(path, value)?;

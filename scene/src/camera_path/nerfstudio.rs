@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], overrides: &PathOverrides) -> Resu
         let problem = format!("a camera for each of {num} frames: there are no {wanted} to make");
         return Err(top.invalid("camera_path", problem));
     }
-    let need = |key| top.pixels(key)?.ok_or_else(|| top.invalid(key, "missing"));
+    let need = |key| top.need(key, top.pixels(key)?);
     let size = match overrides.size {
         Some(size) => size,
         None => (need("render_width")?, need("render_height")?),
@@ -50,9 +50,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], overrides: &PathOverrides) -> Resu
 }
 
 fn camera(frame: &Object<'_>, size: (u32, u32)) -> Result<Camera> {
-    let degrees = frame
-        .number("fov")?
-        .ok_or_else(|| frame.invalid("fov", "missing"))?;
+    let degrees = frame.need("fov", frame.number("fov")?)?;
     if !(degrees > 0.0 && degrees < 180.0) {
         let problem = format!("{degrees:?} is not between 0 and 180 degrees");
         return Err(frame.invalid("fov", problem));
@@ -74,9 +72,7 @@ fn camera(frame: &Object<'_>, size: (u32, u32)) -> Result<Camera> {
 
 /// Sixteen numbers, row by row.
 fn world_from_camera(frame: &Object<'_>) -> Result<DAffine3> {
-    let values = frame
-        .array(POSE)?
-        .ok_or_else(|| frame.invalid(POSE, "missing"))?;
+    let values = frame.need(POSE, frame.array(POSE)?)?;
     let numbers: Vec<f64> = values.iter().filter_map(Value::as_f64).collect();
     let (rows, rest) = numbers.as_chunks::<4>();
     match rows {

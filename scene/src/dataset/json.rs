@@ -36,9 +36,7 @@ impl<'a> Object<'a> {
     /// # Errors
     /// [`SceneError::Invalid`] if it is not, or holds something else.
     pub fn objects(&self, list: &'static str) -> Result<Vec<Self>> {
-        let values = self
-            .array(list)?
-            .ok_or_else(|| self.invalid(list, "missing"))?;
+        let values = self.need(list, self.array(list)?)?;
         if values.is_empty() {
             return Err(self.invalid(list, "empty"));
         }
@@ -54,6 +52,14 @@ impl<'a> Object<'a> {
             })
         });
         objects.collect()
+    }
+
+    /// A value that has to be there.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] if it is missing.
+    pub fn need<T>(&self, key: &str, value: Option<T>) -> Result<T> {
+        value.ok_or_else(|| self.invalid(key, "missing"))
     }
 
     /// `key` with the place of the object in front.

@@ -71,9 +71,7 @@ fn read(
         Some(parent) => parent.to_owned(),
         None => PathBuf::from("."),
     };
-    let bytes = files::read(&transforms)?;
-    let value: Value = serde_json::from_slice(&bytes)
-        .map_err(|e| SceneError::invalid(&transforms, "JSON", e.to_string()))?;
+    let value: Value = files::read_json(&transforms)?;
     let top = Object::root(&transforms, &value)?;
     let objects = top.objects("frames")?;
     let (dialect, located) = locate(&root, &objects)?;
@@ -140,9 +138,7 @@ fn locate(root: &Path, objects: &[Object<'_>]) -> Result<(Dialect, Vec<Located>)
 
 fn locate_eag_pt(root: &Path, object: &Object<'_>) -> Result<Located> {
     let key = "file_name";
-    let name = object
-        .string(key)?
-        .ok_or_else(|| object.invalid(key, "missing"))?;
+    let name = object.need(key, object.string(key)?)?;
     if !is_frame_name(name) {
         let problem = format!("`{}` is not a relative name", name.escape_debug());
         return Err(object.invalid(key, problem));
@@ -156,9 +152,7 @@ fn locate_eag_pt(root: &Path, object: &Object<'_>) -> Result<Located> {
 
 fn locate_nerfstudio(root: &Path, object: &Object<'_>) -> Result<Located> {
     let key = "file_path";
-    let listed_as = object
-        .string(key)?
-        .ok_or_else(|| object.invalid(key, "missing"))?;
+    let listed_as = object.need(key, object.string(key)?)?;
     let relative = Path::new(listed_as);
     let radiance = match relative.extension() {
         None => relative.with_extension("exr"),

@@ -23,9 +23,7 @@ const MIN_DETERMINANT: f64 = 1e-6;
 /// # Errors
 /// [`crate::SceneError::Invalid`] naming the frame and the offending number.
 pub fn read(frame: &Object<'_>) -> Result<DAffine3> {
-    let rows = frame
-        .array(KEY)?
-        .ok_or_else(|| frame.invalid(KEY, "missing"))?;
+    let rows = frame.need(KEY, frame.array(KEY)?)?;
     if !(3..=4).contains(&rows.len()) {
         return Err(frame.invalid(KEY, format!("{} rows, not 4", rows.len())));
     }

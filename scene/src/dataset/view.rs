@@ -12,7 +12,7 @@ use std::path::Path;
 /// resampling.
 const MASK_TOLERANCE: f32 = 1e-3;
 /// Normals shorter than this are taken as unknown.
-const MIN_NORMAL_LENGTH: f32 = 1e-3;
+pub const MIN_NORMAL_LENGTH: f32 = 1e-3;
 /// Normals nearer than this to unit length stay as they are.
 const NORMAL_TOLERANCE: f32 = 1e-6;
 
@@ -195,8 +195,12 @@ fn check_size<const C: usize>(
     Err(SceneError::invalid(path, "size", problem))
 }
 
-/// The first pixel with a channel that `is_bad`, as an error that also counts the others.
-fn refuse<const C: usize>(
+/// Refuses an image that has values that are bad.
+///
+/// # Errors
+/// [`SceneError::Invalid`] naming the first pixel with a channel that `is_bad`, the value, `what` it
+/// is, and how many pixels are like it.
+pub fn refuse<const C: usize>(
     path: &Path,
     image: &Image<C>,
     what: &str,
@@ -235,10 +239,18 @@ fn check_light(path: &Path, image: &Image<3>) -> Result<()> {
     })
 }
 
-fn clamp_mask<const C: usize>(path: &Path, mask: &mut Image<C>) -> Result<()> {
+/// Refuses a mask with values outside 0 to 1, but for rounding.
+///
+/// # Errors
+/// As [`refuse`].
+pub fn check_mask<const C: usize>(path: &Path, mask: &Image<C>) -> Result<()> {
     refuse(path, mask, "is outside 0 to 1", |v| {
         !(-MASK_TOLERANCE..=1.0 + MASK_TOLERANCE).contains(&v)
-    })?;
+    })
+}
+
+fn clamp_mask<const C: usize>(path: &Path, mask: &mut Image<C>) -> Result<()> {
+    check_mask(path, mask)?;
     for value in mask.pixels_mut().as_flattened_mut() {
         *value = value.clamp(0.0, 1.0);
     }

@@ -118,9 +118,7 @@ impl DatasetWriter {
 
     fn path(&self, folder: &str, name: &str) -> Result<PathBuf> {
         let path = self.root.join(folder).join(format!("{name}.exr"));
-        if let Some(parent) = path.parent() {
-            files::create_dir(parent)?;
-        }
+        files::create_parent(&path)?;
         Ok(path)
     }
 
@@ -204,10 +202,7 @@ pub fn write_transforms(
         frames.push(Value::Object(frame));
     }
     top.insert("frames".to_owned(), Value::Array(frames));
-    let mut text = serde_json::to_vec_pretty(&Value::Object(top))
-        .map_err(|e| SceneError::invalid(path, "JSON", e.to_string()))?;
-    text.push(b'\n');
-    files::write_bytes_atomic(path, &text)
+    files::write_json(path, &top)
 }
 
 fn check_name(path: &Path, index: usize, name: &str) -> Result<()> {

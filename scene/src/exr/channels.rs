@@ -1,6 +1,7 @@
 //! Selection of the channels of an EXR file that hold a colour or a value.
 
 use crate::error::{Result, SceneError};
+use crate::words::listed;
 use ::exr::meta::header::Header;
 use std::path::Path;
 
@@ -173,16 +174,6 @@ fn missing(path: &Path, wanted: &str, headers: &[Header]) -> SceneError {
             names.push(full.escape_default().to_string());
         }
     }
-    let more = names.len().saturating_sub(MAX_LISTED);
-    names.truncate(MAX_LISTED);
-    let more = if more > 0 {
-        format!(" and {more} more")
-    } else {
-        String::new()
-    };
-    SceneError::invalid(
-        path,
-        "channels",
-        format!("no {wanted} among {}{more}", names.join(", ")),
-    )
+    let problem = format!("no {wanted} among {}", listed(&names, MAX_LISTED));
+    SceneError::invalid(path, "channels", problem)
 }

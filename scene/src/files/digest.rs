@@ -1,5 +1,6 @@
 //! BLAKE3 digests of files, hexadecimal.
 
+use super::list_below;
 use crate::error::{Result, SceneError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -48,10 +49,11 @@ impl Digests {
             return self.of_file(path);
         }
         let mut hasher = blake3::Hasher::new();
-        let mut all = Vec::new();
-        collect(path, &mut all).map_err(|e| SceneError::io(path, "read folder", e))?;
-        all.sort();
-        for file in all {
+        for file in list_below(path, usize::MAX)? {
+            let own_name = file.file_name().unwrap_or_default().to_string_lossy();
+            if own_name.ends_with("record.json") || own_name.starts_with('.') {
+                continue;
+            }
             let name = file.strip_prefix(path).unwrap_or(&file);
             hasher.update(format!("{}\0{}\0", name.display(), self.of_file(&file)?).as_bytes());
         }
@@ -82,19 +84,6 @@ impl Digests {
     pub fn extend(&mut self, other: Self) {
         self.files.extend(other.files);
     }
-}
-
-fn collect(dir: &Path, all: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(dir)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() {
-            collect(&path, all)?;
-        } else if !name.ends_with("record.json") && !name.starts_with('.') {
-            all.push(path);
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

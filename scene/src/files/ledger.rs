@@ -7,7 +7,7 @@
 //! is not done. The whole, [`Shard::WHOLE`], takes what it finds in the ledgers of shards.
 
 use super::key::Key;
-use super::{digest, read, remove_if_there, remove_temporaries, write_bytes_atomic};
+use super::{digest, list, read, remove_if_there, remove_temporaries, write_json};
 use crate::error::{Result, SceneError};
 use crate::shard::Shard;
 use serde::de::DeserializeOwned;
@@ -81,14 +81,13 @@ fn parse_name(name: &str) -> Option<Shard> {
 /// # Errors
 /// If the folder cannot be read.
 pub fn shards(dir: &Path) -> Result<Vec<Shard>> {
-    let failed = |e| SceneError::io(dir, "read folder", e);
-    let mut found = Vec::new();
-    if dir.is_dir() {
-        for entry in std::fs::read_dir(dir).map_err(failed)? {
-            let name = entry.map_err(failed)?.file_name();
-            found.extend(name.to_str().and_then(parse_name));
-        }
+    if !dir.is_dir() {
+        return Ok(Vec::new());
     }
+    let paths = list(dir)?.into_iter();
+    let mut found: Vec<Shard> = paths
+        .filter_map(|path| parse_name(path.file_name()?.to_str()?))
+        .collect();
     found.sort_by_key(|shard| (shard.of, shard.index));
     Ok(found)
 }
@@ -258,11 +257,7 @@ impl Ledger {
     }
 
     fn save(&self) -> Result<()> {
-        let path = self.dir.join(file_name(self.own.shard));
-        let mut text = serde_json::to_string_pretty(&self.own)
-            .map_err(|e| SceneError::invalid(&path, "JSON", e.to_string()))?;
-        text.push('\n');
-        write_bytes_atomic(&path, text.as_bytes())
+        write_json(&self.dir.join(file_name(self.own.shard)), &self.own)
     }
 
     /// An item that is noted as done, whatever became of its files.

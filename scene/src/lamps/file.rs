@@ -27,9 +27,7 @@ pub fn lamps_file_beside(scene: &Path) -> PathBuf {
 /// value of the wrong type, one that is not finite or out of its range, a name that is empty, has
 /// a `*` in it, or that two lamps have.
 pub fn read_lamps(path: &Path) -> Result<Lamps> {
-    let bytes = files::read(path)?;
-    let lamps = serde_json::from_slice(&bytes)
-        .map_err(|error| SceneError::invalid(path, "JSON", error.to_string()))?;
+    let lamps = files::read_json(path)?;
     check(path, &lamps)?;
     Ok(lamps)
 }

@@ -340,49 +340,32 @@ struct Bounds {
 fn edge_bounds(lens: &Lens, field: Field) -> Bounds {
     let (width, height) = lens.size();
     let (width, height) = (f64::from(width), f64::from(height));
-    let along = (0..=NUM_EDGE_POINTS).map(|i| f64::from(i) / f64::from(NUM_EDGE_POINTS));
     let plane = |x: f64, y: f64| {
         let ray = lens.unproject(DVec2::new(x, y)).filter(|ray| ray.z > 0.0)?;
         Some(ray.truncate() / ray.z)
     };
     // The larger of two bounds is the inner one on the low side.
     let inner = field == Field::Inside;
-    let fold = |values: &mut dyn Iterator<Item = f64>, is_low: bool, open: f64| {
-        let chosen = values.reduce(|a, b| if inner == is_low { a.max(b) } else { a.min(b) });
+    let edge = |at: &dyn Fn(f64) -> Option<f64>, is_low: bool| {
+        let along = (0..=NUM_EDGE_POINTS).map(|i| f64::from(i) / f64::from(NUM_EDGE_POINTS));
+        let chosen =
+            (along.filter_map(at)).reduce(|a, b| if inner == is_low { a.max(b) } else { a.min(b) });
+        let open = if is_low {
+            f64::NEG_INFINITY
+        } else {
+            f64::INFINITY
+        };
         chosen.unwrap_or(open)
     };
-    let left = fold(
-        &mut along
-            .clone()
-            .filter_map(|t| plane(0.0, t * height))
-            .map(|p| p.x),
-        true,
-        f64::NEG_INFINITY,
-    );
-    let right = fold(
-        &mut along
-            .clone()
-            .filter_map(|t| plane(width, t * height))
-            .map(|p| p.x),
-        false,
-        f64::INFINITY,
-    );
-    let top = fold(
-        &mut along
-            .clone()
-            .filter_map(|t| plane(t * width, 0.0))
-            .map(|p| p.y),
-        true,
-        f64::NEG_INFINITY,
-    );
-    let bottom = fold(
-        &mut along.filter_map(|t| plane(t * width, height)).map(|p| p.y),
-        false,
-        f64::INFINITY,
-    );
     Bounds {
-        low: DVec2::new(left, top),
-        high: DVec2::new(right, bottom),
+        low: DVec2::new(
+            edge(&|t| Some(plane(0.0, t * height)?.x), true),
+            edge(&|t| Some(plane(t * width, 0.0)?.y), true),
+        ),
+        high: DVec2::new(
+            edge(&|t| Some(plane(width, t * height)?.x), false),
+            edge(&|t| Some(plane(t * width, height)?.y), false),
+        ),
     }
 }
 

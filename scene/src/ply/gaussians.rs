@@ -15,6 +15,7 @@ use crate::harmonics::{Harmonics, NUM_COEFFICIENTS};
 use glam::{Quat, Vec2, Vec3};
 use std::io::Write;
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// The properties in the order of a written file; the quaternion has w first.
 pub(super) const PROPERTIES: [&str; 17] = [
@@ -39,32 +40,8 @@ pub(super) const PROPERTIES: [&str; 17] = [
 
 /// Further properties of a file whose radiance differs with the direction; other programs step over
 /// them and see the radiance without.
-const HARMONICS: [&str; NUM_COEFFICIENTS] = [
-    "harmonics_0",
-    "harmonics_1",
-    "harmonics_2",
-    "harmonics_3",
-    "harmonics_4",
-    "harmonics_5",
-    "harmonics_6",
-    "harmonics_7",
-    "harmonics_8",
-    "harmonics_9",
-    "harmonics_10",
-    "harmonics_11",
-    "harmonics_12",
-    "harmonics_13",
-    "harmonics_14",
-    "harmonics_15",
-    "harmonics_16",
-    "harmonics_17",
-    "harmonics_18",
-    "harmonics_19",
-    "harmonics_20",
-    "harmonics_21",
-    "harmonics_22",
-    "harmonics_23",
-];
+static HARMONICS: LazyLock<[String; NUM_COEFFICIENTS]> =
+    LazyLock::new(|| std::array::from_fn(|k| format!("harmonics_{k}")));
 
 /// Further properties of a file with glossy surfaces: F0 and roughness. Other programs step over
 /// them and see the diffuse part.
@@ -115,9 +92,9 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Gaussians> {
         gaussians.push(gaussian(row));
         Ok(())
     })?;
-    if vertices.find(HARMONICS[0]).is_some() {
+    if vertices.find(&HARMONICS[0]).is_some() {
         gaussians.harmonics.reserve(vertices.len());
-        let columns = vertices.columns(HARMONICS)?;
+        let columns = vertices.columns(HARMONICS.each_ref().map(String::as_str))?;
         vertices.for_each_row(columns, |index, values| {
             let values = values.map(|value| value as f32);
             gaussians.harmonics.push(harmonics(path, index, values)?);
@@ -176,7 +153,7 @@ pub fn write_gaussians(path: &Path, gaussians: &Gaussians) -> Result<()> {
         let io = |e| SceneError::io(path, "write", e);
         let mut properties = PROPERTIES.to_vec();
         if !gaussians.harmonics.is_empty() {
-            properties.extend(HARMONICS);
+            properties.extend(HARMONICS.iter().map(String::as_str));
         }
         if !gaussians.gloss.is_empty() {
             properties.extend(GLOSS);

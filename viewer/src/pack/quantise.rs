@@ -22,7 +22,7 @@ const ROTATION_CODES: f32 = 4095.0;
 
 /// Sizes of the steps of quantities.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steps {
+pub(crate) struct Steps {
     low: Vec3,
     position: Vec3,
     scale_low: f32,
