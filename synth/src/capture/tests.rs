@@ -1,11 +1,11 @@
 //! Captures against their own truth, read by an independent decoder.
 
-use eagpt_colmap::model::{Model, Observations};
-use eagpt_scene::Dataset;
 use crate::capture::Parts;
 use crate::photograph::SampleNoise;
 use crate::scenes::SCENES;
 use crate::{SceneScript, SynthOptions, simulate};
+use eagpt_colmap::model::{Model, Observations};
+use eagpt_scene::Dataset;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 

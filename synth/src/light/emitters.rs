@@ -107,7 +107,12 @@ impl Emitters {
 
     /// Chooses a direction towards a light, about in proportion to the light it would bring;
     /// `uniform` are three numbers in [0, 1).
-    pub(crate) fn sample(&self, room: &Room, receiver: &Receiver, uniform: Vec3) -> Option<LightSample> {
+    pub(crate) fn sample(
+        &self,
+        room: &Room,
+        receiver: &Receiver,
+        uniform: Vec3,
+    ) -> Option<LightSample> {
         let total: f32 = self.all.iter().map(|e| e.weight(receiver)).sum();
         if total <= 0.0 {
             return None;

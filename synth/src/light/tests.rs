@@ -1,6 +1,5 @@
 //! The path tracer against closed forms, and its two methods against each other.
 
-use eagpt_scene::rng::{Purpose, RandomKey};
 use crate::light::coat::Coat;
 use crate::light::path::{MAX_BOUNCES, PathSample};
 use crate::light::points::Points;
@@ -8,6 +7,7 @@ use crate::light::{Cache, CacheOptions, Lighting};
 use crate::room::pattern::Texture;
 use crate::room::shape::{Ball, Quad, Shape};
 use crate::room::{Gloss, Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
+use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 

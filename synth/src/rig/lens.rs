@@ -71,7 +71,12 @@ impl Rig {
     ///
     /// # Errors
     /// [`SynthError::Option`] if the lens sees beyond the margin.
-    pub(crate) fn through_lens(&self, image: &Image<3>, camera: &Camera, lens: &Lens) -> Result<Image<3>> {
+    pub(crate) fn through_lens(
+        &self,
+        image: &Image<3>,
+        camera: &Camera,
+        lens: &Lens,
+    ) -> Result<Image<3>> {
         let distorted = undistort::distort(image, camera, lens).map_err(distortion)?;
         match distorted.num_unknown() {
             0 => Ok(distorted.image),

@@ -1,8 +1,8 @@
 //! Rays against shapes and their tree.
 
-use eagpt_scene::rng::{Purpose, RandomKey};
 use crate::room::bvh::Bvh;
 use crate::room::shape::{Ball, Block, Drum, Ends, Quad, Shape};
+use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::{Mat3, Vec2, Vec3};
 
 const ANYWHERE: [f32; 2] = [1e-4, f32::INFINITY];
