@@ -72,7 +72,7 @@ pub(super) fn render(
             let starts: Vec<Start> = (surfaces.into_iter())
                 .map(|(pixel, vertex)| Start::new(pixel, vertex))
                 .collect();
-            let sampled = sampled(scene, &starts, lights, integrator, options, camera.width);
+            let sampled = sampled(scene, &starts, lights, integrator, options, key);
             for (start, samples) in starts.iter().zip(sampled) {
                 let pixel = start.pixel as usize;
                 let (mean, moment) = samples.moments();
@@ -93,16 +93,15 @@ pub(super) fn render(
     }
 }
 
-/// Samples of the light at each of `starts`, `[n]`, in an image of rows of `width` pixels.
+/// Samples of the light at each of `starts`, `[n]`.
 fn sampled(
     scene: &CpuScene,
     starts: &[Start],
     lights: Option<&Lights>,
     integrator: &Integrator,
     options: &LightOptions,
-    width: u32,
+    key: RandomKey,
 ) -> Vec<Samples> {
-    let key = RandomKey::new(options.seed, Purpose::Render, 0);
     match *integrator {
         Integrator::ZeroBounce | Integrator::Gather { .. } => Vec::new(),
         Integrator::OneBounce { num_samples } => {
@@ -133,7 +132,6 @@ fn sampled(
         } => {
             let paths = Paths {
                 scene,
-                width,
                 lights: lights.and(scene.light_list()),
                 num_samples,
                 max_bounces,
@@ -141,7 +139,6 @@ fn sampled(
                 threshold: options.emission_threshold,
                 hits: options.hits,
                 key,
-                key_of_expected: RandomKey::new(options.seed, Purpose::Expect, 0),
             };
             paths.sample(starts)
         }
