@@ -31,7 +31,8 @@ pub struct SceneMetrics {
     /// See `scene_metrics::depth_mae`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub depth_mae: Option<f64>,
-    /// See `scene_metrics::emission_overlap`; kept because the views' overlaps make up that of all pixels.
+    /// See `scene_metrics::emission_overlap`; kept because the views' overlaps make up that of all
+    /// pixels.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) emission_overlap: Option<Overlap>,
     /// See `Overlap::iou`.
