@@ -66,7 +66,8 @@ pub(crate) struct BakeArgs {
     /// views: samples per pixel, at least 1
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
-    /// views: end paths at random from this bounce on, at least 1; 0 for never
+    /// views: end paths at random from this bounce on, at least 1 and on a GPU at least 3; 0 for
+    /// never
     #[arg(long, value_name = "FROM_BOUNCE", default_value_t = ROULETTE_FROM)]
     russian_roulette: u32,
     /// views: iterations of the fit, one view each, at least 1

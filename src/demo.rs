@@ -60,11 +60,7 @@ const CHOICES: [(&str, &str, &str); 4] = [
         "preset = \"draft\"\ngaussians = 40000\niterations = 1800\nset = [\"albedo.num_samples=128\"]",
         "preset = \"draft\"\ngaussians = 8000\niterations = 400\nalbedo_iterations = 60",
     ),
-    (
-        "{render}",
-        "spp = 16\nrussian_roulette = 2",
-        "spp = 8\nrussian_roulette = 2",
-    ),
+    ("{render}", "spp = 16", "spp = 8"),
     ("{bake}", "samples = 128", "samples = 32\nbounces = 4"),
 ];
 

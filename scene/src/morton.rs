@@ -10,6 +10,19 @@ pub fn code(cell: [u32; 3]) -> u64 {
     x | y << 1 | z << 2
 }
 
+/// The place of a cell of a grid in a plane on the curve; of each coordinate, the lower 16 bits
+/// count.
+pub fn square_code(cell: [u32; 2]) -> u32 {
+    let [x, y] = cell.map(|at| {
+        let x = at & 0x0000_ffff;
+        let x = (x | x << 8) & 0x00ff_00ff;
+        let x = (x | x << 4) & 0x0f0f_0f0f;
+        let x = (x | x << 2) & 0x3333_3333;
+        (x | x << 1) & 0x5555_5555
+    });
+    x | y << 1
+}
+
 /// Puts two zeros before each of the lower [`BITS`] bits.
 fn spread(x: u64) -> u64 {
     let x = x & ((1 << BITS) - 1);
@@ -30,6 +43,16 @@ mod tests {
             assert_eq!(spread(1 << bit), 1 << (3 * bit));
         }
         assert_eq!(spread((1 << BITS) - 1), 0x1249_2492_4924_9249);
+    }
+
+    #[test]
+    fn cells_of_a_plane_follow_the_curve() {
+        for bit in 0..16 {
+            assert_eq!(square_code([1 << bit, 0]), 1 << (2 * bit));
+        }
+        let cells = [[0, 0], [1, 0], [0, 1], [1, 1], [2, 0]];
+        assert_eq!(cells.map(square_code), [0, 1, 2, 3, 4]);
+        assert_eq!(square_code([0xffff; 2]), u32::MAX);
     }
 
     #[test]

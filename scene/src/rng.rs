@@ -19,6 +19,8 @@ pub enum Purpose {
     Render = 4,
     /// Irradiance samples of light baking.
     Bake = 5,
+    /// Paths that tell those of a frame what light to expect.
+    Expect = 6,
     /// Hypotheses of planes, when a model of cameras is aligned.
     Align = 20,
     /// Paths of light in a virtual room.

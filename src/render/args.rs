@@ -63,8 +63,8 @@ pub(crate) struct RenderArgs {
     /// Maximum path depth: bounces, at least 1
     #[arg(long, value_name = "N", default_value_t = MAX_BOUNCES, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) bounces: u32,
-    /// End paths at random from this bounce on, at least 1; 0 for never. The mean stays, the noise
-    /// grows
+    /// End paths at random from this bounce on, at least 1 and on a GPU at least 3; 0 for never.
+    /// The mean stays, the noise grows a little
     #[arg(long, value_name = "FROM_BOUNCE", default_value_t = ROULETTE_FROM)]
     pub(crate) russian_roulette: u32,
     /// Emission from which on a surface counts as an emitter, 0 to 1

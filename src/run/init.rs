@@ -103,7 +103,7 @@ denoise = "auto"
 # Options of one mode alone.
 # [render.path]
 # bounces = 16
-# russian_roulette = 3
+# russian_roulette = 1
 
 # Changes of the light, as many as you like: an edit script and, if there is one, a dataset that shows what came of it, with the same views.
 # [[relight]]

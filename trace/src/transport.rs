@@ -29,9 +29,9 @@ pub use eagpt_scene::lamps::EMISSION_THRESHOLD;
 /// Maximum path depth unless told otherwise, of paths and of bakes. In a room of white walls a
 /// tenth of the light comes after seven bounces, the depth of the paper.
 pub const MAX_BOUNCES: u32 = 16;
-/// First bounce at which paths may end at random unless told otherwise: the bounces before bring
-/// most of the light.
-pub const ROULETTE_FROM: u32 = 3;
+/// First bounce at which paths may end at random unless told otherwise. On the CPU what is expected
+/// of the rest of a path stands in for it, so that the first is not too early.
+pub const ROULETTE_FROM: u32 = 1;
 
 /// Integrator of a frame. The names are those of the paper's tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -61,7 +61,7 @@ pub enum Integrator {
         /// Maximum path depth, at least 1; 7 in the paper.
         max_bounces: u32,
         /// First bounce at which a path may be ended at random (survivors are weighted up, so the
-        /// mean stays); `None`: never.
+        /// mean stays), on devices the third at the earliest; `None`: never.
         roulette_from: Option<u32>,
     },
 }

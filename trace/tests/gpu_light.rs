@@ -104,8 +104,10 @@ fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> R
 /// Every integrator with each way of looking for light: the same mean within four standard errors
 /// of the difference, and the same noise. The seeds are the same: where both engines take the same
 /// numbers for the same things the differences are of rounding alone, and the test is the sharper
-/// for it. Paths look for light otherwise: a device chooses emitters by power alone, with more
-/// noise than the CPU, which chooses by what they may give to where the path is.
+/// for it. Paths of a device have numbers of their own for each pixel, where those of the CPU are
+/// of one sequence, and look for light otherwise: by the power of emitters alone, with more noise
+/// than the CPU, which chooses by what they may give to where the path is. They end no earlier than
+/// at the third bounce, those of the CPU by what they are expected to bring.
 #[test]
 fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
     let Some(device) = gpu::device("integrators") else {

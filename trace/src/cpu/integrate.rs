@@ -72,7 +72,7 @@ pub(super) fn render(
             let starts: Vec<Start> = (surfaces.into_iter())
                 .map(|(pixel, vertex)| Start::new(pixel, vertex))
                 .collect();
-            let sampled = sampled(scene, &starts, lights, integrator, options, key);
+            let sampled = sampled(scene, &starts, lights, integrator, options, camera.width);
             for (start, samples) in starts.iter().zip(sampled) {
                 let pixel = start.pixel as usize;
                 let (mean, moment) = samples.moments();
@@ -93,15 +93,16 @@ pub(super) fn render(
     }
 }
 
-/// Samples of the light at each of `starts`, `[n]`.
+/// Samples of the light at each of `starts`, `[n]`, in an image of rows of `width` pixels.
 fn sampled(
     scene: &CpuScene,
     starts: &[Start],
     lights: Option<&Lights>,
     integrator: &Integrator,
     options: &LightOptions,
-    key: RandomKey,
+    width: u32,
 ) -> Vec<Samples> {
+    let key = RandomKey::new(options.seed, Purpose::Render, 0);
     match *integrator {
         Integrator::ZeroBounce | Integrator::Gather { .. } => Vec::new(),
         Integrator::OneBounce { num_samples } => {
@@ -132,6 +133,7 @@ fn sampled(
         } => {
             let paths = Paths {
                 scene,
+                width,
                 lights: lights.and(scene.light_list()),
                 num_samples,
                 max_bounces,
@@ -139,6 +141,7 @@ fn sampled(
                 threshold: options.emission_threshold,
                 hits: options.hits,
                 key,
+                key_of_expected: RandomKey::new(options.seed, Purpose::Expect, 0),
             };
             paths.sample(starts)
         }

@@ -7,7 +7,12 @@
 //! Many paths are followed at once, bounce by bounce: before each, they are put in an order in
 //! which neighbours meet the same parts of the scene ([`order`]), which the processor's caches then
 //! hold. The light of a path does not depend on the order.
+//!
+//! Paths end at random where little light is left to find; [`expected`] has what then stands in for
+//! the rest. The samples of pixels that lie near each other are of one low-discrepancy sequence
+//! ([`RowPoints`]): what one has too much of, its neighbours have too little of, which denoisers see.
 
+mod expected;
 mod order;
 mod seen;
 #[cfg(test)]
@@ -19,9 +24,11 @@ use super::vertex::{MIN_REFLECTANCE, Vertex};
 use crate::transport::Hits;
 use crate::transport::bsdf::Bsdf;
 use crate::transport::light_list::{Importances, LightList};
-use crate::transport::points::Points;
+use crate::transport::points::RowPoints;
 use crate::transport::start::Surface;
+use eagpt_scene::morton;
 use eagpt_scene::rng::RandomKey;
+use expected::Expected;
 use glam::Vec3;
 use rayon::prelude::*;
 use seen::Seen;
@@ -35,12 +42,18 @@ const PATHS_AT_ONCE: u32 = 1 << 18;
 /// Least roughness of what a path meets after a diffuse bounce.
 const ROUGH_BEHIND: f32 = 0.3;
 
+/// Chance of a light sample where paths start. The samples of a pixel choose among the same emitters
+/// there, evenly, so that half as many find them as well as one more ray for every path would.
+const LIGHT_CHANCE_OF_STARTS: f32 = 0.5;
+
 /// Paths that a thread follows before it looks for others.
 const PATHS_OF_A_TURN: usize = 1024;
 
 /// Paths through a scene, and when they end.
 pub(super) struct Paths<'a> {
     pub(super) scene: &'a CpuScene,
+    /// Pixels in a row of the image.
+    pub(super) width: u32,
     /// Emitters sampled at every bounce besides, for next-event estimation; `None`: BSDF sampling
     /// only.
     pub(super) lights: Option<&'a LightList>,
@@ -51,6 +64,8 @@ pub(super) struct Paths<'a> {
     pub(super) threshold: f32,
     pub(super) hits: Hits,
     pub(super) key: RandomKey,
+    /// Of the paths that tell what to expect: what a path finds may not depend on it.
+    pub(super) key_of_expected: RandomKey,
 }
 
 /// A pixel's surface, from which its paths go on.
@@ -102,45 +117,46 @@ struct Path {
     /// Number of its start, and of its sample there.
     start: u32,
     sample: u32,
-    pixel: u32,
+    /// Number of its start among all that may be: neighbours have neighbouring numbers.
+    element: u32,
     vertex: Vertex,
     throughput: Vec3,
     brought: PathLight,
     /// Least roughness of what it meets.
     min_roughness: f32,
+    /// Light that its start is expected to receive, the unit of what is worth following.
+    worth: f32,
     is_alive: bool,
 }
 
 impl Path {
     /// A path of a start before its first bounce.
-    fn new(number: u32, sample: u32, start: &Start) -> Self {
+    fn new(number: u32, sample: u32, element: u32, vertex: Vertex) -> Self {
         Self {
             start: number,
             sample,
-            pixel: start.pixel,
-            vertex: start.vertex,
+            element,
+            vertex,
             throughput: Vec3::ONE,
             brought: PathLight::default(),
             min_roughness: 0.0,
+            worth: 0.0,
             is_alive: true,
         }
-    }
-
-    /// Four random numbers of a block of a bounce, 0 to [`BLOCKS`].
-    fn numbers(&self, key: RandomKey, bounce: u32, block: u32) -> [f32; 4] {
-        Points::new(key, self.pixel).block(self.sample, BLOCKS * bounce + block)
     }
 }
 
 impl Paths<'_> {
     /// Light of all paths of each start, before the reflectance there, `[n]`.
     pub(super) fn sample(&self, starts: &[Start]) -> Vec<Samples> {
+        let expected = self.roulette_from.map(|_| self.expected(starts));
         let at_once = (PATHS_AT_ONCE / self.num_samples.max(1)).max(1);
         let some = starts.chunks(at_once as usize);
-        some.flat_map(|starts| self.sample_some(starts)).collect()
+        some.flat_map(|starts| self.sample_some(starts, expected.as_ref()))
+            .collect()
     }
 
-    fn sample_some(&self, starts: &[Start]) -> Vec<Samples> {
+    fn sample_some(&self, starts: &[Start], expected: Option<&Expected>) -> Vec<Samples> {
         let num_samples = self.num_samples as usize;
         let mut lights = vec![PathLight::default(); starts.len() * num_samples];
         // Of the first bounce, where all paths of a start weigh the same emitters.
@@ -150,7 +166,15 @@ impl Paths<'_> {
         let mut paths: Vec<Path> = (0..)
             .zip(starts)
             .flat_map(|(number, start)| {
-                (0..self.num_samples).map(move |sample| Path::new(number, sample, start))
+                let vertex = start.vertex;
+                let element = self.element(start.pixel);
+                let worth = expected.map_or(0.0, |expected| {
+                    expected.worth(expected.light(&vertex.surface), vertex.reflectance())
+                });
+                (0..self.num_samples).map(move |sample| Path {
+                    worth,
+                    ..Path::new(number, sample, element, vertex)
+                })
             })
             .collect();
         for bounce in 0..self.max_bounces {
@@ -161,7 +185,7 @@ impl Paths<'_> {
                         0 => of_starts[path.start as usize],
                         _ => self.importances(&path.vertex.surface),
                     };
-                    self.advance(path, bounce, importances.as_ref());
+                    self.advance(path, bounce, importances.as_ref(), expected);
                 }
             });
             paths.retain(|path| {
@@ -187,6 +211,17 @@ impl Paths<'_> {
         starts.iter().zip(of_starts).map(of_start).collect()
     }
 
+    /// Number of a pixel on a Z-order curve.
+    fn element(&self, pixel: u32) -> u32 {
+        morton::square_code([pixel % self.width, pixel / self.width]) as u32
+    }
+
+    /// Four random numbers of a block of a bounce, 0 to [`BLOCKS`].
+    fn numbers(&self, path: &Path, bounce: u32, block: u32) -> [f32; 4] {
+        let points = RowPoints::new(self.key, path.element, self.num_samples);
+        points.block(path.sample, BLOCKS * bounce + block)
+    }
+
     /// Light that emitters may give `surface`.
     fn importances(&self, surface: &Surface) -> Option<Importances> {
         self.lights.map(|lights| lights.importances(surface))
@@ -194,20 +229,36 @@ impl Paths<'_> {
 
     /// Follows a path for a bounce, and collects the light of its emitters.
     ///
-    /// A direction contributes R where E > τ_E, nothing elsewhere. With next-event estimation every
-    /// bounce samples a direction towards an emitter (density p) and one from the BSDF (density q),
-    /// and both are weighted by q/(p + q): the balance heuristic of multiple importance sampling
-    /// (Veach 1997, section 9.2). The mean is that of q alone.
-    fn advance(&self, path: &mut Path, bounce: u32, importances: Option<&Importances>) {
+    /// A direction contributes R where E > τ_E, nothing elsewhere. With next-event estimation a
+    /// bounce samples a direction towards an emitter (density p, by the chance c) and one from the
+    /// BSDF (density q), and both are weighted by q/(c p + q): the balance heuristic of multiple
+    /// importance sampling (Veach 1997, section 9.2). The mean is that of q alone.
+    fn advance(
+        &self,
+        path: &mut Path,
+        bounce: u32,
+        importances: Option<&Importances>,
+        expected: Option<&Expected>,
+    ) {
         path.is_alive = false;
         let surface = path.vertex.surface;
         let bsdf = path.vertex.bsdf();
-        let [a, b, lobe, choice] = path.numbers(self.key, bounce, 0);
-        let [pick, u, v, survive] = path.numbers(self.key, bounce, 1);
+        let [a, b, lobe, choice] = self.numbers(path, bounce, 0);
+        let [pick, u, v, survive] = self.numbers(path, bounce, 1);
+        let lights = self.lights.zip(importances).map(|lights| LightSampling {
+            lights,
+            seen: self.seen(choice),
+            chance: match bounce {
+                0 => LIGHT_CHANCE_OF_STARTS,
+                _ => 1.0,
+            },
+        });
         let seen = self.seen(choice);
-        let lights = self.lights.zip(importances);
-        if let Some(lights) = lights
-            && let Some(light) = self.towards_light(lights, (&surface, &bsdf), seen, [pick, u, v])
+        // What is left of the number that chose to look is as evenly spread as it was.
+        if let Some(lights) = &lights
+            && pick < lights.chance
+            && let numbers = [pick / lights.chance, u, v]
+            && let Some(light) = lights.sample(self, (&surface, &bsdf), numbers)
         {
             path.brought.light += path.throughput * light;
             path.brought.num_rays += 1;
@@ -219,7 +270,7 @@ impl Paths<'_> {
         let (met, gloss) = seen.trace(self.scene, &surface.ray(direction));
         path.brought.num_rays += 1;
         if met.emission() > self.threshold {
-            let of_lights = lights.map_or(0.0, |lights| seen.density(lights, &surface, direction));
+            let of_lights = (lights.as_ref()).map_or(0.0, |l| l.density(&surface, direction));
             let weight = sample.value / (sample.density + of_lights);
             path.brought.light += path.throughput * met.radiance() * weight;
             return;
@@ -232,17 +283,17 @@ impl Paths<'_> {
             return;
         };
         path.throughput *= sample.value / sample.density * next.alpha;
-        if bounce + 1 >= self.roulette_from.unwrap_or(u32::MAX) {
-            let chance = (path.throughput * next.reflectance())
-                .max_element()
-                .min(1.0);
-            if survive >= chance {
-                return;
+        let goes_on = match (expected, self.roulette_from) {
+            _ if bounce + 1 == self.max_bounces => false,
+            (Some(expected), Some(from)) if bounce + 1 >= from => {
+                expected.goes_on(path, &next, survive)
             }
-            path.throughput /= chance;
+            _ => true,
+        };
+        if goes_on {
+            path.vertex = next;
+            path.is_alive = true;
         }
-        path.vertex = next;
-        path.is_alive = true;
     }
 
     /// The scene as the rays of a bounce meet it; `choice` is a number in [0, 1).
@@ -252,26 +303,40 @@ impl Paths<'_> {
             Hits::Sampled => Seen::realization(choice),
         }
     }
+}
 
+/// Next-event estimation at a vertex.
+struct LightSampling<'a> {
+    lights: (&'a LightList, &'a Importances),
+    /// What its rays meet.
+    seen: Seen,
+    /// Chance of a light sample.
+    chance: f32,
+}
+
+impl LightSampling<'_> {
     /// Light from a direction towards a random emitter, weighted; `None` if that is below the
     /// surface and no ray was traced.
-    fn towards_light(
+    fn sample(
         &self,
-        lights: (&LightList, &Importances),
+        paths: &Paths<'_>,
         (surface, bsdf): (&Surface, &Bsdf),
-        seen: Seen,
         numbers: [f32; 3],
     ) -> Option<Vec3> {
-        let direction = seen.sample(lights, surface, numbers)?;
+        let direction = self.seen.sample(self.lights, surface, numbers)?;
         let (value, density) = bsdf.evaluate(direction);
         if density <= 0.0 {
             return None;
         }
-        let (met, _) = seen.trace(self.scene, &surface.ray(direction));
-        if met.emission() <= self.threshold {
+        let (met, _) = self.seen.trace(paths.scene, &surface.ray(direction));
+        if met.emission() <= paths.threshold {
             return Some(Vec3::ZERO);
         }
-        let of_lights = seen.density(lights, surface, direction);
-        Some(met.radiance() * value / (density + of_lights))
+        Some(met.radiance() * value / (density + self.density(surface, direction)))
+    }
+
+    /// Density over solid angle of light samples, times their chance.
+    fn density(&self, surface: &Surface, direction: Vec3) -> f32 {
+        self.chance * self.seen.density(self.lights, surface, direction)
     }
 }

@@ -28,6 +28,10 @@ const PIXELS_PER_DISPATCH: u32 = 1 << 18;
 /// invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 8;
 
+/// First bounce at which paths end at random, at the earliest: here nothing is expected of the rest
+/// of a path, and the bounces before bring most of the light.
+const FIRST_ROULETTE: u32 = 3;
+
 /// Dispatches that are under way at once.
 const DISPATCHES_AHEAD: u32 = 16;
 
@@ -88,7 +92,7 @@ impl LightGatherer {
             } => {
                 let kind = GatherKind::Path {
                     max_bounces,
-                    roulette_from,
+                    roulette_from: roulette_from.map(|from| from.max(FIRST_ROULETTE)),
                 };
                 (num_samples, kind)
             }

@@ -41,6 +41,9 @@ thread_local! {
 #[derive(Debug, Clone)]
 pub struct LightList {
     clusters: Vec<Cluster>,
+    /// Powers of the clusters in each realization, and of their footprints: in rows, of which sums
+    /// are quick.
+    powers: Vec<Powers>,
     discs: Vec<Disc>,
     /// Those of `discs`, as large as the largest of all realizations.
     set: SurfelSet,
@@ -71,6 +74,12 @@ pub(crate) struct Disc {
     /// one.
     cumulative_footprint: f32,
 }
+
+/// Power of each cluster; of those that are not there, none.
+type Powers = [f32; MAX_CLUSTERS];
+
+/// Row of the powers of footprints, behind those of the realizations.
+const FOOTPRINTS: usize = REALIZATIONS;
 
 /// Light that a receiver may get of each cluster, relative to its luminance times area.
 pub type Importances = [f32; MAX_CLUSTERS];
@@ -164,11 +173,19 @@ impl LightList {
             surfels,
             ..SurfelSet::default()
         };
+        let mut powers = vec![[0.0; MAX_CLUSTERS]; REALIZATIONS + 1];
+        for (number, cluster) in clusters.iter().enumerate() {
+            for (row, power) in powers.iter_mut().zip(cluster.powers) {
+                row[number] = power;
+            }
+            powers[FOOTPRINTS][number] = cluster.footprint_power;
+        }
         let builder = DiscTreeBuilder::new(&set);
         let tree = |realization: usize| builder.build(|i| discs[i as usize].radii[realization]);
         Some(Self {
             trees: (0..REALIZATIONS).map(tree).collect(),
             clusters,
+            powers,
             discs,
             footprints,
             set,
@@ -190,37 +207,46 @@ impl LightList {
         importances
     }
 
-    /// Sum over the clusters of importance times power.
-    fn total(&self, importances: &Importances, power: impl Fn(&Cluster) -> f32) -> f32 {
-        let clusters = self.clusters.iter().zip(importances);
-        clusters.fold(0.0, |sum, (cluster, importance)| {
-            sum + importance * power(cluster)
-        })
+    /// Sum over the clusters of importance times power, of a row of powers.
+    fn total(&self, importances: &Importances, row: usize) -> f32 {
+        // Several sums beside each other: each addition waits for the one before.
+        let mut sums = [0.0; 8];
+        let (powers, _) = self.powers[row].as_chunks::<8>();
+        let (importances, _) = importances.as_chunks::<8>();
+        for (importances, powers) in importances.iter().zip(powers) {
+            for k in 0..8 {
+                sums[k] += importances[k] * powers[k];
+            }
+        }
+        sums.iter().sum()
     }
 
-    /// An emitter by importance times power, by `pick` in [0, 1); `power` is that of a cluster,
-    /// `cumulative` that of the cluster's discs up to one. `None` if nothing shines.
+    /// An emitter by importance times power, by `pick` in [0, 1), of a row of powers; `cumulative`
+    /// is that of the discs of its cluster up to one. `None` if nothing shines.
     fn choose(
         &self,
         importances: &Importances,
         pick: f32,
-        power: impl Fn(&Cluster) -> f32,
+        row: usize,
         cumulative: impl Fn(&Disc) -> f32,
     ) -> Option<(&Disc, &Surfel)> {
-        let mut left = pick * self.total(importances, &power);
+        let mut left = pick * self.total(importances, row);
         let mut chosen = None;
-        for (cluster, importance) in self.clusters.iter().zip(importances) {
-            let share = importance * power(cluster);
+        let shares = importances.iter().zip(&self.powers[row]);
+        for (number, (importance, power)) in shares.enumerate() {
+            let share = importance * power;
             if share > 0.0 {
                 // Rounding may leave a little at the end.
-                chosen = Some((cluster, left / importance));
+                chosen = Some((number, left));
                 if left < share {
                     break;
                 }
             }
             left -= share;
         }
-        let (cluster, left) = chosen?;
+        let (number, left) = chosen?;
+        let left = left / importances[number];
+        let cluster = &self.clusters[number];
         let discs = &self.discs[cluster.range()];
         let number = discs
             .partition_point(|disc| cumulative(disc) <= left)
@@ -240,9 +266,8 @@ impl LightList {
         [pick, a, b]: [f32; 3],
     ) -> Option<Vec3> {
         let realization = realization as usize;
-        let power = |cluster: &Cluster| cluster.powers[realization];
         let cumulative = |disc: &Disc| disc.cumulative[realization];
-        let (disc, surfel) = self.choose(importances, pick, power, cumulative)?;
+        let (disc, surfel) = self.choose(importances, pick, realization, cumulative)?;
         let radius = (a * disc.radii[realization].max(0.0)).sqrt();
         (disc.point(surfel, radius, b) - origin).try_normalize()
     }
@@ -274,7 +299,7 @@ impl LightList {
             .sum()
         });
         if sum > 0.0 {
-            sum / self.total(importances, |cluster| cluster.powers[realization])
+            sum / self.total(importances, realization)
         } else {
             0.0
         }

@@ -35,7 +35,7 @@ impl Paths<'_> {
             high: all.high.max(path.vertex.surface.position),
         });
         paths.par_sort_by_cached_key(|path| {
-            let [a, b, _, choice] = path.numbers(self.key, bounce, 0);
+            let [a, b, _, choice] = self.numbers(path, bounce, 0);
             let direction = cosine_direction(path.vertex.surface.normal, a, b);
             let place = bounds.relative(path.vertex.surface.position);
             let realization = match self.seen(choice) {

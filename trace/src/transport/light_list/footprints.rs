@@ -2,8 +2,7 @@
 //! integral of the opacity takes the place of luminance times area, and points are spread as the
 //! opacity is.
 
-use super::clusters::Cluster;
-use super::{Disc, Importances, LightList, SCRATCH};
+use super::{Disc, FOOTPRINTS, Importances, LightList, SCRATCH};
 use crate::cpu::bvh::Reach;
 use crate::ray::Ray;
 use crate::surfel::Surfel;
@@ -25,9 +24,8 @@ impl LightList {
         origin: Vec3,
         [pick, a, b]: [f32; 3],
     ) -> Option<Vec3> {
-        let power = |cluster: &Cluster| cluster.footprint_power;
         let cumulative = |disc: &Disc| disc.cumulative_footprint;
-        let (disc, surfel) = self.choose(importances, pick, power, cumulative)?;
+        let (disc, surfel) = self.choose(importances, pick, FOOTPRINTS, cumulative)?;
         // Inverse of the footprint's radial distribution, 1 − exp(−r²/2), cut at its rim.
         let radius = (-2.0 * (1.0 - a * disc.inside).ln()).max(0.0).sqrt();
         (disc.point(surfel, radius, b) - origin).try_normalize()
@@ -53,7 +51,7 @@ impl LightList {
             hits.sum()
         });
         if sum > 0.0 {
-            sum / self.total(importances, |cluster| cluster.footprint_power)
+            sum / self.total(importances, FOOTPRINTS)
         } else {
             0.0
         }
