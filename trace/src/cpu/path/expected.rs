@@ -187,20 +187,23 @@ impl Expected {
     /// "Adjoint-driven Russian roulette and splitting in light transport simulation").
     ///
     /// Where a path ends, what is expected stands in for the rest; where it goes on by the chance
-    /// p, (1/p − 1) times that is taken off. The mean of both is nothing, whatever is expected.
+    /// p, (1/p − 1) times that is taken off. The mean of both is nothing, whatever is expected: it
+    /// is no more than what a path has brought so far pays for, as light is never negative.
     pub(super) fn goes_on(&self, path: &mut Path, next: &Vertex, number: f32) -> bool {
         let factor = path.throughput * next.reflectance();
         let light = self.light(&next.surface);
         let chance = (self.worth(light, factor) / path.worth).min(1.0);
-        let rest = factor * light;
+        if chance >= 1.0 {
+            return true;
+        }
+        let odds = chance / (1.0 - chance);
+        let rest = (factor * light).min(path.brought.light * odds);
         if number >= chance {
             path.brought.light += rest;
             return false;
         }
-        if chance < 1.0 {
-            path.brought.light -= rest * (1.0 / chance - 1.0);
-            path.throughput /= chance;
-        }
+        path.brought.light = (path.brought.light - rest / odds).max(Vec3::ZERO);
+        path.throughput /= chance;
         true
     }
 }
@@ -215,7 +218,7 @@ fn divide(vertices: &mut [Coordinates], splits: &mut [(u32, f32)], node: usize) 
         let sum = |of: fn(f64) -> f64| vertices.iter().map(|v| of(f64::from(v[axis]))).sum::<f64>();
         sum(|x| x * x) - sum(|x| x).powi(2) / num
     };
-    let axis = (1..6).fold((0, variance(0)), |(best, most), axis| {
+    let (axis, _) = (1..6).fold((0, variance(0)), |(best, most), axis| {
         let own = variance(axis);
         if own > most {
             (axis, own)
@@ -223,7 +226,6 @@ fn divide(vertices: &mut [Coordinates], splits: &mut [(u32, f32)], node: usize) 
             (best, most)
         }
     });
-    let axis = axis.0;
     let middle = vertices.len() / 2;
     let (first, at, _) =
         vertices.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));

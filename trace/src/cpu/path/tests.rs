@@ -110,7 +110,7 @@ fn expected_light_is_what_paths_find() {
 }
 
 /// Whatever the rest of a path brings, it is the same in the mean if the path may end, and nothing
-/// is lost where nothing is expected.
+/// is lost where nothing is expected, nor is more taken off than a path has brought.
 #[test]
 fn ends_at_random_leave_the_mean() {
     let scene = CpuScene::new(&rooms()[0]);
@@ -118,26 +118,25 @@ fn ends_at_random_leave_the_mean() {
     let (paths, starts) = (paths(&scene, &camera, 64), starts(&scene, &camera));
     let expected = paths.expected(&starts);
     let num = 4096;
-    for (start, throughput) in starts
-        .iter()
-        .step_by(17)
-        .zip([0.1, 0.5, 1.0, 3.0].iter().cycle())
-    {
+    let cases = [(0.1, 0.0), (0.5, 0.02), (1.0, 0.3), (3.0, 0.0), (0.3, 10.0)];
+    for (start, &(throughput, brought)) in starts.iter().step_by(17).zip(cases.iter().cycle()) {
         let next = start.vertex;
         let rest = Vec3::new(0.2, 0.7, 1.9);
-        let path = Path {
-            throughput: Vec3::splat(*throughput),
+        let mut path = Path {
+            throughput: Vec3::splat(throughput),
             worth: 0.4,
             ..Path::new(0, 0, 0, next)
         };
+        path.brought.light = Vec3::new(brought, 0.5 * brought, 0.0);
         let found = |number: i32| {
             let mut path = path;
             let goes_on = expected.goes_on(&mut path, &next, (number as f32 + 0.5) / num as f32);
+            assert!(path.brought.light.min_element() >= 0.0);
             let light = path.throughput * next.reflectance() * rest;
             path.brought.light + if goes_on { light } else { Vec3::ZERO }
         };
         let mean = (0..num).map(found).sum::<Vec3>() / num as f32;
-        let plain = path.throughput * next.reflectance() * rest;
+        let plain = path.brought.light + path.throughput * next.reflectance() * rest;
         // Chances are multiples of one over the number of cases, and no smaller than a hundredth.
         assert!(
             (mean - plain).abs().max_element() < 0.02 * plain.max_element(),
