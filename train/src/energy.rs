@@ -2,6 +2,11 @@
 //!
 //! Albedos of single Gaussians may exceed 1 where texture is finer than they are; what may not is
 //! the blend of a pixel. Where lamps are too weak it does, and light would grow with each bounce.
+//!
+//! What exceeds it by little is white, seen in noisy light. What exceeds it by far is not bright for
+//! its albedo: blinds that light comes through, bars of a window, highlights. Under another lamp
+//! they would be the brightest things of the room if they were white; nothing is known of them, and
+//! they get the usual albedo of the scene.
 
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussians};
@@ -9,6 +14,8 @@ use eagpt_trace::{Device, Features};
 
 /// Largest albedo of a surface: whiter paints are not sold.
 const MAX_SURFACE: f32 = 0.98;
+/// Albedos that noise makes of white, at most, and albedos that say nothing, at least.
+const UNLIKELY: [f32; 2] = [1.05, 1.5];
 
 /// Darkens the Gaussians of surfaces whose albedo, in the mean of the pixels that `cameras` have of
 /// them, is above [`MAX_SURFACE`] in any channel; returns how many.
@@ -34,15 +41,39 @@ pub(crate) fn limit_albedos(
             weights[found.gaussian as usize] += found.weight;
         }
     }
+    let usual = usual(&blended, &weights);
     let mut num = 0;
     for (albedo, (blended, weight)) in (scene.albedos.iter_mut()).zip(blended.iter().zip(&weights))
     {
         if *blended > MAX_SURFACE * weight {
-            *albedo *= MAX_SURFACE * weight / blended;
+            let surface = blended / weight;
+            *albedo *= believed(surface, usual) / surface;
             num += 1;
         }
     }
     Ok(num)
+}
+
+/// The mean albedo of surfaces that may have theirs; the largest if none may.
+fn usual(blended: &[f32], weights: &[f32]) -> f32 {
+    let (mut sum, mut all) = (0.0_f64, 0.0_f64);
+    for (blended, weight) in blended.iter().zip(weights) {
+        if *blended <= MAX_SURFACE * weight {
+            sum += f64::from(*blended);
+            all += f64::from(*weight);
+        }
+    }
+    match all > 0.0 {
+        true => (sum / all) as f32,
+        false => MAX_SURFACE,
+    }
+}
+
+/// The albedo of a surface that has one above [`MAX_SURFACE`], among others of a `usual` one.
+fn believed(surface: f32, usual: f32) -> f32 {
+    let [likely, unlikely] = UNLIKELY;
+    let share = ((surface - likely) / (unlikely - likely)).clamp(0.0, 1.0);
+    MAX_SURFACE + (usual - MAX_SURFACE) * share
 }
 
 #[cfg(test)]
@@ -53,6 +84,24 @@ mod tests {
     use eagpt_scene::discs::{Material, Solid, Surface};
     use eagpt_scene::{Gaussian, Gloss};
     use glam::{DVec3, Vec3};
+
+    #[test]
+    fn what_is_too_bright_for_white_paint_has_the_usual_albedo() {
+        let (blended, weights) = ([0.8, 0.2, 9.0, 0.0], [2.0, 0.5, 3.0, 0.0]);
+        let usual = usual(&blended, &weights);
+        assert!((usual - 0.4).abs() < 1e-6);
+        let [likely, unlikely] = UNLIKELY;
+        for (surface, albedo) in [
+            (0.99, MAX_SURFACE),
+            (likely, MAX_SURFACE),
+            (0.5 * (likely + unlikely), 0.5 * (MAX_SURFACE + usual)),
+            (unlikely, usual),
+            (3.0, usual),
+        ] {
+            let found = believed(surface, usual);
+            assert!((found - albedo).abs() < 1e-6, "{surface}: {found}");
+        }
+    }
 
     /// A wall with albedos 1.4 and 0.2 by turns keeps them, one of 1.4 and 1.0 is darkened.
     #[test]
