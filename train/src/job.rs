@@ -175,6 +175,9 @@ impl Run<'_> {
         if wanted == StageChoice::Radiance {
             return Ok(true);
         }
+        if position.stage == Stage::Radiance {
+            self.mark_luminous(backend, views)?;
+        }
         self.gloss = self.estimate_gloss(backend, views)?;
         let gathers = self.request.options.albedo.gather == Gather::Gaussians;
         let over = position.stage == Stage::Albedo

@@ -69,6 +69,10 @@ impl Backend for CpuBackend {
         self.trainer.edit(&mut self.parameters, edit, radiances)
     }
 
+    fn mark_emitting(&mut self, emitting: &[Vec<usize>]) -> Result<()> {
+        (self.trainer).mark_emitting(&mut self.parameters, emitting)
+    }
+
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
         self.trainer.begin_gathering(&self.parameters, cameras)
     }

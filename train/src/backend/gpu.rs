@@ -250,6 +250,11 @@ impl Backend for GpuBackend {
         trainer.edit(parameters, edit, radiances)
     }
 
+    fn mark_emitting(&mut self, emitting: &[Vec<usize>]) -> Result<()> {
+        let (trainer, parameters) = self.host()?;
+        trainer.mark_emitting(parameters, emitting)
+    }
+
     fn begin_gathering(&mut self, cameras: &[Camera]) -> Result<usize> {
         let freed = self.lit.drain().map(|(_, lit)| lit.size() as usize);
         self.view_budget += freed.sum::<usize>();

@@ -320,6 +320,16 @@ impl<S: Tracer> Trainer<S> {
         self.refresh(parameters)
     }
 
+    /// See [`super::Backend::mark_emitting`].
+    pub(super) fn mark_emitting(
+        &mut self,
+        parameters: &mut HostParameters,
+        emitting: &[Vec<usize>],
+    ) -> Result<()> {
+        parameters.state.mark_emitting(emitting);
+        self.refresh(parameters)
+    }
+
     /// See [`super::Backend::begin_gathering`].
     pub(super) fn begin_gathering(
         &mut self,

@@ -5,12 +5,9 @@ use super::views::Views;
 use crate::bake::emits;
 use crate::energy;
 use crate::error::Result;
-use crate::luminous::luminous;
 use crate::options::StageChoice;
 use crate::own_light::{self, OwnLight};
 use crate::progress::TrainProgress;
-use eagpt_scene::lamps::read_lamps;
-use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, ply};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -24,9 +21,8 @@ impl Run<'_> {
         mut scenes: Vec<Gaussians>,
         views: &Views,
     ) -> Result<Option<OwnLight>> {
-        for (light, scene) in scenes.iter_mut().enumerate() {
+        for scene in &mut scenes {
             self.gloss.apply(scene);
-            self.mark_luminous(scene, light, views)?;
         }
         self.limit_albedos(&mut scenes, views)?;
         for (light, scene) in scenes.iter().enumerate() {
@@ -46,30 +42,6 @@ impl Run<'_> {
         Ok(self.own_light(scene, views))
     }
 
-    /// Lets what is brighter than it can reflect near lamps emit, where albedos are trained.
-    fn mark_luminous(&mut self, scene: &mut Gaussians, light: usize, views: &Views) -> Result<()> {
-        let options = &self.request.options;
-        let listed = self.folder.lamps(light);
-        if options.stage == StageChoice::Radiance || !listed.exists() {
-            return Ok(());
-        }
-        let lamps = read_lamps(&listed)?;
-        let key = RandomKey::new(options.seed, Purpose::Albedo, 1);
-        let sampling = (options.albedo.num_samples, key);
-        let found = luminous(
-            &self.request.device,
-            scene,
-            &lamps,
-            &views.cameras(),
-            sampling,
-        )?;
-        for &i in &found {
-            scene.emissions[i] = 1.0;
-        }
-        (self.progress)(TrainProgress::Luminous { num: found.len() });
-        Ok(())
-    }
-
     /// Lets no surface reflect more than it receives, where albedos are trained: `scenes` are one in
     /// all its lights.
     fn limit_albedos(&mut self, scenes: &mut [Gaussians], views: &Views) -> Result<()> {
@@ -78,7 +50,8 @@ impl Run<'_> {
             return Ok(());
         };
         if request.options.stage != StageChoice::Radiance {
-            let num = energy::limit_albedos(&request.device, first, &views.cameras())?;
+            let threshold = request.options.albedo.emission_threshold;
+            let num = energy::limit_albedos(&request.device, first, &views.cameras(), threshold)?;
             for other in others {
                 other.albedos.clone_from(&first.albedos);
             }

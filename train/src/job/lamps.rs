@@ -1,13 +1,16 @@
-//! Emitters become clean lamps, once, towards the end of stage 0.
+//! Emitters become clean lamps, once, towards the end of stage 0; between the stages, what these
+//! shine through emits with them.
 
 use super::Run;
 use super::finish::all_shining;
 use super::views::Views;
 use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
+use crate::luminous::luminous;
 use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
 use eagpt_scene::lamps::{read_lamps, write_lamps};
+use eagpt_scene::rng::{Purpose, RandomKey};
 
 impl Run<'_> {
     /// Finds the lamps that the masks of training views show, makes them clean and lists them
@@ -59,5 +62,29 @@ impl Run<'_> {
         let state = backend.state()?;
         let edit = eagpt_lamps::freed(&state.gaussians(), state.num_moving(), &lamps);
         backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
+    }
+
+    /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it.
+    pub(super) fn mark_luminous(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
+        let request = self.request;
+        let options = &request.options;
+        let sampling = (
+            options.albedo.num_samples,
+            RandomKey::new(options.seed, Purpose::Albedo, 1),
+        );
+        let mut emitting = vec![Vec::new(); views.num_lights()];
+        let scenes = backend.state()?.in_lights();
+        for (light, (scene, emitting)) in scenes.iter().zip(&mut emitting).enumerate() {
+            let listed = self.folder.lamps(light);
+            if !listed.exists() {
+                continue;
+            }
+            let lamps = read_lamps(&listed)?;
+            *emitting = luminous(&request.device, scene, &lamps, &views.cameras(), sampling)?;
+            (self.progress)(TrainProgress::Luminous {
+                num: emitting.len(),
+            });
+        }
+        backend.mark_emitting(&emitting)
     }
 }

@@ -50,7 +50,7 @@ impl TrainOptions {
             gather: Gather::Gaussians,
             num_samples,
             gloss: false,
-            rate: 2e-2,
+            rate: 5e-2,
             final_share: 0.1,
             emission_threshold: eagpt_trace::transport::EMISSION_THRESHOLD,
         };

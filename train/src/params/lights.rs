@@ -130,6 +130,18 @@ impl ParameterState {
         self.show_light(current);
     }
 
+    /// Lets Gaussians emit the light that they have, in each light those of `emitting`, `[lights]`.
+    pub(crate) fn mark_emitting(&mut self, emitting: &[Vec<usize>]) {
+        let current = self.lights.current;
+        for (light, emitting) in emitting.iter().enumerate() {
+            self.show_light(light);
+            for &i in emitting {
+                self.raw.values[i][ALBEDO - 1] = logit(1.0);
+            }
+        }
+        self.show_light(current);
+    }
+
     /// The Gaussians in each light.
     pub fn in_lights(&self) -> Vec<Gaussians> {
         let mut state = self.clone();
@@ -234,6 +246,24 @@ mod tests {
                 let wanted = first + place.x.round();
                 assert!((radiance.x - wanted).abs() < 1e-3, "{radiance} {wanted}");
             }
+        }
+    }
+
+    #[test]
+    fn what_emits_is_marked_in_its_light_alone() {
+        let mut state = state();
+        state.show_light(1);
+        let before = state.in_lights();
+        state.mark_emitting(&[vec![], vec![2], vec![0, 1]]);
+        assert_eq!(state.lights.current, 1);
+        let after = state.in_lights();
+        let emits = after
+            .iter()
+            .map(|light| light.emissions.iter().map(|e| *e > 0.5).collect());
+        let wanted = [[false; 3], [false, false, true], [true, true, false]];
+        assert_eq!(emits.collect::<Vec<Vec<bool>>>(), wanted);
+        for (before, after) in before.iter().zip(&after) {
+            assert_eq!(before.radiances, after.radiances);
         }
     }
 
