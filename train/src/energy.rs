@@ -3,9 +3,9 @@
 //! Albedos of single Gaussians may exceed 1 where texture is finer than they are; what may not is
 //! the blend of a pixel. Where lamps are too weak it does, and light would grow with each bounce.
 //!
-//! What is seen in pixels of emitters, as blinds that light comes through, training leaves out.
-//! Nothing is known of it, and under another lamp it would be the brightest thing of the room if it
-//! were white: it is no brighter than the mean of the scene.
+//! Training leaves out pixels of emitters. Nothing is known of a surface that these alone show, as a
+//! blind that light comes through, and under another lamp it would be the brightest thing of the
+//! room if it were white: it is no brighter than the mean of the scene.
 
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussians};
@@ -28,21 +28,28 @@ pub(crate) fn limit_albedos(
     threshold: f32,
 ) -> Result<usize> {
     let tracer = device.scene(scene)?;
-    let known = |pixel: &Features| f32::from(pixel.emission() <= threshold);
-    let surface = |_: usize, pixel: &Features| {
+    let is_known = |pixel: &Features| pixel.emission() <= threshold;
+    let known = |_: usize, pixel: &Features| f32::from(is_known(pixel));
+    let surface = |index: usize, pixel: &Features| {
         let alpha = pixel.alpha().max(f32::MIN_POSITIVE);
-        known(pixel) * (pixel.albedo() / alpha).max_element()
+        known(index, pixel) * (pixel.albedo() / alpha).max_element()
     };
     let mut shown = vec![Shown::default(); scene.len()];
     for camera in cameras {
-        for found in tracer.contributions(camera, &surface)?.1 {
+        let (features, contributions) = tracer.contributions(camera, &surface)?;
+        let all_known = features.pixels.iter().all(is_known);
+        for found in contributions {
             let of = &mut shown[found.gaussian as usize];
             of.albedo += found.weighted_value;
             of.all += found.weight;
+            if all_known {
+                of.known += found.weight;
+            }
         }
-        let is_known = |_: usize, pixel: &Features| known(pixel);
-        for found in tracer.contributions(camera, &is_known)?.1 {
-            shown[found.gaussian as usize].known += found.weighted_value;
+        if !all_known {
+            for found in tracer.contributions(camera, &known)?.1 {
+                shown[found.gaussian as usize].known += found.weighted_value;
+            }
         }
     }
     let mean = mean(&shown);
@@ -60,7 +67,7 @@ pub(crate) fn limit_albedos(
     Ok(num)
 }
 
-/// What cameras see of a Gaussian: sums over pixels, by its weight.
+/// Sums over the pixels that show a Gaussian, by its weight in each.
 #[derive(Debug, Clone, Copy, Default)]
 struct Shown {
     /// Albedo of the surface, in pixels that say something.
@@ -99,28 +106,33 @@ mod tests {
     use eagpt_scene::{Gaussian, Gloss};
     use glam::{DVec3, Vec3};
 
-    /// Of a wall in pixels that emit and one beside it, the first is no brighter than the second, and
-    /// no brighter than it was.
-    #[test]
-    fn what_is_seen_with_emitters_alone_is_no_brighter_than_the_rest() {
-        let wall = |x: f32, albedo: f32, emission: f32| Surface {
+    /// A wall of one unit squared about `centre`.
+    fn wall(centre: Vec3, albedo: f32, radiance: Option<Vec3>, spacing: f32) -> Gaussians {
+        let wall = Surface {
             solid: Solid::Quad {
-                centre: Vec3::X * x,
+                centre,
                 edges: [Vec3::X, Vec3::Y],
             },
             material: Material {
                 albedo: Vec3::splat(albedo),
-                radiance: (emission > 0.0).then_some(Vec3::ONE),
+                radiance,
                 gloss: Gloss::NONE,
             },
-            spacing: Some(0.05),
+            spacing: Some(spacing),
         };
+        wall.discs()
+    }
+
+    /// Of a wall in pixels that emit and one beside it, the first is no brighter than the second, and
+    /// no brighter than it was.
+    #[test]
+    fn a_surface_that_emitters_alone_show_is_no_brighter_than_the_rest() {
         let camera =
             eagpt_testkit::gaussians::look_at(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 64, 48);
         for (unknown, limited) in [(0.9, 0.5), (0.2, 0.2)] {
-            let emitting = wall(-1.0, unknown, 1.0).discs();
+            let emitting = wall(-Vec3::X, unknown, Some(Vec3::ONE), 0.05);
             let num_emitting = emitting.len();
-            let reflecting = wall(1.0, 0.5, 0.0).discs();
+            let reflecting = wall(Vec3::X, 0.5, None, 0.05);
             let mut scene: Gaussians = emitting.iter().chain(reflecting.iter()).collect();
             limit_albedos(&Device::Cpu, &mut scene, &[camera], 0.1).unwrap();
             for (i, albedo) in scene.albedos.iter().enumerate() {
@@ -134,20 +146,8 @@ mod tests {
     /// A wall with albedos 1.4 and 0.2 by turns keeps them, one of 1.4 and 1.0 is darkened.
     #[test]
     fn blends_stay_below_one_and_single_gaussians_need_not() {
-        let wall = Surface {
-            solid: Solid::Quad {
-                centre: Vec3::ZERO,
-                edges: [Vec3::X, Vec3::Y],
-            },
-            material: Material {
-                albedo: Vec3::ONE,
-                radiance: None,
-                gloss: Gloss::NONE,
-            },
-            spacing: Some(0.02),
-        };
         let checked = |dark: f32| -> Gaussians {
-            let discs = wall.discs();
+            let discs = wall(Vec3::ZERO, 1.0, None, 0.02);
             let with = |(i, disc): (usize, Gaussian)| {
                 let albedo = if i % 2 == 0 { 1.4 } else { dark };
                 Gaussian {

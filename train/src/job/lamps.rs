@@ -72,6 +72,7 @@ impl Run<'_> {
             options.albedo.num_samples,
             RandomKey::new(options.seed, Purpose::Albedo, 1),
         );
+        let cameras = views.cameras();
         let mut emitting = vec![Vec::new(); views.num_lights()];
         let scenes = backend.state()?.in_lights();
         for (light, (scene, emitting)) in scenes.iter().zip(&mut emitting).enumerate() {
@@ -80,7 +81,7 @@ impl Run<'_> {
                 continue;
             }
             let lamps = read_lamps(&listed)?;
-            *emitting = luminous(&request.device, scene, &lamps, &views.cameras(), sampling)?;
+            *emitting = luminous(&request.device, scene, &lamps, &cameras, sampling)?;
             (self.progress)(TrainProgress::Luminous {
                 num: emitting.len(),
             });
