@@ -1,10 +1,12 @@
 //! Photographs of lamps: the lit pixels of their masks and those around, with the place
 //! where the trained scene has them.
 
+use crate::segments::{divided, step};
 use crate::thin;
 use eagpt_masks::{Mask, Region};
 use eagpt_scene::camera::RayFrame;
-use eagpt_scene::{Camera, View};
+use eagpt_scene::median::median;
+use eagpt_scene::{Camera, Image, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
 use std::collections::HashMap;
@@ -17,6 +19,10 @@ const RIM_SHARE: f32 = 0.5;
 const MAX_PLAIN: usize = 20_000;
 /// Value of a mask from which on a pixel is lit: it is an emitter's if that covers at least half.
 const LIT: f32 = 0.5;
+/// Least step of radiance between lamps at one place: that of one differs less with the direction.
+pub(crate) const UNLIKE: f32 = 0.33;
+/// Share of the pixels inside a region that have to be alike for all to be known.
+const SHARE_ALIKE: f32 = 0.8;
 
 /// A pixel at or near a lamp.
 #[derive(Debug, Clone, Copy)]
@@ -36,11 +42,14 @@ pub(crate) struct Pixel {
     /// Unit normal of the scene, or zero.
     pub(crate) normal: Vec3,
     pub(crate) lit: Lit,
-    /// Number of the 2-D region of lit pixels; meaningless for others.
+    /// Number of the 2-D region of lit pixels, all of one lamp, unless several look like one from
+    /// there; meaningless for others.
     pub(crate) region: u32,
+    /// The brightest other region that a neighbour is of, by its number.
+    pub(crate) beside: Option<u32>,
 }
 
-/// A pixel and its eight neighbours in the mask.
+/// A pixel and its eight neighbours in the mask, where lit is what is of the region of a lit one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Lit {
     /// All are lit.
@@ -69,7 +78,18 @@ pub(crate) struct Sight {
     pub(crate) frame: RayFrame,
     /// Row by row.
     pub(crate) pixels: Vec<Pixel>,
-    pub(crate) num_regions: usize,
+    /// Radiance of each region of lit pixels.
+    pub(crate) levels: Vec<Level>,
+}
+
+/// Radiance of a region of lit pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Level {
+    /// The median of the pixels inside, or else the brightest one.
+    pub(crate) radiance: Vec3,
+    /// Whether pixels inside, which show the lamp alone, have it: else it may be brighter, or is a
+    /// window's, which differ with the view.
+    pub(crate) is_known: bool,
 }
 
 impl Sight {
@@ -104,6 +124,16 @@ impl Sight {
         (0..num * num).map(move |k| self.direction(pixel, within(k % num), within(k / num)))
     }
 
+    /// Radiance of the region of a lit pixel.
+    pub(crate) fn level(&self, pixel: &Pixel) -> Level {
+        self.levels[pixel.region as usize]
+    }
+
+    /// Radiance of the brightest other region that begins beside a lit pixel.
+    pub(crate) fn level_beside(&self, pixel: &Pixel) -> Option<Level> {
+        Some(self.levels[pixel.beside? as usize])
+    }
+
     /// Whether a pixel is at the edge of the picture.
     pub(crate) fn at_edge(&self, pixel: &Pixel) -> bool {
         let (w, h) = (self.camera.width, self.camera.height);
@@ -132,13 +162,21 @@ impl Evidence {
         let lit = thin::completed(&lit, &view.radiance, is_known);
         let regions = lit.regions();
         let near = around(&regions, mask.size());
+        let regions: Vec<Region> = (regions.iter())
+            .flat_map(|region| divided(region, &view.radiance))
+            .collect();
         let of_pixels = |(number, region): (u32, &Region)| {
             let pixels = region.pixels.clone();
             pixels.into_iter().map(move |pixel| (pixel, number))
         };
         let region_of: HashMap<[u32; 2], u32> = (0..).zip(&regions).flat_map(of_pixels).collect();
+        let levels: Vec<Level> = (0..)
+            .zip(&regions)
+            .map(|(number, region)| Level::of(number, region, &region_of, &view.radiance))
+            .collect();
         let num_near = near.iter().filter(|near| **near).count();
         let step = (1..).find(|k| num_near <= MAX_PLAIN * k * k).unwrap_or(1) as u32;
+        let brightness = |region: u32| levels[region as usize].radiance.max_element();
         let frame = view.camera.ray_frame();
         let forward = view.camera.forward();
         let area = (1.0 / (view.camera.fx * view.camera.fy)) as f32;
@@ -150,12 +188,14 @@ impl Evidence {
                     continue;
                 }
                 let features = &seen.pixels[at];
-                // Columns and rows before the first wrap around, and are outside as well.
-                let around = [u32::MAX, 0, 1].map(|dy| [u32::MAX, 0, 1].map(|dx| (dx, dy)));
-                let is_lit =
-                    |(dx, dy): &(u32, u32)| lit.has(x.wrapping_add(*dx), y.wrapping_add(*dy));
-                let num_lit = around.as_flattened().iter().filter(|d| is_lit(d)).count();
-                let state = match (lit.has(x, y), num_lit) {
+                let region = region_of.get(&[x, y]).copied();
+                let near: Vec<u32> = (neighbourhood([x, y]).iter())
+                    .filter_map(|place| region_of.get(place).copied())
+                    .collect();
+                let num_lit = (near.iter())
+                    .filter(|other| region.is_none_or(|own| own == **other))
+                    .count();
+                let state = match (region.is_some(), num_lit) {
                     (true, 9) => Lit::Inside,
                     (true, _) => Lit::Border,
                     (false, 0) => Lit::Dark,
@@ -183,7 +223,10 @@ impl Evidence {
                     },
                     normal: features.unit_normal(),
                     lit: state,
-                    region: region_of.get(&[x, y]).copied().unwrap_or(0),
+                    region: region.unwrap_or(0),
+                    beside: (near.into_iter())
+                        .filter(|other| region.is_some_and(|own| own != *other))
+                        .max_by(|a, b| brightness(*a).total_cmp(&brightness(*b))),
                 });
             }
         }
@@ -196,7 +239,7 @@ impl Evidence {
             camera: view.camera,
             frame,
             pixels,
-            num_regions: regions.len(),
+            levels,
         });
     }
 
@@ -205,6 +248,75 @@ impl Evidence {
         let sight = &self.sights[view as usize];
         (sight, &sight.pixels[pixel as usize])
     }
+}
+
+impl Level {
+    /// That of a region of a photograph, `region_of` whose pixels it is by its `number`.
+    fn of(
+        number: u32,
+        region: &Region,
+        region_of: &HashMap<[u32; 2], u32>,
+        radiance: &Image<3>,
+    ) -> Self {
+        let is_own = |place: &[u32; 2]| region_of.get(place) == Some(&number);
+        let of_pixel = |&[x, y]: &[u32; 2]| Vec3::from(radiance.get(x, y));
+        let inside = region
+            .pixels
+            .iter()
+            .filter(|pixel| neighbourhood(**pixel).iter().all(is_own));
+        let inside: Vec<Vec3> = inside.map(of_pixel).collect();
+        let brighter = |a: Vec3, b: Vec3| {
+            if b.max_element() > a.max_element() {
+                b
+            } else {
+                a
+            }
+        };
+        if inside.is_empty() {
+            let radiance = region
+                .pixels
+                .iter()
+                .map(of_pixel)
+                .fold(Vec3::ZERO, brighter);
+            return Self {
+                radiance,
+                is_known: false,
+            };
+        }
+        let radiance = median(&inside.iter().copied());
+        let alike = inside.iter().filter(|own| step(**own, radiance) <= UNLIKE);
+        Self {
+            radiance,
+            is_known: alike.count() as f32 >= SHARE_ALIKE * inside.len() as f32,
+        }
+    }
+
+    /// Whether two regions cannot be of one lamp.
+    pub(crate) fn is_unlike(&self, other: &Self) -> bool {
+        // Where darkness has a part of all pixels they are as much darker in all channels.
+        let hue = |level: &Self| level.radiance / level.radiance.max_element();
+        let is_other_hue = step(hue(self), hue(other)) > UNLIKE;
+        is_other_hue
+            || match (self.is_known, other.is_known) {
+                (true, true) => step(self.radiance, other.radiance) > UNLIKE,
+                (true, false) => other.outshines(self),
+                (false, true) => self.outshines(other),
+                (false, false) => false,
+            }
+    }
+
+    /// Whether it is brighter than a lamp of the other one can be.
+    pub(crate) fn outshines(&self, other: &Self) -> bool {
+        let [own, other] = [self, other].map(|level| level.radiance.max_element());
+        own * (1.0 - UNLIKE) > other
+    }
+}
+
+/// A pixel and its neighbours. Columns and rows before the first wrap around, and are outside of
+/// every picture as well.
+fn neighbourhood([x, y]: [u32; 2]) -> [[u32; 2]; 9] {
+    let place = |k: u32| [(x + k % 3).wrapping_sub(1), (y + k / 3).wrapping_sub(1)];
+    [0, 1, 2, 3, 4, 5, 6, 7, 8].map(place)
 }
 
 /// The pixels in the boxes around regions, grown by their rims.

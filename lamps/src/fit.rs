@@ -1,29 +1,34 @@
-//! The shape of a lamp: of a rectangle, an ellipse, a ball and a tube the one whose silhouettes
-//! are most like what the views show.
+//! The shape of a lamp: of a rectangle, an ellipse, a ball, a tube and a box the one whose
+//! silhouettes are most like what the views show.
 
 use crate::bars::behind_bars;
-use crate::evidence::Evidence;
+use crate::boxes;
+use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
 use crate::measure::measure;
 use crate::patches::{Gaps, Patch, patches, residual};
 use crate::search;
 use crate::shape::{MAX_CHANGES, Shape};
-use crate::starts::{axes, first_flat, first_tube, mount, normals, points};
-use eagpt_scene::median::{median, median_distance, median_of};
+use crate::starts::{axes, extent, first_flat, first_tube, mount, normals, points};
+use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// How much better a shape with more freedom has to fit than one with less.
-const BETTER: f32 = 0.6;
+pub(crate) const BETTER: f32 = 0.6;
 /// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
 /// Residuals below this are alike.
-const MIN_RESIDUAL: f32 = 0.002;
+pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Evaluations of the first search from every start, and of later ones from the best of these.
 const NUM_FIRST_TRIALS: usize = 300;
 const NUM_TRIALS: usize = 500;
 const NUM_PROMISING: usize = 4;
+const NUM_PROMISING_BOXES: usize = 2;
+/// Share of the pixels of a lamp that have its own all around them from which on it shows edges: it
+/// is four pixels wide.
+const SHARE_INSIDE: f32 = 0.4;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
 /// that is twice as large, at least; …
 const DEVIATION: f32 = 0.05;
@@ -35,7 +40,7 @@ const DOUBT: f32 = 0.25;
 const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
 /// … and that of one behind bars.
 const MAX_RESIDUAL_BARS: f32 = 0.12;
-/// Residual up to which a large lamp needs no bars to explain it.
+/// Residual up to which a lamp needs no box to explain it, and a large one no bars.
 const PERFECT: f32 = 0.015;
 /// Pixels of a lamp in the view that shows it largest from which on it is large. Training gives
 /// such lamps the right power, and what stands before them its place.
@@ -64,6 +69,13 @@ impl Fit {
     }
 }
 
+/// Whether the lamp is several pixels wide: else it has no edges that views could show.
+fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
+    let pixels = group.members.iter().map(|member| evidence.pixel(member).1);
+    let inside = pixels.filter(|pixel| pixel.lit == Lit::Inside);
+    inside.count() as f32 > SHARE_INSIDE * group.members.len() as f32
+}
+
 fn is_large(group: &Group) -> bool {
     group.by_view().any(|(_, pixels)| pixels.len() >= LARGE)
 }
@@ -72,13 +84,8 @@ fn is_large(group: &Group) -> bool {
 /// extent.
 pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let points = points(evidence, group);
-    if points.is_empty() {
-        return None;
-    }
-    let centre = median(&points.iter().map(|p| p.position));
+    let (centre, extent) = extent(&points)?;
     let pixel = median_of(points.iter().map(|p| p.width));
-    let extent = 2.0 * median_distance(centre, points.iter().map(|p| p.position));
-    let extent = extent.max(pixel);
     let patches = patches(evidence, group, centre, extent);
     if patches.is_empty() {
         return None;
@@ -113,14 +120,22 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         .into_iter()
         .take(NUM_PROMISING);
     let promising: Vec<(Fit, bool)> = promising.collect();
-    let fits: Vec<(Fit, bool)> = (promising.into_par_iter())
-        .map(|(fit, is_fixed)| {
-            (
-                refined_again(&fit.shape, is_fixed, &patches, Gaps::Seen),
-                is_fixed,
-            )
-        })
-        .collect();
+    let again = |(fit, is_fixed): (Fit, bool)| {
+        let fit = refined_again(&fit.shape, is_fixed, &patches, Gaps::Seen);
+        (fit, is_fixed)
+    };
+    let mut fits: Vec<(Fit, bool)> = promising.into_par_iter().map(again).collect();
+    let (best, _) = *ranked(evidence, group, fits.clone(), doubtful).first()?;
+    if best.residual > PERFECT && shows_edges(evidence, group) {
+        let first = |start: Shape| {
+            let fit = refined(&start, false, NUM_FIRST_TRIALS, &patches, Gaps::Seen);
+            (fit, false)
+        };
+        let boxes = boxes::starts(&points, &best.shape, up).into_par_iter();
+        let mut boxes = ranked(evidence, group, boxes.map(first).collect(), doubtful);
+        boxes.truncate(NUM_PROMISING_BOXES);
+        fits.par_extend(boxes.into_par_iter().map(again));
+    }
     let (best, _) = *ranked(evidence, group, fits, doubtful).first()?;
     Some(with_bars(evidence, group, &best, &patches).unwrap_or(best))
 }
@@ -158,6 +173,7 @@ fn ranked(
         let freedom = match fit.shape {
             Shape::Rectangle(_) | Shape::Ellipse(_) => i32::from(!*is_mount),
             Shape::Ball { .. } | Shape::Tube { .. } => 0,
+            Shape::Box { .. } => 1,
         };
         let measured = measure(evidence, group, &fit.shape)?;
         let doubt = 1.0 + (measured.deviation / DEVIATION.max(doubtful)).powi(2);

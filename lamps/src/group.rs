@@ -2,10 +2,11 @@
 //!
 //! A lit pixel is a point where the trained scene has it. Regions of lit pixels are taken view by
 //! view, those that show most detail first: a region whose points are where those of a lamp are
-//! belongs to it; one that covers several lamps, which run into each other from afar, is divided
-//! among them; any other is a new lamp.
+//! belongs to it if it may have its radiance; one that covers several lamps, which run into each
+//! other from afar, is divided among them; any other is a new lamp.
 
-use crate::evidence::{Evidence, Sight};
+use crate::evidence::{Evidence, Level, Lit, Sight, UNLIKE};
+use crate::segments::step;
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -28,6 +29,8 @@ pub(crate) struct Group {
     /// Numbers of views and of their pixels, ascending in the end.
     pub(crate) members: Vec<(u32, u32)>,
     points: Vec<Point>,
+    /// Its radiance in each light, as the view with most detail has it of those that know it.
+    levels: BTreeMap<usize, Level>,
 }
 
 /// A lit pixel in space.
@@ -36,11 +39,17 @@ struct Point {
     position: Vec3,
     /// Width of its pixel there.
     width: f32,
+    light: usize,
+    /// Radiance of the pixel, …
+    radiance: Vec3,
+    /// … and whether it is that of a lamp alone.
+    is_whole: bool,
 }
 
 /// A 2-D region of lit pixels.
 struct LitRegion {
     view: usize,
+    level: Level,
     /// Numbers of its pixels, and where they are.
     points: Vec<(usize, Point)>,
 }
@@ -57,9 +66,26 @@ impl Group {
         let mut lights: BTreeMap<usize, Self> = BTreeMap::new();
         for member in &self.members {
             let light = evidence.sights[member.0 as usize].light;
-            lights.entry(light).or_default().members.push(*member);
+            let group = lights.entry(light).or_insert_with(|| Self {
+                levels: self.levels.clone(),
+                ..Self::default()
+            });
+            group.members.push(*member);
         }
         lights.into_iter().collect()
+    }
+
+    /// Its pixels divided among `num` lamps, `of` which each pixel is.
+    pub(crate) fn divided(&self, of: &[usize], num: usize) -> Vec<Self> {
+        let part = |part: usize| {
+            let own = self.members.iter().zip(of).filter(|(_, of)| **of == part);
+            Self {
+                members: own.map(|(member, _)| *member).collect(),
+                points: Vec::new(),
+                levels: self.levels.clone(),
+            }
+        };
+        (0..num).map(part).collect()
     }
 
     /// The numbers of its pixels in the `num` views that show most of them.
@@ -70,6 +96,44 @@ impl Group {
         (views.into_iter().take(num))
             .map(|(view, members)| (view, numbers(members)))
             .collect()
+    }
+
+    /// Whether a point may be the lamp's by its radiance: a pixel that something dark has a part of
+    /// is darker in all channels alike.
+    fn may_have(&self, point: &Point) -> bool {
+        let level = self.levels.get(&point.light).filter(|level| level.is_known);
+        level.is_none_or(|Level { radiance: own, .. }| {
+            let share = point.radiance.max_element() / own.max_element().max(f32::MIN_POSITIVE);
+            let expected = if point.is_whole {
+                *own
+            } else {
+                *own * share.min(1.0)
+            };
+            step(point.radiance, expected) <= UNLIKE
+        })
+    }
+
+    /// Has the radiance of a region in a light where that says more than its own.
+    fn learn(&mut self, light: usize, level: Level) {
+        let own = self.levels.entry(light).or_default();
+        let brighter = level.radiance.max_element() > own.radiance.max_element();
+        if !own.is_known && (level.is_known || brighter) {
+            *own = level;
+        }
+    }
+
+    /// Whether a light shows two lamps to be other ones by their radiance.
+    pub(crate) fn is_unlike(&self, other: &Self) -> bool {
+        let unlike = |(light, level): (&usize, &Level)| {
+            let other = other.levels.get(light);
+            other.is_some_and(|other| level.is_unlike(other))
+        };
+        self.levels.iter().any(unlike)
+    }
+
+    /// Its radiance in a light that it shines in.
+    pub(crate) fn level(&self, light: usize) -> Level {
+        self.levels.get(&light).copied().unwrap_or_default()
     }
 
     fn distance(&self, point: &Point) -> f32 {
@@ -103,9 +167,16 @@ impl Group {
 /// The lamps that the views show.
 pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
-    for LitRegion { view, points } in by_detail(evidence) {
+    for region in by_detail(evidence) {
+        let LitRegion {
+            view,
+            level,
+            points,
+        } = region;
+        let light = evidence.sights[view].light;
         let nearest = |point: &Point, of: &[usize]| -> Option<usize> {
-            let distances = of.iter().map(|&lamp| (lamp, groups[lamp].distance(point)));
+            let of = of.iter().filter(|&&lamp| groups[lamp].may_have(point));
+            let distances = of.map(|&lamp| (lamp, groups[lamp].distance(point)));
             let (lamp, distance) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
             (distance <= 1.0).then_some(lamp)
         };
@@ -120,6 +191,7 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
         let num_known = known.iter().flatten().count();
         if (num_known as f32) < SHARE_KNOWN * known.len() as f32 {
             let mut new = Group::default();
+            new.learn(light, level);
             for (pixel, point) in &points {
                 new.add(view, *pixel, *point);
             }
@@ -143,6 +215,9 @@ pub(crate) fn group(evidence: &Evidence) -> Vec<Group> {
         for ((pixel, point), lamp) in points.iter().zip(lamps) {
             groups[lamp].add(view, *pixel, *point);
         }
+        if let [lamp] = shown.as_slice() {
+            groups[*lamp].learn(light, level);
+        }
         groups.iter_mut().for_each(Group::thin);
     }
     merged(evidence, groups)
@@ -164,9 +239,10 @@ fn by_detail(evidence: &Evidence) -> Vec<LitRegion> {
 }
 
 fn regions_of((view, sight): (usize, &Sight)) -> Vec<LitRegion> {
-    let mut regions: Vec<LitRegion> = (0..sight.num_regions)
-        .map(|_| LitRegion {
+    let mut regions: Vec<LitRegion> = (sight.levels.iter())
+        .map(|level| LitRegion {
             view,
+            level: *level,
             points: Vec::new(),
         })
         .collect();
@@ -175,6 +251,9 @@ fn regions_of((view, sight): (usize, &Sight)) -> Vec<LitRegion> {
             let point = Point {
                 position: sight.position(pixel),
                 width: sight.width(pixel),
+                light: sight.light,
+                radiance: pixel.radiance,
+                is_whole: pixel.lit == Lit::Inside && sight.level(pixel).is_known,
             };
             regions[pixel.region as usize].points.push((i, point));
         }
@@ -204,13 +283,18 @@ fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
             } else {
                 (b, a)
             };
-            small.share_near(large) >= SHARE_ADJACENT || are_connected(evidence, a, b)
+            let are_one =
+                || small.share_near(large) >= SHARE_ADJACENT || are_connected(evidence, a, b);
+            !a.is_unlike(b) && are_one()
         });
         match other {
             Some(other) => {
                 let more = groups.remove(other);
                 groups[first].members.extend(more.members);
                 groups[first].points.extend(more.points);
+                for (light, level) in more.levels {
+                    groups[first].learn(light, level);
+                }
                 groups[first].thin();
             }
             None => first += 1,

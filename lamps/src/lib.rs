@@ -10,6 +10,7 @@
 //! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
 
 mod bars;
+mod boxes;
 mod clear;
 mod evidence;
 mod fit;
@@ -18,10 +19,12 @@ mod measure;
 mod meet;
 mod mount;
 mod names;
+mod parts;
 mod patches;
 mod place;
 mod search;
 mod seen;
+mod segments;
 pub mod shape;
 mod starts;
 mod thin;
@@ -40,6 +43,7 @@ use group::Group;
 use measure::Measured;
 use patches::Gaps;
 use shape::Shape;
+use std::cmp::Reverse;
 
 /// Standard deviation of the flux between views beyond which there is no such lamp.
 const MAX_DEVIATION: f32 = 0.5;
@@ -203,16 +207,13 @@ fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
 /// The groups of lit pixels that a shape explains.
 fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut groups = group::group(evidence);
-    groups.sort_by_key(|group| std::cmp::Reverse(group.members.len()));
+    groups.sort_by_key(|group| Reverse(group.members.len()));
     let mut found: Vec<Candidate> = Vec::new();
     for all in groups {
-        let is_enough = |group: &Group| {
-            group.members.len() >= MIN_PIXELS && group.by_view().count() >= MIN_VIEWS
-        };
         let mut lights = all.by_light(evidence);
         lights.retain(|(_, group)| is_enough(group));
         // Of equal ones the first: the sort is stable.
-        lights.sort_by_key(|(_, group)| std::cmp::Reverse(group.members.len()));
+        lights.sort_by_key(|(_, group)| Reverse(group.members.len()));
         let mut lights = lights.into_iter();
         let Some((light, group)) = lights.next() else {
             continue;
@@ -226,7 +227,8 @@ fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
                     c.fit.gaps == Gaps::Bars && clear::is_near(&c.fit.shape, sight.position(pixel));
                 shows || is_pane
             };
-            found.iter().any(meets)
+            let alike = |c: &&Candidate| !c.group.is_unlike(&group);
+            found.iter().filter(alike).any(meets)
         });
         if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
             continue;
@@ -234,29 +236,50 @@ fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         let Some(fit) = fit::fit(evidence, &group, up) else {
             continue;
         };
-        let measure = |group: &Group| {
-            let measured = match (fit.gaps, fit.shape.flat()) {
-                (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
-                _ => measure::measure(evidence, group, &fit.shape),
-            };
-            measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
-        };
-        if let Some(measured) = measure(&group) {
-            let others = lights.filter_map(|(light, group)| {
-                let measured = measure(&group)?;
-                Some((light, group, measured))
-            });
-            found.push(Candidate {
-                others: others.collect(),
-                is_clean: fit.is_clean(&group),
-                group,
-                light,
-                fit,
-                measured,
-            });
+        let parts = parts::all(evidence, group, fit, up);
+        let shapes: Vec<Shape> = parts.iter().map(|(_, fit)| fit.shape).collect();
+        let others: Vec<(usize, Vec<Group>)> = lights
+            .map(|(light, group)| (light, parts::among(evidence, &group, &shapes)))
+            .collect();
+        for (i, (group, fit)) in parts.into_iter().enumerate() {
+            let others = others.iter().map(|(light, groups)| (*light, &groups[i]));
+            found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
     found
+}
+
+fn is_enough(group: &Group) -> bool {
+    group.members.len() >= MIN_PIXELS && group.by_view().count() >= MIN_VIEWS
+}
+
+/// The lamp of a shape that views in a light agree on, and in `others`.
+fn candidate<'a>(
+    evidence: &Evidence,
+    (light, group): (usize, Group),
+    fit: Fit,
+    others: impl Iterator<Item = (usize, &'a Group)>,
+) -> Option<Candidate> {
+    let measure = |group: &Group| {
+        let measured = match (fit.gaps, fit.shape.flat()) {
+            (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
+            _ => measure::measure(evidence, group, &fit.shape),
+        };
+        measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
+    };
+    let measured = measure(&group)?;
+    let others = others.filter_map(|(light, group)| {
+        let measured = measure(group)?;
+        Some((light, group.clone(), measured))
+    });
+    Some(Candidate {
+        others: others.collect(),
+        is_clean: fit.is_clean(&group),
+        group,
+        light,
+        fit,
+        measured,
+    })
 }
 
 /// The lamp of a candidate in the light that has these pixels of it.
@@ -276,6 +299,7 @@ fn lamp(
             Shape::Rectangle(_) | Shape::Ellipse(_) => LampShape::Panel,
             Shape::Ball { .. } => LampShape::Ball,
             Shape::Tube { .. } => LampShape::Tube,
+            Shape::Box { .. } => LampShape::Box,
         },
         centre: c.fit.shape.centre().to_array(),
         rotation: [r.w, r.x, r.y, r.z],

@@ -1,6 +1,6 @@
 //! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
 
-use crate::evidence::{Evidence, Lit, Sight};
+use crate::evidence::{Evidence, Level, Lit, Sight};
 use crate::group::Group;
 use crate::meet::ShapeFrom;
 use crate::patches::{MAX_VIEWS, hidden_from};
@@ -40,7 +40,10 @@ struct Reading {
 /// Measures the lamp of `group`, which has `shape`; `None` where no view sees the shape.
 pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Option<Measured> {
     let readings: Vec<Reading> = (group.best_views(MAX_VIEWS).par_iter())
-        .map(|(view, own)| reading(&evidence.sights[*view], own, shape))
+        .map(|(view, own)| {
+            let sight = &evidence.sights[*view];
+            reading(sight, (own, group.level(sight.light)), shape)
+        })
         .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
         .collect();
     let whole: Vec<Reading> = (readings.iter().copied())
@@ -79,7 +82,8 @@ impl Measured {
     }
 }
 
-fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
+/// What a view tells of a lamp that has its `own` pixels and `level` there.
+fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -> Reading {
     let columns: HashSet<(u32, u32)> = (own.iter())
         .map(|&i| &sight.pixels[i as usize])
         .flat_map(|p| (0..3).flat_map(move |dy| (0..3).map(move |dx| (p.x + dx, p.y + dy))))
@@ -112,9 +116,20 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
             met as f32 / (RAYS * RAYS) as f32
         };
         let is_own = own.contains(&i);
+        // The lamp that has the rest of the pixel.
+        let rest = match pixel.lit {
+            Lit::Inside | Lit::Border if is_own => sight.level_beside(pixel),
+            Lit::Inside | Lit::Border => Some(sight.level(pixel)),
+            Lit::Beside | Lit::Dark => None,
+        };
+        let is_dimmer = |rest: Level| level.outshines(&rest);
         // Neighbours of its own pixels count as far as they are brighter than what is behind.
-        let beside = pixel.lit == Lit::Beside && columns.contains(&(pixel.x + 1, pixel.y + 1));
-        let is_hidden = !is_own && !beside && farthest > hidden_from(sight, pixel);
+        let beside = !is_own
+            && columns.contains(&(pixel.x + 1, pixel.y + 1))
+            && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
+        // A brighter lamp before it has a part of the pixel.
+        let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(&level));
+        let is_hidden = is_shared || (!is_own && !beside && farthest > hidden_from(sight, pixel));
         if (is_hidden || sight.at_edge(pixel)) && cover > 0.0 {
             reading.hidden += cover * pixel.solid_angle;
             continue;
@@ -122,7 +137,7 @@ fn reading(sight: &Sight, own: &HashSet<u32>, shape: &Shape) -> Reading {
         reading.solid_angle += cover * pixel.solid_angle;
         if is_own || beside {
             // What is behind the lamp counts where the lamp does not cover the pixel.
-            let behind = background * (1.0 - cover);
+            let behind = rest.map_or(background, |rest| rest.radiance) * (1.0 - cover);
             reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
         }
     }

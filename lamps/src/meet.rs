@@ -63,6 +63,7 @@ impl<'a> ShapeFrom<'a> {
                 taper,
                 ..
             } => meet_tube(o, d, radius, 0.5 * length, taper),
+            Shape::Box { size, .. } => meet_box(o, d, 0.5 * size),
         }
     }
 
@@ -106,6 +107,14 @@ fn meet_plane(flat: &Flat, o: Vec3, d: Vec3) -> Option<(f32, [f32; 2])> {
         2.0 * (o.y + t * d.y) / height,
     ];
     Some((t, place))
+}
+
+/// Distance to a box of half its lengths `half` about the origin, from outside.
+fn meet_box(o: Vec3, d: Vec3, half: Vec3) -> Option<f32> {
+    // Along an axis that the ray does not go the planes are at infinity, on either side of it.
+    let (a, b) = ((-half - o) / d, (half - o) / d);
+    let (enters, leaves) = (a.min(b).max_element(), a.max(b).min_element());
+    (enters <= leaves && enters > 0.0).then_some(enters)
 }
 
 /// Distance to a closed cone about z of half its length `half`, from outside; its radius is
@@ -168,7 +177,18 @@ mod tests {
             centre,
             radius: 0.25,
         };
-        for shape in [Shape::Rectangle(flat), Shape::Ellipse(flat), tube, ball] {
+        let cuboid = Shape::Box {
+            centre,
+            rotation,
+            size: Vec3::new(0.3, 0.4, 0.35),
+        };
+        for shape in [
+            Shape::Rectangle(flat),
+            Shape::Ellipse(flat),
+            tube,
+            ball,
+            cuboid,
+        ] {
             let seen = ShapeFrom::new(&shape, Vec3::ZERO);
             let mut nums = [0; 3];
             for i in 0..4096 {

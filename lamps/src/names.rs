@@ -30,6 +30,7 @@ fn place(shape: &Shape, up: Vec3, lowest: f32, highest: f32) -> &'static str {
     match shape {
         Shape::Ball { .. } => "ball",
         Shape::Tube { .. } => "tube",
+        Shape::Box { .. } => "box",
         Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
             let facing = flat.normal().dot(up);
             if facing < -FACING && share > HIGH {

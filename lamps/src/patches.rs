@@ -62,6 +62,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
             };
             let ((x0, x1), (y0, y1)) = (bounds(|p| p.x), bounds(|p| p.y));
             let (rim_x, rim_y) = (rim(x1 - x0 + 1), rim(y1 - y0 + 1));
+            let level = group.level(sight.light);
             let distance = centre.distance(sight.origin());
             let nearest = (distance - extent) * (1.0 - NEARER);
             let mut targets = Vec::new();
@@ -74,12 +75,24 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     continue;
                 }
                 let is_own = own.contains(&i);
-                // Another lamp's, or what stands before the lamp, which hides what it does.
-                if pixel.lit.is_lit() != is_own || (!is_own && pixel.distance < nearest) {
+                let other = pixel.lit.is_lit() && !is_own;
+                // What stands before the lamp hides what it does, and so may another like it.
+                let is_before = !is_own && pixel.distance < nearest;
+                let is_like = || !level.is_unlike(&sight.level(pixel));
+                if is_before || (other && is_like()) {
                     continue;
                 }
-                let share = pixel.radiance.max_element() / bright;
+                // What has the rest of the pixel, if that is no lamp, is dark.
+                let rest = match other {
+                    true => Some(sight.level(pixel)),
+                    false => sight.level_beside(pixel),
+                };
+                let rest = rest.map_or(0.0, |level| level.radiance.max_element());
+                let dimmer = if rest < bright { rest } else { 0.0 };
+                let share = (pixel.radiance.max_element() - dimmer) / (bright - dimmer);
                 let cover = match pixel.lit {
+                    _ if other && rest >= bright => 0.0,
+                    _ if other => share.clamp(0.0, 0.5),
                     Lit::Inside => 1.0,
                     Lit::Border | Lit::Beside if is_thin => share.clamp(0.0, 1.0),
                     Lit::Border => share.clamp(0.5, 1.0),
@@ -169,19 +182,35 @@ pub(crate) enum Gaps {
 
 /// Residual of a shape.
 pub(crate) fn residual(shape: &Shape, patches: &[Patch], gaps: Gaps) -> f32 {
+    residual_of(std::slice::from_ref(shape), patches, gaps)
+}
+
+/// Residual of shapes that are what the views show together.
+pub(crate) fn residual_of_all(shapes: &[Shape], patches: &[Patch]) -> f32 {
+    residual_of(shapes, patches, Gaps::Seen)
+}
+
+fn residual_of(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
     let (mut error, mut all) = (0.0_f32, 0.0_f32);
     let (mut elsewhere, mut num_distances) = (0.0_f32, 0_usize);
     for patch in patches {
-        let seen = ShapeFrom::new(shape, patch.origin);
+        let from = |shape| ShapeFrom::new(shape, patch.origin);
+        let seen: Vec<ShapeFrom<'_>> = shapes.iter().map(from).collect();
         for (direction, trained) in &patch.distances {
-            if let Some(distance) = seen.meet(*direction) {
+            let met = seen.iter().filter_map(|shape| shape.meet(*direction));
+            if let Some(distance) = met.reduce(f32::min) {
                 let off = (distance / trained - 1.0).powi(2);
                 elsewhere += off / (off + OFF * OFF);
                 num_distances += 1;
             }
         }
         for target in &patch.targets {
-            let (cover, farthest) = seen.cover(&target.rays);
+            let (mut cover, mut farthest) = (0.0_f32, 0.0_f32);
+            for shape in &seen {
+                let (share, distance) = shape.cover(&target.rays);
+                cover = (cover + share).min(1.0);
+                farthest = farthest.max(distance);
+            }
             // A lamp may go on behind what hides it, but has no reason to.
             let counts = match gaps {
                 _ if cover <= target.cover => 1.0,

@@ -85,6 +85,15 @@ fn solid(shape: &Shape) -> Solid {
             axis: rotation * Vec3::Z * length,
             radii: [1.0 - taper, 1.0 + taper].map(|share| radius * share),
         },
+        Shape::Box {
+            centre,
+            rotation,
+            size,
+        } => Solid::Box {
+            centre,
+            size,
+            rotation,
+        },
     }
 }
 

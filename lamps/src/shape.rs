@@ -32,6 +32,15 @@ pub enum Shape {
         /// Radii of the ends, at +z and −z, differ from the mean by this share of it; −1 to 1.
         taper: f32,
     },
+    /// A box.
+    Box {
+        /// Middle, world space.
+        centre: Vec3,
+        /// World from its own axes.
+        rotation: Quat,
+        /// Whole lengths along its axes, scene units.
+        size: Vec3,
+    },
 }
 
 /// Place and size of a flat shape.
@@ -56,14 +65,16 @@ impl Flat {
 const MAX_TAPER: f32 = 0.95;
 
 /// Number of values that a shape can be changed by; see [`Shape::changed`].
-pub(crate) const MAX_CHANGES: usize = 8;
+pub(crate) const MAX_CHANGES: usize = 9;
 
 impl Shape {
     /// Middle, world space.
     pub fn centre(&self) -> Vec3 {
         match self {
             Self::Rectangle(flat) | Self::Ellipse(flat) => flat.centre,
-            Self::Ball { centre, .. } | Self::Tube { centre, .. } => *centre,
+            Self::Ball { centre, .. } | Self::Tube { centre, .. } | Self::Box { centre, .. } => {
+                *centre
+            }
         }
     }
 
@@ -72,7 +83,7 @@ impl Shape {
         match self {
             Self::Rectangle(flat) | Self::Ellipse(flat) => flat.rotation,
             Self::Ball { .. } => Quat::IDENTITY,
-            Self::Tube { rotation, .. } => *rotation,
+            Self::Tube { rotation, .. } | Self::Box { rotation, .. } => *rotation,
         }
     }
 
@@ -92,6 +103,7 @@ impl Shape {
                 let widest = 2.0 * radius * (1.0 + taper.abs());
                 Vec3::new(widest, widest, length)
             }
+            Self::Box { size, .. } => size,
         }
     }
 
@@ -99,7 +111,7 @@ impl Shape {
     pub fn flat(&self) -> Option<&Flat> {
         match self {
             Self::Rectangle(flat) | Self::Ellipse(flat) => Some(flat),
-            Self::Ball { .. } | Self::Tube { .. } => None,
+            Self::Ball { .. } | Self::Tube { .. } | Self::Box { .. } => None,
         }
     }
 
@@ -119,6 +131,7 @@ impl Shape {
                 let ends = radius * radius * (1.0 + taper * taper);
                 2.0 * PI * (radius * slant + ends)
             }
+            Self::Box { size, .. } => 2.0 * size.dot(Vec3::new(size.y, size.z, size.x)),
         }
     }
 
@@ -138,24 +151,36 @@ impl Shape {
         ShapeFrom::new(self, origin).meet(direction)
     }
 
+    /// Angle by which a ray of unit `direction` misses the shape, 0 if it is met; about the middle,
+    /// less the angle that a ball as large as its smallest size is seen at.
+    pub(crate) fn off(&self, origin: Vec3, direction: Vec3) -> f32 {
+        if self.meet(origin, direction).is_some() {
+            return 0.0;
+        }
+        let to_centre = self.centre() - origin;
+        direction.angle_between(to_centre)
+            - (0.5 * self.thinnest() / to_centre.length()).min(1.0).asin()
+    }
+
     /// Number of values of [`Self::changed`] that count.
     pub(crate) fn num_changes(&self) -> usize {
         match self {
             Self::Rectangle(_) | Self::Ellipse(_) => 8,
             Self::Ball { .. } => 4,
             Self::Tube { .. } => 8,
+            Self::Box { .. } => 9,
         }
     }
 
     /// The shape moved, sized and turned by small numbers: shifts along its axes in its own sizes,
-    /// logarithms of the sizes, and angles in radians. Of a flat shape the last two tilt it.
+    /// logarithms of the sizes, and angles in radians. Of a flat shape the 7th and 8th tilt it.
     pub(crate) fn changed(&self, by: &[f32; MAX_CHANGES]) -> Self {
         let size = match self {
             Self::Rectangle(flat) | Self::Ellipse(flat) => {
                 let [x, y] = flat.size;
                 Vec3::new(x, y, (x * y).sqrt())
             }
-            Self::Ball { .. } | Self::Tube { .. } => self.size(),
+            Self::Ball { .. } | Self::Tube { .. } | Self::Box { .. } => self.size(),
         };
         let shift = self.rotation() * (Vec3::new(by[0], by[1], by[2]) * size);
         let turned = |r: Quat, angles: Vec3| rotation::unit(r * Quat::from_scaled_axis(angles));
@@ -184,6 +209,15 @@ impl Shape {
                 length: length * by[4].exp(),
                 taper: (taper + by[7]).clamp(-MAX_TAPER, MAX_TAPER),
             },
+            Self::Box {
+                centre,
+                rotation,
+                size,
+            } => Self::Box {
+                centre: centre + shift,
+                rotation: turned(rotation, Vec3::new(by[6], by[7], by[8])),
+                size: size * Vec3::new(by[3], by[4], by[5]).exp(),
+            },
         }
     }
 }
@@ -191,20 +225,26 @@ impl Shape {
 impl Shape {
     /// First steps of a search among [`Self::changed`]: long shapes turn little.
     pub(crate) fn first_steps(&self) -> [f32; MAX_CHANGES] {
-        let turn = match *self {
+        let across = |a: f32, b: f32| (0.5 * a.min(b) / a.max(b)).min(0.2);
+        let turns = match *self {
             Self::Rectangle(flat) | Self::Ellipse(flat) => {
                 let [x, y] = flat.size;
-                x.min(y) / x.max(y)
+                [across(x, y), 0.2, 0.2, 0.2]
             }
-            Self::Ball { .. } => 1.0,
-            Self::Tube { radius, length, .. } => 2.0 * radius / length,
+            Self::Ball { .. } => [0.2; 4],
+            Self::Tube { radius, length, .. } => {
+                let turn = across(2.0 * radius, length);
+                [turn, turn, 0.2, 0.2]
+            }
+            Self::Box { size, .. } => [
+                0.2,
+                across(size.y, size.z),
+                across(size.z, size.x),
+                across(size.x, size.y),
+            ],
         };
-        let turn = (0.5 * turn).min(0.2);
-        let tilt = match self {
-            Self::Tube { .. } => turn,
-            Self::Rectangle(_) | Self::Ellipse(_) | Self::Ball { .. } => 0.2,
-        };
-        [0.2, 0.2, 0.2, 0.2, 0.2, turn, tilt, 0.2]
+        let [a, b, c, d] = turns;
+        [0.2, 0.2, 0.2, 0.2, 0.2, a, b, c, d]
     }
 }
 
@@ -232,7 +272,18 @@ mod tests {
             rotation: Quat::from_scaled_axis(Vec3::new(-0.3, 0.9, 0.5)),
             size: [0.8, 0.5],
         };
-        for shape in [ball, tube, Shape::Rectangle(flat), Shape::Ellipse(flat)] {
+        let cuboid = Shape::Box {
+            centre: Vec3::new(0.1, 0.05, -0.2),
+            rotation: Quat::from_scaled_axis(Vec3::new(-0.2, 0.5, 0.9)),
+            size: Vec3::new(0.3, 0.5, 0.9),
+        };
+        for shape in [
+            ball,
+            tube,
+            cuboid,
+            Shape::Rectangle(flat),
+            Shape::Ellipse(flat),
+        ] {
             let num = 200_000;
             let mut met = 0;
             for i in 0..num {

@@ -3,7 +3,7 @@
 use crate::evidence::{Evidence, Pixel};
 use crate::group::Group;
 use crate::shape::{Flat, Shape};
-use eagpt_scene::median::{median, median_of};
+use eagpt_scene::median::{median, median_distance, median_of};
 use eagpt_scene::plane::FittedPlane;
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};
@@ -38,6 +38,14 @@ pub(crate) fn points(evidence: &Evidence, group: &Group) -> Vec<Point> {
         }
     });
     members.collect()
+}
+
+/// The middle of a lamp and how large it is about, at least a pixel; `None` without points.
+pub(crate) fn extent(points: &[Point]) -> Option<(Vec3, f32)> {
+    let pixel = points.iter().map(|p| p.width);
+    let centre = median(&points.iter().map(|p| p.position));
+    let extent = 2.0 * median_distance(centre, points.iter().map(|p| p.position));
+    (!points.is_empty()).then(|| (centre, extent.max(median_of(pixel))))
 }
 
 /// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it

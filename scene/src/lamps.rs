@@ -29,8 +29,10 @@ pub enum LampShape {
     Panel,
     /// Round.
     Ball,
-    /// Long.
+    /// Long and round.
     Tube,
+    /// Six rectangles.
+    Box,
     /// None of these.
     Other,
 }
@@ -42,6 +44,7 @@ impl LampShape {
             Self::Panel => "panel",
             Self::Ball => "ball",
             Self::Tube => "tube",
+            Self::Box => "box",
             Self::Other => "other",
         }
     }

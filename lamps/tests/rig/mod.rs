@@ -1,5 +1,7 @@
 //! A room photographed by exact rays.
 
+#![allow(dead_code, reason = "tests take what they need of it")]
+
 use eagpt_lamps::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::{Camera, Gaussian, Gaussians, Gloss, Image, View};
@@ -55,19 +57,39 @@ pub(crate) fn cameras() -> Vec<Camera> {
 
 /// The room through `camera`, with a lamp that is behind what `hides` it.
 pub(crate) fn photograph(name: usize, camera: Camera, lamp: &Shape, hides: &[Shape]) -> View {
+    photograph_all(name, camera, &[(*lamp, RADIANCE)], hides)
+}
+
+/// The room through `camera`, with lamps of different radiance that are behind what `hides` them.
+pub(crate) fn photograph_all(
+    name: usize,
+    camera: Camera,
+    lamps: &[(Shape, Vec3)],
+    hides: &[Shape],
+) -> View {
     let frame = camera.ray_frame();
     let (mut radiance, mut mask) = (Vec::new(), Vec::new());
     for y in 0..camera.height {
         for x in 0..camera.width {
-            let met = (0..RAYS * RAYS).filter(|k| {
+            let (mut light, mut num_met) = (Vec3::ZERO, 0);
+            for k in 0..RAYS * RAYS {
                 let at = |k: u32| (k as f32 + 0.5) / RAYS as f32;
                 let (u, v) = (x as f32 + at(k % RAYS), y as f32 + at(k / RAYS));
                 let direction = frame.direction(u, v);
-                let meets = |shape: &Shape| shape.meet(frame.origin, direction).is_some();
-                meets(lamp) && !hides.iter().any(meets)
-            });
-            let cover = met.count() as f32 / (RAYS * RAYS) as f32;
-            radiance.push(WALL.lerp(RADIANCE, cover).to_array());
+                let meet = |shape: &Shape| shape.meet(frame.origin, direction);
+                let met = lamps
+                    .iter()
+                    .filter_map(|(shape, own)| Some((meet(shape)?, *own)));
+                match met.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                    Some((_, own)) if !hides.iter().any(|shape| meet(shape).is_some()) => {
+                        light += own;
+                        num_met += 1;
+                    }
+                    _ => light += WALL,
+                }
+            }
+            let cover = num_met as f32 / (RAYS * RAYS) as f32;
+            radiance.push((light / (RAYS * RAYS) as f32).to_array());
             mask.push([f32::from(u8::from(cover >= 0.5))]);
         }
     }
@@ -99,4 +121,30 @@ pub(crate) fn patch(centre: Vec3, edges: [Vec3; 2], radiance: Option<Vec3>) -> G
         spacing: Some(0.05),
     };
     surface.discs()
+}
+
+/// What training leaves of a lamp: discs on its surface that stick out of it.
+pub(crate) fn heap(shape: &Shape, radiance: Vec3) -> Vec<Gaussian> {
+    let (centre, size, rotation) = (shape.centre(), shape.size(), shape.rotation());
+    let solid = match shape {
+        Shape::Ball { radius, .. } => Solid::Ball {
+            centre,
+            radius: 0.9 * radius,
+        },
+        _ => Solid::Box {
+            centre,
+            size: size.max(Vec3::splat(0.01)),
+            rotation,
+        },
+    };
+    let surface = Surface {
+        solid,
+        material: Material {
+            albedo: Vec3::ZERO,
+            radiance: Some(radiance),
+            gloss: Gloss::NONE,
+        },
+        spacing: Some(0.3 * size.max_element().min(0.1)),
+    };
+    surface.discs().iter().collect()
 }

@@ -1,0 +1,110 @@
+//! Lamps that run into each other in photographs are found one by one, each with its power.
+
+#![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
+
+mod rig;
+
+use eagpt_lamps::shape::{Flat, Shape};
+use eagpt_lamps::{Evidence, find};
+use eagpt_scene::lamps::{Lamp, LampShape};
+use eagpt_scene::{Gaussians, rotation};
+use eagpt_trace::Device;
+use glam::{Quat, Vec3};
+use rig::{cameras, heap, photograph_all, room};
+use std::f32::consts::PI;
+
+/// Lamps found in photographs of these, where training has a heap of discs for each.
+fn found(lamps: &[(Shape, Vec3)]) -> Vec<Lamp> {
+    let heaps = lamps
+        .iter()
+        .flat_map(|(shape, radiance)| heap(shape, *radiance));
+    let scene: Gaussians = room().iter().chain(heaps).collect();
+    let tracer = Device::Cpu.scene(&scene).unwrap();
+    let mut evidence = Evidence::default();
+    for (i, camera) in cameras().into_iter().enumerate() {
+        let seen = tracer.gbuffer(&camera).unwrap();
+        evidence.add(&photograph_all(i, camera, lamps, &[]), 0, &seen);
+    }
+    find(&evidence, &scene, Vec3::Z, &*tracer)
+        .unwrap()
+        .lamps
+        .lamps
+}
+
+/// Checks that each of `lamps` is found, within this share of its power, and nothing else.
+fn check(lamps: &[(Shape, Vec3)], tolerance: f32) -> Vec<Lamp> {
+    let found = found(lamps);
+    assert_eq!(found.len(), lamps.len(), "{found:#?}");
+    for (shape, radiance) in lamps {
+        let distance = |lamp: &&Lamp| lamp.centre().distance(shape.centre());
+        let nearest = found
+            .iter()
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let lamp = nearest.unwrap();
+        assert!(
+            distance(&lamp) < 0.3 * shape.size().max_element(),
+            "{lamp:?} {shape:?}"
+        );
+        let ratio = Vec3::from(lamp.power) / (*radiance * (PI * shape.area()));
+        let is_right = |share: f32| (share - 1.0).abs() < tolerance;
+        assert!(
+            ratio.to_array().into_iter().all(is_right),
+            "{ratio} {lamp:?}"
+        );
+    }
+    found
+}
+
+fn panel(x: f32, size: [f32; 2], radiance: Vec3) -> (Shape, Vec3) {
+    let flat = Flat {
+        centre: Vec3::new(x, 0.1, 2.49),
+        rotation: rotation::from_z_to(Vec3::NEG_Z),
+        size,
+    };
+    (Shape::Rectangle(flat), radiance)
+}
+
+fn bulb(centre: [f32; 3], radius: f32) -> (Shape, Vec3) {
+    let centre = centre.into();
+    (
+        Shape::Ball { centre, radius },
+        Vec3::new(260.0, 200.0, 120.0),
+    )
+}
+
+#[test]
+fn bulbs_before_a_panel_take_nothing_of_it() {
+    let panel = panel(0.1, [1.2, 0.6], Vec3::new(9.0, 9.0, 10.0));
+    let bulbs = [[-0.2, 0.0, 2.1], [0.4, 0.1, 2.1]].map(|at| bulb(at, 0.035));
+    check(&[panel, bulbs[0], bulbs[1]], 0.1);
+}
+
+#[test]
+fn panels_of_two_colours_side_by_side_are_two() {
+    let warm = panel(-0.1, [0.4, 0.4], Vec3::new(15.0, 8.0, 4.0));
+    let cool = panel(0.3, [0.4, 0.4], Vec3::new(6.0, 10.0, 16.0));
+    check(&[warm, cool], 0.06);
+}
+
+/// A bar that is as wide as three pixels and a cube: a tube sends another part of their light up.
+#[test]
+fn lamps_with_edges_are_boxes() {
+    let radiance = Vec3::new(34.0, 31.0, 26.0);
+    let bar = |size: Vec3, turn: f32| Shape::Box {
+        centre: Vec3::new(0.1, 0.1, 2.1),
+        rotation: Quat::from_rotation_z(turn),
+        size,
+    };
+    for size in [Vec3::new(0.9, 0.1, 0.1), Vec3::splat(0.2)] {
+        let shape = bar(size, 0.4);
+        let found = check(&[(shape, radiance)], 0.05);
+        assert_eq!(found[0].shape, LampShape::Box, "{found:#?}");
+    }
+}
+
+#[test]
+fn bulbs_that_touch_in_photographs_are_as_many_as_there_are() {
+    let at = [[0.0, 0.1, 2.1], [0.11, 0.1, 2.06]];
+    let bulbs = at.map(|at| bulb(at, 0.05));
+    check(&bulbs, 0.1);
+}
