@@ -225,7 +225,8 @@ impl Shape {
 impl Shape {
     /// First steps of a search among [`Self::changed`]: long shapes turn little.
     pub(crate) fn first_steps(&self) -> [f32; MAX_CHANGES] {
-        let across = |a: f32, b: f32| (0.5 * a.min(b) / a.max(b)).min(0.2);
+        let step = |ratio: f32| (0.5 * ratio).min(0.2);
+        let across = |a: f32, b: f32| step(a.min(b) / a.max(b));
         let turns = match *self {
             Self::Rectangle(flat) | Self::Ellipse(flat) => {
                 let [x, y] = flat.size;
@@ -233,7 +234,7 @@ impl Shape {
             }
             Self::Ball { .. } => [0.2; 4],
             Self::Tube { radius, length, .. } => {
-                let turn = across(2.0 * radius, length);
+                let turn = step(2.0 * radius / length);
                 [turn, turn, 0.2, 0.2]
             }
             Self::Box { size, .. } => [
