@@ -207,7 +207,9 @@ fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
 /// The groups of lit pixels that a shape explains.
 fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut groups = group::group(evidence);
-    groups.sort_by_key(|group| Reverse(group.members.len()));
+    // Where most views show a lamp its place is known best, and others may show parts of it that the
+    // scene has elsewhere.
+    groups.sort_by_key(|group| Reverse((group.by_view().count(), group.members.len())));
     let mut found: Vec<Candidate> = Vec::new();
     for all in groups {
         let mut lights = all.by_light(evidence);

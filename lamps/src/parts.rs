@@ -2,7 +2,7 @@
 //! does not explain the silhouettes, two may.
 
 use crate::evidence::Evidence;
-use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
+use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit, is_large};
 use crate::group::Group;
 use crate::patches::{Gaps, patches, residual_of_all};
 use crate::shape::Shape;
@@ -43,7 +43,7 @@ pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec
 
 /// Two lamps in place of that of `group`, if they explain its silhouettes much better than `whole`.
 fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
-    if whole.residual <= PERFECT || whole.gaps == Gaps::Bars {
+    if whole.residual <= PERFECT || whole.gaps == Gaps::Bars || is_large(group) {
         return None;
     }
     let (centre, size) = extent(&points(evidence, group))?;
