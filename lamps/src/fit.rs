@@ -2,6 +2,7 @@
 //! silhouettes are most like what the views show.
 
 use crate::bars::behind_bars;
+use crate::bearings;
 use crate::boxes;
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
@@ -9,7 +10,7 @@ use crate::measure::measure;
 use crate::patches::{Gaps, Patch, patches, residual};
 use crate::search;
 use crate::shape::{MAX_CHANGES, Shape};
-use crate::starts::{axes, extent, first_flat, first_tube, mount, normals, points};
+use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -83,8 +84,12 @@ pub(crate) fn is_large(group: &Group) -> bool {
 /// Fits the lamp of `group`, `up` being the unit vector upwards; `None` where its pixels have no
 /// extent.
 pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
-    let points = points(evidence, group);
-    let (centre, extent) = extent(&points)?;
+    let mut points = points(evidence, group);
+    let (mut centre, mut extent) = starts::extent(&points)?;
+    if let Some(met) = bearings::elsewhere(evidence, group, centre) {
+        points = starts::points_at(evidence, group, met);
+        (centre, extent) = starts::extent(&points)?;
+    }
     let pixel = median_of(points.iter().map(|p| p.width));
     let patches = patches(evidence, group, centre, extent);
     if patches.is_empty() {
@@ -176,7 +181,7 @@ fn ranked(
             Shape::Box { .. } => 1,
         };
         let measured = measure(evidence, group, &fit.shape)?;
-        let doubt = 1.0 + (measured.deviation / DEVIATION.max(doubtful)).powi(2);
+        let doubt = 1.0 + (measured.expected_deviation() / DEVIATION.max(doubtful)).powi(2);
         Some((fit.residual + MIN_RESIDUAL) * better.powi(-freedom) * doubt)
     };
     let mut scored: Vec<(f32, (Fit, bool))> = (fits.into_iter())

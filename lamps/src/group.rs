@@ -88,6 +88,26 @@ impl Group {
         (0..num).map(part).collect()
     }
 
+    /// Its pixels of each view apart.
+    pub(crate) fn views_apart(&self) -> impl Iterator<Item = Self> {
+        let of_view = |(_, members): (usize, &[(u32, u32)])| Self {
+            members: members.to_vec(),
+            points: Vec::new(),
+            levels: self.levels.clone(),
+        };
+        self.by_view().map(of_view)
+    }
+
+    /// Takes in the pixels of another part of the lamp.
+    pub(crate) fn join(&mut self, other: Self) {
+        self.members.extend(other.members);
+        self.points.extend(other.points);
+        for (light, level) in other.levels {
+            self.learn(light, level);
+        }
+        self.thin();
+    }
+
     /// The numbers of its pixels in the `num` views that show most of them.
     pub(crate) fn best_views(&self, num: usize) -> Vec<(usize, HashSet<u32>)> {
         let mut views: Vec<(usize, &[(u32, u32)])> = self.by_view().collect();
@@ -290,12 +310,7 @@ fn merged(evidence: &Evidence, mut groups: Vec<Group>) -> Vec<Group> {
         match other {
             Some(other) => {
                 let more = groups.remove(other);
-                groups[first].members.extend(more.members);
-                groups[first].points.extend(more.points);
-                for (light, level) in more.levels {
-                    groups[first].learn(light, level);
-                }
-                groups[first].thin();
+                groups[first].join(more);
             }
             None => first += 1,
         }

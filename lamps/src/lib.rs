@@ -10,6 +10,7 @@
 //! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
 
 mod bars;
+mod bearings;
 mod boxes;
 mod clear;
 mod evidence;
@@ -206,7 +207,7 @@ fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
 
 /// The groups of lit pixels that a shape explains.
 fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
-    let mut groups = group::group(evidence);
+    let mut groups = bearings::joined(evidence, group::group(evidence));
     // Where most views show a lamp its place is known best, and others may show parts of it that the
     // scene has elsewhere.
     groups.sort_by_key(|group| Reverse((group.by_view().count(), group.members.len())));

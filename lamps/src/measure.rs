@@ -17,6 +17,9 @@ const RAYS: u32 = 4;
 /// that measures it.
 const MAX_HIDDEN: f32 = 0.05;
 
+/// Standard deviation between views over the mean as expected before any is known.
+const PRIOR_DEVIATION: f32 = 0.1;
+
 /// Radiance of a lamp and how sure it is.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Measured {
@@ -24,6 +27,8 @@ pub(crate) struct Measured {
     pub(crate) radiance: Vec3,
     /// Standard deviation between views over the mean; 0 for one view.
     pub(crate) deviation: f32,
+    /// Views that it is of.
+    num_views: usize,
 }
 
 /// A view's measurement.
@@ -78,7 +83,15 @@ impl Measured {
         Some(Self {
             radiance,
             deviation,
+            num_views: views.len(),
         })
+    }
+
+    /// Standard deviation between views over the mean that is to be expected of more of them: few
+    /// that agree say little.
+    pub(crate) fn expected_deviation(&self) -> f32 {
+        let more = PRIOR_DEVIATION.powi(2) / self.num_views as f32;
+        (self.deviation.powi(2) + more).sqrt()
     }
 }
 

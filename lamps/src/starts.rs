@@ -1,6 +1,6 @@
 //! Shapes that a search for a lamp's own begins with.
 
-use crate::evidence::{Evidence, Pixel};
+use crate::evidence::{Evidence, Pixel, Sight};
 use crate::group::Group;
 use crate::shape::{Flat, Shape};
 use eagpt_scene::median::{median, median_distance, median_of};
@@ -28,16 +28,31 @@ pub(crate) struct Point {
     pub(crate) width: f32,
 }
 
+/// The pixels of a lamp where the trained scene has them.
 pub(crate) fn points(evidence: &Evidence, group: &Group) -> Vec<Point> {
-    let members = group.members.iter().map(|member| {
+    points_with(evidence, group, |_, pixel| pixel.distance)
+}
+
+/// The pixels of a lamp about its `centre`.
+pub(crate) fn points_at(evidence: &Evidence, group: &Group, centre: Vec3) -> Vec<Point> {
+    points_with(evidence, group, |sight, _| centre.distance(sight.origin()))
+}
+
+fn points_with(
+    evidence: &Evidence,
+    group: &Group,
+    distance: impl Fn(&Sight, &Pixel) -> f32,
+) -> Vec<Point> {
+    let point = |member: &(u32, u32)| {
         let (sight, pixel) = evidence.pixel(member);
+        let distance = distance(sight, pixel);
         Point {
-            position: sight.position(pixel),
+            position: sight.origin() + pixel.direction * distance,
             towards: -pixel.direction,
-            width: sight.width(pixel),
+            width: distance * sight.pixel_width(),
         }
-    });
-    members.collect()
+    };
+    group.members.iter().map(point).collect()
 }
 
 /// The middle of a lamp and how large it is about, at least a pixel; `None` without points.

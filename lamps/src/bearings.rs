@@ -1,0 +1,184 @@
+//! Lamps by triangulation: where the lines of sight of several views meet is a small lamp, wherever
+//! the trained scene has their pixels, as on what is behind it.
+
+use crate::evidence::{Evidence, Sight};
+use crate::group::Group;
+use glam::{Mat3, Vec3};
+use std::collections::BTreeSet;
+
+/// Views that have to agree on a place.
+const MIN_VIEWS: usize = 3;
+/// Least angle between two of the lines that say where they meet, rad.
+const MIN_ANGLE: f32 = 0.05;
+/// A line goes through a place that it misses by as many pixels, and by this share of the angle
+/// that the lamp's radius has there: what hides a part of a lamp moves its middle.
+const MISS_PIXELS: f32 = 1.0;
+const MISS_SHARE: f32 = 0.25;
+/// Largest ratio between the sizes that two views give one lamp.
+const MAX_RATIO: f32 = 2.0;
+/// Rounds in which lines that miss the place lose weight.
+const NUM_ROUNDS: usize = 4;
+
+/// Where a view has the middle of a lamp that it shows whole.
+#[derive(Debug, Clone, Copy)]
+struct Bearing {
+    view: usize,
+    origin: Vec3,
+    /// Unit vector.
+    direction: Vec3,
+    /// Angle of a pixel, rad.
+    pixel: f32,
+    /// Angle of the lamp's radius if it is round, rad.
+    radius: f32,
+}
+
+impl Bearing {
+    /// That of pixels of a view, by their numbers; `None` at the edge of the picture.
+    fn new(view: usize, sight: &Sight, members: &[(u32, u32)]) -> Option<Self> {
+        let pixels = || members.iter().map(|m| &sight.pixels[m.1 as usize]);
+        if pixels().any(|pixel| sight.at_edge(pixel)) {
+            return None;
+        }
+        let sum: Vec3 = pixels().map(|p| p.direction * p.solid_angle).sum();
+        let all: f32 = pixels().map(|p| p.solid_angle).sum();
+        Some(Self {
+            view,
+            origin: sight.origin(),
+            direction: sum.try_normalize()?,
+            pixel: sight.pixel_width(),
+            radius: (all / std::f32::consts::PI).sqrt(),
+        })
+    }
+
+    /// Angle between the line and a place, in what a line may miss its lamp by: 1 is just right.
+    fn miss(&self, place: Vec3) -> f32 {
+        let towards = (place - self.origin).normalize_or_zero();
+        let angle = if towards.dot(self.direction) > 0.0 {
+            towards.cross(self.direction).length()
+        } else {
+            1.0
+        };
+        angle / (MISS_PIXELS * self.pixel + MISS_SHARE * self.radius)
+    }
+
+    /// Radius of a lamp at a place.
+    fn radius_at(&self, place: Vec3) -> f32 {
+        self.radius * place.distance(self.origin)
+    }
+}
+
+fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
+    let of_view = |(view, members): (usize, &[(u32, u32)])| {
+        Bearing::new(view, &evidence.sights[view], members)
+    };
+    group.by_view().filter_map(of_view).collect()
+}
+
+/// Middle of the lamp of `group` by the lines of sight to it, if these agree on one and `trained`,
+/// where the scene has it, is elsewhere.
+pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Option<Vec3> {
+    let bearings = bearings(evidence, group);
+    let median = |place: Vec3| {
+        eagpt_scene::median::median_of(bearings.iter().map(|bearing| bearing.miss(place)))
+    };
+    if bearings.len() < MIN_VIEWS || median(trained) <= 1.0 {
+        return None;
+    }
+    let met = meeting(&bearings)?;
+    (median(met) <= 1.0).then_some(met)
+}
+
+/// Groups of pixels whose place in the trained scene no three views agree on, joined where their
+/// lines of sight meet; the others are as they were.
+pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
+    let is_open = |group: &Group| group.by_view().count() < MIN_VIEWS;
+    let (open, mut found): (Vec<Group>, Vec<Group>) = groups.into_iter().partition(is_open);
+    let mut lines: Vec<(usize, Group, Bearing)> = Vec::new();
+    for (of, group) in open.iter().enumerate() {
+        for part in group.views_apart() {
+            let bearing = bearings(evidence, &part).first().copied();
+            lines.extend(bearing.map(|bearing| (of, part, bearing)));
+        }
+    }
+    let mut taken: BTreeSet<usize> = BTreeSet::new();
+    while let Some(own) = largest(&lines) {
+        let mut lamp = Group::default();
+        for line in own.into_iter().rev() {
+            let (of, part, _) = lines.remove(line);
+            taken.insert(of);
+            lamp.join(part);
+        }
+        found.push(lamp);
+    }
+    let left = open.into_iter().enumerate();
+    let left = left.filter(|(of, _)| !taken.contains(of));
+    found.extend(left.map(|(_, group)| group));
+    found.iter_mut().for_each(|group| group.members.sort_unstable());
+    found
+}
+
+/// The lines, by their numbers, of the place where those of most views meet.
+fn largest(lines: &[(usize, Group, Bearing)]) -> Option<Vec<usize>> {
+    let mut best: (usize, f32, Vec<usize>) = (MIN_VIEWS - 1, 0.0, Vec::new());
+    for (i, (_, group, a)) in lines.iter().enumerate() {
+        for (_, other, b) in &lines[i + 1..] {
+            if a.view == b.view || group.is_unlike(other) {
+                continue;
+            }
+            let Some(place) = meeting(&[*a, *b]) else {
+                continue;
+            };
+            let radius = a.radius_at(place);
+            let is_like = |bearing: &Bearing| {
+                let ratio = bearing.radius_at(place) / radius;
+                (1.0 / MAX_RATIO..MAX_RATIO).contains(&ratio)
+            };
+            // Of each view the line that goes through the place.
+            let mut own: Vec<(usize, f32, usize)> = (lines.iter().enumerate())
+                .filter(|(_, (_, part, line))| is_like(line) && !part.is_unlike(group))
+                .map(|(k, (_, _, line))| (line.view, line.miss(place), k))
+                .filter(|(_, miss, _)| *miss <= 1.0)
+                .collect();
+            own.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+            own.dedup_by_key(|line| line.0);
+            let miss: f32 = own.iter().map(|line| line.1).sum();
+            if own.len() > best.0 || (own.len() == best.0 && miss < best.1) {
+                let mut numbers: Vec<usize> = own.iter().map(|line| line.2).collect();
+                numbers.sort_unstable();
+                best = (own.len(), miss, numbers);
+            }
+        }
+    }
+    let (_, _, lines) = best;
+    (!lines.is_empty()).then_some(lines)
+}
+
+/// The place that lines of sight are nearest to, by angles; `None` where they are too near to
+/// parallel to have one. Lines that miss it by far hardly count (Cauchy).
+fn meeting(bearings: &[Bearing]) -> Option<Vec3> {
+    let first = bearings.first()?.direction;
+    let angle = |bearing: &Bearing| bearing.direction.cross(first).length();
+    if bearings.iter().map(angle).fold(0.0, f32::max) < MIN_ANGLE {
+        return None;
+    }
+    let mut weights = vec![1.0; bearings.len()];
+    let mut place = Vec3::ZERO;
+    for _ in 0..NUM_ROUNDS {
+        let (mut all, mut sum) = (Mat3::ZERO, Vec3::ZERO);
+        for (bearing, weight) in bearings.iter().zip(&weights) {
+            let d = bearing.direction;
+            let across = Mat3::IDENTITY - Mat3::from_cols(d * d.x, d * d.y, d * d.z);
+            all += across * *weight;
+            sum += across * bearing.origin * *weight;
+        }
+        place = all.inverse() * sum;
+        if !place.is_finite() {
+            return None;
+        }
+        for (bearing, weight) in bearings.iter().zip(&mut weights) {
+            let distance = place.distance_squared(bearing.origin);
+            *weight = 1.0 / (distance * (1.0 + bearing.miss(place).powi(2))).max(f32::MIN_POSITIVE);
+        }
+    }
+    Some(place)
+}
