@@ -5,6 +5,7 @@ use crate::evidence::{Evidence, Sight};
 use crate::group::Group;
 use glam::{Mat3, Vec3};
 use std::collections::BTreeSet;
+use std::f32::consts::PI;
 
 /// Views that have to agree on a place.
 const MIN_VIEWS: usize = 3;
@@ -14,12 +15,15 @@ const MIN_ANGLE: f32 = 0.05;
 /// that the lamp's radius has there: what hides a part of a lamp moves its middle.
 const MISS_PIXELS: f32 = 1.0;
 const MISS_SHARE: f32 = 0.25;
+/// A lamp is compact if no pixel is farther from its middle than so many radii, and a pixel: a long
+/// one has its middle elsewhere in each view.
+const MAX_REACH: f32 = 2.0;
 /// Largest ratio between the sizes that two views give one lamp.
 const MAX_RATIO: f32 = 2.0;
 /// Rounds in which lines that miss the place lose weight.
 const NUM_ROUNDS: usize = 4;
 
-/// Where a view has the middle of a lamp that it shows whole.
+/// Where a view has the middle of a compact lamp that it shows whole.
 #[derive(Debug, Clone, Copy)]
 struct Bearing {
     view: usize,
@@ -33,7 +37,8 @@ struct Bearing {
 }
 
 impl Bearing {
-    /// That of pixels of a view, by their numbers; `None` at the edge of the picture.
+    /// That of pixels of a view, by their numbers; `None` at the edge of the picture, and where they
+    /// are not compact.
     fn new(view: usize, sight: &Sight, members: &[(u32, u32)]) -> Option<Self> {
         let pixels = || members.iter().map(|m| &sight.pixels[m.1 as usize]);
         if pixels().any(|pixel| sight.at_edge(pixel)) {
@@ -41,13 +46,16 @@ impl Bearing {
         }
         let sum: Vec3 = pixels().map(|p| p.direction * p.solid_angle).sum();
         let all: f32 = pixels().map(|p| p.solid_angle).sum();
-        Some(Self {
+        let bearing = Self {
             view,
             origin: sight.origin(),
             direction: sum.try_normalize()?,
             pixel: sight.pixel_width(),
-            radius: (all / std::f32::consts::PI).sqrt(),
-        })
+            radius: (all / PI).sqrt(),
+        };
+        let away = pixels().map(|p| p.direction.cross(bearing.direction).length());
+        let reach = MAX_REACH * bearing.radius + bearing.pixel;
+        (away.fold(0.0, f32::max) <= reach).then_some(bearing)
     }
 
     /// Angle between the line and a place, in what a line may miss its lamp by: 1 is just right.
