@@ -131,7 +131,9 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     };
     let mut fits: Vec<(Fit, bool)> = promising.into_par_iter().map(again).collect();
     let (best, _) = *ranked(evidence, group, fits.clone(), doubtful).first()?;
-    if best.residual > PERFECT && shows_edges(evidence, group) {
+    // A thin lamp that looks flat may be one of the sides of a bar.
+    let may_have_edges = best.shape.flat().is_some() || shows_edges(evidence, group);
+    if best.residual > PERFECT && may_have_edges {
         let first = |start: Shape| {
             let fit = refined(&start, false, NUM_FIRST_TRIALS, &patches, Gaps::Seen);
             (fit, false)
