@@ -19,8 +19,12 @@ const RIM_SHARE: f32 = 0.5;
 const MAX_PLAIN: usize = 20_000;
 /// Value of a mask from which on a pixel is lit: it is an emitter's if that covers at least half.
 const LIT: f32 = 0.5;
-/// Least step of radiance between lamps at one place: that of one differs less with the direction.
-pub(crate) const UNLIKE: f32 = 0.33;
+/// Least step between the hues of lamps at one place, and from which on one may be told to be
+/// brighter: that of one differs less with the direction.
+const UNLIKE: f32 = 0.33;
+/// Least step of radiance between lamps of one hue at one place: what lets light through, or is lit
+/// by it, before a window or beside it, is nearer to its radiance.
+const DIMMER: f32 = 0.6;
 /// Share of the pixels inside a region that have to be alike for all to be known.
 const SHARE_ALIKE: f32 = 0.8;
 
@@ -293,16 +297,18 @@ impl Level {
 
     /// Whether two regions cannot be of one lamp.
     pub(crate) fn is_unlike(&self, other: &Self) -> bool {
-        // Where darkness has a part of all pixels they are as much darker in all channels.
-        let hue = |level: &Self| level.radiance / level.radiance.max_element();
-        let is_other_hue = step(hue(self), hue(other)) > UNLIKE;
-        is_other_hue
+        // Where darkness has a part of all pixels they are as much darker.
+        is_other_hue(self.radiance, other.radiance)
             || match (self.is_known, other.is_known) {
-                (true, true) => step(self.radiance, other.radiance) > UNLIKE,
-                (true, false) => other.outshines(self),
-                (false, true) => self.outshines(other),
+                (true, true) => self.is_dimmer(other) || other.is_dimmer(self),
+                (true, false) => self.is_dimmer(other),
+                (false, true) => other.is_dimmer(self),
                 (false, false) => false,
             }
+    }
+
+    fn is_dimmer(&self, other: &Self) -> bool {
+        self.radiance.max_element() < (1.0 - DIMMER) * other.radiance.max_element()
     }
 
     /// Whether it is brighter than a lamp of the other one can be.
@@ -310,6 +316,18 @@ impl Level {
         let [own, other] = [self, other].map(|level| level.radiance.max_element());
         own * (1.0 - UNLIKE) > other
     }
+}
+
+/// Whether radiances cannot be of one lamp, even if something dims it.
+pub(crate) fn are_unlike(a: Vec3, b: Vec3) -> bool {
+    is_other_hue(a, b) || step(a, b) > DIMMER
+}
+
+/// Whether radiances differ by more than a factor: darkness that has a part of a pixel makes it as
+/// much darker in all channels.
+pub(crate) fn is_other_hue(a: Vec3, b: Vec3) -> bool {
+    let hue = |radiance: Vec3| radiance / radiance.max_element();
+    step(hue(a), hue(b)) > UNLIKE
 }
 
 /// A pixel and its neighbours. Columns and rows before the first wrap around, and are outside of

@@ -5,8 +5,7 @@
 //! belongs to it if it may have its radiance; one that covers several lamps, which run into each
 //! other from afar, is divided among them; any other is a new lamp.
 
-use crate::evidence::{Evidence, Level, Lit, Sight, UNLIKE};
-use crate::segments::step;
+use crate::evidence::{Evidence, Level, Lit, Sight, are_unlike, is_other_hue};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -123,13 +122,11 @@ impl Group {
     fn may_have(&self, point: &Point) -> bool {
         let level = self.levels.get(&point.light).filter(|level| level.is_known);
         level.is_none_or(|Level { radiance: own, .. }| {
-            let share = point.radiance.max_element() / own.max_element().max(f32::MIN_POSITIVE);
-            let expected = if point.is_whole {
-                *own
+            if point.is_whole {
+                !are_unlike(point.radiance, *own)
             } else {
-                *own * share.min(1.0)
-            };
-            step(point.radiance, expected) <= UNLIKE
+                !is_other_hue(point.radiance, *own)
+            }
         })
     }
 

@@ -8,7 +8,7 @@
 //! How much is a step, the differences of neighbours in the region say: where light varies from
 //! pixel to pixel, as in a window with a view, the region is one.
 
-use crate::evidence::UNLIKE;
+use crate::evidence::are_unlike;
 use eagpt_masks::Region;
 use eagpt_scene::Image;
 use eagpt_scene::median::{median, median_of};
@@ -92,7 +92,7 @@ pub(crate) fn divided(region: &Region, radiance: &Image<3>) -> Vec<Region> {
         .map(|i| lamps[i].or_else(|| mixed(i)).unwrap_or(nearest[i]))
         .collect();
     // A thin lamp that lies across the rows of pixels has many seeds.
-    let is_one = |i: usize, j: usize| step(levels[own[i]], levels[own[j]]) <= UNLIKE;
+    let is_one = |i: usize, j: usize| !are_unlike(levels[own[i]], levels[own[j]]);
     let (parts, num_parts) = lit.sets(|_| true, is_one);
     // Mixes apart from the lamp that they are like are of one that they touch.
     let mut has_seed = vec![false; num_parts];
