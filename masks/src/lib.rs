@@ -1,8 +1,9 @@
 //! Emission masks: which pixels of a photograph show a light rather than a lit surface.
 //!
 //! A mask contains the pixels above a level of linear radiance, given or found in the
-//! scene (`level`), plus the pixels labelled by a person or a network, minus those labelled as
-//! reflections, followed by morphological clean-up: `mask`. A lamp emits in all directions
+//! scene (`level`), but surfaces that a lamp close by lights as brightly (`halo`), plus the pixels
+//! labelled by a person or a network, minus those labelled as reflections, followed by
+//! morphological clean-up: `mask`. A lamp emits in all directions
 //! and a reflection does not, so masks of posed views are then compared with each
 //! other (`consistency`). A view without any information gets no mask, which differs from an empty
 //! mask.
@@ -13,6 +14,7 @@
 
 mod consistency;
 mod error;
+mod halo;
 mod job;
 mod labels;
 mod level;

@@ -3,6 +3,7 @@
 #[cfg(test)]
 mod tests;
 
+use crate::halo;
 use crate::options::{Border, MaskOptions};
 use eagpt_scene::Image;
 use image::{GrayImage, Luma};
@@ -175,12 +176,13 @@ impl Mask {
     }
 }
 
-/// Pixels whose value is at least `level`; with [`Border::Half`], the border of each lamp is where
+/// Pixels whose value is at least `level` but those that lamps light ([`halo`]); with [`Border::Half`], the border of each lamp is where
 /// pixels are half lamp and half surroundings.
 pub(crate) fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     let (width, height) = values.size();
     let value = |x: u32, y: u32| values.get(x, y)[0];
-    let mask = Mask::from_fn(width, height, |x, y| value(x, y) >= level);
+    let mut mask = Mask::from_fn(width, height, |x, y| value(x, y) >= level);
+    halo::remove(&mut mask, values);
     if border == Border::Full {
         return mask;
     }

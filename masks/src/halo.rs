@@ -1,0 +1,107 @@
+//! Surfaces that a lamp close by lights as brightly as a dim lamp shines.
+//!
+//! One level serves a whole scene. Where one lamp is dim, the ceiling above a bright tube may be
+//! brighter. The ceiling's light falls off with the distance from the tube; a lamp ends at an edge.
+
+use crate::mask::{Mask, Region};
+use eagpt_scene::Image;
+use std::collections::HashSet;
+
+/// A diffuse surface beside a lamp has less of its radiance: it sees no more of the lamp than half
+/// of its sky, has an albedo below 0.8, and the lamp's brightest pixel may be a little brighter than
+/// the others.
+const MAX_SHARE: f32 = 1.0 / 3.0;
+/// Ratio of the radiances within and outside of an edge, from which on it is one, four pixels apart
+/// at most: demosaicing and optics spread edges as far.
+const EDGE: f32 = 5.0;
+/// Least number of places where the rim of a surface is compared, and share of them that are no
+/// edges.
+const MIN_PLACES: usize = 4;
+const SOFT_SHARE: f32 = 0.5;
+
+/// Takes out of a mask of pixels by their `values` what lamps light.
+pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
+    let value = |[x, y]: [u32; 2]| values.get(x, y)[0];
+    for region in mask.regions() {
+        let brightest = region.pixels.iter().map(|&p| value(p)).fold(0.0, f32::max);
+        let (width, height) = values.size();
+        let mut dim = Mask::empty(width, height);
+        for &[x, y] in &region.pixels {
+            dim.set(x, y, value([x, y]) < MAX_SHARE * brightest);
+        }
+        for surface in dim.regions() {
+            if fades(&surface, mask, values) {
+                mask.remove(&surface);
+            }
+        }
+    }
+}
+
+/// Whether the values of most of the rim of a surface in `mask` have no edge there.
+fn fades(surface: &Region, mask: &Mask, values: &Image<1>) -> bool {
+    let own: HashSet<[u32; 2]> = surface.pixels.iter().copied().collect();
+    let (width, height) = values.size();
+    let (mut num, mut num_soft) = (0_usize, 0_usize);
+    for &[x, y] in &surface.pixels {
+        // To the left, the right, upwards and downwards.
+        for (dx, dy) in [(-1_i64, 0_i64), (1, 0), (0, -1), (0, 1)] {
+            let at = |steps: i64| -> Option<[u32; 2]> {
+                let x = u32::try_from(i64::from(x) + steps * dx).ok()?;
+                let y = u32::try_from(i64::from(y) + steps * dy).ok()?;
+                (x < width && y < height).then_some([x, y])
+            };
+            let outside = [at(1), at(2)].map(|place| place.filter(|&[x, y]| !mask.has(x, y)));
+            let inside = at(-1).filter(|place| own.contains(place));
+            if let (Some(inside), [Some(_), Some([u, v])]) = (inside, outside) {
+                num += 1;
+                let [x, y] = inside;
+                num_soft += usize::from(values.get(x, y)[0] < EDGE * values.get(u, v)[0]);
+            }
+        }
+    }
+    num >= MIN_PLACES && num_soft as f32 > SOFT_SHARE * num as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: u32 = 60;
+    const LEVEL: f32 = 6.0;
+
+    /// What is in the mask of a lamp of radiance 70 in columns 20 to 23, about rows 20 to 39, beside
+    /// what has these values at a number of pixels from it.
+    fn masked(beside: impl Fn(f32) -> f32) -> Mask {
+        let value = |x: u32, y: u32| {
+            let rows = (20..40).contains(&y);
+            if rows && (20..24).contains(&x) {
+                return 70.0;
+            }
+            let away = |at: u32, from: u32, to: u32| {
+                (from as f32 - at as f32).max(at as f32 - to as f32).max(0.0)
+            };
+            let [dx, dy] = [away(x, 20, 23), away(y, 20, 39)];
+            beside(dx.hypot(dy)).max(0.5)
+        };
+        let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);
+        let values = Image::from_pixels(SIZE, SIZE, pixels.collect()).unwrap();
+        let mut mask = Mask::from_fn(SIZE, SIZE, |x, y| value(x, y) >= LEVEL);
+        remove(&mut mask, &values);
+        mask
+    }
+
+    #[test]
+    fn what_a_lamp_lights_is_none_and_a_dim_lamp_before_it_is() {
+        // A ceiling at a distance of six pixels: the light of a tube falls off with the angle.
+        let ceiling = masked(|away| 13.0 / (1.0 + (away / 6.0).powi(2)));
+        assert_eq!(ceiling.count(), 4 * 20);
+        let panel = masked(|away| if away < 8.0 { 9.0 } else { 0.5 });
+        assert!(panel.count() > 400, "{}", panel.count());
+    }
+
+    #[test]
+    fn an_edge_that_optics_spread_is_one() {
+        let spread = masked(|away| 9.0 / (1.0 + (0.8 * (away - 8.0)).exp()));
+        assert!(spread.count() > 350, "{}", spread.count());
+    }
+}
