@@ -121,7 +121,9 @@ pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
     let left = open.into_iter().enumerate();
     let left = left.filter(|(of, _)| !taken.contains(of));
     found.extend(left.map(|(_, group)| group));
-    found.iter_mut().for_each(|group| group.members.sort_unstable());
+    found
+        .iter_mut()
+        .for_each(|group| group.members.sort_unstable());
     found
 }
 

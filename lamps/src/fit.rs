@@ -77,7 +77,7 @@ fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
     inside.count() as f32 > SHARE_INSIDE * group.members.len() as f32
 }
 
-pub(crate) fn is_large(group: &Group) -> bool {
+fn is_large(group: &Group) -> bool {
     group.by_view().any(|(_, pixels)| pixels.len() >= LARGE)
 }
 

@@ -6,6 +6,7 @@
 //! other from afar, is divided among them; any other is a new lamp.
 
 use crate::evidence::{Evidence, Level, Lit, Sight, are_unlike, is_other_hue};
+use crate::shape::Shape;
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -85,6 +86,16 @@ impl Group {
             }
         };
         (0..num).map(part).collect()
+    }
+
+    /// Share of its pixels whose rays meet any of `shapes`.
+    pub(crate) fn share_on(&self, evidence: &Evidence, shapes: &[Shape]) -> f32 {
+        let meets = |member: &&(u32, u32)| {
+            let (sight, pixel) = evidence.pixel(member);
+            let mut shapes = shapes.iter();
+            shapes.any(|shape| shape.meet(sight.origin(), pixel.direction).is_some())
+        };
+        self.members.iter().filter(meets).count() as f32 / self.members.len() as f32
     }
 
     /// Its pixels of each view apart.

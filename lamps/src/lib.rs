@@ -249,7 +249,23 @@ fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
-    found
+    without_repeated(evidence, found)
+}
+
+/// Lamps whose pixels are not those of others with more pixels, and of their radiance.
+fn without_repeated(evidence: &Evidence, mut found: Vec<Candidate>) -> Vec<Candidate> {
+    found.sort_by_key(|c| Reverse(c.group.members.len()));
+    let mut kept: Vec<Candidate> = Vec::new();
+    for c in found {
+        let alike = |other: &&Candidate| {
+            !evidence::are_unlike(other.measured.radiance, c.measured.radiance)
+        };
+        let shown = kept.iter().filter(alike).map(|other| other.fit.shape);
+        if c.group.share_on(evidence, &shown.collect::<Vec<_>>()) <= SHARE_ELSEWHERE {
+            kept.push(c);
+        }
+    }
+    kept
 }
 
 fn is_enough(group: &Group) -> bool {

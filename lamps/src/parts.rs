@@ -2,15 +2,20 @@
 //! does not explain the silhouettes, two may.
 
 use crate::evidence::Evidence;
-use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit, is_large};
+use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
+use crate::is_enough;
 use crate::patches::{Gaps, patches, residual_of_all};
 use crate::shape::Shape;
-use crate::starts::{extent, points};
+use crate::starts::{extent, points, points_at};
+use eagpt_scene::median::median;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Residual up to which one shape is enough.
 const PERFECT: f32 = 0.03;
+/// Share of points that are nearer to a cluster than one that is far.
+const FAR: f32 = 0.85;
 /// Rounds of giving pixels to shapes and fitting these.
 const NUM_ROUNDS: usize = 2;
 /// Steps in which points are divided in two.
@@ -43,21 +48,24 @@ pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec
 
 /// Two lamps in place of that of `group`, if they explain its silhouettes much better than `whole`.
 fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
-    if whole.residual <= PERFECT || whole.gaps == Gaps::Bars || is_large(group) {
+    if whole.residual <= PERFECT || whole.gaps == Gaps::Bars {
         return None;
     }
-    let (centre, size) = extent(&points(evidence, group))?;
+    let own = points(evidence, group);
+    let (centre, size) = extent(&own)?;
     let patches = patches(evidence, group, centre, size);
     let pixels = || group.members.iter().map(|member| evidence.pixel(member));
     // Where the scene has a pixel, it may have it on what is behind.
-    let beside_centre: Vec<Vec3> = pixels()
-        .map(|(sight, pixel)| sight.origin() + pixel.direction * centre.distance(sight.origin()))
+    let in_scene: Vec<Vec3> = own.iter().map(|point| point.position).collect();
+    let about_centre: Vec<Vec3> = points_at(evidence, group, centre)
+        .iter()
+        .map(|point| point.position)
         .collect();
     let left_over: Vec<usize> = pixels()
         .map(|(sight, pixel)| usize::from(whole.shape.off(sight.origin(), pixel.direction) > 0.0))
         .collect();
-    let starts = [left_over, in_two(&beside_centre)];
-    let tried = starts.iter().filter_map(|start| {
+    let starts = [left_over, in_two(&in_scene), in_two(&about_centre)];
+    let tried = starts.par_iter().filter_map(|start| {
         let mut parts = group.divided(start, 2);
         let mut fits: Vec<Fit> = Vec::new();
         let mut shapes = Vec::new();
@@ -67,23 +75,27 @@ fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
             shapes = fits.iter().map(|fit| fit.shape).collect();
             parts = among(evidence, group, &shapes);
         }
+        let residual = residual_of_all(&shapes, &patches);
         let found: Vec<(Group, Fit)> = parts.into_iter().zip(fits).collect();
-        Some((residual_of_all(&shapes, &patches), found))
+        let are_enough = found.iter().all(|(group, _)| is_enough(group));
+        are_enough.then_some((residual, found))
     });
-    let (both, parts) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // Each of two shapes has as much freedom again.
-    let least = BETTER * BETTER * (whole.residual + MIN_RESIDUAL);
-    (both + MIN_RESIDUAL < least).then_some(parts)
+    let tried: Vec<(f32, Vec<(Group, Fit)>)> = tried.collect();
+    let (both, parts) = (tried.into_iter()).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (both + MIN_RESIDUAL < BETTER * (whole.residual + MIN_RESIDUAL)).then_some(parts)
 }
 
-/// Which of two clusters points are of (Lloyd 1982), about points far from each other.
+/// Which of two clusters points are of (Lloyd 1982, of medians), at first about points far from each
+/// other: some points are of other lamps, far away.
 fn in_two(points: &[Vec3]) -> Vec<usize> {
-    let farthest = |from: Vec3| {
-        let away = |a: &&Vec3| a.distance_squared(from);
-        let far = points.iter().max_by(|a, b| away(a).total_cmp(&away(b)));
-        far.copied().unwrap_or(from)
+    let far_from = |centre: Vec3| {
+        let mut away: Vec<&Vec3> = points.iter().collect();
+        let distance = |point: &Vec3| point.distance_squared(centre);
+        away.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        *away[((away.len() - 1) as f32 * FAR) as usize]
     };
-    let mut centres = [farthest(points[0]), farthest(farthest(points[0]))];
+    let first = far_from(median(&points.iter().copied()));
+    let mut centres = [first, far_from(first)];
     let mut of = Vec::new();
     for _ in 0..NUM_STEPS {
         let nearest = |p: &Vec3| {
@@ -91,11 +103,12 @@ fn in_two(points: &[Vec3]) -> Vec<usize> {
             usize::from(second < first)
         };
         of = points.iter().map(nearest).collect();
-        centres = [0, 1].map(|part| {
+        for (part, centre) in centres.iter_mut().enumerate() {
             let own = points.iter().zip(&of).filter(|(_, of)| **of == part);
-            let (sum, num) = own.fold((Vec3::ZERO, 0), |(sum, num), (p, _)| (sum + *p, num + 1));
-            if num > 0 { sum / num as f32 } else { points[0] }
-        });
+            if own.clone().next().is_some() {
+                *centre = median(&own.map(|(point, _)| *point));
+            }
+        }
     }
     of
 }
