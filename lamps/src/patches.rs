@@ -24,8 +24,8 @@ const ELSEWHERE: f32 = 0.02;
 const OFF: f32 = 0.04;
 /// Pixels of a view whose distances are compared, about.
 const MAX_DISTANCES: usize = 16;
-/// Pixels of a view that a lamp fills or has nothing in that a fit compares.
-const MAX_PLAIN: usize = 500;
+/// Pixels of a view that a fit compares: at the border of a lamp, and others.
+const MAX_TARGETS: [usize; 2] = [600, 500];
 
 /// A pixel as a fit wants it.
 struct Target {
@@ -126,19 +126,20 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
         .collect()
 }
 
-/// Of many pixels that a lamp fills, or has nothing in, some that stand for all.
+/// Of many pixels, some that stand for all: of those that a lamp fills, or has nothing in, and of
+/// those at its border.
 fn thinned(targets: Vec<Target>) -> Vec<Target> {
     let is_plain = |t: &Target| t.cover == 0.0 || t.cover == 1.0;
     let num_plain = targets.iter().filter(|t| is_plain(t)).count();
-    let step = num_plain.div_ceil(MAX_PLAIN).max(1);
-    let mut at = 0;
+    let nums = [targets.len() - num_plain, num_plain];
+    let steps = [0, 1].map(|kind| nums[kind].div_ceil(MAX_TARGETS[kind]).max(1));
+    let mut at = [0; 2];
     (targets.into_iter())
         .filter_map(|mut target| {
-            if is_plain(&target) {
-                at += 1;
-                target.weight *= step as f32;
-            }
-            (!is_plain(&target) || at % step == 0).then_some(target)
+            let kind = usize::from(is_plain(&target));
+            target.weight *= steps[kind] as f32;
+            at[kind] += 1;
+            (at[kind] % steps[kind] == 0).then_some(target)
         })
         .collect()
 }
