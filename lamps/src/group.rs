@@ -75,7 +75,7 @@ impl Group {
         lights.into_iter().collect()
     }
 
-    /// Its pixels divided among `num` lamps, `of` which each pixel is.
+    /// Its pixels divided among `num` lamps, `of` which each pixel is; others are of none.
     pub(crate) fn divided(&self, of: &[usize], num: usize) -> Vec<Self> {
         let part = |part: usize| {
             let own = self.members.iter().zip(of).filter(|(_, of)| **of == part);
