@@ -192,3 +192,40 @@ fn meeting(bearings: &[Bearing]) -> Option<Vec3> {
     }
     Some(place)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bearing(view: usize, origin: Vec3, direction: Vec3) -> Bearing {
+        Bearing {
+            view,
+            origin,
+            direction: direction.normalize(),
+            pixel: 0.01,
+            radius: 0.02,
+        }
+    }
+
+    #[test]
+    fn lines_meet_where_most_of_them_go() {
+        let place = Vec3::new(0.3, -0.2, 1.9);
+        let origins = [
+            Vec3::new(1.5, 0.0, 1.0),
+            Vec3::new(-1.0, 1.2, 1.1),
+            Vec3::new(0.2, -1.6, 1.3),
+            Vec3::new(-1.1, -0.9, 0.9),
+            Vec3::new(0.4, 1.5, 1.2),
+        ];
+        let mut lines: Vec<Bearing> = (0..)
+            .zip(origins)
+            .map(|(view, origin)| bearing(view, origin, place - origin))
+            .collect();
+        assert!(meeting(&lines).unwrap().distance(place) < 1e-4);
+        // Another lamp's, of the last view.
+        lines[4].direction = (place + Vec3::X - lines[4].origin).normalize();
+        assert!(meeting(&lines).unwrap().distance(place) < 0.01);
+        let alike = [0, 1].map(|view| bearing(view, origins[view], Vec3::X));
+        assert_eq!(meeting(&alike), None);
+    }
+}

@@ -12,10 +12,13 @@
 mod bars;
 mod bearings;
 mod boxes;
+mod candidates;
 mod clear;
 mod evidence;
 mod fit;
 mod group;
+mod grouping;
+mod level;
 mod measure;
 mod meet;
 mod mount;
@@ -33,6 +36,7 @@ mod thin;
 pub use evidence::Evidence;
 pub use mount::freed;
 
+use candidates::{Candidate, explained};
 use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussians, SceneEdit};
@@ -44,15 +48,6 @@ use group::Group;
 use measure::Measured;
 use patches::Gaps;
 use shape::Shape;
-use std::cmp::Reverse;
-
-/// Standard deviation of the flux between views beyond which there is no such lamp.
-const MAX_DEVIATION: f32 = 0.5;
-/// Least number of lit pixels over all views, and of views, of a lamp.
-const MIN_PIXELS: usize = 6;
-const MIN_VIEWS: usize = 2;
-/// Share of its pixels on other lamps from which on a group is taken for a part of these.
-const SHARE_ELSEWHERE: f32 = 0.5;
 
 /// Lamps and the scene that they take the place of.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -95,19 +90,6 @@ impl Found {
 fn in_light(lamp: &[(usize, Lamp)], light: usize) -> Option<&Lamp> {
     let here = lamp.iter().find(|(index, _)| *index == light)?;
     Some(&here.1)
-}
-
-/// A lamp under way.
-struct Candidate {
-    /// Its pixels in the light that shows most of them, and the index of that light.
-    group: Group,
-    light: usize,
-    fit: Fit,
-    measured: Measured,
-    /// Its pixels in other lights, their indices, and its light there.
-    others: Vec<(usize, Group, Measured)>,
-    /// Whether its shape explains what the views show.
-    is_clean: bool,
 }
 
 /// Finds the lamps that views show in the scene of `gaussians`, which `tracer` traces; `up` is the
@@ -203,102 +185,6 @@ fn pixel_width(evidence: &Evidence, group: &Group) -> f32 {
         .collect();
     widths.sort_unstable_by(f32::total_cmp);
     widths[widths.len() / 10]
-}
-
-/// The groups of lit pixels that a shape explains.
-fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
-    let mut groups = bearings::joined(evidence, group::group(evidence));
-    // Where most views show a lamp its place is known best, and others may show parts of it that the
-    // scene has elsewhere.
-    groups.sort_by_key(|group| Reverse((group.by_view().count(), group.members.len())));
-    let mut found: Vec<Candidate> = Vec::new();
-    for all in groups {
-        let mut lights = all.by_light(evidence);
-        lights.retain(|(_, group)| is_enough(group));
-        // Of equal ones the first: the sort is stable.
-        lights.sort_by_key(|(_, group)| Reverse(group.members.len()));
-        let mut lights = lights.into_iter();
-        let Some((light, group)) = lights.next() else {
-            continue;
-        };
-        let elsewhere = group.members.iter().filter(|member| {
-            let (sight, pixel) = evidence.pixel(member);
-            let meets = |c: &Candidate| {
-                let shows = c.fit.shape.meet(sight.origin(), pixel.direction).is_some();
-                // Bars and frames divide the lit pixels of a window.
-                let is_pane =
-                    c.fit.gaps == Gaps::Bars && clear::is_near(&c.fit.shape, sight.position(pixel));
-                shows || is_pane
-            };
-            let alike = |c: &&Candidate| !c.group.is_unlike(&group);
-            found.iter().filter(alike).any(meets)
-        });
-        if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
-            continue;
-        }
-        let Some(fit) = fit::fit(evidence, &group, up) else {
-            continue;
-        };
-        let parts = parts::all(evidence, group, fit, up);
-        let shapes: Vec<Shape> = parts.iter().map(|(_, fit)| fit.shape).collect();
-        let others: Vec<(usize, Vec<Group>)> = lights
-            .map(|(light, group)| (light, parts::among(evidence, &group, &shapes)))
-            .collect();
-        for (i, (group, fit)) in parts.into_iter().enumerate() {
-            let others = others.iter().map(|(light, groups)| (*light, &groups[i]));
-            found.extend(candidate(evidence, (light, group), fit, others));
-        }
-    }
-    without_repeated(evidence, found)
-}
-
-/// Lamps whose pixels are not those of others with more pixels, and of their radiance.
-fn without_repeated(evidence: &Evidence, mut found: Vec<Candidate>) -> Vec<Candidate> {
-    found.sort_by_key(|c| Reverse(c.group.members.len()));
-    let mut kept: Vec<Candidate> = Vec::new();
-    for c in found {
-        let alike = |other: &&Candidate| {
-            !evidence::are_unlike(other.measured.radiance, c.measured.radiance)
-        };
-        let shown = kept.iter().filter(alike).map(|other| other.fit.shape);
-        if c.group.share_on(evidence, &shown.collect::<Vec<_>>()) <= SHARE_ELSEWHERE {
-            kept.push(c);
-        }
-    }
-    kept
-}
-
-fn is_enough(group: &Group) -> bool {
-    group.members.len() >= MIN_PIXELS && group.by_view().count() >= MIN_VIEWS
-}
-
-/// The lamp of a shape that views in a light agree on, and in `others`.
-fn candidate<'a>(
-    evidence: &Evidence,
-    (light, group): (usize, Group),
-    fit: Fit,
-    others: impl Iterator<Item = (usize, &'a Group)>,
-) -> Option<Candidate> {
-    let measure = |group: &Group| {
-        let measured = match (fit.gaps, fit.shape.flat()) {
-            (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
-            _ => measure::measure(evidence, group, &fit.shape),
-        };
-        measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
-    };
-    let measured = measure(&group)?;
-    let others = others.filter_map(|(light, group)| {
-        let measured = measure(group)?;
-        Some((light, group.clone(), measured))
-    });
-    Some(Candidate {
-        others: others.collect(),
-        is_clean: fit.is_clean(&group),
-        group,
-        light,
-        fit,
-        measured,
-    })
 }
 
 /// The lamp of a candidate in the light that has these pixels of it.

@@ -1,7 +1,8 @@
 //! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
 
-use crate::evidence::{Evidence, Level, Lit, Sight};
+use crate::evidence::{Evidence, Lit, Sight};
 use crate::group::Group;
+use crate::level::Level;
 use crate::meet::ShapeFrom;
 use crate::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;

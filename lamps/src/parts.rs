@@ -1,10 +1,10 @@
 //! Lamps that no view shows apart, as bulbs of a cluster that touch in photographs: where one shape
 //! does not explain the silhouettes, two may.
 
+use crate::candidates::is_enough;
 use crate::evidence::Evidence;
 use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
-use crate::is_enough;
 use crate::patches::{Gaps, patches, residual_of_all};
 use crate::shape::Shape;
 use crate::starts::{extent, points, points_at};

@@ -8,7 +8,7 @@
 //! How much is a step, the differences of neighbours in the region say: where light varies from
 //! pixel to pixel, as in a window with a view, the region is one.
 
-use crate::evidence::are_unlike;
+use crate::level::{are_unlike, step};
 use eagpt_masks::Region;
 use eagpt_scene::Image;
 use eagpt_scene::median::{median, median_of};
@@ -25,12 +25,6 @@ const MIN_SMALL_STEP: f32 = 0.5;
 /// Pixels as far from a seed may have a part of its light: its own ones around it, and as many as
 /// demosaicing and optics spread an edge over.
 const REACH: u32 = 3;
-
-/// How much two radiances differ, 0 to 1: the largest difference of a channel over the brightest.
-pub(crate) fn step(a: Vec3, b: Vec3) -> f32 {
-    let brightest = a.max_element().max(b.max_element());
-    (a - b).abs().max_element() / brightest.max(f32::MIN_POSITIVE)
-}
 
 /// The lamps of a region of lit pixels by the photograph's `radiance`, as regions, of each pixel
 /// one.

@@ -13,9 +13,9 @@ use glam::{Quat, Vec3};
 use rig::{cameras, heap, photograph_all, room};
 use std::f32::consts::PI;
 
-/// Lamps found in photographs of these, where training has a heap of discs for each.
-fn found(lamps: &[(Shape, Vec3)]) -> Vec<Lamp> {
-    let heaps = lamps
+/// Lamps found in photographs of these, where training has a heap of discs for each `trained` one.
+fn found(lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
+    let heaps = trained
         .iter()
         .flat_map(|(shape, radiance)| heap(shape, *radiance));
     let scene: Gaussians = room().iter().chain(heaps).collect();
@@ -33,7 +33,10 @@ fn found(lamps: &[(Shape, Vec3)]) -> Vec<Lamp> {
 
 /// Checks that each of `lamps` is found, within this share of its power, and nothing else.
 fn check(lamps: &[(Shape, Vec3)], tolerance: f32) -> Vec<Lamp> {
-    let found = found(lamps);
+    check_found(lamps, found(lamps, lamps), tolerance)
+}
+
+fn check_found(lamps: &[(Shape, Vec3)], found: Vec<Lamp>, tolerance: f32) -> Vec<Lamp> {
     assert_eq!(found.len(), lamps.len(), "{found:#?}");
     for (shape, radiance) in lamps {
         let distance = |lamp: &&Lamp| lamp.centre().distance(shape.centre());
@@ -84,6 +87,15 @@ fn panels_of_two_colours_side_by_side_are_two() {
     let warm = panel(-0.1, [0.4, 0.4], Vec3::new(15.0, 8.0, 4.0));
     let cool = panel(0.3, [0.4, 0.4], Vec3::new(6.0, 10.0, 16.0));
     check(&[warm, cool], 0.06);
+}
+
+/// Training has the pixels of bulbs on what is behind these, elsewhere in each view.
+#[test]
+fn bulbs_that_training_lacks_are_where_lines_of_sight_meet() {
+    let panel = panel(0.1, [1.2, 0.6], Vec3::new(9.0, 9.0, 10.0));
+    let bulbs = [[-0.2, 0.0, 2.1], [0.4, 0.1, 2.1]].map(|at| bulb(at, 0.035));
+    let lamps = [panel, bulbs[0], bulbs[1]];
+    check_found(&lamps, found(&lamps, &[panel]), 0.1);
 }
 
 /// A bar that is as wide as three pixels and a cube: a tube sends another part of their light up.

@@ -1,0 +1,127 @@
+//! Lamps by the shapes that explain their pixels, before what they do to the scene is known.
+
+use crate::evidence::Evidence;
+use crate::fit::{self, Fit};
+use crate::group::Group;
+use crate::level::are_unlike;
+use crate::measure::{self, Measured};
+use crate::patches::Gaps;
+use crate::shape::Shape;
+use crate::{bars, bearings, clear, grouping, parts};
+use glam::Vec3;
+use std::cmp::Reverse;
+
+/// Standard deviation of the flux between views beyond which there is no such lamp.
+const MAX_DEVIATION: f32 = 0.5;
+/// Least number of lit pixels over all views, and of views, of a lamp.
+const MIN_PIXELS: usize = 6;
+const MIN_VIEWS: usize = 2;
+/// Share of its pixels on other lamps from which on a group is taken for a part of these.
+const SHARE_ELSEWHERE: f32 = 0.5;
+
+/// A lamp under way.
+pub(crate) struct Candidate {
+    /// Its pixels in the light that shows most of them, and the index of that light.
+    pub(crate) group: Group,
+    pub(crate) light: usize,
+    pub(crate) fit: Fit,
+    pub(crate) measured: Measured,
+    /// Its pixels in other lights, their indices, and its light there.
+    pub(crate) others: Vec<(usize, Group, Measured)>,
+    /// Whether its shape explains what the views show.
+    pub(crate) is_clean: bool,
+}
+
+/// The groups of lit pixels that a shape explains.
+pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
+    let mut groups = bearings::joined(evidence, grouping::group(evidence));
+    // Where most views show a lamp its place is known best, and others may show parts of it that the
+    // scene has elsewhere.
+    groups.sort_by_key(|group| Reverse((group.by_view().count(), group.members.len())));
+    let mut found: Vec<Candidate> = Vec::new();
+    for all in groups {
+        let mut lights = all.by_light(evidence);
+        lights.retain(|(_, group)| is_enough(group));
+        // Of equal ones the first: the sort is stable.
+        lights.sort_by_key(|(_, group)| Reverse(group.members.len()));
+        let mut lights = lights.into_iter();
+        let Some((light, group)) = lights.next() else {
+            continue;
+        };
+        let elsewhere = group.members.iter().filter(|member| {
+            let (sight, pixel) = evidence.pixel(member);
+            let meets = |c: &Candidate| {
+                let shows = c.fit.shape.meet(sight.origin(), pixel.direction).is_some();
+                // Bars and frames divide the lit pixels of a window.
+                let is_pane =
+                    c.fit.gaps == Gaps::Bars && clear::is_near(&c.fit.shape, sight.position(pixel));
+                shows || is_pane
+            };
+            let alike = |c: &&Candidate| !c.group.is_unlike(&group);
+            found.iter().filter(alike).any(meets)
+        });
+        if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
+            continue;
+        }
+        let Some(fit) = fit::fit(evidence, &group, up) else {
+            continue;
+        };
+        let parts = parts::all(evidence, group, fit, up);
+        let shapes: Vec<Shape> = parts.iter().map(|(_, fit)| fit.shape).collect();
+        let others: Vec<(usize, Vec<Group>)> = lights
+            .map(|(light, group)| (light, parts::among(evidence, &group, &shapes)))
+            .collect();
+        for (i, (group, fit)) in parts.into_iter().enumerate() {
+            let others = others.iter().map(|(light, groups)| (*light, &groups[i]));
+            found.extend(candidate(evidence, (light, group), fit, others));
+        }
+    }
+    without_repeated(evidence, found)
+}
+
+/// Lamps whose pixels are not those of others with more pixels, and of their radiance.
+fn without_repeated(evidence: &Evidence, mut found: Vec<Candidate>) -> Vec<Candidate> {
+    found.sort_by_key(|c| Reverse(c.group.members.len()));
+    let mut kept: Vec<Candidate> = Vec::new();
+    for c in found {
+        let alike = |other: &&Candidate| !are_unlike(other.measured.radiance, c.measured.radiance);
+        let shown = kept.iter().filter(alike).map(|other| other.fit.shape);
+        if c.group.share_on(evidence, &shown.collect::<Vec<_>>()) <= SHARE_ELSEWHERE {
+            kept.push(c);
+        }
+    }
+    kept
+}
+
+pub(crate) fn is_enough(group: &Group) -> bool {
+    group.members.len() >= MIN_PIXELS && group.by_view().count() >= MIN_VIEWS
+}
+
+/// The lamp of a shape that views in a light agree on, and in `others`.
+fn candidate<'a>(
+    evidence: &Evidence,
+    (light, group): (usize, Group),
+    fit: Fit,
+    others: impl Iterator<Item = (usize, &'a Group)>,
+) -> Option<Candidate> {
+    let measure = |group: &Group| {
+        let measured = match (fit.gaps, fit.shape.flat()) {
+            (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
+            _ => measure::measure(evidence, group, &fit.shape),
+        };
+        measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
+    };
+    let measured = measure(&group)?;
+    let others = others.filter_map(|(light, group)| {
+        let measured = measure(group)?;
+        Some((light, group.clone(), measured))
+    });
+    Some(Candidate {
+        others: others.collect(),
+        is_clean: fit.is_clean(&group),
+        group,
+        light,
+        fit,
+        measured,
+    })
+}
