@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 8] = [
+pub const SCENES: [EmbeddedScene; 11] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -42,6 +42,21 @@ pub const SCENES: [EmbeddedScene; 8] = [
         name: "living-room",
         about: "small panels in a ceiling, a wide one behind two bulbs, a shaded lamp; each alone, too",
         toml: include_str!("../scenes/living-room.toml"),
+    },
+    EmbeddedScene {
+        name: "shop",
+        about: "tubes below a ceiling, a cluster of bulbs, a bar, signs side by side; each alone, too",
+        toml: include_str!("../scenes/shop.toml"),
+    },
+    EmbeddedScene {
+        name: "attic",
+        about: "a window and a globe before it, spots, a strip of another colour; each alone, too",
+        toml: include_str!("../scenes/attic.toml"),
+    },
+    EmbeddedScene {
+        name: "bathroom",
+        about: "a bar over a mirror, round lamps, a cube on a cord; each alone, too",
+        toml: include_str!("../scenes/bathroom.toml"),
     },
     EmbeddedScene {
         name: "glossy-room",
