@@ -176,8 +176,8 @@ impl Mask {
     }
 }
 
-/// Pixels whose value is at least `level` but those that lamps light ([`halo`]); with [`Border::Half`], the border of each lamp is where
-/// pixels are half lamp and half surroundings.
+/// Pixels whose value is at least `level`, but those that lamps light ([`halo`]); with
+/// [`Border::Half`], the border of each lamp is where pixels are half lamp and half surroundings.
 pub(crate) fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     let (width, height) = values.size();
     let value = |x: u32, y: u32| values.get(x, y)[0];
