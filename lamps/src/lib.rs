@@ -18,6 +18,7 @@ mod evidence;
 mod fit;
 mod group;
 mod grouping;
+mod joint;
 mod level;
 mod measure;
 mod meet;

@@ -5,6 +5,7 @@ use crate::candidates::is_enough;
 use crate::evidence::Evidence;
 use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
+use crate::joint;
 use crate::patches::{Gaps, patches, residual_of_all};
 use crate::shape::Shape;
 use crate::starts::{extent, points, points_at};
@@ -24,33 +25,19 @@ const NUM_STEPS: usize = 8;
 /// The lamp of `group`, or those that explain its pixels better than its `fit`; `up` is the unit
 /// vector upwards.
 pub(crate) fn all(evidence: &Evidence, group: Group, fit: Fit, up: Vec3) -> Vec<(Group, Fit)> {
-    match parted(evidence, &group, &fit, up) {
-        Some(parts) => (parts.into_iter())
-            .flat_map(|(group, fit)| all(evidence, group, fit, up))
-            .map(|part| trimmed(evidence, part, up))
-            .collect(),
-        None => vec![(group, fit)],
+    let parts = apart(evidence, group, fit, up);
+    match parts.len() {
+        1 => parts,
+        _ => joint::fitted(evidence, parts),
     }
 }
 
-/// A lamp without pixels that miss its shape by more than it is large: these are of another one.
-fn trimmed(evidence: &Evidence, (group, own): (Group, Fit), up: Vec3) -> (Group, Fit) {
-    let shape = own.shape;
-    let is_far = |member: &(u32, u32)| {
-        let (sight, pixel) = evidence.pixel(member);
-        let origin = sight.origin();
-        shape.off(origin, pixel.direction) * shape.centre().distance(origin) > shape.size().length()
-    };
-    let far: Vec<usize> = (group.members.iter())
-        .map(|member| usize::from(is_far(member)))
-        .collect();
-    if far.iter().all(|far| *far == 0) {
-        return (group, own);
-    }
-    let near = group.divided(&far, 1).remove(0);
-    match fit(evidence, &near, up) {
-        Some(fit) => (near, fit),
-        None => (group, own),
+fn apart(evidence: &Evidence, group: Group, fit: Fit, up: Vec3) -> Vec<(Group, Fit)> {
+    match parted(evidence, &group, &fit, up) {
+        Some(parts) => (parts.into_iter())
+            .flat_map(|(group, fit)| apart(evidence, group, fit, up))
+            .collect(),
+        None => vec![(group, fit)],
     }
 }
 
