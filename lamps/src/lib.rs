@@ -18,7 +18,6 @@ mod evidence;
 mod fit;
 mod group;
 mod grouping;
-mod joint;
 mod level;
 mod measure;
 mod meet;
