@@ -143,7 +143,10 @@ fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -
             && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
         // A brighter lamp before it has a part of the pixel.
         let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(&level));
-        let is_hidden = is_shared || (!is_own && !beside && farthest > hidden_from(sight, pixel));
+        // Another one like it may be before it, and so is what the scene has nearer.
+        let is_like = || pixel.lit.is_lit() && !level.is_unlike(&sight.level(pixel));
+        let is_behind = || is_like() || farthest > hidden_from(sight, pixel);
+        let is_hidden = is_shared || (!is_own && !beside && is_behind());
         if (is_hidden || sight.at_edge(pixel)) && cover > 0.0 {
             reading.hidden += cover * pixel.solid_angle;
             continue;

@@ -1,136 +1,200 @@
 //! Lamps that no view shows apart, as bulbs of a cluster that touch in photographs: where one shape
-//! does not explain the silhouettes, two may.
+//! does not explain the silhouettes, several may. They are fitted together: what one hides of
+//! another, and pixels that show two, say nothing of either by itself.
 
 use crate::candidates::is_enough;
 use crate::evidence::Evidence;
 use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
-use crate::patches::{Gaps, patches, residual_of_all};
-use crate::shape::Shape;
+use crate::patches::{self, Gaps, Patch, patches, residual_of_all};
+use crate::search;
+use crate::shape::{MAX_CHANGES, Shape};
 use crate::starts::{extent, points, points_at};
-use eagpt_scene::median::median;
+use eagpt_scene::median::{median, median_distance};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Residual up to which one shape is enough.
 const PERFECT: f32 = 0.03;
+/// Most lamps in place of one.
+const MAX_PARTS: usize = 4;
 /// Share of points that are nearer to a cluster than one that is far.
 const FAR: f32 = 0.85;
-/// Rounds of giving pixels to shapes and fitting these.
-const NUM_ROUNDS: usize = 2;
-/// Steps in which points are divided in two.
+/// Steps in which points are divided.
 const NUM_STEPS: usize = 8;
+/// Rounds in which each shape is fitted among the others, and evaluations of each search.
+const NUM_ROUNDS: usize = 3;
+const NUM_TRIALS: usize = 150;
 
-/// The lamp of `group`, or those that explain its pixels better than its `fit`; `up` is the unit
-/// vector upwards.
-pub(crate) fn all(evidence: &Evidence, group: Group, fit: Fit, up: Vec3) -> Vec<(Group, Fit)> {
-    match parted(evidence, &group, &fit, up) {
-        Some(parts) => (parts.into_iter())
-            .flat_map(|(group, fit)| all(evidence, group, fit, up))
-            .map(|part| trimmed(evidence, part, up))
-            .collect(),
-        None => vec![(group, fit)],
+/// The lamp of `group`, or those that explain its pixels much better than its fit `whole`; `up` is
+/// the unit vector upwards.
+pub(crate) fn all(evidence: &Evidence, group: Group, whole: Fit, up: Vec3) -> Vec<(Group, Fit)> {
+    match parted(evidence, &group, &whole, up) {
+        Some(parts) => parts,
+        None => vec![(group, whole)],
     }
 }
 
-/// A lamp without pixels that miss its shape by more than it is large: these are of another one.
-fn trimmed(evidence: &Evidence, (group, own): (Group, Fit), up: Vec3) -> (Group, Fit) {
-    let shape = own.shape;
-    let is_far = |member: &(u32, u32)| {
-        let (sight, pixel) = evidence.pixel(member);
-        let origin = sight.origin();
-        shape.off(origin, pixel.direction) * shape.centre().distance(origin) > shape.size().length()
-    };
-    let far: Vec<usize> = (group.members.iter())
-        .map(|member| usize::from(is_far(member)))
-        .collect();
-    if far.iter().all(|far| *far == 0) {
-        return (group, own);
-    }
-    let near = group.divided(&far, 1).remove(0);
-    match fit(evidence, &near, up) {
-        Some(fit) => (near, fit),
-        None => (group, own),
-    }
-}
-
-/// The pixels of `group` that each of `shapes` has: those that meet it, or miss it by least.
+/// The pixels of `group` that each of `shapes` has: those that meet it, or miss it by least, and by
+/// no more than it is large.
 pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec<Group> {
     let of_pixel = |member: &(u32, u32)| {
         let (sight, pixel) = evidence.pixel(member);
-        let off = shapes
-            .iter()
-            .map(|shape| shape.off(sight.origin(), pixel.direction));
-        let nearest = off.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-        nearest.map_or(0, |(shape, _)| shape)
+        let off = |shape: &Shape| {
+            let off = shape.off(sight.origin(), pixel.direction);
+            let is_far = off * shape.centre().distance(sight.origin()) > shape.size().length();
+            (off, is_far)
+        };
+        let nearest = shapes.iter().map(off).enumerate();
+        let nearest = nearest.min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        match nearest {
+            Some((shape, (_, false))) => shape,
+            _ => shapes.len(),
+        }
     };
     let of: Vec<usize> = group.members.iter().map(of_pixel).collect();
     group.divided(&of, shapes.len())
 }
 
-/// Two lamps in place of that of `group`, if they explain its silhouettes much better than `whole`.
+/// Balls in place of the lamp of `group`, if they explain its silhouettes much better than `whole`,
+/// and other shapes in place of these, if they do so again.
 fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
     if whole.residual <= PERFECT || whole.gaps == Gaps::Bars {
         return None;
     }
-    let own = points(evidence, group);
-    let (centre, size) = extent(&own)?;
-    let patches = patches(evidence, group, centre, size);
-    let pixels = || group.members.iter().map(|member| evidence.pixel(member));
-    // Where the scene has a pixel, it may have it on what is behind.
-    let in_scene: Vec<Vec3> = own.iter().map(|point| point.position).collect();
-    let about_centre: Vec<Vec3> = points_at(evidence, group, centre)
-        .iter()
-        .map(|point| point.position)
-        .collect();
-    let left_over: Vec<usize> = pixels()
-        .map(|(sight, pixel)| usize::from(whole.shape.off(sight.origin(), pixel.direction) > 0.0))
-        .collect();
-    let starts = [left_over, in_two(&in_scene), in_two(&about_centre)];
-    let tried = starts.par_iter().filter_map(|start| {
-        let mut parts = group.divided(start, 2);
-        let mut fits: Vec<Fit> = Vec::new();
-        let mut shapes = Vec::new();
-        for _ in 0..NUM_ROUNDS {
-            let fitted = parts.iter().map(|part| fit(evidence, part, up));
-            fits = fitted.collect::<Option<_>>()?;
-            shapes = fits.iter().map(|fit| fit.shape).collect();
-            parts = among(evidence, group, &shapes);
+    // Without pixels of lamps far away.
+    let group = &among(evidence, group, &[whole.shape]).remove(0);
+    let (centre, size) = extent(&points(evidence, group))?;
+    let seen = patches(evidence, group, centre, size);
+    let of_whole = patches::residual(&whole.shape, &seen, Gaps::Seen);
+    let (mut residual, mut shapes) = balls(evidence, group, centre, of_whole, &seen)?;
+    let groups = among(evidence, group, &shapes);
+    if !groups.iter().all(is_enough) {
+        return None;
+    }
+    for (at, group) in groups.iter().enumerate() {
+        let (other, of_other) = refined(&fit(evidence, group, up)?.shape, at, &shapes, &seen);
+        if of_other + MIN_RESIDUAL < BETTER * (residual + MIN_RESIDUAL) {
+            (shapes[at], residual) = (other, of_other);
         }
-        let residual = residual_of_all(&shapes, &patches);
-        let found: Vec<(Group, Fit)> = parts.into_iter().zip(fits).collect();
-        let are_enough = found.iter().all(|(group, _)| is_enough(group));
-        are_enough.then_some((residual, found))
-    });
-    let tried: Vec<(f32, Vec<(Group, Fit)>)> = tried.collect();
-    let (both, parts) = (tried.into_iter()).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (both + MIN_RESIDUAL < BETTER * (whole.residual + MIN_RESIDUAL)).then_some(parts)
+    }
+    let gaps = Gaps::Seen;
+    let fit = |(group, shape)| {
+        let fit = Fit {
+            shape,
+            residual,
+            gaps,
+        };
+        (group, fit)
+    };
+    let groups = among(evidence, group, &shapes).into_iter();
+    Some(groups.zip(shapes).map(fit).collect())
 }
 
-/// Which of two clusters points are of (Lloyd 1982, of medians), at first about points far from each
-/// other: some points are of other lamps, far away.
-fn in_two(points: &[Vec3]) -> Vec<usize> {
+/// Two or more balls that explain the lamp of `group` about `centre` much better than one shape
+/// `of_whole` residual, and their residual.
+fn balls(
+    evidence: &Evidence,
+    group: &Group,
+    centre: Vec3,
+    of_whole: f32,
+    seen: &[Patch],
+) -> Option<(f32, Vec<Shape>)> {
+    // Where the scene has a pixel, it may have it on what is behind.
+    let points = [points(evidence, group), points_at(evidence, group, centre)]
+        .map(|points| -> Vec<Vec3> { points.into_iter().map(|point| point.position).collect() });
+    let best = |starts: [Vec<Shape>; 2]| {
+        let fitted = starts.into_par_iter().map(|shapes| fitted(shapes, seen));
+        fitted.min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    // Each more of them has as much freedom again.
+    let mut least = BETTER * (of_whole + MIN_RESIDUAL);
+    let mut found = None;
+    let (mut residual, mut shapes) = best(points.each_ref().map(|points| two_balls(points)))?;
+    for num in 2..=MAX_PARTS {
+        if shapes.len() == num && residual + MIN_RESIDUAL < least {
+            least = residual + MIN_RESIDUAL;
+            found = Some((residual, shapes.clone()));
+        }
+        least *= BETTER;
+        // One more where pixels are left over.
+        let left: Vec<bool> = (group.members.iter())
+            .map(|member| {
+                let (sight, pixel) = evidence.pixel(member);
+                let mut shapes = shapes.iter();
+                shapes.all(|shape| shape.off(sight.origin(), pixel.direction) > 0.0)
+            })
+            .collect();
+        let more = points.each_ref().map(|points| {
+            let left = points.iter().zip(&left).filter(|(_, left)| **left);
+            let ball = ball(&left.map(|(point, _)| *point).collect::<Vec<_>>());
+            shapes.iter().copied().chain(ball).collect()
+        });
+        if num < MAX_PARTS {
+            (residual, shapes) = best(more)?;
+        }
+    }
+    found
+}
+
+/// Shapes fitted one by one among the others, and their residual.
+fn fitted(mut shapes: Vec<Shape>, seen: &[Patch]) -> (f32, Vec<Shape>) {
+    let mut residual = f32::INFINITY;
+    for _ in 0..NUM_ROUNDS {
+        for at in 0..shapes.len() {
+            (shapes[at], residual) = refined(&shapes[at], at, &shapes, seen);
+        }
+    }
+    (residual, shapes)
+}
+
+/// The best shape about `start` in the place of one of `shapes`, and the residual of all.
+fn refined(start: &Shape, at: usize, shapes: &[Shape], seen: &[Patch]) -> (Shape, f32) {
+    let num = start.num_changes();
+    let with = |by: &[f32]| {
+        let mut all = [0.0; MAX_CHANGES];
+        all[..num].copy_from_slice(by);
+        start.changed(&all)
+    };
+    let value = |by: &[f32]| {
+        let mut all = shapes.to_vec();
+        all[at] = with(by);
+        residual_of_all(&all, seen)
+    };
+    let (by, residual) = search::minimum(value, &start.first_steps()[..num], NUM_TRIALS);
+    (with(&by), residual)
+}
+
+/// Balls about two clusters of points (Lloyd 1982, of medians), at first about points far from each
+/// other: some points are of other lamps.
+fn two_balls(points: &[Vec3]) -> Vec<Shape> {
     let far_from = |centre: Vec3| {
-        let mut away: Vec<&Vec3> = points.iter().collect();
-        let distance = |point: &Vec3| point.distance_squared(centre);
-        away.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        *away[((away.len() - 1) as f32 * FAR) as usize]
+        let mut away: Vec<(f32, Vec3)> = points.iter().map(|p| (p.distance(centre), *p)).collect();
+        away.sort_by(|a, b| a.0.total_cmp(&b.0));
+        away[((away.len() - 1) as f32 * FAR) as usize].1
     };
     let first = far_from(median(&points.iter().copied()));
     let mut centres = [first, far_from(first)];
-    let mut of = Vec::new();
+    let mut clusters = [Vec::new(), Vec::new()];
     for _ in 0..NUM_STEPS {
-        let nearest = |p: &Vec3| {
-            let [first, second] = centres.map(|centre| p.distance_squared(centre));
-            usize::from(second < first)
-        };
-        of = points.iter().map(nearest).collect();
-        for (part, centre) in centres.iter_mut().enumerate() {
-            let own = points.iter().zip(&of).filter(|(_, of)| **of == part);
-            if own.clone().next().is_some() {
-                *centre = median(&own.map(|(point, _)| *point));
+        let [first, second] = centres;
+        let is_second = |p: &Vec3| p.distance(second) < p.distance(first);
+        clusters = [false, true].map(|second| -> Vec<Vec3> {
+            let own = points.iter().filter(|point| is_second(point) == second);
+            own.copied().collect()
+        });
+        for (centre, own) in centres.iter_mut().zip(&clusters) {
+            if !own.is_empty() {
+                *centre = median(&own.iter().copied());
             }
         }
     }
-    of
+    clusters.iter().filter_map(|points| ball(points)).collect()
+}
+
+/// The ball about points, if there are any.
+fn ball(points: &[Vec3]) -> Option<Shape> {
+    let centre = median(&points.iter().copied());
+    let radius = median_distance(centre, points.iter().copied());
+    (radius > 0.0).then_some(Shape::Ball { centre, radius })
 }

@@ -116,7 +116,8 @@ fn lamps_with_edges_are_boxes() {
 
 #[test]
 fn bulbs_that_touch_in_photographs_are_as_many_as_there_are() {
-    let at = [[0.0, 0.1, 2.1], [0.11, 0.1, 2.06]];
+    let at = [[0.0, 0.1, 2.1], [0.11, 0.1, 2.06], [0.05, 0.2, 2.12]];
     let bulbs = at.map(|at| bulb(at, 0.05));
+    check(&bulbs[..2], 0.1);
     check(&bulbs, 0.1);
 }
