@@ -8,8 +8,8 @@ use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
 use crate::measure::measure;
 use crate::patches::{Gaps, Patch, patches, residual};
-use crate::search;
-use crate::shape::{MAX_CHANGES, Shape};
+use crate::search::best_shape;
+use crate::shape::Shape;
 use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
@@ -208,17 +208,11 @@ fn refined(
     patches: &[Patch],
     gaps: Gaps,
 ) -> Fit {
-    let num = start.num_changes() - if keeps_normal { 2 } else { 0 };
-    let with = |by: &[f32]| {
-        let mut all = [0.0; MAX_CHANGES];
-        all[..num].copy_from_slice(by);
-        start.changed(&all)
-    };
-    let steps = start.first_steps();
-    let value = |by: &[f32]| residual(&with(by), patches, gaps);
-    let (by, residual) = search::minimum(value, &steps[..num], num_trials);
+    let num_changes = start.num_changes() - if keeps_normal { 2 } else { 0 };
+    let value = |shape: &Shape| residual(shape, patches, gaps);
+    let (shape, residual) = best_shape(start, num_changes, num_trials, value);
     Fit {
-        shape: with(&by),
+        shape,
         residual,
         gaps,
     }

@@ -7,8 +7,8 @@ use crate::evidence::Evidence;
 use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
 use crate::patches::{self, Gaps, Patch, patches, residual_of_all};
-use crate::search;
-use crate::shape::{MAX_CHANGES, Shape};
+use crate::search::best_shape;
+use crate::shape::Shape;
 use crate::starts::{extent, points, points_at};
 use eagpt_scene::median::{median, median_distance};
 use glam::Vec3;
@@ -150,19 +150,11 @@ fn fitted(mut shapes: Vec<Shape>, seen: &[Patch]) -> (f32, Vec<Shape>) {
 
 /// The best shape about `start` in the place of one of `shapes`, and the residual of all.
 fn refined(start: &Shape, at: usize, shapes: &[Shape], seen: &[Patch]) -> (Shape, f32) {
-    let num = start.num_changes();
-    let with = |by: &[f32]| {
-        let mut all = [0.0; MAX_CHANGES];
-        all[..num].copy_from_slice(by);
-        start.changed(&all)
-    };
-    let value = |by: &[f32]| {
+    best_shape(start, start.num_changes(), NUM_TRIALS, |shape| {
         let mut all = shapes.to_vec();
-        all[at] = with(by);
+        all[at] = *shape;
         residual_of_all(&all, seen)
-    };
-    let (by, residual) = search::minimum(value, &start.first_steps()[..num], NUM_TRIALS);
-    (with(&by), residual)
+    })
 }
 
 /// Balls about two clusters of points (Lloyd 1982, of medians), at first about points far from each

@@ -1,8 +1,28 @@
 //! The minimum of a function of few numbers that has no derivative (Nelder and Mead 1965, with the
 //! coefficients of that paper).
 
+use crate::shape::{MAX_CHANGES, Shape};
+
 /// Spread of values at which a search has arrived.
 const ARRIVED: f32 = 1e-5;
+
+/// The shape about `start` of which `value` is least, by its first `num_changes`
+/// ([`Shape::changed`]), and what it is there.
+pub(crate) fn best_shape(
+    start: &Shape,
+    num_changes: usize,
+    num_trials: usize,
+    value: impl Fn(&Shape) -> f32,
+) -> (Shape, f32) {
+    let with = |by: &[f32]| {
+        let mut all = [0.0; MAX_CHANGES];
+        all[..num_changes].copy_from_slice(by);
+        start.changed(&all)
+    };
+    let steps = &start.first_steps()[..num_changes];
+    let (by, least) = minimum(|by| value(&with(by)), steps, num_trials);
+    (with(&by), least)
+}
 
 /// Searches from zeros with first steps `steps`, of which there is at least one; returns where
 /// `value` is least and what it is there.
