@@ -108,15 +108,18 @@ fn balls(
         fitted.min_by(|a, b| a.0.total_cmp(&b.0))
     };
     // Each more of them has as much freedom again.
-    let mut least = BETTER * (of_whole + MIN_RESIDUAL);
+    let score = |residual: f32, num: usize| {
+        (residual + MIN_RESIDUAL) * BETTER.powi(1 - i32::try_from(num).unwrap_or(i32::MAX))
+    };
+    let mut least = score(of_whole, 1);
     let mut found = None;
-    let (mut residual, mut shapes) = best(points.each_ref().map(|points| two_balls(points)))?;
-    for num in 2..=MAX_PARTS {
-        if shapes.len() == num && residual + MIN_RESIDUAL < least {
-            least = residual + MIN_RESIDUAL;
+    let mut start = points.each_ref().map(|points| two_balls(points));
+    for _ in 1..MAX_PARTS {
+        let (residual, shapes) = needed(best(start)?, seen);
+        if shapes.len() > 1 && score(residual, shapes.len()) < least {
+            least = score(residual, shapes.len());
             found = Some((residual, shapes.clone()));
         }
-        least *= BETTER;
         // One more where pixels are left over.
         let left: Vec<bool> = (group.members.iter())
             .map(|member| {
@@ -125,16 +128,36 @@ fn balls(
                 shapes.all(|shape| shape.off(sight.origin(), pixel.direction) > 0.0)
             })
             .collect();
-        let more = points.each_ref().map(|points| {
+        start = points.each_ref().map(|points| {
             let left = points.iter().zip(&left).filter(|(_, left)| **left);
             let ball = ball(&left.map(|(point, _)| *point).collect::<Vec<_>>());
             shapes.iter().copied().chain(ball).collect()
         });
-        if num < MAX_PARTS {
-            (residual, shapes) = best(more)?;
-        }
     }
     found
+}
+
+/// Those of shapes without which the others would explain much less, and their residual.
+fn needed((mut residual, mut shapes): (f32, Vec<Shape>), seen: &[Patch]) -> (f32, Vec<Shape>) {
+    while shapes.len() > 1 {
+        let without = |at: usize| {
+            let mut others = shapes.clone();
+            others.remove(at);
+            (residual_of_all(&others, seen), others)
+        };
+        let best = (0..shapes.len())
+            .map(without)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((of_others, others))
+                if BETTER * (of_others + MIN_RESIDUAL) <= residual + MIN_RESIDUAL =>
+            {
+                (residual, shapes) = (of_others, others);
+            }
+            _ => break,
+        }
+    }
+    (residual, shapes)
 }
 
 /// Shapes fitted one by one among the others, and their residual.
