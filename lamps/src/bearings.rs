@@ -3,6 +3,7 @@
 
 use crate::evidence::{Evidence, Sight};
 use crate::group::Group;
+use eagpt_scene::median::median_of;
 use glam::{Mat3, Vec3};
 use std::collections::BTreeSet;
 use std::f32::consts::PI;
@@ -86,9 +87,7 @@ fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
 /// where the scene has it, is elsewhere.
 pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Option<Vec3> {
     let bearings = bearings(evidence, group);
-    let median = |place: Vec3| {
-        eagpt_scene::median::median_of(bearings.iter().map(|bearing| bearing.miss(place)))
-    };
+    let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
     if bearings.len() < MIN_VIEWS || median(trained) <= 1.0 {
         return None;
     }
@@ -116,14 +115,12 @@ pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
             taken.insert(of);
             lamp.join(part);
         }
+        lamp.members.sort_unstable();
         found.push(lamp);
     }
     let left = open.into_iter().enumerate();
     let left = left.filter(|(of, _)| !taken.contains(of));
     found.extend(left.map(|(_, group)| group));
-    found
-        .iter_mut()
-        .for_each(|group| group.members.sort_unstable());
     found
 }
 

@@ -2,7 +2,7 @@
 //! silhouettes.
 
 use crate::shape::Shape;
-use crate::starts::{Point, axes, first_flat};
+use crate::starts::{Point, axes, first_flat, range};
 use eagpt_scene::median::median;
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};
@@ -20,13 +20,8 @@ pub(crate) fn starts(points: &[Point], best: &Shape, up: Vec3) -> Vec<Shape> {
     for axis in axes {
         // The box of least area around the points as seen along the axis, and as long as they are.
         let flat = first_flat(points, centre, axis, pixel);
-        let mut along: Vec<f32> = points
-            .iter()
-            .map(|p| (p.position - centre).dot(axis))
-            .collect();
-        along.sort_unstable_by(f32::total_cmp);
-        let tail = along.len() / 20;
-        let length = along[along.len() - 1 - tail] - along[tail] + pixel;
+        let along = points.iter().map(|p| (p.position - centre).dot(axis));
+        let length = range(along) + pixel;
         let size = Vec3::new(flat.size[0], flat.size[1], length);
         found.push(Shape::Box {
             centre,

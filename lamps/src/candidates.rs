@@ -1,6 +1,6 @@
 //! Lamps by the shapes that explain their pixels, before what they do to the scene is known.
 
-use crate::evidence::Evidence;
+use crate::evidence::{Evidence, Pixel, Sight};
 use crate::fit::{self, Fit};
 use crate::group::Group;
 use crate::level::are_unlike;
@@ -32,6 +32,14 @@ pub(crate) struct Candidate {
     pub(crate) is_clean: bool,
 }
 
+impl Candidate {
+    /// Whether a pixel looks at its shape.
+    fn shows(&self, sight: &Sight, pixel: &Pixel) -> bool {
+        let met = self.fit.shape.meet(sight.origin(), pixel.direction);
+        met.is_some()
+    }
+}
+
 /// The groups of lit pixels that a shape explains.
 pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut groups = bearings::joined(evidence, grouping::group(evidence));
@@ -48,10 +56,9 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         let Some((light, group)) = lights.next() else {
             continue;
         };
-        let elsewhere = group.members.iter().filter(|member| {
-            let (sight, pixel) = evidence.pixel(member);
+        let elsewhere = group.share(evidence, |sight, pixel| {
             let meets = |c: &Candidate| {
-                let shows = c.fit.shape.meet(sight.origin(), pixel.direction).is_some();
+                let shows = c.shows(sight, pixel);
                 // Bars and frames divide the lit pixels of a window.
                 let is_pane =
                     c.fit.gaps == Gaps::Bars && clear::is_near(&c.fit.shape, sight.position(pixel));
@@ -60,7 +67,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             let alike = |c: &&Candidate| !c.group.is_unlike(&group);
             found.iter().filter(alike).any(meets)
         });
-        if elsewhere.count() as f32 > SHARE_ELSEWHERE * group.members.len() as f32 {
+        if elsewhere > SHARE_ELSEWHERE {
             continue;
         }
         let Some(fit) = fit::fit(evidence, &group, up) else {
@@ -85,8 +92,11 @@ fn without_repeated(evidence: &Evidence, mut found: Vec<Candidate>) -> Vec<Candi
     let mut kept: Vec<Candidate> = Vec::new();
     for c in found {
         let alike = |other: &&Candidate| !are_unlike(other.measured.radiance, c.measured.radiance);
-        let shown = kept.iter().filter(alike).map(|other| other.fit.shape);
-        if c.group.share_on(evidence, &shown.collect::<Vec<_>>()) <= SHARE_ELSEWHERE {
+        let elsewhere = c.group.share(evidence, |sight, pixel| {
+            let mut others = kept.iter().filter(alike);
+            others.any(|other| other.shows(sight, pixel))
+        });
+        if elsewhere <= SHARE_ELSEWHERE {
             kept.push(c);
         }
     }

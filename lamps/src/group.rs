@@ -1,8 +1,7 @@
 //! The lit pixels of views that are one lamp's.
 
-use crate::evidence::Evidence;
+use crate::evidence::{Evidence, Pixel, Sight};
 use crate::level::{Level, are_unlike, is_other_hue};
-use crate::shape::Shape;
 use glam::Vec3;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashSet};
@@ -69,14 +68,13 @@ impl Group {
         (0..num).map(part).collect()
     }
 
-    /// Share of its pixels whose rays meet any of `shapes`.
-    pub(crate) fn share_on(&self, evidence: &Evidence, shapes: &[Shape]) -> f32 {
-        let meets = |member: &&(u32, u32)| {
+    /// Share of its pixels, at least one, for which `is_so` is true.
+    pub(crate) fn share(&self, evidence: &Evidence, is_so: impl Fn(&Sight, &Pixel) -> bool) -> f32 {
+        let members = self.members.iter().filter(|member| {
             let (sight, pixel) = evidence.pixel(member);
-            let mut shapes = shapes.iter();
-            shapes.any(|shape| shape.meet(sight.origin(), pixel.direction).is_some())
-        };
-        self.members.iter().filter(meets).count() as f32 / self.members.len() as f32
+            is_so(sight, pixel)
+        });
+        members.count() as f32 / self.members.len() as f32
     }
 
     /// Its pixels of each view apart.

@@ -68,7 +68,6 @@ impl Level {
 
     /// Whether two regions cannot be of one lamp.
     pub(crate) fn is_unlike(&self, other: &Self) -> bool {
-        // Where darkness has a part of all pixels they are as much darker.
         is_other_hue(self.radiance, other.radiance)
             || match (self.is_known, other.is_known) {
                 (true, true) => self.is_dimmer(other) || other.is_dimmer(self),

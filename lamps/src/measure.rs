@@ -96,7 +96,7 @@ impl Measured {
     }
 }
 
-/// What a view tells of a lamp that has its `own` pixels and `level` there.
+/// The measurement of a view in which a lamp has its `own` pixels and `level`.
 fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -> Reading {
     let columns: HashSet<(u32, u32)> = (own.iter())
         .map(|&i| &sight.pixels[i as usize])

@@ -29,10 +29,7 @@ const NUM_TRIALS: usize = 150;
 /// The lamp of `group`, or those that explain its pixels much better than its fit `whole`; `up` is
 /// the unit vector upwards.
 pub(crate) fn all(evidence: &Evidence, group: Group, whole: Fit, up: Vec3) -> Vec<(Group, Fit)> {
-    match parted(evidence, &group, &whole, up) {
-        Some(parts) => parts,
-        None => vec![(group, whole)],
-    }
+    parted(evidence, &group, &whole, up).unwrap_or_else(|| vec![(group, whole)])
 }
 
 /// The pixels of `group` that each of `shapes` has: those that meet it, or miss it by least, and by

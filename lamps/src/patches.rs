@@ -76,13 +76,13 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                 }
                 let is_own = own.contains(&i);
                 let other = pixel.lit.is_lit() && !is_own;
-                // What stands before the lamp hides what it does, and so may another like it.
+                // Things before the lamp hide a part of it, and so may another one like it.
                 let is_before = !is_own && pixel.distance < nearest;
                 let is_like = || !level.is_unlike(&sight.level(pixel));
                 if is_before || (other && is_like()) {
                     continue;
                 }
-                // What has the rest of the pixel, if that is no lamp, is dark.
+                // The rest of the pixel is dark if it shows no other lamp.
                 let rest = match other {
                     true => Some(sight.level(pixel)),
                     false => sight.level_beside(pixel),

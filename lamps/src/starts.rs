@@ -123,15 +123,9 @@ pub(crate) fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f3
     // The direction in which a box around the points is smallest.
     let spread = |turn: f32| -> [f32; 2] {
         let (sin, cos) = turn.sin_cos();
-        let along = |f: &dyn Fn(&[f32; 2]) -> f32| {
-            let mut values: Vec<f32> = flat.iter().map(f).collect();
-            values.sort_unstable_by(f32::total_cmp);
-            let tail = values.len() / 20;
-            values[values.len() - 1 - tail] - values[tail]
-        };
         [
-            along(&|p| p[0] * cos + p[1] * sin),
-            along(&|p| p[1] * cos - p[0] * sin),
+            range(flat.iter().map(|p| p[0] * cos + p[1] * sin)),
+            range(flat.iter().map(|p| p[1] * cos - p[0] * sin)),
         ]
     };
     let turns = (0..18).map(|i| i as f32 * (0.5 * PI / 18.0));
@@ -145,6 +139,14 @@ pub(crate) fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f3
         ),
         size,
     }
+}
+
+/// The range of values, at least one, without a twentieth of them at either end.
+pub(crate) fn range(values: impl Iterator<Item = f32>) -> f32 {
+    let mut values: Vec<f32> = values.collect();
+    values.sort_unstable_by(f32::total_cmp);
+    let tail = values.len() / 20;
+    values[values.len() - 1 - tail] - values[tail]
 }
 
 /// Directions that a tube may have.

@@ -22,18 +22,19 @@ const SOFT_SHARE: f32 = 0.5;
 /// Takes out of a mask of pixels by their `values` what lamps light.
 pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
     let value = |[x, y]: [u32; 2]| values.get(x, y)[0];
+    let (width, height) = values.size();
+    let mut dim = Mask::empty(width, height);
     for region in mask.regions() {
         let brightest = region.pixels.iter().map(|&p| value(p)).fold(0.0, f32::max);
-        let (width, height) = values.size();
-        let mut dim = Mask::empty(width, height);
         for &[x, y] in &region.pixels {
             dim.set(x, y, value([x, y]) < MAX_SHARE * brightest);
         }
-        for surface in dim.regions() {
-            if fades(&surface, mask, values) {
-                mask.remove(&surface);
-            }
-        }
+    }
+    // Surfaces of two regions do not touch.
+    let mut surfaces = dim.regions();
+    surfaces.retain(|surface| fades(surface, mask, values));
+    for surface in &surfaces {
+        mask.remove(surface);
     }
 }
 
@@ -69,8 +70,8 @@ mod tests {
     const SIZE: u32 = 60;
     const LEVEL: f32 = 6.0;
 
-    /// What is in the mask of a lamp of radiance 70 in columns 20 to 23, about rows 20 to 39, beside
-    /// what has these values at a number of pixels from it.
+    /// The mask of a lamp of radiance 70 in columns 20 to 23 and rows 20 to 39, beside a surface of
+    /// these values at a number of pixels from it.
     fn masked(beside: impl Fn(f32) -> f32) -> Mask {
         let value = |x: u32, y: u32| {
             let rows = (20..40).contains(&y);

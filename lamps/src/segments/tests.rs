@@ -116,7 +116,7 @@ fn a_lamp_is_one_whatever_its_border_shade_or_view() {
                 0.6 + 2.0 * grain
             }
     };
-    // What is behind a window, outside, and a blind that lets some light through.
+    // A window, and a blind before it that lets some light through.
     let blind = |_: f32, y: f32| PANEL * if y < 9.0 { 0.55 } else { 1.0 };
     let plain = |_: f32, _: f32| PANEL;
     let radiances: [&dyn Fn(f32, f32) -> Vec3; 4] = [&plain, &shaded, &view, &blind];
