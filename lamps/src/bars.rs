@@ -64,11 +64,8 @@ pub(crate) fn behind_bars(
         ..*opening
     };
     let value = |by: &[f32]| {
-        residual(
-            &Shape::Rectangle(with_edges(&plane, by)),
-            patches,
-            Gaps::Bars,
-        )
+        let shape = Shape::Rectangle(with_edges(&plane, by));
+        residual(&[shape], patches, Gaps::Bars)
     };
     let (by, _) = search::minimum(value, &[0.1; 4], NUM_TRIALS);
     Some(with_edges(&plane, &by))

@@ -10,35 +10,72 @@ use glam::{Mat3, Quat, Vec3};
 /// Thickness of a flat lamp that may be a box, in sizes of its narrow side.
 const THICKNESS: f32 = 0.2;
 
-/// Boxes about the `points` of a lamp, with edges along the axes that a tube may have and one that
-/// is level if it can be, and about the `best` shape without edges; `up` is the unit vector up.
-pub(crate) fn starts(points: &[Point], best: &Shape, up: Vec3) -> Vec<Shape> {
+/// Boxes about the `points` of a lamp and about the `best` shape without edges, and whether they
+/// keep their z axis, which is then `up`, the unit vector upwards.
+pub(crate) fn starts(points: &[Point], best: &Shape, up: Vec3) -> Vec<(Shape, bool)> {
     let centre = median(&points.iter().map(|p| p.position));
     let pixel = points.iter().map(|p| p.width).fold(f32::INFINITY, f32::min);
-    let mut found = vec![around(best, up)];
-    let axes = axes(points).into_iter().chain([up]);
-    for axis in axes {
+    let around = around(best, up);
+    let mut found = vec![(around, false)];
+    for axis in axes(points).into_iter().chain([up]) {
         // The box of least area around the points as seen along the axis, and as long as they are.
         let flat = first_flat(points, centre, axis, pixel);
-        let along = points.iter().map(|p| (p.position - centre).dot(axis));
-        let length = range(along) + pixel;
-        let size = Vec3::new(flat.size[0], flat.size[1], length);
-        found.push(Shape::Box {
-            centre,
-            rotation: flat.rotation,
-            size,
-        });
-        let upright = level(axis, up);
-        found.push(Shape::Box {
-            centre,
-            rotation: upright,
-            size,
-        });
+        let [x, y] = flat.size;
+        let size = Vec3::new(x, y, along(points, centre, axis) + pixel);
+        let rotation = flat.rotation;
+        found.push((
+            Shape::Box {
+                centre,
+                rotation,
+                size,
+            },
+            false,
+        ));
+        // One that is level along the axis, or across it.
+        let rotation = level(axis, up);
+        let frame = Mat3::from_quat(rotation);
+        let size = [0, 1, 2].map(|k| along(points, centre, frame.col(k)) + pixel);
+        let size = Vec3::from_array(size);
+        found.push((
+            Shape::Box {
+                centre,
+                rotation,
+                size,
+            },
+            true,
+        ));
     }
+    found.push((upright(&around, up), true));
     found
 }
 
-/// The box around a shape; a round one is turned to be level.
+/// Length of points along an axis.
+fn along(points: &[Point], centre: Vec3, axis: Vec3) -> f32 {
+    range(points.iter().map(|p| (p.position - centre).dot(axis)))
+}
+
+/// A box as long and as wide as another one from above, and as high.
+fn upright(of: &Shape, up: Vec3) -> Shape {
+    let frame = Mat3::from_quat(of.rotation());
+    let size = of.size();
+    let long = (0..3).max_by(|&a, &b| {
+        let across = |k: usize| size[k] * frame.col(k).cross(up).length();
+        across(a).total_cmp(&across(b))
+    });
+    let rotation = level(frame.col(long.unwrap_or(0)), up);
+    let own = Mat3::from_quat(rotation);
+    let spread = |axis: Vec3| -> f32 {
+        let squares = (0..3).map(|k| (size[k] * frame.col(k).dot(axis)).powi(2));
+        squares.sum::<f32>().sqrt()
+    };
+    Shape::Box {
+        centre: of.centre(),
+        rotation,
+        size: Vec3::from_array([0, 1, 2].map(|k| spread(own.col(k)))),
+    }
+}
+
+/// The box around a shape; that of a ball is level.
 fn around(shape: &Shape, up: Vec3) -> Shape {
     let size = shape.size();
     let (rotation, size) = match shape {
@@ -50,8 +87,7 @@ fn around(shape: &Shape, up: Vec3) -> Shape {
         // As wide as it looks in the mean over directions across it.
         Shape::Tube { rotation, .. } => {
             let across = 0.25 * std::f32::consts::PI;
-            let size = size * Vec3::new(across, across, 1.0);
-            (level(*rotation * Vec3::Z, up), size)
+            (*rotation, size * Vec3::new(across, across, 1.0))
         }
         Shape::Box { rotation, .. } => (*rotation, size),
     };
@@ -62,8 +98,9 @@ fn around(shape: &Shape, up: Vec3) -> Shape {
     }
 }
 
-/// World from a frame whose z is `axis` and whose x is level.
+/// World from a frame whose z is `up` and whose x is along `axis` as far as it can be.
 fn level(axis: Vec3, up: Vec3) -> Quat {
-    let x = up.cross(axis).normalize_or(axis.any_orthonormal_vector());
-    rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, axis.cross(x), axis)))
+    let along = axis - up * axis.dot(up);
+    let x = along.try_normalize().unwrap_or(up.any_orthonormal_vector());
+    rotation::unit(Quat::from_mat3(&Mat3::from_cols(x, up.cross(x), up)))
 }

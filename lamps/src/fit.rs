@@ -7,8 +7,8 @@ use crate::boxes;
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
 use crate::measure::measure;
-use crate::patches::{Gaps, Patch, patches, residual};
-use crate::search::best_shape;
+use crate::patches::{Gaps, Patch, differences, patches, residual};
+use crate::search::{best_shape, descent};
 use crate::shape::Shape;
 use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
 use eagpt_scene::median::median_of;
@@ -20,10 +20,19 @@ pub(crate) const BETTER: f32 = 0.6;
 /// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
+/// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, of tubes
+/// that are, and of edges.
+const TILTED: f32 = 1.0;
+const TURNED: f32 = 0.5;
+const EDGES: f32 = 0.5;
+/// Residual from which on a shape is no better than none, though views may agree on its flux.
+const NOTHING: f32 = 0.9;
+/// Thickness of a box that is flat, in its narrower other side.
+const FLAT: f32 = 0.1;
 /// Residuals below this are alike.
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Evaluations of the first search from every start, and of later ones from the best of these.
-const NUM_FIRST_TRIALS: usize = 300;
+const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
 const NUM_PROMISING: usize = 4;
 const NUM_PROMISING_BOXES: usize = 2;
@@ -98,53 +107,106 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let towards: Vec3 = points.iter().map(|p| p.towards).sum();
     let doubtful = DOUBT / (group.members.len() as f32 / patches.len() as f32).sqrt();
     let flats = normals(&points, towards, mount(evidence, group, centre, extent), up);
+    let search = Search {
+        evidence,
+        group,
+        patches: &patches,
+        width: pixel,
+        doubtful,
+    };
     let mut starts: Vec<(Shape, bool)> = Vec::new();
     for (normal, is_mount) in flats {
         let flat = first_flat(&points, centre, normal, pixel);
         starts.push((Shape::Rectangle(flat), is_mount));
         starts.push((Shape::Ellipse(flat), is_mount));
     }
-    starts.push((
-        Shape::Ball {
-            centre,
-            radius: 0.5 * extent,
-        },
-        false,
-    ));
+    let radius = 0.5 * extent;
+    starts.push((Shape::Ball { centre, radius }, true));
+    starts.push((first_tube(&points, centre, up, pixel), true));
     for axis in axes(&points) {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }
-    let fits: Vec<(Fit, bool)> = starts
-        .par_iter()
-        .map(|(start, is_fixed)| {
-            let fit = refined(start, *is_fixed, NUM_FIRST_TRIALS, &patches, Gaps::Seen);
-            (fit, *is_fixed)
-        })
-        .collect();
-    let promising = ranked(evidence, group, fits, doubtful)
-        .into_iter()
-        .take(NUM_PROMISING);
-    let promising: Vec<(Fit, bool)> = promising.collect();
-    let again = |(fit, is_fixed): (Fit, bool)| {
-        let fit = refined_again(&fit.shape, is_fixed, &patches, Gaps::Seen);
-        (fit, is_fixed)
-    };
-    let mut fits: Vec<(Fit, bool)> = promising.into_par_iter().map(again).collect();
-    let (best, _) = *ranked(evidence, group, fits.clone(), doubtful).first()?;
+    let mut fits = search.best(&starts, NUM_PROMISING);
+    let (best, is_fixed) = *fits.first()?;
     // A thin lamp that looks flat may be one of the sides of a bar.
+    let is_tilted = best.shape.flat().is_some() && !is_fixed;
     let may_have_edges = best.shape.flat().is_some() || shows_edges(evidence, group);
-    if best.residual > PERFECT && may_have_edges {
-        let first = |start: Shape| {
-            let fit = refined(&start, false, NUM_FIRST_TRIALS, &patches, Gaps::Seen);
-            (fit, false)
-        };
-        let boxes = boxes::starts(&points, &best.shape, up).into_par_iter();
-        let mut boxes = ranked(evidence, group, boxes.map(first).collect(), doubtful);
-        boxes.truncate(NUM_PROMISING_BOXES);
-        fits.par_extend(boxes.into_par_iter().map(again));
+    if is_tilted || (best.residual > PERFECT && may_have_edges) {
+        let boxes = boxes::starts(&points, &best.shape, up);
+        fits.extend(search.best(&boxes, NUM_PROMISING_BOXES));
     }
-    let (best, _) = *ranked(evidence, group, fits, doubtful).first()?;
+    let (best, _) = *search.ranked(fits).first()?;
     Some(with_bars(evidence, group, &best, &patches).unwrap_or(best))
+}
+
+/// Pixels of a lamp that shapes are to explain.
+struct Search<'a> {
+    evidence: &'a Evidence,
+    group: &'a Group,
+    patches: &'a [Patch],
+    /// Width of a pixel on the lamp, scene units.
+    width: f32,
+    /// Deviation of the flux between views that speaks against a shape.
+    doubtful: f32,
+}
+
+impl Search<'_> {
+    /// The best shapes that are found from some that may keep their upright, and whether they do,
+    /// at most `num` of them, the best first.
+    fn best(&self, starts: &[(Shape, bool)], num: usize) -> Vec<(Fit, bool)> {
+        let first = starts.par_iter().map(|(start, is_fixed)| {
+            let fit = descended(start, *is_fixed, self.width, self.patches);
+            (fit, *is_fixed)
+        });
+        let mut promising = self.ranked(first.collect());
+        promising.truncate(num);
+        let refined = (promising.into_par_iter()).map(|(fit, is_fixed)| {
+            let fit = refined_again(&fit.shape, is_fixed, self.patches, Gaps::Seen);
+            (fit, is_fixed)
+        });
+        self.ranked(refined.collect())
+    }
+
+    /// Fits, and whether they keep an upright, the best first: those with least residual, where
+    /// those with more freedom have to be better by [`BETTER`], and views have to agree on the
+    /// flux.
+    fn ranked(&self, fits: Vec<(Fit, bool)>) -> Vec<(Fit, bool)> {
+        let better = if self.group.members.len() < FEW {
+            BETTER_OF_FEW
+        } else {
+            BETTER
+        };
+        let score = |(fit, is_fixed): &(Fit, bool)| {
+            let freedom = match fit.shape {
+                Shape::Ball { .. } => 0.0,
+                Shape::Rectangle(_) | Shape::Ellipse(_) => TILTED,
+                Shape::Tube { .. } => TURNED,
+                Shape::Box { .. } => TILTED,
+            } * f32::from(!*is_fixed);
+            if let Shape::Box { size, .. } = fit.shape
+                && is_flat(size)
+            {
+                return None;
+            }
+            let edges = match fit.shape {
+                Shape::Box { .. } => EDGES,
+                _ => 0.0,
+            };
+            let measured = measure(self.evidence, self.group, &fit.shape)?;
+            let doubtful = DEVIATION.max(self.doubtful);
+            let doubt = 1.0 + (measured.expected_deviation() / doubtful).powi(2);
+            Some((fit.residual + MIN_RESIDUAL) * better.powf(-freedom - edges) * doubt)
+        };
+        let mut scored: Vec<(f32, (Fit, bool))> = (fits.into_iter())
+            .filter_map(|fit| Some((score(&fit)?, fit)))
+            .collect();
+        let explains_nothing = |fit: &Fit| fit.residual > NOTHING;
+        scored.sort_by(|(a, (f, _)), (b, (g, _))| {
+            let apart = explains_nothing(f).cmp(&explains_nothing(g));
+            apart.then(a.total_cmp(b))
+        });
+        scored.into_iter().map(|(_, fit)| fit).collect()
+    }
 }
 
 /// A flat lamp of many pixels behind bars, if that explains more than the `best` fit without.
@@ -162,54 +224,53 @@ fn with_bars(evidence: &Evidence, group: &Group, best: &Fit, patches: &[Patch]) 
     Some(Fit { shape, ..fit })
 }
 
-/// Fits, and whether they keep the normal of a mount, the best first: those with least residual,
-/// where those with more freedom have to be better by [`BETTER`], and views have to agree on the
-/// flux.
-fn ranked(
-    evidence: &Evidence,
-    group: &Group,
-    fits: Vec<(Fit, bool)>,
-    doubtful: f32,
-) -> Vec<(Fit, bool)> {
-    let better = if group.members.len() < FEW {
-        BETTER_OF_FEW
-    } else {
-        BETTER
-    };
-    let score = |(fit, is_mount): &(Fit, bool)| {
-        let freedom = match fit.shape {
-            Shape::Rectangle(_) | Shape::Ellipse(_) => i32::from(!*is_mount),
-            Shape::Ball { .. } | Shape::Tube { .. } => 0,
-            Shape::Box { .. } => 1,
-        };
-        let measured = measure(evidence, group, &fit.shape)?;
-        let doubt = 1.0 + (measured.expected_deviation() / DEVIATION.max(doubtful)).powi(2);
-        Some((fit.residual + MIN_RESIDUAL) * better.powi(-freedom) * doubt)
-    };
-    let mut scored: Vec<(f32, (Fit, bool))> = (fits.into_iter())
-        .filter_map(|fit| Some((score(&fit)?, fit)))
-        .collect();
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.into_iter().map(|(_, fit)| fit).collect()
+/// Whether a box is no more than a panel, of which nobody knows whether both sides shine.
+fn is_flat(size: Vec3) -> bool {
+    let [a, b, c] = size.to_array();
+    let middle = a.max(b).min(a.min(b).max(c));
+    size.min_element() < FLAT * middle
 }
 
-/// The best shape of two searches from `start`: the corners of a search grow flat, so another one
-/// starts from where it ended.
-fn refined_again(start: &Shape, keeps_normal: bool, patches: &[Patch], gaps: Gaps) -> Fit {
-    let first = refined(start, keeps_normal, NUM_TRIALS, patches, gaps);
-    refined(&first.shape, keeps_normal, NUM_TRIALS, patches, gaps)
+/// The best shape of a descent and two searches from `start`: the corners of a search grow flat, so
+/// another one starts from where it ended.
+fn refined_again(start: &Shape, is_fixed: bool, patches: &[Patch], gaps: Gaps) -> Fit {
+    let first = refined(start, is_fixed, NUM_TRIALS, patches, gaps);
+    refined(&first.shape, is_fixed, NUM_TRIALS, patches, gaps)
+}
+
+/// The best shape that a descent from `start` comes to.
+fn descended(start: &Shape, is_fixed: bool, width: f32, patches: &[Patch]) -> Fit {
+    let gaps = Gaps::Seen;
+    let shape = descent(
+        start,
+        num_changes(start, is_fixed),
+        NUM_STEPS,
+        width,
+        |shape| {
+            let mut all = Vec::new();
+            differences(&[*shape], patches, gaps, |difference| all.push(difference));
+            all
+        },
+    );
+    Fit {
+        shape,
+        residual: residual(&[shape], patches, gaps),
+        gaps,
+    }
+}
+
+fn num_changes(shape: &Shape, is_fixed: bool) -> usize {
+    if is_fixed {
+        shape.num_upright()
+    } else {
+        shape.num_changes()
+    }
 }
 
 /// The best of `num_trials` shapes about `start`.
-fn refined(
-    start: &Shape,
-    keeps_normal: bool,
-    num_trials: usize,
-    patches: &[Patch],
-    gaps: Gaps,
-) -> Fit {
-    let num_changes = start.num_changes() - if keeps_normal { 2 } else { 0 };
-    let value = |shape: &Shape| residual(shape, patches, gaps);
+fn refined(start: &Shape, is_fixed: bool, num_trials: usize, patches: &[Patch], gaps: Gaps) -> Fit {
+    let num_changes = num_changes(start, is_fixed);
+    let value = |shape: &Shape| residual(&[*shape], patches, gaps);
     let (shape, residual) = best_shape(start, num_changes, num_trials, value);
     Fit {
         shape,

@@ -13,8 +13,10 @@ mod bars;
 mod bearings;
 mod boxes;
 mod candidates;
+mod change;
 mod clear;
 mod evidence;
+mod faces;
 mod fit;
 mod group;
 mod grouping;
@@ -130,8 +132,12 @@ pub fn find(
         fixed: discs.iter().flat_map(Gaussians::iter).collect(),
     };
     let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
-    let flats = mounted.filter_map(|c| c.fit.shape.flat().copied());
-    mount::free_all(gaussians, gaussians.len(), flats, &mut edit);
+    let faces = mounted.flat_map(|c| {
+        let views = c.group.by_view();
+        let eyes = views.map(|(view, _)| evidence.sights[view].origin());
+        faces::of_shape(&c.fit.shape, &eyes.collect::<Vec<_>>())
+    });
+    mount::free_all(gaussians, gaussians.len(), faces, &mut edit);
     if !clean_fits.is_empty() {
         clear::remove_what_hides(
             &tracer.device(),
@@ -199,12 +205,10 @@ fn lamp(
     let views = group.by_view().map(|(view, _)| view);
     Lamp {
         name,
-        shape: match c.fit.shape {
-            _ if !c.is_clean => LampShape::Other,
-            Shape::Rectangle(_) | Shape::Ellipse(_) => LampShape::Panel,
-            Shape::Ball { .. } => LampShape::Ball,
-            Shape::Tube { .. } => LampShape::Tube,
-            Shape::Box { .. } => LampShape::Box,
+        shape: if c.is_clean {
+            c.fit.shape.kind()
+        } else {
+            LampShape::Other
         },
         centre: c.fit.shape.centre().to_array(),
         rotation: [r.w, r.x, r.y, r.z],

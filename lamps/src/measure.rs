@@ -1,6 +1,6 @@
 //! The light of a lamp: the flux that views receive of it over the solid angle of its shape.
 
-use crate::evidence::{Evidence, Lit, Sight};
+use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::group::Group;
 use crate::level::Level;
 use crate::meet::ShapeFrom;
@@ -17,6 +17,9 @@ const RAYS: u32 = 4;
 /// Part of a lamp's solid angle that may be hidden, or beyond the edge of the picture, in a view
 /// that measures it.
 const MAX_HIDDEN: f32 = 0.05;
+
+/// Pixels around a lamp within which it may light what is behind it.
+const CLOSE: u32 = 3;
 
 /// Standard deviation between views over the mean as expected before any is known.
 const PRIOR_DEVIATION: f32 = 0.1;
@@ -98,18 +101,8 @@ impl Measured {
 
 /// The measurement of a view in which a lamp has its `own` pixels and `level`.
 fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -> Reading {
-    let columns: HashSet<(u32, u32)> = (own.iter())
-        .map(|&i| &sight.pixels[i as usize])
-        .flat_map(|p| (0..3).flat_map(move |dy| (0..3).map(move |dx| (p.x + dx, p.y + dy))))
-        .collect();
-    let background = {
-        let mut values: Vec<Vec3> = (sight.pixels.iter())
-            .filter(|p| p.lit == Lit::Dark)
-            .map(|p| p.radiance)
-            .collect();
-        values.sort_by(|a, b| a.element_sum().total_cmp(&b.element_sum()));
-        values.get(values.len() / 2).copied().unwrap_or(Vec3::ZERO)
-    };
+    let columns = around(sight, own, 1);
+    let background = background(sight, own);
     let mut reading = Reading {
         flux: Vec3::ZERO,
         solid_angle: 0.0,
@@ -139,7 +132,7 @@ fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -
         let is_dimmer = |rest: Level| level.outshines(&rest);
         // Neighbours of its own pixels count as far as they are brighter than what is behind.
         let beside = !is_own
-            && columns.contains(&(pixel.x + 1, pixel.y + 1))
+            && columns.contains(&(pixel.x, pixel.y))
             && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
         // A brighter lamp before it has a part of the pixel.
         let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(&level));
@@ -159,4 +152,33 @@ fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -
         }
     }
     reading
+}
+
+/// Places of pixels within `num` of a lamp's `own`.
+fn around(sight: &Sight, own: &HashSet<u32>, num: u32) -> HashSet<(u32, u32)> {
+    let places = own.iter().map(|&i| &sight.pixels[i as usize]);
+    places
+        .flat_map(|p| {
+            let rows = p.y.saturating_sub(num)..=p.y + num;
+            rows.flat_map(move |y| (p.x.saturating_sub(num)..=p.x + num).map(move |x| (x, y)))
+        })
+        .collect()
+}
+
+/// Radiance of what is behind a lamp at its borders: that of dark pixels close by, which the lamp
+/// may light, or else of all that are near.
+fn background(sight: &Sight, own: &HashSet<u32>) -> Vec3 {
+    let near = around(sight, own, CLOSE);
+    let of = |is_close: &dyn Fn(&Pixel) -> bool| {
+        let dark = sight
+            .pixels
+            .iter()
+            .filter(|p| p.lit == Lit::Dark && is_close(p));
+        let mut values: Vec<Vec3> = dark.map(|p| p.radiance).collect();
+        values.sort_by(|a, b| a.element_sum().total_cmp(&b.element_sum()));
+        values.get(values.len() / 2).copied()
+    };
+    of(&|p| near.contains(&(p.x, p.y)))
+        .or_else(|| of(&|_| true))
+        .unwrap_or(Vec3::ZERO)
 }

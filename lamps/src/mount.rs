@@ -1,11 +1,14 @@
-//! The surface that a flat lamp is mounted on.
+//! The surface that a lamp is mounted on.
 //!
 //! A ceiling of Gaussians is rough: discs that are tilted by a degree, or hang a centimetre below
 //! it, hide a lamp that is flush with it. Few cameras see a lamp along its ceiling and complain,
 //! but the walls of the room do, which is where its light goes.
+//!
+//! A panel is in the plane of its mount; a box or a tube may touch one with each of its flat faces.
 
+use crate::faces::{self, Face};
 use crate::shape::Flat;
-use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
+use eagpt_scene::lamps::{Lamp, Lamps};
 use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
@@ -18,6 +21,9 @@ const COSINE: f32 = 0.7;
 const DEVIATIONS: f32 = 3.0;
 /// Least number of Gaussians of a mount.
 const MIN_NUM: usize = 8;
+/// Distance from a lamp up to which its mount is freed, in its narrow sides, if that is less than
+/// half of its diagonal.
+const REACH: f32 = 2.0;
 /// Depth of the mount's Gaussians behind the lamp, in sizes of the thinnest side.
 const DEPTH: f32 = 0.03;
 /// Opacity of a Gaussian before a lamp from which on it hides it.
@@ -63,20 +69,23 @@ impl Place {
     }
 }
 
-/// Frees `flat` of the `num` first Gaussians, but for those that are not to `keep`: of those along
-/// its plane the ones that stick out of its mount before it go behind it and all of the mount lie
-/// along it, and those that hang before the lamp itself are taken out. Returns what becomes of
-/// which, `None` for those taken out.
+/// Frees a face of a lamp of the `num` first Gaussians, but for those that are not to `keep`: of
+/// those along its plane the ones that stick out of its mount before it go behind it and all of the
+/// mount lie along it, and those that hang before the lamp itself are taken out. Returns what
+/// becomes of which, `None` for those taken out.
 fn free(
     gaussians: &Gaussians,
     num: usize,
-    flat: &Flat,
+    face: &Face,
     keep: &[bool],
 ) -> Vec<(u32, Option<Gaussian>)> {
+    let flat = &face.flat;
     let normal = flat.normal();
     let [width, height] = flat.size;
-    let reach = 0.5 * width.hypot(height);
-    let depth = DEPTH * width.min(height);
+    let narrow = width.min(height);
+    let reach = (0.5 * width.hypot(height)).min(REACH * narrow);
+    let reach = reach.max(face.blur);
+    let depth = DEPTH * narrow;
     let along = |i: usize| (gaussians.rotations[i] * Vec3::Z).dot(normal).abs() > COSINE;
     let near: Vec<(usize, Place)> = (0..num)
         .filter(|&i| keep[i] && gaussians.emissions[i] <= EMISSION_THRESHOLD && along(i))
@@ -96,7 +105,11 @@ fn free(
     let middle = median_of(level());
     let spread = 1.4826 * median_of(level().map(|height| (height - middle).abs()));
     let thickness = DEVIATIONS * spread.max(depth);
-    let is_mounted = level().count() >= MIN_NUM && middle.abs() <= thickness;
+    let is_plane = level().count() >= MIN_NUM && middle.abs() <= thickness;
+    let is_mounted = face.is_mount && is_plane;
+    if !is_mounted && !face.shines {
+        return Vec::new();
+    }
     let freed = |(i, place): &(usize, Place)| {
         let is_of_mount = is_mounted
             && [place.height, place.height_there]
@@ -115,25 +128,31 @@ fn free(
     near.iter().filter_map(freed).collect()
 }
 
-/// Frees all flat lamps that nothing real stands before of what training has put before them since;
-/// the first `num_moving` Gaussians are not the lamps' own.
-pub fn freed(gaussians: &Gaussians, num_moving: usize, lamps: &Lamps) -> SceneEdit {
+/// Frees all lamps that nothing real stands before of what training has put before them since;
+/// the first `num_moving` Gaussians are not the lamps' own. `eyes` are the camera centres of the
+/// views that show a lamp.
+pub fn freed(
+    gaussians: &Gaussians,
+    num_moving: usize,
+    lamps: &Lamps,
+    eyes: impl Fn(&Lamp) -> Vec<Vec3>,
+) -> SceneEdit {
     let mut edit = SceneEdit::nothing(gaussians.len());
-    let flats = lamps.lamps.iter().filter_map(open_flat);
-    free_all(gaussians, num_moving, flats, &mut edit);
+    let faces = (lamps.lamps.iter()).flat_map(|lamp| faces::of_lamp(lamp, &eyes(lamp)));
+    free_all(gaussians, num_moving, faces, &mut edit);
     edit
 }
 
-/// Adds to `edit` what frees `flats` of the `num` first Gaussians, those that it takes out already
+/// Adds to `edit` what frees `faces` of the `num` first Gaussians, those that it takes out already
 /// left out.
 pub(crate) fn free_all(
     gaussians: &Gaussians,
     num: usize,
-    flats: impl Iterator<Item = Flat>,
+    faces: impl Iterator<Item = Face>,
     edit: &mut SceneEdit,
 ) {
-    for flat in flats {
-        for (i, gaussian) in free(gaussians, num, &flat, &edit.keep) {
+    for face in faces {
+        for (i, gaussian) in free(gaussians, num, &face, &edit.keep) {
             apply(edit, i, gaussian);
         }
     }
@@ -152,15 +171,6 @@ fn apply(edit: &mut SceneEdit, i: u32, gaussian: Option<Gaussian>) {
             }
         }
     }
-}
-
-/// The lamp if it is flat and without bars.
-fn open_flat(lamp: &Lamp) -> Option<Flat> {
-    (lamp.shape == LampShape::Panel && lamp.one_sided && !lamp.bars).then(|| Flat {
-        centre: lamp.centre(),
-        rotation: lamp.world_from_lamp(),
-        size: [lamp.size[0], lamp.size[1]],
-    })
 }
 
 /// `rotation` turned so that its plane has `normal` or its opposite.

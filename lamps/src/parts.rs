@@ -6,7 +6,7 @@ use crate::candidates::is_enough;
 use crate::evidence::Evidence;
 use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
-use crate::patches::{self, Gaps, Patch, patches, residual_of_all};
+use crate::patches::{self, Gaps, Patch, patches};
 use crate::search::best_shape;
 use crate::shape::Shape;
 use crate::starts::{extent, points, points_at};
@@ -63,7 +63,7 @@ fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
     let group = &among(evidence, group, &[whole.shape]).remove(0);
     let (centre, size) = extent(&points(evidence, group))?;
     let seen = patches(evidence, group, centre, size);
-    let of_whole = patches::residual(&whole.shape, &seen, Gaps::Seen);
+    let of_whole = residual_of(&[whole.shape], &seen);
     let (mut residual, mut shapes) = balls(evidence, group, centre, of_whole, &seen)?;
     let groups = among(evidence, group, &shapes);
     if !groups.iter().all(is_enough) {
@@ -134,13 +134,17 @@ fn balls(
     found
 }
 
+fn residual_of(shapes: &[Shape], seen: &[Patch]) -> f32 {
+    patches::residual(shapes, seen, Gaps::Seen)
+}
+
 /// Those of shapes without which the others would explain much less, and their residual.
 fn needed((mut residual, mut shapes): (f32, Vec<Shape>), seen: &[Patch]) -> (f32, Vec<Shape>) {
     while shapes.len() > 1 {
         let without = |at: usize| {
             let mut others = shapes.clone();
             others.remove(at);
-            (residual_of_all(&others, seen), others)
+            (residual_of(&others, seen), others)
         };
         let best = (0..shapes.len())
             .map(without)
@@ -173,7 +177,7 @@ fn refined(start: &Shape, at: usize, shapes: &[Shape], seen: &[Patch]) -> (Shape
     best_shape(start, start.num_changes(), NUM_TRIALS, |shape| {
         let mut all = shapes.to_vec();
         all[at] = *shape;
-        residual_of_all(&all, seen)
+        residual_of(&all, seen)
     })
 }
 

@@ -181,29 +181,34 @@ pub(crate) enum Gaps {
     Bars,
 }
 
-/// Residual of a shape.
-pub(crate) fn residual(shape: &Shape, patches: &[Patch], gaps: Gaps) -> f32 {
-    residual_of(std::slice::from_ref(shape), patches, gaps)
+/// Residual of shapes that are what the views show together: the sum of [`differences`] squared.
+pub(crate) fn residual(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
+    let mut sum = 0.0;
+    differences(shapes, patches, gaps, |difference| {
+        sum += difference * difference;
+    });
+    sum
 }
 
-/// Residual of shapes that are what the views show together.
-pub(crate) fn residual_of_all(shapes: &[Shape], patches: &[Patch]) -> f32 {
-    residual_of(shapes, patches, Gaps::Seen)
-}
-
-fn residual_of(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
-    let (mut error, mut all) = (0.0_f32, 0.0_f32);
-    let (mut elsewhere, mut num_distances) = (0.0_f32, 0_usize);
+/// Hands what shapes get wrong to `each`: at every pixel and every known distance, in the same
+/// order whatever the shapes are.
+pub(crate) fn differences(
+    shapes: &[Shape],
+    patches: &[Patch],
+    gaps: Gaps,
+    mut each: impl FnMut(f32),
+) {
+    let targets = patches.iter().flat_map(|patch| &patch.targets);
+    let all: f32 = targets.map(|t| t.weight * t.cover * t.cover).sum();
+    let all = all.max(f32::MIN_POSITIVE);
+    let mut offs = Vec::new();
     for patch in patches {
         let from = |shape| ShapeFrom::new(shape, patch.origin);
         let seen: Vec<ShapeFrom<'_>> = shapes.iter().map(from).collect();
         for (direction, trained) in &patch.distances {
             let met = seen.iter().filter_map(|shape| shape.meet(*direction));
-            if let Some(distance) = met.reduce(f32::min) {
-                let off = (distance / trained - 1.0).powi(2);
-                elsewhere += off / (off + OFF * OFF);
-                num_distances += 1;
-            }
+            let distance = met.reduce(f32::min);
+            offs.push(distance.map(|distance| (distance / trained - 1.0).powi(2)));
         }
         for target in &patch.targets {
             let (mut cover, mut farthest) = (0.0_f32, 0.0_f32);
@@ -219,10 +224,12 @@ fn residual_of(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
                 Gaps::Seen if farthest > target.hidden_from => HIDDEN,
                 Gaps::Seen => 1.0,
             };
-            let weight = target.weight * counts;
-            error += weight * (cover - target.cover).powi(2);
-            all += target.weight * target.cover * target.cover;
+            each((target.weight * counts / all).sqrt() * (cover - target.cover));
         }
     }
-    error / all.max(f32::MIN_POSITIVE) + ELSEWHERE * elsewhere / num_distances.max(1) as f32
+    let num_met = offs.iter().flatten().count().max(1) as f32;
+    for off in offs {
+        let share = off.map_or(0.0, |off| off / (off + OFF * OFF));
+        each((ELSEWHERE * share / num_met).sqrt());
+    }
 }

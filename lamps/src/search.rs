@@ -1,10 +1,76 @@
-//! The minimum of a function of few numbers that has no derivative (Nelder and Mead 1965, with the
-//! coefficients of that paper).
+//! Shapes of least residual: the way down a sum of squares (Levenberg 1944, Marquardt 1963), and the
+//! minimum of a function that has no derivative (Nelder and Mead 1965, with the coefficients of that
+//! paper).
 
-use crate::shape::{MAX_CHANGES, Shape};
+use crate::change::MAX_CHANGES;
+use crate::shape::Shape;
+use nalgebra::{DMatrix, DVector};
 
 /// Spread of values at which a search has arrived.
 const ARRIVED: f32 = 1e-5;
+
+/// Damping that a descent begins with, its range, and the factors by which it falls after a step
+/// down and grows after one that is none.
+const DAMPING: f32 = 0.01;
+const DAMPING_RANGE: [f32; 2] = [1e-4, 1e3];
+const LESS: f32 = 0.3;
+const MORE: f32 = 5.0;
+/// Share of the sum by which a step has to go down for another one to follow.
+const PAYS: f32 = 1e-3;
+
+/// The shape that a descent of at most `num_steps` steps comes to from `start`, by its first
+/// `num_changes` ([`Shape::changed`]). `differences` are as many for every shape; they are compared
+/// for shapes that differ by `width`, scene units.
+pub(crate) fn descent(
+    start: &Shape,
+    num_changes: usize,
+    num_steps: usize,
+    width: f32,
+    differences: impl Fn(&Shape) -> Vec<f32>,
+) -> Shape {
+    let with = |by: &DVector<f32>| {
+        let mut all = [0.0; MAX_CHANGES];
+        all[..num_changes].copy_from_slice(by.as_slice());
+        start.changed(&all)
+    };
+    let value = |by: &DVector<f32>| DVector::from_vec(differences(&with(by)));
+    let small = start.changes_of(width);
+    let mut at = DVector::zeros(num_changes);
+    let mut here = value(&at);
+    let mut damping = DAMPING;
+    for _ in 0..num_steps {
+        let columns: Vec<DVector<f32>> = (0..num_changes)
+            .map(|k| {
+                let mut beside = at.clone();
+                beside[k] += small[k];
+                (value(&beside) - &here) / small[k]
+            })
+            .collect();
+        let jacobian = DMatrix::from_columns(&columns);
+        let (square, downhill) = (jacobian.tr_mul(&jacobian), -jacobian.tr_mul(&here));
+        let sum = here.norm_squared();
+        let mut next = None;
+        while next.is_none() && damping <= DAMPING_RANGE[1] {
+            let mut damped = square.clone();
+            for k in 0..num_changes {
+                damped[(k, k)] += damping * square[(k, k)] + f32::MIN_POSITIVE;
+            }
+            let to = damped.cholesky().map(|c| &at + c.solve(&downhill));
+            next = to
+                .map(|to| (value(&to), to))
+                .filter(|(there, _)| there.norm_squared() < sum);
+            damping *= if next.is_some() { LESS } else { MORE };
+        }
+        let Some((there, to)) = next else { break };
+        damping = damping.max(DAMPING_RANGE[0]);
+        let pays = there.norm_squared() < (1.0 - PAYS) * sum;
+        (here, at) = (there, to);
+        if !pays {
+            break;
+        }
+    }
+    with(&at)
+}
 
 /// The shape about `start` of which `value` is least, by its first `num_changes`
 /// ([`Shape::changed`]), and what it is there.

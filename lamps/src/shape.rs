@@ -1,7 +1,7 @@
 //! Surfaces that lamps can have, as few numbers.
 
 use crate::meet::ShapeFrom;
-use eagpt_scene::rotation;
+use eagpt_scene::lamps::LampShape;
 use glam::{Quat, Vec3};
 use std::f32::consts::PI;
 
@@ -61,13 +61,17 @@ impl Flat {
     }
 }
 
-/// Most that the ends of a tube differ from its middle: not quite a tip.
-const MAX_TAPER: f32 = 0.95;
-
-/// Number of values that a shape can be changed by; see [`Shape::changed`].
-pub(crate) const MAX_CHANGES: usize = 9;
-
 impl Shape {
+    /// What it is called in a list of lamps.
+    pub(crate) fn kind(&self) -> LampShape {
+        match self {
+            Self::Rectangle(_) | Self::Ellipse(_) => LampShape::Panel,
+            Self::Ball { .. } => LampShape::Ball,
+            Self::Tube { .. } => LampShape::Tube,
+            Self::Box { .. } => LampShape::Box,
+        }
+    }
+
     /// Middle, world space.
     pub fn centre(&self) -> Vec3 {
         match self {
@@ -160,92 +164,6 @@ impl Shape {
         let to_centre = self.centre() - origin;
         direction.angle_between(to_centre)
             - (0.5 * self.thinnest() / to_centre.length()).min(1.0).asin()
-    }
-
-    /// Number of values of [`Self::changed`] that count.
-    pub(crate) fn num_changes(&self) -> usize {
-        match self {
-            Self::Rectangle(_) | Self::Ellipse(_) => 8,
-            Self::Ball { .. } => 4,
-            Self::Tube { .. } => 8,
-            Self::Box { .. } => 9,
-        }
-    }
-
-    /// The shape moved, sized and turned by small numbers: shifts along its axes in its own sizes,
-    /// logarithms of the sizes, and angles in radians. Of a flat shape the 7th and 8th tilt it.
-    pub(crate) fn changed(&self, by: &[f32; MAX_CHANGES]) -> Self {
-        let size = match self {
-            Self::Rectangle(flat) | Self::Ellipse(flat) => {
-                let [x, y] = flat.size;
-                Vec3::new(x, y, (x * y).sqrt())
-            }
-            Self::Ball { .. } | Self::Tube { .. } | Self::Box { .. } => self.size(),
-        };
-        let shift = self.rotation() * (Vec3::new(by[0], by[1], by[2]) * size);
-        let turned = |r: Quat, angles: Vec3| rotation::unit(r * Quat::from_scaled_axis(angles));
-        let flat = |flat: Flat| Flat {
-            centre: flat.centre + shift,
-            rotation: turned(flat.rotation, Vec3::new(by[6], by[7], by[5])),
-            size: [flat.size[0] * by[3].exp(), flat.size[1] * by[4].exp()],
-        };
-        match *self {
-            Self::Rectangle(of) => Self::Rectangle(flat(of)),
-            Self::Ellipse(of) => Self::Ellipse(flat(of)),
-            Self::Ball { centre, radius } => Self::Ball {
-                centre: centre + shift,
-                radius: radius * by[3].exp(),
-            },
-            Self::Tube {
-                centre,
-                rotation,
-                radius,
-                length,
-                taper,
-            } => Self::Tube {
-                centre: centre + shift,
-                rotation: turned(rotation, Vec3::new(by[5], by[6], 0.0)),
-                radius: radius * by[3].exp(),
-                length: length * by[4].exp(),
-                taper: (taper + by[7]).clamp(-MAX_TAPER, MAX_TAPER),
-            },
-            Self::Box {
-                centre,
-                rotation,
-                size,
-            } => Self::Box {
-                centre: centre + shift,
-                rotation: turned(rotation, Vec3::new(by[6], by[7], by[8])),
-                size: size * Vec3::new(by[3], by[4], by[5]).exp(),
-            },
-        }
-    }
-}
-
-impl Shape {
-    /// First steps of a search among [`Self::changed`]: long shapes turn little.
-    pub(crate) fn first_steps(&self) -> [f32; MAX_CHANGES] {
-        let step = |ratio: f32| (0.5 * ratio).min(0.2);
-        let across = |a: f32, b: f32| step(a.min(b) / a.max(b));
-        let turns = match *self {
-            Self::Rectangle(flat) | Self::Ellipse(flat) => {
-                let [x, y] = flat.size;
-                [across(x, y), 0.2, 0.2, 0.2]
-            }
-            Self::Ball { .. } => [0.2; 4],
-            Self::Tube { radius, length, .. } => {
-                let turn = step(2.0 * radius / length);
-                [turn, turn, 0.2, 0.2]
-            }
-            Self::Box { size, .. } => [
-                0.2,
-                across(size.y, size.z),
-                across(size.z, size.x),
-                across(size.x, size.y),
-            ],
-        };
-        let [a, b, c, d] = turns;
-        [0.2, 0.2, 0.2, 0.2, 0.2, a, b, c, d]
     }
 }
 

@@ -215,7 +215,7 @@ fn nothing_along_the_ceiling_stays_before_a_panel() {
     let scene: Gaussians = scene.into_iter().collect();
     let [tilted, faint, upright, far, own] = [0, 1, 2, 3, 4].map(|i| first + i);
 
-    let edit = freed(&scene, own, &panel(false));
+    let edit = freed(&scene, own, &panel(false), |_| Vec::new());
     let moved = |i: usize| edit.moved.iter().find(|(at, _)| *at as usize == i);
     let (_, flat) = moved(tilted).unwrap();
     let normal = flat.rotation * Vec3::Z;
@@ -231,7 +231,7 @@ fn nothing_along_the_ceiling_stays_before_a_panel() {
 
     // Freed once, there is nothing left to do but for what lies right already.
     let after = edit.applied(&scene);
-    let again = freed(&after, own - 1, &panel(false));
+    let again = freed(&after, own - 1, &panel(false), |_| Vec::new());
     assert!(again.keep.iter().all(|keep| *keep));
     for (i, gaussian) in &again.moved {
         let before = after.positions[*i as usize];
@@ -242,6 +242,6 @@ fn nothing_along_the_ceiling_stays_before_a_panel() {
 #[test]
 fn what_stands_before_a_window_stays() {
     let scene: Gaussians = room().iter().chain(discs()).collect();
-    let edit = freed(&scene, scene.len() - 1, &panel(true));
+    let edit = freed(&scene, scene.len() - 1, &panel(true), |_| Vec::new());
     assert_eq!(edit, SceneEdit::nothing(scene.len()));
 }

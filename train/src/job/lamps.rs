@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::luminous::luminous;
 use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
-use eagpt_scene::lamps::{read_lamps, write_lamps};
+use eagpt_scene::lamps::{Lamp, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
 
 impl Run<'_> {
@@ -60,7 +60,11 @@ impl Run<'_> {
         };
         let lamps = read_lamps(&path)?;
         let state = backend.state()?;
-        let edit = eagpt_lamps::freed(&state.gaussians(), state.num_moving(), &lamps);
+        let eyes = |lamp: &Lamp| {
+            let cameras = lamp.views.iter().filter_map(|name| views.named(name));
+            cameras.map(|camera| camera.origin()).collect()
+        };
+        let edit = eagpt_lamps::freed(&state.gaussians(), state.num_moving(), &lamps, eyes);
         backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
     }
 

@@ -72,6 +72,16 @@ impl Views {
         self.dataset(light).frames()[frame].camera
     }
 
+    /// The camera of the first training view of a name.
+    pub(super) fn named(&self, name: &str) -> Option<Camera> {
+        let is_named = |index: &&usize| {
+            let (light, frame) = self.place(**index);
+            self.dataset(light).frames()[frame].name == name
+        };
+        let index = self.indices.iter().find(is_named)?;
+        Some(self.camera(*index))
+    }
+
     /// The cameras of all training views; those of several lights once.
     pub(super) fn cameras(&self) -> Vec<Camera> {
         self.of_poses().map(|index| self.camera(index)).collect()

@@ -1,0 +1,111 @@
+//! Flat faces of lamps, which may touch what they are mounted on.
+
+use crate::shape::{Flat, Shape};
+use eagpt_scene::lamps::{Lamp, LampShape};
+use eagpt_scene::rotation;
+use glam::{Mat3, Quat, Vec3};
+
+/// Sine of the angle over its plane from which on a camera sees a face.
+const SINE: f32 = 0.17;
+/// Share of a camera's distance by which discs near a lamp are in the wrong place.
+const BLUR: f32 = 0.1;
+/// Least number of cameras that see a face, among those that show its lamp.
+const MIN_EYES: usize = 2;
+
+/// A flat face of a lamp, or the opposite of one, which lies on a mount.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Face {
+    /// Place and size; the normal points to where the lamp stands out of its mount.
+    pub(crate) flat: Flat,
+    /// Whether it may be mounted on a surface in its plane.
+    pub(crate) is_mount: bool,
+    /// Whether its lamp shines along the normal, to where cameras see it.
+    pub(crate) shines: bool,
+    /// What training knows of places near it is no better than this, scene units: a share of the
+    /// distance of the nearest camera.
+    pub(crate) blur: f32,
+}
+
+/// Those of a shape, which cameras at `eyes` see.
+pub(crate) fn of_shape(shape: &Shape, eyes: &[Vec3]) -> Vec<Face> {
+    let place = (shape.centre(), shape.rotation());
+    of_box(shape.kind(), place, shape.size(), eyes)
+}
+
+/// Those of a lamp, which cameras at `eyes` see; none where something real stands before it.
+pub(crate) fn of_lamp(lamp: &Lamp, eyes: &[Vec3]) -> Vec<Face> {
+    if lamp.bars || (lamp.shape == LampShape::Panel && !lamp.one_sided) {
+        return Vec::new();
+    }
+    let place = (lamp.centre(), lamp.world_from_lamp());
+    of_box(lamp.shape, place, Vec3::from(lamp.size), eyes)
+}
+
+fn of_box(
+    kind: LampShape,
+    (centre, rotation): (Vec3, Quat),
+    size: Vec3,
+    eyes: &[Vec3],
+) -> Vec<Face> {
+    let distances = eyes.iter().map(|eye| eye.distance(centre));
+    let blur = distances
+        .reduce(f32::min)
+        .map_or(0.0, |nearest| BLUR * nearest);
+    let axes = match kind {
+        LampShape::Panel => {
+            let flat = Flat {
+                centre,
+                rotation,
+                size: [size.x, size.y],
+            };
+            return vec![Face {
+                flat,
+                is_mount: true,
+                shines: true,
+                blur,
+            }];
+        }
+        LampShape::Tube => 2..3,
+        LampShape::Box => 0..3,
+        LampShape::Ball | LampShape::Other => return Vec::new(),
+    };
+    let frame = Mat3::from_quat(rotation);
+    // The side of an axis seen along or against it.
+    let side = |axis: usize, side: f32, normal: f32| {
+        let [x, y] = [(axis + 1) % 3, (axis + 2) % 3];
+        let [u, v, w] = [
+            frame.col(x),
+            frame.col(y) * normal,
+            frame.col(axis) * normal,
+        ];
+        Flat {
+            centre: centre + frame.col(axis) * (0.5 * side * size[axis]),
+            rotation: rotation::unit(Quat::from_mat3(&Mat3::from_cols(u, v, w))),
+            size: [size[x], size[y]],
+        }
+    };
+    axes.flat_map(|axis| [(axis, -1.0), (axis, 1.0)])
+        .map(|(axis, sign)| {
+            let flat = side(axis, sign, sign);
+            let shines = is_seen(&flat, eyes);
+            Face {
+                flat: if shines {
+                    flat
+                } else {
+                    side(axis, sign, -sign)
+                },
+                is_mount: !shines,
+                shines,
+                blur,
+            }
+        })
+        .collect()
+}
+
+fn is_seen(flat: &Flat, eyes: &[Vec3]) -> bool {
+    let normal = flat.normal();
+    let seen = eyes
+        .iter()
+        .filter(|eye| (**eye - flat.centre).normalize_or_zero().dot(normal) > SINE);
+    seen.count() >= MIN_EYES
+}
