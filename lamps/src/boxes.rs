@@ -6,17 +6,22 @@ use crate::starts::{Point, axes, first_flat, range};
 use eagpt_scene::median::median;
 use eagpt_scene::rotation;
 use glam::{Mat3, Quat, Vec3};
+use std::f32::consts::PI;
 
 /// Thickness of a flat lamp that may be a box, in sizes of its narrow side.
 const THICKNESS: f32 = 0.2;
 
-/// Boxes about the `points` of a lamp and about the `best` shape without edges, and whether they
+/// Length of a box that may be a tube, in its mean width.
+const LONG: f32 = 4.0;
+
+/// Boxes about the `points` of a lamp and about the best shapes without edges, and whether they
 /// keep their z axis, which is then `up`, the unit vector upwards.
-pub(crate) fn starts(points: &[Point], best: &Shape, up: Vec3) -> Vec<(Shape, bool)> {
+pub(crate) fn starts(points: &[Point], best: &[Shape], up: Vec3) -> Vec<(Shape, bool)> {
     let centre = median(&points.iter().map(|p| p.position));
     let pixel = points.iter().map(|p| p.width).fold(f32::INFINITY, f32::min);
-    let around = around(best, up);
-    let mut found = vec![(around, false)];
+    let mut found: Vec<(Shape, bool)> = (best.iter().map(|shape| around(shape, up)))
+        .flat_map(|around| [(around, false), (upright(&around, up), true)])
+        .collect();
     for axis in axes(points).into_iter().chain([up]) {
         // The box of least area around the points as seen along the axis, and as long as they are.
         let flat = first_flat(points, centre, axis, pixel);
@@ -45,7 +50,6 @@ pub(crate) fn starts(points: &[Point], best: &Shape, up: Vec3) -> Vec<(Shape, bo
             true,
         ));
     }
-    found.push((upright(&around, up), true));
     found
 }
 
@@ -86,7 +90,7 @@ fn around(shape: &Shape, up: Vec3) -> Shape {
         Shape::Ball { .. } => (level(up, up), 0.8 * size),
         // As wide as it looks in the mean over directions across it.
         Shape::Tube { rotation, .. } => {
-            let across = 0.25 * std::f32::consts::PI;
+            let across = 0.25 * PI;
             (*rotation, size * Vec3::new(across, across, 1.0))
         }
         Shape::Box { rotation, .. } => (*rotation, size),
@@ -96,6 +100,21 @@ fn around(shape: &Shape, up: Vec3) -> Shape {
         rotation,
         size,
     }
+}
+
+/// The tube in place of a box that is long.
+pub(crate) fn tube(of: &Shape) -> Option<Shape> {
+    let size = of.size();
+    let long = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b]))?;
+    let across = 0.5 * (size.element_sum() - size[long]);
+    (size[long] > LONG * across).then(|| Shape::Tube {
+        centre: of.centre(),
+        rotation: rotation::from_z_to(Mat3::from_quat(of.rotation()).col(long)),
+        // As wide as the box looks in the mean over directions across it.
+        radius: 2.0 * across / PI,
+        length: size[long],
+        taper: 0.0,
+    })
 }
 
 /// World from a frame whose z is `up` and whose x is along `axis` as far as it can be.

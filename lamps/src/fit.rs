@@ -132,8 +132,15 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let is_tilted = best.shape.flat().is_some() && !is_fixed;
     let may_have_edges = best.shape.flat().is_some() || shows_edges(evidence, group);
     if is_tilted || (best.residual > PERFECT && may_have_edges) {
-        let boxes = boxes::starts(&points, &best.shape, up);
-        fits.extend(search.best(&boxes, NUM_PROMISING_BOXES));
+        let found: Vec<Shape> = fits.iter().map(|(fit, _)| fit.shape).collect();
+        let boxes = boxes::starts(&points, &found, up);
+        let boxes = search.best(&boxes, NUM_PROMISING_BOXES);
+        // A search for a long tube that begins beside it misses it.
+        let tubes: Vec<(Shape, bool)> = (boxes.iter())
+            .filter_map(|(fit, _)| Some((boxes::tube(&fit.shape)?, false)))
+            .collect();
+        fits.extend(search.best(&tubes, NUM_PROMISING_BOXES));
+        fits.extend(boxes);
     }
     let (best, _) = *search.ranked(fits).first()?;
     Some(with_bars(evidence, group, &best, &patches).unwrap_or(best))

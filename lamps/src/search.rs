@@ -158,6 +158,41 @@ pub(crate) fn minimum(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::{Quat, Vec3};
+
+    /// Differences that vanish for one box alone: where eight of its points are.
+    #[test]
+    fn a_descent_comes_to_the_shape_without_differences() {
+        let corners = |shape: &Shape| -> Vec<f32> {
+            let at = |i: u8| {
+                let half = |bit: u8| if i & bit == 0 { -0.5 } else { 0.5 };
+                let own = shape.size() * Vec3::new(half(1), half(2), half(4));
+                (shape.centre() + shape.rotation() * own).to_array()
+            };
+            (0..8).flat_map(at).collect()
+        };
+        let shape = |centre: [f32; 3], turn: f32, size: [f32; 3]| Shape::Box {
+            centre: centre.into(),
+            rotation: Quat::from_rotation_z(turn),
+            size: size.into(),
+        };
+        let wanted = shape([0.3, -0.2, 1.0], 0.4, [0.9, 0.2, 0.1]);
+        let target = corners(&wanted);
+        let differences = |shape: &Shape| -> Vec<f32> {
+            let all = corners(shape);
+            all.iter().zip(&target).map(|(a, b)| a - b).collect()
+        };
+        let start = shape([0.1, 0.1, 1.2], 0.0, [0.6, 0.4, 0.2]);
+        for num_changes in [start.num_upright(), start.num_changes()] {
+            let found = descent(&start, num_changes, 40, 1e-3, differences);
+            // Differences of single precision over steps of a thousandth.
+            assert!(found.centre().distance(wanted.centre()) < 1e-3, "{found:?}");
+            assert!(found.size().distance(wanted.size()) < 1e-3, "{found:?}");
+        }
+        // What may not tilt does not.
+        let found = descent(&start, start.num_upright(), 40, 1e-3, differences);
+        assert_eq!(found.rotation() * Vec3::Z, Vec3::Z);
+    }
 
     /// A narrow curved valley (Rosenbrock) and a bowl in five dimensions.
     #[test]

@@ -7,21 +7,25 @@ mod rig;
 use eagpt_lamps::shape::{Flat, Shape};
 use eagpt_lamps::{Evidence, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
-use eagpt_scene::{Gaussians, rotation};
+use eagpt_scene::{Camera, Gaussians, rotation};
 use eagpt_trace::Device;
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use rig::{cameras, heap, photograph_all, room};
 use std::f32::consts::PI;
 
 /// Lamps found in photographs of these, where training has a heap of discs for each `trained` one.
 fn found(lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
+    found_by(&cameras(), lamps, trained)
+}
+
+fn found_by(cameras: &[Camera], lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
     let heaps = trained
         .iter()
         .flat_map(|(shape, radiance)| heap(shape, *radiance));
     let scene: Gaussians = room().iter().chain(heaps).collect();
     let tracer = Device::Cpu.scene(&scene).unwrap();
     let mut evidence = Evidence::default();
-    for (i, camera) in cameras().into_iter().enumerate() {
+    for (i, &camera) in cameras.iter().enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph_all(i, camera, lamps, &[]), 0, &seen);
     }
@@ -112,6 +116,41 @@ fn lamps_with_edges_are_boxes() {
         let found = check(&[(shape, radiance)], 0.05);
         assert_eq!(found[0].shape, LampShape::Box, "{found:#?}");
     }
+}
+
+/// Cameras that are all on one side of a bar see the same of it as of a tilted panel, nearly.
+#[test]
+fn a_bar_before_a_wall_is_no_tilted_panel() {
+    let bar = Shape::Box {
+        centre: Vec3::new(0.1, 1.9, 2.1),
+        rotation: Quat::IDENTITY,
+        size: Vec3::new(0.8, 0.07, 0.06),
+    };
+    let eyes = [-1.2, -0.7, -0.2, 0.3, 0.8, 1.3].map(|x: f64| DVec3::new(x, 0.4 - x.abs(), 1.1));
+    let views = eyes.map(|eye| {
+        let target = bar.centre().as_dvec3() - DVec3::Z * 0.2;
+        Camera::centred(
+            [120, 80],
+            1.3,
+            Camera::level_pose(eye, (target - eye).normalize()),
+        )
+    });
+    let lamps = [(bar, Vec3::new(52.0, 48.0, 42.0))];
+    let found = check_found(&lamps, found_by(&views, &lamps, &lamps), 0.08);
+    assert_ne!(found[0].shape, LampShape::Panel, "{found:#?}");
+}
+
+#[test]
+fn a_can_at_the_ceiling_does_not_lie_on_its_side() {
+    let can = Shape::Tube {
+        centre: Vec3::new(0.1, 0.1, 2.46),
+        rotation: Quat::IDENTITY,
+        radius: 0.16,
+        length: 0.07,
+        taper: 0.0,
+    };
+    let found = check(&[(can, Vec3::new(17.0, 16.0, 14.5))], 0.06);
+    assert_eq!(found[0].shape, LampShape::Tube, "{found:#?}");
 }
 
 #[test]

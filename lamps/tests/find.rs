@@ -245,3 +245,50 @@ fn what_stands_before_a_window_stays() {
     let edit = freed(&scene, scene.len() - 1, &panel(true), |_| Vec::new());
     assert_eq!(edit, SceneEdit::nothing(scene.len()));
 }
+
+/// A flat can at the ceiling, seen from below: a faint disc hangs before its face, one of the
+/// ceiling hangs down beside it, and a board is farther below.
+#[test]
+fn nothing_hides_the_face_of_a_can_at_the_ceiling() {
+    let [mut can] = <[Lamp; 1]>::try_from(panel(false).lamps).unwrap();
+    can.shape = LampShape::Tube;
+    can.size = [0.1, 0.1, 0.01];
+    can.centre[2] = HEIGHT - 0.005;
+    let face = HEIGHT - 0.01;
+    let mut scene: Vec<Gaussian> = room().iter().collect();
+    let first = scene.len();
+    let like = scene[0];
+    let disc = |x: f32, z: f32, size: f32, opacity: f32| Gaussian {
+        position: Vec3::new(x, 0.1, z),
+        scale: Vec2::splat(size),
+        rotation: Quat::IDENTITY,
+        opacity,
+        ..like
+    };
+    // Enough of the ceiling for a plane.
+    for k in 0..12 {
+        scene.push(disc(0.14 + 0.01 * k as f32, HEIGHT + 0.001, 0.02, 0.9));
+    }
+    let hanging = scene.len();
+    scene.push(disc(0.28, HEIGHT - 0.002, 0.02, 0.9));
+    let film = scene.len();
+    scene.push(disc(0.21, face - 0.08, 0.05, 0.12));
+    let board = scene.len();
+    scene.push(disc(0.2, face - 0.6, 0.3, 0.9));
+    let scene: Gaussians = scene.into_iter().collect();
+    let lamps = Lamps { lamps: vec![can] };
+    let eyes = |_: &Lamp| [0.0, 0.4].map(|x| Vec3::new(x, 0.0, 1.2)).to_vec();
+
+    let edit = freed(&scene, scene.len(), &lamps, eyes);
+    let gone: Vec<usize> = (0..scene.len()).filter(|&i| !edit.keep[i]).collect();
+    assert_eq!(gone, [film]);
+    let after = |i: usize| edit.moved.iter().find(|(at, _)| *at as usize == i);
+    let moved = after(hanging).unwrap().1;
+    assert!(moved.position.z > HEIGHT, "{}", moved.position);
+    assert!(after(board).is_none());
+    assert!(edit.moved.iter().all(|(i, _)| *i as usize >= first));
+
+    // Without views that show it, a face is not known to shine, and what is before it stays.
+    let edit = freed(&scene, scene.len(), &lamps, |_| Vec::new());
+    assert!(edit.keep[film]);
+}
