@@ -5,11 +5,15 @@
 //! light then travels along these transport matrix entries, bounce after bounce, in all conditions
 //! (the progressive form of radiosity, gathered by Monte Carlo). The result is read where a ray
 //! from a pixel's surface ends, never at the pixel itself, so that the grid does not show.
+//!
+//! Within a cell of a lamp light changes by more than a cell can say: behind a lamp that is flush
+//! with the ceiling a cell is bright that shows the room its dark part alone. Where rays meet such
+//! a cell, direct light is sampled at the very point.
 
 use super::emitters::{Receiver, cosine_direction};
 use super::path::Lighting;
 use super::points::Points;
-use crate::room::{Hit, LIFT, MAX_CONDITIONS, Room};
+use crate::room::{Hit, LIFT, MAX_CONDITIONS, PerCondition, Room};
 use eagpt_scene::rng::RandomKey;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -20,8 +24,8 @@ const MAX_CELLS: f32 = 96.0;
 const MAX_BURIED: f32 = 0.75;
 /// Bounces that light is followed over; albedos of 0.8 leave 1 % of the light after as many.
 const NUM_SWEEPS: usize = 24;
-/// Entry of a direction that meets no cell.
-const NOWHERE: u32 = u32::MAX;
+/// Distance from a light within which a cell is not even, in its widths.
+const NEAR: f32 = 1.5;
 
 /// Settings of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +55,8 @@ pub(crate) struct Cache {
     /// Index into `grids` of each surface's first face.
     first_grid: Vec<u32>,
     light: Vec<Vec<Vec3>>,
+    /// Whether cells are close to a light.
+    is_near: Vec<bool>,
 }
 
 /// The cells of a face.
@@ -65,8 +71,13 @@ struct Grid {
 /// Geometry and direct light of a cell.
 struct Cell {
     albedo: Vec3,
-    direct: [Vec3; MAX_CONDITIONS],
+    direct: PerCondition,
+    /// Rays that start outside of things.
+    num_rays: usize,
+    /// Cells that they meet, …
     entries: Vec<u32>,
+    /// … and those close to a light, with the direct light where they do.
+    near: Vec<(u32, PerCondition)>,
 }
 
 impl Cache {
@@ -77,6 +88,7 @@ impl Cache {
             grids: Vec::new(),
             first_grid: Vec::new(),
             light: Vec::new(),
+            is_near: Vec::new(),
         };
         let mut num_cells = 0;
         for (surface, it) in (0..).zip(room.surfaces()) {
@@ -98,6 +110,7 @@ impl Cache {
                 num_cells += size[0] * size[1];
             }
         }
+        cache.is_near = cache.near_lights(room, options.cell_m);
         let grids = cache.grids.par_iter();
         let cells: Vec<Cell> = grids
             .flat_map_iter(|grid| (0..grid.size[0] * grid.size[1]).map(move |cell| (grid, cell)))
@@ -116,13 +129,42 @@ impl Cache {
         })
     }
 
-    /// Irradiance over π at a point.
-    pub(crate) fn irradiance(&self, condition: usize, hit: &Hit) -> Vec3 {
-        self.light
-            .get(condition)
-            .and_then(|light| light.get(self.cell(hit)? as usize))
-            .copied()
-            .unwrap_or(Vec3::ZERO)
+    /// Irradiance over π at a point; `None` close to a light, where it is not known.
+    pub(crate) fn irradiance(&self, hit: &Hit) -> Option<PerCondition> {
+        let Some(cell) = self.cell(hit) else {
+            return Some([Vec3::ZERO; MAX_CONDITIONS]);
+        };
+        let cell = cell as usize;
+        let of = |condition: usize| self.light.get(condition).map_or(Vec3::ZERO, |l| l[cell]);
+        (!self.is_near[cell]).then(|| std::array::from_fn(of))
+    }
+
+    /// Whether cells are close to a surface that emits in some condition.
+    fn near_lights(&self, room: &Room, cell_m: f32) -> Vec<bool> {
+        let emits = |surface: u32| {
+            let faces = 0..room.surfaces()[surface as usize].shape.num_faces();
+            faces
+                .into_iter()
+                .any(|face| room.emitted(surface, face).is_some())
+        };
+        let lights: Vec<[Vec3; 2]> = (0..room.surfaces().len() as u32)
+            .filter(|surface| emits(*surface))
+            .map(|surface| room.surfaces()[surface as usize].shape.bounds())
+            .collect();
+        let cells = self.grids.iter().flat_map(|grid| {
+            let size = Vec2::new(grid.size[0] as f32, grid.size[1] as f32);
+            (0..grid.size[0] * grid.size[1]).map(move |cell| {
+                let corner = Vec2::new((cell % grid.size[0]) as f32, (cell / grid.size[0]) as f32);
+                let st = (corner + Vec2::splat(0.5)) / size;
+                room.point(grid.surface, grid.face, st).position
+            })
+        });
+        cells
+            .map(|place| {
+                let distance = |[low, high]: &[Vec3; 2]| place.distance(place.clamp(*low, *high));
+                lights.iter().any(|bounds| distance(bounds) < NEAR * cell_m)
+            })
+            .collect()
     }
 
     fn cell(&self, hit: &Hit) -> Option<u32> {
@@ -159,7 +201,7 @@ impl Cache {
         };
         let conditions = 0..room.num_conditions();
         let (mut albedo, mut direct) = (Vec3::ZERO, [Vec3::ZERO; MAX_CONDITIONS]);
-        let (mut entries, mut num_buried) = (Vec::new(), 0);
+        let (mut entries, mut near, mut num_buried) = (Vec::new(), Vec::new(), 0);
         for sample in 0..options.num_links {
             let [a, b, c, d] = points.block(sample, 0);
             let (st, at) = start(a, b);
@@ -176,14 +218,23 @@ impl Cache {
                             direct[condition] += emitted * (weight / options.num_links as f32);
                         }
                     }
-                    entries.push(self.cell(&hit).unwrap_or(NOWHERE));
+                    match self.cell(&hit) {
+                        Some(cell) if self.is_near[cell as usize] => {
+                            let [a, b, c, _] = points.block(sample, 2);
+                            let [d, e, ..] = points.block(sample, 3);
+                            let at = Receiver::of(&hit);
+                            near.push((cell, lighting.lit(&at, Vec3::new(a, b, c), [d, e])));
+                        }
+                        Some(cell) => entries.push(cell),
+                        None => (),
+                    }
                 }
-                None => entries.push(NOWHERE),
+                None => (),
             }
         }
         let open = 1.0 - num_buried as f32 / options.num_links as f32;
         if open < 1.0 - MAX_BURIED {
-            entries.clear();
+            (entries.clear(), near.clear());
             direct = [Vec3::ZERO; MAX_CONDITIONS];
         } else {
             for condition in conditions {
@@ -203,7 +254,9 @@ impl Cache {
         Cell {
             albedo: albedo / options.num_links as f32,
             direct,
+            num_rays: options.num_links as usize - num_buried,
             entries,
+            near,
         }
     }
 
@@ -223,9 +276,14 @@ impl Cache {
             light = cells
                 .par_iter()
                 .map(|cell| {
-                    let lit = cell.entries.iter().filter(|entry| **entry != NOWHERE);
-                    let sum: Vec3 = lit.map(|&entry| reflected[entry as usize]).sum();
-                    cell.direct[condition] + sum / cell.entries.len().max(1) as f32
+                    let even = cell.entries.iter().map(|&entry| reflected[entry as usize]);
+                    let near = cell.near.iter().map(|(entry, direct)| {
+                        let met = *entry as usize;
+                        let indirect = light[met] - cells[met].direct[condition];
+                        (direct[condition] + indirect) * albedos[met]
+                    });
+                    let sum: Vec3 = even.chain(near).sum();
+                    cell.direct[condition] + sum / cell.num_rays.max(1) as f32
                 })
                 .collect();
         }

@@ -73,10 +73,10 @@ impl<'a> Lighting<'a> {
                 }
             }
             throughput *= self.room.reflectance(next.surface, next.face, next.st);
-            if let Some(cache) = &self.cache {
+            if let Some(known) = self.cached(&next) {
                 for condition in 0..num {
                     if is_on[condition] {
-                        total[condition] += throughput * cache.irradiance(condition, &next);
+                        total[condition] += throughput * known[condition];
                     }
                 }
                 break;
@@ -89,6 +89,29 @@ impl<'a> Lighting<'a> {
                 throughput /= survival;
             }
             at = Receiver::of(&next);
+        }
+        total
+    }
+
+    /// Irradiance over π that the cache knows.
+    fn cached(&self, hit: &Hit) -> Option<PerCondition> {
+        self.cache.as_ref()?.irradiance(hit)
+    }
+
+    /// One sample of all the light that comes straight from lights, over π, in each condition: of
+    /// directions towards lights and of a bounce.
+    pub(super) fn lit(&self, at: &Receiver, uniform: Vec3, bounce: [f32; 2]) -> PerCondition {
+        let mut total = [Vec3::ZERO; MAX_CONDITIONS];
+        let direction = cosine_direction(at.normal, bounce.into());
+        let met = self.room.meet(at.position, direction);
+        for (condition, total) in (0..self.emitters.len()).zip(&mut total) {
+            *total = self.direct(condition, at, uniform);
+            if let Some(hit) = &met {
+                let emitted = self.room.emitted_in(condition, hit.surface, hit.face);
+                if emitted != Vec3::ZERO {
+                    *total += emitted * self.weight_of_bounce(condition, at, (direction, hit));
+                }
+            }
         }
         total
     }
@@ -124,10 +147,8 @@ impl<'a> Lighting<'a> {
     pub(crate) fn reflected(&self, hit: &Hit, points: &Points, path: PathSample) -> PerCondition {
         let albedo = self.room.albedo(hit.surface, hit.face, hit.st);
         let emitted = self.room.emitted(hit.surface, hit.face);
-        let mut light = match &self.cache {
-            Some(cache) => std::array::from_fn(|c| cache.irradiance(c, hit)),
-            None => self.irradiance(hit, points, path),
-        };
+        let known = self.cached(hit);
+        let mut light = known.unwrap_or_else(|| self.irradiance(hit, points, path));
         for (condition, light) in light.iter_mut().enumerate() {
             let own = emitted.map_or(Vec3::ZERO, |e| e[condition]);
             *light = if own == Vec3::ZERO {

@@ -5,10 +5,10 @@ use crate::light::path::{MAX_BOUNCES, PathSample};
 use crate::light::points::Points;
 use crate::light::{Cache, CacheOptions, Lighting};
 use crate::room::pattern::Texture;
-use crate::room::shape::{Ball, Quad, Shape};
+use crate::room::shape::{Ball, Drum, Ends, Quad, Shape};
 use crate::room::{Gloss, Hit, Light, MAX_CONDITIONS, Material, Room, Surface};
 use eagpt_scene::rng::{Purpose, RandomKey};
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const RADIANCE: Vec3 = Vec3::new(8.0, 6.0, 4.0);
@@ -187,6 +187,39 @@ fn solved_light_agrees_with_paths() {
         let error = (found / wanted - 1.0).abs().max_element();
         assert!(error < 0.02, "{found} is not {wanted}: {error}");
     }
+}
+
+/// Between a lamp and the ceiling that it hangs a millimetre below it is as bright as in the lamp;
+/// a cell that has a part of that place shows the room none of it.
+#[test]
+fn light_behind_a_lamp_does_not_leak_from_cells() {
+    let wall = |corner: Vec3, a: Vec3, b: Vec3| Shape::Quad(Quad::new(corner, [a, b]));
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    let walls = [
+        wall(Vec3::ZERO, x, y),
+        wall(y + z, x, -y),
+        wall(Vec3::ZERO, z, x),
+        wall(y, x, z),
+        wall(Vec3::ZERO, y, z),
+        wall(x, z, y),
+    ];
+    let can = Drum {
+        base: Vec3::new(1.02, 0.97, 1.98),
+        radii: [0.04; 2],
+        height: 0.019,
+        axes: Mat3::IDENTITY,
+        ends: Ends::Closed,
+    };
+    let room = room(Vec3::splat(0.6), &walls, &[Shape::Drum(can)]);
+    let paths = Lighting::new(&room);
+    let mut solved = Lighting::new(&room);
+    solved.cache = Some(Cache::solve(&solved, key(1), &CacheOptions::default()));
+    let hit = room.meet(Vec3::new(0.5, 0.6, 1.0), Vec3::NEG_Z).unwrap();
+    let wanted = irradiance(&paths, &hit, MAX_BOUNCES);
+    let found = irradiance(&solved, &hit, MAX_BOUNCES);
+    // Of paths and of the light close to the lamp, each some percent of noise.
+    let error = (found / wanted - 1.0).abs().max_element();
+    assert!(error < 0.04, "{found} is not {wanted}: {error}");
 }
 
 /// Facets that reflect everything lose only what goes from one to another, and nearly smooth ones
