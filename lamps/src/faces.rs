@@ -8,7 +8,7 @@ use glam::{Mat3, Quat, Vec3};
 /// Sine of the angle over its plane from which on a camera sees a face.
 const SINE: f32 = 0.17;
 /// Share of a camera's distance by which discs near a lamp are in the wrong place.
-const BLUR: f32 = 0.1;
+const BLUR: f32 = 0.2;
 /// Least number of cameras that see a face, among those that show its lamp.
 const MIN_EYES: usize = 2;
 

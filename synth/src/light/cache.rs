@@ -234,7 +234,8 @@ impl Cache {
         }
         let open = 1.0 - num_buried as f32 / options.num_links as f32;
         if open < 1.0 - MAX_BURIED {
-            (entries.clear(), near.clear());
+            entries.clear();
+            near.clear();
             direct = [Vec3::ZERO; MAX_CONDITIONS];
         } else {
             for condition in conditions {
