@@ -44,7 +44,6 @@ use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
-use faces::Face;
 use fit::Fit;
 use glam::Vec3;
 use group::Group;
@@ -121,22 +120,10 @@ pub fn find(
     let clean_fits: Vec<Fit> = clean().map(|c| c.fit).collect();
     let mut keep = vec![true; gaussians.len()];
     let nums = clear::replaced(gaussians, &candidates, &mut keep);
-    let faces = |c: &Candidate| -> Vec<Face> {
-        let views = c.group.by_view();
-        let eyes = views.map(|(view, _)| evidence.sights[view].origin());
-        faces::of_shape(&c.fit.shape, &eyes.collect::<Vec<_>>())
-    };
     let discs: Vec<Gaussians> = clean()
         .map(|c| {
             let pixel = pixel_width(evidence, &c.group);
-            let mut discs = place::discs(&c.fit.shape, c.measured.radiance, pixel);
-            let faces = faces(c).into_iter();
-            let covered = faces.filter(|face| mount::is_covered(gaussians, face, &keep));
-            place::darken(
-                &mut discs,
-                &covered.map(|face| face.flat).collect::<Vec<_>>(),
-            );
-            discs
+            place::discs(&c.fit.shape, c.measured.radiance, pixel)
         })
         .collect();
     let mut edit = SceneEdit {
@@ -145,12 +132,12 @@ pub fn find(
         fixed: discs.iter().flat_map(Gaussians::iter).collect(),
     };
     let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
-    mount::free_all(
-        gaussians,
-        gaussians.len(),
-        mounted.flat_map(faces),
-        &mut edit,
-    );
+    let faces = mounted.flat_map(|c| {
+        let views = c.group.by_view();
+        let eyes = views.map(|(view, _)| evidence.sights[view].origin());
+        faces::of_shape(&c.fit.shape, &eyes.collect::<Vec<_>>())
+    });
+    mount::free_all(gaussians, gaussians.len(), faces, &mut edit);
     if !clean_fits.is_empty() {
         clear::remove_what_hides(
             &tracer.device(),

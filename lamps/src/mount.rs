@@ -69,65 +69,6 @@ impl Place {
     }
 }
 
-/// Gaussians along the plane of a face.
-struct Along {
-    near: Vec<(usize, Place)>,
-    /// Height of most of those beside the face, and by how much others differ.
-    middle: f32,
-    thickness: f32,
-    /// Depth of what lies behind the face.
-    depth: f32,
-    is_mounted: bool,
-}
-
-impl Along {
-    /// Those among the `num` first Gaussians that are to `keep`.
-    fn new(gaussians: &Gaussians, num: usize, face: &Face, keep: &[bool]) -> Self {
-        let flat = &face.flat;
-        let [width, height] = flat.size;
-        let narrow = width.min(height);
-        let reach = (0.5 * width.hypot(height)).min(REACH * narrow);
-        let reach = reach.max(face.blur);
-        let depth = DEPTH * narrow;
-        let is_along = |i: usize| {
-            let cosine = (gaussians.rotations[i] * Vec3::Z).dot(flat.normal());
-            cosine.abs() > COSINE
-        };
-        let near: Vec<(usize, Place)> = (0..num)
-            .filter(|&i| keep[i] && gaussians.emissions[i] <= EMISSION_THRESHOLD && is_along(i))
-            .map(|i| (i, Place::new(&gaussians.get(i), flat)))
-            .filter(|(_, place)| {
-                let is_near = place.outside <= reach && place.height.abs() <= reach;
-                is_near || (place.hides() && place.height_there <= reach)
-            })
-            .collect();
-        let beside = || near.iter().filter(|(_, place)| place.outside <= reach);
-        let size = median_of(beside().map(|(i, _)| gaussians.scales[*i].max_element()));
-        let limit = (3.0 * size).min(reach);
-        let level = || {
-            let heights = beside().map(|(_, place)| place.height);
-            heights.filter(|height| height.abs() <= limit)
-        };
-        let middle = median_of(level());
-        let spread = 1.4826 * median_of(level().map(|height| (height - middle).abs()));
-        let thickness = DEVIATIONS * spread.max(depth);
-        let is_plane = level().count() >= MIN_NUM && middle.abs() <= thickness;
-        Self {
-            near,
-            middle,
-            thickness,
-            depth,
-            is_mounted: face.is_mount && is_plane,
-        }
-    }
-}
-
-/// Whether a face that does not shine lies on a surface, so that its light would stay behind the
-/// lamp.
-pub(crate) fn is_covered(gaussians: &Gaussians, face: &Face, keep: &[bool]) -> bool {
-    !face.shines && Along::new(gaussians, gaussians.len(), face, keep).is_mounted
-}
-
 /// Frees a face of a lamp of the `num` first Gaussians, but for those that are not to `keep`: of
 /// those along its plane the ones that stick out of its mount before it go behind it and all of the
 /// mount lie along it, and those that hang before the lamp itself are taken out. Returns what
@@ -138,19 +79,45 @@ fn free(
     face: &Face,
     keep: &[bool],
 ) -> Vec<(u32, Option<Gaussian>)> {
-    let along = Along::new(gaussians, num, face, keep);
-    if !along.is_mounted && !face.shines {
+    let flat = &face.flat;
+    let normal = flat.normal();
+    let [width, height] = flat.size;
+    let narrow = width.min(height);
+    let reach = (0.5 * width.hypot(height)).min(REACH * narrow);
+    let reach = reach.max(face.blur);
+    let depth = DEPTH * narrow;
+    let along = |i: usize| (gaussians.rotations[i] * Vec3::Z).dot(normal).abs() > COSINE;
+    let near: Vec<(usize, Place)> = (0..num)
+        .filter(|&i| keep[i] && gaussians.emissions[i] <= EMISSION_THRESHOLD && along(i))
+        .map(|i| (i, Place::new(&gaussians.get(i), flat)))
+        .filter(|(_, place)| {
+            let is_near = place.outside <= reach && place.height.abs() <= reach;
+            is_near || (place.hides() && place.height_there <= reach)
+        })
+        .collect();
+    let beside = || near.iter().filter(|(_, place)| place.outside <= reach);
+    let size = median_of(beside().map(|(i, _)| gaussians.scales[*i].max_element()));
+    let limit = (3.0 * size).min(reach);
+    let level = || {
+        let heights = beside().map(|(_, place)| place.height);
+        heights.filter(|height| height.abs() <= limit)
+    };
+    let middle = median_of(level());
+    let spread = 1.4826 * median_of(level().map(|height| (height - middle).abs()));
+    let thickness = DEVIATIONS * spread.max(depth);
+    let is_plane = level().count() >= MIN_NUM && middle.abs() <= thickness;
+    let is_mounted = face.is_mount && is_plane;
+    if !is_mounted && !face.shines {
         return Vec::new();
     }
-    let normal = face.flat.normal();
     let freed = |(i, place): &(usize, Place)| {
-        let is_of_mount = along.is_mounted
+        let is_of_mount = is_mounted
             && [place.height, place.height_there]
                 .iter()
-                .all(|h| h.abs() <= along.thickness + along.middle.abs());
+                .all(|h| h.abs() <= thickness + middle.abs());
         if is_of_mount {
             let mut gaussian = gaussians.get(*i);
-            let level = place.height.min(-along.depth);
+            let level = place.height.min(-depth);
             gaussian.position += normal * (level - place.height);
             gaussian.rotation = laid_along(gaussian.rotation, normal);
             Some((*i as u32, Some(gaussian)))
@@ -158,7 +125,7 @@ fn free(
             place.hides().then_some((*i as u32, None))
         }
     };
-    along.near.iter().filter_map(freed).collect()
+    near.iter().filter_map(freed).collect()
 }
 
 /// Frees all lamps that nothing real stands before of what training has put before them since;

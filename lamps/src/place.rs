@@ -1,6 +1,6 @@
 //! A lamp's discs, and the power that leaves them.
 
-use crate::shape::{Flat, Shape};
+use crate::shape::Shape;
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::{Gaussian, Gaussians, Gloss};
 use eagpt_trace::Ray;
@@ -15,10 +15,6 @@ const MIN_ACROSS: f32 = 4.0;
 /// Distance of the back of a flat lamp from its front, in spacings: rays from the front have met
 /// the lamp, those from behind the back.
 const BACK_IN_SPACINGS: f32 = 0.1;
-/// Distance from the plane of a face, in its larger size, and cosine to its normal of discs that are
-/// of it.
-const ON_FACE: f32 = 1e-3;
-const FACING: f32 = 0.99;
 /// Rays that measure what discs show of a shape, along each axis of a square across it.
 const GRID: u16 = 48;
 
@@ -58,23 +54,6 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, pixel: f32) -> Gaussians {
         }));
     }
     all.into_iter().collect()
-}
-
-/// Takes the light from discs of faces that lie on what their lamp is mounted on, given with the
-/// normals into the lamp: between the two it would go round and out at the side, where the real
-/// lamp leaves no gap.
-pub(crate) fn darken(discs: &mut Gaussians, covered: &[Flat]) {
-    for i in 0..discs.len() {
-        let (position, normal) = (discs.positions[i], discs.rotations[i] * Vec3::Z);
-        let is_of = |face: &Flat| {
-            let height = (position - face.centre).dot(face.normal());
-            let size = face.size[0].max(face.size[1]);
-            height.abs() < ON_FACE * size && normal.dot(face.normal()).abs() > FACING
-        };
-        if covered.iter().any(is_of) {
-            (discs.emissions[i], discs.radiances[i]) = (0.0, Vec3::ZERO);
-        }
-    }
 }
 
 fn solid(shape: &Shape) -> Solid {
