@@ -277,7 +277,7 @@ fn nothing_hides_the_face_of_a_can_at_the_ceiling() {
     scene.push(disc(0.2, face - 0.6, 0.3, 0.9));
     let scene: Gaussians = scene.into_iter().collect();
     let lamps = Lamps { lamps: vec![can] };
-    let eyes = |_: &Lamp| [0.0, 0.4].map(|x| Vec3::new(x, 0.0, 1.2)).to_vec();
+    let eyes = |_: &Lamp| [0.0, 0.4].map(|x| Vec3::new(x, 0.0, HEIGHT - 0.6)).to_vec();
 
     let edit = freed(&scene, scene.len(), &lamps, eyes);
     let gone: Vec<usize> = (0..scene.len()).filter(|&i| !edit.keep[i]).collect();

@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 11] = [
+pub const SCENES: [EmbeddedScene; 13] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -57,6 +57,16 @@ pub const SCENES: [EmbeddedScene; 11] = [
         name: "bathroom",
         about: "a bar over a mirror, round lamps, a cube on a cord; each alone, too",
         toml: include_str!("../scenes/bathroom.toml"),
+    },
+    EmbeddedScene {
+        name: "lounge",
+        about: "a strip that no view sees, spots, a globe, a screen, a shaded lamp; some alone, too",
+        toml: include_str!("../scenes/lounge.toml"),
+    },
+    EmbeddedScene {
+        name: "corridor",
+        about: "sconces, a strip at the floor, a tube, a dim sign; some alone, too",
+        toml: include_str!("../scenes/corridor.toml"),
     },
     EmbeddedScene {
         name: "glossy-room",
