@@ -43,6 +43,20 @@ fn room(albedo: Vec3, shapes: &[Shape], emitting: &[Shape]) -> Room {
     Room::new(surfaces.collect(), vec![matt], vec![light], 2)
 }
 
+/// The inside of a box from the origin to `size`.
+fn walls(size: Vec3) -> [Shape; 6] {
+    let wall = |corner: Vec3, a: Vec3, b: Vec3| Shape::Quad(Quad::new(corner, [a, b]));
+    let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * size);
+    [
+        wall(Vec3::ZERO, x, y),
+        wall(y + z, x, -y),
+        wall(Vec3::ZERO, z, x),
+        wall(y, x, z),
+        wall(Vec3::ZERO, y, z),
+        wall(x, z, y),
+    ]
+}
+
 /// Mean irradiance over π at a hit in the first condition; it has to be half as much in
 /// the second.
 fn irradiance(lighting: &Lighting<'_>, hit: &Hit, max_bounces: u32) -> Vec3 {
@@ -149,20 +163,11 @@ fn light_in_a_hollow_ball_is_a_geometric_series() {
 
 #[test]
 fn solved_light_agrees_with_paths() {
-    let wall = |corner: Vec3, a: Vec3, b: Vec3| Shape::Quad(Quad::new(corner, [a, b]));
-    let (x, y, z) = (Vec3::X * 3.0, Vec3::Y * 2.0, Vec3::Z * 2.5);
-    let walls = [
-        wall(Vec3::ZERO, x, y),
-        wall(y + z, x, -y),
-        wall(Vec3::ZERO, z, x),
-        wall(y, x, z),
-        wall(Vec3::ZERO, y, z),
-        wall(x, z, y),
-        Shape::Ball(Ball {
-            centre: Vec3::new(0.7, 0.6, 0.4),
-            radius: 0.4,
-        }),
-    ];
+    let mut walls = walls(Vec3::new(3.0, 2.0, 2.5)).to_vec();
+    walls.push(Shape::Ball(Ball {
+        centre: Vec3::new(0.7, 0.6, 0.4),
+        radius: 0.4,
+    }));
     let lamp = Shape::Ball(Ball {
         centre: Vec3::new(2.0, 1.2, 1.8),
         radius: 0.15,
@@ -193,16 +198,6 @@ fn solved_light_agrees_with_paths() {
 /// a cell that has a part of that place shows the room none of it.
 #[test]
 fn light_behind_a_lamp_does_not_leak_from_cells() {
-    let wall = |corner: Vec3, a: Vec3, b: Vec3| Shape::Quad(Quad::new(corner, [a, b]));
-    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
-    let walls = [
-        wall(Vec3::ZERO, x, y),
-        wall(y + z, x, -y),
-        wall(Vec3::ZERO, z, x),
-        wall(y, x, z),
-        wall(Vec3::ZERO, y, z),
-        wall(x, z, y),
-    ];
     let can = Drum {
         base: Vec3::new(1.02, 0.97, 1.98),
         radii: [0.04; 2],
@@ -210,7 +205,11 @@ fn light_behind_a_lamp_does_not_leak_from_cells() {
         axes: Mat3::IDENTITY,
         ends: Ends::Closed,
     };
-    let room = room(Vec3::splat(0.6), &walls, &[Shape::Drum(can)]);
+    let room = room(
+        Vec3::splat(0.6),
+        &walls(Vec3::splat(2.0)),
+        &[Shape::Drum(can)],
+    );
     let paths = Lighting::new(&room);
     let mut solved = Lighting::new(&room);
     solved.cache = Some(Cache::solve(&solved, key(1), &CacheOptions::default()));
