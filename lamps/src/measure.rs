@@ -110,6 +110,13 @@ fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -
     };
     let seen = ShapeFrom::new(shape, sight.origin());
     let meet = |direction: Vec3| seen.meet(direction);
+    // A pixel of its own that is nowhere near it shows a lamp that touches it.
+    let is_near = |pixel: &Pixel| {
+        let places = [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
+        let rows = places.into_iter().flat_map(|y| places.map(|x| (x, y)));
+        let mut directions = rows.map(|(x, y)| sight.direction(pixel, x, y));
+        directions.any(|direction| meet(direction).is_some())
+    };
     for (i, pixel) in (0_u32..).zip(&sight.pixels) {
         let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
             .map(|(x, y)| meet(sight.direction(pixel, x, y)));
@@ -145,7 +152,7 @@ fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -
             continue;
         }
         reading.solid_angle += cover * pixel.solid_angle;
-        if is_own || beside {
+        if (is_own || beside) && (cover > 0.0 || is_near(pixel)) {
             // What is behind the lamp counts where the lamp does not cover the pixel.
             let behind = rest.map_or(background, |rest| rest.radiance) * (1.0 - cover);
             reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
