@@ -22,33 +22,22 @@ pub(crate) fn starts(points: &[Point], best: &[Shape], up: Vec3) -> Vec<(Shape, 
     let mut found: Vec<(Shape, bool)> = (best.iter().map(|shape| around(shape, up)))
         .flat_map(|around| [(around, false), (upright(&around, up), true)])
         .collect();
+    let boxed = |rotation: Quat, size: Vec3| Shape::Box {
+        centre,
+        rotation,
+        size,
+    };
     for axis in axes(points).into_iter().chain([up]) {
         // The box of least area around the points as seen along the axis, and as long as they are.
         let flat = first_flat(points, centre, axis, pixel);
         let [x, y] = flat.size;
         let size = Vec3::new(x, y, along(points, centre, axis) + pixel);
-        let rotation = flat.rotation;
-        found.push((
-            Shape::Box {
-                centre,
-                rotation,
-                size,
-            },
-            false,
-        ));
+        found.push((boxed(flat.rotation, size), false));
         // One that is level along the axis, or across it.
         let rotation = level(axis, up);
         let frame = Mat3::from_quat(rotation);
         let size = [0, 1, 2].map(|k| along(points, centre, frame.col(k)) + pixel);
-        let size = Vec3::from_array(size);
-        found.push((
-            Shape::Box {
-                centre,
-                rotation,
-                size,
-            },
-            true,
-        ));
+        found.push((boxed(rotation, size.into()), true));
     }
     found
 }

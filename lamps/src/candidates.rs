@@ -117,7 +117,7 @@ fn candidate<'a>(
     let measure = |group: &Group| {
         let measured = match (fit.gaps, fit.shape.flat()) {
             (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
-            _ => measure::measure(evidence, group, &fit.shape),
+            _ => measure::Views::new(evidence, group).measure(&fit.shape),
         };
         measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
     };

@@ -83,6 +83,7 @@ impl Shape {
             },
         }
     }
+
     /// Values of [`Self::changed`] by each of which some edge of the shape moves by about `width`.
     pub(crate) fn changes_of(&self, width: f32) -> [f32; MAX_CHANGES] {
         let limited = |share: f32| share.clamp(MIN_CHANGE, MAX_CHANGE);

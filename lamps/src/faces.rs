@@ -21,8 +21,8 @@ pub(crate) struct Face {
     pub(crate) is_mount: bool,
     /// Whether its lamp shines along the normal, to where cameras see it.
     pub(crate) shines: bool,
-    /// What training knows of places near it is no better than this, scene units: a share of the
-    /// distance of the nearest camera.
+    /// Distance by which training may have discs near it in the wrong place, scene units: a share
+    /// of that of the nearest camera.
     pub(crate) blur: f32,
 }
 

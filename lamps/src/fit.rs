@@ -6,7 +6,7 @@ use crate::bearings;
 use crate::boxes;
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
-use crate::measure::measure;
+use crate::measure;
 use crate::patches::{Gaps, Patch, differences, patches, residual};
 use crate::search::{best_shape, descent};
 use crate::shape::Shape;
@@ -14,6 +14,7 @@ use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// How much better a shape with more freedom has to fit than one with less.
 pub(crate) const BETTER: f32 = 0.6;
@@ -31,7 +32,7 @@ const NOTHING: f32 = 0.9;
 const FLAT: f32 = 0.1;
 /// Residuals below this are alike.
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
-/// Evaluations of the first search from every start, and of later ones from the best of these.
+/// Steps of a descent from every start, and evaluations of a search from the best of where they end.
 const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
 const NUM_PROMISING: usize = 4;
@@ -108,11 +109,15 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let doubtful = DOUBT / (group.members.len() as f32 / patches.len() as f32).sqrt();
     let flats = normals(&points, towards, mount(evidence, group, centre, extent), up);
     let search = Search {
-        evidence,
-        group,
         patches: &patches,
+        views: measure::Views::new(evidence, group),
         width: pixel,
-        doubtful,
+        better: if group.members.len() < FEW {
+            BETTER_OF_FEW
+        } else {
+            BETTER
+        },
+        doubtful: DEVIATION.max(doubtful),
     };
     let mut starts: Vec<(Shape, bool)> = Vec::new();
     for (normal, is_mount) in flats {
@@ -127,92 +132,96 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }
     let mut fits = search.best(&starts, NUM_PROMISING);
-    let (best, is_fixed) = *fits.first()?;
+    let best = fits.first()?;
     // A thin lamp that looks flat may be one of the sides of a bar.
-    let is_tilted = best.shape.flat().is_some() && !is_fixed;
-    let may_have_edges = best.shape.flat().is_some() || shows_edges(evidence, group);
-    if is_tilted || (best.residual > PERFECT && may_have_edges) {
-        let found: Vec<Shape> = fits.iter().map(|(fit, _)| fit.shape).collect();
+    let is_flat = best.fit.shape.flat().is_some();
+    let may_have_edges = is_flat || shows_edges(evidence, group);
+    if (is_flat && !best.is_upright) || (best.fit.residual > PERFECT && may_have_edges) {
+        let found: Vec<Shape> = fits.iter().map(|found| found.fit.shape).collect();
         let boxes = boxes::starts(&points, &found, up);
         let boxes = search.best(&boxes, NUM_PROMISING_BOXES);
         // A search for a long tube that begins beside it misses it.
         let tubes: Vec<(Shape, bool)> = (boxes.iter())
-            .filter_map(|(fit, _)| Some((boxes::tube(&fit.shape)?, false)))
+            .filter_map(|found| Some((boxes::tube(&found.fit.shape)?, false)))
             .collect();
         fits.extend(search.best(&tubes, NUM_PROMISING_BOXES));
         fits.extend(boxes);
     }
-    let (best, _) = *search.ranked(fits).first()?;
+    let best = fits.into_iter().min_by(Scored::order)?.fit;
     Some(with_bars(evidence, group, &best, &patches).unwrap_or(best))
 }
 
-/// Pixels of a lamp that shapes are to explain.
+/// A fit and how much speaks against it.
+struct Scored {
+    fit: Fit,
+    /// Whether it keeps the z axis that it was given: that of its mount, or the vertical.
+    is_upright: bool,
+    score: f32,
+}
+
+impl Scored {
+    /// The better ones first.
+    fn order(&self, other: &Self) -> Ordering {
+        let explains_nothing = |scored: &Self| scored.fit.residual > NOTHING;
+        let apart = explains_nothing(self).cmp(&explains_nothing(other));
+        apart.then(self.score.total_cmp(&other.score))
+    }
+}
+
+/// A lamp that shapes are to explain.
 struct Search<'a> {
-    evidence: &'a Evidence,
-    group: &'a Group,
     patches: &'a [Patch],
+    views: measure::Views<'a>,
     /// Width of a pixel on the lamp, scene units.
     width: f32,
+    /// How much better a shape with more freedom has to be.
+    better: f32,
     /// Deviation of the flux between views that speaks against a shape.
     doubtful: f32,
 }
 
 impl Search<'_> {
-    /// The best shapes that are found from some that may keep their upright, and whether they do,
+    /// The best shapes that are found from some that may keep their z axis, and whether they do,
     /// at most `num` of them, the best first.
-    fn best(&self, starts: &[(Shape, bool)], num: usize) -> Vec<(Fit, bool)> {
-        let first = starts.par_iter().map(|(start, is_fixed)| {
-            let fit = descended(start, *is_fixed, self.width, self.patches);
-            (fit, *is_fixed)
+    fn best(&self, starts: &[(Shape, bool)], num: usize) -> Vec<Scored> {
+        let first = starts.par_iter().map(|(start, is_upright)| {
+            let fit = descended(start, *is_upright, self.width, self.patches);
+            (fit, *is_upright)
         });
         let mut promising = self.ranked(first.collect());
         promising.truncate(num);
-        let refined = (promising.into_par_iter()).map(|(fit, is_fixed)| {
-            let fit = refined_again(&fit.shape, is_fixed, self.patches, Gaps::Seen);
-            (fit, is_fixed)
+        let refined = promising.into_par_iter().map(|found| {
+            let is_upright = found.is_upright;
+            let fit = refined_again(&found.fit.shape, is_upright, self.patches, Gaps::Seen);
+            (fit, is_upright)
         });
         self.ranked(refined.collect())
     }
 
-    /// Fits, and whether they keep an upright, the best first: those with least residual, where
-    /// those with more freedom have to be better by [`BETTER`], and views have to agree on the
-    /// flux.
-    fn ranked(&self, fits: Vec<(Fit, bool)>) -> Vec<(Fit, bool)> {
-        let better = if self.group.members.len() < FEW {
-            BETTER_OF_FEW
-        } else {
-            BETTER
-        };
-        let score = |(fit, is_fixed): &(Fit, bool)| {
+    /// Fits, and whether they keep their z axis, the best first: those with least residual, where
+    /// those with more freedom have to be better, and views have to agree on the flux.
+    fn ranked(&self, fits: Vec<(Fit, bool)>) -> Vec<Scored> {
+        let scored = fits.into_iter().filter_map(|(fit, is_upright)| {
+            let tilted = |by: f32| if is_upright { 0.0 } else { by };
             let freedom = match fit.shape {
                 Shape::Ball { .. } => 0.0,
-                Shape::Rectangle(_) | Shape::Ellipse(_) => TILTED,
-                Shape::Tube { .. } => TURNED,
-                Shape::Box { .. } => TILTED,
-            } * f32::from(!*is_fixed);
-            if let Shape::Box { size, .. } = fit.shape
-                && is_flat(size)
-            {
-                return None;
-            }
-            let edges = match fit.shape {
-                Shape::Box { .. } => EDGES,
-                _ => 0.0,
+                Shape::Rectangle(_) | Shape::Ellipse(_) => tilted(TILTED),
+                Shape::Tube { .. } => tilted(TURNED),
+                Shape::Box { size, .. } if is_flat(size) => return None,
+                Shape::Box { .. } => tilted(TILTED) + EDGES,
             };
-            let measured = measure(self.evidence, self.group, &fit.shape)?;
-            let doubtful = DEVIATION.max(self.doubtful);
-            let doubt = 1.0 + (measured.expected_deviation() / doubtful).powi(2);
-            Some((fit.residual + MIN_RESIDUAL) * better.powf(-freedom - edges) * doubt)
-        };
-        let mut scored: Vec<(f32, (Fit, bool))> = (fits.into_iter())
-            .filter_map(|fit| Some((score(&fit)?, fit)))
-            .collect();
-        let explains_nothing = |fit: &Fit| fit.residual > NOTHING;
-        scored.sort_by(|(a, (f, _)), (b, (g, _))| {
-            let apart = explains_nothing(f).cmp(&explains_nothing(g));
-            apart.then(a.total_cmp(b))
+            let measured = self.views.measure(&fit.shape)?;
+            let doubt = 1.0 + (measured.expected_deviation() / self.doubtful).powi(2);
+            let score = (fit.residual + MIN_RESIDUAL) * self.better.powf(-freedom) * doubt;
+            Some(Scored {
+                fit,
+                is_upright,
+                score,
+            })
         });
-        scored.into_iter().map(|(_, fit)| fit).collect()
+        let mut scored: Vec<Scored> = scored.collect();
+        scored.sort_by(Scored::order);
+        scored
     }
 }
 
@@ -238,19 +247,19 @@ fn is_flat(size: Vec3) -> bool {
     size.min_element() < FLAT * middle
 }
 
-/// The best shape of a descent and two searches from `start`: the corners of a search grow flat, so
+/// The best shape of two searches from `start`: the corners of a search grow flat, so
 /// another one starts from where it ended.
-fn refined_again(start: &Shape, is_fixed: bool, patches: &[Patch], gaps: Gaps) -> Fit {
-    let first = refined(start, is_fixed, NUM_TRIALS, patches, gaps);
-    refined(&first.shape, is_fixed, NUM_TRIALS, patches, gaps)
+fn refined_again(start: &Shape, is_upright: bool, patches: &[Patch], gaps: Gaps) -> Fit {
+    let first = refined(start, is_upright, patches, gaps);
+    refined(&first.shape, is_upright, patches, gaps)
 }
 
 /// The best shape that a descent from `start` comes to.
-fn descended(start: &Shape, is_fixed: bool, width: f32, patches: &[Patch]) -> Fit {
+fn descended(start: &Shape, is_upright: bool, width: f32, patches: &[Patch]) -> Fit {
     let gaps = Gaps::Seen;
     let shape = descent(
         start,
-        num_changes(start, is_fixed),
+        num_changes(start, is_upright),
         NUM_STEPS,
         width,
         |shape| {
@@ -266,19 +275,19 @@ fn descended(start: &Shape, is_fixed: bool, width: f32, patches: &[Patch]) -> Fi
     }
 }
 
-fn num_changes(shape: &Shape, is_fixed: bool) -> usize {
-    if is_fixed {
+fn num_changes(shape: &Shape, is_upright: bool) -> usize {
+    if is_upright {
         shape.num_upright()
     } else {
         shape.num_changes()
     }
 }
 
-/// The best of `num_trials` shapes about `start`.
-fn refined(start: &Shape, is_fixed: bool, num_trials: usize, patches: &[Patch], gaps: Gaps) -> Fit {
-    let num_changes = num_changes(start, is_fixed);
+/// The best shape of a search about `start`.
+fn refined(start: &Shape, is_upright: bool, patches: &[Patch], gaps: Gaps) -> Fit {
+    let num_changes = num_changes(start, is_upright);
     let value = |shape: &Shape| residual(&[*shape], patches, gaps);
-    let (shape, residual) = best_shape(start, num_changes, num_trials, value);
+    let (shape, residual) = best_shape(start, num_changes, NUM_TRIALS, value);
     Fit {
         shape,
         residual,

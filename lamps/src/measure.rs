@@ -46,21 +46,55 @@ struct Reading {
     hidden: f32,
 }
 
-/// Measures the lamp of `group`, which has `shape`; `None` where no view sees the shape.
-pub(crate) fn measure(evidence: &Evidence, group: &Group, shape: &Shape) -> Option<Measured> {
-    let readings: Vec<Reading> = (group.best_views(MAX_VIEWS).par_iter())
-        .map(|(view, own)| {
-            let sight = &evidence.sights[*view];
-            reading(sight, (own, group.level(sight.light)), shape)
-        })
-        .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
-        .collect();
-    let whole: Vec<Reading> = (readings.iter().copied())
-        .filter(|r| r.hidden <= MAX_HIDDEN * r.solid_angle)
-        .collect();
-    let used = if whole.is_empty() { readings } else { whole };
-    let means = used.iter().map(|r| (r.flux / r.solid_angle, r.solid_angle));
-    Measured::of_views(&means.collect::<Vec<_>>())
+/// The views that measure a lamp, for any shape that it may have.
+pub(crate) struct Views<'a> {
+    views: Vec<View<'a>>,
+}
+
+/// A view that shows a lamp.
+struct View<'a> {
+    sight: &'a Sight,
+    /// Numbers of the lamp's pixels, …
+    own: HashSet<u32>,
+    /// … and places of these and of their neighbours.
+    around: HashSet<(u32, u32)>,
+    level: Level,
+    /// Radiance of what is behind the lamp at its borders.
+    background: Vec3,
+}
+
+impl<'a> Views<'a> {
+    /// Those that show most of the lamp of `group`.
+    pub(crate) fn new(evidence: &'a Evidence, group: &Group) -> Self {
+        let view = |(view, own): (usize, HashSet<u32>)| {
+            let sight = &evidence.sights[view];
+            View {
+                sight,
+                around: around(sight, &own, 1),
+                level: group.level(sight.light),
+                background: background(sight, &own),
+                own,
+            }
+        };
+        let best = group.best_views(MAX_VIEWS).into_par_iter();
+        Self {
+            views: best.map(view).collect(),
+        }
+    }
+
+    /// Measures the lamp as one of `shape`; `None` where no view sees the shape.
+    pub(crate) fn measure(&self, shape: &Shape) -> Option<Measured> {
+        let readings: Vec<Reading> = (self.views.par_iter())
+            .map(|view| view.reading(shape))
+            .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
+            .collect();
+        let whole: Vec<Reading> = (readings.iter().copied())
+            .filter(|r| r.hidden <= MAX_HIDDEN * r.solid_angle)
+            .collect();
+        let used = if whole.is_empty() { readings } else { whole };
+        let means = used.iter().map(|r| (r.flux / r.solid_angle, r.solid_angle));
+        Measured::of_views(&means.collect::<Vec<_>>())
+    }
 }
 
 impl Measured {
@@ -99,66 +133,69 @@ impl Measured {
     }
 }
 
-/// The measurement of a view in which a lamp has its `own` pixels and `level`.
-fn reading(sight: &Sight, (own, level): (&HashSet<u32>, Level), shape: &Shape) -> Reading {
-    let columns = around(sight, own, 1);
-    let background = background(sight, own);
-    let mut reading = Reading {
-        flux: Vec3::ZERO,
-        solid_angle: 0.0,
-        hidden: 0.0,
-    };
-    let seen = ShapeFrom::new(shape, sight.origin());
-    let meet = |direction: Vec3| seen.meet(direction);
-    // A pixel of its own that is nowhere near it shows a lamp that touches it.
-    let is_near = |pixel: &Pixel| {
-        let places = [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
-        let rows = places.into_iter().flat_map(|y| places.map(|x| (x, y)));
-        let mut directions = rows.map(|(x, y)| sight.direction(pixel, x, y));
-        directions.any(|direction| meet(direction).is_some())
-    };
-    for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
-            .map(|(x, y)| meet(sight.direction(pixel, x, y)));
-        let farthest = corners.into_iter().flatten().fold(0.0, f32::max);
-        let num_corners = corners.iter().flatten().count();
-        let is_plain = matches!(pixel.lit, Lit::Inside | Lit::Dark);
-        let cover = if is_plain && num_corners.is_multiple_of(corners.len()) {
-            num_corners as f32 / corners.len() as f32
-        } else {
-            let met = sight.directions(pixel, RAYS).filter_map(meet).count();
-            met as f32 / (RAYS * RAYS) as f32
+impl View<'_> {
+    /// What the view measures of the lamp if it has `shape`.
+    fn reading(&self, shape: &Shape) -> Reading {
+        let Self {
+            sight, own, level, ..
+        } = self;
+        let mut reading = Reading {
+            flux: Vec3::ZERO,
+            solid_angle: 0.0,
+            hidden: 0.0,
         };
-        let is_own = own.contains(&i);
-        // The lamp that has the rest of the pixel.
-        let rest = match pixel.lit {
-            Lit::Inside | Lit::Border if is_own => sight.level_beside(pixel),
-            Lit::Inside | Lit::Border => Some(sight.level(pixel)),
-            Lit::Beside | Lit::Dark => None,
+        let seen = ShapeFrom::new(shape, sight.origin());
+        let meet = |direction: Vec3| seen.meet(direction);
+        // A pixel of its own that is nowhere near it shows a lamp that touches it.
+        let is_near = |pixel: &Pixel| {
+            let places = [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
+            let rows = places.into_iter().flat_map(|y| places.map(|x| (x, y)));
+            let mut directions = rows.map(|(x, y)| sight.direction(pixel, x, y));
+            directions.any(|direction| meet(direction).is_some())
         };
-        let is_dimmer = |rest: Level| level.outshines(&rest);
-        // Neighbours of its own pixels count as far as they are brighter than what is behind.
-        let beside = !is_own
-            && columns.contains(&(pixel.x, pixel.y))
-            && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
-        // A brighter lamp before it has a part of the pixel.
-        let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(&level));
-        // Another one like it may be before it, and so is what the scene has nearer.
-        let is_like = || pixel.lit.is_lit() && !level.is_unlike(&sight.level(pixel));
-        let is_behind = || is_like() || farthest > hidden_from(sight, pixel);
-        let is_hidden = is_shared || (!is_own && !beside && is_behind());
-        if (is_hidden || sight.at_edge(pixel)) && cover > 0.0 {
-            reading.hidden += cover * pixel.solid_angle;
-            continue;
+        for (i, pixel) in (0_u32..).zip(&sight.pixels) {
+            let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
+                .map(|(x, y)| meet(sight.direction(pixel, x, y)));
+            let farthest = corners.into_iter().flatten().fold(0.0, f32::max);
+            let num_corners = corners.iter().flatten().count();
+            let is_plain = matches!(pixel.lit, Lit::Inside | Lit::Dark);
+            let cover = if is_plain && num_corners.is_multiple_of(corners.len()) {
+                num_corners as f32 / corners.len() as f32
+            } else {
+                let met = sight.directions(pixel, RAYS).filter_map(meet).count();
+                met as f32 / (RAYS * RAYS) as f32
+            };
+            let is_own = own.contains(&i);
+            // The lamp that has the rest of the pixel.
+            let rest = match pixel.lit {
+                Lit::Inside | Lit::Border if is_own => sight.level_beside(pixel),
+                Lit::Inside | Lit::Border => Some(sight.level(pixel)),
+                Lit::Beside | Lit::Dark => None,
+            };
+            let is_dimmer = |rest: Level| level.outshines(&rest);
+            // Neighbours of its own pixels count as far as they are brighter than what is behind.
+            let beside = !is_own
+                && self.around.contains(&(pixel.x, pixel.y))
+                && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
+            // A brighter lamp before it has a part of the pixel.
+            let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(level));
+            // Another one like it may be before it, and so is what the scene has nearer.
+            let is_like = || pixel.lit.is_lit() && !level.is_unlike(&sight.level(pixel));
+            let is_behind = || is_like() || farthest > hidden_from(sight, pixel);
+            let is_hidden = is_shared || (!is_own && !beside && is_behind());
+            if (is_hidden || sight.at_edge(pixel)) && cover > 0.0 {
+                reading.hidden += cover * pixel.solid_angle;
+                continue;
+            }
+            reading.solid_angle += cover * pixel.solid_angle;
+            if (is_own || beside) && (cover > 0.0 || is_near(pixel)) {
+                // What is behind the lamp counts where the lamp does not cover the pixel.
+                let behind = rest.map_or(self.background, |rest| rest.radiance) * (1.0 - cover);
+                reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
+            }
         }
-        reading.solid_angle += cover * pixel.solid_angle;
-        if (is_own || beside) && (cover > 0.0 || is_near(pixel)) {
-            // What is behind the lamp counts where the lamp does not cover the pixel.
-            let behind = rest.map_or(background, |rest| rest.radiance) * (1.0 - cover);
-            reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
-        }
+        reading
     }
-    reading
 }
 
 /// Places of pixels within `num` of a lamp's `own`.

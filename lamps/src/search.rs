@@ -189,7 +189,7 @@ mod tests {
             assert!(found.centre().distance(wanted.centre()) < 1e-3, "{found:?}");
             assert!(found.size().distance(wanted.size()) < 1e-3, "{found:?}");
         }
-        // What may not tilt does not.
+        // A shape that may not tilt does not.
         let found = descent(&start, start.num_upright(), 40, 1e-3, differences);
         assert_eq!(found.rotation() * Vec3::Z, Vec3::Z);
     }

@@ -62,7 +62,7 @@ impl Flat {
 }
 
 impl Shape {
-    /// What it is called in a list of lamps.
+    /// Its form, as a list of lamps has it.
     pub(crate) fn kind(&self) -> LampShape {
         match self {
             Self::Rectangle(_) | Self::Ellipse(_) => LampShape::Panel,

@@ -68,6 +68,18 @@ struct Grid {
     first_cell: u32,
 }
 
+impl Grid {
+    fn num_cells(&self) -> u32 {
+        self.size[0] * self.size[1]
+    }
+
+    /// Coordinates on the face of a place in a cell, 0 to 1 along its sides.
+    fn st(&self, cell: u32, within: Vec2) -> Vec2 {
+        let corner = Vec2::new((cell % self.size[0]) as f32, (cell / self.size[0]) as f32);
+        (corner + within) / Vec2::new(self.size[0] as f32, self.size[1] as f32)
+    }
+}
+
 /// Geometry and direct light of a cell.
 struct Cell {
     albedo: Vec3,
@@ -113,7 +125,7 @@ impl Cache {
         cache.is_near = cache.near_lights(room, options.cell_m);
         let grids = cache.grids.par_iter();
         let cells: Vec<Cell> = grids
-            .flat_map_iter(|grid| (0..grid.size[0] * grid.size[1]).map(move |cell| (grid, cell)))
+            .flat_map_iter(|grid| (0..grid.num_cells()).map(move |cell| (grid, cell)))
             .map(|(grid, cell)| cache.look(lighting, grid, cell, (key, options)))
             .collect();
         for condition in 0..room.num_conditions() {
@@ -124,9 +136,9 @@ impl Cache {
 
     /// Number of cells.
     pub(crate) fn num_cells(&self) -> usize {
-        self.grids.last().map_or(0, |grid| {
-            (grid.first_cell + grid.size[0] * grid.size[1]) as usize
-        })
+        self.grids
+            .last()
+            .map_or(0, |grid| (grid.first_cell + grid.num_cells()) as usize)
     }
 
     /// Irradiance over π at a point; `None` close to a light, where it is not known.
@@ -142,20 +154,16 @@ impl Cache {
     /// Whether cells are close to a surface that emits in some condition.
     fn near_lights(&self, room: &Room, cell_m: f32) -> Vec<bool> {
         let emits = |surface: u32| {
-            let faces = 0..room.surfaces()[surface as usize].shape.num_faces();
-            faces
-                .into_iter()
-                .any(|face| room.emitted(surface, face).is_some())
+            let mut faces = 0..room.surfaces()[surface as usize].shape.num_faces();
+            faces.any(|face| room.emitted(surface, face).is_some())
         };
         let lights: Vec<[Vec3; 2]> = (0..room.surfaces().len() as u32)
             .filter(|surface| emits(*surface))
             .map(|surface| room.surfaces()[surface as usize].shape.bounds())
             .collect();
         let cells = self.grids.iter().flat_map(|grid| {
-            let size = Vec2::new(grid.size[0] as f32, grid.size[1] as f32);
-            (0..grid.size[0] * grid.size[1]).map(move |cell| {
-                let corner = Vec2::new((cell % grid.size[0]) as f32, (cell / grid.size[0]) as f32);
-                let st = (corner + Vec2::splat(0.5)) / size;
+            (0..grid.num_cells()).map(move |cell| {
+                let st = grid.st(cell, Vec2::splat(0.5));
                 room.point(grid.surface, grid.face, st).position
             })
         });
@@ -188,10 +196,8 @@ impl Cache {
     ) -> Cell {
         let room = lighting.room;
         let points = Points::new(key, grid.first_cell + cell);
-        let corner = Vec2::new((cell % grid.size[0]) as f32, (cell / grid.size[0]) as f32);
-        let size = Vec2::new(grid.size[0] as f32, grid.size[1] as f32);
         let start = |a: f32, b: f32| {
-            let st = (corner + Vec2::new(a, b)) / size;
+            let st = grid.st(cell, Vec2::new(a, b));
             let point = room.point(grid.surface, grid.face, st);
             let receiver = Receiver {
                 position: point.position + point.normal * LIFT,
@@ -211,10 +217,8 @@ impl Cache {
                 Some(hit) if hit.is_inside => num_buried += 1,
                 Some(hit) => {
                     for condition in conditions.clone() {
-                        let emitted = room.emitted_in(condition, hit.surface, hit.face);
-                        if emitted != Vec3::ZERO {
-                            let bounce = (direction, &hit);
-                            let weight = lighting.weight_of_bounce(condition, &at, bounce);
+                        let found = lighting.found_by_bounce(condition, &at, (direction, &hit));
+                        if let Some((emitted, weight)) = found {
                             direct[condition] += emitted * (weight / options.num_links as f32);
                         }
                     }
@@ -267,7 +271,7 @@ impl Cache {
         let mut albedos: Vec<Vec3> = cells.iter().map(|cell| cell.albedo).collect();
         for grid in &self.grids {
             if room.emitted_in(condition, grid.surface, grid.face) != Vec3::ZERO {
-                let (first, num) = (grid.first_cell, grid.size[0] * grid.size[1]);
+                let (first, num) = (grid.first_cell, grid.num_cells());
                 albedos[first as usize..(first + num) as usize].fill(Vec3::ZERO);
             }
         }

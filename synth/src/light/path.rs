@@ -106,12 +106,9 @@ impl<'a> Lighting<'a> {
         let met = self.room.meet(at.position, direction);
         for (condition, total) in (0..self.emitters.len()).zip(&mut total) {
             *total = self.direct(condition, at, uniform);
-            if let Some(hit) = &met {
-                let emitted = self.room.emitted_in(condition, hit.surface, hit.face);
-                if emitted != Vec3::ZERO {
-                    *total += emitted * self.weight_of_bounce(condition, at, (direction, hit));
-                }
-            }
+            let found = met.as_ref();
+            let found = found.and_then(|hit| self.found_by_bounce(condition, at, (direction, hit)));
+            *total += found.map_or(Vec3::ZERO, |(emitted, weight)| emitted * weight);
         }
         total
     }
@@ -129,8 +126,20 @@ impl<'a> Lighting<'a> {
         sample.radiance * (from_bounce / (sample.pdf + from_bounce))
     }
 
+    /// Light that a bounce along `direction` finds where it ends, if there is a light, and its weight.
+    pub(super) fn found_by_bounce(
+        &self,
+        condition: usize,
+        at: &Receiver,
+        (direction, hit): (Vec3, &Hit),
+    ) -> Option<(Vec3, f32)> {
+        let emitted = self.room.emitted_in(condition, hit.surface, hit.face);
+        let weight = || self.weight_of_bounce(condition, at, (direction, hit));
+        (emitted != Vec3::ZERO).then(|| (emitted, weight()))
+    }
+
     /// The weight of light that a bounce along `direction` finds at `hit`.
-    pub(super) fn weight_of_bounce(
+    fn weight_of_bounce(
         &self,
         condition: usize,
         at: &Receiver,
