@@ -84,6 +84,10 @@ fn of_box(
             size: [size[x], size[y]],
         }
     };
+    // Of two faces that cameras hardly see, the one away from most of them is at the mount.
+    let towards_eyes: Vec3 = (eyes.iter())
+        .map(|eye| (*eye - centre).normalize_or_zero())
+        .sum();
     axes.flat_map(|axis| [(axis, -1.0), (axis, 1.0)])
         .map(|(axis, sign)| {
             let flat = side(axis, sign, sign);
@@ -94,7 +98,7 @@ fn of_box(
                 } else {
                     side(axis, sign, -sign)
                 },
-                is_mount: !shines,
+                is_mount: !shines && towards_eyes.dot(flat.normal()) <= 0.0,
                 shines,
                 blur,
             }

@@ -292,3 +292,42 @@ fn nothing_hides_the_face_of_a_can_at_the_ceiling() {
     let edit = freed(&scene, scene.len(), &lamps, |_| Vec::new());
     assert!(edit.keep[film]);
 }
+
+/// A strip under a shelf, which cameras see from a little below it: the shelf, trained too low, is
+/// over the strip, not under it.
+#[test]
+fn a_strip_under_a_shelf_hangs_from_it() {
+    let [mut strip] = <[Lamp; 1]>::try_from(panel(false).lamps).unwrap();
+    strip.shape = LampShape::Box;
+    strip.size = [0.8, 0.03, 0.015];
+    strip.rotation = [1.0, 0.0, 0.0, 0.0];
+    strip.centre[2] = HEIGHT - 0.9;
+    let centre = strip.centre();
+    let mut scene: Vec<Gaussian> = room().iter().collect();
+    let first = scene.len();
+    let like = scene[0];
+    for k in 0..16 {
+        scene.push(Gaussian {
+            position: centre + Vec3::new(0.05 * (k as f32 - 7.5), 0.02, -0.004 + 0.001 * k as f32),
+            scale: Vec2::splat(0.04),
+            rotation: Quat::IDENTITY,
+            opacity: 0.9,
+            ..like
+        });
+    }
+    let scene: Gaussians = scene.into_iter().collect();
+    let lamps = Lamps { lamps: vec![strip] };
+    let eyes = |_: &Lamp| {
+        [-0.5, 0.0, 0.5]
+            .map(|x| centre + Vec3::new(x, -2.0, -0.15))
+            .to_vec()
+    };
+    let edit = freed(&scene, scene.len(), &lamps, eyes);
+    let after = edit.applied(&scene);
+    let shelf: Vec<f32> = (first..after.len()).map(|i| after.positions[i].z).collect();
+    let top = centre.z + 0.5 * 0.015;
+    assert!(
+        shelf.len() >= 8 && shelf.iter().all(|z| *z > top),
+        "{top} {shelf:?}"
+    );
+}
