@@ -88,22 +88,20 @@ fn of_box(
     let towards_eyes: Vec3 = (eyes.iter())
         .map(|eye| (*eye - centre).normalize_or_zero())
         .sum();
-    axes.flat_map(|axis| [(axis, -1.0), (axis, 1.0)])
-        .map(|(axis, sign)| {
-            let flat = side(axis, sign, sign);
-            let shines = is_seen(&flat, eyes);
-            Face {
-                flat: if shines {
-                    flat
-                } else {
-                    side(axis, sign, -sign)
-                },
-                is_mount: !shines && towards_eyes.dot(flat.normal()) <= 0.0,
-                shines,
-                blur,
-            }
+    axes.flat_map(|axis| {
+        let towards = towards_eyes.dot(frame.col(axis));
+        let shines = match [-1.0, 1.0].map(|sign| is_seen(&side(axis, sign, sign), eyes)) {
+            [false, false] => [towards < 0.0, towards > 0.0],
+            seen => seen,
+        };
+        [(-1.0, shines[0]), (1.0, shines[1])].map(|(sign, shines)| Face {
+            flat: side(axis, sign, if shines { sign } else { -sign }),
+            is_mount: !shines,
+            shines,
+            blur,
         })
-        .collect()
+    })
+    .collect()
 }
 
 fn is_seen(flat: &Flat, eyes: &[Vec3]) -> bool {
