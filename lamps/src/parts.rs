@@ -1,6 +1,6 @@
-//! Lamps that no view shows apart, as bulbs of a cluster that touch in photographs: where one shape
-//! does not explain the silhouettes, several may. They are fitted together: what one hides of
-//! another, and pixels that show two, say nothing of either by itself.
+//! Lamps that no view shows apart, as bulbs of a cluster that touch in photographs, or the pieces of
+//! a bent tube: where one shape does not explain the silhouettes, several may. They are fitted
+//! together: what one hides of another, and pixels that show two, say nothing of either by itself.
 
 use crate::candidates::is_enough;
 use crate::evidence::Evidence;
@@ -16,6 +16,8 @@ use rayon::prelude::*;
 
 /// Residual up to which one shape is enough.
 const PERFECT: f32 = 0.03;
+/// Residual up to which pieces explain a lamp.
+const EXPLAINED: f32 = 0.06;
 /// Most lamps in place of one.
 const MAX_PARTS: usize = 4;
 /// Share of points that are nearer to a cluster than one that is far.
@@ -53,14 +55,24 @@ pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec
     group.divided(&of, shapes.len())
 }
 
-/// Balls in place of the lamp of `group`, if they explain its silhouettes much better than `whole`,
-/// and other shapes in place of these, if they do so again.
+/// Shapes in place of the lamp of `group`, if they explain its silhouettes much better than `whole`.
 fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
     if whole.residual <= PERFECT || whole.gaps == Gaps::Bars {
         return None;
     }
     // Without pixels of lamps far away.
-    let group = &among(evidence, group, &[whole.shape]).remove(0);
+    let near = among(evidence, group, &[whole.shape]).remove(0);
+    touching(evidence, &near, whole, up).or_else(|| pieces(evidence, group, whole, up))
+}
+
+/// Balls in place of a lamp, if they explain its silhouettes much better, and other shapes in place
+/// of these, if they do so again.
+fn touching(
+    evidence: &Evidence,
+    group: &Group,
+    whole: &Fit,
+    up: Vec3,
+) -> Option<Vec<(Group, Fit)>> {
     let (centre, size) = extent(&points(evidence, group))?;
     let seen = patches(evidence, group, centre, size);
     let of_whole = residual_of(&[whole.shape], &seen);
@@ -75,17 +87,56 @@ fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
             (shapes[at], residual) = (other, of_other);
         }
     }
+    Some(shared_out(evidence, group, &shapes, residual))
+}
+
+/// Shapes in place of a lamp that together explain it, each what those before leave over.
+fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
+    let (centre, size) = extent(&points(evidence, group))?;
+    let seen = patches(evidence, group, centre, size);
+    let (mut residual, mut shapes) = (whole.residual, vec![whole.shape]);
+    while residual > EXPLAINED && shapes.len() < MAX_PARTS {
+        let left = left_over(evidence, group, &shapes);
+        let of: Vec<usize> = left.iter().map(|left| usize::from(!left)).collect();
+        let left = group.divided(&of, 1).remove(0);
+        if !is_enough(&left) {
+            return None;
+        }
+        shapes.push(fit(evidence, &left, up)?.shape);
+        (residual, shapes) = fitted(shapes, &seen);
+    }
+    let is_explained = residual <= EXPLAINED && shapes.len() > 1;
+    is_explained.then(|| shared_out(evidence, group, &shapes, residual))
+}
+
+/// Fits of the `shapes` that a group consists of, and the pixels of each.
+fn shared_out(
+    evidence: &Evidence,
+    group: &Group,
+    shapes: &[Shape],
+    residual: f32,
+) -> Vec<(Group, Fit)> {
     let gaps = Gaps::Seen;
-    let fit = |(group, shape)| {
+    let fit = |(group, shape): (Group, &Shape)| {
         let fit = Fit {
-            shape,
+            shape: *shape,
             residual,
             gaps,
         };
         (group, fit)
     };
-    let groups = among(evidence, group, &shapes).into_iter();
-    Some(groups.zip(shapes).map(fit).collect())
+    let groups = among(evidence, group, shapes).into_iter();
+    groups.zip(shapes).map(fit).collect()
+}
+
+/// Which pixels of a group miss all of some shapes.
+fn left_over(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec<bool> {
+    let is_left = |member: &(u32, u32)| {
+        let (sight, pixel) = evidence.pixel(member);
+        let mut shapes = shapes.iter();
+        shapes.all(|shape| shape.off(sight.origin(), pixel.direction) > 0.0)
+    };
+    group.members.iter().map(is_left).collect()
 }
 
 /// Two or more balls that explain the lamp of `group` about `centre` much better than one shape
@@ -118,13 +169,7 @@ fn balls(
             found = Some((residual, shapes.clone()));
         }
         // One more where pixels are left over.
-        let left: Vec<bool> = (group.members.iter())
-            .map(|member| {
-                let (sight, pixel) = evidence.pixel(member);
-                let mut shapes = shapes.iter();
-                shapes.all(|shape| shape.off(sight.origin(), pixel.direction) > 0.0)
-            })
-            .collect();
+        let left = left_over(evidence, group, &shapes);
         start = points.each_ref().map(|points| {
             let left = points.iter().zip(&left).filter(|(_, left)| **left);
             let ball = ball(&left.map(|(point, _)| *point).collect::<Vec<_>>());

@@ -160,3 +160,34 @@ fn bulbs_that_touch_in_photographs_are_as_many_as_there_are() {
     check(&bulbs[..2], 0.1);
     check(&bulbs, 0.1);
 }
+
+/// A bar of `length` along `axis` from `from`, 5 cm thick.
+fn bar(from: [f32; 3], axis: Vec3, length: f32) -> (Shape, Vec3) {
+    let shape = Shape::Tube {
+        centre: Vec3::from(from) + axis * (0.5 * length),
+        rotation: rotation::from_z_to(axis),
+        radius: 0.025,
+        length,
+        taper: 0.0,
+    };
+    (shape, Vec3::new(30.0, 3.0, 12.0))
+}
+
+#[test]
+fn a_bent_tube_is_its_pieces() {
+    let long = bar([-0.3, 0.1, 2.1], Vec3::X, 0.8);
+    let down = bar([0.5, 0.1, 2.1], Vec3::NEG_Z, 0.45);
+    check(&[long, down], 0.1);
+    let back = bar([-0.3, 0.1, 2.1], Vec3::Y, 0.5);
+    check(&[long, down, back], 0.1);
+}
+
+#[test]
+fn a_frame_is_four_bars() {
+    let top = bar([-0.3, 0.1, 2.3], Vec3::X, 0.8);
+    let low = bar([-0.3, 0.1, 1.8], Vec3::X, 0.8);
+    let left = bar([-0.3, 0.1, 1.8], Vec3::Z, 0.5);
+    let right = bar([0.5, 0.1, 1.8], Vec3::Z, 0.5);
+    // The depth of a bar that is two pixels thick is not known well.
+    check(&[top, low, left, right], 0.15);
+}
