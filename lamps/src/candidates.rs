@@ -7,7 +7,7 @@ use crate::level::are_unlike;
 use crate::measure::{self, Measured};
 use crate::patches::Gaps;
 use crate::shape::Shape;
-use crate::{bars, bearings, clear, grouping, parts};
+use crate::{bars, bearings, grouping, parts};
 use glam::Vec3;
 use std::cmp::Reverse;
 
@@ -57,15 +57,9 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             continue;
         };
         let elsewhere = group.share(evidence, |sight, pixel| {
-            let meets = |c: &Candidate| {
-                let shows = c.shows(sight, pixel);
-                // Bars and frames divide the lit pixels of a window.
-                let is_pane =
-                    c.fit.gaps == Gaps::Bars && clear::is_near(&c.fit.shape, sight.position(pixel));
-                shows || is_pane
-            };
             let alike = |c: &&Candidate| !c.group.is_unlike(&group);
-            found.iter().filter(alike).any(meets)
+            let mut others = found.iter().filter(alike);
+            others.any(|c| c.shows(sight, pixel))
         });
         if elsewhere > SHARE_ELSEWHERE {
             continue;

@@ -44,11 +44,6 @@ pub(crate) fn replaced(
     nums
 }
 
-/// Whether a point is in the grown box of a shape.
-pub(crate) fn is_near(shape: &Shape, position: Vec3) -> bool {
-    excess(shape, position, 0.0) <= 0.0
-}
-
 /// Distance of a Gaussian of size `scale` from the grown box of a shape, negative inside.
 fn excess(shape: &Shape, position: Vec3, scale: f32) -> f32 {
     let local = shape.rotation().conjugate() * (position - shape.centre());

@@ -21,6 +21,7 @@ mod fit;
 mod group;
 mod grouping;
 mod level;
+mod lines;
 mod measure;
 mod meet;
 mod mount;

@@ -6,6 +6,7 @@ use crate::candidates::is_enough;
 use crate::evidence::Evidence;
 use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
 use crate::group::Group;
+use crate::lines::along_line;
 use crate::patches::{self, Gaps, Patch, patches};
 use crate::search::best_shape;
 use crate::shape::Shape;
@@ -90,19 +91,25 @@ fn touching(
     Some(shared_out(evidence, group, &shapes, residual))
 }
 
-/// Shapes in place of a lamp that together explain it, each what those before leave over.
+/// Shapes in place of a lamp that together explain it: each is that of a line of pixels that those
+/// before leave over, if these have one.
 fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
     let (centre, size) = extent(&points(evidence, group))?;
     let seen = patches(evidence, group, centre, size);
-    let (mut residual, mut shapes) = (whole.residual, vec![whole.shape]);
+    let those = |group: &Group, are_those: &[bool]| {
+        let of: Vec<usize> = are_those.iter().map(|is| usize::from(!is)).collect();
+        group.divided(&of, 1).remove(0)
+    };
+    let (mut residual, mut shapes) = (whole.residual, Vec::new());
     while residual > EXPLAINED && shapes.len() < MAX_PARTS {
-        let left = left_over(evidence, group, &shapes);
-        let of: Vec<usize> = left.iter().map(|left| usize::from(!left)).collect();
-        let left = group.divided(&of, 1).remove(0);
-        if !is_enough(&left) {
+        let left = those(group, &left_over(evidence, group, &shapes));
+        let at = points(evidence, &left).into_iter();
+        let at: Vec<Vec3> = at.map(|point| point.position).collect();
+        let piece = those(&left, &along_line(&at, size));
+        if !is_enough(&piece) {
             return None;
         }
-        shapes.push(fit(evidence, &left, up)?.shape);
+        shapes.push(fit(evidence, &piece, up)?.shape);
         (residual, shapes) = fitted(shapes, &seen);
     }
     let is_explained = residual <= EXPLAINED && shapes.len() > 1;
