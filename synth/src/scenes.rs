@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 13] = [
+pub const SCENES: [EmbeddedScene; 17] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -67,6 +67,26 @@ pub const SCENES: [EmbeddedScene; 13] = [
         name: "corridor",
         about: "sconces, a strip at the floor, a tube, a dim sign; some alone, too",
         toml: include_str!("../scenes/corridor.toml"),
+    },
+    EmbeddedScene {
+        name: "dining-room",
+        about: "three shades, candles, a strip under a shelf, a window, a globe; each alone, too",
+        toml: include_str!("../scenes/dining-room.toml"),
+    },
+    EmbeddedScene {
+        name: "classroom",
+        about: "panels, a bar over the board, a projection, two windows; some alone, too",
+        toml: include_str!("../scenes/classroom.toml"),
+    },
+    EmbeddedScene {
+        name: "studio",
+        about: "a panel, cans, bulbs over a mirror, a neon of two bars; each alone, too",
+        toml: include_str!("../scenes/studio.toml"),
+    },
+    EmbeddedScene {
+        name: "loft",
+        about: "a window of panes, a frame of bars, a strip at the floor, a tank; each alone, too",
+        toml: include_str!("../scenes/loft.toml"),
     },
     EmbeddedScene {
         name: "glossy-room",
