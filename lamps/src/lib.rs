@@ -33,6 +33,7 @@ mod search;
 mod seen;
 mod segments;
 pub mod shape;
+mod shape_search;
 mod starts;
 mod thin;
 

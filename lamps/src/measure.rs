@@ -11,6 +11,7 @@ use eagpt_scene::median::weighted_median;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
+use std::f32::consts::PI;
 
 /// Rays along each axis of a pixel.
 const RAYS: u32 = 4;
@@ -20,6 +21,10 @@ const MAX_HIDDEN: f32 = 0.05;
 
 /// Pixels around a lamp within which it may light what is behind it.
 const CLOSE: u32 = 3;
+
+/// Widths of a pixel beyond which one is nowhere near a shape; more than its own diagonal and that of
+/// its neighbours.
+const AWAY_PIXELS: f32 = 4.0;
 
 /// Standard deviation between views over the mean as expected before any is known.
 const PRIOR_DEVIATION: f32 = 0.1;
@@ -134,6 +139,17 @@ impl Measured {
 }
 
 impl View<'_> {
+    /// Cosine to the middle of a shape, below which a pixel is nowhere near it.
+    fn least_cosine(&self, shape: &Shape) -> f32 {
+        let share = 0.5 * shape.size().length() / shape.centre().distance(self.sight.origin());
+        let angle = share.min(1.0).asin() + AWAY_PIXELS * self.sight.pixel_width();
+        if share < 1.0 {
+            angle.min(PI).cos()
+        } else {
+            -1.0
+        }
+    }
+
     /// What the view measures of the lamp if it has `shape`.
     fn reading(&self, shape: &Shape) -> Reading {
         let Self {
@@ -146,6 +162,8 @@ impl View<'_> {
         };
         let seen = ShapeFrom::new(shape, sight.origin());
         let meet = |direction: Vec3| seen.meet(direction);
+        let least_cosine = self.least_cosine(shape);
+        let towards = (shape.centre() - sight.origin()).normalize_or_zero();
         // A pixel of its own that is nowhere near it shows a lamp that touches it.
         let is_near = |pixel: &Pixel| {
             let places = [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
@@ -154,6 +172,9 @@ impl View<'_> {
             directions.any(|direction| meet(direction).is_some())
         };
         for (i, pixel) in (0_u32..).zip(&sight.pixels) {
+            if pixel.direction.dot(towards) < least_cosine {
+                continue;
+            }
             let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
                 .map(|(x, y)| meet(sight.direction(pixel, x, y)));
             let farthest = corners.into_iter().flatten().fold(0.0, f32::max);

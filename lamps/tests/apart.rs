@@ -140,6 +140,30 @@ fn a_bar_before_a_wall_is_no_tilted_panel() {
     assert_ne!(found[0].shape, LampShape::Panel, "{found:#?}");
 }
 
+/// Two pixels thick, and from one side alone: silhouettes say little of its depth, but views have to
+/// agree on its flux.
+#[test]
+fn a_thin_bar_has_the_depth_that_views_agree_on() {
+    let bar = Shape::Box {
+        centre: Vec3::new(0.1, 1.8, 2.1),
+        rotation: Quat::IDENTITY,
+        size: Vec3::new(0.9, 0.025, 0.015),
+    };
+    let offsets = [
+        [-0.64, -1.58, -0.48],
+        [-0.53, -2.13, -0.38],
+        [-0.27, -2.32, -0.38],
+        [0.13, -2.13, -0.48],
+    ];
+    let views = offsets.map(|[x, y, z]: [f64; 3]| {
+        let eye = bar.centre().as_dvec3() + DVec3::new(x, y, z);
+        let ahead = DVec3::new(-0.6 * x, -y, 0.2).normalize();
+        Camera::centred([240, 160], 1.3, Camera::level_pose(eye, ahead))
+    });
+    let lamps = [(bar, Vec3::new(36.0, 34.0, 30.0))];
+    check_found(&lamps, found_by(&views, &lamps, &lamps), 0.12);
+}
+
 #[test]
 fn a_can_at_the_ceiling_does_not_lie_on_its_side() {
     let can = Shape::Tube {

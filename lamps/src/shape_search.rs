@@ -1,0 +1,196 @@
+//! Searches for the shape of a lamp, and what speaks for one against another.
+
+use crate::fit::{BETTER, Fit, MIN_RESIDUAL};
+use crate::group::Group;
+use crate::measure;
+use crate::patches::{Gaps, Patch, differences};
+use crate::search::{best_shape, descent};
+use crate::shape::Shape;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::cmp::Ordering;
+
+/// How much better a shape with more freedom has to fit a lamp of less than [`FEW`] pixels in all
+/// views, which say little of a shape.
+const BETTER_OF_FEW: f32 = 0.4;
+const FEW: usize = 120;
+/// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, of tubes
+/// that are, and of edges.
+const TILTED: f32 = 1.0;
+const TURNED: f32 = 0.5;
+const EDGES: f32 = 0.5;
+/// Residual from which on a shape is no better than none, though views may agree on its flux.
+const NOTHING: f32 = 0.9;
+/// Thickness of a box that is flat, in its narrower other side.
+const FLAT: f32 = 0.1;
+/// Steps of a descent from every start; evaluations of a search from the best of where they end, and
+/// of one that views are to agree on.
+const NUM_STEPS: usize = 15;
+const NUM_TRIALS: usize = 500;
+const NUM_AGREED: usize = 150;
+/// Standard deviation of the flux between views that speaks against a shape as much as a residual
+/// that is twice as large, at least; …
+const DEVIATION: f32 = 0.05;
+/// … of a lamp that has few pixels in a view, over the square root of their number.
+const DOUBT: f32 = 0.25;
+
+/// A fit and how much speaks against it.
+pub(crate) struct Scored {
+    pub(crate) fit: Fit,
+    /// Whether it keeps the z axis that it was given: that of its mount, or the vertical.
+    pub(crate) is_upright: bool,
+    score: f32,
+}
+
+impl Scored {
+    /// The better ones first.
+    pub(crate) fn order(&self, other: &Self) -> Ordering {
+        let explains_nothing = |scored: &Self| scored.fit.residual > NOTHING;
+        let apart = explains_nothing(self).cmp(&explains_nothing(other));
+        apart.then(self.score.total_cmp(&other.score))
+    }
+}
+
+/// A lamp that shapes are to explain.
+pub(crate) struct ShapeSearch<'a> {
+    patches: &'a [Patch],
+    views: measure::Views<'a>,
+    /// Width of a pixel on the lamp, scene units.
+    width: f32,
+    /// How much better a shape with more freedom has to be.
+    better: f32,
+    /// Deviation of the flux between views that speaks against a shape.
+    doubtful: f32,
+}
+
+impl<'a> ShapeSearch<'a> {
+    /// A search for the lamp of `group`, which `patches` and `views` show and whose pixels are of
+    /// this `width`, scene units.
+    pub(crate) fn new(
+        patches: &'a [Patch],
+        views: measure::Views<'a>,
+        group: &Group,
+        width: f32,
+    ) -> Self {
+        let num = group.members.len();
+        let doubtful = DOUBT / (num as f32 / patches.len() as f32).sqrt();
+        Self {
+            patches,
+            views,
+            width,
+            better: if num < FEW { BETTER_OF_FEW } else { BETTER },
+            doubtful: DEVIATION.max(doubtful),
+        }
+    }
+
+    /// The best shapes that are found from some that may keep their z axis, and whether they do,
+    /// at most `num` of them, the best first.
+    pub(crate) fn best(&self, starts: &[(Shape, bool)], num: usize) -> Vec<Scored> {
+        let first = starts.par_iter().map(|(start, is_upright)| {
+            let fit = descended(start, *is_upright, self.width, self.patches);
+            (fit, *is_upright)
+        });
+        let mut promising = self.ranked(first.collect());
+        promising.truncate(num);
+        let refined = promising.into_par_iter().map(|found| {
+            let is_upright = found.is_upright;
+            let fit = refined_again(&found.fit.shape, is_upright, self.patches, Gaps::Seen);
+            (fit, is_upright)
+        });
+        self.ranked(refined.collect())
+    }
+
+    /// Fits, and whether they keep their z axis, the best first: those with least residual, where
+    /// those with more freedom have to be better, and views have to agree on the flux.
+    fn ranked(&self, fits: Vec<(Fit, bool)>) -> Vec<Scored> {
+        let scored = fits.into_iter().filter_map(|(fit, is_upright)| {
+            let tilted = |by: f32| if is_upright { 0.0 } else { by };
+            let freedom = match fit.shape {
+                Shape::Ball { .. } => 0.0,
+                Shape::Rectangle(_) | Shape::Ellipse(_) => tilted(TILTED),
+                Shape::Tube { .. } => tilted(TURNED),
+                Shape::Box { size, .. } if is_flat(size) => return None,
+                Shape::Box { .. } => tilted(TILTED) + EDGES,
+            };
+            let measured = self.views.measure(&fit.shape)?;
+            let doubt = 1.0 + (measured.expected_deviation() / self.doubtful).powi(2);
+            let score = (fit.residual + MIN_RESIDUAL) * self.better.powf(-freedom) * doubt;
+            Some(Scored {
+                fit,
+                is_upright,
+                score,
+            })
+        });
+        let mut scored: Vec<Scored> = scored.collect();
+        scored.sort_by(Scored::order);
+        scored
+    }
+
+    /// The best fit of a search about one by its residual and by how far views agree on its flux:
+    /// silhouettes of few pixels say little of the depth of a bar, on which it depends what goes to
+    /// each side.
+    pub(crate) fn agreed(&self, found: &Scored) -> Fit {
+        let Fit { shape, gaps, .. } = found.fit;
+        let fit = |shape: &Shape| Fit::new(*shape, self.patches, gaps);
+        let score = |shape: &Shape| match self.views.measure(shape) {
+            Some(measured) if !matches!(shape, Shape::Box { size, .. } if is_flat(*size)) => {
+                let doubt = 1.0 + (measured.deviation / self.doubtful).powi(2);
+                (fit(shape).residual + MIN_RESIDUAL) * doubt
+            }
+            _ => f32::INFINITY,
+        };
+        let num_changes = num_changes(&shape, found.is_upright);
+        fit(&best_shape(&shape, num_changes, NUM_AGREED, score).0)
+    }
+}
+
+/// Whether a box is no more than a panel, of which nobody knows whether both sides shine.
+fn is_flat(size: Vec3) -> bool {
+    let [a, b, c] = size.to_array();
+    let middle = a.max(b).min(a.min(b).max(c));
+    size.min_element() < FLAT * middle
+}
+
+/// The best shape of two searches from `start`: the corners of a search grow flat, so
+/// another one starts from where it ended.
+pub(crate) fn refined_again(start: &Shape, is_upright: bool, patches: &[Patch], gaps: Gaps) -> Fit {
+    let first = refined(start, is_upright, patches, gaps);
+    refined(&first.shape, is_upright, patches, gaps)
+}
+
+/// The best shape that a descent from `start` comes to.
+fn descended(start: &Shape, is_upright: bool, width: f32, patches: &[Patch]) -> Fit {
+    let gaps = Gaps::Seen;
+    let shape = descent(
+        start,
+        num_changes(start, is_upright),
+        NUM_STEPS,
+        width,
+        |shape| {
+            let mut all = Vec::new();
+            differences(&[*shape], patches, gaps, |difference| all.push(difference));
+            all
+        },
+    );
+    Fit::new(shape, patches, gaps)
+}
+
+fn num_changes(shape: &Shape, is_upright: bool) -> usize {
+    if is_upright {
+        shape.num_upright()
+    } else {
+        shape.num_changes()
+    }
+}
+
+/// The best shape of a search about `start`.
+fn refined(start: &Shape, is_upright: bool, patches: &[Patch], gaps: Gaps) -> Fit {
+    let num_changes = num_changes(start, is_upright);
+    let value = |shape: &Shape| Fit::new(*shape, patches, gaps).residual;
+    let (shape, residual) = best_shape(start, num_changes, NUM_TRIALS, value);
+    Fit {
+        shape,
+        residual,
+        gaps,
+    }
+}
