@@ -19,7 +19,7 @@ pub(crate) const BETTER: f32 = 0.6;
 /// Residuals below this are alike.
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Shapes, and boxes, that a search goes on with from the best of where descents end.
-const NUM_PROMISING: usize = 4;
+const NUM_PROMISING: usize = 8;
 const NUM_PROMISING_BOXES: usize = 2;
 /// Share of the pixels of a lamp that have its own all around them from which on it shows edges: it
 /// is four pixels wide.

@@ -17,8 +17,10 @@ use rayon::prelude::*;
 
 /// Residual up to which one shape is enough.
 const PERFECT: f32 = 0.03;
-/// Residual up to which pieces explain a lamp.
+/// Residual up to which pieces explain a lamp, and least number of its pixels in all views: of fewer,
+/// any shapes explain some.
 const EXPLAINED: f32 = 0.06;
+const MIN_PIXELS: usize = 400;
 /// Most lamps in place of one.
 const MAX_PARTS: usize = 4;
 /// Share of points that are nearer to a cluster than one that is far.
@@ -94,6 +96,9 @@ fn touching(
 /// Shapes in place of a lamp that together explain it: each is that of a line of pixels that those
 /// before leave over, if these have one.
 fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
+    if group.members.len() < MIN_PIXELS {
+        return None;
+    }
     let (centre, size) = extent(&points(evidence, group))?;
     let seen = patches(evidence, group, centre, size);
     let those = |group: &Group, are_those: &[bool]| {

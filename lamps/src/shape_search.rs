@@ -28,6 +28,8 @@ const FLAT: f32 = 0.1;
 const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
 const NUM_AGREED: usize = 150;
+/// Residual of a shape that views agree on, in that of the best one, at most.
+const AS_GOOD: f32 = 1.5;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
 /// that is twice as large, at least; …
 const DEVIATION: f32 = 0.05;
@@ -132,12 +134,17 @@ impl<'a> ShapeSearch<'a> {
     pub(crate) fn agreed(&self, found: &Scored) -> Fit {
         let Fit { shape, gaps, .. } = found.fit;
         let fit = |shape: &Shape| Fit::new(*shape, self.patches, gaps);
-        let score = |shape: &Shape| match self.views.measure(shape) {
-            Some(measured) if !matches!(shape, Shape::Box { size, .. } if is_flat(*size)) => {
-                let doubt = 1.0 + (measured.deviation / self.doubtful).powi(2);
-                (fit(shape).residual + MIN_RESIDUAL) * doubt
+        let score = |shape: &Shape| {
+            let Fit { residual, .. } = fit(shape);
+            let is_flat = matches!(shape, Shape::Box { size, .. } if is_flat(*size));
+            if is_flat || residual > AS_GOOD * found.fit.residual + MIN_RESIDUAL {
+                return f32::INFINITY;
             }
-            _ => f32::INFINITY,
+            let measured = self.views.measure(shape);
+            measured.map_or(f32::INFINITY, |measured| {
+                let doubt = 1.0 + (measured.deviation / self.doubtful).powi(2);
+                (residual + MIN_RESIDUAL) * doubt
+            })
         };
         let num_changes = num_changes(&shape, found.is_upright);
         fit(&best_shape(&shape, num_changes, NUM_AGREED, score).0)

@@ -18,6 +18,8 @@ const MOUNT_SHARE: f32 = 0.6;
 /// … normals within this (cosine), and heights within so many extents.
 const MOUNT_COSINE: f32 = 0.8;
 const MOUNT_HEIGHT: f32 = 0.5;
+/// Cosine between a mount and an upright wall, at least, that it is taken for.
+const UPRIGHT: f32 = 0.97;
 
 /// A lit pixel in space.
 pub(crate) struct Point {
@@ -74,10 +76,12 @@ pub(crate) fn normals(
     let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
     let plane = FittedPlane::through(points.iter().map(|p| p.position));
     let mut found: Vec<(Vec3, bool)> = mount.map(|n| (turned(n), true)).into_iter().collect();
-    // Most lamps face up or down, if they are flat.
-    if mount.is_none_or(|n| n.dot(up).abs() < MOUNT_COSINE) {
-        found.push((turned(up), true));
-    }
+    // Most lamps face up or down, if they are flat, and most walls stand upright, though training
+    // may have them tilted.
+    found.push((turned(up), true));
+    let upright = mount.and_then(|n| n.reject_from_normalized(up).try_normalize());
+    let is_wall = |n: &Vec3| mount.is_some_and(|mount| mount.dot(*n) > UPRIGHT);
+    found.extend(upright.filter(is_wall).map(|n| (turned(n), true)));
     found.extend(mount.map(|n| (turned(n), false)));
     found.extend(plane.normal.map(|n| (turned(n), false)));
     found.extend(towards.try_normalize().map(|n| (n, false)));
