@@ -57,8 +57,9 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
         TrainProgress::Gloss {
             surfaces: Some(surfaces),
         } => tell_gloss(reporter, surfaces),
-        TrainProgress::Luminous { num } => reporter.note(&format!(
-            "{num} Gaussians near lamps are brighter than they can reflect, and emit"
+        TrainProgress::Luminous { num, num_lit } => reporter.note(&format!(
+            "{num} Gaussians near lamps are brighter than they can reflect, and emit; {num_lit} \
+             that masks have as lamps are lit by others, and do not"
         )),
         // For pages; there is nothing to print.
         TrainProgress::Scene { .. } => return Ok(()),

@@ -160,11 +160,12 @@ pub trait Backend {
     /// If the edit is one of another number of Gaussians.
     fn edit(&mut self, edit: &SceneEdit, radiances: &[Vec<Option<Vec3>>]) -> Result<()>;
 
-    /// Lets Gaussians emit the light that they have, in each light those of `emitting`, `[lights]`.
+    /// Lets Gaussians emit the light that they have, or reflect it, in each light those that are
+    /// given with whether they emit, `[lights]`.
     ///
     /// # Errors
     /// If the device fails.
-    fn mark_emitting(&mut self, emitting: &[Vec<usize>]) -> Result<()>;
+    fn mark_emitting(&mut self, emitting: &[Vec<(usize, bool)>]) -> Result<()>;
 
     /// Finds the Gaussians that `cameras` see, and a point of the surface of each, to gather the
     /// light shown. Returns their number.

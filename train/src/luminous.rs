@@ -1,9 +1,12 @@
-//! Parts of lamps that masks leave out, and that emit nevertheless: blinds and shades that light
-//! shines through, edges of panes.
+//! What emits although masks leave it out, and what does not although they mark it.
 //!
 //! A surface reflects no more than the light it receives. What is brighter is lit from within or
-//! from behind, which an albedo cannot explain: its light would be missing in every room that is
-//! lit by its lamp. It counts as a part of the lamp that it is near, and is selected with it.
+//! from behind, as blinds and shades that light shines through, or edges of panes: an albedo cannot
+//! explain it, and its light would be missing in every room that is lit by its lamp. It counts as a
+//! part of the lamp that it is near, and is selected with it.
+//!
+//! What is no brighter than a white surface in its place may reflect: the sill of a window is as bright
+//! as other lamps, and would be black once the window is off. It emits no more.
 
 use crate::bake::emits;
 use crate::error::Result;
@@ -20,23 +23,27 @@ const EXCESS: f32 = 1.5;
 /// Least radiance over that of its lamp: what is dimmer than this gives the room no light.
 const MIN_SHARE: f32 = 0.05;
 
-/// The Gaussians of `scene` that are parts of `lamps` though they do not emit, ascending. The
-/// irradiance of what `cameras` see near lamps is gathered in `num_samples` directions.
+/// The Gaussians of `scene` that are parts of `lamps` though they do not emit, and those among the
+/// first `num_moving`, which are not of clean lamps, that emit though they may reflect; ascending,
+/// with whether they are to emit. The irradiance of what `cameras` see of them is gathered in
+/// `num_samples` directions.
 ///
 /// # Errors
 /// If the device fails.
 pub(crate) fn luminous(
     device: &Device,
-    scene: &Gaussians,
+    (scene, num_moving): (&Gaussians, usize),
     lamps: &Lamps,
     cameras: &[Camera],
     (num_samples, key): (u32, RandomKey),
-) -> Result<Vec<usize>> {
+) -> Result<Vec<(usize, bool)>> {
     let light = |i: usize| luminance(scene.radiances[i].to_array());
     let may_be = |i: usize| {
+        if emits(scene.emissions[i]) {
+            return i < num_moving;
+        }
         let lamp = lamps.of(scene.positions[i]).map(|lamp| &lamps.lamps[lamp]);
-        let reflects = !emits(scene.emissions[i]);
-        lamp.is_some_and(|lamp| reflects && light(i) >= MIN_SHARE * luminance(lamp.radiance))
+        lamp.is_some_and(|lamp| light(i) >= MIN_SHARE * luminance(lamp.radiance))
     };
     if !(0..scene.len()).any(may_be) {
         return Ok(Vec::new());
@@ -48,10 +55,12 @@ pub(crate) fn luminous(
     let matrix = tracer.trace_transport(&receivers, directions, key)?;
     let indirect = matrix.from_others(directions, &scene.radiances);
     let white = (matrix.direct.iter().zip(&indirect)).map(|(direct, others)| *direct + *others);
-    Ok((receivers.iter().zip(white))
-        .map(|((i, _), white)| (*i as usize, luminance(white.to_array())))
-        .filter(|(i, white)| light(*i) > EXCESS * white)
-        .map(|(i, _)| i)
+    let receivers = receivers.iter().map(|(i, _)| *i as usize);
+    let white = white.map(|white| luminance(white.to_array()));
+    Ok(receivers
+        .zip(white)
+        .map(|(i, white)| (i, light(i) > EXCESS * white))
+        .filter(|(i, is_lamp)| *is_lamp != emits(scene.emissions[*i]))
         .collect())
 }
 
@@ -88,18 +97,60 @@ mod tests {
             .to_vec();
         let found = |lamps: &Lamps| {
             let key = RandomKey::new(1, Purpose::Albedo, 1);
-            luminous(&Device::Cpu, &scene, lamps, &cameras, (256, key)).unwrap()
+            luminous(
+                &Device::Cpu,
+                (&scene, scene.len()),
+                lamps,
+                &cameras,
+                (256, key),
+            )
+            .unwrap()
         };
         let lamps = lamp_at(Vec3::X, 0.4, 10.0);
-        let all: Vec<usize> = (0..scene.len())
+        let all: Vec<(usize, bool)> = (0..scene.len())
             .filter(|&i| {
                 lamps.of(scene.positions[i]).is_some() && scene.radiances[i] == Vec3::splat(2.0)
             })
+            .map(|i| (i, true))
             .collect();
         assert!(all.len() > 10);
         assert_eq!(found(&lamps), all);
         // Beside a lamp that is far brighter it is nothing.
         assert!(found(&lamp_at(Vec3::X, 0.4, 41.0)).is_empty());
         assert!(found(&Lamps::default()).is_empty());
+    }
+
+    /// Of what emits, what is dimmer than white would be reflects, but for clean lamps.
+    #[test]
+    fn what_may_reflect_does_not_emit() {
+        let of = |towards: Vec3| match towards {
+            t if t.x > 0.94 => (0.6, 1.0),
+            t if t.x < -0.94 => (2.0, 1.0),
+            _ => (1.0, 0.0),
+        };
+        let scene = sphere(3000, 1.0, |towards| {
+            let (light, emission) = of(towards);
+            material(Vec3::splat(light), emission, Vec3::splat(0.5))
+        });
+        let cameras = [DVec3::X, -DVec3::X].map(|to| look_at(DVec3::ZERO, to, 160, 160));
+        let found = |num_moving: usize| {
+            let key = RandomKey::new(1, Purpose::Albedo, 1);
+            let lamps = Lamps::default();
+            luminous(
+                &Device::Cpu,
+                (&scene, num_moving),
+                &lamps,
+                &cameras,
+                (256, key),
+            )
+            .unwrap()
+        };
+        let dim: Vec<(usize, bool)> = (0..scene.len())
+            .filter(|&i| scene.radiances[i] == Vec3::splat(0.6))
+            .map(|i| (i, false))
+            .collect();
+        assert!(dim.len() > 10);
+        assert_eq!(found(scene.len()), dim);
+        assert!(found(dim[0].0).is_empty());
     }
 }

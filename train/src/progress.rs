@@ -79,10 +79,12 @@ pub enum TrainProgress {
         /// Gaussians now.
         num_gaussians: usize,
     },
-    /// Parts of lamps that masks leave out emit.
+    /// Parts of lamps that masks leave out emit, and lit surfaces that they mark do not.
     Luminous {
-        /// Gaussians.
+        /// Gaussians that emit now.
         num: usize,
+        /// Gaussians that do not any more.
+        num_lit: usize,
     },
     /// Surfaces that reflected more than they received are darker now.
     AlbedosLimited {

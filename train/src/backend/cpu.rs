@@ -69,7 +69,7 @@ impl Backend for CpuBackend {
         self.trainer.edit(&mut self.parameters, edit, radiances)
     }
 
-    fn mark_emitting(&mut self, emitting: &[Vec<usize>]) -> Result<()> {
+    fn mark_emitting(&mut self, emitting: &[Vec<(usize, bool)>]) -> Result<()> {
         (self.trainer).mark_emitting(&mut self.parameters, emitting)
     }
 

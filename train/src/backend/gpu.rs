@@ -250,7 +250,7 @@ impl Backend for GpuBackend {
         trainer.edit(parameters, edit, radiances)
     }
 
-    fn mark_emitting(&mut self, emitting: &[Vec<usize>]) -> Result<()> {
+    fn mark_emitting(&mut self, emitting: &[Vec<(usize, bool)>]) -> Result<()> {
         let (trainer, parameters) = self.host()?;
         trainer.mark_emitting(parameters, emitting)
     }

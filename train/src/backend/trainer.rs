@@ -324,7 +324,7 @@ impl<S: Tracer> Trainer<S> {
     pub(super) fn mark_emitting(
         &mut self,
         parameters: &mut HostParameters,
-        emitting: &[Vec<usize>],
+        emitting: &[Vec<(usize, bool)>],
     ) -> Result<()> {
         parameters.state.mark_emitting(emitting);
         self.refresh(parameters)

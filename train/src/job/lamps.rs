@@ -5,12 +5,16 @@ use super::Run;
 use super::finish::all_shining;
 use super::views::Views;
 use crate::backend::{Backend, TrainingView};
+use crate::bake::emits;
 use crate::error::Result;
 use crate::luminous::luminous;
 use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
 use eagpt_scene::lamps::{Lamp, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Gaussians, Lamps};
+use std::collections::HashSet;
+use std::path::Path;
 
 impl Run<'_> {
     /// Finds the lamps that the masks of training views show, makes them clean and lists them
@@ -68,7 +72,8 @@ impl Run<'_> {
         backend.edit(&edit, &vec![Vec::new(); views.num_lights()])
     }
 
-    /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it.
+    /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it,
+    /// and what is not reflect. Lamps of which nothing emits any more are not listed.
     pub(super) fn mark_luminous(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
         let request = self.request;
         let options = &request.options;
@@ -78,18 +83,41 @@ impl Run<'_> {
         );
         let cameras = views.cameras();
         let mut emitting = vec![Vec::new(); views.num_lights()];
-        let scenes = backend.state()?.in_lights();
-        for (light, (scene, emitting)) in scenes.iter().zip(&mut emitting).enumerate() {
+        let state = backend.state()?;
+        let (num_moving, mut scenes) = (state.num_moving(), state.in_lights());
+        for (light, (scene, emitting)) in scenes.iter_mut().zip(&mut emitting).enumerate() {
             let listed = self.folder.lamps(light);
             if !listed.exists() {
                 continue;
             }
             let lamps = read_lamps(&listed)?;
-            *emitting = luminous(&request.device, scene, &lamps, &cameras, sampling)?;
+            let device = &request.device;
+            *emitting = luminous(device, (scene, num_moving), &lamps, &cameras, sampling)?;
+            for &(i, emits) in emitting.iter() {
+                scene.emissions[i] = f32::from(emits);
+            }
+            write_emitting(&listed, lamps, scene)?;
+            let num = emitting.iter().filter(|(_, emits)| *emits).count();
             (self.progress)(TrainProgress::Luminous {
-                num: emitting.len(),
+                num,
+                num_lit: emitting.len() - num,
             });
+        }
+        let [_, all] = self.folder.all_lamps();
+        if scenes.len() > 1 && all.exists() {
+            write_emitting(&all, read_lamps(&all)?, &all_shining(&scenes))?;
         }
         backend.mark_emitting(&emitting)
     }
+}
+
+/// Lists those of the `lamps` of a scene of which a Gaussian emits.
+fn write_emitting(path: &Path, mut lamps: Lamps, scene: &Gaussians) -> Result<()> {
+    let emitting = (scene.positions.iter().zip(&scene.emissions))
+        .filter(|(_, emission)| emits(**emission))
+        .filter_map(|(position, _)| lamps.of(*position));
+    let emitting: HashSet<usize> = emitting.collect();
+    let mut index = 0..;
+    (lamps.lamps).retain(|_| index.next().is_some_and(|index| emitting.contains(&index)));
+    Ok(write_lamps(path, &lamps)?)
 }

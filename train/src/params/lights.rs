@@ -130,13 +130,14 @@ impl ParameterState {
         self.show_light(current);
     }
 
-    /// Lets Gaussians emit the light that they have, in each light those of `emitting`, `[lights]`.
-    pub(crate) fn mark_emitting(&mut self, emitting: &[Vec<usize>]) {
+    /// Lets Gaussians emit the light that they have, or reflect it, in each light those that are
+    /// given with whether they emit, `[lights]`.
+    pub(crate) fn mark_emitting(&mut self, emitting: &[Vec<(usize, bool)>]) {
         let current = self.lights.current;
         for (light, emitting) in emitting.iter().enumerate() {
             self.show_light(light);
-            for &i in emitting {
-                self.raw.values[i][ALBEDO - 1] = logit(1.0);
+            for &(i, emits) in emitting {
+                self.raw.values[i][ALBEDO - 1] = logit(f32::from(emits));
             }
         }
         self.show_light(current);
@@ -254,7 +255,7 @@ mod tests {
         let mut state = state();
         state.show_light(1);
         let before = state.in_lights();
-        state.mark_emitting(&[vec![], vec![2], vec![0, 1]]);
+        state.mark_emitting(&[vec![], vec![(2, true)], vec![(0, true), (1, true)]]);
         assert_eq!(state.lights.current, 1);
         let after = state.in_lights();
         let emits = after
