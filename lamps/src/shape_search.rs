@@ -29,7 +29,7 @@ const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
 const NUM_AGREED: usize = 150;
 /// Residual of a shape that views agree on, in that of the best one, at most.
-const AS_GOOD: f32 = 1.5;
+const AS_GOOD: f32 = 2.0;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
 /// that is twice as large, at least; …
 const DEVIATION: f32 = 0.05;
