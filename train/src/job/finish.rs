@@ -1,6 +1,7 @@
 //! Last steps, with the finished scene.
 
 use super::Run;
+use super::lamps::keep_emitting;
 use super::views::Views;
 use crate::bake::emits;
 use crate::energy;
@@ -28,10 +29,12 @@ impl Run<'_> {
         for (light, scene) in scenes.iter().enumerate() {
             let path = self.folder.scene(light);
             ply::write_gaussians(&path, scene)?;
+            keep_emitting(&self.folder.lamps(light), scene)?;
         }
         if scenes.len() > 1 {
-            let [path, _] = self.folder.all_lamps();
-            ply::write_gaussians(&path, &all_shining(&scenes))?;
+            let ([path, lamps], scene) = (self.folder.all_lamps(), all_shining(&scenes));
+            ply::write_gaussians(&path, &scene)?;
+            keep_emitting(&lamps, &scene)?;
         }
         let scene = scenes.swap_remove(0);
         if self.request.is_watched {

@@ -12,7 +12,7 @@ use crate::progress::TrainProgress;
 use eagpt_lamps::Evidence;
 use eagpt_scene::lamps::{Lamp, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussians, Lamps};
+use eagpt_scene::{Gaussians, LampShape};
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -73,7 +73,7 @@ impl Run<'_> {
     }
 
     /// Lets what is brighter than it can reflect near lamps emit, before albedos are to explain it,
-    /// and what is not reflect. Lamps of which nothing emits any more are not listed.
+    /// and what is not reflect.
     pub(super) fn mark_luminous(&mut self, backend: &mut dyn Backend, views: &Views) -> Result<()> {
         let request = self.request;
         let options = &request.options;
@@ -84,8 +84,8 @@ impl Run<'_> {
         let cameras = views.cameras();
         let mut emitting = vec![Vec::new(); views.num_lights()];
         let state = backend.state()?;
-        let (num_moving, mut scenes) = (state.num_moving(), state.in_lights());
-        for (light, (scene, emitting)) in scenes.iter_mut().zip(&mut emitting).enumerate() {
+        let (num_moving, scenes) = (state.num_moving(), state.in_lights());
+        for (light, (scene, emitting)) in scenes.iter().zip(&mut emitting).enumerate() {
             let listed = self.folder.lamps(light);
             if !listed.exists() {
                 continue;
@@ -93,31 +93,65 @@ impl Run<'_> {
             let lamps = read_lamps(&listed)?;
             let device = &request.device;
             *emitting = luminous(device, (scene, num_moving), &lamps, &cameras, sampling)?;
-            for &(i, emits) in emitting.iter() {
-                scene.emissions[i] = f32::from(emits);
-            }
-            write_emitting(&listed, lamps, scene)?;
             let num = emitting.iter().filter(|(_, emits)| *emits).count();
             (self.progress)(TrainProgress::Luminous {
                 num,
                 num_lit: emitting.len() - num,
             });
         }
-        let [_, all] = self.folder.all_lamps();
-        if scenes.len() > 1 && all.exists() {
-            write_emitting(&all, read_lamps(&all)?, &all_shining(&scenes))?;
-        }
         backend.mark_emitting(&emitting)
     }
 }
 
-/// Lists those of the `lamps` of a scene of which a Gaussian emits.
-fn write_emitting(path: &Path, mut lamps: Lamps, scene: &Gaussians) -> Result<()> {
+/// Takes out of the list of lamps at `path`, if there is one, those without a clean shape of which
+/// no Gaussian of the finished `scene` emits.
+pub(super) fn keep_emitting(path: &Path, scene: &Gaussians) -> Result<()> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let mut lamps = read_lamps(path)?;
     let emitting = (scene.positions.iter().zip(&scene.emissions))
         .filter(|(_, emission)| emits(**emission))
         .filter_map(|(position, _)| lamps.of(*position));
     let emitting: HashSet<usize> = emitting.collect();
     let mut index = 0..;
-    (lamps.lamps).retain(|_| index.next().is_some_and(|index| emitting.contains(&index)));
+    lamps.lamps.retain(|lamp| {
+        let emits = index.next().is_some_and(|index| emitting.contains(&index));
+        emits || lamp.shape != LampShape::Other
+    });
     Ok(write_lamps(path, &lamps)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::Lamps;
+    use eagpt_testkit::gaussians::{material, sphere};
+    use eagpt_testkit::lamps::boxed;
+    use glam::Vec3;
+
+    #[test]
+    fn lamps_without_a_shape_of_which_nothing_emits_are_not_listed() {
+        let scene = sphere(500, 1.0, |towards| {
+            let emission = f32::from(u8::from(towards.x > 0.9));
+            material(Vec3::ONE, emission, Vec3::splat(0.5))
+        });
+        let lamp = |name: &str, centre: Vec3, shape: LampShape| Lamp {
+            shape,
+            ..boxed(name, centre.to_array(), [0.3; 3])
+        };
+        let lamps = vec![
+            lamp("lit", Vec3::X, LampShape::Other),
+            lamp("dark", Vec3::NEG_X, LampShape::Other),
+            lamp("ball", Vec3::Y, LampShape::Ball),
+        ];
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("lamps.json");
+        keep_emitting(&path, &scene).unwrap();
+        assert!(!path.exists());
+        write_lamps(&path, &Lamps { lamps }).unwrap();
+        keep_emitting(&path, &scene).unwrap();
+        let kept = read_lamps(&path).unwrap();
+        assert_eq!(kept.names().collect::<Vec<_>>(), ["lit", "ball"]);
+    }
 }
