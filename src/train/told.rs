@@ -58,8 +58,8 @@ pub(super) fn tell(reporter: &mut Reporter, message: &TrainProgress) -> Result<(
             surfaces: Some(surfaces),
         } => tell_gloss(reporter, surfaces),
         TrainProgress::Luminous { num, num_lit } => reporter.note(&format!(
-            "{num} Gaussians near lamps are brighter than they can reflect, and emit; {num_lit} \
-             that masks have as lamps are lit by others, and do not"
+            "{num} Gaussians near lamps are brighter than they can reflect, and emit; {num_lit} in \
+             masks of lamps are not, and reflect"
         )),
         // For pages; there is nothing to print.
         TrainProgress::Scene { .. } => return Ok(()),
