@@ -1,12 +1,13 @@
 //! Lamps by the shapes that explain their pixels, before what they do to the scene is known.
 
 use crate::evidence::{Evidence, Pixel, Sight};
-use crate::fit::{self, Fit};
+use crate::fit;
 use crate::group::Group;
 use crate::level::are_unlike;
 use crate::measure::{self, Measured};
 use crate::patches::Gaps;
 use crate::shape::Shape;
+use crate::shape_search::Fit;
 use crate::{bars, bearings, grouping, parts};
 use glam::Vec3;
 use std::cmp::Reverse;

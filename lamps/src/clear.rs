@@ -3,9 +3,9 @@
 
 use crate::Candidate;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
-use crate::fit::Fit;
 use crate::patches::Gaps;
 use crate::shape::Shape;
+use crate::shape_search::Fit;
 use eagpt_scene::lamps::BOX_MARGIN;
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;

@@ -7,17 +7,13 @@ use crate::boxes;
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
 use crate::measure;
-use crate::patches::{Gaps, Patch, patches, residual};
+use crate::patches::{Gaps, Patch, patches};
 use crate::shape::Shape;
-use crate::shape_search::{Scored, ShapeSearch, refined_again};
+use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch, refined_again};
 use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
 
-/// How much better a shape with more freedom has to fit than one with less.
-pub(crate) const BETTER: f32 = 0.6;
-/// Residuals below this are alike.
-pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Shapes, and boxes, that a search goes on with from the best of where descents end.
 const NUM_PROMISING: usize = 8;
 const NUM_PROMISING_BOXES: usize = 2;
@@ -35,26 +31,7 @@ const PERFECT: f32 = 0.015;
 /// such lamps the right power, and what stands before them its place.
 const LARGE: usize = 400;
 
-/// A shape and how well it fits.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Fit {
-    pub(crate) shape: Shape,
-    /// Squared difference of covers over squared covers, 0 for a perfect fit.
-    pub(crate) residual: f32,
-    /// Where views do not show it, as the fit takes it.
-    pub(crate) gaps: Gaps,
-}
-
 impl Fit {
-    /// How well `shape` fits what `patches` show.
-    pub(crate) fn new(shape: Shape, patches: &[Patch], gaps: Gaps) -> Self {
-        Self {
-            shape,
-            residual: residual(&[shape], patches, gaps),
-            gaps,
-        }
-    }
-
     /// Whether the shape explains what the views show of a lamp of `group`.
     pub(crate) fn is_clean(&self, group: &Group) -> bool {
         let [large, small] = MAX_RESIDUAL;

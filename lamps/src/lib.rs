@@ -46,12 +46,12 @@ use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
-use fit::Fit;
 use glam::Vec3;
 use group::Group;
 use measure::Measured;
 use patches::Gaps;
 use shape::Shape;
+use shape_search::Fit;
 
 /// Lamps and the scene that they take the place of.
 #[derive(Debug, Clone, Default, PartialEq)]

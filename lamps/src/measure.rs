@@ -22,8 +22,8 @@ const MAX_HIDDEN: f32 = 0.05;
 /// Pixels around a lamp within which it may light what is behind it.
 const CLOSE: u32 = 3;
 
-/// Widths of a pixel beyond which one is nowhere near a shape; more than its own diagonal and that of
-/// its neighbours.
+/// Widths of a pixel beyond which one is nowhere near a shape: more than its diagonal and that of a
+/// neighbour.
 const AWAY_PIXELS: f32 = 4.0;
 
 /// Standard deviation between views over the mean as expected before any is known.
@@ -142,12 +142,11 @@ impl View<'_> {
     /// Cosine to the middle of a shape, below which a pixel is nowhere near it.
     fn least_cosine(&self, shape: &Shape) -> f32 {
         let share = 0.5 * shape.size().length() / shape.centre().distance(self.sight.origin());
-        let angle = share.min(1.0).asin() + AWAY_PIXELS * self.sight.pixel_width();
-        if share < 1.0 {
-            angle.min(PI).cos()
-        } else {
-            -1.0
+        if share >= 1.0 {
+            return -1.0;
         }
+        let angle = share.asin() + AWAY_PIXELS * self.sight.pixel_width();
+        angle.min(PI).cos()
     }
 
     /// What the view measures of the lamp if it has `shape`.

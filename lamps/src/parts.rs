@@ -1,15 +1,16 @@
-//! Lamps that no view shows apart, as bulbs of a cluster that touch in photographs, or the pieces of
-//! a bent tube: where one shape does not explain the silhouettes, several may. They are fitted
+//! Lamps that no view shows apart, as bulbs of a cluster that touch in photographs, or the pieces
+//! of a bent tube: where one shape does not explain the silhouettes, several may. They are fitted
 //! together: what one hides of another, and pixels that show two, say nothing of either by itself.
 
 use crate::candidates::is_enough;
 use crate::evidence::Evidence;
-use crate::fit::{BETTER, Fit, MIN_RESIDUAL, fit};
+use crate::fit::fit;
 use crate::group::Group;
 use crate::lines::along_line;
 use crate::patches::{self, Gaps, Patch, patches};
 use crate::search::best_shape;
 use crate::shape::Shape;
+use crate::shape_search::{BETTER, Fit, MIN_RESIDUAL};
 use crate::starts::{extent, points, points_at};
 use eagpt_scene::median::{median, median_distance};
 use glam::Vec3;
@@ -17,10 +18,10 @@ use rayon::prelude::*;
 
 /// Residual up to which one shape is enough.
 const PERFECT: f32 = 0.03;
-/// Residual up to which pieces explain a lamp, and least number of its pixels in all views: of fewer,
-/// any shapes explain some.
+/// Residual up to which pieces explain a lamp, and least number of its pixels in all views: some
+/// shapes always explain fewer.
 const EXPLAINED: f32 = 0.06;
-const MIN_PIXELS: usize = 400;
+const ENOUGH_FOR_PIECES: usize = 400;
 /// Most lamps in place of one.
 const MAX_PARTS: usize = 4;
 /// Share of points that are nearer to a cluster than one that is far.
@@ -58,7 +59,7 @@ pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec
     group.divided(&of, shapes.len())
 }
 
-/// Shapes in place of the lamp of `group`, if they explain its silhouettes much better than `whole`.
+/// Shapes in place of the lamp of `group`, if they explain it much better than its fit `whole`.
 fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
     if whole.residual <= PERFECT || whole.gaps == Gaps::Bars {
         return None;
@@ -90,13 +91,13 @@ fn touching(
             (shapes[at], residual) = (other, of_other);
         }
     }
-    Some(shared_out(evidence, group, &shapes, residual))
+    Some(shared_out(evidence, group, shapes, residual))
 }
 
 /// Shapes in place of a lamp that together explain it: each is that of a line of pixels that those
 /// before leave over, if these have one.
 fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
-    if group.members.len() < MIN_PIXELS {
+    if group.members.len() < ENOUGH_FOR_PIECES {
         return None;
     }
     let (centre, size) = extent(&points(evidence, group))?;
@@ -118,26 +119,26 @@ fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
         (residual, shapes) = fitted(shapes, &seen);
     }
     let is_explained = residual <= EXPLAINED && shapes.len() > 1;
-    is_explained.then(|| shared_out(evidence, group, &shapes, residual))
+    is_explained.then(|| shared_out(evidence, group, shapes, residual))
 }
 
 /// Fits of the `shapes` that a group consists of, and the pixels of each.
 fn shared_out(
     evidence: &Evidence,
     group: &Group,
-    shapes: &[Shape],
+    shapes: Vec<Shape>,
     residual: f32,
 ) -> Vec<(Group, Fit)> {
     let gaps = Gaps::Seen;
-    let fit = |(group, shape): (Group, &Shape)| {
+    let fit = |(group, shape)| {
         let fit = Fit {
-            shape: *shape,
+            shape,
             residual,
             gaps,
         };
         (group, fit)
     };
-    let groups = among(evidence, group, shapes).into_iter();
+    let groups = among(evidence, group, &shapes).into_iter();
     groups.zip(shapes).map(fit).collect()
 }
 

@@ -1,17 +1,17 @@
 //! Searches for the shape of a lamp, and what speaks for one against another.
 
-use crate::fit::{BETTER, Fit, MIN_RESIDUAL};
 use crate::group::Group;
 use crate::measure;
-use crate::patches::{Gaps, Patch, differences};
+use crate::patches::{Gaps, Patch, differences, residual};
 use crate::search::{best_shape, descent};
 use crate::shape::Shape;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
-/// How much better a shape with more freedom has to fit a lamp of less than [`FEW`] pixels in all
-/// views, which say little of a shape.
+/// How much better a shape with more freedom has to fit than one with less.
+pub(crate) const BETTER: f32 = 0.6;
+/// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
 /// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, of tubes
@@ -19,12 +19,14 @@ const FEW: usize = 120;
 const TILTED: f32 = 1.0;
 const TURNED: f32 = 0.5;
 const EDGES: f32 = 0.5;
+/// Residuals below this are alike.
+pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Residual from which on a shape is no better than none, though views may agree on its flux.
 const NOTHING: f32 = 0.9;
 /// Thickness of a box that is flat, in its narrower other side.
 const FLAT: f32 = 0.1;
-/// Steps of a descent from every start; evaluations of a search from the best of where they end, and
-/// of one that views are to agree on.
+/// Steps of a descent from every start; evaluations of a search from the best of where they end,
+/// and of one that views are to agree on.
 const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
 const NUM_AGREED: usize = 150;
@@ -35,6 +37,27 @@ const AS_GOOD: f32 = 2.0;
 const DEVIATION: f32 = 0.05;
 /// … of a lamp that has few pixels in a view, over the square root of their number.
 const DOUBT: f32 = 0.25;
+
+/// A shape and how well it fits.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fit {
+    pub(crate) shape: Shape,
+    /// Squared difference of covers over squared covers, 0 for a perfect fit.
+    pub(crate) residual: f32,
+    /// Where views do not show it, as the fit takes it.
+    pub(crate) gaps: Gaps,
+}
+
+impl Fit {
+    /// How well `shape` fits what `patches` show.
+    pub(crate) fn new(shape: Shape, patches: &[Patch], gaps: Gaps) -> Self {
+        Self {
+            shape,
+            residual: residual(&[shape], patches, gaps),
+            gaps,
+        }
+    }
+}
 
 /// A fit and how much speaks against it.
 pub(crate) struct Scored {
@@ -115,7 +138,7 @@ impl<'a> ShapeSearch<'a> {
                 Shape::Box { .. } => tilted(TILTED) + EDGES,
             };
             let measured = self.views.measure(&fit.shape)?;
-            let doubt = 1.0 + (measured.expected_deviation() / self.doubtful).powi(2);
+            let doubt = self.doubt(measured.expected_deviation());
             let score = (fit.residual + MIN_RESIDUAL) * self.better.powf(-freedom) * doubt;
             Some(Scored {
                 fit,
@@ -126,6 +149,11 @@ impl<'a> ShapeSearch<'a> {
         let mut scored: Vec<Scored> = scored.collect();
         scored.sort_by(Scored::order);
         scored
+    }
+
+    /// Factor by which a deviation of the flux between views speaks against a shape.
+    fn doubt(&self, deviation: f32) -> f32 {
+        1.0 + (deviation / self.doubtful).powi(2)
     }
 
     /// The best fit of a search about one by its residual and by how far views agree on its flux:
@@ -142,8 +170,7 @@ impl<'a> ShapeSearch<'a> {
             }
             let measured = self.views.measure(shape);
             measured.map_or(f32::INFINITY, |measured| {
-                let doubt = 1.0 + (measured.deviation / self.doubtful).powi(2);
-                (residual + MIN_RESIDUAL) * doubt
+                (residual + MIN_RESIDUAL) * self.doubt(measured.deviation)
             })
         };
         let num_changes = num_changes(&shape, found.is_upright);

@@ -140,8 +140,8 @@ fn a_bar_before_a_wall_is_no_tilted_panel() {
     assert_ne!(found[0].shape, LampShape::Panel, "{found:#?}");
 }
 
-/// Few pixels thick, and from one side alone: silhouettes say little of its depth, but views have to
-/// agree on its flux.
+/// Few pixels thick, and from one side alone: silhouettes say little of its depth, but views have
+/// to agree on its flux.
 #[test]
 fn a_thin_bar_has_the_depth_that_views_agree_on() {
     let bar = Shape::Box {

@@ -1,12 +1,12 @@
-//! What emits although masks leave it out, and what does not although they mark it.
+//! Parts of lamps that masks leave out, and lit surfaces that they mark.
 //!
 //! A surface reflects no more than the light it receives. What is brighter is lit from within or
 //! from behind, as blinds and shades that light shines through, or edges of panes: an albedo cannot
 //! explain it, and its light would be missing in every room that is lit by its lamp. It counts as a
 //! part of the lamp that it is near, and is selected with it.
 //!
-//! What is no brighter than a white surface in its place may reflect: the sill of a window is as bright
-//! as other lamps, and would be black once the window is off. It emits no more.
+//! A surface that is no brighter than a white one may reflect: the sill of a window is as bright as
+//! other lamps, and would be black once the window is off. It emits no more.
 
 use crate::bake::emits;
 use crate::error::Result;
@@ -82,6 +82,11 @@ mod tests {
         Lamps { lamps: vec![lamp] }
     }
 
+    fn marked(scene: (&Gaussians, usize), lamps: &Lamps, cameras: &[Camera]) -> Vec<(usize, bool)> {
+        let key = RandomKey::new(1, Purpose::Albedo, 1);
+        luminous(&Device::Cpu, scene, lamps, cameras, (256, key)).unwrap()
+    }
+
     /// Inside a sphere of radiance 1 all surfaces receive what makes white ones reflect 1.
     #[test]
     fn what_is_brighter_than_white_near_a_lamp_emits_and_nothing_else() {
@@ -95,17 +100,7 @@ mod tests {
         let cameras: Vec<_> = [DVec3::X, -DVec3::X]
             .map(|target| look_at(DVec3::ZERO, target, 160, 160))
             .to_vec();
-        let found = |lamps: &Lamps| {
-            let key = RandomKey::new(1, Purpose::Albedo, 1);
-            luminous(
-                &Device::Cpu,
-                (&scene, scene.len()),
-                lamps,
-                &cameras,
-                (256, key),
-            )
-            .unwrap()
-        };
+        let found = |lamps: &Lamps| marked((&scene, scene.len()), lamps, &cameras);
         let lamps = lamp_at(Vec3::X, 0.4, 10.0);
         let all: Vec<(usize, bool)> = (0..scene.len())
             .filter(|&i| {
@@ -133,18 +128,7 @@ mod tests {
             material(Vec3::splat(light), emission, Vec3::splat(0.5))
         });
         let cameras = [DVec3::X, -DVec3::X].map(|to| look_at(DVec3::ZERO, to, 160, 160));
-        let found = |num_moving: usize| {
-            let key = RandomKey::new(1, Purpose::Albedo, 1);
-            let lamps = Lamps::default();
-            luminous(
-                &Device::Cpu,
-                (&scene, num_moving),
-                &lamps,
-                &cameras,
-                (256, key),
-            )
-            .unwrap()
-        };
+        let found = |num_moving: usize| marked((&scene, num_moving), &Lamps::default(), &cameras);
         let dim: Vec<(usize, bool)> = (0..scene.len())
             .filter(|&i| scene.radiances[i] == Vec3::splat(0.6))
             .map(|i| (i, false))

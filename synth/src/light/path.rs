@@ -126,7 +126,7 @@ impl<'a> Lighting<'a> {
         sample.radiance * (from_bounce / (sample.pdf + from_bounce))
     }
 
-    /// Light that a bounce along `direction` finds where it ends, if there is a light, and its weight.
+    /// Light that a bounce along `direction` finds at its end, if that is a light, and its weight.
     pub(super) fn found_by_bounce(
         &self,
         condition: usize,

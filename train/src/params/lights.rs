@@ -255,7 +255,13 @@ mod tests {
         let mut state = state();
         state.show_light(1);
         let before = state.in_lights();
-        state.mark_emitting(&[vec![], vec![(2, true)], vec![(0, true), (1, true)]]);
+        state.mark_emitting(&[vec![(1, true)], vec![], vec![(2, true)]]);
+        // A later mark replaces an earlier one.
+        state.mark_emitting(&[
+            vec![(1, false)],
+            vec![(2, true)],
+            vec![(0, true), (1, true), (2, false)],
+        ]);
         assert_eq!(state.lights.current, 1);
         let after = state.in_lights();
         let emits = after
