@@ -8,8 +8,12 @@ use crate::measure::Measured;
 use crate::patches::{Gaps, MAX_VIEWS, Patch, hidden_from, residual};
 use crate::search;
 use crate::shape::{Flat, Shape};
+use crate::shape_search::{Fit, refined_again};
 use glam::Vec3;
+use rayon::prelude::*;
 
+/// Residual of a fit beyond which a lamp is not behind bars.
+pub(crate) const MAX_RESIDUAL: f32 = 0.12;
 /// Share of the area that views have to show in the mean; …
 const MIN_SHOWN: f32 = 0.5;
 /// … and share of its cells, so many along each side, that at least one view has to show.
@@ -22,9 +26,32 @@ const MAX_PUSH: f32 = 0.15;
 /// Trials for its edges once its plane is known.
 const NUM_TRIALS: usize = 200;
 
+/// The large lamp of `group` behind bars, about one of the `starts`, which may keep their z axis;
+/// `None` where its residual is no less than `max_residual`, or views do not show that there is one.
+pub(crate) fn fit(
+    evidence: &Evidence,
+    group: &Group,
+    starts: &[(Shape, bool)],
+    patches: &[Patch],
+    max_residual: f32,
+) -> Option<Fit> {
+    if !group.is_large() {
+        return None;
+    }
+    let fits = (starts.par_iter())
+        .map(|(start, is_upright)| refined_again(start, *is_upright, patches, Gaps::Bars));
+    let best = fits.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
+    if best.residual > MAX_RESIDUAL.min(max_residual) {
+        return None;
+    }
+    let flat = behind_bars(evidence, group, best.shape.flat()?, patches)?;
+    let shape = Shape::Rectangle(flat);
+    Some(Fit { shape, ..best })
+}
+
 /// The lamp of `group`, whose silhouettes are those of `opening`, behind what hides it; `None`
 /// where views do not show that there is one.
-pub(crate) fn behind_bars(
+fn behind_bars(
     evidence: &Evidence,
     group: &Group,
     opening: &Flat,

@@ -8,7 +8,7 @@ use crate::measure::{self, Measured};
 use crate::patches::Gaps;
 use crate::shape::Shape;
 use crate::shape_search::Fit;
-use crate::{bars, bearings, grouping, parts};
+use crate::{bars, bearings, grouping, parts, windows};
 use glam::Vec3;
 use std::cmp::Reverse;
 
@@ -43,12 +43,19 @@ impl Candidate {
 
 /// The groups of lit pixels that a shape explains.
 pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
-    let mut groups = bearings::joined(evidence, grouping::group(evidence));
+    let groups = bearings::joined(evidence, grouping::group(evidence));
+    let mut groups = windows::joined(evidence, groups, up);
     // Where most views show a lamp its place is known best, and others may show parts of it that the
     // scene has elsewhere.
-    groups.sort_by_key(|group| Reverse((group.by_view().count(), group.members.len())));
+    groups.sort_by_key(|(group, window)| {
+        Reverse((
+            window.is_some(),
+            group.by_view().count(),
+            group.members.len(),
+        ))
+    });
     let mut found: Vec<Candidate> = Vec::new();
-    for all in groups {
+    for (all, window) in groups {
         let mut lights = all.by_light(evidence);
         lights.retain(|(_, group)| is_enough(group));
         // Of equal ones the first: the sort is stable.
@@ -65,7 +72,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         if elsewhere > SHARE_ELSEWHERE {
             continue;
         }
-        let Some(fit) = fit::fit(evidence, &group, up) else {
+        let Some(fit) = window.or_else(|| fit::fit(evidence, &group, up)) else {
             continue;
         };
         let parts = parts::all(evidence, group, fit, up);

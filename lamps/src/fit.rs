@@ -1,7 +1,7 @@
 //! The shape of a lamp: of a rectangle, an ellipse, a ball, a tube and a box the one whose
 //! silhouettes are most like what the views show.
 
-use crate::bars::behind_bars;
+use crate::bars;
 use crate::bearings;
 use crate::boxes;
 use crate::evidence::{Evidence, Lit};
@@ -9,7 +9,7 @@ use crate::group::Group;
 use crate::measure;
 use crate::patches::{Gaps, Patch, patches};
 use crate::shape::Shape;
-use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch, refined_again};
+use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch};
 use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
 use eagpt_scene::median::median_of;
 use glam::Vec3;
@@ -20,16 +20,11 @@ const NUM_PROMISING_BOXES: usize = 2;
 /// Share of the pixels of a lamp that have its own all around them from which on it shows edges: it
 /// is four pixels wide.
 const SHARE_INSIDE: f32 = 0.4;
-/// Residual of a fit beyond which a lamp is left as it was trained, if views show it as large as
-/// [`LARGE`], or smaller.
+/// Residual of a fit beyond which a lamp is left as it was trained, if a view shows it large,
+/// or smaller.
 const MAX_RESIDUAL: [f32; 2] = [0.06, 0.45];
-/// … and that of one behind bars.
-const MAX_RESIDUAL_BARS: f32 = 0.12;
 /// Residual up to which a lamp needs no box to explain it, and a large one no bars.
 const PERFECT: f32 = 0.015;
-/// Pixels of a lamp in the view that shows it largest from which on it is large. Training gives
-/// such lamps the right power, and what stands before them its place.
-const LARGE: usize = 400;
 
 impl Fit {
     /// Whether the shape explains what the views show of a lamp of `group`.
@@ -37,8 +32,8 @@ impl Fit {
         let [large, small] = MAX_RESIDUAL;
         self.residual
             <= match self.gaps {
-                Gaps::Bars => MAX_RESIDUAL_BARS,
-                Gaps::Seen if is_large(group) => large,
+                Gaps::Bars => bars::MAX_RESIDUAL,
+                Gaps::Seen if group.is_large() => large,
                 Gaps::Seen => small,
             }
     }
@@ -49,10 +44,6 @@ fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
     let pixels = group.members.iter().map(|member| evidence.pixel(member).1);
     let inside = pixels.filter(|pixel| pixel.lit == Lit::Inside);
     inside.count() as f32 > SHARE_INSIDE * group.members.len() as f32
-}
-
-fn is_large(group: &Group) -> bool {
-    group.by_view().any(|(_, pixels)| pixels.len() >= LARGE)
 }
 
 /// Fits the lamp of `group`, `up` being the unit vector upwards; `None` where its pixels have no
@@ -102,7 +93,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         fits.extend(boxes);
     }
     let best = fits.into_iter().min_by(Scored::order)?;
-    let best = if best.fit.is_clean(group) && !is_large(group) {
+    let best = if best.fit.is_clean(group) && !group.is_large() {
         search.agreed(&best)
     } else {
         best.fit
@@ -112,15 +103,15 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
 
 /// A flat lamp of many pixels behind bars, if that explains more than the `best` fit without.
 fn with_bars(evidence: &Evidence, group: &Group, best: &Fit, patches: &[Patch]) -> Option<Fit> {
-    if best.residual <= PERFECT || !is_large(group) {
+    if best.residual <= PERFECT {
         return None;
     }
     let start = Shape::Rectangle(*best.shape.flat()?);
-    let fit = refined_again(&start, false, patches, Gaps::Bars);
-    if fit.residual > MAX_RESIDUAL_BARS.min(BETTER * best.residual) {
-        return None;
-    }
-    let flat = behind_bars(evidence, group, fit.shape.flat()?, patches)?;
-    let shape = Shape::Rectangle(flat);
-    Some(Fit { shape, ..fit })
+    bars::fit(
+        evidence,
+        group,
+        &[(start, false)],
+        patches,
+        BETTER * best.residual,
+    )
 }

@@ -11,6 +11,9 @@ const NEAR_PIXELS: f32 = 2.0;
 /// Points of a lamp that others are compared with.
 pub(crate) const MAX_POINTS: usize = 600;
 
+/// Pixels of a lamp in the view that shows it largest from which on it is large.
+const LARGE: usize = 400;
+
 /// The pixels of a lamp.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Group {
@@ -66,6 +69,12 @@ impl Group {
             }
         };
         (0..num).map(part).collect()
+    }
+
+    /// Whether a view shows it large. Training gives such lamps the right power, and what stands
+    /// before them its place.
+    pub(crate) fn is_large(&self) -> bool {
+        self.by_view().any(|(_, pixels)| pixels.len() >= LARGE)
     }
 
     /// Share of its pixels, at least one, for which `is_so` is true.

@@ -36,6 +36,7 @@ pub mod shape;
 mod shape_search;
 mod starts;
 mod thin;
+mod windows;
 
 pub use evidence::Evidence;
 pub use mount::freed;
