@@ -44,7 +44,7 @@ impl Candidate {
 /// The groups of lit pixels that a shape explains.
 pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let groups = bearings::joined(evidence, grouping::group(evidence));
-    let mut groups = windows::joined(evidence, groups, up);
+    let mut groups = windows::joined(evidence, &groups, up);
     // Where most views show a lamp its place is known best, and others may show parts of it that the
     // scene has elsewhere.
     groups.sort_by_key(|(group, window)| {

@@ -59,9 +59,13 @@ fn check_window(width: f32) {
     }));
     let scene: Gaussians = scene.into_iter().collect();
     let found = found(&window, &bars, usize::MAX, &scene);
-    let [lamp] = found.lamps.lamps.as_slice() else {
-        panic!("bars of {width}: {:?}", found.lamps)
-    };
+    assert_eq!(
+        found.lamps.lamps.len(),
+        1,
+        "bars of {width}: {:?}",
+        found.lamps
+    );
+    let lamp = &found.lamps.lamps[0];
     assert_eq!(lamp.shape, LampShape::Panel);
     assert!(lamp.bars, "bars of {width}");
     // Pixels at bars are no measure of the panes.
