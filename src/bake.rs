@@ -60,7 +60,8 @@ pub(crate) struct BakeArgs {
     bounces: u32,
     /// gaussians: directions traced at each Gaussian, at least 1; half of them are light samples,
     /// the others serve all bounces [default: 64; 32 in scenes of over 125,000 Gaussians, whose
-    /// pictures are means over more of them, 16 in those of over 250,000]
+    /// pictures are means over more of them, 16 in those of over 250,000; twice that with
+    /// --per-light]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
     /// views: samples per pixel, at least 1
@@ -95,8 +96,8 @@ pub(crate) struct BakeArgs {
     transport: Option<PathBuf>,
     /// gaussians: also write BAKED.lights, what each Gaussian reflects of each lamp. Any powers and
     /// colours of the lamps are then a sum: `set_light` of `eagpt edit`, --set-light of `eagpt
-    /// render`. BAKED.ply is the same with and without. Takes 60 bytes of memory for each Gaussian
-    /// and lamp, 6 in the file
+    /// render`. Light samples are shared out so that weak lamps beside strong ones get enough of
+    /// them. Takes 60 bytes of memory for each Gaussian and lamp, 6 in the file
     #[arg(long)]
     per_light: bool,
     /// --per-light: lamps of the scene; whatever else emits is one more light, `rest` [default:

@@ -6,6 +6,7 @@
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
+mod lamps;
 mod receivers;
 mod series;
 pub(crate) mod solution;
@@ -190,7 +191,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
     let num_rays = bake.num_rays;
     let mut options = request.options;
     if let BakeMethod::Gaussians(method) = &mut options.method {
-        method.num_samples = Some(method.number(bake.scene.len()));
+        method.num_samples = Some(method.number(bake.scene.len(), request.per_light.is_some()));
     }
     let mut num_lights = None;
     let scene = match solved {

@@ -14,6 +14,7 @@
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
+use super::lamps::evened;
 use super::receivers::Receivers;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
 use super::transport::TracedTransport;
@@ -25,7 +26,7 @@ use eagpt_scene::lamps::read_lamps;
 use eagpt_scene::light_basis::geometry_digest;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{LightBasis, LightGroups, SceneError};
+use eagpt_scene::{Gaussians, LightBasis, LightGroups, SceneError};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::bsdf::equivalent_albedos;
 use eagpt_trace::transport::matrix::Directions;
@@ -46,19 +47,15 @@ const STORE_EVERY: Duration = Duration::from_secs(30);
 pub struct GaussianBake {
     /// Directions traced at each Gaussian, at least 1: half of them are light samples, the others
     /// serve all bounces. Without a number it follows from that of the Gaussians
-    /// ([`irradiance::usual_samples`]).
+    /// ([`irradiance::usual_samples`]), and is twice that where the light of each lamp is asked for.
     pub num_samples: Option<u32>,
 }
 
 impl GaussianBake {
-    /// Number of directions at each of `num` Gaussians.
-    pub(super) fn number(self, num: usize) -> u32 {
-        let usual = || irradiance::usual_samples(num);
+    /// Number of directions at each of `num` Gaussians, for all light or for that of each lamp.
+    pub(super) fn number(self, num: usize, is_per_light: bool) -> u32 {
+        let usual = || irradiance::usual_samples(num) << u32::from(is_per_light);
         self.num_samples.unwrap_or_else(usual)
-    }
-
-    pub(super) fn directions(self, num: usize) -> Directions {
-        irradiance::directions(self.number(num))
     }
 }
 
@@ -77,17 +74,24 @@ impl Bake<'_> {
     /// Radiances of all Gaussians, and the basis of their light if that is asked for; `None` if it
     /// was stopped from outside.
     pub(super) fn solve(&mut self, method: GaussianBake) -> Result<Option<Solved>> {
-        let directions = method.directions(self.scene.len());
+        let is_per_light = self.request.per_light.is_some();
+        let directions = irradiance::directions(method.number(self.scene.len(), is_per_light));
         let lights = match &self.request.per_light {
             Some(lamps) => Some(self.lights(lamps)?),
             None => None,
         };
         let num_lights = lights.as_ref().map_or(0, |lights| lights.names.len());
         self.check_memory(directions, num_lights)?;
-        let tracer = self.request.device.scene(&self.scene)?;
-        let Some(traced) = self.trace(&*tracer, directions)? else {
+        // Emitters with the light that light samples are chosen by.
+        let sampled = match &lights {
+            Some(lights) => &evened(&self.scene, lights),
+            None => &self.scene.clone(),
+        };
+        let tracer = self.request.device.scene(sampled)?;
+        let Some(mut traced) = self.trace(&*tracer, sampled, directions)? else {
             return Ok(None);
         };
+        traced.relight(&self.scene, self.key());
         let light = Exchange::new(&traced.receivers, &traced.matrix, directions);
         let max_bounces = self.request.options.max_bounces;
         let parts = lights.as_ref().map(|lights| DirectParts {
@@ -134,10 +138,12 @@ impl Bake<'_> {
     }
 
     /// All rows of the transport matrix, traced here or in an earlier process; `None` if it was
-    /// stopped.
+    /// stopped. `sampled` is the scene with the light that light samples are chosen by, which
+    /// `tracer` traces.
     fn trace(
         &mut self,
         tracer: &dyn Tracer,
+        sampled: &Gaussians,
         directions: Directions,
     ) -> Result<Option<TracedTransport>> {
         let path = match &self.request.transport {
@@ -153,10 +159,10 @@ impl Bake<'_> {
             .with_value("cameras", &cameras)?
             .with_value("samples", &[directions.bsdf, directions.to_lights])?
             .with_value("seed", &self.request.options.seed)?;
-        let traced = match self.traced_before(&path, &key)? {
+        let traced = match self.traced_before(&path, &key, sampled)? {
             Some(traced) => traced,
             None => match self.find_receivers(tracer)? {
-                Some(receivers) => TracedTransport::new(key, directions, &self.scene, receivers),
+                Some(receivers) => TracedTransport::new(key, directions, sampled, receivers),
                 None => return Ok(None),
             },
         };
@@ -164,8 +170,13 @@ impl Bake<'_> {
     }
 
     /// Rows that an earlier bake has left at `path`, if they are of use for this one; all of them
-    /// with the light of the emitters as they are now.
-    fn traced_before(&mut self, path: &Path, key: &Key) -> Result<Option<TracedTransport>> {
+    /// with the light of the emitters of `sampled`.
+    fn traced_before(
+        &mut self,
+        path: &Path,
+        key: &Key,
+        sampled: &Gaussians,
+    ) -> Result<Option<TracedTransport>> {
         if !path.exists() {
             return Ok(None);
         }
@@ -174,7 +185,7 @@ impl Bake<'_> {
             format!("rays of {}", traced.key.differences_in_words(key))
         } else if !traced.fits(&self.scene) {
             return Err(SceneError::invalid(path, "entries", "the file is damaged").into());
-        } else if traced.relight(&self.scene, self.key()) {
+        } else if traced.relight(sampled, self.key()) {
             return Ok(Some(traced));
         } else {
             "light samples of emitters with another light".to_owned()

@@ -5,6 +5,7 @@ use super::receivers::Receivers;
 use super::series::{Exchange, sum_of_bounces};
 use super::{BakeProgress, emits, forget_directions, with_emitters};
 use crate::error::Result;
+use crate::irradiance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Device;
@@ -44,7 +45,7 @@ impl Solution<'_> {
             return Ok(None);
         }
         forget_directions(&mut scene);
-        let directions = self.method.directions(scene.len());
+        let directions = irradiance::directions(self.method.number(scene.len(), false));
         let key = RandomKey::new(self.seed, Purpose::Bake, 1);
         let tracer = self.device.scene(&scene)?;
         let cameras = self.cameras.iter();
