@@ -61,9 +61,10 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         return None;
     }
     let towards: Vec3 = points.iter().map(|p| p.towards).sum();
-    let flats = normals(&points, towards, mount(evidence, group, centre, extent), up);
+    let mount = mount(evidence, group, centre, extent);
+    let flats = normals(&points, towards, mount, up);
     let views = measure::Views::new(evidence, group);
-    let search = ShapeSearch::new(&patches, views, group, pixel);
+    let search = ShapeSearch::new(&patches, views, group, pixel, mount);
     let mut starts: Vec<(Shape, bool)> = Vec::new();
     for (normal, is_mount) in flats {
         let flat = first_flat(&points, centre, normal, pixel);

@@ -4,7 +4,8 @@ use crate::group::Group;
 use crate::measure;
 use crate::patches::{Gaps, Patch, differences, residual};
 use crate::search::{best_shape, descent};
-use crate::shape::Shape;
+use crate::shape::{Flat, Shape};
+use crate::starts::Mount;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -14,11 +15,15 @@ pub(crate) const BETTER: f32 = 0.6;
 /// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
-/// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, of tubes
-/// that are, and of edges.
+/// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, or off
+/// it, of tubes that are, and of edges.
 const TILTED: f32 = 1.0;
 const TURNED: f32 = 0.5;
 const EDGES: f32 = 0.5;
+/// Cosine between a flat shape and a mount from which on they are parallel, and widths of a pixel
+/// from which on a parallel one is off it.
+const PARALLEL: f32 = 0.999;
+const OFF_PIXELS: f32 = 2.0;
 /// Residuals below this are alike.
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Residual from which on a shape is no better than none, though views may agree on its flux.
@@ -82,6 +87,8 @@ pub(crate) struct ShapeSearch<'a> {
     views: measure::Views<'a>,
     /// Width of a pixel on the lamp, scene units.
     width: f32,
+    /// What the lamp may be mounted on.
+    mount: Option<Mount>,
     /// How much better a shape with more freedom has to be.
     better: f32,
     /// Deviation of the flux between views that speaks against a shape.
@@ -90,12 +97,13 @@ pub(crate) struct ShapeSearch<'a> {
 
 impl<'a> ShapeSearch<'a> {
     /// A search for the lamp of `group`, which `patches` and `views` show and whose pixels are of
-    /// this `width`, scene units.
+    /// this `width`, scene units, and which may lie in a `mount`.
     pub(crate) fn new(
         patches: &'a [Patch],
         views: measure::Views<'a>,
         group: &Group,
         width: f32,
+        mount: Option<Mount>,
     ) -> Self {
         let num = group.members.len();
         let doubtful = DOUBT / (num as f32 / patches.len() as f32).sqrt();
@@ -103,6 +111,7 @@ impl<'a> ShapeSearch<'a> {
             patches,
             views,
             width,
+            mount,
             better: if num < FEW { BETTER_OF_FEW } else { BETTER },
             doubtful: DEVIATION.max(doubtful),
         }
@@ -132,6 +141,7 @@ impl<'a> ShapeSearch<'a> {
             let tilted = |by: f32| if is_upright { 0.0 } else { by };
             let freedom = match fit.shape {
                 Shape::Ball { .. } => 0.0,
+                Shape::Rectangle(flat) | Shape::Ellipse(flat) if self.is_off(&flat) => TILTED,
                 Shape::Rectangle(_) | Shape::Ellipse(_) => tilted(TILTED),
                 Shape::Tube { .. } => tilted(TURNED),
                 Shape::Box { size, .. } if is_flat(size) => return None,
@@ -149,6 +159,14 @@ impl<'a> ShapeSearch<'a> {
         let mut scored: Vec<Scored> = scored.collect();
         scored.sort_by(Scored::order);
         scored
+    }
+
+    /// Whether a flat shape is parallel to the mount but before or behind it.
+    fn is_off(&self, flat: &Flat) -> bool {
+        self.mount.is_some_and(|mount| {
+            let is_parallel = flat.normal().dot(mount.normal).abs() > PARALLEL;
+            is_parallel && mount.height(flat.centre).abs() > OFF_PIXELS * self.width
+        })
     }
 
     /// Factor by which a deviation of the flux between views speaks against a shape.

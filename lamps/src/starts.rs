@@ -21,6 +21,22 @@ const MOUNT_HEIGHT: f32 = 0.5;
 /// Cosine between a mount and an upright wall, at least, that it is taken for.
 const UPRIGHT: f32 = 0.97;
 
+/// The plane that a lamp may be mounted on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Mount {
+    /// Unit normal.
+    pub(crate) normal: Vec3,
+    /// Part of places of the plane along the normal.
+    along: f32,
+}
+
+impl Mount {
+    /// Height of a place over the plane, scene units.
+    pub(crate) fn height(&self, place: Vec3) -> f32 {
+        place.dot(self.normal) - self.along
+    }
+}
+
 /// A lit pixel in space.
 pub(crate) struct Point {
     pub(crate) position: Vec3,
@@ -70,9 +86,10 @@ pub(crate) fn extent(points: &[Point]) -> Option<(Vec3, f32)> {
 pub(crate) fn normals(
     points: &[Point],
     towards: Vec3,
-    mount: Option<Vec3>,
+    mount: Option<Mount>,
     up: Vec3,
 ) -> Vec<(Vec3, bool)> {
+    let mount = mount.map(|mount| mount.normal);
     let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
     let plane = FittedPlane::through(points.iter().map(|p| p.position));
     let mut found: Vec<(Vec3, bool)> = mount.map(|n| (turned(n), true)).into_iter().collect();
@@ -88,8 +105,13 @@ pub(crate) fn normals(
     found
 }
 
-/// Normal of the surface around a lamp, if there is one in which it may lie.
-pub(crate) fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Option<Vec3> {
+/// The plane of the surface around a lamp, if there is one in which it may lie.
+pub(crate) fn mount(
+    evidence: &Evidence,
+    group: &Group,
+    centre: Vec3,
+    extent: f32,
+) -> Option<Mount> {
     let mut near: HashSet<(u32, u32, u32)> = HashSet::new();
     for member in &group.members {
         let Pixel { x, y, .. } = *evidence.pixel(member).1;
@@ -115,8 +137,13 @@ pub(crate) fn mount(evidence: &Evidence, group: &Group, centre: Vec3, extent: f3
         own.dot(normal) > MOUNT_COSINE
             && (*position - centre).dot(normal).abs() < MOUNT_HEIGHT * extent
     };
-    let num = around.iter().filter(holds).count();
-    (num >= MIN_MOUNT && num as f32 > MOUNT_SHARE * around.len() as f32).then_some(normal)
+    let held = || around.iter().filter(holds);
+    let num = held().count();
+    let is_plane = num >= MIN_MOUNT && num as f32 > MOUNT_SHARE * around.len() as f32;
+    is_plane.then(|| Mount {
+        normal,
+        along: median_of(held().map(|(position, _)| position.dot(normal))),
+    })
 }
 
 pub(crate) fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f32) -> Flat {
