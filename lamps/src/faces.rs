@@ -26,27 +26,45 @@ pub(crate) struct Face {
     pub(crate) blur: f32,
 }
 
-/// Those of a shape, which cameras at `eyes` see.
-pub(crate) fn of_shape(shape: &Shape, eyes: &[Vec3]) -> Vec<Face> {
-    let place = (shape.centre(), shape.rotation());
-    of_box(shape.kind(), place, shape.size(), eyes)
+/// A lamp that may have flat faces.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Solid {
+    pub(crate) kind: LampShape,
+    pub(crate) centre: Vec3,
+    pub(crate) rotation: Quat,
+    pub(crate) size: Vec3,
 }
 
-/// Those of a lamp, which cameras at `eyes` see; none where something real stands before it.
-pub(crate) fn of_lamp(lamp: &Lamp, eyes: &[Vec3]) -> Vec<Face> {
-    if lamp.bars || (lamp.shape == LampShape::Panel && !lamp.one_sided) {
-        return Vec::new();
+impl Solid {
+    pub(crate) fn of_shape(shape: &Shape) -> Self {
+        Self {
+            kind: shape.kind(),
+            centre: shape.centre(),
+            rotation: shape.rotation(),
+            size: shape.size(),
+        }
     }
-    let place = (lamp.centre(), lamp.world_from_lamp());
-    of_box(lamp.shape, place, Vec3::from(lamp.size), eyes)
+
+    /// `None` where something real stands before the lamp.
+    pub(crate) fn of_lamp(lamp: &Lamp) -> Option<Self> {
+        let is_free = !lamp.bars && (lamp.shape != LampShape::Panel || lamp.one_sided);
+        is_free.then(|| Self {
+            kind: lamp.shape,
+            centre: lamp.centre(),
+            rotation: lamp.world_from_lamp(),
+            size: Vec3::from(lamp.size),
+        })
+    }
 }
 
-fn of_box(
-    kind: LampShape,
-    (centre, rotation): (Vec3, Quat),
-    size: Vec3,
-    eyes: &[Vec3],
-) -> Vec<Face> {
+/// Faces of a lamp that cameras at `eyes` see, and the opposite ones.
+pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
+    let Solid {
+        kind,
+        centre,
+        rotation,
+        size,
+    } = *solid;
     let distances = eyes.iter().map(|eye| eye.distance(centre));
     let blur = distances
         .reduce(f32::min)

@@ -36,6 +36,7 @@ pub mod shape;
 mod shape_search;
 mod starts;
 mod thin;
+mod walls;
 mod windows;
 
 pub use evidence::Evidence;
@@ -47,6 +48,7 @@ use eagpt_scene::lamps::{Lamp, LampShape, Lamps};
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::{TraceError, Tracer};
+use faces::Solid;
 use glam::Vec3;
 use group::Group;
 use measure::Measured;
@@ -137,8 +139,11 @@ pub fn find(
     let mounted = clean().filter(|c| c.fit.gaps == Gaps::Seen);
     let faces = mounted.flat_map(|c| {
         let views = c.group.by_view();
-        let eyes = views.map(|(view, _)| evidence.sights[view].origin());
-        faces::of_shape(&c.fit.shape, &eyes.collect::<Vec<_>>())
+        let eyes: Vec<Vec3> = views
+            .map(|(view, _)| evidence.sights[view].origin())
+            .collect();
+        let solid = Solid::of_shape(&c.fit.shape);
+        mount::faces(&solid, &eyes, gaussians, gaussians.len())
     });
     mount::free_all(gaussians, gaussians.len(), faces, &mut edit);
     if !clean_fits.is_empty() {

@@ -4,10 +4,12 @@
 //! it, hide a lamp that is flush with it. Few cameras see a lamp along its ceiling and complain,
 //! but the walls of the room do, which is where its light goes.
 //!
-//! A panel is in the plane of its mount; a box or a tube may touch one with each of its flat faces.
+//! A panel is in the plane of its mount; a box or a tube may touch one with each of its flat faces,
+//! and a tube may hang before a wall.
 
-use crate::faces::{self, Face};
+use crate::faces::{self, Face, Solid};
 use crate::shape::Flat;
+use crate::walls;
 use eagpt_scene::lamps::{Lamp, Lamps};
 use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
@@ -138,9 +140,18 @@ pub fn freed(
     eyes: impl Fn(&Lamp) -> Vec<Vec3>,
 ) -> SceneEdit {
     let mut edit = SceneEdit::nothing(gaussians.len());
-    let faces = (lamps.lamps.iter()).flat_map(|lamp| faces::of_lamp(lamp, &eyes(lamp)));
+    let solids = (lamps.lamps.iter()).filter_map(|lamp| Some((lamp, Solid::of_lamp(lamp)?)));
+    let faces = solids.flat_map(|(lamp, solid)| faces(&solid, &eyes(lamp), gaussians, num_moving));
     free_all(gaussians, num_moving, faces, &mut edit);
     edit
+}
+
+/// Faces of a lamp that may touch what it is mounted on, the plane at the back of a tube that hangs
+/// before a wall of the `num` first Gaussians among them; cameras at `eyes` see the lamp.
+pub(crate) fn faces(lamp: &Solid, eyes: &[Vec3], gaussians: &Gaussians, num: usize) -> Vec<Face> {
+    let mut faces = faces::of(lamp, eyes);
+    faces.extend(walls::behind(lamp, eyes, gaussians, num));
+    faces
 }
 
 /// Adds to `edit` what frees `faces` of the `num` first Gaussians, those that it takes out already

@@ -331,3 +331,56 @@ fn a_strip_under_a_shelf_hangs_from_it() {
         "{top} {shelf:?}"
     );
 }
+
+/// A tube before a wall whose discs training has bulging around it, and a picture that hangs beside
+/// it.
+#[test]
+fn a_tube_hangs_before_its_wall() {
+    let [mut tube] = <[Lamp; 1]>::try_from(panel(false).lamps).unwrap();
+    let (centre, radius) = (Vec3::new(0.0, 0.0, 1.6), 0.015);
+    tube.shape = LampShape::Tube;
+    tube.centre = centre.to_array();
+    tube.size = [2.0 * radius, 2.0 * radius, 0.6];
+    let along_x = rotation::from_z_to(Vec3::X);
+    tube.rotation = [along_x.w, along_x.x, along_x.y, along_x.z];
+    let mut scene: Vec<Gaussian> = room().iter().collect();
+    let first = scene.len();
+    let like = scene[0];
+    let facing = rotation::from_z_to(Vec3::NEG_Y);
+    let disc = |x: f32, y: f32, z: f32| Gaussian {
+        position: centre + Vec3::new(x, y, z),
+        scale: Vec2::splat(0.02),
+        rotation: facing,
+        opacity: 0.9,
+        ..like
+    };
+    // The wall is at 0.03; it bulges by up to 0.025.
+    for k in 0..60 {
+        let x = 0.01 * (k as f32 - 29.5);
+        let z = 0.02 * ((k % 5) as f32 - 2.0);
+        scene.push(disc(x, 0.03 - 0.005 * (k % 6) as f32, z));
+    }
+    let picture = scene.len();
+    scene.push(disc(0.1, -0.02, 0.2));
+    let scene: Gaussians = scene.into_iter().collect();
+    let lamps = Lamps { lamps: vec![tube] };
+    let eyes = |_: &Lamp| {
+        [-0.5, 0.0, 0.5]
+            .map(|x| centre + Vec3::new(x, -2.0, 0.1))
+            .to_vec()
+    };
+    let edit = freed(&scene, scene.len(), &lamps, eyes);
+    assert!(edit.keep.iter().all(|keep| *keep));
+    let after = edit.applied(&scene);
+    let wall = (first..picture).map(|i| after.positions[i].y);
+    assert!(
+        wall.clone().all(|y| y > radius),
+        "{:?}",
+        wall.collect::<Vec<_>>()
+    );
+    assert_eq!(after.get(picture), scene.get(picture));
+    // Seen from the other side it has no wall.
+    let behind = |lamp: &Lamp| eyes(lamp).into_iter().map(|eye| eye.with_y(2.0)).collect();
+    let edit = freed(&scene, scene.len(), &lamps, behind);
+    assert!(edit.moved.is_empty());
+}
