@@ -20,6 +20,7 @@ mod faces;
 mod fit;
 mod group;
 mod grouping;
+mod halo;
 mod level;
 mod lines;
 mod measure;

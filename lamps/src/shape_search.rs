@@ -161,11 +161,13 @@ impl<'a> ShapeSearch<'a> {
         scored
     }
 
-    /// Whether a flat shape is parallel to the mount but before or behind it.
+    /// Whether a flat shape is parallel to the mount but before or behind it, or the lamp lights
+    /// the mount.
     fn is_off(&self, flat: &Flat) -> bool {
         self.mount.is_some_and(|mount| {
             let is_parallel = flat.normal().dot(mount.normal).abs() > PARALLEL;
-            is_parallel && mount.height(flat.centre).abs() > OFF_PIXELS * self.width
+            let is_away = mount.height(flat.centre).abs() > OFF_PIXELS * self.width;
+            is_parallel && (is_away || mount.is_lit)
         })
     }
 

@@ -2,6 +2,7 @@
 
 use crate::evidence::{Evidence, Pixel, Sight};
 use crate::group::Group;
+use crate::halo;
 use crate::shape::{Flat, Shape};
 use eagpt_scene::median::{median, median_distance, median_of};
 use eagpt_scene::plane::FittedPlane;
@@ -28,6 +29,8 @@ pub(crate) struct Mount {
     pub(crate) normal: Vec3,
     /// Part of places of the plane along the normal.
     along: f32,
+    /// Whether the lamp lights it.
+    pub(crate) is_lit: bool,
 }
 
 impl Mount {
@@ -143,6 +146,7 @@ pub(crate) fn mount(
     is_plane.then(|| Mount {
         normal,
         along: median_of(held().map(|(position, _)| position.dot(normal))),
+        is_lit: halo::is_there(evidence, group),
     })
 }
 
