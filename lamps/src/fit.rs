@@ -64,7 +64,9 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let mount = mount(evidence, group, centre, extent);
     let flats = normals(&points, towards, mount, up);
     let views = measure::Views::new(evidence, group);
-    let search = ShapeSearch::new(&patches, views, group, pixel, mount);
+    // Views that show a lamp large tell by its silhouettes what it is, and it may be in a recess.
+    let beside = mount.filter(|_| !group.is_large());
+    let search = ShapeSearch::new(&patches, views, group, pixel, beside);
     let mut starts: Vec<(Shape, bool)> = Vec::new();
     for (normal, is_mount) in flats {
         let flat = first_flat(&points, centre, normal, pixel);
@@ -79,10 +81,12 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     }
     let mut fits = search.best(&starts, NUM_PROMISING);
     let best = fits.first()?;
-    // A thin lamp that looks flat may be one of the sides of a bar.
+    // A thin lamp that looks flat, or lights what is behind it, may be a bar.
     let is_flat = best.fit.shape.flat().is_some();
+    let is_tilted = is_flat && !best.is_upright;
     let may_have_edges = is_flat || shows_edges(evidence, group);
-    if (is_flat && !best.is_upright) || (best.fit.residual > PERFECT && may_have_edges) {
+    let is_bar = is_tilted || beside.is_some_and(|mount| mount.is_lit);
+    if is_bar || (best.fit.residual > PERFECT && may_have_edges) {
         let found: Vec<Shape> = fits.iter().map(|found| found.fit.shape).collect();
         let boxes = boxes::starts(&points, &found, up);
         let boxes = search.best(&boxes, NUM_PROMISING_BOXES);

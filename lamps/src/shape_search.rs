@@ -15,8 +15,8 @@ pub(crate) const BETTER: f32 = 0.6;
 /// … and that of a lamp of less than [`FEW`] pixels in all views, which say little of a shape.
 const BETTER_OF_FEW: f32 = 0.4;
 const FEW: usize = 120;
-/// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, or off
-/// it, of tubes that are, and of edges.
+/// Freedom of flat shapes and boxes that are tilted against their mount and the vertical, of flat
+/// ones that are off their mount, of tilted tubes, and of edges.
 const TILTED: f32 = 1.0;
 const TURNED: f32 = 0.5;
 const EDGES: f32 = 0.5;
@@ -24,6 +24,8 @@ const EDGES: f32 = 0.5;
 /// from which on a parallel one is off it.
 const PARALLEL: f32 = 0.999;
 const OFF_PIXELS: f32 = 2.0;
+/// Cosine from which on a flat shape shines away from a mount.
+const AWAY: f32 = 0.5;
 /// Residuals below this are alike.
 pub(crate) const MIN_RESIDUAL: f32 = 0.002;
 /// Residual from which on a shape is no better than none, though views may agree on its flux.
@@ -141,8 +143,10 @@ impl<'a> ShapeSearch<'a> {
             let tilted = |by: f32| if is_upright { 0.0 } else { by };
             let freedom = match fit.shape {
                 Shape::Ball { .. } => 0.0,
-                Shape::Rectangle(flat) | Shape::Ellipse(flat) if self.is_off(&flat) => TILTED,
-                Shape::Rectangle(_) | Shape::Ellipse(_) => tilted(TILTED),
+                Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
+                    let off = if self.is_off(&flat) { TILTED } else { 0.0 };
+                    tilted(TILTED).max(off) + if self.is_dark(&flat) { TILTED } else { 0.0 }
+                }
                 Shape::Tube { .. } => tilted(TURNED),
                 Shape::Box { size, .. } if is_flat(size) => return None,
                 Shape::Box { .. } => tilted(TILTED) + EDGES,
@@ -161,14 +165,18 @@ impl<'a> ShapeSearch<'a> {
         scored
     }
 
-    /// Whether a flat shape is parallel to the mount but before or behind it, or the lamp lights
-    /// the mount.
+    /// Whether a flat shape is parallel to the mount but before or behind it.
     fn is_off(&self, flat: &Flat) -> bool {
         self.mount.is_some_and(|mount| {
             let is_parallel = flat.normal().dot(mount.normal).abs() > PARALLEL;
-            let is_away = mount.height(flat.centre).abs() > OFF_PIXELS * self.width;
-            is_parallel && (is_away || mount.is_lit)
+            is_parallel && mount.height(flat.centre).abs() > OFF_PIXELS * self.width
         })
+    }
+
+    /// Whether a flat shape shines away from a mount that the lamp lights.
+    fn is_dark(&self, flat: &Flat) -> bool {
+        let is_dark = |mount: Mount| mount.is_lit && flat.normal().dot(mount.normal) > AWAY;
+        self.mount.is_some_and(is_dark)
     }
 
     /// Factor by which a deviation of the flux between views speaks against a shape.
