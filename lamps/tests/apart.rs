@@ -7,7 +7,7 @@ mod rig;
 use eagpt_lamps::shape::{Flat, Shape};
 use eagpt_lamps::{Evidence, find};
 use eagpt_scene::lamps::{Lamp, LampShape};
-use eagpt_scene::{Camera, Gaussians, rotation};
+use eagpt_scene::{Camera, Gaussians, View, rotation};
 use eagpt_trace::Device;
 use glam::{DVec3, Quat, Vec3};
 use rig::{cameras, heap, photograph_all, room};
@@ -19,6 +19,16 @@ fn found(lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
 }
 
 fn found_by(cameras: &[Camera], lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3)]) -> Vec<Lamp> {
+    found_lit(cameras, lamps, trained, |_| {})
+}
+
+/// … where something is `done` to the photographs.
+fn found_lit(
+    cameras: &[Camera],
+    lamps: &[(Shape, Vec3)],
+    trained: &[(Shape, Vec3)],
+    done: impl Fn(&mut View),
+) -> Vec<Lamp> {
     let heaps = trained
         .iter()
         .flat_map(|(shape, radiance)| heap(shape, *radiance));
@@ -27,7 +37,9 @@ fn found_by(cameras: &[Camera], lamps: &[(Shape, Vec3)], trained: &[(Shape, Vec3
     let mut evidence = Evidence::default();
     for (i, &camera) in cameras.iter().enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph_all(i, camera, lamps, &[]), 0, &seen);
+        let mut view = photograph_all(i, camera, lamps, &[]);
+        done(&mut view);
+        evidence.add(&view, 0, &seen);
     }
     find(&evidence, &scene, Vec3::Z, &*tracer)
         .unwrap()
@@ -138,6 +150,42 @@ fn a_bar_before_a_wall_is_no_tilted_panel() {
     let lamps = [(bar, Vec3::new(52.0, 48.0, 42.0))];
     let found = check_found(&lamps, found_by(&views, &lamps, &lamps), 0.08);
     assert_ne!(found[0].shape, LampShape::Panel, "{found:#?}");
+}
+
+/// Views from a narrow range of angles cannot tell a tube before a wall from a strip on it, but for
+/// the wall that the tube lights.
+#[test]
+fn a_tube_lights_the_wall_that_it_hangs_before() {
+    const GAP: f32 = 0.022;
+    let tube = Shape::Tube {
+        centre: Vec3::new(0.1, 2.0 - GAP, 1.6),
+        rotation: rotation::from_z_to(Vec3::X),
+        radius: 0.015,
+        length: 0.7,
+        taper: 0.0,
+    };
+    let eyes = [-0.5, -0.3, 0.0, 0.2, 0.5].map(|x: f64| DVec3::new(x, 0.1, 1.4 + 0.3 * x));
+    let views = eyes.map(|eye| {
+        let ahead = (tube.centre().as_dvec3() - eye).normalize();
+        Camera::centred([160, 120], 1.1, Camera::level_pose(eye, ahead))
+    });
+    let lamps = [(tube, Vec3::new(30.0, 28.0, 24.0))];
+    let lit = |view: &mut View| {
+        let (frame, width) = (view.camera.ray_frame(), view.camera.width);
+        for (i, pixel) in (0..).zip(view.radiance.pixels_mut()) {
+            let direction = frame.direction((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let place = frame.origin + direction * ((2.0 - frame.origin.y) / direction.y);
+            let away = place - tube.centre();
+            if away.x.abs() < 0.35 && pixel[0] < 1.0 {
+                // Of a long thin lamp, by the cosine at the wall.
+                let light = 1.0 + 8.0 * GAP * GAP / (GAP * GAP + away.z * away.z);
+                *pixel = pixel.map(|dark| dark * light);
+            }
+        }
+    };
+    let found = found_lit(&views, &lamps, &lamps, lit);
+    assert_ne!(found[0].shape, LampShape::Panel, "{found:#?}");
+    check_found(&lamps, found, 0.25);
 }
 
 /// Few pixels thick, and from one side alone: silhouettes say little of its depth, but views have
