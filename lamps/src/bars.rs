@@ -27,7 +27,7 @@ const MAX_PUSH: f32 = 0.15;
 const NUM_TRIALS: usize = 200;
 
 /// The large lamp of `group` behind bars, about one of the `starts`, which may keep their z axis;
-/// `None` where its residual is no less than `max_residual`, or views do not show that there is one.
+/// `None` where its residual is over `max_residual`, or views do not show that there is one.
 pub(crate) fn fit(
     evidence: &Evidence,
     group: &Group,

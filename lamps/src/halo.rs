@@ -41,7 +41,7 @@ fn brighter(sight: &Sight, members: &[(u32, u32)]) -> Option<f32> {
             }
         }
     }
-    let mean = |distances: RangeInclusive<u32>| {
+    let typical = |distances: RangeInclusive<u32>| {
         let dark = sight.pixels.iter().filter(|pixel| !pixel.lit.is_lit());
         let at: Vec<f32> = dark
             .filter(|pixel| {
@@ -52,6 +52,6 @@ fn brighter(sight: &Sight, members: &[(u32, u32)]) -> Option<f32> {
             .collect();
         (at.len() >= MIN_PIXELS).then(|| median_of(at.into_iter()))
     };
-    let (near, far) = (mean(NEAR)?, mean(FAR)?);
+    let (near, far) = (typical(NEAR)?, typical(FAR)?);
     (far > 0.0).then(|| near / far)
 }

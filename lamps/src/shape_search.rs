@@ -145,7 +145,7 @@ impl<'a> ShapeSearch<'a> {
                 Shape::Ball { .. } => 0.0,
                 Shape::Rectangle(flat) | Shape::Ellipse(flat) => {
                     let off = if self.is_off(&flat) { TILTED } else { 0.0 };
-                    tilted(TILTED).max(off) + if self.is_dark(&flat) { TILTED } else { 0.0 }
+                    tilted(TILTED).max(off) + if self.leaves_dark(&flat) { TILTED } else { 0.0 }
                 }
                 Shape::Tube { .. } => tilted(TURNED),
                 Shape::Box { size, .. } if is_flat(size) => return None,
@@ -174,9 +174,9 @@ impl<'a> ShapeSearch<'a> {
     }
 
     /// Whether a flat shape shines away from a mount that the lamp lights.
-    fn is_dark(&self, flat: &Flat) -> bool {
-        let is_dark = |mount: Mount| mount.is_lit && flat.normal().dot(mount.normal) > AWAY;
-        self.mount.is_some_and(is_dark)
+    fn leaves_dark(&self, flat: &Flat) -> bool {
+        let leaves_dark = |mount: Mount| mount.is_lit && flat.normal().dot(mount.normal) > AWAY;
+        self.mount.is_some_and(leaves_dark)
     }
 
     /// Factor by which a deviation of the flux between views speaks against a shape.
