@@ -120,6 +120,23 @@ fn a_transport_matrix_serves_lamps() {
     assert_eq!(place.bytes("second.lights"), place.bytes("baked.lights"));
 }
 
+/// Rays that were traced for all light serve a weak lamp as well, and all light is that of these
+/// rays.
+#[test]
+fn a_transport_matrix_serves_a_weak_lamp() {
+    let place = workplace();
+    let weak = "[[step]]\nselect = { lamp = \"right\" }\nthen = [{ scale_light = 0.15 }]\n";
+    place.write("weak.toml", weak);
+    place.succeeds("edit edits/lit.ply weak.toml --out edits/weak.ply");
+    let bake = "bake edits/weak.ply --cameras room --samples 32 --transport weak.transport";
+    place.succeeds(&format!("{bake} --out all.ply"));
+    place.succeeds(&format!(
+        "{bake} --out lamps.ply --per-light --lamps edits/lamps.json"
+    ));
+    assert_eq!(place.json("lamps.record.json")["options"]["num_rays"], 0);
+    assert_eq!(place.bytes("lamps.ply"), place.bytes("all.ply"));
+}
+
 #[test]
 fn what_has_no_lamps_is_told() {
     let place = workplace();

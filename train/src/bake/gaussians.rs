@@ -82,13 +82,10 @@ impl Bake<'_> {
         };
         let num_lights = lights.as_ref().map_or(0, |lights| lights.names.len());
         self.check_memory(directions, num_lights)?;
-        // Emitters with the light that light samples are chosen by.
-        let sampled = match &lights {
-            Some(lights) => &evened(&self.scene, lights),
-            None => &self.scene.clone(),
-        };
-        let tracer = self.request.device.scene(sampled)?;
-        let Some(mut traced) = self.trace(&*tracer, sampled, directions)? else {
+        let evened = lights.as_ref().map(|lights| evened(&self.scene, lights));
+        let evened = evened.as_ref();
+        let tracer = (self.request.device).scene(evened.unwrap_or(&self.scene))?;
+        let Some(mut traced) = self.trace(&*tracer, evened, directions)? else {
             return Ok(None);
         };
         traced.relight(&self.scene, self.key());
@@ -138,12 +135,12 @@ impl Bake<'_> {
     }
 
     /// All rows of the transport matrix, traced here or in an earlier process; `None` if it was
-    /// stopped. `sampled` is the scene with the light that light samples are chosen by, which
-    /// `tracer` traces.
+    /// stopped. `evened` is the scene with the light that light samples are chosen by, which
+    /// `tracer` traces, if that is not its own.
     fn trace(
         &mut self,
         tracer: &dyn Tracer,
-        sampled: &Gaussians,
+        evened: Option<&Gaussians>,
         directions: Directions,
     ) -> Result<Option<TracedTransport>> {
         let path = match &self.request.transport {
@@ -159,33 +156,37 @@ impl Bake<'_> {
             .with_value("cameras", &cameras)?
             .with_value("samples", &[directions.bsdf, directions.to_lights])?
             .with_value("seed", &self.request.options.seed)?;
-        let traced = match self.traced_before(&path, &key, sampled)? {
+        let traced = match self.traced_before(&path, &key, evened)? {
             Some(traced) => traced,
             None => match self.find_receivers(tracer)? {
-                Some(receivers) => TracedTransport::new(key, directions, sampled, receivers),
+                Some(receivers) => {
+                    let sampled = evened.unwrap_or(&self.scene);
+                    TracedTransport::new(key, directions, sampled, receivers)
+                }
                 None => return Ok(None),
             },
         };
         self.trace_rows(tracer, traced, directions, &path)
     }
 
-    /// Rows that an earlier bake has left at `path`, if they are of use for this one; all of them
-    /// with the light of the emitters of `sampled`.
+    /// Rows that an earlier bake has left at `path`, if they are of use for this one: for the light
+    /// of the scene, and for that which light samples would be chosen by.
     fn traced_before(
         &mut self,
         path: &Path,
         key: &Key,
-        sampled: &Gaussians,
+        evened: Option<&Gaussians>,
     ) -> Result<Option<TracedTransport>> {
         if !path.exists() {
             return Ok(None);
         }
-        let mut traced = TracedTransport::read(path)?;
+        let traced = TracedTransport::read(path)?;
+        let serves = traced.serves(evened.unwrap_or(&self.scene));
         let problem = if traced.key != *key {
             format!("rays of {}", traced.key.differences_in_words(key))
         } else if !traced.fits(&self.scene) {
             return Err(SceneError::invalid(path, "entries", "the file is damaged").into());
-        } else if traced.relight(sampled, self.key()) {
+        } else if serves && evened.is_none_or(|_| traced.suits(&self.scene)) {
             return Ok(Some(traced));
         } else {
             "light samples of emitters with another light".to_owned()

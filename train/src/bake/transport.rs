@@ -90,7 +90,7 @@ impl TracedTransport {
     }
 
     /// True if light samples suit the light of the emitters of `scene`, whose geometry is the same.
-    fn suits(&self, scene: &Gaussians) -> bool {
+    pub(super) fn suits(&self, scene: &Gaussians) -> bool {
         let now: Vec<f64> = emitters(scene).map(|g| lights::power(&g)).collect();
         let then: Vec<f64> = self.sampled(scene).map(|g| lights::power(&g)).collect();
         let (total_now, total_then) = (now.iter().sum::<f64>(), then.iter().sum::<f64>());
@@ -98,18 +98,18 @@ impl TracedTransport {
             .all(|(now, then)| now / total_now <= MAX_UNDERRATED * (then / total_then))
     }
 
-    /// Gives the rows, traced with random numbers of `key`, the light of the emitters of `scene`,
-    /// whose geometry is the same; `false` if they are of no use for that light. Rows that are not
-    /// all there are only for the light that they were begun with.
-    pub(super) fn relight(&mut self, scene: &Gaussians, key: RandomKey) -> bool {
-        if emitters(scene)
-            .map(|g| light(&g))
-            .eq(self.lights.iter().copied())
-        {
-            return true;
-        }
-        if self.num_rows() < self.receivers.traced.len() || !self.suits(scene) {
-            return false;
+    /// True if the rows may be given the light of the emitters of `scene`, whose geometry is the
+    /// same. Rows that are not all there are only for the light that they were begun with.
+    pub(super) fn serves(&self, scene: &Gaussians) -> bool {
+        let is_whole = self.num_rows() == self.receivers.traced.len();
+        self.has_light_of(scene) || (is_whole && self.suits(scene))
+    }
+
+    /// Gives the rows, all of which are there with the light that they were traced with by random
+    /// numbers of `key`, that of the emitters of `scene`.
+    pub(super) fn relight(&mut self, scene: &Gaussians, key: RandomKey) {
+        if self.has_light_of(scene) {
+            return;
         }
         let lights = self.sampled_lights(scene);
         let tracing = Tracing {
@@ -119,7 +119,12 @@ impl TracedTransport {
             lights: lights.as_ref(),
         };
         self.matrix.relight(&tracing, &scene.radiances);
-        true
+    }
+
+    /// True if light samples were chosen for the light of `scene`.
+    fn has_light_of(&self, scene: &Gaussians) -> bool {
+        let now = emitters(scene).map(|g| light(&g));
+        now.eq(self.lights.iter().copied())
     }
 
     /// The direct light of all rows, traced with random numbers of `key`, by lights:
