@@ -26,7 +26,7 @@ const MAX_PUSH: f32 = 0.15;
 /// Trials for its edges once its plane is known.
 const NUM_TRIALS: usize = 200;
 
-/// The large lamp of `group` behind bars, about one of the `starts`, which may keep their z axis;
+/// The lamp of `group`, which is large, behind bars, about one of the `starts`, which may keep their z axis;
 /// `None` where its residual is over `max_residual`, or views do not show that there is one.
 pub(crate) fn fit(
     evidence: &Evidence,
@@ -35,9 +35,6 @@ pub(crate) fn fit(
     patches: &[Patch],
     max_residual: f32,
 ) -> Option<Fit> {
-    if !group.is_large() {
-        return None;
-    }
     let fits = (starts.par_iter())
         .map(|(start, is_upright)| refined_again(start, *is_upright, patches, Gaps::Bars));
     let best = fits.min_by(|a, b| a.residual.total_cmp(&b.residual))?;

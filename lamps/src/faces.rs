@@ -45,6 +45,12 @@ impl Solid {
         }
     }
 
+    /// Sum of the unit vectors to `eyes`.
+    pub(crate) fn towards(&self, eyes: &[Vec3]) -> Vec3 {
+        let directions = eyes.iter().map(|eye| *eye - self.centre);
+        directions.map(Vec3::normalize_or_zero).sum()
+    }
+
     /// `None` where something real stands before the lamp.
     pub(crate) fn of_lamp(lamp: &Lamp) -> Option<Self> {
         let is_free = !lamp.bars && (lamp.shape != LampShape::Panel || lamp.one_sided);
@@ -103,9 +109,7 @@ pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
         }
     };
     // Of two faces that cameras hardly see, the one away from most of them is at the mount.
-    let towards_eyes: Vec3 = (eyes.iter())
-        .map(|eye| (*eye - centre).normalize_or_zero())
-        .sum();
+    let towards_eyes = solid.towards(eyes);
     axes.flat_map(|axis| {
         let towards = towards_eyes.dot(frame.col(axis));
         let shines = match [-1.0, 1.0].map(|sign| is_seen(&side(axis, sign, sign), eyes)) {

@@ -6,12 +6,12 @@ use crate::bearings;
 use crate::boxes;
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
+use crate::halo::Beside;
 use crate::measure;
 use crate::patches::{Gaps, Patch, patches};
 use crate::shape::Shape;
 use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch};
-use crate::starts::{self, axes, first_flat, first_tube, mount, normals, points};
-use eagpt_scene::median::median_of;
+use crate::starts::{self, axes, first_tube, flats, mount, pixel_width, points};
 use glam::Vec3;
 
 /// Shapes, and boxes, that a search goes on with from the best of where descents end.
@@ -55,21 +55,19 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         points = starts::points_at(evidence, group, met);
         (centre, extent) = starts::extent(&points)?;
     }
-    let pixel = median_of(points.iter().map(|p| p.width));
+    let pixel = pixel_width(&points);
     let patches = patches(evidence, group, centre, extent);
     if patches.is_empty() {
         return None;
     }
-    let towards: Vec3 = points.iter().map(|p| p.towards).sum();
     let mount = mount(evidence, group, centre, extent);
-    let flats = normals(&points, towards, mount, up);
     let views = measure::Views::new(evidence, group);
     // Views that show a lamp large tell by its silhouettes what it is, and it may be in a recess.
     let beside = mount.filter(|_| !group.is_large());
+    let beside = beside.map(|mount| Beside::new(evidence, group, mount));
     let search = ShapeSearch::new(&patches, views, group, pixel, beside);
     let mut starts: Vec<(Shape, bool)> = Vec::new();
-    for (normal, is_mount) in flats {
-        let flat = first_flat(&points, centre, normal, pixel);
+    for (flat, is_mount) in flats(&points, centre, mount, up) {
         starts.push((Shape::Rectangle(flat), is_mount));
         starts.push((Shape::Ellipse(flat), is_mount));
     }
@@ -85,7 +83,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let is_flat = best.fit.shape.flat().is_some();
     let is_tilted = is_flat && !best.is_upright;
     let may_have_edges = is_flat || shows_edges(evidence, group);
-    let is_bar = is_tilted || beside.is_some_and(|mount| mount.is_lit);
+    let is_bar = is_tilted || beside.is_some_and(|beside| beside.is_lit);
     if is_bar || (best.fit.residual > PERFECT && may_have_edges) {
         let found: Vec<Shape> = fits.iter().map(|found| found.fit.shape).collect();
         let boxes = boxes::starts(&points, &found, up);
@@ -108,7 +106,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
 
 /// A flat lamp of many pixels behind bars, if that explains more than the `best` fit without.
 fn with_bars(evidence: &Evidence, group: &Group, best: &Fit, patches: &[Patch]) -> Option<Fit> {
-    if best.residual <= PERFECT {
+    if best.residual <= PERFECT || !group.is_large() {
         return None;
     }
     let start = Shape::Rectangle(*best.shape.flat()?);

@@ -4,6 +4,7 @@
 
 use crate::evidence::{Evidence, Sight};
 use crate::group::Group;
+use crate::starts::Mount;
 use eagpt_scene::color::luminance;
 use eagpt_scene::median::median_of;
 use std::collections::HashMap;
@@ -18,8 +19,25 @@ const MIN_PIXELS: usize = 6;
 /// lamps in their mounts, from 2.4 around bars and tubes before a wall.
 const BRIGHTER: f32 = 1.25;
 
+/// The surface beside a lamp.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Beside {
+    /// Its plane.
+    pub(crate) mount: Mount,
+    /// Whether the lamp lights it.
+    pub(crate) is_lit: bool,
+}
+
+impl Beside {
+    /// That of the lamp of `group`, which may be mounted on it.
+    pub(crate) fn new(evidence: &Evidence, group: &Group, mount: Mount) -> Self {
+        let is_lit = lights_it(evidence, group);
+        Self { mount, is_lit }
+    }
+}
+
 /// Whether the lamp of `group` lights what views show beside it.
-pub(crate) fn is_there(evidence: &Evidence, group: &Group) -> bool {
+fn lights_it(evidence: &Evidence, group: &Group) -> bool {
     let ratios: Vec<f32> = group
         .by_view()
         .filter_map(|(view, members)| brighter(&evidence.sights[view], members))

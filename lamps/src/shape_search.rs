@@ -1,11 +1,11 @@
 //! Searches for the shape of a lamp, and what speaks for one against another.
 
 use crate::group::Group;
+use crate::halo::Beside;
 use crate::measure;
 use crate::patches::{Gaps, Patch, differences, residual};
 use crate::search::{best_shape, descent};
 use crate::shape::{Flat, Shape};
-use crate::starts::Mount;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -89,8 +89,8 @@ pub(crate) struct ShapeSearch<'a> {
     views: measure::Views<'a>,
     /// Width of a pixel on the lamp, scene units.
     width: f32,
-    /// What the lamp may be mounted on.
-    mount: Option<Mount>,
+    /// Surface that the lamp may be mounted on.
+    beside: Option<Beside>,
     /// How much better a shape with more freedom has to be.
     better: f32,
     /// Deviation of the flux between views that speaks against a shape.
@@ -99,13 +99,14 @@ pub(crate) struct ShapeSearch<'a> {
 
 impl<'a> ShapeSearch<'a> {
     /// A search for the lamp of `group`, which `patches` and `views` show and whose pixels are of
-    /// this `width`, scene units, and which may lie in a `mount`.
+    /// this `width`, scene units, and which may lie in the surface
+    /// `beside` it.
     pub(crate) fn new(
         patches: &'a [Patch],
         views: measure::Views<'a>,
         group: &Group,
         width: f32,
-        mount: Option<Mount>,
+        beside: Option<Beside>,
     ) -> Self {
         let num = group.members.len();
         let doubtful = DOUBT / (num as f32 / patches.len() as f32).sqrt();
@@ -113,7 +114,7 @@ impl<'a> ShapeSearch<'a> {
             patches,
             views,
             width,
-            mount,
+            beside,
             better: if num < FEW { BETTER_OF_FEW } else { BETTER },
             doubtful: DEVIATION.max(doubtful),
         }
@@ -167,7 +168,7 @@ impl<'a> ShapeSearch<'a> {
 
     /// Whether a flat shape is parallel to the mount but before or behind it.
     fn is_off(&self, flat: &Flat) -> bool {
-        self.mount.is_some_and(|mount| {
+        self.beside.is_some_and(|Beside { mount, .. }| {
             let is_parallel = flat.normal().dot(mount.normal).abs() > PARALLEL;
             is_parallel && mount.height(flat.centre).abs() > OFF_PIXELS * self.width
         })
@@ -175,8 +176,9 @@ impl<'a> ShapeSearch<'a> {
 
     /// Whether a flat shape shines away from a mount that the lamp lights.
     fn leaves_dark(&self, flat: &Flat) -> bool {
-        let leaves_dark = |mount: Mount| mount.is_lit && flat.normal().dot(mount.normal) > AWAY;
-        self.mount.is_some_and(leaves_dark)
+        self.beside.is_some_and(|Beside { mount, is_lit }| {
+            is_lit && flat.normal().dot(mount.normal) > AWAY
+        })
     }
 
     /// Factor by which a deviation of the flux between views speaks against a shape.

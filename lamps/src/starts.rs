@@ -2,7 +2,6 @@
 
 use crate::evidence::{Evidence, Pixel, Sight};
 use crate::group::Group;
-use crate::halo;
 use crate::shape::{Flat, Shape};
 use eagpt_scene::median::{median, median_distance, median_of};
 use eagpt_scene::plane::FittedPlane;
@@ -29,8 +28,6 @@ pub(crate) struct Mount {
     pub(crate) normal: Vec3,
     /// Part of places of the plane along the normal.
     along: f32,
-    /// Whether the lamp lights it.
-    pub(crate) is_lit: bool,
 }
 
 impl Mount {
@@ -84,14 +81,27 @@ pub(crate) fn extent(points: &[Point]) -> Option<(Vec3, f32)> {
     (!points.is_empty()).then(|| (centre, extent.max(median_of(pixel))))
 }
 
-/// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
-/// is mounted on.
-pub(crate) fn normals(
+/// Width of a pixel on a lamp.
+pub(crate) fn pixel_width(points: &[Point]) -> f32 {
+    median_of(points.iter().map(|p| p.width))
+}
+
+/// Flat shapes that a lamp about `centre` may have, and whether they are to keep their normal.
+pub(crate) fn flats(
     points: &[Point],
-    towards: Vec3,
+    centre: Vec3,
     mount: Option<Mount>,
     up: Vec3,
-) -> Vec<(Vec3, bool)> {
+) -> Vec<(Flat, bool)> {
+    let pixel = pixel_width(points);
+    let flat = |(normal, is_mount)| (first_flat(points, centre, normal, pixel), is_mount);
+    normals(points, mount, up).into_iter().map(flat).collect()
+}
+
+/// Normals that a flat lamp may have, towards the cameras, and whether it is that of the surface it
+/// is mounted on.
+fn normals(points: &[Point], mount: Option<Mount>, up: Vec3) -> Vec<(Vec3, bool)> {
+    let towards: Vec3 = points.iter().map(|p| p.towards).sum();
     let mount = mount.map(|mount| mount.normal);
     let turned = |n: Vec3| if n.dot(towards) < 0.0 { -n } else { n };
     let plane = FittedPlane::through(points.iter().map(|p| p.position));
@@ -146,7 +156,6 @@ pub(crate) fn mount(
     is_plane.then(|| Mount {
         normal,
         along: median_of(held().map(|(position, _)| position.dot(normal))),
-        is_lit: halo::is_there(evidence, group),
     })
 }
 

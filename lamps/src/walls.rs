@@ -28,10 +28,8 @@ pub(crate) fn behind(
 ) -> Option<Face> {
     let (centre, size) = (lamp.centre, lamp.size);
     let axis = (lamp.kind == LampShape::Tube).then(|| lamp.rotation * Vec3::Z)?;
-    let towards_eyes: Vec3 = (eyes.iter())
-        .map(|eye| (*eye - centre).normalize_or_zero())
-        .sum();
-    let front = towards_eyes.reject_from_normalized(axis).try_normalize()?;
+    let front = lamp.towards(eyes).reject_from_normalized(axis);
+    let front = front.try_normalize()?;
     let reach = REACH * size.x;
     let is_behind = |position: Vec3| {
         let away = position - centre;

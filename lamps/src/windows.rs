@@ -7,8 +7,7 @@ use crate::group::Group;
 use crate::patches::{Gaps, patches};
 use crate::shape::Shape;
 use crate::shape_search::Fit;
-use crate::starts::{extent, first_flat, mount, normals, points};
-use eagpt_scene::median::median_of;
+use crate::starts::{extent, first_flat, flats, mount, pixel_width, points};
 use eagpt_scene::plane::FittedPlane;
 use glam::Vec3;
 
@@ -37,7 +36,7 @@ impl Pane {
         let points = points(evidence, group);
         let (centre, _) = extent(&points)?;
         let normal = FittedPlane::through(points.iter().map(|p| p.position)).normal?;
-        let pixel = median_of(points.iter().map(|p| p.width));
+        let pixel = pixel_width(&points);
         let [width, height] = first_flat(&points, centre, normal, pixel).size;
         let step = points.len().div_ceil(MAX_POINTS).max(1);
         let some = points.iter().step_by(step);
@@ -70,21 +69,26 @@ pub(crate) fn joined(evidence: &Evidence, groups: &[Group], up: Vec3) -> Vec<(Gr
     };
     let mut found = Vec::new();
     for own in connected(groups.len(), are_beside) {
-        let mut whole = Group::default();
-        for pane in &own {
-            whole.join(groups[*pane].clone());
-        }
-        whole.members.sort_unstable();
-        let window = (own.len() > 1)
-            .then(|| window(evidence, &whole, up))
-            .flatten();
+        let panes = own.iter().map(|pane| groups[*pane].clone());
+        let whole = (own.len() > 1).then(|| together(panes.clone()));
+        let window = whole.and_then(|whole| Some((window(evidence, &whole, up)?, whole)));
         match window {
-            Some(fit) if fit.gaps == Gaps::Bars => found.push((whole, Some(fit))),
-            Some(_) => found.push((whole, None)),
-            None => found.extend(own.iter().map(|pane| (groups[*pane].clone(), None))),
+            Some((fit, whole)) => {
+                let has_bars = fit.gaps == Gaps::Bars;
+                found.push((whole, has_bars.then_some(fit)));
+            }
+            None => found.extend(panes.map(|pane| (pane, None))),
         }
     }
     found
+}
+
+/// One group of several.
+fn together(groups: impl Iterator<Item = Group>) -> Group {
+    let mut whole = Group::default();
+    groups.for_each(|group| whole.join(group));
+    whole.members.sort_unstable();
+    whole
 }
 
 /// The connected parts of a graph of `num` nodes, each ascending.
@@ -108,17 +112,17 @@ fn connected(num: usize, are_beside: impl Fn(usize, usize) -> bool) -> Vec<Vec<u
 
 /// The window whose panes are `group`, if one panel behind bars, or one without, explains them all.
 fn window(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
+    if !group.is_large() {
+        return None;
+    }
     let points = points(evidence, group);
     let (centre, extent) = extent(&points)?;
-    let pixel = median_of(points.iter().map(|p| p.width));
     let patches = patches(evidence, group, centre, extent);
-    let towards: Vec3 = points.iter().map(|p| p.towards).sum();
-    let normals = normals(&points, towards, mount(evidence, group, centre, extent), up);
-    let starts = normals.into_iter().map(|(normal, is_mount)| {
-        let flat = first_flat(&points, centre, normal, pixel);
-        (Shape::Rectangle(flat), is_mount)
-    });
-    let starts: Vec<(Shape, bool)> = starts.collect();
+    let mount = mount(evidence, group, centre, extent);
+    let starts = flats(&points, centre, mount, up).into_iter();
+    let starts: Vec<(Shape, bool)> = starts
+        .map(|(flat, is_mount)| (Shape::Rectangle(flat), is_mount))
+        .collect();
     let fit = bars::fit(evidence, group, &starts, &patches, f32::INFINITY)?;
     let plain = Fit::new(fit.shape, &patches, Gaps::Seen);
     let has_bars = fit.residual < BETTER * plain.residual;

@@ -110,6 +110,7 @@ pub(super) fn keep_emitting(path: &Path, scene: &Gaussians) -> Result<()> {
         return Ok(());
     }
     let mut lamps = read_lamps(path)?;
+    let num = lamps.lamps.len();
     let emitting = (scene.positions.iter().zip(&scene.emissions))
         .filter(|(_, emission)| emits(**emission))
         .filter_map(|(position, _)| lamps.of(*position));
@@ -119,7 +120,10 @@ pub(super) fn keep_emitting(path: &Path, scene: &Gaussians) -> Result<()> {
         let emits = index.next().is_some_and(|index| emitting.contains(&index));
         emits || lamp.shape != LampShape::Other
     });
-    Ok(write_lamps(path, &lamps)?)
+    if lamps.lamps.len() < num {
+        write_lamps(path, &lamps)?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
