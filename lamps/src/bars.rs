@@ -2,9 +2,8 @@
 //! is hidden by what stands before it, too thin or too near for the depth of a trained scene to
 //! tell. Another view shows it.
 
-use crate::evidence::{Evidence, Lit, Pixel, Sight};
+use crate::evidence::{Evidence, Pixel, Sight};
 use crate::group::Group;
-use crate::measure::Measured;
 use crate::patches::{Gaps, MAX_VIEWS, Patch, hidden_from, residual};
 use crate::search;
 use crate::shape::{Flat, Shape};
@@ -120,25 +119,4 @@ fn inside(flat: &Flat, sight: &Sight, pixel: &Pixel) -> Option<(f32, usize)> {
     };
     let [width, height] = flat.size;
     Some((distance, cell(at.y, height) * NUM_CELLS + cell(at.x, width)))
-}
-
-/// Radiance of the lamp of `group` where views show it alone, and how far they differ; `None`
-/// where it fills no pixel.
-pub(crate) fn measure(evidence: &Evidence, group: &Group, flat: &Flat) -> Option<Measured> {
-    let mut means = Vec::new();
-    for (view, own) in group.best_views(MAX_VIEWS) {
-        let sight = &evidence.sights[view];
-        let (mut sum, mut weight) = (Vec3::ZERO, 0.0);
-        for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-            let is_whole = own.contains(&i) && pixel.lit == Lit::Inside;
-            if is_whole && inside(flat, sight, pixel).is_some() {
-                sum += pixel.radiance * pixel.solid_angle;
-                weight += pixel.solid_angle;
-            }
-        }
-        if weight > 0.0 {
-            means.push((sum / weight, weight));
-        }
-    }
-    Measured::of_views(&means)
 }

@@ -8,7 +8,7 @@ use crate::measure::{self, Measured};
 use crate::patches::Gaps;
 use crate::shape::Shape;
 use crate::shape_search::Fit;
-use crate::{bars, bearings, grouping, parts, windows};
+use crate::{bearings, grouping, parts, windows};
 use glam::Vec3;
 use std::cmp::Reverse;
 
@@ -117,9 +117,12 @@ fn candidate<'a>(
     others: impl Iterator<Item = (usize, &'a Group)>,
 ) -> Option<Candidate> {
     let measure = |group: &Group| {
-        let measured = match (fit.gaps, fit.shape.flat()) {
-            (Gaps::Bars, Some(flat)) => bars::measure(evidence, group, flat),
-            _ => measure::Views::new(evidence, group).measure(&fit.shape),
+        let of_silhouettes = || measure::Views::new(evidence, group).measure(&fit.shape);
+        let measured = match fit.gaps {
+            Gaps::Seen => of_silhouettes(),
+            Gaps::Bars | Gaps::Shade => {
+                measure::in_filled_pixels(evidence, group, &fit.shape).or_else(of_silhouettes)
+            }
         };
         measured.filter(|measured| measured.deviation <= MAX_DEVIATION)
     };

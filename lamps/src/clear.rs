@@ -4,7 +4,7 @@
 use crate::Candidate;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::patches::Gaps;
-use crate::shape::Shape;
+use crate::shape::{Flat, Shape};
 use crate::shape_search::Fit;
 use eagpt_scene::lamps::BOX_MARGIN;
 use eagpt_scene::{Gaussians, SceneEdit};
@@ -115,15 +115,12 @@ fn covers(lamps: &[Fit], sight: &Sight, pixel: &Pixel) -> bool {
     })
 }
 
-/// Whether a place is in front of all flat lamps near it, where none of them has bars.
+/// Whether a place is before all flat lamps near it, and near none that has bars or a shade.
 fn in_front(lamps: &[Fit], position: Vec3) -> bool {
     let may_stay = |lamp: &Fit| {
-        let Some(flat) = lamp.shape.flat() else {
-            return false;
-        };
-        let height = (position - flat.centre).dot(flat.normal());
-        let near = position.distance(flat.centre) < 2.0 * lamp.shape.size().length();
-        near && (height <= 0.0 || lamp.gaps == Gaps::Bars)
+        let near = position.distance(lamp.shape.centre()) < 2.0 * lamp.shape.size().length();
+        let is_behind = |flat: &Flat| (position - flat.centre).dot(flat.normal()) <= 0.0;
+        near && (lamp.gaps != Gaps::Seen || lamp.shape.flat().is_some_and(is_behind))
     };
     !lamps.iter().any(may_stay)
 }

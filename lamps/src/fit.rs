@@ -9,6 +9,7 @@ use crate::group::Group;
 use crate::halo::Beside;
 use crate::measure;
 use crate::patches::{Gaps, Patch, patches};
+use crate::shades;
 use crate::shape::Shape;
 use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch};
 use crate::starts::{self, axes, first_tube, flats, mount, pixel_width, points};
@@ -34,7 +35,7 @@ impl Fit {
             <= match self.gaps {
                 Gaps::Bars => bars::MAX_RESIDUAL,
                 Gaps::Seen if group.is_large() => large,
-                Gaps::Seen => small,
+                Gaps::Seen | Gaps::Shade => small,
             }
     }
 }
@@ -101,7 +102,9 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     } else {
         best.fit
     };
-    Some(with_bars(evidence, group, &best, &patches).unwrap_or(best))
+    let hidden = with_bars(evidence, group, &best, &patches)
+        .or_else(|| shades::fit(centre, radius, &patches, best.residual));
+    Some(hidden.unwrap_or(best))
 }
 
 /// A flat lamp of many pixels behind bars, if that explains more than the `best` fit without.

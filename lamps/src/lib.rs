@@ -33,6 +33,7 @@ mod place;
 mod search;
 mod seen;
 mod segments;
+mod shades;
 pub mod shape;
 mod shape_search;
 mod starts;
@@ -114,7 +115,7 @@ pub fn find(
     let mut candidates = Vec::new();
     for candidate in explained(evidence, up) {
         let pixels = (candidate.light, &candidate.group);
-        if seen::is_seen(evidence, pixels, &candidate.fit.shape, tracer)? {
+        if seen::is_seen(evidence, pixels, &candidate.fit, tracer)? {
             candidates.push(candidate);
         }
     }

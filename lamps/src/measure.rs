@@ -218,6 +218,32 @@ impl View<'_> {
     }
 }
 
+/// Radiance of the lamp of `group` in pixels that it fills, and how far views differ; `None` where it
+/// fills none. What hides a part of it may be too thin, or too near, to tell how much.
+pub(crate) fn in_filled_pixels(
+    evidence: &Evidence,
+    group: &Group,
+    shape: &Shape,
+) -> Option<Measured> {
+    let mut means = Vec::new();
+    for (view, own) in group.best_views(MAX_VIEWS) {
+        let sight = &evidence.sights[view];
+        let seen = ShapeFrom::new(shape, sight.origin());
+        let (mut sum, mut weight) = (Vec3::ZERO, 0.0);
+        for (i, pixel) in (0_u32..).zip(&sight.pixels) {
+            let is_whole = own.contains(&i) && pixel.lit == Lit::Inside;
+            if is_whole && seen.meet(pixel.direction).is_some() {
+                sum += pixel.radiance * pixel.solid_angle;
+                weight += pixel.solid_angle;
+            }
+        }
+        if weight > 0.0 {
+            means.push((sum / weight, weight));
+        }
+    }
+    Measured::of_views(&means)
+}
+
 /// Places of pixels within `num` of a lamp's `own`.
 fn around(sight: &Sight, own: &HashSet<u32>, num: u32) -> HashSet<(u32, u32)> {
     let places = own.iter().map(|&i| &sight.pixels[i as usize]);

@@ -61,7 +61,7 @@ pub(crate) fn among(evidence: &Evidence, group: &Group, shapes: &[Shape]) -> Vec
 
 /// Shapes in place of the lamp of `group`, if they explain it much better than its fit `whole`.
 fn parted(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<Vec<(Group, Fit)>> {
-    if whole.residual <= PERFECT || whole.gaps == Gaps::Bars {
+    if whole.residual <= PERFECT || whole.gaps != Gaps::Seen {
         return None;
     }
     // Without pixels of lamps far away.

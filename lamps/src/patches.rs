@@ -47,6 +47,20 @@ pub(crate) struct Patch {
     distances: Vec<(Vec3, f32)>,
 }
 
+impl Patch {
+    /// Share of the pixels of a shape that show the lamp.
+    pub(crate) fn share_shown(&self, shape: &Shape) -> f32 {
+        let seen = ShapeFrom::new(shape, self.origin);
+        let (mut shown, mut all) = (0.0, 0.0);
+        for target in &self.targets {
+            let (cover, _) = seen.cover(&target.rays);
+            shown += target.weight * cover.min(target.cover);
+            all += target.weight * cover;
+        }
+        if all > 0.0 { shown / all } else { 0.0 }
+    }
+}
+
 /// The views with most pixels of the lamp.
 pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: f32) -> Vec<Patch> {
     let bright = brightness(evidence, group);
@@ -146,8 +160,13 @@ fn thinned(targets: Vec<Target>) -> Vec<Target> {
 
 /// Distance along the ray of a pixel at which something is behind what the scene has there.
 pub(crate) fn hidden_from(sight: &Sight, pixel: &Pixel) -> f32 {
-    let tolerance = (HIDDEN_PIXELS * sight.pixel_width()).max(HIDDEN_SHARE);
-    pixel.distance * (1.0 + tolerance)
+    pixel.distance * (1.0 + depth_tolerance(sight.pixel_width()))
+}
+
+/// Share of its distance by which a place is farther than the scene and yet not hidden, where a
+/// pixel is of this `width` at distance 1.
+pub(crate) fn depth_tolerance(width: f32) -> f32 {
+    (HIDDEN_PIXELS * width).max(HIDDEN_SHARE)
 }
 
 /// Radiance of the lamp where it fills a pixel: the brightest channel of most of the pixels that it
@@ -179,6 +198,9 @@ pub(crate) enum Gaps {
     Seen,
     /// Bars before it may hide it, too thin or too near for the scene to tell.
     Bars,
+    /// A shade hides it where the scene is nearer, which says nothing of it; elsewhere they speak
+    /// against the shape.
+    Shade,
 }
 
 /// Residual of shapes that are what the views show together: the sum of [`differences`] squared.
@@ -222,7 +244,8 @@ pub(crate) fn differences(
                 _ if cover <= target.cover => 1.0,
                 Gaps::Bars => BEHIND_BARS,
                 Gaps::Seen if farthest > target.hidden_from => HIDDEN,
-                Gaps::Seen => 1.0,
+                Gaps::Shade if farthest > target.hidden_from => 0.0,
+                Gaps::Seen | Gaps::Shade => 1.0,
             };
             each((target.weight * counts / all).sqrt() * (cover - target.cover));
         }

@@ -3,7 +3,8 @@
 
 use crate::evidence::Evidence;
 use crate::group::Group;
-use crate::shape::Shape;
+use crate::patches::{Gaps, depth_tolerance};
+use crate::shape_search::Fit;
 use eagpt_scene::Camera;
 use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;
@@ -15,20 +16,21 @@ const MIN_WIDTH: f32 = 1.5;
 /// Rays to a lamp from each camera, along each axis of a square across it.
 const GRID: u16 = 24;
 /// A lamp is hidden where the scene is nearer by this share of its distance: as trained, it may
-/// be some way before the lamp's clean surface.
+/// be some way before the lamp's clean surface. A shade is as near as the fit of its bulb has it.
 const HIDDEN: f32 = 0.1;
 
 /// Whether the views of `evidence` in a `light`, whose scene `tracer` traces, show enough of what
-/// they would of a lamp of `shape` to have `group` be one, whose pixels are in that light.
+/// they would of a lamp of `fit` to have `group` be one, whose pixels are in that light.
 ///
 /// # Errors
 /// If the device fails.
 pub(crate) fn is_seen(
     evidence: &Evidence,
     (light, group): (usize, &Group),
-    shape: &Shape,
+    fit: &Fit,
     tracer: &dyn Tracer,
 ) -> Result<bool, TraceError> {
+    let shape = &fit.shape;
     let half = 0.5 * shape.size().length();
     let step = 2.0 * half / f32::from(GRID);
     let (mut rays, mut expected) = (Vec::new(), Vec::new());
@@ -51,6 +53,10 @@ pub(crate) fn is_seen(
                 Some((direction, shape.meet(origin, direction)?))
             })
             .collect();
+        let free = match fit.gaps {
+            Gaps::Shade => 1.0 / (1.0 + depth_tolerance(1.0 / camera.fx as f32)),
+            Gaps::Seen | Gaps::Bars => 1.0 - HIDDEN,
+        };
         // Masks leave out what fills no pixel.
         let area = met.len() as f32 * step * step;
         if area < MIN_WIDTH * pixel_width * shape.size().max_element() {
@@ -58,13 +64,12 @@ pub(crate) fn is_seen(
         }
         for (direction, distance) in met {
             rays.push(Ray::free(origin.to_array(), direction.to_array()));
-            expected.push((distance, (step / pixel_width).powi(2)));
+            expected.push((distance * free, (step / pixel_width).powi(2)));
         }
     }
     let met = tracer.trace_rays(&rays)?;
-    let shown = |(features, (distance, num)): (&eagpt_trace::Features, &(f32, f32))| {
-        let is_free =
-            features.alpha() < 0.5 || features.mean_distance() > distance * (1.0 - HIDDEN);
+    let shown = |(features, (nearest, num)): (&eagpt_trace::Features, &(f32, f32))| {
+        let is_free = features.alpha() < 0.5 || features.mean_distance() > *nearest;
         if is_free { *num } else { 0.0 }
     };
     let expected: f32 = met.iter().zip(&expected).map(shown).sum();
