@@ -101,8 +101,8 @@ impl Source {
         Ok(source)
     }
 
-    /// What its page has: the dataset it was trained on, unless `args` names one. Where that is not
-    /// there any more, the user is told.
+    /// The options of its page: its training views are those of the dataset it was trained on,
+    /// unless `args` names one. Where that is not there any more, the user is told.
     ///
     /// # Errors
     /// If standard output cannot be written.

@@ -14,9 +14,6 @@ use std::cmp::Reverse;
 
 /// Standard deviation of the flux between views beyond which there is no such lamp.
 const MAX_DEVIATION: f32 = 0.5;
-/// Least number of lit pixels over all views, and of views, of a lamp.
-const MIN_PIXELS: usize = 6;
-const MIN_VIEWS: usize = 2;
 /// Share of its pixels on other lamps from which on a group is taken for a part of these.
 const SHARE_ELSEWHERE: f32 = 0.5;
 
@@ -57,7 +54,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let mut found: Vec<Candidate> = Vec::new();
     for (all, window) in groups {
         let mut lights = all.by_light(evidence);
-        lights.retain(|(_, group)| is_enough(group));
+        lights.retain(|(_, group)| group.is_enough());
         // Of equal ones the first: the sort is stable.
         lights.sort_by_key(|(_, group)| Reverse(group.members.len()));
         let mut lights = lights.into_iter();
@@ -103,10 +100,6 @@ fn without_repeated(evidence: &Evidence, mut found: Vec<Candidate>) -> Vec<Candi
         }
     }
     kept
-}
-
-pub(crate) fn is_enough(group: &Group) -> bool {
-    group.members.len() >= MIN_PIXELS && group.by_view().count() >= MIN_VIEWS
 }
 
 /// The lamp of a shape that views in a light agree on, and in `others`.

@@ -13,6 +13,9 @@ pub(crate) const MAX_POINTS: usize = 600;
 
 /// Pixels of a lamp in the view that shows it largest from which on it is large.
 const LARGE: usize = 400;
+/// Least number of lit pixels over all views, and of views, of a lamp.
+const MIN_PIXELS: usize = 6;
+const MIN_VIEWS: usize = 2;
 
 /// The pixels of a lamp.
 #[derive(Debug, Clone, Default)]
@@ -75,6 +78,11 @@ impl Group {
     /// before them its place.
     pub(crate) fn is_large(&self) -> bool {
         self.by_view().any(|(_, pixels)| pixels.len() >= LARGE)
+    }
+
+    /// Whether it is enough for a lamp.
+    pub(crate) fn is_enough(&self) -> bool {
+        self.members.len() >= MIN_PIXELS && self.by_view().count() >= MIN_VIEWS
     }
 
     /// Share of its pixels, at least one, for which `is_so` is true.

@@ -149,7 +149,7 @@ impl View<'_> {
         angle.min(PI).cos()
     }
 
-    /// What the view measures of the lamp if it has `shape`.
+    /// The view's measurement of the lamp if it has `shape`.
     fn reading(&self, shape: &Shape) -> Reading {
         let Self {
             sight, own, level, ..

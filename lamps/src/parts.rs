@@ -2,7 +2,6 @@
 //! of a bent tube: where one shape does not explain the silhouettes, several may. They are fitted
 //! together: what one hides of another, and pixels that show two, say nothing of either by itself.
 
-use crate::candidates::is_enough;
 use crate::evidence::Evidence;
 use crate::fit::fit;
 use crate::group::Group;
@@ -82,7 +81,7 @@ fn touching(
     let of_whole = residual_of(&[whole.shape], &seen);
     let (mut residual, mut shapes) = balls(evidence, group, centre, of_whole, &seen)?;
     let groups = among(evidence, group, &shapes);
-    if !groups.iter().all(is_enough) {
+    if !groups.iter().all(Group::is_enough) {
         return None;
     }
     for (at, group) in groups.iter().enumerate() {
@@ -112,7 +111,7 @@ fn pieces(evidence: &Evidence, group: &Group, whole: &Fit, up: Vec3) -> Option<V
         let at = points(evidence, &left).into_iter();
         let at: Vec<Vec3> = at.map(|point| point.position).collect();
         let piece = those(&left, &along_line(&at, size));
-        if !is_enough(&piece) {
+        if !piece.is_enough() {
             return None;
         }
         shapes.push(fit(evidence, &piece, up)?.shape);

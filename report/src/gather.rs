@@ -20,7 +20,7 @@ const METRICS: [(&str, &str, usize); 3] = [
 ];
 /// Metrics of the overview.
 const OVERVIEW: [(&str, &str, usize); 4] = [METRICS[0], METRICS[1], METRICS[2], EXPOSURE_SCALE];
-/// What the light of a rendering lacks.
+/// Parts of the light that a rendering lacks.
 const EXPOSURE_SCALE: (&str, &str, usize) = ("exposure_scale", "exposure scale", 3);
 /// Reads a run.
 ///

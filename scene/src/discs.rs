@@ -91,7 +91,7 @@ pub struct Material {
     pub albedo: Vec3,
     /// Emitted radiance, linear Rec.709; `None` if it does not emit.
     pub radiance: Option<Vec3>,
-    /// What it mirrors.
+    /// Its specular part.
     pub gloss: Gloss,
 }
 

@@ -36,7 +36,7 @@ pub struct RenderedView {
     pub features: GBuffer,
     /// Rays traced beside those of the camera.
     pub num_rays: u64,
-    /// What a denoiser is to know of each camera ray, `[height · width]`; empty where nothing is
+    /// Guides of a denoiser for each camera ray, `[height · width]`; empty where nothing is
     /// glossy and the features say it.
     pub guides: Vec<Guide>,
 }

@@ -63,7 +63,7 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
 /// Longest time for answers under way when a server stops.
 const LAST_ANSWERS: Duration = Duration::from_secs(3);
 
-/// What there is below the token of a server.
+/// The places below the token of a server.
 trait Site: Debug + Send + Sync {
     fn answer(&self, request: &Request, place: &str) -> Reply;
 
@@ -93,7 +93,7 @@ pub struct Served {
     pub order: Vec<u32>,
     /// The edit under way.
     pub edit: Edit,
-    /// What jobs are done with.
+    /// Device and options of its jobs.
     pub workshop: Workshop,
 }
 

@@ -123,7 +123,7 @@ pub(crate) fn patch(centre: Vec3, edges: [Vec3; 2], radiance: Option<Vec3>) -> G
     surface.discs()
 }
 
-/// What training leaves of a lamp: discs on its surface that stick out of it.
+/// A lamp as training leaves it: discs on its surface that stick out of it.
 pub(crate) fn heap(shape: &Shape, radiance: Vec3) -> Vec<Gaussian> {
     let (centre, size, rotation) = (shape.centre(), shape.size(), shape.rotation());
     let solid = match shape {

@@ -55,7 +55,7 @@ pub(super) struct Mirrors<'a> {
 }
 
 impl Mirrors<'_> {
-    /// What the surface of a pixel mirrors, premultiplied, and its samples' second moment.
+    /// Radiance that the surface of a pixel mirrors, premultiplied, and its samples' second moment.
     fn sampled(&self, mirror: Vertex, points: &Points, pixel: u32) -> (Mirrored, f32) {
         let start = Start::new(pixel, mirror);
         let (surface, bsdf) = (&mirror.surface, mirror.bsdf());

@@ -76,9 +76,9 @@ pub(super) struct Paths<'a> {
 pub(super) struct Start {
     pub(super) pixel: u32,
     pub(super) vertex: Vertex,
-    /// What the light of a sample is to be divided by.
+    /// Number that the light of a sample is divided by.
     pub(super) divisor: Vec3,
-    /// What makes the pixel of the mean of its samples.
+    /// Factor from the mean of its samples to the pixel.
     pub(super) factor: Vec3,
 }
 
@@ -308,7 +308,7 @@ impl Paths<'_> {
 /// Next-event estimation at a vertex.
 struct LightSampling<'a> {
     lights: (&'a LightList, &'a Importances),
-    /// What its rays meet.
+    /// The scene that its rays meet.
     seen: Seen,
     /// Chance of a light sample.
     chance: f32,

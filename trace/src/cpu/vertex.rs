@@ -28,8 +28,8 @@ pub(super) struct Vertex {
 }
 
 impl Vertex {
-    /// What a ray of unit `direction` from `origin` has met; `None` if nothing. Surfaces are at
-    /// least `min_roughness` rough.
+    /// The vertex where a ray of unit `direction` from `origin` meets a surface, if it does.
+    /// Surfaces are at least `min_roughness` rough.
     pub(super) fn new(
         (origin, direction): (Vec3, Vec3),
         features: &Features,

@@ -91,7 +91,7 @@ impl ParameterState {
         self.lights.current = light;
     }
 
-    /// What is left of the gradient of a fixed Gaussian: that of its radiance where it does not
+    /// The gradient of a fixed Gaussian without all but that of its radiance where it does not
     /// shine in the current light.
     pub(super) fn of_fixed(&self, row: usize, gradient: &Raw) -> Raw {
         let mut left = [0.0; NUM_PARAMETERS];

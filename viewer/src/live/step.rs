@@ -15,7 +15,7 @@ pub struct Step {
     pub select: Option<Value>,
     /// A surface.
     pub insert: Option<Value>,
-    /// What becomes of Gaussians that cross the boundary of the selection.
+    /// Treatment of Gaussians that cross the boundary of the selection.
     pub trim: Option<String>,
     /// Factors of lights, by name.
     pub set_light: Option<BTreeMap<String, [f32; 3]>>,

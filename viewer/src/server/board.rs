@@ -1,4 +1,4 @@
-//! What pages see of an edit: its script, the scene it makes, whether its light fits, stills.
+//! The state of an edit that pages see: its script, the scene it makes, whether its light fits, stills.
 
 use crate::error::Result;
 use crate::live::{Edit, EditState};
@@ -49,7 +49,7 @@ pub(super) enum Light {
     Waiting,
     /// It is that of before, and is being baked.
     Baking {
-        /// What is done at present.
+        /// The job under way.
         task: String,
         /// Of that, 0 to 1.
         share: f64,

@@ -123,7 +123,7 @@ fn select(request: &Request, editor: &Editor) -> Result<Reply, Reply> {
     ))
 }
 
-/// What is to be done about the light.
+/// A request about the light.
 #[derive(Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum LightOrder {

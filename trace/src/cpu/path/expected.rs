@@ -45,18 +45,18 @@ pub(super) struct Expected {
     least: f32,
 }
 
-/// What a path has found at a vertex.
+/// Light that a path has found at a vertex.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     at: Coordinates,
     /// Light of emitters over the reflectance.
     direct: Vec3,
-    /// What it met next, and how much of the light there comes here.
+    /// The next vertex, and how much of the light there comes here.
     next: Option<(Coordinates, Vec3)>,
 }
 
 impl Paths<'_> {
-    /// What the paths of `starts` are to expect.
+    /// The light that paths of `starts` are to expect.
     pub(super) fn expected(&self, starts: &[Start]) -> Expected {
         let num_paths = starts.len() as u64 * u64::from(self.num_samples);
         let num = (num_paths / PATHS_FOR_ONE).max(MIN_PATHS).min(num_paths) as u32;

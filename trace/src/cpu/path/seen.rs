@@ -24,7 +24,7 @@ impl Seen {
         Self::Realization((choice * NUM_REALIZATIONS as f32) as u32)
     }
 
-    /// What a ray meets: its features, and the specular part of its material.
+    /// The surface that a ray meets: its features, and the specular part of its material.
     pub(super) fn trace(self, scene: &CpuScene, ray: &Ray) -> (Features, Gloss) {
         match self {
             Self::Blend => scene.trace_glossy(ray),

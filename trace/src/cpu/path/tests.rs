@@ -88,7 +88,7 @@ fn paths<'a>(scene: &'a CpuScene, camera: &Camera, num_samples: u32) -> Paths<'a
     }
 }
 
-/// What starts are expected to receive is what paths bring them, in the mean.
+/// Starts receive in the mean of paths the light that they are expected to.
 #[test]
 fn expected_light_is_what_paths_find() {
     for (number, gaussians) in rooms().into_iter().enumerate() {

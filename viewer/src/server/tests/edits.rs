@@ -5,7 +5,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::json;
 
-/// What the places of edits answer: a scene for a step, which Gaussians a selector selects.
+/// The places of edits answer: a scene for a step, which Gaussians a selector selects.
 #[test]
 fn a_step_makes_another_scene() {
     let server = Running::new();
