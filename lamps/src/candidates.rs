@@ -8,7 +8,7 @@ use crate::measure::{self, Measured};
 use crate::patches::Gaps;
 use crate::shape::Shape;
 use crate::shape_search::Fit;
-use crate::{bearings, grouping, parts, windows};
+use crate::{bearings, grouping, parts, single, windows};
 use glam::Vec3;
 use std::cmp::Reverse;
 
@@ -69,7 +69,12 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         if elsewhere > SHARE_ELSEWHERE {
             continue;
         }
-        let Some(fit) = window.or_else(|| fit::fit(evidence, &group, up)) else {
+        let fit = match window {
+            None if group.is_of_one_view() => single::fit(evidence, &group),
+            None => fit::fit(evidence, &group, up),
+            window => window,
+        };
+        let Some(fit) = fit else {
             continue;
         };
         let parts = parts::all(evidence, group, fit, up);

@@ -13,9 +13,10 @@ pub(crate) const MAX_POINTS: usize = 600;
 
 /// Pixels of a lamp in the view that shows it largest from which on it is large.
 const LARGE: usize = 400;
-/// Least number of lit pixels over all views, and of views, of a lamp.
+/// Least number of the lit pixels of a lamp over all views, …
 const MIN_PIXELS: usize = 6;
-const MIN_VIEWS: usize = 2;
+/// … and where one view shows it.
+const MIN_PIXELS_OF_ONE: usize = 10;
 
 /// The pixels of a lamp.
 #[derive(Debug, Clone, Default)]
@@ -82,7 +83,17 @@ impl Group {
 
     /// Whether it is enough for a lamp.
     pub(crate) fn is_enough(&self) -> bool {
-        self.members.len() >= MIN_PIXELS && self.by_view().count() >= MIN_VIEWS
+        let least = if self.is_of_one_view() {
+            MIN_PIXELS_OF_ONE
+        } else {
+            MIN_PIXELS
+        };
+        self.members.len() >= least
+    }
+
+    /// Whether one view shows all of it.
+    pub(crate) fn is_of_one_view(&self) -> bool {
+        self.by_view().count() == 1
     }
 
     /// Share of its pixels, at least one, for which `is_so` is true.

@@ -36,6 +36,7 @@ mod segments;
 mod shades;
 pub mod shape;
 mod shape_search;
+mod single;
 mod starts;
 mod thin;
 mod walls;

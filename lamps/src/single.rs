@@ -1,0 +1,34 @@
+//! Lamps that one view shows. Nothing tells how far away they are, but for the surface around them:
+//! one that does not light it lies in it.
+
+use crate::evidence::Evidence;
+use crate::group::Group;
+use crate::halo::Beside;
+use crate::measure;
+use crate::patches::patches;
+use crate::shape::Shape;
+use crate::shape_search::{Fit, ShapeSearch};
+use crate::starts::{extent, first_flat, mount, pixel_width, points};
+
+/// Residual beyond which it may be something else.
+const MAX_RESIDUAL: f32 = 0.06;
+
+/// The lamp of `group`, flat in the surface around it, if it may be that.
+pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
+    let points = points(evidence, group);
+    let (centre, extent) = extent(&points)?;
+    let pixel = pixel_width(&points);
+    let mount = mount(evidence, group, centre, extent)?;
+    let beside = Beside::new(evidence, group, mount);
+    if beside.is_lit {
+        return None;
+    }
+    let patches = patches(evidence, group, centre, extent);
+    let views = measure::Views::new(evidence, group);
+    let search = ShapeSearch::new(&patches, views, group, pixel, Some(beside));
+    let flat = first_flat(&points, centre, mount.normal, pixel);
+    let starts = [Shape::Rectangle(flat), Shape::Ellipse(flat)].map(|shape| (shape, true));
+    let fits = search.best(&starts, starts.len());
+    let best = fits.first()?.fit;
+    (best.residual <= MAX_RESIDUAL).then_some(best)
+}
