@@ -21,6 +21,12 @@ const MISS_SHARE: f32 = 0.25;
 const MAX_REACH: f32 = 2.0;
 /// Largest ratio between the sizes that two views give one lamp.
 const MAX_RATIO: f32 = 2.0;
+/// Two views alone agree on a place if each shows so many pixels of the lamp, and their sizes are in
+/// this ratio at most.
+const MIN_PIXELS_OF_TWO: f32 = 10.0;
+const MAX_RATIO_OF_TWO: f32 = 1.25;
+/// … and lines of two lamps, of which many may meet by chance, miss it by this at most.
+const MAX_MISS_OF_TWO: f32 = 0.5;
 /// Rounds in which lines that miss the place lose weight.
 const NUM_ROUNDS: usize = 4;
 
@@ -70,6 +76,11 @@ impl Bearing {
         angle / (MISS_PIXELS * self.pixel + MISS_SHARE * self.radius)
     }
 
+    /// Pixels of the lamp, about.
+    fn num_pixels(&self) -> f32 {
+        PI * (self.radius / self.pixel).powi(2)
+    }
+
     /// Radius of a lamp at a place.
     fn radius_at(&self, place: Vec3) -> f32 {
         self.radius * place.distance(self.origin)
@@ -88,15 +99,26 @@ fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
 pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Option<Vec3> {
     let bearings = bearings(evidence, group);
     let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
-    if bearings.len() < MIN_VIEWS || median(trained) <= 1.0 {
+    if bearings.len() < 2 || median(trained) <= 1.0 {
         return None;
     }
     let met = meeting(&bearings)?;
-    (median(met) <= 1.0).then_some(met)
+    let is_sure = match bearings.as_slice() {
+        [a, b] => are_alike(a, b, met),
+        _ => true,
+    };
+    (is_sure && median(met) <= 1.0).then_some(met)
+}
+
+/// Whether two views show one lamp at a place, as far as its size says.
+fn are_alike(a: &Bearing, b: &Bearing, place: Vec3) -> bool {
+    let is_enough = |bearing: &Bearing| bearing.num_pixels() >= MIN_PIXELS_OF_TWO;
+    let ratio = a.radius_at(place) / b.radius_at(place);
+    is_enough(a) && is_enough(b) && ratio.max(ratio.recip()) <= MAX_RATIO_OF_TWO
 }
 
 /// Groups of pixels whose place in the trained scene no three views agree on, joined where their
-/// lines of sight meet; the others are as they were.
+/// lines of sight meet, those of three or more first; the others are as they were.
 pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
     let is_open = |group: &Group| group.by_view().count() < MIN_VIEWS;
     let (open, mut found): (Vec<Group>, Vec<Group>) = groups.into_iter().partition(is_open);
@@ -109,19 +131,55 @@ pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
     }
     let mut taken: BTreeSet<usize> = BTreeSet::new();
     while let Some(own) = largest(&lines) {
-        let mut lamp = Group::default();
-        for line in own.into_iter().rev() {
+        found.push(Group::together(own.into_iter().rev().map(|line| {
             let (of, part, _) = lines.remove(line);
             taken.insert(of);
-            lamp.join(part);
-        }
-        lamp.members.sort_unstable();
-        found.push(lamp);
+            part
+        })));
     }
     let left = open.into_iter().enumerate();
     let left = left.filter(|(of, _)| !taken.contains(of));
-    found.extend(left.map(|(_, group)| group));
+    found.extend(paired(evidence, left.map(|(_, group)| group).collect()));
     found
+}
+
+/// Of groups that one view each shows, those joined whose lines of sight meet, two by two, the
+/// nearest first.
+fn paired(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
+    let of_one = |group: &Group| {
+        let is_of_one = group.is_of_one_view();
+        is_of_one.then(|| bearings(evidence, group).first().copied())?
+    };
+    let lines: Vec<Option<Bearing>> = groups.iter().map(of_one).collect();
+    let mut pairs: Vec<(f32, [usize; 2])> = Vec::new();
+    for (i, a) in lines.iter().enumerate() {
+        for (j, b) in lines.iter().enumerate().skip(i + 1) {
+            let miss = a.zip(*b).and_then(|(a, b)| miss_of_two(&a, &b));
+            let miss = miss.filter(|miss| *miss <= MAX_MISS_OF_TWO);
+            pairs.extend(
+                miss.filter(|_| !groups[i].is_unlike(&groups[j]))
+                    .map(|miss| (miss, [i, j])),
+            );
+        }
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut left: Vec<Option<Group>> = groups.into_iter().map(Some).collect();
+    let mut found = Vec::new();
+    for (_, pair) in pairs {
+        if pair.iter().all(|of| left[*of].is_some()) {
+            found.push(Group::together(
+                pair.into_iter().filter_map(|of| left[of].take()),
+            ));
+        }
+    }
+    found.extend(left.into_iter().flatten());
+    found
+}
+
+/// By how much two lines of sight to one lamp miss where they meet; `None` if they do not.
+fn miss_of_two(a: &Bearing, b: &Bearing) -> Option<f32> {
+    let place = meeting(&[*a, *b])?;
+    (a.view != b.view && are_alike(a, b, place)).then(|| a.miss(place).max(b.miss(place)))
 }
 
 /// The lines, by their numbers, of the place where those of most views meet.

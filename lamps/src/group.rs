@@ -42,6 +42,14 @@ pub(crate) struct Point {
 }
 
 impl Group {
+    /// One group of several.
+    pub(crate) fn together(groups: impl Iterator<Item = Self>) -> Self {
+        let mut whole = Self::default();
+        groups.for_each(|group| whole.join(group));
+        whole.members.sort_unstable();
+        whole
+    }
+
     /// Its pixels view by view.
     pub(crate) fn by_view(&self) -> impl Iterator<Item = (usize, &[(u32, u32)])> {
         let views = self.members.chunk_by(|a, b| a.0 == b.0);

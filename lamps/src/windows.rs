@@ -70,7 +70,7 @@ pub(crate) fn joined(evidence: &Evidence, groups: &[Group], up: Vec3) -> Vec<(Gr
     let mut found = Vec::new();
     for own in connected(groups.len(), are_beside) {
         let panes = own.iter().map(|pane| groups[*pane].clone());
-        let whole = (own.len() > 1).then(|| together(panes.clone()));
+        let whole = (own.len() > 1).then(|| Group::together(panes.clone()));
         let window = whole.and_then(|whole| Some((window(evidence, &whole, up)?, whole)));
         match window {
             Some((fit, whole)) => {
@@ -81,14 +81,6 @@ pub(crate) fn joined(evidence: &Evidence, groups: &[Group], up: Vec3) -> Vec<(Gr
         }
     }
     found
-}
-
-/// One group of several.
-fn together(groups: impl Iterator<Item = Group>) -> Group {
-    let mut whole = Group::default();
-    groups.for_each(|group| whole.join(group));
-    whole.members.sort_unstable();
-    whole
 }
 
 /// The connected parts of a graph of `num` nodes, each ascending.

@@ -1,4 +1,5 @@
-//! A lamp that one view shows is in the surface around it, if it may be.
+//! A lamp that one view shows is in the surface around it, if it may be; one that two show is where
+//! their lines of sight meet.
 
 #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
 
@@ -13,24 +14,27 @@ use glam::{DVec3, Vec3};
 use rig::{RADIANCE, cameras, heap, photograph, room};
 
 const CENTRE: Vec3 = Vec3::new(0.3, 0.1, 2.49);
+const EYES: [DVec3; 2] = [DVec3::new(-1.2, -0.4, 1.0), DVec3::new(0.4, -1.5, 1.2)];
 
 fn looking(eye: DVec3, target: DVec3) -> Camera {
     let pose = Camera::level_pose(eye, (target - eye).normalize());
     Camera::centred([120, 80], 1.3, pose)
 }
 
-/// Lamps of a room with `lamp`, which training has `trained`; one camera sees it, others look at
-/// the floor.
-fn found(lamp: &Shape, trained: &Shape) -> Vec<Lamp> {
+/// Lamps of a room with `lamp`, which training has `trained`; cameras at `eyes` see it, others look
+/// at the floor.
+fn found(lamp: &Shape, trained: &Shape, eyes: &[DVec3]) -> Vec<Lamp> {
     let scene: Gaussians = room().iter().chain(heap(trained, RADIANCE)).collect();
     let tracer = Device::Cpu.scene(&scene).unwrap();
-    let up = looking(DVec3::new(-1.2, -0.4, 1.0), CENTRE.as_dvec3());
+    let up = eyes
+        .iter()
+        .map(|eye| looking(*eye, lamp.centre().as_dvec3()));
     let down = cameras().into_iter().map(|camera| {
         let eye = camera.origin().as_dvec3();
         looking(eye, DVec3::new(-0.5 * eye.x, -0.5 * eye.y, 0.0))
     });
     let mut evidence = Evidence::default();
-    for (i, camera) in std::iter::once(up).chain(down).enumerate() {
+    for (i, camera) in up.chain(down).enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
     }
@@ -46,7 +50,7 @@ fn a_panel_that_one_view_shows_is_flush_with_the_ceiling() {
         rotation: rotation::from_z_to(Vec3::NEG_Z),
         size,
     });
-    let found = found(&panel, &panel);
+    let found = found(&panel, &panel, &EYES[..1]);
     let [lamp] = found.as_slice() else {
         panic!("{found:?}");
     };
@@ -58,17 +62,30 @@ fn a_panel_that_one_view_shows_is_flush_with_the_ceiling() {
     assert!((share - 1.0).abs() < 0.05, "{share}");
 }
 
+fn ball(centre: Vec3) -> Shape {
+    let radius = 0.08;
+    Shape::Ball { centre, radius }
+}
+
 #[test]
 fn a_ball_that_one_view_shows_may_be_anywhere() {
     // It hangs before the wall that the view has around it.
+    let ball = ball(Vec3::new(0.3, 0.1, 1.6));
+    let found = found(&ball, &ball, &EYES[..1]);
+    assert!(found.iter().all(|lamp| lamp.shape == LampShape::Other));
+}
+
+#[test]
+fn a_ball_that_two_views_show_is_where_their_lines_of_sight_meet() {
     let centre = Vec3::new(0.3, 0.1, 1.6);
-    let ball = Shape::Ball {
-        centre,
-        radius: 0.08,
+    // Training has it too far away for both.
+    let trained = ball(centre + Vec3::new(0.05, 0.2, 0.06));
+    let found = found(&ball(centre), &trained, &EYES);
+    let [lamp] = found.as_slice() else {
+        panic!("{found:?}");
     };
-    assert!(
-        found(&ball, &ball)
-            .iter()
-            .all(|lamp| lamp.shape == LampShape::Other)
-    );
+    assert_eq!(lamp.shape, LampShape::Ball);
+    assert!(lamp.centre().distance(centre) < 0.01, "{lamp:?}");
+    let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * ball(centre).area());
+    assert!((share - 1.0).abs() < 0.05, "{share}");
 }
