@@ -22,6 +22,10 @@ const NUM_SPECULARS: usize = 40;
 /// are tried are 10 % apart.
 const BARE_TOLERANCE: f64 = 1.1;
 
+/// Share of what a lobe mirrors that has to be seen: the scene that it is predicted from may be too
+/// bright where a dark part of it is mirrored.
+const LEAST_SHOWN: f64 = 0.5;
+
 /// A surface as a bare metal, which scatters nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bare {
@@ -187,6 +191,12 @@ impl Sums {
     pub(super) fn fit(&self, certainty: f64) -> Option<Fit> {
         let all = (0..NUM).flat_map(|roughness| speculars().map(move |f| Fit::new(roughness, f)));
         self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
+    }
+
+    /// Whether as much is seen, about, as a lobe mirrors: a surface that has it sends at least that.
+    pub(super) fn shows(&self, lobe: Fit) -> bool {
+        let [facing, edge] = self.lobes[lobe.roughness].level;
+        self.level >= LEAST_SHOWN * (lobe.specular * facing + edge)
     }
 
     /// The F0 at which a lobe mirrors all that is seen, nothing being scattered.

@@ -75,7 +75,10 @@ pub(super) fn shared(
                 is_same && own.all.explained(lobe) >= 0.0
             };
             let takes = takes || is_of_metal(segment, from, lobe);
-            if takes && best.get(&segment).is_none_or(|&(most, _)| num > most) {
+            if takes
+                && own.all.shows(lobe)
+                && best.get(&segment).is_none_or(|&(most, _)| num > most)
+            {
                 best.insert(segment, (num, from));
             }
         }

@@ -90,3 +90,23 @@ fn lobes_beyond_a_mirror_are_not_sound() {
         assert_eq!(lobe.is_sound(), is_sound, "{lobe:?}");
     }
 }
+
+/// Paint beside a mirror that is darker than what it would mirror is none.
+#[test]
+fn a_surface_shows_at_least_what_it_mirrors() {
+    let mirror = Fit {
+        specular: 1.0,
+        ..TRUTH
+    };
+    let shines = sums(0.0, |_, lobe, _| lobe.facing[0] + lobe.edge[0]);
+    assert!(shines.shows(mirror));
+    let bright = sums(0.0, |scattered, _, _| 2.0 * scattered);
+    assert!(bright.shows(mirror));
+    let dark = sums(0.0, |scattered, _, _| 0.1 * scattered);
+    assert!(!dark.shows(mirror));
+    let varnish = Fit {
+        specular: 0.04,
+        ..TRUTH
+    };
+    assert!(dark.shows(varnish));
+}
