@@ -6,9 +6,10 @@ use crate::group::Group;
 use crate::halo::Beside;
 use crate::measure;
 use crate::patches::patches;
-use crate::shape::Shape;
+use crate::shape::{Flat, Shape};
 use crate::shape_search::{Fit, ShapeSearch};
-use crate::starts::{extent, first_flat, mount, pixel_width, points};
+use crate::starts::{Mount, extent, first_flat, mount, pixel_width, points};
+use glam::Vec3;
 
 /// Residual beyond which it may be something else.
 const MAX_RESIDUAL: f32 = 0.06;
@@ -30,5 +31,24 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
     let starts = [Shape::Rectangle(flat), Shape::Ellipse(flat)].map(|shape| (shape, true));
     let fits = search.best(&starts, starts.len());
     let best = fits.first()?.fit;
-    (best.residual <= MAX_RESIDUAL).then_some(best)
+    let (view, _) = group.by_view().next()?;
+    let shape = in_plane(&best.shape, evidence.sights[view].origin(), &mount)?;
+    (best.residual <= MAX_RESIDUAL).then_some(Fit { shape, ..best })
+}
+
+/// A flat shape as seen from `eye`, in the plane of `mount`: its silhouette is the same at any
+/// distance. `None` where it is not flat, or the plane is behind the eye.
+fn in_plane(shape: &Shape, eye: Vec3, mount: &Mount) -> Option<Shape> {
+    let flat = shape.flat()?;
+    let factor = mount.height(eye) / (mount.height(eye) - mount.height(flat.centre));
+    let flat = Flat {
+        centre: eye + (flat.centre - eye) * factor,
+        size: flat.size.map(|side| side * factor),
+        ..*flat
+    };
+    let shape = match shape {
+        Shape::Ellipse(_) => Shape::Ellipse(flat),
+        _ => Shape::Rectangle(flat),
+    };
+    (factor > 0.0).then_some(shape)
 }

@@ -70,6 +70,8 @@ fn request(dir: &Path, out: &str, device: &Device) -> TrainRequest {
     options.stage = StageChoice::Radiance;
     options.num_gaussians = Some(400);
     options.radiance.densify.times = 0;
+    // The search for lamps takes what rounding changes for another start.
+    options.radiance.lamps.clean = false;
     options.output.preview_every = 0;
     options.output.log_every = 1;
     TrainRequest {
