@@ -193,6 +193,12 @@ impl Sums {
         self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
     }
 
+    /// Standard deviation between views of a point, in parts of its light, to which views that see
+    /// it faintly add less.
+    pub(super) fn deviation(&self) -> f64 {
+        (self.of_light / (self.num_seen as f64).max(1.0)).sqrt()
+    }
+
     /// Whether as much is seen, about, as a lobe mirrors: a surface that has it sends at least that.
     pub(super) fn shows(&self, lobe: Fit) -> bool {
         let [facing, edge] = self.lobes[lobe.roughness].level;

@@ -110,3 +110,12 @@ fn a_surface_shows_at_least_what_it_mirrors() {
     };
     assert!(dark.shows(varnish));
 }
+
+#[test]
+fn an_even_surface_does_not_differ_between_views() {
+    let even = sums(0.0, |scattered, _, _| scattered);
+    assert!(even.deviation() < 1e-9);
+    // A square wave about the light of each point.
+    let waves = sums(0.0, |_, _, other| 1.0 + 0.2 * (other - 0.5).signum());
+    assert!((waves.deviation() - 0.2).abs() < 0.02);
+}
