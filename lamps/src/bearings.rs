@@ -2,7 +2,7 @@
 //! the trained scene has their pixels, as on what is behind it.
 
 use crate::evidence::{Evidence, Sight};
-use crate::group::Group;
+use crate::group::{Group, MIN_PIXELS_OF_FEW};
 use eagpt_scene::median::median_of;
 use glam::{Mat3, Vec3};
 use std::collections::BTreeSet;
@@ -21,9 +21,8 @@ const MISS_SHARE: f32 = 0.25;
 const MAX_REACH: f32 = 2.0;
 /// Largest ratio between the sizes that two views give one lamp.
 const MAX_RATIO: f32 = 2.0;
-/// Two views alone agree on a place if each shows so many pixels of the lamp, and their sizes are in
-/// this ratio at most.
-const MIN_PIXELS_OF_TWO: f32 = 10.0;
+/// Two views alone agree on a place if each shows enough of the lamp, and their sizes are in this
+/// ratio at most.
 const MAX_RATIO_OF_TWO: f32 = 1.25;
 /// … and lines of two lamps, of which many may meet by chance, miss it by this at most.
 const MAX_MISS_OF_TWO: f32 = 0.5;
@@ -99,7 +98,7 @@ fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
 pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Option<Vec3> {
     let bearings = bearings(evidence, group);
     let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
-    if bearings.len() < 2 || median(trained) <= 1.0 {
+    if median(trained) <= 1.0 {
         return None;
     }
     let met = meeting(&bearings)?;
@@ -112,7 +111,7 @@ pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Op
 
 /// Whether two views show one lamp at a place, as far as its size says.
 fn are_alike(a: &Bearing, b: &Bearing, place: Vec3) -> bool {
-    let is_enough = |bearing: &Bearing| bearing.num_pixels() >= MIN_PIXELS_OF_TWO;
+    let is_enough = |bearing: &Bearing| bearing.num_pixels() >= MIN_PIXELS_OF_FEW as f32;
     let ratio = a.radius_at(place) / b.radius_at(place);
     is_enough(a) && is_enough(b) && ratio.max(ratio.recip()) <= MAX_RATIO_OF_TWO
 }
@@ -130,50 +129,37 @@ pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
         }
     }
     let mut taken: BTreeSet<usize> = BTreeSet::new();
-    while let Some(own) = largest(&lines) {
-        found.push(Group::together(own.into_iter().rev().map(|line| {
+    let mut take = |lines: &mut Vec<(usize, Group, Bearing)>, own: Vec<usize>| {
+        Group::together(own.into_iter().rev().map(|line| {
             let (of, part, _) = lines.remove(line);
             taken.insert(of);
             part
-        })));
+        }))
+    };
+    while let Some(own) = largest(&lines) {
+        found.push(take(&mut lines, own));
+    }
+    // Where two views show a lamp, the scene has it in one place.
+    lines.retain(|(of, ..)| open[*of].is_of_one_view());
+    while let Some(own) = nearest_pair(&lines) {
+        found.push(take(&mut lines, own));
     }
     let left = open.into_iter().enumerate();
     let left = left.filter(|(of, _)| !taken.contains(of));
-    found.extend(paired(evidence, left.map(|(_, group)| group).collect()));
+    found.extend(left.map(|(_, group)| group));
     found
 }
 
-/// Of groups that one view each shows, those joined whose lines of sight meet, two by two, the
-/// nearest first.
-fn paired(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
-    let of_one = |group: &Group| {
-        let is_of_one = group.is_of_one_view();
-        is_of_one.then(|| bearings(evidence, group).first().copied())?
-    };
-    let lines: Vec<Option<Bearing>> = groups.iter().map(of_one).collect();
-    let mut pairs: Vec<(f32, [usize; 2])> = Vec::new();
-    for (i, a) in lines.iter().enumerate() {
-        for (j, b) in lines.iter().enumerate().skip(i + 1) {
-            let miss = a.zip(*b).and_then(|(a, b)| miss_of_two(&a, &b));
-            let miss = miss.filter(|miss| *miss <= MAX_MISS_OF_TWO);
-            pairs.extend(
-                miss.filter(|_| !groups[i].is_unlike(&groups[j]))
-                    .map(|miss| (miss, [i, j])),
-            );
-        }
-    }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut left: Vec<Option<Group>> = groups.into_iter().map(Some).collect();
-    let mut found = Vec::new();
-    for (_, pair) in pairs {
-        if pair.iter().all(|of| left[*of].is_some()) {
-            found.push(Group::together(
-                pair.into_iter().filter_map(|of| left[of].take()),
-            ));
-        }
-    }
-    found.extend(left.into_iter().flatten());
-    found
+/// The lines, by their numbers, of the two that miss each other by least where they meet.
+fn nearest_pair(lines: &[(usize, Group, Bearing)]) -> Option<Vec<usize>> {
+    let pairs = (0..lines.len()).flat_map(|i| (i + 1..lines.len()).map(move |k| [i, k]));
+    let meeting = pairs.filter_map(|pair| {
+        let [(_, group, a), (_, other, b)] = pair.map(|line| &lines[line]);
+        let miss = miss_of_two(a, b).filter(|miss| *miss <= MAX_MISS_OF_TWO)?;
+        (!group.is_unlike(other)).then_some((miss, pair))
+    });
+    let nearest = meeting.min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.map(|(_, pair)| pair.to_vec())
 }
 
 /// By how much two lines of sight to one lamp miss where they meet; `None` if they do not.

@@ -69,12 +69,11 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         if elsewhere > SHARE_ELSEWHERE {
             continue;
         }
-        let fit = match window {
-            None if group.is_of_one_view() => single::fit(evidence, &group),
-            None => fit::fit(evidence, &group, up),
-            window => window,
+        let fit = || match group.is_of_one_view() {
+            true => single::fit(evidence, &group),
+            false => fit::fit(evidence, &group, up),
         };
-        let Some(fit) = fit else {
+        let Some(fit) = window.or_else(fit) else {
             continue;
         };
         let parts = parts::all(evidence, group, fit, up);

@@ -15,8 +15,8 @@ pub(crate) const MAX_POINTS: usize = 600;
 const LARGE: usize = 400;
 /// Least number of the lit pixels of a lamp over all views, …
 const MIN_PIXELS: usize = 6;
-/// … and where one view shows it.
-const MIN_PIXELS_OF_ONE: usize = 10;
+/// … and in each view where one alone shows it, or two have to agree on its place.
+pub(crate) const MIN_PIXELS_OF_FEW: usize = 10;
 
 /// The pixels of a lamp.
 #[derive(Debug, Clone, Default)]
@@ -92,7 +92,7 @@ impl Group {
     /// Whether it is enough for a lamp.
     pub(crate) fn is_enough(&self) -> bool {
         let least = if self.is_of_one_view() {
-            MIN_PIXELS_OF_ONE
+            MIN_PIXELS_OF_FEW
         } else {
             MIN_PIXELS
         };

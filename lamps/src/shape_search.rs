@@ -99,8 +99,7 @@ pub(crate) struct ShapeSearch<'a> {
 
 impl<'a> ShapeSearch<'a> {
     /// A search for the lamp of `group`, which `patches` and `views` show and whose pixels are of
-    /// this `width`, scene units, and which may lie in the surface
-    /// `beside` it.
+    /// this `width`, scene units, and which may lie in the surface `beside` it.
     pub(crate) fn new(
         patches: &'a [Patch],
         views: measure::Views<'a>,

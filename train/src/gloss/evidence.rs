@@ -106,7 +106,7 @@ impl Evidence {
         };
         let foretold = foretold(first, second).min(foretold(second, first));
         let is_uneven = lobe.specular < METAL
-            || explained.max(0.0).sqrt() * self.all.deviation() >= LEAST_DEVIATION_OF_METAL;
+            || explained.sqrt() * self.all.deviation() >= LEAST_DEVIATION_OF_METAL;
         // More than all is noise.
         let sound = lobe.is_sound()
             && is_uneven

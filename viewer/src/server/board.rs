@@ -1,4 +1,5 @@
-//! The state of an edit that pages see: its script, the scene it makes, whether its light fits, stills.
+//! The state of an edit that pages see: its script, the scene it makes, whether its light fits,
+//! stills.
 
 use crate::error::Result;
 use crate::live::{Edit, EditState};
