@@ -1,12 +1,13 @@
 //! Masks for all views of a dataset.
 
 mod finish;
+mod level;
 mod off;
 
 use crate::consistency::{self, Comparison, Sight};
 use crate::error::Result;
 use crate::labels::{self, Labels};
-use crate::level::{Histogram, Level};
+use crate::level::Level;
 use crate::mask::{self, Mask};
 use crate::options::{Inconsistent, MaskOptions, MaskSource};
 use crate::report::MaskReport;
@@ -216,28 +217,6 @@ impl<'a> MaskJob<'a> {
 
     fn label(&self, index: usize) -> Option<&Path> {
         self.labels.as_ref()?.of(index)
-    }
-
-    fn find_level(&mut self) -> Result<Option<Level>> {
-        if self.request.options.source != MaskSource::Auto {
-            return Ok(None);
-        }
-        let total = self.num_views();
-        let mut histogram = Histogram::default();
-        for index in 0..total {
-            let view = self.request.dataset.load_view(index)?;
-            if let Some(light) = self.light(&view)? {
-                histogram.add(self.measured(&light));
-            }
-            let done = index + 1;
-            (self.progress)(MaskProgress::Measuring { done, total });
-        }
-        let level = histogram.level().map_err(|problem| {
-            let path = self.request.dataset.root().to_owned();
-            crate::MaskError::NoLevel { path, problem }
-        })?;
-        (self.progress)(MaskProgress::Level(level));
-        Ok(Some(level))
     }
 
     fn mask_views(&mut self, threshold: Option<f32>) -> Result<Masked> {

@@ -12,10 +12,16 @@
 //! 3. The level is half the lamp's peak, kept within that part of the valley where the histogram is
 //!    at most twice its minimum: a pixel less than half covered by a lamp is not a lamp, nor is a
 //!    surface lit by a lamp close by.
+//! 4. A lamp that is little brighter than the brightest surfaces is a peak only with less smoothing,
+//!    where the shine around a bright lamp has peaks as well. It counts if there are regions of its
+//!    pixels that nothing brighter is part of ([`Dimmer`]).
 //!
 //! One level serves a whole scene: exposures are aligned, and a lamp behind the camera of one view
 //! causes the reflections of the next. The level decides which pixels are emitters; their borders
 //! follow [`crate::Border`].
+
+use crate::mask::Mask;
+use eagpt_scene::Image;
 
 /// Bins a stop.
 const BINS_PER_STOP: usize = 16;
@@ -26,6 +32,8 @@ const HIGHEST_STOP: i32 = 18;
 const NUM_BINS: usize = (HIGHEST_STOP - LOWEST_STOP) as usize * BINS_PER_STOP;
 /// Standard deviation of the smoothing, bins.
 const SMOOTHING: f64 = BINS_PER_STOP as f64 / 4.0;
+/// The same in search of dimmer lamps.
+const LESS_SMOOTHING: [f64; 2] = [SMOOTHING / 2.0, SMOOTHING / 4.0];
 /// Least height of a peak above its valley.
 const MIN_PROMINENCE: f64 = 4.0;
 /// Least height of a lamp above the median, bins.
@@ -34,9 +42,16 @@ const MIN_ABOVE_MEDIAN: usize = 2 * BINS_PER_STOP;
 const MAX_SHARE: f64 = 0.3;
 /// Height of a valley's bottom relative to its lowest point.
 const BOTTOM: f64 = 2.0;
-/// Pixels added to every bin, so that the ratio of heights is finite; a peak needs several times as
-/// many.
-const FLOOR: f64 = 0.5;
+/// Pixels added to what a Gaussian covers, so that the ratio of heights is finite; a peak needs
+/// several times as many.
+const FLOOR: f64 = 5.0;
+
+/// A diffuse surface has at most a third of the radiance of the lamp beside it (see
+/// [`crate::halo`]), bins.
+const SURFACE_BELOW_LAMP: usize = BINS_PER_STOP + BINS_PER_STOP * 3 / 5;
+/// Least share of the pixels of a dim peak that lie in regions of their own: lamps have a third and
+/// more, the shine around brighter ones at most a sixteenth.
+const MIN_OWN_SHARE: f64 = 0.2;
 
 /// A histogram of log radiance.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -59,6 +74,18 @@ pub struct Level {
     pub share: f64,
 }
 
+/// A peak below the level: a dim lamp, or a shine around bright ones.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Dimmer {
+    /// The level if it is a lamp.
+    pub(crate) level: Level,
+    /// What is at least as bright, linear radiance, may light surfaces as bright as the peak.
+    end: f32,
+    /// Pixels between the valley and there.
+    num_pixels: u64,
+    num_own: u64,
+}
+
 impl Default for Histogram {
     fn default() -> Self {
         Self {
@@ -71,10 +98,7 @@ impl Histogram {
     /// Counts the values of an image, linear and not negative.
     pub(crate) fn add(&mut self, values: impl Iterator<Item = f32>) {
         for value in values {
-            let stops = f64::from(value).log2() - f64::from(LOWEST_STOP);
-            // A black pixel is at minus infinity: the cast saturates into the first bin.
-            let bin = (stops * BINS_PER_STOP as f64) as usize;
-            self.counts[bin.min(NUM_BINS - 1)] += 1;
+            self.counts[bin(value)] += 1;
         }
     }
 
@@ -90,17 +114,47 @@ impl Histogram {
             return Err("there are no pixels".to_owned());
         };
         let lowest = self.first_bin_with_share_above(total, MAX_SHARE);
-        let smooth = self.smoothed();
+        let smooth = self.smoothed(SMOOTHING);
         let lamp = lamps(&smooth, median)
             .into_iter()
             .find(|lamp| lamp.valley > lowest);
-        let Some(Lamp { peak, valley }) = lamp else {
+        let Some(lamp) = lamp else {
             return Err(format!(
                 "radiances show no gap between lit surfaces and lights (median {:.3}, largest {:.3})",
                 radiance(median as f64 + 0.5),
                 radiance(brightest as f64 + 1.0),
             ));
         };
+        Ok(self.level_below(&lamp, &smooth))
+    }
+
+    /// Peaks below a level, the dimmest first.
+    pub(crate) fn dimmer(&self, level: Option<&Level>) -> Vec<Dimmer> {
+        let total: u64 = self.counts.iter().sum();
+        let median = self.first_bin_with_share_above(total, 0.5);
+        let lowest = self.first_bin_with_share_above(total, MAX_SHARE);
+        let mut found: Vec<Dimmer> = Vec::new();
+        for deviation in LESS_SMOOTHING {
+            let smooth = self.smoothed(deviation);
+            let lamps = lamps(&smooth, median).into_iter();
+            found.extend(lamps.filter(|lamp| lamp.valley > lowest).map(|lamp| {
+                let end = lamp.peak + SURFACE_BELOW_LAMP;
+                let end = level.map_or(end, |level| end.min(bin(level.level)));
+                Dimmer {
+                    level: self.level_below(&lamp, &smooth),
+                    end: radiance(end as f64),
+                    num_pixels: self.counts[lamp.valley..end.max(lamp.valley)].iter().sum(),
+                    num_own: 0,
+                }
+            }));
+        }
+        found.retain(|dimmer| level.is_none_or(|level| dimmer.level.lamp < level.level));
+        found.sort_by(|a, b| a.level.lamp.total_cmp(&b.level.lamp));
+        found
+    }
+
+    /// The level in the valley below a lamp.
+    fn level_below(&self, &Lamp { peak, valley }: &Lamp, smooth: &[f64]) -> Level {
         let is_bottom = |&bin: &usize| smooth[bin] <= BOTTOM * smooth[valley];
         let from = (0..valley).rev().take_while(is_bottom).last();
         let to = (valley..peak).take_while(is_bottom).last();
@@ -108,13 +162,14 @@ impl Histogram {
         let half = peak.saturating_sub(BINS_PER_STOP);
         let level = half.clamp(from, to);
         let above: u64 = self.counts[level..].iter().sum();
-        Ok(Level {
+        let total: u64 = self.counts.iter().sum();
+        Level {
             level: radiance(level as f64),
             valley_from: radiance(from as f64),
             valley_to: radiance(to as f64),
             lamp: radiance(peak as f64 + 0.5),
             share: above as f64 / total as f64,
-        })
+        }
     }
 
     /// The first bin above which lies less than `share` of all pixels.
@@ -127,10 +182,11 @@ impl Histogram {
         found.unwrap_or(NUM_BINS - 1)
     }
 
-    fn smoothed(&self) -> Vec<f64> {
-        let reach = (4.0 * SMOOTHING) as isize;
+    /// Means under a Gaussian of `deviation` bins.
+    fn smoothed(&self, deviation: f64) -> Vec<f64> {
+        let reach = (4.0 * deviation) as isize;
         let weights: Vec<f64> = (-reach..=reach)
-            .map(|offset| (-0.5 * (offset as f64 / SMOOTHING).powi(2)).exp())
+            .map(|offset| (-0.5 * (offset as f64 / deviation).powi(2)).exp())
             .collect();
         let sum: f64 = weights.iter().sum();
         let at = |bin: isize| {
@@ -142,10 +198,31 @@ impl Histogram {
         (0..NUM_BINS as isize)
             .map(|bin| {
                 let around = (-reach..=reach).zip(&weights);
-                let mean: f64 = around.map(|(o, w)| w * at(bin + o) as f64).sum();
-                FLOOR + mean / sum
+                let counted: f64 = around.map(|(o, w)| w * at(bin + o) as f64).sum();
+                (FLOOR + counted) / sum
             })
             .collect()
+    }
+}
+
+impl Dimmer {
+    /// Counts the pixels of an image's `values` in regions of at least `min_pixels` that reach the
+    /// level but not the end.
+    pub(crate) fn add(&mut self, values: &Image<1>, min_pixels: u32) {
+        let value = |x: u32, y: u32| values.get(x, y)[0];
+        let (width, height) = values.size();
+        let mask = Mask::from_fn(width, height, |x, y| value(x, y) >= self.level.level);
+        for region in mask.regions() {
+            let is_own = region.pixels.iter().all(|&[x, y]| value(x, y) < self.end);
+            if is_own && region.pixels.len() >= min_pixels as usize {
+                self.num_own += region.pixels.len() as u64;
+            }
+        }
+    }
+
+    /// Whether the pixels of all views that were added show a lamp.
+    pub(crate) fn is_lamp(&self) -> bool {
+        self.num_own as f64 >= MIN_OWN_SHARE * self.num_pixels as f64
     }
 }
 
@@ -179,6 +256,14 @@ fn lamps(smooth: &[f64], median: usize) -> Vec<Lamp> {
         .filter(is_peak)
         .filter_map(stands_out)
         .collect()
+}
+
+/// The bin of a linear radiance.
+fn bin(radiance: f32) -> usize {
+    let stops = f64::from(radiance).log2() - f64::from(LOWEST_STOP);
+    // A black pixel is at minus infinity: the cast saturates into the first bin.
+    let bin = (stops * BINS_PER_STOP as f64) as usize;
+    bin.min(NUM_BINS - 1)
 }
 
 /// Linear radiance at a place among the bins.
@@ -229,6 +314,34 @@ mod tests {
         histogram.add((0..80).map(|i| 0.8 * 15.0_f32.powf(i as f32 / 80.0)));
         let found = histogram.level().unwrap();
         assert!((0.8..12.0).contains(&found.level), "{found:?}");
+    }
+
+    /// Radiances of a picture: surfaces up to 4, a tube of 40, and pixels of 7 that touch it or not.
+    fn tube_and_dim_pixels(touch: bool) -> Image<1> {
+        let value = |i: u32| match (i % 200, i / 200) {
+            (20..40, 20..120) => 40.0,
+            (40..60, 20..120) if touch => 7.0,
+            (100..120, 20..120) if !touch => 7.0,
+            _ => 0.05 * 80.0_f32.powf(i as f32 / 30_000.0),
+        };
+        Image::from_pixels(200, 150, (0..30_000).map(|i| [value(i)]).collect()).unwrap()
+    }
+
+    #[test]
+    fn a_lamp_little_brighter_than_surfaces_has_regions_of_its_own() {
+        for touch in [false, true] {
+            let image = tube_and_dim_pixels(touch);
+            let mut histogram = Histogram::default();
+            histogram.add(image.pixels().iter().map(|&[value]| value));
+            let level = histogram.level().unwrap();
+            assert!((8.0..40.0).contains(&level.level), "{level:?}");
+            let mut dimmer = histogram.dimmer(Some(&level));
+            assert!(!dimmer.is_empty());
+            dimmer.iter_mut().for_each(|peak| peak.add(&image, 4));
+            let level = dimmer[0].level.level;
+            assert!((4.0..7.0).contains(&level), "{level}");
+            assert_eq!(dimmer[0].is_lamp(), !touch);
+        }
     }
 
     #[test]
