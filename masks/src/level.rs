@@ -49,8 +49,8 @@ const FLOOR: f64 = 5.0;
 /// A diffuse surface has at most a third of the radiance of the lamp beside it (see
 /// [`crate::halo`]), bins.
 const SURFACE_BELOW_LAMP: usize = BINS_PER_STOP + BINS_PER_STOP * 3 / 5;
-/// Least share of the pixels of a dim peak that lie in regions of their own: lamps have a third and
-/// more, the shine around brighter ones at most a sixteenth.
+/// Least share of the pixels of a dim peak that lie in regions of their own: in seven rooms lamps
+/// have a third and more, the shine around brighter ones at most a ninth.
 const MIN_OWN_SHARE: f64 = 0.2;
 
 /// A histogram of log radiance.
