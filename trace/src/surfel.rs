@@ -34,7 +34,7 @@ const _: () = assert!(size_of::<Surfel>() == 64);
 
 /// Light and material of a Gaussian in the lanes of [`crate::Features`], without the lanes that
 /// depend on the ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C, align(64))]
 pub struct Attributes(pub [f32; NUM_LANES]);
 
@@ -59,7 +59,8 @@ pub struct SurfelSet {
     pub gloss: Vec<Gloss>,
 }
 
-/// A [`SurfelSet`] as it looks from one point.
+/// A [`SurfelSet`] as it looks from one point: attributes are those of [`SurfelSet::attributes_from`]
+/// where a Gaussian can be seen from there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SeenSet<'a> {
     pub(crate) surfels: &'a [Surfel],
@@ -234,39 +235,17 @@ impl SurfelSet {
         }
     }
 
-    /// The Gaussians as they look from `eye`, in `memory` where that differs from one point to
-    /// another.
-    pub(crate) fn evaluate_harmonics<'a>(
-        &'a self,
-        eye: Vec3,
-        memory: &'a mut Vec<Attributes>,
-    ) -> SeenSet<'a> {
-        if !self.harmonics.is_empty() {
-            (&self.attributes, &self.surfels, &self.harmonics)
-                .into_par_iter()
-                .with_min_len(1024)
-                .map(|(attributes, surfel, harmonics)| {
-                    let radiance =
-                        harmonics.seen(attributes.radiance(), surfel.position.into(), eye);
-                    let mut seen = *attributes;
-                    seen.0[lane::RADIANCE..][..3].copy_from_slice(&radiance.to_array());
-                    seen
-                })
-                .collect_into_vec(memory);
+    /// Light and material of a Gaussian as it looks from `eye`.
+    #[inline]
+    pub(crate) fn attributes_from(&self, index: u32, eye: Vec3) -> Attributes {
+        let i = index as usize;
+        let mut seen = self.attributes[i];
+        if let Some(harmonics) = self.harmonics.get(i) {
+            let position = self.surfels[i].position.into();
+            let radiance = harmonics.seen(seen.radiance(), position, eye);
+            seen.0[lane::RADIANCE..][..3].copy_from_slice(&radiance.to_array());
         }
-        self.as_seen(memory)
-    }
-
-    /// The set that [`Self::evaluate_harmonics`] has left in `memory`.
-    pub(crate) fn as_seen<'a>(&'a self, memory: &'a [Attributes]) -> SeenSet<'a> {
-        SeenSet {
-            surfels: &self.surfels,
-            attributes: if self.harmonics.is_empty() {
-                &self.attributes
-            } else {
-                memory
-            },
-        }
+        seen
     }
 
     /// Replaces the albedos alone, `[n]`.

@@ -15,7 +15,7 @@
 //! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the
 //! same for any number of threads.
 
-use super::camera::{BlendedHit, CameraRecord, TileRecord};
+use super::camera::{BlendedHit, CameraRecord, TileRecord, as_seen};
 use super::tile::pixels_of_tile;
 use crate::blend::{Face, GradientMask, LocalGradient, grad_lane};
 use crate::features::{Features, NUM_LANES, lane};
@@ -81,7 +81,7 @@ impl CameraRecord {
             return vec![LocalGradient::default(); set.len()];
         };
         let loss = Loss {
-            set: set.as_seen(&self.seen),
+            set: as_seen(set, &self.seen),
             d_features,
             mask,
         };

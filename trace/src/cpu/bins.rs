@@ -21,7 +21,7 @@ pub(crate) const TILE_PIXELS: usize = (TILE * TILE) as usize;
 pub(crate) const MARGIN_PIXELS: f32 = 0.02;
 
 /// Gaussians projected at once by a thread.
-const CHUNK: usize = 4096;
+pub(super) const CHUNK: usize = 4096;
 
 /// A Gaussian in a tile's list; entries order by distance, ties by index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -51,9 +51,16 @@ impl BinnedSurfel {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TileBins {
     tiles_x: usize,
-    /// `[num_chunks][num_bands]`
-    chunks: Vec<Vec<Vec<Visible>>>,
+    chunks: Vec<Chunk>,
     bands: Vec<Band>,
+}
+
+/// Those of [`CHUNK`] Gaussians that some pixel may see.
+#[derive(Debug, Clone, Default)]
+struct Chunk {
+    indices: Vec<u32>,
+    /// `[num_bands]`
+    bands: Vec<Vec<Visible>>,
 }
 
 /// The lists of a row of tiles.
@@ -79,15 +86,16 @@ impl TileBins {
         let num_bands = camera.height.div_ceil(TILE) as usize;
         self.tiles_x = camera.width.div_ceil(TILE) as usize;
         let projector = Projector::new(camera);
-        self.chunks.resize_with(set.len().div_ceil(CHUNK), Vec::new);
+        (self.chunks).resize_with(set.len().div_ceil(CHUNK), Chunk::default);
         self.chunks
             .par_iter_mut()
             .zip(set.surfels.par_chunks(CHUNK))
             .enumerate()
-            .for_each(|(chunk, (bands, surfels))| {
-                bands.iter_mut().for_each(Vec::clear);
-                bands.resize_with(num_bands, Vec::new);
-                project_chunk(&projector, surfels, chunk * CHUNK, bands);
+            .for_each(|(number, (chunk, surfels))| {
+                chunk.indices.clear();
+                chunk.bands.iter_mut().for_each(Vec::clear);
+                chunk.bands.resize_with(num_bands, Vec::new);
+                project_chunk(&projector, surfels, number * CHUNK, chunk);
             });
         self.bands.resize_with(num_bands, Band::default);
         let (chunks, tiles_x) = (&self.chunks, self.tiles_x);
@@ -95,9 +103,17 @@ impl TileBins {
             .par_iter_mut()
             .enumerate()
             .for_each(|(band, lists)| {
-                lists.fill(tiles_x, || chunks.iter().flat_map(|chunk| &chunk[band]));
+                lists.fill(tiles_x, || {
+                    chunks.iter().flat_map(|chunk| &chunk.bands[band])
+                });
             });
     }
+
+    /// Indices of the Gaussians that some pixel may see, ascending, of each [`CHUNK`] of the scene.
+    pub(super) fn visible(&self) -> impl IndexedParallelIterator<Item = &[u32]> {
+        self.chunks.par_iter().map(|chunk| chunk.indices.as_slice())
+    }
+
     /// The list of a tile, in order of index.
     pub(crate) fn list(&self, tile: usize) -> &[BinnedSurfel] {
         let band = &self.bands[tile / self.tiles_x];
@@ -106,24 +122,21 @@ impl TileBins {
     }
 }
 
-/// Puts what can be seen of `surfels`, the first of which has the index `first`, into its bands.
+/// Puts what can be seen of `surfels`, the first of which has the index `first`, into `chunk`.
 #[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
-fn project_chunk(
-    projector: &Projector,
-    surfels: &[Surfel],
-    first: usize,
-    bands: &mut [Vec<Visible>],
-) {
+fn project_chunk(projector: &Projector, surfels: &[Surfel], first: usize, chunk: &mut Chunk) {
     for (i, surfel) in surfels.iter().enumerate() {
         let Some((nearest, rect)) = projector.project(surfel) else {
             continue;
         };
+        let index = (first + i) as u32;
+        chunk.indices.push(index);
         let visible = Visible {
-            entry: BinnedSurfel::new(nearest, (first + i) as u32),
+            entry: BinnedSurfel::new(nearest, index),
             tiles: (rect.x.0 / TILE, (rect.x.1 - 1) / TILE),
         };
         for band in rect.y.0 / TILE..=(rect.y.1 - 1) / TILE {
-            bands[band as usize].push(visible);
+            chunk.bands[band as usize].push(visible);
         }
     }
 }

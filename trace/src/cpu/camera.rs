@@ -6,7 +6,7 @@
 //! is kept. No memory is taken per tile, block or ray: threads and records reuse theirs.
 
 use super::adjoint::RowPlaces;
-use super::bins::{TILE, TILE_PIXELS, TileBins};
+use super::bins::{CHUNK, TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
 use super::hits::BlockHits;
 use super::search::{TileList, TileSurfel};
@@ -17,6 +17,7 @@ use crate::ray::Ray;
 use crate::surfel::{Attributes, SeenSet, SurfelSet};
 use crate::weights::BlendWeights;
 use eagpt_scene::Camera;
+use glam::Vec3;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -125,13 +126,11 @@ impl CameraRecord {
         self.camera = Some(*camera);
         let frame = camera.ray_frame();
         let (tiles_x, tiles_y) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
-        if matches!(search, HitSearch::Tiles) {
-            self.bins.fill(set, camera);
-        }
+        self.bins.fill(set, camera);
         self.tiles
             .resize_with((tiles_x * tiles_y) as usize, TileRecord::default);
         let bins = &self.bins;
-        let seen = set.evaluate_harmonics(frame.origin, &mut self.seen);
+        let seen = evaluate_harmonics(set, frame.origin, bins, &mut self.seen);
         self.tiles
             .par_iter_mut()
             .enumerate()
@@ -296,6 +295,39 @@ impl TileRecord {
             self.ends.push(self.hits.len() as u32);
             self.features.push(blender.finish());
         }
+    }
+}
+
+/// The Gaussians of `set` as they look from `eye`, those that `bins` has at least, in `memory` where
+/// that differs from one point to another.
+fn evaluate_harmonics<'a>(
+    set: &'a SurfelSet,
+    eye: Vec3,
+    bins: &TileBins,
+    memory: &'a mut Vec<Attributes>,
+) -> SeenSet<'a> {
+    if !set.harmonics.is_empty() {
+        memory.resize(set.len(), Attributes::default());
+        (memory.par_chunks_mut(CHUNK), bins.visible())
+            .into_par_iter()
+            .for_each(|(memory, visible)| {
+                for &i in visible {
+                    memory[i as usize % CHUNK] = set.attributes_from(i, eye);
+                }
+            });
+    }
+    as_seen(set, memory)
+}
+
+/// The set that [`evaluate_harmonics`] has left in `memory`.
+pub(super) fn as_seen<'a>(set: &'a SurfelSet, memory: &'a [Attributes]) -> SeenSet<'a> {
+    SeenSet {
+        surfels: &set.surfels,
+        attributes: if set.harmonics.is_empty() {
+            &set.attributes
+        } else {
+            memory
+        },
     }
 }
 

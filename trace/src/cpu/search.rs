@@ -19,7 +19,7 @@ pub(super) struct TileSurfel {
     pub(super) seen: SeenSurfel,
     /// Index in the scene.
     pub(super) index: u32,
-    /// No hit is closer than this.
+    /// No hit is closer than this, nor one on the slots that come later by distance.
     nearest: f32,
 }
 
@@ -37,8 +37,7 @@ pub(super) struct TileList {
     pub(super) attributes: Vec<Attributes>,
     /// Blocks that may see each slot, one byte for each block.
     seen_by: Vec<u128>,
-    /// Slots by distance.
-    nearest_first: Vec<BinnedSurfel>,
+    distances: Distances,
     /// Slots of each block, nearest first.
     blocks: [Vec<u32>; BLOCKS],
 }
@@ -54,13 +53,10 @@ impl TileList {
         self.surfels.extend(surfels);
         self.slots.clear();
         self.seen_by.clear();
-        self.nearest_first.clear();
         for (entry, surfel) in binned.iter().zip(&self.surfels) {
             let seen = surfel.seen_from(rays.origin);
             let seen_by = rays.grid.may_hit(&seen);
             if seen_by != 0 {
-                let slot = BinnedSurfel::new(entry.nearest(), self.slots.len() as u32);
-                self.nearest_first.push(slot);
                 self.seen_by.push(seen_by);
                 self.slots.push(TileSurfel {
                     seen,
@@ -70,11 +66,10 @@ impl TileList {
             }
         }
         self.copy_attributes(set);
-        self.nearest_first.sort_unstable();
         self.blocks.iter_mut().for_each(Vec::clear);
-        for entry in &self.nearest_first {
-            for_each_lane(self.seen_by[entry.index() as usize], |block| {
-                self.blocks[block].push(entry.index());
+        for &slot in self.distances.sort(&mut self.slots) {
+            for_each_lane(self.seen_by[slot as usize], |block| {
+                self.blocks[block].push(slot);
             });
         }
     }
@@ -145,6 +140,50 @@ impl TileList {
                 hits.push(k, met.t[k], [alpha[k], met.u[k], met.v[k]], slot);
             });
         }
+    }
+}
+
+/// Classes of distance.
+const NUM_DISTANCES: usize = 256;
+
+/// Order of slots by distance, in equal steps of it: lists need no finer one. Memory is reused.
+#[derive(Default)]
+struct Distances {
+    class_of: Vec<u8>,
+    order: Vec<u32>,
+}
+
+impl Distances {
+    /// Slots, those of a class in order; their distances become the least of their class.
+    #[inline(always)]
+    fn sort(&mut self, slots: &mut [TileSurfel]) -> &[u32] {
+        let all = || slots.iter().map(|slot| slot.nearest);
+        let (low, high) = (
+            all().fold(f32::INFINITY, f32::min),
+            all().fold(0.0, f32::max),
+        );
+        let steps = (NUM_DISTANCES - 1) as f32 / (high - low).max(f32::MIN_POSITIVE);
+        // Rounding does not change the order of the results.
+        let class = |nearest: f32| ((nearest - low) * steps) as u8;
+        self.class_of.clear();
+        self.class_of.extend(all().map(class));
+        let mut next = [0_u32; NUM_DISTANCES + 1];
+        let mut least = [f32::INFINITY; NUM_DISTANCES];
+        for (slot, &class) in slots.iter().zip(&self.class_of) {
+            next[class as usize + 1] += 1;
+            least[class as usize] = least[class as usize].min(slot.nearest);
+        }
+        for class in 0..NUM_DISTANCES {
+            next[class + 1] += next[class];
+        }
+        self.order.resize(slots.len(), 0);
+        for (i, (slot, &class)) in (0..).zip(slots.iter_mut().zip(&self.class_of)) {
+            slot.nearest = least[class as usize];
+            let place = &mut next[class as usize];
+            self.order[*place as usize] = i;
+            *place += 1;
+        }
+        &self.order
     }
 }
 
