@@ -24,6 +24,8 @@ pub(super) struct BlockHits {
     /// Distances, `[LANES, stride]`.
     t: Vec<f32>,
     values: Vec<HitValues>,
+    /// Slots of the hits of a list with equal distances, in floats.
+    slots: Vec<f32>,
     /// Places of the hits of the list that was ordered last, front to back.
     order: Vec<u32>,
 }
@@ -82,8 +84,14 @@ impl BlockHits {
         let t = &self.t[start..start + padded];
         let values = &self.values[start..start + len];
         let order = &mut self.order[..padded];
-        if len > COUNTING_LIMIT || !order_by_counting(t, len, order) {
-            order_with_ties(&t[..len], &mut order[..len], |i| values[i as usize].slot);
+        if len > COUNTING_LIMIT {
+            order_by_sorting(&t[..len], &mut order[..len], |i| values[i as usize].slot);
+        } else if !order_by_counting::<false>(t, t, len, order) {
+            // Slots are exact in floats: there are fewer than 2²⁴ of them.
+            self.slots.clear();
+            self.slots.extend(values.iter().map(|hit| hit.slot as f32));
+            self.slots.resize(padded, f32::INFINITY);
+            order_by_counting::<true>(t, &self.slots, len, order);
         }
         order[..len]
             .iter()
@@ -91,21 +99,27 @@ impl BlockHits {
     }
 }
 
-/// Writes the places of `t[..len]` in ascending order. `t` is padded with infinities to a multiple
-/// of [`LANES`], `order` is as long. The place of each number is the number of smaller ones: no
-/// branch depends on the data. False, and no order, if two are equal.
+/// Writes the places of `t[..len]` in ascending order, with `TIES` equal ones by `slots`. `t` and
+/// `slots` are padded with infinities to a multiple of [`LANES`], `order` is as long. The place of
+/// each number is the number of smaller ones: no branch depends on the data. False, and no order, if
+/// two are equal.
 #[inline(always)]
-fn order_by_counting(t: &[f32], len: usize, order: &mut [u32]) -> bool {
+fn order_by_counting<const TIES: bool>(
+    t: &[f32],
+    slots: &[f32],
+    len: usize,
+    order: &mut [u32],
+) -> bool {
     let (mut sum, mut first) = (0_u32, 0);
     // Several registers at once share the numbers they are compared with.
     while first < len {
         let left = len - first;
         sum += if left > TWO {
-            place_block::<FOUR>(t, len, first, order)
+            place_block::<FOUR, TIES>(t, slots, len, first, order)
         } else if left > LANES {
-            place_block::<TWO>(t, len, first, order)
+            place_block::<TWO, TIES>(t, slots, len, first, order)
         } else {
-            place_block::<LANES>(t, len, first, order)
+            place_block::<LANES, TIES>(t, slots, len, first, order)
         };
         first += FOUR;
     }
@@ -122,16 +136,27 @@ const FOUR: usize = 4 * LANES;
 /// They are counted in floats: compilers may not change the order of such sums, and so make vectors
 /// of the block, not of the numbers that each is compared with.
 #[inline(always)]
-fn place_block<const N: usize>(t: &[f32], len: usize, first: usize, order: &mut [u32]) -> u32 {
+fn place_block<const N: usize, const TIES: bool>(
+    t: &[f32],
+    slots: &[f32],
+    len: usize,
+    first: usize,
+    order: &mut [u32],
+) -> u32 {
     // From here on floats have the bits of integers.
     const ZERO: f32 = 8_388_608.0;
-    let mut block = [f32::INFINITY; N];
     let held = N.min(t.len() - first);
-    block[..held].copy_from_slice(&t[first..first + held]);
+    let block_of = |values: &[f32]| {
+        let mut block = [f32::INFINITY; N];
+        block[..held].copy_from_slice(&values[first..first + held]);
+        block
+    };
+    let (block, slots_of_block) = (block_of(t), block_of(slots));
     let mut smaller = [ZERO; N];
-    for &other in &t[..len] {
+    for (&other, &slot) in t[..len].iter().zip(&slots[..len]) {
         for k in 0..N {
-            smaller[k] = if other < block[k] {
+            let is_before_tie = TIES & (other == block[k]) & (slot < slots_of_block[k]);
+            smaller[k] = if (other < block[k]) | is_before_tie {
                 smaller[k] + 1.0
             } else {
                 smaller[k]
@@ -149,7 +174,7 @@ fn place_block<const N: usize>(t: &[f32], len: usize, first: usize, order: &mut 
 
 /// Writes the places of `t` in ascending order, equal ones by their slot.
 #[cold]
-fn order_with_ties(t: &[f32], order: &mut [u32], slot_of: impl Fn(u32) -> u32) {
+fn order_by_sorting(t: &[f32], order: &mut [u32], slot_of: impl Fn(u32) -> u32) {
     for (i, place) in order.iter_mut().enumerate() {
         *place = i as u32;
     }
