@@ -37,7 +37,7 @@ use seen::Seen;
 const BLOCKS: u32 = 2;
 
 /// Paths that are followed at once, unless one pixel has more samples.
-const PATHS_AT_ONCE: u32 = 1 << 18;
+const PATHS_AT_ONCE: u32 = 1 << 20;
 
 /// Least roughness of what a path meets after a diffuse bounce.
 const ROUGH_BEHIND: f32 = 0.3;
@@ -163,9 +163,8 @@ impl Paths<'_> {
         let of_starts: Vec<Option<Importances>> = (starts.par_iter())
             .map(|start| self.importances(&start.vertex.surface))
             .collect();
-        let mut paths: Vec<Path> = (0..)
-            .zip(starts)
-            .flat_map(|(number, start)| {
+        let mut paths: Vec<Path> = (starts.par_iter().enumerate())
+            .flat_map_iter(|(number, start)| {
                 let vertex = start.vertex;
                 let element = self.element(start.pixel);
                 let worth = expected.map_or(0.0, |expected| {
@@ -173,7 +172,7 @@ impl Paths<'_> {
                 });
                 (0..self.num_samples).map(move |sample| Path {
                     worth,
-                    ..Path::new(number, sample, element, vertex)
+                    ..Path::new(number as u32, sample, element, vertex)
                 })
             })
             .collect();
@@ -189,8 +188,10 @@ impl Paths<'_> {
                 }
             });
             paths.retain(|path| {
-                let number = path.start as usize * num_samples + path.sample as usize;
-                lights[number] = path.brought;
+                if !path.is_alive {
+                    let number = path.start as usize * num_samples + path.sample as usize;
+                    lights[number] = path.brought;
+                }
                 path.is_alive
             });
             if paths.is_empty() {

@@ -93,7 +93,7 @@ pub(super) fn cost(nodes: &[Node]) -> f32 {
 pub(super) fn visit_leaves(
     nodes: &[Node],
     ray: &Ray,
-    stack: &mut Vec<(f32, u32)>,
+    stack: &mut Vec<Entered>,
     mut visit: impl FnMut(usize, &mut f32),
 ) {
     stack.clear();
@@ -102,18 +102,25 @@ pub(super) fn visit_leaves(
     }
     let ray = SlabRay::new(ray);
     let mut t_max = f32::INFINITY;
-    stack.push((0.0, 0));
-    while let Some((near, child)) = stack.pop() {
-        if near > t_max {
-            continue;
-        }
+    let mut child = 0;
+    loop {
         if child & LEAF != 0 {
             visit((child & !LEAF) as usize, &mut t_max);
-            continue;
+        } else {
+            let node = &nodes[child as usize];
+            let (near, mask) = node_distances(node, &ray, t_max);
+            if let Some(nearest) = push_sorted(stack, node, &near, mask) {
+                child = nearest;
+                continue;
+            }
         }
-        let node = &nodes[child as usize];
-        let (near, mask) = node_distances(node, &ray, t_max);
-        push_sorted(stack, node, &near, mask);
+        child = loop {
+            match stack.pop() {
+                Some(entered) if entered.near() <= t_max => break entered.child(),
+                Some(_) => (),
+                None => return,
+            }
+        };
     }
 }
 
@@ -170,16 +177,51 @@ fn node_distances(node: &Node, ray: &SlabRay, t_max: f32) -> ([f32; WIDTH], Lane
     (near, Lanes::new(entered))
 }
 
-/// Pushes the `entered` children, the nearest last so that it is taken first.
+/// A child that a ray enters; children order by distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::cpu) struct Entered(u64);
+
+impl Entered {
+    #[inline(always)]
+    fn new(near: f32, child: u32) -> Self {
+        // Distances are not negative, so their bits order like they do.
+        Self(u64::from(near.to_bits()) << 32 | u64::from(child))
+    }
+
+    #[inline(always)]
+    fn near(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    fn child(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+/// Pushes the `entered` children but the nearest, which is returned, the next one last.
 #[inline(always)]
-fn push_sorted(stack: &mut Vec<(f32, u32)>, node: &Node, near: &[f32; WIDTH], entered: Lanes) {
-    let start = stack.len();
+fn push_sorted(
+    stack: &mut Vec<Entered>,
+    node: &Node,
+    near: &[f32; WIDTH],
+    mut entered: Lanes,
+) -> Option<u32> {
+    let child = |lane: usize| Entered::new(near[lane], node.child[lane]);
+    let mut nearest = child(entered.next()?);
+    let mut others = [Entered(0); WIDTH];
+    let mut num = 0;
     for lane in entered {
-        let mut at = stack.len();
-        stack.push((near[lane], node.child[lane]));
-        while at > start && stack[at - 1].0 < near[lane] {
-            stack.swap(at, at - 1);
+        let farther = nearest.max(child(lane));
+        nearest = nearest.min(child(lane));
+        let mut at = num;
+        while at > 0 && others[at - 1] < farther {
+            others[at] = others[at - 1];
             at -= 1;
         }
+        others[at] = farther;
+        num += 1;
     }
+    stack.extend_from_slice(&others[..num]);
+    Some(nearest.child())
 }

@@ -1,6 +1,6 @@
 //! Search along single rays: all hits, or one chosen by its weight.
 
-use super::nodes::{Node, visit_leaves};
+use super::nodes::{Entered, Node, visit_leaves};
 use super::{Bvh, Leaf, WIDTH};
 use crate::blend::{BlendStatus, Blender, GlossBlend, Hit, sort_hits};
 use crate::cpu::lanes::Lanes;
@@ -20,7 +20,7 @@ pub struct RayScratch {
     hits: Vec<Hit>,
     /// Discs that the last search of a [`super::DiscTree`] has met.
     pub(super) discs: Vec<u32>,
-    pub(super) stack: Vec<(f32, u32)>,
+    pub(super) stack: Vec<Entered>,
 }
 
 /// How far a search goes.
@@ -149,7 +149,7 @@ fn find_accepted(
     leaves: &[Leaf],
     ray: &Ray,
     seed: u32,
-    stack: &mut Vec<(f32, u32)>,
+    stack: &mut Vec<Entered>,
 ) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     visit_leaves(nodes, ray, stack, |leaf, t_max| {

@@ -30,10 +30,19 @@ impl Paths<'_> {
             low: Vec3::INFINITY,
             high: Vec3::NEG_INFINITY,
         };
-        let bounds = paths.iter().fold(none, |all, path| Bounds {
-            low: all.low.min(path.vertex.surface.position),
-            high: all.high.max(path.vertex.surface.position),
-        });
+        let places = (paths.par_iter()).map(|path| path.vertex.surface.position);
+        let bounds = places
+            .map(|place| Bounds {
+                low: place,
+                high: place,
+            })
+            .reduce(
+                || none,
+                |a, b| Bounds {
+                    low: a.low.min(b.low),
+                    high: a.high.max(b.high),
+                },
+            );
         paths.par_sort_by_cached_key(|path| {
             let [a, b, _, choice] = self.numbers(path, bounce, 0);
             let direction = cosine_direction(path.vertex.surface.normal, a, b);
