@@ -50,15 +50,6 @@ pub enum GpuError {
         /// Bytes there may be.
         limit: u64,
     },
-    /// Light is sampled in a scene with gloss, of which kernels know nothing.
-    #[error(
-        "device {device}: the scene is glossy (speculars_0), and GPUs render diffuse light alone; \
-         `--device cpu` renders it"
-    )]
-    Gloss {
-        /// Name of the device.
-        device: String,
-    },
     /// The image has more pixels than kernels count.
     #[error(
         "device {device}: image of {width}×{height} pixels: no side may have more than {limit}"
@@ -100,7 +91,6 @@ impl GpuError {
             | Self::Limit { device, .. }
             | Self::Image { device, .. }
             | Self::Moved { device }
-            | Self::Gloss { device }
             | Self::Rejected { device, .. } => device,
         }
     }

@@ -9,12 +9,11 @@ use super::matrix::{TransportBuffers, TransportRays};
 use super::rays::{RayQuery, Rays};
 use super::views::Views;
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
+use crate::cpu::CpuScene;
 use crate::features::{Features, GBuffer, NUM_LANES};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, Surfel, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
-use crate::transport::light_list::LightList;
-use crate::transport::lights::{self, Lights};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use crate::weights::BlendWeights;
@@ -93,19 +92,12 @@ impl SceneBuffers {
 pub struct GpuScene {
     pub(super) device: Arc<Device>,
     pub(super) buffers: SceneBuffers,
-    /// None where Gaussians are moved on the device.
-    host: Option<HostCopy>,
+    /// The scene on the host, for structures that are built from it and light that kernels cannot
+    /// sample. None where Gaussians are moved on the device.
+    host: Option<CpuScene>,
     light: Mutex<Option<Arc<TreeBuffers>>>,
     matrix: Mutex<Option<Arc<TransportBuffers>>>,
     views: Mutex<Views>,
-}
-
-/// The host's copy of the Gaussians, for the structures that are built from it.
-#[derive(Debug, Default)]
-struct HostCopy {
-    set: SurfelSet,
-    /// The Gaussians that emit.
-    emissive: Gaussians,
 }
 
 impl GpuScene {
@@ -114,12 +106,11 @@ impl GpuScene {
     /// # Errors
     /// If the device fails or has not enough memory.
     pub fn new(device: &Arc<Device>, gaussians: &Gaussians) -> Result<Self, GpuError> {
-        let set = SurfelSet::new(gaussians);
-        let emissive = lights::emissive(gaussians);
+        let host = CpuScene::new(gaussians);
         Ok(Self {
             device: Arc::clone(device),
-            buffers: SceneBuffers::new(device, &set)?,
-            host: Some(HostCopy { set, emissive }),
+            buffers: SceneBuffers::new(device, host.surfels())?,
+            host: Some(host),
             light: Mutex::default(),
             matrix: Mutex::default(),
             views: Mutex::default(),
@@ -136,7 +127,7 @@ impl GpuScene {
         self.matrix = Mutex::default();
     }
 
-    fn host(&self) -> Result<&HostCopy, GpuError> {
+    fn host(&self) -> Result<&CpuScene, GpuError> {
         self.host.as_ref().ok_or_else(|| GpuError::Moved {
             device: self.device.adapter().name.clone(),
         })
@@ -177,16 +168,16 @@ impl GpuScene {
     /// Trees for single rays, made when first asked for.
     pub(super) fn light(&self) -> Result<Arc<TreeBuffers>, GpuError> {
         made_once(&self.light, || {
-            let HostCopy { set, emissive } = self.host()?;
-            TreeBuffers::new(&self.device, &set.surfels, Lights::new(emissive).as_ref())
+            let host = self.host()?;
+            TreeBuffers::new(&self.device, &host.surfels().surfels, host.lights())
         })
     }
 
     /// Structures for the transport matrix, made when first needed.
     fn matrix(&self) -> Result<Arc<TransportBuffers>, GpuError> {
         made_once(&self.matrix, || {
-            let set = &self.host()?.set;
-            TransportBuffers::new(&self.device, set, LightList::new(set).as_ref())
+            let host = self.host()?;
+            TransportBuffers::new(&self.device, host.surfels(), host.light_list())
         })
     }
 
@@ -197,15 +188,8 @@ impl GpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, GpuError> {
         let device = &*self.device;
-        let is_glossy = |host: &HostCopy| !host.set.gloss.is_empty();
         let light = match integrator {
-            Integrator::ZeroBounce => None,
-            _ if self.host.as_ref().is_some_and(is_glossy) => {
-                return Err(GpuError::Gloss {
-                    device: device.adapter().name.clone(),
-                });
-            }
-            Integrator::Gather { .. } => None,
+            Integrator::ZeroBounce | Integrator::Gather { .. } => None,
             _ => Some(self.light()?),
         };
         let mut pixels = Vec::with_capacity(camera.num_pixels());
@@ -301,16 +285,20 @@ impl Tracer for GpuScene {
     }
 
     fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
-        let mut host = self.host.take().unwrap_or_default();
-        host.set.update(gaussians);
-        host.emissive = lights::emissive(gaussians);
-        if self.buffers.fit(&host.set) {
+        let host = match self.host.take() {
+            Some(mut host) => {
+                host.update(gaussians)?;
+                host
+            }
+            None => CpuScene::new(gaussians),
+        };
+        if self.buffers.fit(host.surfels()) {
             // Structures that depend on the number of Gaussians alone stay as they are.
-            self.buffers.write(&self.device, &host.set);
+            self.buffers.write(&self.device, host.surfels());
         } else {
             // The old buffers' memory goes first.
             self.views().clear();
-            self.buffers = SceneBuffers::new(&self.device, &host.set)?;
+            self.buffers = SceneBuffers::new(&self.device, host.surfels())?;
         }
         self.host = Some(host);
         self.light = Mutex::default();
@@ -321,8 +309,8 @@ impl Tracer for GpuScene {
     fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError> {
         self.host()?;
         if let Some(host) = &mut self.host {
-            host.set.set_albedos(albedos);
-            self.buffers.write(&self.device, &host.set);
+            host.set_albedos(albedos)?;
+            self.buffers.write(&self.device, host.surfels());
         }
         Ok(self.device.check()?)
     }
@@ -372,7 +360,15 @@ impl Tracer for GpuScene {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        Ok(self.render_view(camera, integrator, options)?)
+        // Kernels do not mirror: light of glossy scenes is sampled as the CPU does it.
+        let samples = !matches!(integrator, Integrator::ZeroBounce);
+        match &self.host {
+            Some(host) if samples && host.is_glossy() => {
+                let features = self.gbuffer(camera)?;
+                Ok(host.render_from(camera, features, integrator, options))
+            }
+            _ => Ok(self.render_view(camera, integrator, options)?),
+        }
     }
 
     fn trace_transport(
