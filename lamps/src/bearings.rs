@@ -1,24 +1,17 @@
 //! Lamps by triangulation: where the lines of sight of several views meet is a small lamp, wherever
 //! the trained scene has their pixels, as on what is behind it.
 
-use crate::evidence::{Evidence, Sight};
+use crate::bearing::Bearing;
+use crate::evidence::Evidence;
 use crate::group::{Group, MIN_PIXELS_OF_FEW};
 use eagpt_scene::median::median_of;
 use glam::{Mat3, Vec3};
 use std::collections::BTreeSet;
-use std::f32::consts::PI;
 
 /// Views that have to agree on a place.
 const MIN_VIEWS: usize = 3;
 /// Least angle between two of the lines that say where they meet, rad.
 const MIN_ANGLE: f32 = 0.05;
-/// A line goes through a place that it misses by as many pixels, and by this share of the angle
-/// that the lamp's radius has there: what hides a part of a lamp moves its middle.
-const MISS_PIXELS: f32 = 1.0;
-const MISS_SHARE: f32 = 0.25;
-/// A lamp is compact if no pixel is farther from its middle than so many radii, and a pixel: a long
-/// one has its middle elsewhere in each view.
-const MAX_REACH: f32 = 2.0;
 /// Largest ratio between the sizes that two views give one lamp.
 const MAX_RATIO: f32 = 2.0;
 /// Two views alone agree on a place if each shows enough of the lamp, and their sizes are in this
@@ -28,63 +21,6 @@ const MAX_RATIO_OF_TWO: f32 = 1.25;
 const MAX_MISS_OF_TWO: f32 = 0.5;
 /// Rounds in which lines that miss the place lose weight.
 const NUM_ROUNDS: usize = 4;
-
-/// Where a view has the middle of a compact lamp that it shows whole.
-#[derive(Debug, Clone, Copy)]
-struct Bearing {
-    view: usize,
-    origin: Vec3,
-    /// Unit vector.
-    direction: Vec3,
-    /// Angle of a pixel, rad.
-    pixel: f32,
-    /// Angle of the lamp's radius if it is round, rad.
-    radius: f32,
-}
-
-impl Bearing {
-    /// That of pixels of a view, by their numbers; `None` at the edge of the picture, and where they
-    /// are not compact.
-    fn new(view: usize, sight: &Sight, members: &[(u32, u32)]) -> Option<Self> {
-        let pixels = || members.iter().map(|m| &sight.pixels[m.1 as usize]);
-        if pixels().any(|pixel| sight.at_edge(pixel)) {
-            return None;
-        }
-        let sum: Vec3 = pixels().map(|p| p.direction * p.solid_angle).sum();
-        let all: f32 = pixels().map(|p| p.solid_angle).sum();
-        let bearing = Self {
-            view,
-            origin: sight.origin(),
-            direction: sum.try_normalize()?,
-            pixel: sight.pixel_width(),
-            radius: (all / PI).sqrt(),
-        };
-        let away = pixels().map(|p| p.direction.cross(bearing.direction).length());
-        let reach = MAX_REACH * bearing.radius + bearing.pixel;
-        (away.fold(0.0, f32::max) <= reach).then_some(bearing)
-    }
-
-    /// Angle between the line and a place, in what a line may miss its lamp by: 1 is just right.
-    fn miss(&self, place: Vec3) -> f32 {
-        let towards = (place - self.origin).normalize_or_zero();
-        let angle = if towards.dot(self.direction) > 0.0 {
-            towards.cross(self.direction).length()
-        } else {
-            1.0
-        };
-        angle / (MISS_PIXELS * self.pixel + MISS_SHARE * self.radius)
-    }
-
-    /// Pixels of the lamp, about.
-    fn num_pixels(&self) -> f32 {
-        PI * (self.radius / self.pixel).powi(2)
-    }
-
-    /// Radius of a lamp at a place.
-    fn radius_at(&self, place: Vec3) -> f32 {
-        self.radius * place.distance(self.origin)
-    }
-}
 
 fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
     let of_view = |(view, members): (usize, &[(u32, u32)])| {

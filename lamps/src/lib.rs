@@ -10,6 +10,7 @@
 //! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
 
 mod bars;
+mod bearing;
 mod bearings;
 mod boxes;
 mod candidates;

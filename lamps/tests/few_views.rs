@@ -21,20 +21,24 @@ fn looking(eye: DVec3, target: DVec3) -> Camera {
     Camera::centred([120, 80], 1.3, pose)
 }
 
-/// Lamps of a room with `lamp`, which training has `trained`; cameras at `eyes` see it, others look
-/// at the floor.
+/// Lamps of a room with `lamp`, which training has `trained`; cameras at `eyes` look at it, others at
+/// the floor.
 fn found(lamp: &Shape, trained: &Shape, eyes: &[DVec3]) -> Vec<Lamp> {
+    let centre = lamp.centre().as_dvec3();
+    let up: Vec<Camera> = eyes.iter().map(|eye| looking(*eye, centre)).collect();
+    found_by(lamp, trained, &up)
+}
+
+/// As [`found`], with the cameras that see the lamp.
+fn found_by(lamp: &Shape, trained: &Shape, up: &[Camera]) -> Vec<Lamp> {
     let scene: Gaussians = room().iter().chain(heap(trained, RADIANCE)).collect();
     let tracer = Device::Cpu.scene(&scene).unwrap();
-    let up = eyes
-        .iter()
-        .map(|eye| looking(*eye, lamp.centre().as_dvec3()));
     let down = cameras().into_iter().map(|camera| {
         let eye = camera.origin().as_dvec3();
         looking(eye, DVec3::new(-0.5 * eye.x, -0.5 * eye.y, 0.0))
     });
     let mut evidence = Evidence::default();
-    for (i, camera) in up.chain(down).enumerate() {
+    for (i, camera) in up.iter().copied().chain(down).enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
         evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
     }
@@ -88,4 +92,28 @@ fn a_ball_that_two_views_show_is_where_their_lines_of_sight_meet() {
     assert!(lamp.centre().distance(centre) < 0.01, "{lamp:?}");
     let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * ball(centre).area());
     assert!((share - 1.0).abs() < 0.05, "{share}");
+}
+
+#[test]
+fn a_ball_that_the_edge_of_a_picture_cuts_has_its_middle_in_line() {
+    let centre = Vec3::new(0.3, 0.1, 1.6);
+    let trained = ball(centre + Vec3::new(0.05, 0.2, 0.06));
+    let whole = looking(EYES[0], centre.as_dvec3());
+    // Two thirds of its height are below the upper edge, 26° above the middle.
+    let away = centre.as_dvec3() - EYES[1];
+    let level = DVec3::new(away.x, away.y, 0.0);
+    let down = away.z.atan2(level.length()) - 0.456;
+    let cut = looking(
+        EYES[1],
+        EYES[1] + level + DVec3::Z * (level.length() * down.tan()),
+    );
+    let found = found_by(&ball(centre), &trained, &[whole, cut]);
+    let [lamp] = found.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert_eq!(lamp.shape, LampShape::Ball);
+    assert_eq!(lamp.views.len(), 2);
+    assert!(lamp.centre().distance(centre) < 0.02, "{lamp:?}");
+    let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * ball(centre).area());
+    assert!((share - 1.0).abs() < 0.08, "{share}");
 }

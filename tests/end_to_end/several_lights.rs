@@ -6,7 +6,7 @@ use eagpt_scene::lamps::EMISSION_THRESHOLD;
 use eagpt_scene::{Gaussians, ply};
 
 /// Power of a lamp beside another one.
-const DIM: f32 = 0.02;
+const DIM: f32 = 0.01;
 
 const SHORT: &str =
     "--preset draft --iterations 40 --albedo-iterations 4 --set output.checkpoint_every=20";
