@@ -20,8 +20,9 @@
 //! causes the reflections of the next. The level decides which pixels are emitters; their borders
 //! follow [`crate::Border`].
 
-use crate::mask::Mask;
-use eagpt_scene::Image;
+mod dimmer;
+
+pub(crate) use dimmer::Dimmer;
 
 /// Bins a stop.
 const BINS_PER_STOP: usize = 16;
@@ -32,8 +33,6 @@ const HIGHEST_STOP: i32 = 18;
 const NUM_BINS: usize = (HIGHEST_STOP - LOWEST_STOP) as usize * BINS_PER_STOP;
 /// Standard deviation of the smoothing, bins.
 const SMOOTHING: f64 = BINS_PER_STOP as f64 / 4.0;
-/// The same in search of dimmer lamps.
-const LESS_SMOOTHING: [f64; 2] = [SMOOTHING / 2.0, SMOOTHING / 4.0];
 /// Least height of a peak above its valley.
 const MIN_PROMINENCE: f64 = 4.0;
 /// Least height of a lamp above the median, bins.
@@ -45,13 +44,6 @@ const BOTTOM: f64 = 2.0;
 /// Pixels added to what a Gaussian covers, so that the ratio of heights is finite; a peak needs
 /// several times as many.
 const FLOOR: f64 = 5.0;
-
-/// A diffuse surface has at most a third of the radiance of the lamp beside it (see
-/// [`crate::halo`]), bins.
-const SURFACE_BELOW_LAMP: usize = BINS_PER_STOP + BINS_PER_STOP * 3 / 5;
-/// Least share of the pixels of a dim peak that lie in regions of their own: in seven rooms lamps
-/// have a third and more, the shine around brighter ones at most a ninth.
-const MIN_OWN_SHARE: f64 = 0.2;
 
 /// A histogram of log radiance.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -72,18 +64,6 @@ pub struct Level {
     pub lamp: f32,
     /// Share of all pixels above the level.
     pub share: f64,
-}
-
-/// A peak below the level: a dim lamp, or a shine around bright ones.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Dimmer {
-    /// The level if it is a lamp.
-    pub(crate) level: Level,
-    /// What is at least as bright, linear radiance, may light surfaces as bright as the peak.
-    end: f32,
-    /// Pixels between the valley and there.
-    num_pixels: u64,
-    num_own: u64,
 }
 
 impl Default for Histogram {
@@ -107,50 +87,33 @@ impl Histogram {
     /// # Errors
     /// The problem with the histogram if there is no level.
     pub(crate) fn level(&self) -> Result<Level, String> {
-        let total: u64 = self.counts.iter().sum();
-        let median = self.first_bin_with_share_above(total, 0.5);
         let brightest = self.counts.iter().rposition(|&count| count > 0);
         let Some(brightest) = brightest else {
             return Err("there are no pixels".to_owned());
         };
-        let lowest = self.first_bin_with_share_above(total, MAX_SHARE);
-        let smooth = self.smoothed(SMOOTHING);
-        let lamp = lamps(&smooth, median)
-            .into_iter()
-            .find(|lamp| lamp.valley > lowest);
-        let Some(lamp) = lamp else {
+        let (smooth, lamps) = self.lamps(SMOOTHING);
+        let Some(lamp) = lamps.first() else {
             return Err(format!(
                 "radiances show no gap between lit surfaces and lights (median {:.3}, largest {:.3})",
-                radiance(median as f64 + 0.5),
+                radiance(self.median() as f64 + 0.5),
                 radiance(brightest as f64 + 1.0),
             ));
         };
-        Ok(self.level_below(&lamp, &smooth))
+        Ok(self.level_below(lamp, &smooth))
     }
 
-    /// Peaks below a level, the dimmest first.
-    pub(crate) fn dimmer(&self, level: Option<&Level>) -> Vec<Dimmer> {
-        let total: u64 = self.counts.iter().sum();
-        let median = self.first_bin_with_share_above(total, 0.5);
-        let lowest = self.first_bin_with_share_above(total, MAX_SHARE);
-        let mut found: Vec<Dimmer> = Vec::new();
-        for deviation in LESS_SMOOTHING {
-            let smooth = self.smoothed(deviation);
-            let lamps = lamps(&smooth, median).into_iter();
-            found.extend(lamps.filter(|lamp| lamp.valley > lowest).map(|lamp| {
-                let end = lamp.peak + SURFACE_BELOW_LAMP;
-                let end = level.map_or(end, |level| end.min(bin(level.level)));
-                Dimmer {
-                    level: self.level_below(&lamp, &smooth),
-                    end: radiance(end as f64),
-                    num_pixels: self.counts[lamp.valley..end.max(lamp.valley)].iter().sum(),
-                    num_own: 0,
-                }
-            }));
-        }
-        found.retain(|dimmer| level.is_none_or(|level| dimmer.level.lamp < level.level));
-        found.sort_by(|a, b| a.level.lamp.total_cmp(&b.level.lamp));
-        found
+    /// The histogram smoothed by `deviation` bins, and its peaks that may be lamps, the dimmest
+    /// first.
+    fn lamps(&self, deviation: f64) -> (Vec<f64>, Vec<Lamp>) {
+        let lowest = self.first_bin_with_share_above(MAX_SHARE);
+        let smooth = self.smoothed(deviation);
+        let mut lamps = lamps(&smooth, self.median());
+        lamps.retain(|lamp| lamp.valley > lowest);
+        (smooth, lamps)
+    }
+
+    fn median(&self) -> usize {
+        self.first_bin_with_share_above(0.5)
     }
 
     /// The level in the valley below a lamp.
@@ -173,7 +136,8 @@ impl Histogram {
     }
 
     /// The first bin above which lies less than `share` of all pixels.
-    fn first_bin_with_share_above(&self, total: u64, share: f64) -> usize {
+    fn first_bin_with_share_above(&self, share: f64) -> usize {
+        let total: u64 = self.counts.iter().sum();
         let mut above = total;
         let found = self.counts.iter().position(|&count| {
             above -= count;
@@ -202,27 +166,6 @@ impl Histogram {
                 (FLOOR + counted) / sum
             })
             .collect()
-    }
-}
-
-impl Dimmer {
-    /// Counts the pixels of an image's `values` in regions of at least `min_pixels` that reach the
-    /// level but not the end.
-    pub(crate) fn add(&mut self, values: &Image<1>, min_pixels: u32) {
-        let value = |x: u32, y: u32| values.get(x, y)[0];
-        let (width, height) = values.size();
-        let mask = Mask::from_fn(width, height, |x, y| value(x, y) >= self.level.level);
-        for region in mask.regions() {
-            let is_own = region.pixels.iter().all(|&[x, y]| value(x, y) < self.end);
-            if is_own && region.pixels.len() >= min_pixels as usize {
-                self.num_own += region.pixels.len() as u64;
-            }
-        }
-    }
-
-    /// Whether the pixels of all views that were added show a lamp.
-    pub(crate) fn is_lamp(&self) -> bool {
-        self.num_own as f64 >= MIN_OWN_SHARE * self.num_pixels as f64
     }
 }
 
@@ -314,34 +257,6 @@ mod tests {
         histogram.add((0..80).map(|i| 0.8 * 15.0_f32.powf(i as f32 / 80.0)));
         let found = histogram.level().unwrap();
         assert!((0.8..12.0).contains(&found.level), "{found:?}");
-    }
-
-    /// Radiances of a picture: surfaces up to 4, a tube of 40, and pixels of 7 that touch it or not.
-    fn tube_and_dim_pixels(touch: bool) -> Image<1> {
-        let value = |i: u32| match (i % 200, i / 200) {
-            (20..40, 20..120) => 40.0,
-            (40..60, 20..120) if touch => 7.0,
-            (100..120, 20..120) if !touch => 7.0,
-            _ => 0.05 * 80.0_f32.powf(i as f32 / 30_000.0),
-        };
-        Image::from_pixels(200, 150, (0..30_000).map(|i| [value(i)]).collect()).unwrap()
-    }
-
-    #[test]
-    fn a_lamp_little_brighter_than_surfaces_has_regions_of_its_own() {
-        for touch in [false, true] {
-            let image = tube_and_dim_pixels(touch);
-            let mut histogram = Histogram::default();
-            histogram.add(image.pixels().iter().map(|&[value]| value));
-            let level = histogram.level().unwrap();
-            assert!((8.0..40.0).contains(&level.level), "{level:?}");
-            let mut dimmer = histogram.dimmer(Some(&level));
-            assert!(!dimmer.is_empty());
-            dimmer.iter_mut().for_each(|peak| peak.add(&image, 4));
-            let level = dimmer[0].level.level;
-            assert!((4.0..7.0).contains(&level), "{level}");
-            assert_eq!(dimmer[0].is_lamp(), !touch);
-        }
     }
 
     #[test]
