@@ -14,6 +14,7 @@ pub(crate) mod bins;
 pub mod bvh;
 pub mod camera;
 mod glossy;
+mod harmonics;
 mod hits;
 mod integrate;
 mod lanes;

@@ -15,7 +15,8 @@
 //! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the
 //! same for any number of threads.
 
-use super::camera::{BlendedHit, CameraRecord, TileRecord, as_seen};
+use super::camera::{BlendedHit, CameraRecord, TileRecord};
+use super::harmonics::as_seen;
 use super::tile::pixels_of_tile;
 use crate::blend::{Face, GradientMask, LocalGradient, grad_lane};
 use crate::features::{Features, NUM_LANES, lane};

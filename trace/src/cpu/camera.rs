@@ -6,8 +6,9 @@
 //! is kept. No memory is taken per tile, block or ray: threads and records reuse theirs.
 
 use super::adjoint::RowPlaces;
-use super::bins::{CHUNK, TILE, TILE_PIXELS, TileBins};
+use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
+use super::harmonics::evaluate_harmonics;
 use super::hits::BlockHits;
 use super::search::{TileList, TileSurfel};
 use super::tile::{BLOCKS, LANES, TileRays, pixels_of_tile};
@@ -17,7 +18,6 @@ use crate::ray::Ray;
 use crate::surfel::{Attributes, SeenSet, SurfelSet};
 use crate::weights::BlendWeights;
 use eagpt_scene::Camera;
-use glam::Vec3;
 use multiversion::multiversion;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -295,39 +295,6 @@ impl TileRecord {
             self.ends.push(self.hits.len() as u32);
             self.features.push(blender.finish());
         }
-    }
-}
-
-/// The Gaussians of `set` as they look from `eye`, those that `bins` has at least, in `memory` where
-/// that differs from one point to another.
-fn evaluate_harmonics<'a>(
-    set: &'a SurfelSet,
-    eye: Vec3,
-    bins: &TileBins,
-    memory: &'a mut Vec<Attributes>,
-) -> SeenSet<'a> {
-    if !set.harmonics.is_empty() {
-        memory.resize(set.len(), Attributes::default());
-        (memory.par_chunks_mut(CHUNK), bins.visible())
-            .into_par_iter()
-            .for_each(|(memory, visible)| {
-                for &i in visible {
-                    memory[i as usize % CHUNK] = set.attributes_from(i, eye);
-                }
-            });
-    }
-    as_seen(set, memory)
-}
-
-/// The set that [`evaluate_harmonics`] has left in `memory`.
-pub(super) fn as_seen<'a>(set: &'a SurfelSet, memory: &'a [Attributes]) -> SeenSet<'a> {
-    SeenSet {
-        surfels: &set.surfels,
-        attributes: if set.harmonics.is_empty() {
-            &set.attributes
-        } else {
-            memory
-        },
     }
 }
 
