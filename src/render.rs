@@ -91,7 +91,7 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let device = args.device.open(&mut reporter)?;
     let scene = device.scene(&gaussians)?;
     if noisy && gaussians.is_glossy() && !matches!(device, Device::Cpu) {
-        reporter.note("the scene is glossy: rays that bounce are traced by the CPU");
+        reporter.note("the scene is glossy: its light is sampled on the CPU");
     }
     let display = args
         .display

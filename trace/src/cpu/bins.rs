@@ -23,28 +23,13 @@ pub(crate) const MARGIN_PIXELS: f32 = 0.02;
 /// Gaussians projected at once by a thread.
 pub(super) const CHUNK: usize = 4096;
 
-/// A Gaussian in a tile's list; entries order by distance, ties by index.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct BinnedSurfel(u64);
-
-impl BinnedSurfel {
-    #[inline(always)]
-    pub(super) fn new(nearest: f32, index: u32) -> Self {
-        // Distances are not negative, so their bits order like they do.
-        Self(u64::from(nearest.to_bits()) << 32 | u64::from(index))
-    }
-
-    /// Index in the scene, or of what the list is about.
-    #[inline(always)]
-    pub(crate) fn index(self) -> u32 {
-        self.0 as u32
-    }
-
+/// A Gaussian in a tile's list.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct BinnedSurfel {
+    /// Index in the scene.
+    pub(super) index: u32,
     /// No hit on the disc is closer than this; scene units.
-    #[inline(always)]
-    pub(crate) fn nearest(self) -> f32 {
-        f32::from_bits((self.0 >> 32) as u32)
-    }
+    pub(super) nearest: f32,
 }
 
 /// Lists for all tiles of an image, row by row. Memory is reused from image to image.
@@ -132,7 +117,7 @@ fn project_chunk(projector: &Projector, surfels: &[Surfel], first: usize, chunk:
         let index = (first + i) as u32;
         chunk.indices.push(index);
         let visible = Visible {
-            entry: BinnedSurfel::new(nearest, index),
+            entry: BinnedSurfel { index, nearest },
             tiles: (rect.x.0 / TILE, (rect.x.1 - 1) / TILE),
         };
         for band in rect.y.0 / TILE..=(rect.y.1 - 1) / TILE {
@@ -160,7 +145,7 @@ impl Band {
         self.next.clear();
         self.next.extend_from_slice(&self.starts);
         self.entries
-            .resize(self.starts[tiles_x] as usize, BinnedSurfel(0));
+            .resize(self.starts[tiles_x] as usize, BinnedSurfel::default());
         for v in visible() {
             for tile in v.tiles.0..=v.tiles.1 {
                 let next = &mut self.next[tile as usize];

@@ -84,14 +84,16 @@ impl BlockHits {
         let t = &self.t[start..start + padded];
         let values = &self.values[start..start + len];
         let order = &mut self.order[..padded];
-        if len > COUNTING_LIMIT {
+        let is_ordered = len <= COUNTING_LIMIT
+            && (order_by_counting::<false>(t, t, len, order) || {
+                // Exact in floats below 2²⁴; where two larger slots become one, this fails.
+                self.slots.clear();
+                self.slots.extend(values.iter().map(|hit| hit.slot as f32));
+                self.slots.resize(padded, f32::INFINITY);
+                order_by_counting::<true>(t, &self.slots, len, order)
+            });
+        if !is_ordered {
             order_by_sorting(&t[..len], &mut order[..len], |i| values[i as usize].slot);
-        } else if !order_by_counting::<false>(t, t, len, order) {
-            // Slots are exact in floats: there are fewer than 2²⁴ of them.
-            self.slots.clear();
-            self.slots.extend(values.iter().map(|hit| hit.slot as f32));
-            self.slots.resize(padded, f32::INFINITY);
-            order_by_counting::<true>(t, &self.slots, len, order);
         }
         order[..len]
             .iter()
@@ -99,10 +101,10 @@ impl BlockHits {
     }
 }
 
-/// Writes the places of `t[..len]` in ascending order, with `TIES` equal ones by `slots`. `t` and
-/// `slots` are padded with infinities to a multiple of [`LANES`], `order` is as long. The place of
-/// each number is the number of smaller ones: no branch depends on the data. False, and no order, if
-/// two are equal.
+/// Writes the places of `t[..len]` in ascending order, with `TIES` equal ones by `slots`, which do
+/// not count otherwise. `t` and `slots` are padded with infinities to a multiple of [`LANES`],
+/// `order` is as long. The place of each number is the number of smaller ones: no branch depends on
+/// the data. False, and no order, if two are equal.
 #[inline(always)]
 fn order_by_counting<const TIES: bool>(
     t: &[f32],

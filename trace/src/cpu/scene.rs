@@ -145,17 +145,6 @@ impl CpuScene {
         self.light_list.get_or_init(make).as_ref()
     }
 
-    /// Renders `camera`, whose composited `features` are given.
-    pub(crate) fn render_from(
-        &self,
-        camera: &Camera,
-        features: GBuffer,
-        integrator: &Integrator,
-        options: &LightOptions,
-    ) -> RenderedView {
-        integrate::render(self, camera, features, integrator, options)
-    }
-
     /// Records `camera` if it is not the one recorded last.
     fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
         if self.record.camera.as_ref() != Some(camera) {
@@ -241,7 +230,9 @@ impl Tracer for CpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
         let features = self.gbuffer(camera)?;
-        Ok(self.render_from(camera, features, integrator, options))
+        Ok(integrate::render(
+            self, camera, features, integrator, options,
+        ))
     }
 
     fn trace_transport(

@@ -46,9 +46,7 @@ impl TileList {
     /// Takes the Gaussians of a list that some block may see.
     #[inline(always)]
     pub(super) fn fill(&mut self, set: SeenSet<'_>, binned: &[BinnedSurfel], rays: &TileRays) {
-        let surfels = binned
-            .iter()
-            .map(|entry| set.surfels[entry.index() as usize]);
+        let surfels = binned.iter().map(|entry| set.surfels[entry.index as usize]);
         self.surfels.clear();
         self.surfels.extend(surfels);
         self.slots.clear();
@@ -60,8 +58,8 @@ impl TileList {
                 self.seen_by.push(seen_by);
                 self.slots.push(TileSurfel {
                     seen,
-                    index: entry.index(),
-                    nearest: entry.nearest(),
+                    index: entry.index,
+                    nearest: entry.nearest,
                 });
             }
         }

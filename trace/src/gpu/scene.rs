@@ -360,13 +360,10 @@ impl Tracer for GpuScene {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        // Kernels do not mirror: light of glossy scenes is sampled as the CPU does it.
+        // Kernels do not mirror: where a glossy scene's light is sampled, the host does it all.
         let samples = !matches!(integrator, Integrator::ZeroBounce);
         match &self.host {
-            Some(host) if samples && host.is_glossy() => {
-                let features = self.gbuffer(camera)?;
-                Ok(host.render_from(camera, features, integrator, options))
-            }
+            Some(host) if samples && host.is_glossy() => host.render(camera, integrator, options),
             _ => Ok(self.render_view(camera, integrator, options)?),
         }
     }
