@@ -110,19 +110,20 @@ fn gpu_cameras(bench: &Bench<'_>, sheet: &mut Sheet<'_>, device: &Arc<gpu::Devic
         fit.contributions(camera, &|_, _| 1.0)?;
     }
     let num_rays = bench.num_pixels() as f64;
-    sheet.measure("forward", Unit::Rays, num_rays, || {
-        bench.cameras().try_for_each(|camera| fit.forward(camera))?;
-        Ok(device.wait()?)
-    })?;
-    let mut both = || -> Result<()> {
+    let trace = |with_adjoint: bool| -> Result<()> {
         for camera in bench.cameras() {
-            fit.forward(camera)?;
-            fit.backward(camera)?;
+            let mut commands = device.commands();
+            fit.forward(camera, &mut commands)?;
+            if with_adjoint {
+                fit.backward(camera, &mut commands)?;
+            }
+            device.submit(commands)?;
         }
         Ok(device.wait()?)
     };
-    sheet.measure("forward and adjoint", Unit::Rays, num_rays, &mut both)?;
-    sheet.measure_kernels("forward and adjoint", both)?;
+    sheet.measure("forward", Unit::Rays, num_rays, || trace(false))?;
+    sheet.measure("forward and adjoint", Unit::Rays, num_rays, || trace(true))?;
+    sheet.measure_kernels("forward and adjoint", || trace(true))?;
     sheet.measure("forward, read back", Unit::Rays, num_rays, || {
         for camera in bench.cameras() {
             black_box(fit.gbuffer(camera)?);

@@ -45,9 +45,9 @@ fn weigh_hits(
     let direction = pixel_direction(f32(column) + 0.5, f32(row) + 0.5);
     let pixel = row * view.width + column - band.first_pixel;
     let d = d_features[pixel];
-    var chunk = record[2u * pixel];
+    var chunk = record[PIXEL_WORDS * pixel];
     var behind = 0.0;
-    for (var left = record[2u * pixel + 1u]; left > 0u; left--) {
+    for (var left = record[PIXEL_WORDS * pixel + 1u]; left > 0u; left--) {
         let within = (left - 1u) % CHUNK_HITS;
         let at = chunk + 1u + 3u * within;
         let place = record[at];

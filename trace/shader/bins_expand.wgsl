@@ -31,38 +31,49 @@ fn count_entries(
 @group(0) @binding(6) var<storage, read_write> values: array<u32>;
 @group(0) @binding(7) var<storage, read_write> entry_surfels: array<u32>;
 
+// The last Gaussian whose entries begin at `entry` or before: those that have none begin where the
+// next one does.
+fn owner_of(entry: u32) -> u32 {
+    var low = 0u;
+    var high = view.num_surfels;
+    while low + 1u < high {
+        let middle = (low + high) / 2u;
+        if starts[middle] <= entry {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+// An invocation for each entry: the nearest Gaussians have thousands.
 @compute @workgroup_size(GROUP_SIZE)
 fn expand(
     @builtin(workgroup_id) workgroup: vec3u,
     @builtin(num_workgroups) workgroups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let at = invocation_number(workgroup, workgroups, thread);
+    let entry = invocation_number(workgroup, workgroups, thread);
     let capacity = min(arrayLength(&keys), arrayLength(&entry_surfels));
-    if at == view.num_surfels {
-        counters[COUNTER_ENTRIES] = starts[at];
-        if starts[at] > capacity {
+    let num_entries = starts[view.num_surfels];
+    if entry == 0u {
+        counters[COUNTER_ENTRIES] = num_entries;
+        if num_entries > capacity {
             counters[COUNTER_FAILED] = 1u;
         }
     }
-    if at >= view.num_surfels {
+    if entry >= min(num_entries, capacity) {
         return;
     }
+    let at = owner_of(entry);
     let index = order[at];
-    let packed = rects[index];
-    if num_tiles_of(packed) == 0u {
-        return;
-    }
-    let rect = unpack_rect(packed);
-    var entry = starts[at];
-    for (var row = rect.rows.x; row <= rect.rows.y; row++) {
-        for (var column = rect.columns.x; column <= rect.columns.y; column++) {
-            if entry < capacity {
-                keys[entry] = row * view.tiles_x + column;
-                values[entry] = entry;
-                entry_surfels[entry] = index;
-            }
-            entry++;
-        }
-    }
+    let rect = unpack_rect(rects[index]);
+    let within = entry - starts[at];
+    let num_columns = rect.columns.y - rect.columns.x + 1u;
+    let row = rect.rows.x + within / num_columns;
+    let column = rect.columns.x + within % num_columns;
+    keys[entry] = row * view.tiles_x + column;
+    values[entry] = entry;
+    entry_surfels[entry] = index;
 }

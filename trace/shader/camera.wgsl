@@ -4,6 +4,8 @@
 // by index. Hits wait until the bound has passed them; where more wait than there is memory for,
 // another search finds those that were forgotten. The CPU (cpu/camera.rs) keeps all hits of a block
 // of pixels and sorts them instead: the blended hits and their order are the same.
+//
+// The pixels of a tile go through its list together: each brings one of the next Gaussians for all.
 
 #import declarations
 #import workgroup
@@ -24,6 +26,13 @@
 @group(0) @binding(4) var<storage, read> seen_surfels: array<Seen>;
 @group(0) @binding(5) var<storage, read> attributes: array<Lanes>;
 @group(0) @binding(6) var<storage, read_write> features: array<Lanes>;
+
+// The next Gaussians of the list.
+var<workgroup> next_seen: array<Seen, TILE_PIXELS>;
+// Pixels that are through with the list in this search, and with all of them.
+var<workgroup> num_through: atomic<u32>;
+var<workgroup> num_complete: atomic<u32>;
+var<workgroup> counted: u32;
 
 // Blends the hits nearer than `bound`; returns whether the ray has ended.
 fn blend_before(
@@ -66,9 +75,7 @@ fn trace_tiles(
     }
     let column = (tile % view.tiles_x) * TILE + thread % TILE;
     let row = (tile / view.tiles_x) * TILE + thread / TILE;
-    if column >= view.width || row >= view.height {
-        return;
-    }
+    let is_pixel = column < view.width && row < view.height;
     let direction = pixel_direction(f32(column) + 0.5, f32(row) + 0.5);
     let start = list_starts[tile];
     let end = min(list_starts[tile + 1u], arrayLength(&listed));
@@ -78,30 +85,74 @@ fn trace_tiles(
     // Hits before this one are done with.
     var from_t = -1.0;
     var from_place = start;
+    var is_complete = !is_pixel;
+    if thread == 0u {
+        atomicStore(&num_complete, 0u);
+    }
+    workgroupBarrier();
+    if is_complete {
+        atomicAdd(&num_complete, 1u);
+    }
     loop {
         clear(&pending);
-        var ended = false;
-        for (var place = start; place < end; place++) {
-            let index = listed[place].x;
-            let seen = seen_surfels[index];
-            ended = blend_before(seen.nearest, &pending, &state, &recorder, direction);
-            if ended || seen.nearest > pending.forgotten_t {
+        var is_through = is_complete;
+        workgroupBarrier();
+        if thread == 0u {
+            atomicStore(&num_through, atomicLoad(&num_complete));
+        }
+        for (var first = start; first < end; first += TILE_PIXELS) {
+            workgroupBarrier();
+            if thread == 0u {
+                counted = atomicLoad(&num_through);
+            }
+            if workgroupUniformLoad(&counted) == TILE_PIXELS {
                 break;
             }
-            let hit = meet(seen, direction);
-            if counts(seen, hit) && !is_before(hit.t, place, from_t, from_place) {
-                wait_for(&pending, hit.t, place);
+            if first + thread < end {
+                next_seen[thread] = seen_surfels[listed[first + thread].x];
+            }
+            workgroupBarrier();
+            if is_through {
+                continue;
+            }
+            let num = min(TILE_PIXELS, end - first);
+            for (var k = 0u; k < num; k++) {
+                let seen = next_seen[k];
+                is_complete = blend_before(seen.nearest, &pending, &state, &recorder, direction);
+                if is_complete || seen.nearest > pending.forgotten_t {
+                    is_through = true;
+                    atomicAdd(&num_through, 1u);
+                    break;
+                }
+                let hit = meet(seen, direction);
+                let place = first + k;
+                if counts(seen, hit) && !is_before(hit.t, place, from_t, from_place) {
+                    wait_for(&pending, hit.t, place);
+                }
+            }
+            if is_complete {
+                atomicAdd(&num_complete, 1u);
             }
         }
-        if !ended {
-            ended = blend_before(INFINITE, &pending, &state, &recorder, direction);
+        if !is_complete {
+            is_complete = blend_before(INFINITE, &pending, &state, &recorder, direction);
+            is_complete = is_complete || pending.forgotten_t == INFINITE;
+            if is_complete {
+                atomicAdd(&num_complete, 1u);
+            }
+            from_t = pending.forgotten_t;
+            from_place = pending.forgotten;
         }
-        if ended || pending.forgotten_t == INFINITE {
+        workgroupBarrier();
+        if thread == 0u {
+            counted = atomicLoad(&num_complete);
+        }
+        if workgroupUniformLoad(&counted) == TILE_PIXELS {
             break;
         }
-        from_t = pending.forgotten_t;
-        from_place = pending.forgotten;
     }
-    finish_record(&recorder);
-    features[row * view.width + column - band.first_pixel] = state.features;
+    if is_pixel {
+        finish_record(&recorder);
+        features[row * view.width + column - band.first_pixel] = state.features;
+    }
 }

@@ -65,7 +65,7 @@ pub use scene::GpuScene;
 
 /// Kernels of other crates.
 pub mod kernel {
-    pub use super::device::Pass;
+    pub use super::device::{Commands, Pass};
     pub use super::kernels::{Access, Binding, Kernel, groups, kernels};
     pub use super::layout::{Layout, Member, layout};
     pub use super::shader::{Sources, find, preprocess, shaders, sources};

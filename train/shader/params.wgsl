@@ -179,33 +179,67 @@ fn move_value(at: u32, gradient: f32, size: f32, decay: f32, corrections: vec2f)
     values[at] = (1.0 - size * decay) * values[at] - size * mean * corrections.x / root;
 }
 
-// Moves the coefficients of harmonics: `values`, `first` and `second` are theirs, [n,
-// NUM_FUNCTIONS, 3] each.
+// Moves the coefficients of harmonics, one function of a Gaussian for each invocation: neighbours
+// then move neighbours in memory. `values`, `first` and `second` are [n, NUM_FUNCTIONS, 3] each.
 @compute @workgroup_size(GROUP_SIZE)
 fn harmonics_step(
     @builtin(workgroup_id) workgroup: vec3u,
     @builtin(num_workgroups) workgroups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let index = invocation_number(workgroup, workgroups, thread);
+    let row = invocation_number(workgroup, workgroups, thread);
+    let index = row / NUM_FUNCTIONS;
     if index >= adam.num_gaussians || !gradients_are_good() {
         return;
     }
+    let k = row % NUM_FUNCTIONS;
     let corrections = vec2f(adam.harmonics_correction_1, adam.harmonics_correction_2);
     var functions = harmonic_functions(adam.eye, surfels[index].position);
-    for (var k = 0u; k < NUM_FUNCTIONS; k++) {
-        let size = adam.harmonics[k / 4u][k % 4u];
-        for (var channel = 0u; channel < 3u; channel++) {
-            // By the logarithm of radiance.
-            let gradient = raw_gradients[index * NUM_PARAMETERS + RADIANCE + channel];
-            let at = (index * NUM_FUNCTIONS + k) * 3u + channel;
-            move_value(at, gradient * functions[k], size, adam.harmonics_decay, corrections);
-        }
+    let size = adam.harmonics[k / 4u][k % 4u];
+    for (var channel = 0u; channel < 3u; channel++) {
+        // By the logarithm of radiance.
+        let gradient = raw_gradients[index * NUM_PARAMETERS + RADIANCE + channel];
+        move_value(3u * row + channel, gradient * functions[k], size, adam.harmonics_decay, corrections);
     }
 }
 
-// The Gaussian of the raw parameters.
-fn put_gaussian(index: u32) {
+// Moves the raw parameters, one for each invocation; `activate` follows.
+@compute @workgroup_size(GROUP_SIZE)
+fn adam_step(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let at = invocation_number(workgroup, workgroups, thread);
+    if at == 0u {
+        if atomicLoad(&report[REPORT_BAD]) != NOTHING_BAD {
+            // The steps behind this one move nothing; to this one it makes no difference.
+            atomicStore(&counters[COUNTER_FAILED], 1u);
+        }
+        for (var k = 0u; k < NUM_COUNTERS; k++) {
+            atomicStore(&report[REPORT_NEEDED + k], atomicLoad(&counters[k]));
+        }
+    }
+    if at >= adam.num_gaussians * NUM_PARAMETERS || !gradients_are_good() {
+        return;
+    }
+    let k = at % NUM_PARAMETERS;
+    let corrections = vec2f(adam.correction_1, adam.correction_2);
+    move_value(at, raw_gradients[at], adam.sizes[k / 4u][k % 4u], 0.0, corrections);
+}
+
+// Puts the Gaussians of the raw parameters into the scene, before the first step and after each:
+// the host would round otherwise.
+@compute @workgroup_size(GROUP_SIZE)
+fn activate(
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) workgroups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let index = invocation_number(workgroup, workgroups, thread);
+    if index >= adam.num_gaussians {
+        return;
+    }
     let g = activated(index * NUM_PARAMETERS);
     let frame = frame_of(g.rotation);
     let surfel = surfel_of(g, frame);
@@ -216,45 +250,4 @@ fn put_gaussian(index: u32) {
         vec4f(frame[2].yz, 1.0, 0.0),
         vec4f(0.0, surfel.size, 0.0, 0.0),
     );
-}
-
-@compute @workgroup_size(GROUP_SIZE)
-fn adam_step(
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) workgroups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let index = invocation_number(workgroup, workgroups, thread);
-    if index == 0u {
-        if atomicLoad(&report[REPORT_BAD]) != NOTHING_BAD {
-            // The steps behind this one move nothing; to this one it makes no difference.
-            atomicStore(&counters[COUNTER_FAILED], 1u);
-        }
-        for (var k = 0u; k < NUM_COUNTERS; k++) {
-            atomicStore(&report[REPORT_NEEDED + k], atomicLoad(&counters[k]));
-        }
-    }
-    if index >= adam.num_gaussians || !gradients_are_good() {
-        return;
-    }
-    let corrections = vec2f(adam.correction_1, adam.correction_2);
-    let at = index * NUM_PARAMETERS;
-    for (var k = 0u; k < NUM_PARAMETERS; k++) {
-        move_value(at + k, raw_gradients[at + k], adam.sizes[k / 4u][k % 4u], 0.0, corrections);
-    }
-    put_gaussian(index);
-}
-
-// The Gaussians before the first step, bit-identical to those that steps leave; the host would
-// round otherwise.
-@compute @workgroup_size(GROUP_SIZE)
-fn activate(
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) workgroups: vec3u,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let index = invocation_number(workgroup, workgroups, thread);
-    if index < adam.num_gaussians {
-        put_gaussian(index);
-    }
 }

@@ -1,9 +1,10 @@
 // The blended hits of every pixel are kept for the adjoint, in chunks that are linked back to
-// front: where a chunk lies depends on which pixel asked first, what is in it does not.
+// front. The first is the pixel's own; where another lies depends on which pixel asked first, what
+// is in it does not.
 //
-// The record begins with two words for each pixel of the band, its last chunk and its number of
-// hits. A chunk is the place of the one before it, then for each hit its place in the lists, its
-// opacity and the transmittance before it.
+// The record begins with PIXEL_WORDS words for each pixel of the band, its last chunk, its number
+// of hits and its first chunk. A chunk is the place of the one before it, then for each hit its
+// place in the lists, its opacity and the transmittance before it.
 
 #import declarations
 #import band
@@ -31,7 +32,10 @@ fn record_hit(recorder: ptr<function, Recorder>, place: u32, alpha: f32, before:
     }
     let within = (*recorder).num_hits % CHUNK_HITS;
     if within == 0u {
-        let chunk = band.first_chunk + atomicAdd(&counters[COUNTER_CHUNKS], 1u) * CHUNK_WORDS;
+        var chunk = PIXEL_WORDS * (*recorder).pixel + 2u;
+        if (*recorder).num_hits > 0u {
+            chunk = band.first_chunk + atomicAdd(&counters[COUNTER_CHUNKS], 1u) * CHUNK_WORDS;
+        }
         if chunk + CHUNK_WORDS > arrayLength(&record) {
             (*recorder).is_full = true;
             atomicStore(&counters[COUNTER_FAILED], 1u);
@@ -51,6 +55,6 @@ fn record_hit(recorder: ptr<function, Recorder>, place: u32, alpha: f32, before:
 
 fn finish_record(recorder: ptr<function, Recorder>) {
     let pixel = (*recorder).pixel;
-    record[2u * pixel] = (*recorder).last_chunk;
-    record[2u * pixel + 1u] = (*recorder).num_hits;
+    record[PIXEL_WORDS * pixel] = (*recorder).last_chunk;
+    record[PIXEL_WORDS * pixel + 1u] = (*recorder).num_hits;
 }

@@ -14,8 +14,12 @@ struct Adder {
     sum: Row,
 }
 
+fn empty_row(index: u32) -> Row {
+    return Contribution(index, 0.0, 0.0, 0.0, 0u);
+}
+
 fn start_row(index: u32) -> Adder {
-    return Adder(Contribution(index, 0.0, 0.0, 0.0, 0u));
+    return Adder(empty_row(index));
 }
 
 fn add_hit(adder: ptr<function, Adder>, pixel: vec2u, hit: vec2f) {

@@ -19,10 +19,14 @@ struct Adder {
     scale: vec2f,
 }
 
+fn empty_row(index: u32) -> Row {
+    return NO_LANES;
+}
+
 fn start_row(index: u32) -> Adder {
     let seen = seen_surfels[index];
     let scale = vec2f(inverseSqrt(dot(seen.axis_u, seen.axis_u)), inverseSqrt(dot(seen.axis_v, seen.axis_v)));
-    return Adder(NO_LANES, seen, scale);
+    return Adder(empty_row(index), seen, scale);
 }
 
 fn hit_gradient(seen: Seen, scale: vec2f, direction: vec3f, d: Lanes, weight: f32, d_alpha: f32) -> Lanes {

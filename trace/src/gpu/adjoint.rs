@@ -9,7 +9,7 @@
 use super::bins::TILE;
 use super::camera::{Band, CameraTracer};
 use super::capacity::{Capacity, Incomplete};
-use super::device::Device;
+use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::passes::{self, RecordedBand};
 use super::scene::SceneBuffers;
@@ -22,8 +22,9 @@ use rayon::prelude::*;
 pub(super) const CHUNK_HITS: u32 = 16;
 /// Words of a chunk: the place of the one before it, and three for each hit.
 pub(super) const CHUNK_WORDS: u32 = 1 + 3 * CHUNK_HITS;
-/// Words of the record for each pixel beside its chunks.
-pub(super) const PIXEL_WORDS: u32 = 2;
+/// Words of the record for each pixel: its last chunk, its number of hits, and the first chunk,
+/// which nearly every pixel needs.
+pub(super) const PIXEL_WORDS: u32 = 2 + CHUNK_WORDS;
 
 /// Bytes of one row of gradients.
 const ROW_BYTES: u64 = (NUM_LANES * size_of::<f32>()) as u64;
@@ -31,7 +32,7 @@ const ROW_BYTES: u64 = (NUM_LANES * size_of::<f32>()) as u64;
 /// The record of the blended hits of a band of rows, and what is made of it.
 #[derive(Debug)]
 pub(super) struct RecordBuffers {
-    /// Two words for each pixel, then the chunks.
+    /// [`PIXEL_WORDS`] for each pixel, then the other chunks.
     pub(super) chunks: wgpu::Buffer,
     /// Pixels that blended the Gaussian at each place in the lists, a bit each.
     pub(super) masks: wgpu::Buffer,
@@ -79,8 +80,8 @@ impl Adjoint {
         };
         let num_surfels = scene.num_surfels();
         let num_rows = u64::from(bins.capacity).min(device.max_bytes() / ROW_BYTES);
-        let num_hits = u64::from(capacity.chunks) * u64::from(CHUNK_HITS);
         let num_pixels = u64::from(width) * u64::from(capacity.rows.min(height));
+        let num_hits = (num_pixels + u64::from(capacity.chunks)) * u64::from(CHUNK_HITS);
         let of_places = |what, size: u64| device.buffer(what, size * u64::from(bins.capacity));
         let of_gaussians = |what, size: u64| device.buffer(what, size * u64::from(num_surfels));
         let record = RecordBuffers {
@@ -189,7 +190,9 @@ impl Adjoint {
         // Lists that are incomplete say nothing about the hits on them.
         self.check(device, tracer)?;
         for band in &self.bands {
-            self.forward(device, tracer, band)?;
+            let mut commands = device.commands();
+            self.forward(device, tracer, band, &mut commands);
+            device.submit(commands)?;
             back(band)?;
             self.check(device, tracer)?;
         }
@@ -210,12 +213,11 @@ impl Adjoint {
         device: &Device,
         tracer: &CameraTracer,
         band: &RecordedBand,
-    ) -> Result<(), GpuError> {
-        let mut commands = device.commands();
+        commands: &mut Commands,
+    ) {
         commands.clear_buffer(&self.record.masks, 0, None);
-        tracer.bins.clear_chunks(&mut commands);
-        device.submit(commands)?;
-        device.run(&band.forward)
+        tracer.bins.clear_chunks(commands);
+        device.record(&band.forward, commands);
     }
 
     /// The band of the whole image, if it is one.
@@ -260,16 +262,15 @@ impl WholeImage<'_> {
         device: &Device,
         tracer: &CameraTracer,
         camera: &Camera,
-    ) -> Result<(), GpuError> {
-        let mut commands = device.commands();
-        tracer.record_binning(device, camera, &mut commands);
+        commands: &mut Commands,
+    ) {
+        tracer.record_binning(device, camera, commands);
         commands.clear_buffer(&self.adjoint.record.gradients, 0, None);
-        device.submit(commands)?;
-        self.adjoint.forward(device, tracer, self.band)
+        self.adjoint.forward(device, tracer, self.band, commands);
     }
 
     /// Gradients of what was traced last.
-    pub(super) fn backward(&self, device: &Device) -> Result<(), GpuError> {
-        device.run(&self.band.gradients)
+    pub(super) fn backward(&self, device: &Device, commands: &mut Commands) {
+        device.record(&self.band.gradients, commands);
     }
 }

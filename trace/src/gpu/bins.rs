@@ -5,7 +5,7 @@
 //! lists come out nearest first, and the same in every run.
 
 use super::capacity::{self, Counters};
-use super::device::Device;
+use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
 use super::scene::SceneBuffers;
@@ -232,12 +232,7 @@ impl BinBuffers {
     }
 
     /// Prepares the buffers for another `camera`.
-    pub(super) fn begin(
-        &self,
-        device: &Device,
-        camera: &Camera,
-        commands: &mut wgpu::CommandEncoder,
-    ) {
+    pub(super) fn begin(&self, device: &Device, camera: &Camera, commands: &mut Commands) {
         let view = View::new(camera, self.num_surfels);
         device.write(&self.view, bytemuck::bytes_of(&view));
         commands.clear_buffer(&self.list_starts, 0, None);
@@ -253,7 +248,7 @@ impl BinBuffers {
     }
 
     /// Counts chunks from 0 again.
-    pub(super) fn clear_chunks(&self, commands: &mut wgpu::CommandEncoder) {
+    pub(super) fn clear_chunks(&self, commands: &mut Commands) {
         let offset = offset_of!(Counters, chunks) as u64;
         commands.clear_buffer(&self.counters, offset, Some(size_of::<u32>() as u64));
     }

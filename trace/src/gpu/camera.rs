@@ -2,7 +2,7 @@
 
 use super::bins::{BinBuffers, TILE};
 use super::capacity::Incomplete;
-use super::device::{Device, Pass};
+use super::device::{Commands, Device, Pass};
 use super::error::GpuError;
 use super::layout::{Layout, layout};
 use super::passes;
@@ -24,7 +24,7 @@ pub(super) struct Band {
     pub(super) end_tile: u32,
     /// Pixel that buffers of the band begin with.
     pub(super) first_pixel: u32,
-    /// Word of the record that its chunks begin with.
+    /// Word of the record that chunks beside the pixels' own begin with.
     pub(super) first_chunk: u32,
     /// Place in the lists that rows of gradients begin with.
     pub(super) first_place: u32,
@@ -123,16 +123,9 @@ impl CameraTracer {
     }
 
     /// Appends the binning for `camera` to `commands`.
-    pub(super) fn record_binning(
-        &self,
-        device: &Device,
-        camera: &Camera,
-        commands: &mut wgpu::CommandEncoder,
-    ) {
+    pub(super) fn record_binning(&self, device: &Device, camera: &Camera, commands: &mut Commands) {
         self.bins.begin(device, camera, commands);
-        for pass in &self.binning {
-            pass.record(device, commands);
-        }
+        device.record(&self.binning, commands);
     }
 
     /// Brings `camera`'s lists of Gaussians to the device. Waits for it.

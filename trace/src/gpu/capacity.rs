@@ -14,8 +14,8 @@ use super::device::Device;
 use super::error::GpuError;
 use std::mem::offset_of;
 
-/// Chunks of the record for each pixel, at first.
-const CHUNKS_PER_PIXEL: u32 = 2;
+/// Chunks of the record for each pixel beside its own, at first.
+const CHUNKS_PER_PIXEL: u32 = 1;
 
 /// Numbers that kernels hand on to others and to the host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -25,7 +25,7 @@ pub struct Counters {
     pub num_gaussians: u32,
     /// Entries that the lists of tiles need.
     pub entries: u32,
-    /// Chunks that the record of hits needs.
+    /// Chunks that the record of hits needs beside one for each pixel.
     pub chunks: u32,
     /// Overflow flag: not 0 once something did not fit, until buffers have grown.
     pub failed: u32,
@@ -52,7 +52,7 @@ const fn word(offset: usize) -> u32 {
 pub struct Capacity {
     /// Entries of the lists of tiles.
     pub entries: u32,
-    /// Chunks of the record of hits.
+    /// Chunks of the record of hits beside one for each pixel.
     pub chunks: u32,
     /// Rows of pixels that are recorded at once, whole rows of tiles.
     pub(super) rows: u32,
@@ -109,7 +109,7 @@ impl Capacity {
         Ok(self)
     }
 
-    /// Word of the record that its chunks begin with.
+    /// Word of the record that chunks beside the pixels' own begin with.
     pub(super) fn first_chunk(&self, width: u32) -> u32 {
         PIXEL_WORDS * width * self.rows
     }

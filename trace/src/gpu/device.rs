@@ -12,7 +12,7 @@ use profile::Recording;
 pub use profile::{Profile, StageTime};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-pub use work::Pass;
+pub use work::{Commands, Pass};
 
 /// File, entry point and defines of a kernel.
 type PipelineKey = (&'static str, &'static str, &'static [&'static str]);

@@ -3,7 +3,7 @@
 //! gradients, without anything passing through the host.
 
 use super::capacity::{Capacity, Counters};
-use super::device::Device;
+use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::scene::GpuScene;
 use eagpt_scene::Camera;
@@ -79,30 +79,31 @@ impl GpuScene {
         self.views().grow(camera, needed)
     }
 
-    /// Traces `camera` into its [`Frame`], without waiting. Nothing happens where it has none.
+    /// Records that `camera` is traced into its [`Frame`]; nothing where it has none. One camera
+    /// for each submission.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn forward(&self, camera: &Camera) -> Result<(), GpuError> {
+    pub fn forward(&self, camera: &Camera, commands: &mut Commands) -> Result<(), GpuError> {
         let mut views = self.views();
         let (tracer, adjoint) = views.both(&self.device, &self.buffers, camera)?;
-        match adjoint.whole() {
-            Some(image) => image.forward(&self.device, tracer, camera),
-            None => Ok(()),
+        if let Some(image) = adjoint.whole() {
+            image.forward(&self.device, tracer, camera, commands);
         }
+        Ok(())
     }
 
-    /// From the derivatives in the [`Frame`] of `camera`, which was traced last, to gradients,
-    /// without waiting.
+    /// Records the way from the derivatives in the [`Frame`] of `camera`, which was traced last, to
+    /// gradients.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn backward(&self, camera: &Camera) -> Result<(), GpuError> {
+    pub fn backward(&self, camera: &Camera, commands: &mut Commands) -> Result<(), GpuError> {
         let mut views = self.views();
         let (_, adjoint) = views.both(&self.device, &self.buffers, camera)?;
-        match adjoint.whole() {
-            Some(image) => image.backward(&self.device),
-            None => Ok(()),
+        if let Some(image) = adjoint.whole() {
+            image.backward(&self.device, commands);
         }
+        Ok(())
     }
 }

@@ -201,6 +201,7 @@ pub(super) fn declarations() -> String {
         ("FARTHEST_KEY", bins::FARTHEST_KEY),
         ("CHUNK_HITS", adjoint::CHUNK_HITS),
         ("CHUNK_WORDS", adjoint::CHUNK_WORDS),
+        ("PIXEL_WORDS", adjoint::PIXEL_WORDS),
         ("FIRST_RAY", light::FIRST_RAY),
         ("TOWARDS_LIGHT", light::TOWARDS_LIGHT),
         ("ROULETTE", light::ROULETTE),

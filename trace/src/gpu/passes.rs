@@ -88,7 +88,7 @@ pub(super) fn bin(
             entries,
             entry_surfels,
         ],
-        each_gaussian_and_end,
+        each_entry,
     ));
     passes.extend_from_slice(by_tile.passes());
     // The list of each tile.

@@ -1,6 +1,6 @@
 //! Memory of a device: buffers, what is written to them, and what is read back.
 
-use super::Device;
+use super::{Commands, Device};
 use crate::gpu::error::GpuError;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -81,16 +81,18 @@ impl Device {
         if elements.is_empty() {
             return Ok(Vec::new());
         }
-        self.read_later(buffer, elements)?.wait(self)
+        self.submit_and_read(self.commands(), buffer, elements)?
+            .wait(self)
     }
 
-    /// Elements of a buffer as they are after all work submitted so far, for later, when that
-    /// is done. There must be some.
+    /// Hands `commands` to the device and returns at once with elements of a buffer as they are
+    /// then, for later, when that is done. There must be some.
     ///
     /// # Errors
-    /// If the device fails.
-    pub fn read_later<T: bytemuck::AnyBitPattern>(
+    /// The first failure so far.
+    pub fn submit_and_read<T: bytemuck::AnyBitPattern>(
         &self,
+        mut commands: Commands,
         buffer: &wgpu::Buffer,
         elements: Range<usize>,
     ) -> Result<Reading<T>, GpuError> {
@@ -102,7 +104,6 @@ impl Device {
             mapped_at_creation: false,
         });
         self.check()?;
-        let mut commands = self.commands();
         let start = (elements.start * size_of::<T>()) as u64;
         commands.copy_buffer_to_buffer(buffer, start, &staging, 0, size);
         let submission = self.queue.submit([commands.finish()]);

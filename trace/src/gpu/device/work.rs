@@ -10,6 +10,9 @@ const MAX_GROUPS_X: u32 = 32_768;
 /// Passes that are handed to the driver at once.
 const PASSES_PER_SUBMISSION: usize = 32;
 
+/// Work that is recorded for one submission.
+pub type Commands = wgpu::CommandEncoder;
+
 /// A kernel with its buffers: recorded once, run as often as needed.
 #[derive(Debug, Clone)]
 pub struct Pass {
@@ -20,21 +23,11 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// Appends the pass to `commands`. Passes see what earlier ones have written.
-    pub(in crate::gpu) fn record(&self, device: &Device, commands: &mut wgpu::CommandEncoder) {
-        if self.groups == 0 {
-            return;
-        }
-        let mut recording = lock(&device.recording);
-        let timestamps = recording.as_mut().and_then(|some| some.time(self.label));
-        let mut pass = commands.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(self.label),
-            timestamp_writes: timestamps,
-        });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.buffers, &[]);
+    fn dispatch(&self, into: &mut wgpu::ComputePass<'_>) {
+        into.set_pipeline(&self.pipeline);
+        into.set_bind_group(0, &self.buffers, &[]);
         let x = self.groups.min(MAX_GROUPS_X);
-        pass.dispatch_workgroups(x, self.groups.div_ceil(x), 1);
+        into.dispatch_workgroups(x, self.groups.div_ceil(x), 1);
     }
 }
 
@@ -92,15 +85,37 @@ impl Device {
     }
 
     /// New commands.
-    pub fn commands(&self) -> wgpu::CommandEncoder {
+    pub fn commands(&self) -> Commands {
         self.device.create_command_encoder(&Default::default())
+    }
+
+    /// Appends `passes` to `commands`. Each sees what earlier ones have written.
+    pub fn record(&self, passes: &[Pass], commands: &mut Commands) {
+        let mut passes = passes.iter().filter(|pass| pass.groups > 0).peekable();
+        if passes.peek().is_none() {
+            return;
+        }
+        let mut recording = lock(&self.recording);
+        let Some(recording) = &mut *recording else {
+            let mut all = commands.begin_compute_pass(&Default::default());
+            passes.for_each(|pass| pass.dispatch(&mut all));
+            return;
+        };
+        // Timestamps stand between what wgpu calls passes.
+        for pass in passes {
+            let mut timed = commands.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(pass.label),
+                timestamp_writes: recording.time(pass.label),
+            });
+            pass.dispatch(&mut timed);
+        }
     }
 
     /// Hands commands to the device and returns at once.
     ///
     /// # Errors
     /// The first failure so far.
-    pub fn submit(&self, commands: wgpu::CommandEncoder) -> Result<(), GpuError> {
+    pub fn submit(&self, commands: Commands) -> Result<(), GpuError> {
         self.queue.submit([commands.finish()]);
         self.check()
     }
@@ -113,9 +128,7 @@ impl Device {
     pub fn run(&self, passes: &[Pass]) -> Result<(), GpuError> {
         for some in passes.chunks(PASSES_PER_SUBMISSION) {
             let mut commands = self.commands();
-            for pass in some {
-                pass.record(self, &mut commands);
-            }
+            self.record(some, &mut commands);
             self.submit(commands)?;
         }
         Ok(())

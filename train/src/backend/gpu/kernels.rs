@@ -100,7 +100,7 @@ kernels! { sources;
     ADAM_STEP = "params" adam_step [] {
         0 adam: Uniform AdamParameters, 1 values: Write f32, 2 first: Write f32,
         3 second: Write f32, 5 raw_gradients: Write f32, 6 report: Write u32,
-        7 surfels: Write Surfel, 8 attributes: Write Attributes, 9 counters: Write u32,
+        9 counters: Write u32,
     }
 }
 

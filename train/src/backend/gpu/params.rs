@@ -7,8 +7,8 @@ use super::report::Report;
 use super::rows::ResidentRows;
 use crate::error::Result;
 use crate::params::{Adam, BadGradient, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
-use eagpt_scene::harmonics::NUM_COEFFICIENTS;
-use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
+use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};
+use eagpt_trace::gpu::kernel::{Buffer, Commands, Layout, Pass, groups, layout};
 use eagpt_trace::gpu::{Device, Frame, GpuScene, Reading};
 use glam::Vec3;
 use std::sync::Arc;
@@ -98,8 +98,12 @@ impl ResidentState {
             num_gaussians: self.num_gaussians as u32,
             ..bytemuck::Zeroable::zeroed()
         };
+        self.activate_by(&self.device.uniform("Adam", &parameters), fit)
+    }
+
+    fn activate_by(&self, parameters: &Buffer, fit: &GpuScene) -> Pass {
         let buffers = [
-            &self.device.uniform("Adam", &parameters),
+            parameters,
             &self.raw.values,
             fit.surfels(),
             fit.attributes(),
@@ -194,9 +198,9 @@ impl ResidentState {
         };
         let parameters = &self.device.uniform("Adam", &parameters);
         let (device, report, gradients) = (&self.device, &self.report, &self.raw_gradients);
-        let (surfels, attributes, counters) = (fit.surfels(), fit.attributes(), &frame.counters);
+        let (surfels, counters) = (fit.surfels(), &frame.counters);
         let each_gaussian = groups(self.num_gaussians as u32);
-        let mut passes = Vec::with_capacity(3);
+        let mut passes = Vec::with_capacity(4);
         // From gradients in the frame of each Gaussian to those by the raw parameters.
         let ResidentRows {
             values,
@@ -226,18 +230,22 @@ impl ResidentState {
             let buffers = [
                 parameters, values, first, second, gradients, report, surfels, counters,
             ];
-            passes.push(device.pass(&kernels::HARMONICS_STEP, &buffers, each_gaussian));
+            let each_function = groups((num_moving * NUM_FUNCTIONS) as u32);
+            passes.push(device.pass(&kernels::HARMONICS_STEP, &buffers, each_function));
         }
         let buffers = [
-            parameters, values, first, second, gradients, report, surfels, attributes, counters,
+            parameters, values, first, second, gradients, report, counters,
         ];
-        passes.push(device.pass(&kernels::ADAM_STEP, &buffers, each_gaussian));
+        // The report is written where nothing moves, too.
+        let each_parameter = groups((num_moving * NUM_PARAMETERS).max(1) as u32);
+        passes.push(device.pass(&kernels::ADAM_STEP, &buffers, each_parameter));
+        passes.push(self.activate_by(parameters, fit));
         passes
     }
 
-    /// The report of the step that was submitted last, when it is done.
-    pub(super) fn read_report(&self) -> Result<Reading<Report>> {
-        Ok(self.device.read_later(&self.report, 0..1)?)
+    /// Hands a step to the device; its report, when it is done.
+    pub(super) fn submit(&self, step: Commands) -> Result<Reading<Report>> {
+        Ok(self.device.submit_and_read(step, &self.report, 0..1)?)
     }
 
     /// The first gradient of the step of `report` that is not finite: nothing moved then.

@@ -238,18 +238,20 @@ impl GpuBackend {
         let num_steps = resident.num_steps();
         resident.begin();
         // Gaussians to lists of tiles, features of every ray, and a record of the blended hits.
-        scene.forward(rays)?;
+        let mut commands = device.commands();
+        scene.forward(rays, &mut commands)?;
         // Features to the terms of the loss, and to its derivatives by them.
         let target = (&camera, &wanted);
-        device.run(&loss.passes(device, target, &options, (frame, resident.report())))?;
+        let of_loss = loss.passes(device, target, &options, (frame, resident.report()));
+        device.record(&of_loss, &mut commands);
         // Derivatives by features to gradients of every Gaussian.
-        scene.backward(rays)?;
+        scene.backward(rays, &mut commands)?;
         // Gradients by the raw parameters; Adam moves these, and the Gaussians with them.
         let seen = (frame, camera.origin());
-        device.run(&resident.passes(scene, seen, &task.sizes))?;
+        device.record(&resident.passes(scene, seen, &task.sizes), &mut commands);
         resident.count(&task.sizes);
         // The host reads the report when other steps are queued behind this one.
-        let report = resident.read_report()?;
+        let report = resident.submit(commands)?;
         self.under_way.push_back(PendingStep {
             task,
             wanted,

@@ -22,7 +22,11 @@ const STEP_TOLERANCE: f32 = 3e-6;
 
 /// The report of the step that was submitted last.
 fn reported(device: &Device, state: &ResidentState) -> Report {
-    state.read_report().unwrap().wait(device).unwrap()[0]
+    state
+        .submit(device.commands())
+        .unwrap()
+        .wait(device)
+        .unwrap()[0]
 }
 
 /// Four steps with other gradients each: moments, corrections and everything that follows from
@@ -121,7 +125,9 @@ fn check_steps(
         cpu.show_light(light);
         cpu.write_gaussians(&mut gaussians);
         gpu.show_light(light, &fit).unwrap();
-        fit.forward(&camera).unwrap();
+        let mut commands = device.commands();
+        fit.forward(&camera, &mut commands).unwrap();
+        device.submit(commands).unwrap();
         let gradients: Vec<LocalGradient> = (0..cpu.len())
             .map(|i| {
                 let value = |k: usize| ((i * 37 + k * 11 + time * 5) % 101) as f32 / 50.0 - 1.0;
