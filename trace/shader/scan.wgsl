@@ -1,5 +1,5 @@
-// Exclusive prefix sums of 32-bit counts in place, a block for each workgroup; sums of blocks go to
-// the next level.
+// Exclusive prefix sums of 32-bit counts in place, one block or a few for each workgroup; sums of
+// workgroups go to the next level.
 
 #import declarations
 #import workgroup
@@ -15,20 +15,27 @@ fn scan_blocks(
     @builtin(num_workgroups) workgroups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let block = group_number(workgroup, workgroups);
-    let first = block * SCAN_BLOCK + thread * SCAN_PER_THREAD;
-    var sum = 0u;
-    for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
-        sum = saturating_add(sum, values[i]);
+    let group = group_number(workgroup, workgroups);
+    // Of the blocks before.
+    var before = 0u;
+    for (var block = 0u; block < scan.num_of_group; block += SCAN_BLOCK) {
+        let first = group * scan.num_of_group + block + thread * SCAN_PER_THREAD;
+        let end = min(first + SCAN_PER_THREAD, scan.num_values);
+        var sum = 0u;
+        for (var i = first; i < end; i++) {
+            sum = saturating_add(sum, values[i]);
+        }
+        var total = saturating_add(before, sum_before(thread, sum));
+        for (var i = first; i < end; i++) {
+            let value = values[i];
+            values[i] = total;
+            total = saturating_add(total, value);
+        }
+        before = saturating_add(before, thread_sums[SCAN_THREADS - 1u]);
+        workgroupBarrier();
     }
-    var total = sum_before(thread, sum);
-    for (var i = first; i < min(first + SCAN_PER_THREAD, scan.num_values); i++) {
-        let value = values[i];
-        values[i] = total;
-        total = saturating_add(total, value);
-    }
-    if thread == SCAN_THREADS - 1u && block * SCAN_BLOCK < scan.num_values {
-        block_sums[block] = total;
+    if thread == 0u && group * scan.num_of_group < scan.num_values {
+        block_sums[group] = before;
     }
 }
 

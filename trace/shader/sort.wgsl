@@ -1,10 +1,8 @@
-// One pass of a stable radix sort by four bits. Neither subgroups nor the order of atomics matter:
-// a thread owns a run of consecutive elements and a column of counters, and counters are added up
-// digit by digit, thread by thread.
+// One pass of a stable radix sort. Neither subgroups nor the order of atomics matter: a thread owns a
+// run of consecutive elements and a column of counters, which are added up thread by thread.
 
 #import declarations
 #import workgroup
-#import prefix_sum
 
 @group(0) @binding(0) var<uniform> sort: SortParameters;
 // The number of elements is one of these.
@@ -16,6 +14,8 @@
 @group(0) @binding(5) var<storage, read_write> sorted_keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted_values: array<u32>;
 
+// Elements of each digit among those of each thread: pairs of digits one after the other, the first
+// of a pair in the lower half of its words.
 var<workgroup> counters: array<u32, SORT_COUNTERS>;
 
 fn num_elements() -> u32 {
@@ -26,12 +26,22 @@ fn digit_of(key: u32) -> u32 {
     return (key >> sort.shift) % SORT_DIGITS;
 }
 
+fn counter_of(digit: u32, thread: u32) -> u32 {
+    return digit / 2u * SORT_ROW + thread;
+}
+
+// Shift to the half of a digit.
+fn half_of(digit: u32) -> u32 {
+    return 16u * (digit % 2u);
+}
+
 fn count_digits(thread: u32, first: u32, end: u32) {
-    for (var digit = 0u; digit < SORT_DIGITS; digit++) {
-        counters[digit * SORT_THREADS + thread] = 0u;
+    for (var digit = 0u; digit < SORT_DIGITS; digit += 2u) {
+        counters[counter_of(digit, thread)] = 0u;
     }
     for (var i = first; i < end; i++) {
-        counters[digit_of(keys[i]) * SORT_THREADS + thread] += 1u;
+        let digit = digit_of(keys[i]);
+        counters[counter_of(digit, thread)] += 1u << half_of(digit);
     }
 }
 
@@ -48,7 +58,7 @@ fn sort_count(
     if thread < SORT_DIGITS && block < sort.num_blocks {
         var count = 0u;
         for (var i = 0u; i < SORT_THREADS; i++) {
-            count += counters[thread * SORT_THREADS + i];
+            count += (counters[counter_of(thread, i)] >> half_of(thread)) & 0xffffu;
         }
         places[thread * sort.num_blocks + block] = count;
     }
@@ -65,31 +75,24 @@ fn sort_scatter(
     let end = min(first + SORT_PER_THREAD, num_elements());
     count_digits(thread, first, end);
     workgroupBarrier();
-    // Exclusive sums over all counters, in the order of digits, then threads: each thread adds a
-    // run of as many as there are digits.
-    var sum = 0u;
-    for (var i = 0u; i < SORT_DIGITS; i++) {
-        sum += counters[thread * SORT_DIGITS + i];
-    }
-    var total = sum_before(thread, sum);
-    for (var i = 0u; i < SORT_DIGITS; i++) {
-        let at = thread * SORT_DIGITS + i;
-        let count = counters[at];
-        counters[at] = total;
-        total += count;
-    }
-    workgroupBarrier();
-    // Where the digits of this block begin among its own.
-    if thread < SORT_DIGITS {
-        thread_sums[thread] = counters[thread * SORT_THREADS];
+    // Elements of each digit before those of each thread, two digits at a time.
+    if thread < SORT_DIGITS / 2u {
+        var sum = 0u;
+        for (var i = 0u; i < SORT_THREADS; i++) {
+            let at = counter_of(2u * thread, i);
+            let count = counters[at];
+            counters[at] = sum;
+            sum += count;
+        }
     }
     workgroupBarrier();
     for (var i = first; i < end; i++) {
         let key = keys[i];
         let digit = digit_of(key);
-        let rank = counters[digit * SORT_THREADS + thread];
-        counters[digit * SORT_THREADS + thread] = rank + 1u;
-        let place = places[digit * sort.num_blocks + block] + rank - thread_sums[digit];
+        let at = counter_of(digit, thread);
+        let rank = (counters[at] >> half_of(digit)) & 0xffffu;
+        counters[at] += 1u << half_of(digit);
+        let place = places[digit * sort.num_blocks + block] + rank;
         sorted_keys[place] = key;
         sorted_values[place] = values[i];
     }

@@ -21,8 +21,8 @@ pub(super) const TILE: u32 = 8;
 pub(super) const TILE_PIXELS: u32 = TILE * TILE;
 
 /// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one
-/// part in 4,096, and a sort takes three passes fewer.
-pub(super) const KEY_SHIFT: u32 = 11;
+/// part in 1,024, and a sort takes three passes, not six.
+pub(super) const KEY_SHIFT: u32 = 13;
 /// Bits of a key: a distance is not negative, so its sign is left out, too.
 const KEY_BITS: u32 = 31 - KEY_SHIFT;
 /// Key of what nobody sees: above that of every finite distance.

@@ -220,7 +220,8 @@ pub(super) fn declarations() -> String {
         ("SORT_PER_THREAD", sort::PER_THREAD),
         ("SORT_BLOCK", sort::BLOCK),
         ("SORT_DIGITS", sort::DIGITS),
-        ("SORT_COUNTERS", sort::DIGITS * sort::THREADS),
+        ("SORT_ROW", sort::ROW),
+        ("SORT_COUNTERS", sort::COUNTERS),
     ]
     .into_iter()
     .chain(capacity::PLACES)

@@ -7,18 +7,24 @@ use super::layout::{Layout, layout};
 use super::scan::scan;
 
 /// Invocations of a workgroup.
-pub(super) const THREADS: u32 = 128;
+pub(super) const THREADS: u32 = 64;
 /// Elements of an invocation.
-pub(super) const PER_THREAD: u32 = 8;
+pub(super) const PER_THREAD: u32 = 16;
 /// Elements of a workgroup.
 pub(super) const BLOCK: u32 = THREADS * PER_THREAD;
-/// Bits of a key that one pass sorts by.
-const DIGIT_BITS: u32 = 4;
+/// Bits of a key that one pass sorts by: a dispatch takes as long as sorting some 100,000 elements
+/// by more of them.
+const DIGIT_BITS: u32 = 6;
 /// Values of those.
 pub(super) const DIGITS: u32 = 1 << DIGIT_BITS;
+/// Words of the counters of two digits, 16 bits each: one for each invocation, and one more, so that
+/// rows begin in different banks of memory.
+pub(super) const ROW: u32 = THREADS + 1;
+/// Words of all counters.
+pub(super) const COUNTERS: u32 = DIGITS / 2 * ROW;
 
-// Counters of 128 invocations fill half of the 16 KiB that a workgroup is guaranteed.
-const _: () = assert!(4 * (DIGITS + 1) * THREADS <= 16 << 10);
+// No counter overflows, and they fit into what a workgroup is guaranteed.
+const _: () = assert!(BLOCK < 1 << 16 && 4 * COUNTERS <= 16 << 10 && DIGITS <= THREADS);
 
 /// Parameters of the kernels.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]

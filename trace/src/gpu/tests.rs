@@ -39,8 +39,8 @@ fn prefix_sums_are_exact_over_several_levels() {
     let Some(device) = device("prefix features") else {
         return;
     };
-    // One value, one block, blocks of blocks, and one value more than those.
-    for num in [1, 2048, 2049, 2048 * 3 + 5, 2048 * 2048 + 1] {
+    // One value, one block and a few, blocks of blocks, and one value more than those.
+    for num in [1, 2048, 2049, 2048 * 8, 2048 * 8 + 1, 2048 * 2048 + 1] {
         let values: Vec<u32> = words(num, 1).iter().map(|word| word % 1000).collect();
         let buffer = device
             .upload("values", bytemuck::cast_slice(&values))
@@ -239,8 +239,8 @@ fn passes_are_timed_where_the_device_can() {
     }
     // One that no other test works with: all that a device does is timed.
     let device = Device::open(&DeviceSelector::Gpu).unwrap();
-    let values = device.buffer("values", 4 * 5000).unwrap();
-    let passes = scan(&device, &values, 5000).unwrap();
+    let values = device.buffer("values", 4 * 20_000).unwrap();
+    let passes = scan(&device, &values, 20_000).unwrap();
     let (_, profile) = device.profile(|| device.run(&passes)).unwrap();
     let Some(profile) = profile else {
         assert!(!device.adapter().has_timestamps);
