@@ -26,5 +26,5 @@ mod tile;
 mod vertex;
 
 pub use camera::{CameraRecord, HitSearch};
-pub use glossy::Mirrored;
+pub use glossy::{GlossyPoint, Mirrored};
 pub use scene::{CpuScene, SampledHit};

@@ -6,6 +6,7 @@
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
 pub mod gaussians;
+mod highlights;
 mod lamps;
 mod receivers;
 mod series;
@@ -179,6 +180,7 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
             fitted.map(|radiances| Solved {
                 radiances,
                 basis: None,
+                harmonics: bake.scene.harmonics.clone(),
             })
         }
         BakeMethod::Gaussians(method) => {
@@ -195,9 +197,14 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
     }
     let mut num_lights = None;
     let scene = match solved {
-        Some(Solved { radiances, basis }) => {
+        Some(Solved {
+            radiances,
+            basis,
+            harmonics,
+        }) => {
             let baked = Gaussians {
                 radiances,
+                harmonics,
                 ..bake.scene
             };
             let lights = lights_file_beside(&request.out);

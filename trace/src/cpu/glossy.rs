@@ -16,8 +16,8 @@ use crate::transport::lights::Lights;
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::transport::{LIGHT_SHARE, LightOptions};
-use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
+use eagpt_scene::{Camera, Gloss};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -35,6 +35,17 @@ pub struct Mirrored {
     /// E(μ): of light from everywhere, what the lobe reflects towards the camera. Of the rest the
     /// albedo is scattered.
     pub reflectance: Vec3,
+}
+
+/// A point of a glossy surface, seen from somewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GlossyPoint {
+    /// Where it is.
+    pub surface: Surface,
+    /// Unit direction to the eye.
+    pub to_eye: Vec3,
+    /// Its gloss.
+    pub gloss: Gloss,
 }
 
 /// A pixel of a glossy surface.
@@ -84,10 +95,14 @@ impl Mirrors<'_> {
         threshold: f32,
         key: RandomKey,
     ) -> Vec<(usize, Gathered)> {
-        let glosses = self.scene.gloss_of_pixels(camera, features);
+        let (glosses, means) = self.scene.gloss_and_mean_radiance(camera, features);
         let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
         let of_surface = |&(pixel, vertex): &(u32, Vertex)| {
-            let carried = features.pixels[pixel as usize].radiance();
+            // What harmonics have of a highlight is sampled.
+            let carried = match vertex.is_glossy() {
+                true => means[pixel as usize],
+                false => features.pixels[pixel as usize].radiance(),
+            };
             let gathered = self.gathered(vertex, carried, threshold, (key, pixel));
             (pixel as usize, gathered)
         };
@@ -219,5 +234,25 @@ impl CpuScene {
             all[*pixel as usize] = mirrored;
         }
         all
+    }
+
+    /// The same for `points`, with the random numbers of `key`. `[points]`
+    pub fn mirrored_at(
+        &self,
+        points: &[GlossyPoint],
+        num_samples: u32,
+        key: RandomKey,
+    ) -> Vec<Mirrored> {
+        let mirrors = Mirrors {
+            scene: self,
+            lights: self.lights(),
+            num_samples,
+        };
+        let of_point = |(i, point): (usize, &GlossyPoint)| {
+            let number = i as u32;
+            let mirror = Vertex::mirror_of(point);
+            (mirrors.sampled(mirror, &Points::new(key, number), number)).0
+        };
+        points.par_iter().enumerate().map(of_point).collect()
     }
 }

@@ -2,11 +2,13 @@
 
 use super::CpuScene;
 use super::camera::{self, HitSearch, Keep};
+use super::glossy::GlossyPoint;
 use crate::blend::GlossBlend;
 use crate::features::{Features, GBuffer};
 use crate::tracer::Guide;
 use crate::transport::bsdf::Bsdf;
 use crate::transport::start::Surface;
+use crate::weights::BlendWeights;
 use eagpt_scene::{Camera, Gloss};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -48,6 +50,17 @@ impl Vertex {
             },
             alpha,
         })
+    }
+
+    /// The specular part of a glossy point.
+    pub(super) fn mirror_of(point: &GlossyPoint) -> Self {
+        Self {
+            surface: point.surface,
+            to_eye: point.to_eye,
+            albedo: Vec3::ZERO,
+            gloss: point.gloss,
+            alpha: 1.0,
+        }
     }
 
     /// The surface without what it scatters diffusely.
@@ -135,13 +148,30 @@ impl CpuScene {
         if !self.is_glossy() {
             return Vec::new();
         }
-        let set = self.surfels();
-        let (_, record) = camera::trace(set, camera, HitSearch::Tiles, Keep::Record);
-        let blended = record
-            .weights(0.0)
-            .blend(|i| GlossBlend::of(&set.gloss[i as usize]));
-        let pixels = blended.into_iter().zip(&features.pixels);
-        pixels
+        self.blended_gloss(&self.weights_of_pixels(camera), features)
+    }
+
+    /// The same with the radiance that the Gaussians of each pixel have in the mean over all
+    /// directions, whatever their harmonics, of a glossy scene.
+    pub(super) fn gloss_and_mean_radiance(
+        &self,
+        camera: &Camera,
+        features: &GBuffer,
+    ) -> (Vec<Gloss>, Vec<Vec3>) {
+        let weights = self.weights_of_pixels(camera);
+        let mean = weights.blend(|i| self.attributes(i).radiance());
+        (self.blended_gloss(&weights, features), mean)
+    }
+
+    fn weights_of_pixels(&self, camera: &Camera) -> BlendWeights {
+        let (_, record) = camera::trace(self.surfels(), camera, HitSearch::Tiles, Keep::Record);
+        record.weights(0.0)
+    }
+
+    fn blended_gloss(&self, weights: &BlendWeights, features: &GBuffer) -> Vec<Gloss> {
+        let of = |i: u32| GlossBlend::of(&self.surfels().gloss[i as usize]);
+        let blended = weights.blend(of).into_iter().zip(&features.pixels);
+        blended
             .map(|(blend, seen)| blend.finish(seen.alpha()))
             .collect()
     }

@@ -8,12 +8,14 @@
 //! with a vector. After b bounces the scene carries the light of paths of at most b bounces.
 //!
 //! Glossy surfaces send on what a diffuse surface of the same reflectance would: their energy is
-//! kept, the direction of what they mirror is not. Renderings by `1-bounce` have it.
+//! kept, the direction of what they mirror is not. Cameras see it by harmonics
+//! ([`super::highlights`]).
 //!
 //! Light is linear in the lamps. Where the light of each is asked for, it goes through the same
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
+use super::highlights;
 use super::lamps::evened;
 use super::receivers::Receivers;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
@@ -26,7 +28,7 @@ use eagpt_scene::lamps::read_lamps;
 use eagpt_scene::light_basis::geometry_digest;
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Gaussians, LightBasis, LightGroups, SceneError};
+use eagpt_scene::{Camera, Gaussians, Harmonics, LightBasis, LightGroups, SceneError};
 use eagpt_trace::Tracer;
 use eagpt_trace::transport::bsdf::equivalent_albedos;
 use eagpt_trace::transport::matrix::Directions;
@@ -65,6 +67,8 @@ pub(super) struct Solved {
     pub(super) radiances: Vec<Vec3>,
     /// Reflected light of each lamp.
     pub(super) basis: Option<LightBasis>,
+    /// Harmonics of all Gaussians, `[n]`, or none.
+    pub(super) harmonics: Vec<Harmonics>,
 }
 
 /// File of the traced rows in the work folder.
@@ -99,9 +103,16 @@ impl Bake<'_> {
         let told = &mut self.progress;
         let reflected = sum_of_bounces(albedos, &light, max_bounces, parts.as_ref(), told);
         let basis = |lights| LightBasis::new(&self.scene, lights, &reflected.parts);
+        let basis = lights.as_ref().map(basis);
+        let radiances = with_emitters(&self.scene, &reflected.total);
+        self.scene.radiances.clone_from(&radiances);
+        let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 2);
+        let cameras = self.cameras();
+        let harmonics = highlights::harmonics(&self.scene, &traced.receivers, &cameras, key);
         Ok(Some(Solved {
-            radiances: with_emitters(&self.scene, &reflected.total),
-            basis: lights.as_ref().map(basis),
+            radiances,
+            basis,
+            harmonics,
         }))
     }
 
@@ -236,6 +247,13 @@ impl Bake<'_> {
         }
         self.num_rays += traced.matrix.num_rays;
         Ok(Some(traced))
+    }
+
+    /// Cameras of the views to bake for.
+    fn cameras(&self) -> Vec<Camera> {
+        let frames = self.dataset.frames();
+        let cameras = self.frames.iter().map(|&frame| frames[frame].camera);
+        cameras.collect()
     }
 
     /// Key of the random numbers of all directions.

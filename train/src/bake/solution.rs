@@ -1,6 +1,7 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
 use super::gaussians::{self, GaussianBake};
+use super::highlights;
 use super::receivers::Receivers;
 use super::series::{Exchange, sum_of_bounces};
 use super::{BakeProgress, emits, forget_directions, with_emitters};
@@ -75,6 +76,8 @@ impl Solution<'_> {
             return Ok(None);
         }
         scene.radiances = with_emitters(&scene, &reflected.total);
+        let key = RandomKey::new(self.seed, Purpose::Bake, 2);
+        scene.harmonics = highlights::harmonics(&scene, &receivers, self.cameras, key);
         Ok(Some(scene))
     }
 }

@@ -28,10 +28,6 @@ const ENOUGH: usize = 60;
 /// views which the lobe of the other explains.
 const LEAST_EXPLAINED: f64 = 0.15;
 const LEAST_FORETOLD: f64 = 0.1;
-/// Of a metal, least standard deviation between views that its lobe explains, in parts of its light:
-/// all of that is mirrored, and rooms are uneven. Measured: .03 and .04 of even walls and a cornice
-/// that were taken for rough metal and lost their albedo; .075 and more of mirrors and steel.
-const LEAST_DEVIATION_OF_METAL: f64 = 0.06;
 /// Least part of the predicted light that is no noise.
 const LEAST_CERTAINTY: f64 = 0.3;
 /// F0 from which on a surface is a metal, which may have a colour.
@@ -105,11 +101,13 @@ impl Evidence {
                 .map_or(f64::NEG_INFINITY, |lobe| of.explained(lobe))
         };
         let foretold = foretold(first, second).min(foretold(second, first));
-        let is_uneven = lobe.specular < METAL
-            || explained.sqrt() * self.all.deviation() >= LEAST_DEVIATION_OF_METAL;
+        // All that a bare metal shows is mirrored: its lobe tells it better than the mean of each
+        // point does, which walls that differ a little between views do not pass.
+        let bare = self.bare(lobe);
+        let is_told = bare.is_none_or(|bare| self.all.explained_alone(bare) > 0.0);
         // More than all is noise.
         let sound = lobe.is_sound()
-            && is_uneven
+            && is_told
             && explained <= 1.0
             && (LEAST_FORETOLD..=1.0).contains(&foretold);
         sound.then(|| Decision {
@@ -118,10 +116,17 @@ impl Evidence {
                 specular: self.specular(lobe),
                 roughness: ROUGHNESSES[lobe.roughness],
             },
-            is_bare: lobe.specular >= METAL && self.all.bare(lobe).is_possible,
+            is_bare: bare.is_some(),
             explained,
             foretold,
         })
+    }
+
+    /// The lobe of a metal that scatters nothing, if it is one.
+    fn bare(&self, lobe: Fit) -> Option<Fit> {
+        (lobe.specular >= METAL)
+            .then(|| self.all.bare(lobe))
+            .flatten()
     }
 
     /// F0 of each channel: grey, unless it is a metal and a colour of one half of the views explains
@@ -130,7 +135,7 @@ impl Evidence {
         if lobe.specular < METAL {
             return Vec3::splat(lobe.specular as f32);
         }
-        let specular = self.all.bare(lobe).specular.unwrap_or(lobe.specular);
+        let specular = self.bare(lobe).unwrap_or(lobe).specular;
         let grey = Vec3::splat(specular as f32);
         let colour_of = |sums: &[Sums; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
         let explained = |half: usize, speculars: [f64; 3]| -> f64 {

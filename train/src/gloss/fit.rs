@@ -13,27 +13,22 @@
 /// Roughnesses that are tried.
 pub(super) const ROUGHNESSES: [f32; 7] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65];
 pub(super) const NUM: usize = ROUGHNESSES.len();
-/// F0 that are tried, from the least to 1 in equal ratios, and one beyond either end: where that
-/// explains most, the model does not hold.
+/// F0 that are tried, from the least to 1 in equal ratios, and some beyond either end: where those
+/// explain most, the model does not hold.
 const LEAST_SPECULAR: f64 = 0.02;
 const NUM_SPECULARS: usize = 40;
+const NUM_BEYOND: usize = 4;
 
 /// A surface scatters if more is seen than this many times what its lobe can mirror: the F0 that
 /// are tried are 10 % apart.
 const BARE_TOLERANCE: f64 = 1.1;
 
+/// Share of what a lobe beyond the ideal mirror explains that the mirror has to.
+const MIRROR_SHARE: f64 = 0.95;
+
 /// Share of what a lobe mirrors that has to be seen: the scene that it is predicted from may be too
 /// bright where a dark part of it is mirrored.
 const LEAST_SHOWN: f64 = 0.5;
-
-/// A surface as a bare metal, which scatters nothing.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Bare {
-    /// Whether no more is seen than its lobe may mirror.
-    pub(super) is_possible: bool,
-    /// Its F0 by all that is seen, if that is as well explained as any.
-    pub(super) specular: Option<f64>,
-}
 
 /// One view of a point, for one roughness.
 #[derive(Debug, Clone, Copy, Default)]
@@ -66,6 +61,9 @@ struct Products {
     with_light: [f64; 3],
     /// Sums of A and of B, not demeaned.
     level: [f64; 2],
+    /// Of what is not demeaned, AA, AB and BB between the halves of samples, and A and B with what is
+    /// seen.
+    whole: [f64; 5],
 }
 
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
@@ -80,8 +78,9 @@ fn square(specular: f64) -> [f64; 6] {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sums {
     of_light: f64,
-    /// Sum of what is seen, not demeaned.
+    /// Sums of what is seen and of its square, not demeaned.
     level: f64,
+    squares: f64,
     lobes: [Products; NUM],
     pub(super) num_seen: usize,
     pub(super) num_points: usize,
@@ -103,6 +102,7 @@ impl Sums {
         for view in views {
             self.of_light += view.weight * (view.light - mean).powi(2);
             self.level += view.weight * view.light;
+            self.squares += view.weight * view.light.powi(2);
         }
         for (k, products) in self.lobes.iter_mut().enumerate() {
             let both = |halves: [f64; 2]| 0.5 * (halves[0] + halves[1]);
@@ -110,6 +110,19 @@ impl Sums {
             let edge = mean_of(&|view| both(view.lobes[k].edge));
             products.level[0] += total * facing;
             products.level[1] += total * edge;
+            for view in views {
+                let Lobe { facing, edge, .. } = view.lobes[k];
+                let sums = [
+                    facing[0] * facing[1],
+                    0.5 * (facing[0] * edge[1] + facing[1] * edge[0]),
+                    edge[0] * edge[1],
+                    view.light * both(facing),
+                    view.light * both(edge),
+                ];
+                for (sum, product) in products.whole.iter_mut().zip(sums) {
+                    *sum += view.weight * product;
+                }
+            }
             let left = mean - edge;
             let terms = |view: &Seen| {
                 let lobe = &view.lobes[k];
@@ -149,6 +162,7 @@ impl Sums {
     pub(super) fn add(&mut self, other: &Self) {
         self.of_light += other.of_light;
         self.level += other.level;
+        self.squares += other.squares;
         self.num_seen += other.num_seen;
         self.num_points += other.num_points;
         for (sum, more) in self.lobes.iter_mut().zip(&other.lobes) {
@@ -161,6 +175,7 @@ impl Sums {
             add(&mut sum.within, &more.within);
             add(&mut sum.with_light, &more.with_light);
             add(&mut sum.level, &more.level);
+            add(&mut sum.whole, &more.whole);
         }
     }
 
@@ -187,16 +202,15 @@ impl Sums {
         (sum_of(&products.across, lobe.specular) / within).clamp(0.0, 1.0)
     }
 
-    /// The lobe that explains most, of those that are certain enough; `None` without any.
+    /// The lobe that explains most, of those that are certain enough; `None` without any. Beyond the
+    /// ideal mirror there is nothing: where that explains most, and the mirror nearly as much, the
+    /// lobe is the mirror's.
     pub(super) fn fit(&self, certainty: f64) -> Option<Fit> {
         let all = (0..NUM).flat_map(|roughness| speculars().map(move |f| Fit::new(roughness, f)));
-        self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))
-    }
-
-    /// Standard deviation between views of a point, in parts of its light, to which views that see
-    /// it faintly add less.
-    pub(super) fn deviation(&self) -> f64 {
-        (self.of_light / (self.num_seen as f64).max(1.0)).sqrt()
+        let best = self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))?;
+        let mirror = Fit::new(best.roughness, best.specular.min(1.0));
+        let is_as_good = self.explained(mirror) >= MIRROR_SHARE * self.explained(best);
+        Some(if is_as_good { mirror } else { best })
     }
 
     /// Whether as much is seen, about, as a lobe mirrors: a surface that has it sends at least that.
@@ -205,18 +219,30 @@ impl Sums {
         self.level >= LEAST_SHOWN * (lobe.specular * facing + edge)
     }
 
-    /// The F0 at which a lobe mirrors all that is seen, nothing being scattered.
+    /// Share of the differences between views that a lobe explains alone, nothing being scattered:
+    /// 0 where it tells what is seen no better than the mean of each point.
+    pub(super) fn explained_alone(&self, lobe: Fit) -> f64 {
+        let f = lobe.specular;
+        let [aa, ab, bb, al, bl] = self.lobes[lobe.roughness].whole;
+        let error = self.squares - 2.0 * (f * al + bl) + f * f * aa + 2.0 * f * ab + bb;
+        1.0 - error / self.of_light.max(f64::MIN_POSITIVE)
+    }
+
+    /// The lobe of a bare metal, with the F0 at which it mirrors all that is seen if that is as well
+    /// explained as any; `None` where more is seen than it may mirror.
     ///
     /// Where the scene is a little off, so are the mirror images that are predicted, and the F0
     /// that explains most is too small, by no more than what is left unexplained.
-    pub(super) fn bare(&self, lobe: Fit) -> Bare {
+    pub(super) fn bare(&self, lobe: Fit) -> Option<Fit> {
         let [facing, edge] = self.lobes[lobe.roughness].level;
         let specular = (self.level - edge) / facing;
         let most = lobe.specular / self.explained(lobe);
-        Bare {
-            is_possible: specular <= BARE_TOLERANCE * most,
-            specular: ((lobe.specular..=most).contains(&specular)).then(|| specular.min(1.0)),
-        }
+        let is_best = (lobe.specular..=most).contains(&specular);
+        let bare = match is_best {
+            true => Fit::new(lobe.roughness, specular.min(1.0)),
+            false => lobe,
+        };
+        (specular <= BARE_TOLERANCE * most).then_some(bare)
     }
 
     /// The F0 that explains most for one of [`ROUGHNESSES`].
@@ -237,7 +263,7 @@ fn sum_of(products: &[f64; 6], specular: f64) -> f64 {
 
 fn speculars() -> impl Iterator<Item = f64> {
     let step = |i: usize| (i as f64 - 1.0) / (NUM_SPECULARS - 1) as f64;
-    (0..NUM_SPECULARS + 2).map(move |i| LEAST_SPECULAR.powf(1.0 - step(i)))
+    (0..NUM_SPECULARS + 1 + NUM_BEYOND).map(move |i| LEAST_SPECULAR.powf(1.0 - step(i)))
 }
 
 /// A lobe.

@@ -49,7 +49,7 @@ impl TrainOptions {
             iterations,
             gather: Gather::Gaussians,
             num_samples,
-            gloss: false,
+            gloss: preset == Preset::Fast,
             rate: 5e-2,
             final_share: 0.1,
             emission_threshold: eagpt_trace::transport::EMISSION_THRESHOLD,

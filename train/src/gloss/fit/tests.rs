@@ -112,10 +112,14 @@ fn a_surface_shows_at_least_what_it_mirrors() {
 }
 
 #[test]
-fn an_even_surface_does_not_differ_between_views() {
-    let even = sums(0.0, |scattered, _, _| scattered);
-    assert!(even.deviation() < 1e-9);
-    // A square wave about the light of each point.
-    let waves = sums(0.0, |_, _, other| 1.0 + 0.2 * (other - 0.5).signum());
-    assert!((waves.deviation() - 0.2).abs() < 0.02);
+fn what_scatters_is_not_told_by_its_lobe_alone() {
+    let mirrored = |lobe: &Lobe| 0.5 * lobe.facing[0] + lobe.edge[0];
+    let metal = sums(0.0, |_, lobe, _| mirrored(lobe));
+    let lobe = metal.fit(0.2).and_then(|lobe| metal.bare(lobe)).unwrap();
+    assert!(metal.explained_alone(lobe) > 0.9);
+    let paint = sums(0.0, |scattered, lobe, _| scattered + mirrored(lobe));
+    let lobe = paint.fit(0.2).unwrap();
+    assert!(paint.explained(lobe) > 0.9);
+    assert_eq!(paint.bare(lobe), None);
+    assert!(paint.explained_alone(lobe) < 0.0);
 }

@@ -1,0 +1,349 @@
+//! Highlights of a baked scene: what glossy surfaces mirror of the baked light towards cameras, in
+//! the harmonics of their Gaussians.
+//!
+//! The baked radiance of a glossy Gaussian is what a diffuse surface of the same reflectance would
+//! have. Here the ratio of the light that goes to some of the cameras to that is sampled, fitted
+//! together with that of neighbours on the surface, and kept by harmonics. Those of degree 2 hold
+//! wide lobes and the slope of narrow ones; sharp mirror images need a gather.
+
+use super::receivers::Receivers;
+use crate::irradiance::smooth::Smoothing;
+use eagpt_scene::harmonics::{self, NUM_FUNCTIONS};
+use eagpt_scene::rng::RandomKey;
+use eagpt_scene::{Camera, Gaussians, Harmonics};
+use eagpt_trace::cpu::{CpuScene, GlossyPoint};
+use eagpt_trace::transport::bsdf::equivalent_albedo;
+use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::start::Surface;
+use glam::Vec3;
+use nalgebra::SMatrix;
+use rayon::prelude::*;
+
+/// Cameras that a Gaussian is seen from, at most.
+const MAX_EYES: usize = 16;
+/// Directions of the lobe for each of them.
+const NUM_SAMPLES: u32 = 8;
+/// Cosine at which cameras see a surface, at least.
+const MIN_COSINE: f32 = 0.05;
+/// Ratios of light to diffuse light are held within this and its inverse.
+const MAX_RATIO: f32 = 20.0;
+/// Least radiance that others are divided by, in parts of the mean.
+const MIN_RADIANCE: f32 = 1e-3;
+/// Squared coefficients count as much as this part of the squared errors.
+const RIDGE: f32 = 0.02;
+
+/// The constant and the functions of harmonics.
+const NUM_TERMS: usize = NUM_FUNCTIONS + 1;
+
+/// Sums of products of a linear fit: of terms, and of terms with the ratios of three channels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Products {
+    terms: SMatrix<f32, NUM_TERMS, NUM_TERMS>,
+    ratios: SMatrix<f32, NUM_TERMS, 3>,
+}
+
+impl Products {
+    const ZERO: Self = Self {
+        terms: SMatrix::from_array_storage(nalgebra::ArrayStorage([[0.0; NUM_TERMS]; NUM_TERMS])),
+        ratios: SMatrix::from_array_storage(nalgebra::ArrayStorage([[0.0; NUM_TERMS]; 3])),
+    };
+
+    fn add(&mut self, terms: &SMatrix<f32, NUM_TERMS, 1>, ratio: Vec3) {
+        self.terms += terms * terms.transpose();
+        self.ratios += terms * SMatrix::<f32, 1, 3>::from(ratio.to_array());
+    }
+
+    fn add_weighted(&mut self, other: &Self, weight: f32) {
+        self.terms += other.terms * weight;
+        self.ratios += other.ratios * weight;
+    }
+
+    /// Coefficients with the least squared error; that of the constant is free.
+    fn solved(mut self) -> Option<SMatrix<f32, NUM_TERMS, 3>> {
+        let ridge = RIDGE * self.terms[(0, 0)];
+        for k in 1..NUM_TERMS {
+            self.terms[(k, k)] += ridge;
+        }
+        Some(self.terms.cholesky()?.solve(&self.ratios))
+    }
+}
+
+fn terms_of(direction: Vec3) -> SMatrix<f32, NUM_TERMS, 1> {
+    let functions = harmonics::functions(direction);
+    SMatrix::from_fn(|k, _| if k == 0 { 1.0 } else { functions[k - 1] })
+}
+
+/// A glossy Gaussian at a point of its surface.
+struct Glossy {
+    /// Its row among the receivers.
+    row: usize,
+    receiver: Receiver,
+    /// Unit directions to the eyes that see it.
+    to_eyes: Vec<Vec3>,
+}
+
+/// Harmonics of the Gaussians of a `baked` scene, `[n]`; its own where nothing is glossy. Emitters
+/// keep theirs.
+pub(super) fn harmonics(
+    baked: &Gaussians,
+    receivers: &Receivers,
+    cameras: &[Camera],
+    key: RandomKey,
+) -> Vec<Harmonics> {
+    let mut found = baked.harmonics.clone();
+    if baked.gloss.is_empty() {
+        return found;
+    }
+    found.resize(baked.len(), Harmonics::NONE);
+    let rows = of_rows(baked, &receivers.traced, cameras, key);
+    for (i, sources) in receivers.each() {
+        if baked.gloss[i].is_some() {
+            let coefficient = |k: usize| sources.mean(|row| Vec3::splat(rows[row].0[k])).x;
+            found[i] = Harmonics(std::array::from_fn(coefficient));
+        }
+    }
+    found
+}
+
+/// Those of `receivers`, `[receivers]`; none of what is not glossy.
+fn of_rows(
+    baked: &Gaussians,
+    receivers: &[Receiver],
+    cameras: &[Camera],
+    key: RandomKey,
+) -> Vec<Harmonics> {
+    let scene = CpuScene::new(baked);
+    let gloss_of = |(i, _): &Receiver| baked.gloss[*i as usize];
+    let with_eyes = |(row, receiver): (usize, &Receiver)| {
+        gloss_of(receiver).is_some().then(|| Glossy {
+            row,
+            receiver: *receiver,
+            to_eyes: eyes(&scene, receiver, cameras),
+        })
+    };
+    let all = receivers.par_iter().enumerate();
+    let glossy: Vec<Glossy> = all.filter_map(with_eyes).collect();
+    let products = products(baked, &scene, &glossy, key);
+    let places: Vec<Receiver> = glossy.iter().map(|one| one.receiver).collect();
+    let smoothing = Smoothing::new(&places);
+    let with_neighbours = |(g, one): (usize, &Glossy)| {
+        let mut own = 1.0;
+        let mut sum = Products::ZERO;
+        for &(j, weight) in smoothing.neighbours(g) {
+            own -= weight;
+            if gloss_of(&places[j as usize]) == gloss_of(&one.receiver) {
+                sum.add_weighted(&products[j as usize], weight);
+            }
+        }
+        sum.add_weighted(&products[g], own);
+        (one.row, fitted(sum, &one.to_eyes))
+    };
+    let smooth = glossy.par_iter().enumerate().map(with_neighbours);
+    let mut rows = vec![Harmonics::NONE; receivers.len()];
+    for (row, harmonics) in smooth.collect::<Vec<_>>() {
+        rows[row] = harmonics;
+    }
+    rows
+}
+
+/// Unit directions from a receiver to eyes that see it, a few of all.
+fn eyes(scene: &CpuScene, (i, surface): &Receiver, cameras: &[Camera]) -> Vec<Vec3> {
+    let shown = cameras.iter().filter_map(|camera| {
+        let at = camera.project(surface.position);
+        let is_inside = at.z > 0.0
+            && (0.0..camera.width as f32).contains(&at.x)
+            && (0.0..camera.height as f32).contains(&at.y);
+        let offset = camera.origin() - surface.position;
+        let to_eye = offset.normalize_or_zero();
+        let is_before = to_eye.dot(surface.normal) >= MIN_COSINE;
+        (is_inside && is_before).then(|| (offset.length(), to_eye))
+    });
+    let shown: Vec<(f32, Vec3)> = shown.collect();
+    let step = shown.len().div_ceil(MAX_EYES).max(1);
+    let is_seen = |&(distance, to_eye): &(f32, Vec3)| {
+        let hit = scene.sample_hit(&surface.ray(to_eye), *i);
+        hit.is_none_or(|hit| hit.t >= distance)
+    };
+    let some = shown.iter().skip(*i as usize % step).step_by(step);
+    some.copied()
+        .filter(is_seen)
+        .map(|(_, to_eye)| to_eye)
+        .collect()
+}
+
+/// Products of each of `glossy` with its own ratios.
+fn products(
+    baked: &Gaussians,
+    scene: &CpuScene,
+    glossy: &[Glossy],
+    key: RandomKey,
+) -> Vec<Products> {
+    let points: Vec<GlossyPoint> = (glossy.iter())
+        .flat_map(|one| {
+            let (i, surface) = one.receiver;
+            let point = move |to_eye: &Vec3| point(&surface, *to_eye, baked, i);
+            one.to_eyes.iter().map(point)
+        })
+        .collect();
+    let mut mirrored = scene.mirrored_at(&points, NUM_SAMPLES, key).into_iter();
+    let mean = baked.radiances.iter().map(|l| l.element_sum()).sum::<f32>() / 3.0;
+    let least = Vec3::splat(MIN_RADIANCE * mean / baked.len() as f32);
+    let of = |one: &Glossy| {
+        let i = one.receiver.0 as usize;
+        let (albedo, carried) = (baked.albedos[i], baked.radiances[i].max(least));
+        let all = equivalent_albedo(albedo, baked.gloss[i]).max(Vec3::splat(1e-3));
+        let mut sum = Products::ZERO;
+        for (to_eye, mirrored) in one.to_eyes.iter().zip(&mut mirrored) {
+            let scattered = albedo * (Vec3::ONE - mirrored.reflectance) / all;
+            let ratio = mirrored.light / carried + scattered;
+            sum.add(&terms_of(-*to_eye), ratio.min(Vec3::splat(MAX_RATIO)));
+        }
+        sum
+    };
+    glossy.iter().map(of).collect()
+}
+
+fn point(surface: &Surface, to_eye: Vec3, baked: &Gaussians, i: u32) -> GlossyPoint {
+    GlossyPoint {
+        surface: *surface,
+        to_eye,
+        gloss: baked.gloss[i as usize],
+    }
+}
+
+/// Harmonics that have the ratio of `products` towards the eyes: what is linear there is in the
+/// exponent here.
+fn fitted(products: Products, to_eyes: &[Vec3]) -> Harmonics {
+    let Some(linear) = products.solved() else {
+        return Harmonics::NONE;
+    };
+    let mut terms = SMatrix::<f32, NUM_FUNCTIONS, NUM_FUNCTIONS>::zeros();
+    let mut logs = SMatrix::<f32, NUM_FUNCTIONS, 3>::zeros();
+    for to_eye in to_eyes {
+        let all = terms_of(-*to_eye);
+        let ratio = linear.transpose() * all;
+        let log = ratio.map(|r| r.clamp(MAX_RATIO.recip(), MAX_RATIO).ln());
+        let functions = all.fixed_rows::<NUM_FUNCTIONS>(1);
+        terms += functions * functions.transpose();
+        logs += functions * log.transpose();
+    }
+    for k in 0..NUM_FUNCTIONS {
+        terms[(k, k)] += RIDGE * to_eyes.len() as f32;
+    }
+    let solved = terms.cholesky().map(|terms| terms.solve(&logs));
+    solved.map_or(Harmonics::NONE, |c| {
+        Harmonics(std::array::from_fn(|at| c[(at / 3, at % 3)]))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::gaussians::GaussianBake;
+    use super::super::solution::Solution;
+    use super::*;
+    use eagpt_scene::{Gaussian, Gloss};
+    use eagpt_testkit::gaussians::{look_at, material, rectangle};
+    use eagpt_trace::{Device, Integrator, LightOptions, Tracer};
+    use glam::{DVec3, Vec2};
+    use std::ops::ControlFlow;
+
+    /// A floor of brushed metal or of paint, a wall behind it, and a lamp before that.
+    fn room(gloss: Gloss, albedo: f32) -> Gaussians {
+        let paint = |albedo: f32| material(Vec3::ZERO, 0.0, Vec3::splat(albedo));
+        let floor = rectangle(
+            Vec3::ZERO,
+            2.0 * Vec3::X,
+            2.0 * Vec3::Y,
+            0.12,
+            paint(albedo),
+        );
+        let floor = floor.into_iter().map(|g| Gaussian { gloss, ..g });
+        let up = Vec3::new(0.0, 0.0, 2.0);
+        let wall = rectangle(Vec3::new(0.0, 2.0, 1.0), 2.0 * Vec3::X, up, 0.2, paint(0.5));
+        let lamp = material(Vec3::splat(30.0), 1.0, Vec3::ZERO);
+        let lamp = Gaussian {
+            scale: Vec2::splat(0.1),
+            ..lamp
+        };
+        let lamp = rectangle(
+            Vec3::new(0.2, 1.5, 1.0),
+            0.3 * Vec3::X,
+            Vec3::new(0.0, 0.0, 0.3),
+            0.1,
+            lamp,
+        );
+        floor.chain(wall).chain(lamp).collect()
+    }
+
+    fn cameras() -> Vec<Camera> {
+        let eye = |i: u32| {
+            let across = f64::from(i % 5) - 2.0;
+            DVec3::new(across, -2.5, 1.0 + 0.4 * f64::from(i / 5))
+        };
+        let target = DVec3::new(0.0, 0.3, 0.0);
+        (0..20).map(|i| look_at(eye(i), target, 48, 32)).collect()
+    }
+
+    fn baked(scene: Gaussians, cameras: &[Camera]) -> Gaussians {
+        let solution = Solution {
+            device: &Device::Cpu,
+            cameras,
+            method: GaussianBake {
+                num_samples: Some(256),
+            },
+            max_bounces: 4,
+            seed: 3,
+        };
+        let mut told = |_| ControlFlow::Continue(());
+        solution.of(scene, &mut told).unwrap().unwrap()
+    }
+
+    /// Mean difference of `0-bounce` from what a gather sees, over pixels without lamps, as a part
+    /// of the light there.
+    fn error(scene: &Gaussians, camera: &Camera) -> f32 {
+        let scene = CpuScene::new(scene);
+        let render = |integrator| {
+            let options = LightOptions::default();
+            scene.render(camera, &integrator, &options).unwrap()
+        };
+        let plain = render(Integrator::ZeroBounce);
+        let gathered = render(Integrator::Gather { num_samples: 256 });
+        let (mut off, mut all) = (0.0, 0.0);
+        let pixels = plain.radiance.pixels().iter();
+        let pixels = pixels.zip(gathered.radiance.pixels());
+        for ((a, b), seen) in pixels.zip(&plain.features.pixels) {
+            if seen.emission() < 0.1 {
+                off += (Vec3::from(*a) - Vec3::from(*b)).abs().element_sum();
+                all += Vec3::from(*b).element_sum();
+            }
+        }
+        off / all
+    }
+
+    /// From eyes between those it was baked for, too.
+    #[test]
+    fn a_floor_of_metal_shows_the_lamp_where_it_mirrors_it() {
+        let metal = Gloss {
+            specular: Vec3::splat(0.7),
+            roughness: 0.5,
+        };
+        let cameras = cameras();
+        let with = baked(room(metal, 0.0), &cameras);
+        let without = Gaussians {
+            harmonics: Vec::new(),
+            ..with.clone()
+        };
+        let other = look_at(DVec3::new(0.4, -2.4, 1.3), DVec3::ZERO, 48, 32);
+        for camera in [&cameras[7], &other] {
+            let (with, without) = (error(&with, camera), error(&without, camera));
+            eprintln!("{with} with highlights, {without} without");
+            assert!(with < 0.6 * without, "{with} {without}");
+        }
+    }
+
+    #[test]
+    fn paint_has_none() {
+        let baked = baked(room(Gloss::NONE, 0.6), &cameras());
+        assert!(baked.harmonics.is_empty());
+    }
+}
