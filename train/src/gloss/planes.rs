@@ -64,6 +64,16 @@ pub(super) struct Planes {
 }
 
 impl Planes {
+    /// The planes of surfaces without receivers.
+    #[cfg(test)]
+    pub(super) fn flat(of: Vec<Option<Plane>>) -> Self {
+        Self {
+            of,
+            lies: Vec::new(),
+            normals: Vec::new(),
+        }
+    }
+
     /// Fits planes to the surfaces of `receivers`.
     pub(super) fn new(
         receivers: &[Receiver],

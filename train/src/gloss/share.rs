@@ -22,6 +22,33 @@ const SAME_COLOR: f32 = 0.35;
 /// a large one of the prediction. Paint in the same plane differs less.
 const LEAST_IN_PLANE: f32 = 0.6;
 const LEAST_SPREAD: f32 = 0.5;
+/// One of two metals in a plane has the lobe of the other if that explains this many times the share
+/// of the differences.
+const CLEARER: f64 = 2.0;
+
+/// Metals in one plane with another, whose lobe explains twice as much of what it shows, with that
+/// one: metal looks like several where it mirrors light and dark parts of the room, and where those
+/// are a little off, the lobe that is found is, too.
+fn one_metal(
+    decided: &[Option<Decision>],
+    lies_in: &impl Fn(usize, Plane) -> bool,
+    planes: &Planes,
+) -> Vec<(usize, usize)> {
+    let bare = |(segment, own): (usize, &Option<Decision>)| {
+        Some((segment, own.filter(|own| own.is_bare)?))
+    };
+    let mut metals: Vec<(usize, Decision)> = decided.iter().enumerate().filter_map(bare).collect();
+    metals.sort_by(|(_, a), (_, b)| b.explained.total_cmp(&a.explained));
+    let is_part = |of: usize, whole: usize| planes.of[whole].is_some_and(|p| lies_in(of, p));
+    let of_stronger = |&(segment, own): &(usize, Decision)| {
+        let (from, _) = metals.iter().find(|&&(other, stronger)| {
+            stronger.explained >= CLEARER * own.explained
+                && (is_part(segment, other) || is_part(other, segment))
+        })?;
+        Some((segment, *from))
+    };
+    metals.iter().filter_map(of_stronger).collect()
+}
 
 /// Of each surface, the one whose lobe it has: itself where it is `decided`, another, or none.
 pub(super) fn shared(
@@ -57,6 +84,9 @@ pub(super) fn shared(
             && spreads[segment] >= LEAST_SPREAD
             && planes.of[from].is_some_and(|plane| lies_in(segment, plane))
     };
+    for (segment, from) in one_metal(decided, &lies_in, planes) {
+        source[segment] = Some(from);
+    }
     let borders = segments.borders(smoothing);
     for _ in 0..ROUNDS {
         let mut best: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
@@ -90,4 +120,46 @@ pub(super) fn shared(
         }
     }
     source
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eagpt_scene::Gloss;
+
+    /// A wall of steel in three parts, one of which is told badly, and a pan before it.
+    #[test]
+    fn metals_of_a_plane_have_the_lobe_that_is_told_best() {
+        let metal = |specular: f64, explained: f64| {
+            Some(Decision {
+                lobe: Fit {
+                    roughness: 3,
+                    specular,
+                },
+                gloss: Gloss {
+                    specular: Vec3::splat(specular as f32),
+                    roughness: 0.3,
+                },
+                is_bare: true,
+                explained,
+                foretold: explained,
+            })
+        };
+        let wall = Plane {
+            normal: Vec3::X,
+            offset: 0.0,
+            reach: 0.05,
+        };
+        let decided = [
+            metal(0.3, 0.3),
+            metal(0.5, 0.8),
+            None,
+            metal(0.6, 0.7),
+            metal(0.25, 0.2),
+        ];
+        let planes = Planes::flat(vec![Some(wall), Some(wall), None, Some(wall), None]);
+        let is_in_wall = |segment: usize, _| [0, 1, 3].contains(&segment);
+        // The pan, the last, is in no plane; the third part is told well enough.
+        assert_eq!(one_metal(&decided, &is_in_wall, &planes), [(0, 1)]);
+    }
 }
