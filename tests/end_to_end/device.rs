@@ -34,7 +34,8 @@ fn a_gpu_trains_and_renders_what_the_cpu_does() {
     if !has_device(&place, "training and rendering by the program") {
         return;
     }
-    let options = "--preset draft --iterations 60 --albedo-iterations 6 --gaussians 600";
+    let options = "--preset draft --iterations 60 --albedo-iterations 6 --gaussians 600 \
+        --set albedo.gloss=true";
     for device in ["cpu", "gpu:0"] {
         let out = device.trim_end_matches(":0");
         place.succeeds(&format!(

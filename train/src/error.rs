@@ -28,12 +28,6 @@ pub enum TrainError {
         /// Problem, with the value.
         problem: String,
     },
-    /// Several lights on a device that trains one.
-    #[error("--device: {problem}")]
-    Device {
-        /// Problem.
-        problem: &'static str,
-    },
     /// A layer of options is wrong.
     #[error("{layer}: {problem}")]
     Layer {
@@ -82,14 +76,5 @@ pub enum TrainError {
 impl From<eagpt_trace::gpu::GpuError> for TrainError {
     fn from(error: eagpt_trace::gpu::GpuError) -> Self {
         Self::Trace(error.into())
-    }
-}
-
-impl TrainError {
-    /// Gloss on a GPU.
-    pub(crate) fn gloss() -> Self {
-        Self::Device {
-            problem: "albedo.gloss is for the CPU alone (--device cpu)",
-        }
     }
 }

@@ -25,7 +25,6 @@ use crate::preview;
 use crate::progress::TrainProgress;
 use eagpt_scene::SceneError;
 use eagpt_scene::files::{self, digest};
-use eagpt_trace::Device;
 use lights::Light;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -55,9 +54,6 @@ pub fn train(
 ) -> Result<TrainSummary> {
     let options = &request.options;
     options.validate()?;
-    if options.albedo.gloss && !matches!(request.device, Device::Cpu) {
-        return Err(TrainError::gloss());
-    }
     let mut lights = lights::open(request)?;
     let given = start::read(request)?;
     let mut fingerprint = plan::fingerprint(&lights, options)?;
