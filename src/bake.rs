@@ -28,8 +28,9 @@ use std::process::ExitCode;
 /// pixel, --mode 1-bounce.
 ///
 /// Method `gaussians` solves the light in Gaussian space, from rays that are traced once for all
-/// bounces: no image is made. Method `views` is the paper's: it path-traces the views of the
-/// dataset and fits radiance to them.
+/// bounces: no image is made. What glossy surfaces mirror towards the cameras is kept by harmonics:
+/// wide highlights rather than sharp images. Method `views` is the paper's: it path-traces the
+/// views of the dataset and fits radiance to them.
 ///
 /// Work is kept in a folder beside the result; the same command resumes a bake that was stopped,
 /// bit-identical on the same device; another device resumes it as well, and ends elsewhere by

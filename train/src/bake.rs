@@ -137,7 +137,7 @@ pub struct BakeSummary {
     pub scene: Option<PathBuf>,
     /// Lights whose light was written apart; `None` if that was not asked for.
     pub num_lights: Option<usize>,
-    /// Rays traced in this process; those of cameras are not counted.
+    /// Rays traced in this process; those of cameras and of highlights are not counted.
     pub num_rays: u64,
     /// Options, with the numbers that followed from the scene.
     pub options: BakeOptions,
