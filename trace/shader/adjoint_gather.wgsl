@@ -31,7 +31,7 @@ var<workgroup> num_large: atomic<u32>;
 var<workgroup> num_large_found: u32;
 var<workgroup> partial: array<Row, GROUP_SIZE>;
 
-// The sum of `sum` and the rows of every `step`th of the entries `first` to `end`.
+// The sum of `before` and the rows of every `step`th of the entries `first` to `end`.
 fn add_entries(before: Row, first: u32, end: u32, step: u32) -> Row {
     var sum = before;
     for (var entry = first; entry < end; entry += step) {

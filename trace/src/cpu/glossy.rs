@@ -98,7 +98,7 @@ impl Mirrors<'_> {
         let (glosses, means) = self.scene.gloss_and_mean_radiance(camera, features);
         let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
         let of_surface = |&(pixel, vertex): &(u32, Vertex)| {
-            // What harmonics have of a highlight is sampled.
+            // The highlight that harmonics hold is sampled.
             let carried = match vertex.is_glossy() {
                 true => means[pixel as usize],
                 false => features.pixels[pixel as usize].radiance(),
@@ -215,11 +215,7 @@ impl CpuScene {
         num_samples: u32,
         options: &LightOptions,
     ) -> Vec<Mirrored> {
-        let mirrors = Mirrors {
-            scene: self,
-            lights: self.lights(),
-            num_samples,
-        };
+        let mirrors = self.mirrors(num_samples);
         let key = RandomKey::new(options.seed, Purpose::Render, 0);
         let glosses = self.gloss_of_pixels(camera, features);
         let threshold = options.emission_threshold;
@@ -236,6 +232,14 @@ impl CpuScene {
         all
     }
 
+    fn mirrors(&self, num_samples: u32) -> Mirrors<'_> {
+        Mirrors {
+            scene: self,
+            lights: self.lights(),
+            num_samples,
+        }
+    }
+
     /// The same for `points`, with the random numbers of `key`. `[points]`
     pub fn mirrored_at(
         &self,
@@ -243,11 +247,7 @@ impl CpuScene {
         num_samples: u32,
         key: RandomKey,
     ) -> Vec<Mirrored> {
-        let mirrors = Mirrors {
-            scene: self,
-            lights: self.lights(),
-            num_samples,
-        };
+        let mirrors = self.mirrors(num_samples);
         let of_point = |(i, point): (usize, &GlossyPoint)| {
             let number = i as u32;
             let mirror = Vertex::mirror_of(point);

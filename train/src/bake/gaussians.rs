@@ -106,9 +106,8 @@ impl Bake<'_> {
         let basis = lights.as_ref().map(basis);
         let radiances = with_emitters(&self.scene, &reflected.total);
         self.scene.radiances.clone_from(&radiances);
-        let key = RandomKey::new(self.request.options.seed, Purpose::Bake, 2);
-        let cameras = self.cameras();
-        let harmonics = highlights::harmonics(&self.scene, &traced.receivers, &cameras, key);
+        let (cameras, seed) = (self.cameras(), self.request.options.seed);
+        let harmonics = highlights::harmonics(&self.scene, &traced.receivers, &cameras, seed);
         Ok(Some(Solved {
             radiances,
             basis,
@@ -263,8 +262,7 @@ impl Bake<'_> {
 
     /// The receivers for the views to bake for; `None` if it was stopped.
     fn find_receivers(&mut self, tracer: &dyn Tracer) -> Result<Option<Receivers>> {
-        let frames = self.dataset.frames();
-        let cameras = self.frames.iter().map(|&frame| &frames[frame].camera);
+        let cameras = self.cameras();
         let stop = &self.request.stop;
         let mut told = |progress| {
             (self.progress)(progress);
@@ -273,6 +271,6 @@ impl Bake<'_> {
                 false => ControlFlow::Continue(()),
             }
         };
-        Receivers::find(tracer, &self.scene, cameras, &mut told)
+        Receivers::find(tracer, &self.scene, cameras.iter(), &mut told)
     }
 }

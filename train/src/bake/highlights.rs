@@ -10,12 +10,11 @@
 use super::receivers::Receivers;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::harmonics::{self, NUM_FUNCTIONS};
-use eagpt_scene::rng::RandomKey;
+use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Harmonics};
 use eagpt_trace::cpu::{CpuScene, GlossyPoint};
 use eagpt_trace::transport::bsdf::equivalent_albedo;
 use eagpt_trace::transport::matrix::Receiver;
-use eagpt_trace::transport::start::Surface;
 use glam::Vec3;
 use nalgebra::SMatrix;
 use rayon::prelude::*;
@@ -97,18 +96,22 @@ pub(super) fn harmonics(
     baked: &Gaussians,
     receivers: &Receivers,
     cameras: &[Camera],
-    key: RandomKey,
+    seed: u64,
 ) -> Vec<Harmonics> {
     let mut found = baked.harmonics.clone();
     if baked.gloss.is_empty() {
         return found;
     }
     found.resize(baked.len(), Harmonics::NONE);
+    let key = RandomKey::new(seed, Purpose::Bake, 2);
     let rows = of_rows(baked, &receivers.traced, cameras, key);
     for (i, sources) in receivers.each() {
         if baked.gloss[i].is_some() {
-            let coefficient = |k: usize| sources.mean(|row| Vec3::splat(rows[row].0[k])).x;
-            found[i] = Harmonics(std::array::from_fn(coefficient));
+            let colour = |row: usize, k: usize| Vec3::from(rows[row].0.as_chunks::<3>().0[k]);
+            let (of_functions, _) = found[i].0.as_chunks_mut::<3>();
+            for (k, coefficients) in of_functions.iter_mut().enumerate() {
+                *coefficients = sources.mean(|row| colour(row, k)).to_array();
+            }
         }
     }
     found
@@ -190,8 +193,12 @@ fn products(
     let points: Vec<GlossyPoint> = (glossy.iter())
         .flat_map(|one| {
             let (i, surface) = one.receiver;
-            let point = move |to_eye: &Vec3| point(&surface, *to_eye, baked, i);
-            one.to_eyes.iter().map(point)
+            let gloss = baked.gloss[i as usize];
+            one.to_eyes.iter().map(move |&to_eye| GlossyPoint {
+                surface,
+                to_eye,
+                gloss,
+            })
         })
         .collect();
     let mut mirrored = scene.mirrored_at(&points, NUM_SAMPLES, key).into_iter();
@@ -209,14 +216,6 @@ fn products(
         sum
     };
     glossy.iter().map(of).collect()
-}
-
-fn point(surface: &Surface, to_eye: Vec3, baked: &Gaussians, i: u32) -> GlossyPoint {
-    GlossyPoint {
-        surface: *surface,
-        to_eye,
-        gloss: baked.gloss[i as usize],
-    }
 }
 
 #[cfg(test)]

@@ -76,8 +76,7 @@ impl Solution<'_> {
             return Ok(None);
         }
         scene.radiances = with_emitters(&scene, &reflected.total);
-        let key = RandomKey::new(self.seed, Purpose::Bake, 2);
-        scene.harmonics = highlights::harmonics(&scene, &receivers, self.cameras, key);
+        scene.harmonics = highlights::harmonics(&scene, &receivers, self.cameras, self.seed);
         Ok(Some(scene))
     }
 }

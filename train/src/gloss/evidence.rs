@@ -113,7 +113,7 @@ impl Evidence {
         sound.then(|| Decision {
             lobe,
             gloss: Gloss {
-                specular: self.specular(lobe),
+                specular: self.specular(lobe, bare),
                 roughness: ROUGHNESSES[lobe.roughness],
             },
             is_bare: bare.is_some(),
@@ -131,11 +131,11 @@ impl Evidence {
 
     /// F0 of each channel: grey, unless it is a metal and a colour of one half of the views explains
     /// the other half better.
-    fn specular(&self, lobe: Fit) -> Vec3 {
+    fn specular(&self, lobe: Fit, bare: Option<Fit>) -> Vec3 {
         if lobe.specular < METAL {
             return Vec3::splat(lobe.specular as f32);
         }
-        let specular = self.bare(lobe).unwrap_or(lobe).specular;
+        let specular = bare.unwrap_or(lobe).specular;
         let grey = Vec3::splat(specular as f32);
         let colour_of = |sums: &[Sums; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
         let explained = |half: usize, speculars: [f64; 3]| -> f64 {
