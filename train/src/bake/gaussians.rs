@@ -9,7 +9,7 @@
 //!
 //! Glossy surfaces send on what a diffuse surface of the same reflectance would: their energy is
 //! kept, the direction of what they mirror is not. Cameras see it by harmonics
-//! ([`super::highlights`]).
+//! (`super::highlights`).
 //!
 //! Light is linear in the lamps. Where the light of each is asked for, it goes through the same
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
