@@ -26,5 +26,4 @@ mod tile;
 mod vertex;
 
 pub use camera::{CameraRecord, HitSearch};
-pub use glossy::{GlossyPoint, Mirrored};
 pub use scene::{CpuScene, SampledHit};

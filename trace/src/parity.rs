@@ -128,6 +128,7 @@ mod tests {
     use crate::features::{Features, GBuffer};
     use crate::ray::Ray;
     use crate::tracer::RenderedView;
+    use crate::transport::glossy::{GlossyPoint, Mirrored};
     use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
     use crate::transport::{Integrator, LightOptions};
     use crate::weights::BlendWeights;
@@ -217,6 +218,15 @@ mod tests {
             key: RandomKey,
         ) -> Result<TransportMatrix, TraceError> {
             self.0.trace_transport(receivers, directions, key)
+        }
+
+        fn mirrored_towards(
+            &self,
+            points: &[GlossyPoint],
+            num_samples: u32,
+            key: RandomKey,
+        ) -> Result<Vec<Vec<Option<Mirrored>>>, TraceError> {
+            self.0.mirrored_towards(points, num_samples, key)
         }
     }
 

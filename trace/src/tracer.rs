@@ -4,6 +4,7 @@ use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
 use crate::device::Device;
 use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
+use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use crate::weights::BlendWeights;
@@ -163,4 +164,17 @@ pub trait Tracer: Send + Sync {
         directions: Directions,
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError>;
+
+    /// Of each of `points`, what its specular lobe mirrors of the radiance that Gaussians carry
+    /// towards each of its eyes; `None` where something stands between. There are `num_samples`
+    /// directions for each eye, all of them together for all eyes of a point.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn mirrored_towards(
+        &self,
+        points: &[GlossyPoint],
+        num_samples: u32,
+        key: RandomKey,
+    ) -> Result<Vec<Vec<Option<Mirrored>>>, TraceError>;
 }

@@ -14,6 +14,7 @@
 //! the mean is the same.
 
 pub mod bsdf;
+pub mod glossy;
 pub mod light_list;
 pub mod lights;
 pub mod matrix;

@@ -149,10 +149,16 @@ impl CameraRecord {
                     record.name_rows(&scratch.list.slots);
                 });
             });
+        self.gbuffer()
+    }
+
+    /// Composited features of the camera; of no pixel before the first.
+    pub fn gbuffer(&self) -> GBuffer {
+        let pixels = self.camera.as_ref().map(|camera| self.features(camera));
         GBuffer {
-            width: camera.width,
-            height: camera.height,
-            pixels: self.features(camera),
+            width: self.camera.map_or(0, |camera| camera.width),
+            height: self.camera.map_or(0, |camera| camera.height),
+            pixels: pixels.unwrap_or_default(),
         }
     }
 

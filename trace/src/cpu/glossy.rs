@@ -5,19 +5,22 @@
 //! sampled beside the BSDF, and the two are combined by the balance heuristic (Veach 1997, section
 //! 9.2).
 
-use super::CpuScene;
+use super::camera::CameraRecord;
 use super::integrate::Samples;
 use super::path::{PathLight, Start};
 use super::vertex::{MIN_REFLECTANCE, Vertex, surfaces_of_pixels};
+use super::{CpuScene, SampledHit};
 use crate::features::GBuffer;
+use crate::ray::Ray;
 use crate::tracer::Guide;
 use crate::transport::bsdf::{Bsdf, equivalent_albedo};
+use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::lights::Lights;
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::transport::{LIGHT_SHARE, LightOptions};
+use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Gloss};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -26,27 +29,8 @@ use rayon::prelude::*;
 const MIRROR_ROUGHNESS: f32 = 0.2;
 /// Mirrors in a row that guides follow.
 const MAX_MIRRORS: u32 = 3;
-
-/// Light that a pixel's specular lobe adds to its diffuse part.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Mirrored {
-    /// Light that the lobe reflects towards the camera, linear Rec.709, premultiplied.
-    pub light: Vec3,
-    /// E(μ): of light from everywhere, what the lobe reflects towards the camera. Of the rest the
-    /// albedo is scattered.
-    pub reflectance: Vec3,
-}
-
-/// A point of a glossy surface, seen from somewhere.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GlossyPoint {
-    /// Where it is.
-    pub surface: Surface,
-    /// Unit direction to the eye.
-    pub to_eye: Vec3,
-    /// Its gloss.
-    pub gloss: Gloss,
-}
+/// Lobes of a surface that are sampled together, at most.
+const MAX_TOGETHER: usize = 16;
 
 /// A pixel of a glossy surface.
 pub(super) struct Gathered {
@@ -63,7 +47,12 @@ pub(super) struct Mirrors<'a> {
     pub(super) lights: Option<&'a Lights>,
     /// Directions for each pixel.
     pub(super) num_samples: u32,
+    /// How the hit is chosen that stands for all of a ray.
+    pub(super) hit: HitChoice,
 }
+
+/// How the hit is chosen that stands for all of a ray, by a number.
+pub(super) type HitChoice = fn(&CpuScene, &Ray, u32) -> Option<SampledHit>;
 
 impl Mirrors<'_> {
     /// Radiance that the surface of a pixel mirrors, premultiplied, and its samples' second moment.
@@ -72,7 +61,7 @@ impl Mirrors<'_> {
         let (surface, bsdf) = (&mirror.surface, mirror.bsdf());
         let mut samples = Samples::default();
         for sample in 0..self.num_samples {
-            let light = bounced(self.scene, self.lights, (surface, &bsdf), points, sample);
+            let light = self.bounced((surface, &bsdf), points, sample);
             samples.add(PathLight {
                 light: light / start.divisor,
                 num_rays: 1,
@@ -90,12 +79,12 @@ impl Mirrors<'_> {
     /// glossy ones that part of it that is scattered, and what their lobe mirrors.
     pub(super) fn gather(
         &self,
-        camera: &Camera,
+        (camera, record): (&Camera, &CameraRecord),
         features: &GBuffer,
         threshold: f32,
         key: RandomKey,
     ) -> Vec<(usize, Gathered)> {
-        let (glosses, means) = self.scene.gloss_and_mean_radiance(camera, features);
+        let (glosses, means) = self.scene.gloss_and_mean_radiance(record, features);
         let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
         let of_surface = |&(pixel, vertex): &(u32, Vertex)| {
             // The highlight that harmonics hold is sampled.
@@ -141,38 +130,99 @@ impl Mirrors<'_> {
             guide,
         }
     }
-}
 
-/// One bounce off a surface into the radiance that Gaussians carry. Directions are those of the
-/// BSDF and, half of them, of emitters, weighted by the density of both together.
-pub(super) fn bounced(
-    scene: &CpuScene,
-    lights: Option<&Lights>,
-    (surface, bsdf): (&Surface, &Bsdf),
-    points: &Points,
-    sample: u32,
-) -> Vec3 {
-    let [a, b, pick, choice] = points.block(sample, 0);
-    let origin = surface.position;
-    let chosen = match lights {
-        Some(lights) if pick < LIGHT_SHARE => lights.sample(origin, pick / LIGHT_SHARE, a, b),
-        _ => bsdf.sample([choice, a, b]).map(|s| s.direction),
-    };
-    let Some(direction) = chosen else {
-        return Vec3::ZERO;
-    };
-    let (value, mut density) = bsdf.evaluate(direction);
-    if let Some(lights) = lights {
-        density += LIGHT_SHARE / (1.0 - LIGHT_SHARE) * lights.density(origin, direction);
-        density *= 1.0 - LIGHT_SHARE;
+    /// One bounce off a surface into the radiance that Gaussians carry.
+    pub(super) fn bounced(
+        &self,
+        (surface, bsdf): (&Surface, &Bsdf),
+        points: &Points,
+        sample: u32,
+    ) -> Vec3 {
+        let mut light = Vec3::ZERO;
+        let numbers = (points.block(sample, 0), points.word(sample));
+        let bsdfs = std::slice::from_ref(bsdf);
+        self.bounce(surface, (bsdfs, 0), numbers, |_, value| light = value);
+        light
     }
-    if density <= 0.0 {
-        return Vec3::ZERO;
+
+    /// A direction of one of several BSDFs of a surface or, half of the time, of an emitter,
+    /// weighted by the density of all together. Tells `add` the light of each, from what is met
+    /// there.
+    fn bounce(
+        &self,
+        surface: &Surface,
+        (bsdfs, chosen): (&[Bsdf], usize),
+        ([a, b, pick, choice], word): ([f32; 4], u32),
+        mut add: impl FnMut(usize, Vec3),
+    ) {
+        let origin = surface.position;
+        let direction = match self.lights {
+            Some(lights) if pick < LIGHT_SHARE => lights.sample(origin, pick / LIGHT_SHARE, a, b),
+            _ => bsdfs[chosen].sample([choice, a, b]).map(|s| s.direction),
+        };
+        let Some(direction) = direction else {
+            return;
+        };
+        let mut values = [Vec3::ZERO; MAX_TOGETHER];
+        let mut density = 0.0;
+        for (value, bsdf) in values.iter_mut().zip(bsdfs) {
+            let (own, chance) = bsdf.evaluate(direction);
+            *value = own;
+            density += chance;
+        }
+        density /= bsdfs.len() as f32;
+        if let Some(lights) = self.lights {
+            density += LIGHT_SHARE / (1.0 - LIGHT_SHARE) * lights.density(origin, direction);
+            density *= 1.0 - LIGHT_SHARE;
+        }
+        if density <= 0.0 {
+            return;
+        }
+        let Some(hit) = (self.hit)(self.scene, &surface.ray(direction), word) else {
+            return;
+        };
+        let light = self.scene.attributes(hit.index).radiance();
+        for (number, value) in values[..bsdfs.len()].iter().enumerate() {
+            add(number, light * (*value / density));
+        }
     }
-    let hit = scene.sample_hit(&surface.ray(direction), points.word(sample));
-    hit.map_or(Vec3::ZERO, |hit| {
-        scene.attributes(hit.index).radiance() * (value / density)
-    })
+
+    /// What a point mirrors towards those of its eyes that see it. Their lobes are sampled
+    /// together: where they overlap, the samples of one are of use for the others.
+    fn towards_eyes(&self, point: &GlossyPoint, points: &Points) -> Vec<Option<Mirrored>> {
+        let surface = &point.surface;
+        let mut seen = vec![None; point.eyes.len()];
+        let mut lobes: Vec<(usize, Bsdf)> = Vec::new();
+        for (number, eye) in point.eyes.iter().enumerate() {
+            let offset = *eye - surface.position;
+            let to_eye = offset.normalize_or_zero();
+            let hit = (self.hit)(self.scene, &surface.ray(to_eye), points.word(number as u32));
+            if hit.is_none_or(|hit| hit.t >= offset.length()) {
+                let lobe = Bsdf::new(surface.normal, to_eye, Vec3::ZERO, point.gloss);
+                lobes.push((number, lobe));
+            }
+        }
+        for (first, lobes) in (0..).step_by(MAX_TOGETHER).zip(lobes.chunks(MAX_TOGETHER)) {
+            let bsdfs: Vec<Bsdf> = lobes.iter().map(|(_, lobe)| *lobe).collect();
+            let mut sums = vec![Vec3::ZERO; bsdfs.len()];
+            for (block, chosen) in (first..).zip(0..bsdfs.len()) {
+                for sample in 0..self.num_samples {
+                    let word = points.word((block + 1) * self.num_samples + sample);
+                    let numbers = (points.block(sample, block), word);
+                    let add = |number: usize, light: Vec3| sums[number] += light;
+                    self.bounce(surface, (&bsdfs, chosen), numbers, add);
+                }
+            }
+            let num = (bsdfs.len() as u32 * self.num_samples) as f32;
+            for ((number, lobe), sum) in lobes.iter().zip(sums) {
+                seen[*number] = Some(Mirrored {
+                    light: sum / num,
+                    reflectance: lobe.albedo(),
+                });
+            }
+        }
+        seen
+    }
 }
 
 /// The first surface that is no mirror, seen by way of those that are; emitters have an emission
@@ -217,7 +267,7 @@ impl CpuScene {
     ) -> Vec<Mirrored> {
         let mirrors = self.mirrors(num_samples);
         let key = RandomKey::new(options.seed, Purpose::Render, 0);
-        let glosses = self.gloss_of_pixels(camera, features);
+        let glosses = self.with_record(camera, |record| self.gloss_of_pixels(record, features));
         let threshold = options.emission_threshold;
         let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
         let of_surface = |&(pixel, vertex): &(u32, Vertex)| match vertex.is_glossy() {
@@ -237,22 +287,21 @@ impl CpuScene {
             scene: self,
             lights: self.lights(),
             num_samples,
+            hit: Self::realization_hit,
         }
     }
+}
 
-    /// The same for `points`, with the random numbers of `key`. `[points]`
-    pub fn mirrored_at(
-        &self,
-        points: &[GlossyPoint],
-        num_samples: u32,
-        key: RandomKey,
-    ) -> Vec<Mirrored> {
-        let mirrors = self.mirrors(num_samples);
-        let of_point = |(i, point): (usize, &GlossyPoint)| {
-            let number = i as u32;
-            let mirror = Vertex::mirror_of(point);
-            (mirrors.sampled(mirror, &Points::new(key, number), number)).0
-        };
-        points.par_iter().enumerate().map(of_point).collect()
-    }
+/// See [`crate::Tracer::mirrored_towards`].
+pub(super) fn mirrored_towards(
+    scene: &CpuScene,
+    all: &[GlossyPoint],
+    num_samples: u32,
+    key: RandomKey,
+) -> Vec<Vec<Option<Mirrored>>> {
+    let mirrors = scene.mirrors(num_samples);
+    let of_point = |(i, point): (usize, &GlossyPoint)| {
+        mirrors.towards_eyes(point, &Points::new(key, i as u32))
+    };
+    all.par_iter().enumerate().map(of_point).collect()
 }

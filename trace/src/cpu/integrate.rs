@@ -1,6 +1,7 @@
 //! The integrators on the CPU: light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
 
 use super::CpuScene;
+use super::camera::CameraRecord;
 use super::glossy::{self, Mirrors};
 use super::path::{PathLight, Paths, Start};
 use super::vertex::{Vertex, surfaces_of_pixels};
@@ -16,12 +17,13 @@ use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Frame of `camera`, given the composited features of its camera rays. Deterministic for a seed:
-/// each pixel has its own random numbers and adds its samples in order.
+/// Frame of `camera`, given the composited features of its camera rays and, of a glossy scene, their
+/// record (`0-bounce` needs none). Deterministic for a seed: each pixel has its own random numbers
+/// and adds its samples in order.
 pub(super) fn render(
     scene: &CpuScene,
     camera: &Camera,
-    features: GBuffer,
+    (features, record): (GBuffer, CameraRecord),
     integrator: &Integrator,
     options: &LightOptions,
 ) -> RenderedView {
@@ -47,9 +49,10 @@ pub(super) fn render(
                 scene,
                 lights,
                 num_samples,
+                hit: CpuScene::sample_hit,
             };
             guides = vec![Guide::default(); camera.num_pixels()];
-            for (pixel, gathered) in mirrors.gather(camera, &features, threshold, key) {
+            for (pixel, gathered) in mirrors.gather((camera, &record), &features, threshold, key) {
                 radiance[pixel] = gathered.light.to_array();
                 second_moment[pixel] = [gathered.second_moment];
                 guides[pixel] = gathered.guide;
@@ -58,7 +61,7 @@ pub(super) fn render(
         }
         Integrator::ZeroBounce | Integrator::Gather { .. } => {}
         Integrator::OneBounce { .. } | Integrator::Path { .. } => {
-            let glosses = scene.gloss_of_pixels(camera, &features);
+            let glosses = scene.gloss_of_pixels(&record, &features);
             let surfaces = surfaces_of_pixels(camera, &features, threshold, &glosses);
             if scene.is_glossy() {
                 let of_surface =
@@ -107,6 +110,12 @@ fn sampled(
         Integrator::ZeroBounce | Integrator::Gather { .. } => Vec::new(),
         Integrator::OneBounce { num_samples } => {
             let sampler = BounceSampler::new(lights, LIGHT_SHARE);
+            let mirrors = Mirrors {
+                scene,
+                lights,
+                num_samples,
+                hit: CpuScene::sample_hit,
+            };
             let of_start = |start: &Start| {
                 let points = Points::new(key, start.pixel);
                 let mut samples = Samples::default();
@@ -115,8 +124,7 @@ fn sampled(
                         true => {
                             let bsdf = start.vertex.bsdf();
                             let surface = &start.vertex.surface;
-                            glossy::bounced(scene, lights, (surface, &bsdf), &points, s)
-                                / start.divisor
+                            mirrors.bounced((surface, &bsdf), &points, s) / start.divisor
                         }
                         false => bounced(scene, &sampler, &start.vertex.surface, &points, s),
                     };

@@ -2,6 +2,7 @@
 
 use super::bvh::{Bvh, RayScratch};
 use super::camera::{self, CameraRecord, HitSearch, Keep};
+use super::glossy;
 use super::integrate;
 use super::realizations::{Realizations, SCENE_SEED};
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
@@ -10,6 +11,7 @@ use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
+use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::light_list::LightList;
 use crate::transport::lights::{self, Lights};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
@@ -145,6 +147,18 @@ impl CpuScene {
         self.light_list.get_or_init(make).as_ref()
     }
 
+    /// What `read` finds in the record of `camera`: the last one if it is that, else a new one.
+    pub(super) fn with_record<R>(
+        &self,
+        camera: &Camera,
+        read: impl FnOnce(&CameraRecord) -> R,
+    ) -> R {
+        match self.record.camera {
+            Some(last) if last == *camera => read(&self.record),
+            _ => read(&camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record).1),
+        }
+    }
+
     /// Records `camera` if it is not the one recorded last.
     fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
         if self.record.camera.as_ref() != Some(camera) {
@@ -215,8 +229,9 @@ impl Tracer for CpuScene {
         camera: &Camera,
         value: PixelValue<'_>,
     ) -> Result<(GBuffer, Vec<Contribution>), TraceError> {
-        let (features, record) = camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Record);
-        Ok((features, record.contributions(value)))
+        Ok(self.with_record(camera, |record| {
+            (record.gbuffer(), record.contributions(value))
+        }))
     }
 
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
@@ -229,10 +244,12 @@ impl Tracer for CpuScene {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        let features = self.gbuffer(camera)?;
-        Ok(integrate::render(
-            self, camera, features, integrator, options,
-        ))
+        let keep = match self.is_glossy() && *integrator != Integrator::ZeroBounce {
+            true => Keep::Record,
+            false => Keep::Nothing,
+        };
+        let seen = camera::trace(&self.set, camera, HitSearch::Tiles, keep);
+        Ok(integrate::render(self, camera, seen, integrator, options))
     }
 
     fn trace_transport(
@@ -242,5 +259,14 @@ impl Tracer for CpuScene {
         key: RandomKey,
     ) -> Result<TransportMatrix, TraceError> {
         Ok(TransportMatrix::trace(self, receivers, directions, key))
+    }
+
+    fn mirrored_towards(
+        &self,
+        points: &[GlossyPoint],
+        num_samples: u32,
+        key: RandomKey,
+    ) -> Result<Vec<Vec<Option<Mirrored>>>, TraceError> {
+        Ok(glossy::mirrored_towards(self, points, num_samples, key))
     }
 }

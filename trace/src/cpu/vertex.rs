@@ -1,8 +1,7 @@
 //! A vertex of a path: a surface, and what it reflects towards where the ray came from.
 
 use super::CpuScene;
-use super::camera::{self, HitSearch, Keep};
-use super::glossy::GlossyPoint;
+use super::camera::CameraRecord;
 use crate::blend::GlossBlend;
 use crate::features::{Features, GBuffer};
 use crate::tracer::Guide;
@@ -50,17 +49,6 @@ impl Vertex {
             },
             alpha,
         })
-    }
-
-    /// The specular part of a glossy point.
-    pub(super) fn mirror_of(point: &GlossyPoint) -> Self {
-        Self {
-            surface: point.surface,
-            to_eye: point.to_eye,
-            albedo: Vec3::ZERO,
-            gloss: point.gloss,
-            alpha: 1.0,
-        }
     }
 
     /// The surface without what it scatters diffusely.
@@ -142,30 +130,25 @@ pub(super) fn surfaces_of_pixels(
 }
 
 impl CpuScene {
-    /// Blended gloss of the pixels of `camera`, whose `features` are given; none where nothing is
-    /// glossy.
-    pub(super) fn gloss_of_pixels(&self, camera: &Camera, features: &GBuffer) -> Vec<Gloss> {
+    /// Blended gloss of the pixels of a camera, whose record and `features` are given; none where
+    /// nothing is glossy.
+    pub(super) fn gloss_of_pixels(&self, record: &CameraRecord, features: &GBuffer) -> Vec<Gloss> {
         if !self.is_glossy() {
             return Vec::new();
         }
-        self.blended_gloss(&self.weights_of_pixels(camera), features)
+        self.blended_gloss(&record.weights(0.0), features)
     }
 
     /// The same with the radiance that the Gaussians of each pixel have in the mean over all
     /// directions, whatever their harmonics, of a glossy scene.
     pub(super) fn gloss_and_mean_radiance(
         &self,
-        camera: &Camera,
+        record: &CameraRecord,
         features: &GBuffer,
     ) -> (Vec<Gloss>, Vec<Vec3>) {
-        let weights = self.weights_of_pixels(camera);
+        let weights = record.weights(0.0);
         let mean = weights.blend(|i| self.attributes(i).radiance());
         (self.blended_gloss(&weights, features), mean)
-    }
-
-    fn weights_of_pixels(&self, camera: &Camera) -> BlendWeights {
-        let (_, record) = camera::trace(self.surfels(), camera, HitSearch::Tiles, Keep::Record);
-        record.weights(0.0)
     }
 
     fn blended_gloss(&self, weights: &BlendWeights, features: &GBuffer) -> Vec<Gloss> {

@@ -14,6 +14,7 @@ use crate::features::{Features, GBuffer, NUM_LANES};
 use crate::ray::Ray;
 use crate::surfel::{Attributes, Surfel, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
+use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use crate::weights::BlendWeights;
@@ -378,5 +379,14 @@ impl Tracer for GpuScene {
         Ok(self
             .transport_rays(&matrix)
             .trace(receivers, directions, key)?)
+    }
+
+    fn mirrored_towards(
+        &self,
+        points: &[GlossyPoint],
+        num_samples: u32,
+        key: RandomKey,
+    ) -> Result<Vec<Vec<Option<Mirrored>>>, TraceError> {
+        self.host()?.mirrored_towards(points, num_samples, key)
     }
 }

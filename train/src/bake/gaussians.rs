@@ -88,7 +88,7 @@ impl Bake<'_> {
         self.check_memory(directions, num_lights)?;
         let evened = lights.as_ref().map(|lights| evened(&self.scene, lights));
         let evened = evened.as_ref();
-        let tracer = (self.request.device).scene(evened.unwrap_or(&self.scene))?;
+        let mut tracer = (self.request.device).scene(evened.unwrap_or(&self.scene))?;
         let Some(mut traced) = self.trace(&*tracer, evened, directions)? else {
             return Ok(None);
         };
@@ -107,7 +107,9 @@ impl Bake<'_> {
         let radiances = with_emitters(&self.scene, &reflected.total);
         self.scene.radiances.clone_from(&radiances);
         let (cameras, seed) = (self.cameras(), self.request.options.seed);
-        let harmonics = highlights::harmonics(&self.scene, &traced.receivers, &cameras, seed);
+        let receivers = &traced.receivers;
+        let harmonics =
+            highlights::harmonics(&self.scene, &mut *tracer, receivers, &cameras, seed)?;
         Ok(Some(Solved {
             radiances,
             basis,

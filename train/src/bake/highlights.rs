@@ -8,13 +8,16 @@
 //! Of lights that are set one by one, it is the highlights of all together that are kept.
 
 use super::receivers::Receivers;
+use crate::error::Result;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::harmonics::{self, NUM_FUNCTIONS};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians, Harmonics};
-use eagpt_trace::cpu::{CpuScene, GlossyPoint};
+use eagpt_trace::Tracer;
 use eagpt_trace::transport::bsdf::equivalent_albedo;
+use eagpt_trace::transport::glossy::{GlossyPoint, Mirrored};
 use eagpt_trace::transport::matrix::Receiver;
+use eagpt_trace::transport::start::Surface;
 use glam::Vec3;
 use nalgebra::SMatrix;
 use rayon::prelude::*;
@@ -22,7 +25,7 @@ use rayon::prelude::*;
 /// Cameras that a Gaussian is seen from, at most.
 const MAX_EYES: usize = 16;
 /// Directions of the lobe for each of them.
-const NUM_SAMPLES: u32 = 16;
+const NUM_SAMPLES: u32 = 4;
 /// Cosine at which cameras see a surface, at least.
 const MIN_COSINE: f32 = 0.05;
 /// Ratios of light to diffuse light are held within this and its inverse.
@@ -85,26 +88,30 @@ impl Products {
 struct Glossy {
     /// Its row among the receivers.
     row: usize,
-    receiver: Receiver,
-    /// Unit directions to the eyes that see it.
-    to_eyes: Vec<Vec3>,
+    gaussian: usize,
+    point: GlossyPoint,
 }
 
 /// Harmonics of the Gaussians of a `baked` scene, `[n]`; its own where nothing is glossy. Emitters
-/// keep theirs.
+/// keep theirs. `tracer` has the Gaussians before they were baked.
+///
+/// # Errors
+/// If the device fails.
 pub(super) fn harmonics(
     baked: &Gaussians,
+    tracer: &mut dyn Tracer,
     receivers: &Receivers,
     cameras: &[Camera],
     seed: u64,
-) -> Vec<Harmonics> {
+) -> Result<Vec<Harmonics>> {
     let mut found = baked.harmonics.clone();
     if baked.gloss.is_empty() {
-        return found;
+        return Ok(found);
     }
     found.resize(baked.len(), Harmonics::NONE);
     let key = RandomKey::new(seed, Purpose::Bake, 2);
-    let rows = of_rows(baked, &receivers.traced, cameras, key);
+    tracer.update(baked)?;
+    let rows = of_rows(baked, tracer, &receivers.traced, cameras, key)?;
     for (i, sources) in receivers.each() {
         if baked.gloss[i].is_some() {
             let colour = |row: usize, k: usize| Vec3::from(rows[row].0.as_chunks::<3>().0[k]);
@@ -114,36 +121,43 @@ pub(super) fn harmonics(
             }
         }
     }
-    found
+    Ok(found)
 }
 
 /// Those of `receivers`, `[receivers]`; none of what is not glossy.
 fn of_rows(
     baked: &Gaussians,
+    tracer: &dyn Tracer,
     receivers: &[Receiver],
     cameras: &[Camera],
     key: RandomKey,
-) -> Vec<Harmonics> {
-    let scene = CpuScene::new(baked);
-    let gloss_of = |(i, _): &Receiver| baked.gloss[*i as usize];
-    let with_eyes = |(row, receiver): (usize, &Receiver)| {
-        gloss_of(receiver).is_some().then(|| Glossy {
+) -> Result<Vec<Harmonics>> {
+    let glossy = |(row, (i, surface)): (usize, &Receiver)| {
+        let gaussian = *i as usize;
+        let gloss = baked.gloss[gaussian];
+        gloss.is_some().then(|| Glossy {
             row,
-            receiver: *receiver,
-            to_eyes: eyes(&scene, receiver, cameras),
+            gaussian,
+            point: GlossyPoint {
+                surface: *surface,
+                gloss,
+                eyes: eyes(gaussian, surface, cameras),
+            },
         })
     };
     let all = receivers.par_iter().enumerate();
-    let glossy: Vec<Glossy> = all.filter_map(with_eyes).collect();
-    let products = products(baked, &scene, &glossy, key);
-    let places: Vec<Receiver> = glossy.iter().map(|one| one.receiver).collect();
+    let glossy: Vec<Glossy> = all.filter_map(glossy).collect();
+    let points: Vec<GlossyPoint> = glossy.iter().map(|one| one.point.clone()).collect();
+    let mirrored = tracer.mirrored_towards(&points, NUM_SAMPLES, key)?;
+    let products = products(baked, &glossy, &mirrored);
+    let places: Vec<Receiver> = glossy.iter().map(|one| receivers[one.row]).collect();
     let smoothing = Smoothing::new(&places);
     let with_neighbours = |(g, one): (usize, &Glossy)| {
         let mut own = 1.0;
         let mut sum = Products::zero();
         for &(j, weight) in smoothing.neighbours(g) {
             own -= weight;
-            if gloss_of(&places[j as usize]) == gloss_of(&one.receiver) {
+            if points[j as usize].gloss == one.point.gloss {
                 sum.add_weighted(&products[j as usize], weight);
             }
         }
@@ -155,67 +169,52 @@ fn of_rows(
     for (row, harmonics) in smooth.collect::<Vec<_>>() {
         rows[row] = harmonics;
     }
-    rows
+    Ok(rows)
 }
 
-/// Unit directions from a receiver to eyes that see it, a few of all.
-fn eyes(scene: &CpuScene, (i, surface): &Receiver, cameras: &[Camera]) -> Vec<Vec3> {
+/// Cameras that a surface is in the picture of, a few of all; others for each `gaussian`.
+fn eyes(gaussian: usize, surface: &Surface, cameras: &[Camera]) -> Vec<Vec3> {
     let shown = cameras.iter().filter_map(|camera| {
         let at = camera.project(surface.position);
         let is_inside = at.z > 0.0
             && (0.0..camera.width as f32).contains(&at.x)
             && (0.0..camera.height as f32).contains(&at.y);
-        let offset = camera.origin() - surface.position;
-        let to_eye = offset.normalize_or_zero();
-        let is_before = to_eye.dot(surface.normal) >= MIN_COSINE;
-        (is_inside && is_before).then(|| (offset.length(), to_eye))
+        let eye = camera.origin();
+        let to_eye = (eye - surface.position).normalize_or_zero();
+        (is_inside && to_eye.dot(surface.normal) >= MIN_COSINE).then_some(eye)
     });
-    let shown: Vec<(f32, Vec3)> = shown.collect();
+    let shown: Vec<Vec3> = shown.collect();
     let step = shown.len().div_ceil(MAX_EYES).max(1);
-    let is_seen = |&(distance, to_eye): &(f32, Vec3)| {
-        let hit = scene.sample_hit(&surface.ray(to_eye), *i);
-        hit.is_none_or(|hit| hit.t >= distance)
-    };
-    let some = shown.iter().skip(*i as usize % step).step_by(step);
-    some.copied()
-        .filter(is_seen)
-        .map(|(_, to_eye)| to_eye)
-        .collect()
+    let some = shown.iter().skip(gaussian % step).step_by(step);
+    some.copied().collect()
 }
 
-/// Products of each of `glossy` with its own ratios.
+/// Products of each of `glossy` with its own ratios, from what it mirrors towards its eyes.
 fn products(
     baked: &Gaussians,
-    scene: &CpuScene,
     glossy: &[Glossy],
-    key: RandomKey,
+    mirrored: &[Vec<Option<Mirrored>>],
 ) -> Vec<Products> {
-    let points: Vec<GlossyPoint> = (glossy.iter())
-        .flat_map(|one| {
-            let (i, surface) = one.receiver;
-            let gloss = baked.gloss[i as usize];
-            one.to_eyes.iter().map(move |&to_eye| GlossyPoint {
-                surface,
-                to_eye,
-                gloss,
-            })
-        })
-        .collect();
-    let mut mirrored = scene.mirrored_at(&points, NUM_SAMPLES, key).into_iter();
     let mean = baked.radiances.iter().map(|l| l.element_sum()).sum::<f32>() / 3.0;
     let least = Vec3::splat(MIN_RADIANCE * mean / baked.len() as f32);
-    let of = |one: &Glossy| {
-        let i = one.receiver.0 as usize;
-        let (albedo, carried) = (baked.albedos[i], baked.radiances[i].max(least));
-        let all = equivalent_albedo(albedo, baked.gloss[i]).max(Vec3::splat(1e-3));
+    let of = |(one, mirrored): (&Glossy, &Vec<Option<Mirrored>>)| {
+        let Glossy {
+            gaussian, point, ..
+        } = one;
+        let albedo = baked.albedos[*gaussian];
+        let carried = baked.radiances[*gaussian].max(least);
+        let all = equivalent_albedo(albedo, point.gloss).max(Vec3::splat(1e-3));
         let mut sum = Products::zero();
-        for (to_eye, mirrored) in one.to_eyes.iter().zip(&mut mirrored) {
-            let scattered = albedo * (Vec3::ONE - mirrored.reflectance) / all;
-            sum.add(*to_eye, mirrored.light / carried + scattered);
+        for (eye, mirrored) in point.eyes.iter().zip(mirrored) {
+            if let Some(mirrored) = mirrored {
+                let to_eye = (*eye - point.surface.position).normalize_or_zero();
+                let scattered = albedo * (Vec3::ONE - mirrored.reflectance) / all;
+                sum.add(to_eye, mirrored.light / carried + scattered);
+            }
         }
         sum
     };
-    glossy.iter().map(of).collect()
+    glossy.par_iter().zip(mirrored).map(of).collect()
 }
 
 #[cfg(test)]
@@ -225,7 +224,8 @@ mod tests {
     use super::*;
     use eagpt_scene::{Gaussian, Gloss};
     use eagpt_testkit::gaussians::{look_at, material, rectangle};
-    use eagpt_trace::{Device, Integrator, LightOptions, Tracer};
+    use eagpt_trace::cpu::CpuScene;
+    use eagpt_trace::{Device, Integrator, LightOptions};
     use glam::{DVec3, Vec2};
     use std::ops::ControlFlow;
 

@@ -48,7 +48,7 @@ impl Solution<'_> {
         forget_directions(&mut scene);
         let directions = irradiance::directions(self.method.number(scene.len(), false));
         let key = RandomKey::new(self.seed, Purpose::Bake, 1);
-        let tracer = self.device.scene(&scene)?;
+        let mut tracer = self.device.scene(&scene)?;
         let cameras = self.cameras.iter();
         let Some(receivers) = Receivers::find(&*tracer, &scene, cameras, told)? else {
             return Ok(None);
@@ -76,7 +76,9 @@ impl Solution<'_> {
             return Ok(None);
         }
         scene.radiances = with_emitters(&scene, &reflected.total);
-        scene.harmonics = highlights::harmonics(&scene, &receivers, self.cameras, self.seed);
+        let seed = self.seed;
+        scene.harmonics =
+            highlights::harmonics(&scene, &mut *tracer, &receivers, self.cameras, seed)?;
         Ok(Some(scene))
     }
 }

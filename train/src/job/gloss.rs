@@ -8,7 +8,8 @@ use crate::gloss::{self, Estimate};
 use crate::progress::TrainProgress;
 use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
-use eagpt_trace::cpu::{CpuScene, Mirrored};
+use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::transport::glossy::Mirrored;
 use eagpt_trace::{LightOptions, Tracer};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -83,17 +84,17 @@ impl Run<'_> {
         for gaussians in &mut lights {
             found.apply(gaussians);
         }
-        let scenes: Vec<CpuScene> = lights.iter().map(CpuScene::new).collect();
+        let mut scenes: Vec<CpuScene> = lights.iter().map(CpuScene::new).collect();
         let mut sums = vec![vec![(0.0_f32, 0.0_f32); lights[0].len()]; lights.len()];
         for (seed, training) in (options.seed..).zip(views.iter()) {
             let TrainingView { index, light, view } = training?;
-            let (scene, sums) = (&scenes[light], &mut sums[light]);
+            let (scene, sums) = (&mut scenes[light], &mut sums[light]);
             let sampling = LightOptions {
                 seed,
                 emission_threshold: options.albedo.emission_threshold,
                 ..LightOptions::default()
             };
-            let features = scene.gbuffer(&view.camera)?;
+            let features = scene.record(&view.camera)?;
             let mirrored = scene.mirrored(&view.camera, &features, NUM_SAMPLES, &sampling);
             let mut pixels = Vec::new();
             let mut shares = vec![1.0_f32; mirrored.len()];
