@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 /// Cameras that a Gaussian is seen from, at most.
 const MAX_EYES: usize = 16;
-/// Directions of the lobe for each of them.
+/// Directions of the lobe for each of them; all of them are of use for all cameras.
 const NUM_SAMPLES: u32 = 4;
 /// Cosine at which cameras see a surface, at least.
 const MIN_COSINE: f32 = 0.05;

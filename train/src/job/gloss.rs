@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Directions of the specular lobe at each pixel of a training view.
-const NUM_SAMPLES: u32 = 16;
+const NUM_SAMPLES: u32 = 6;
 /// Light is divided by no smaller share that a lobe leaves to the albedo: what metals scatter is
 /// noise.
 const LEAST_LEFT: f32 = 0.25;
