@@ -19,11 +19,11 @@ mod hits;
 mod integrate;
 mod lanes;
 mod path;
+mod pixel_gloss;
 pub mod realizations;
 mod scene;
 mod search;
 mod tile;
-mod vertex;
 
 pub use camera::{CameraRecord, HitSearch};
 pub use scene::{CpuScene, SampledHit};

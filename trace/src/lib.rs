@@ -36,6 +36,7 @@ pub mod surfel;
 mod tracer;
 pub mod transport;
 mod tree;
+mod view;
 pub mod weights;
 
 pub use device::{Device, DeviceSelector};

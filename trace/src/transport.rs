@@ -21,6 +21,7 @@ pub mod matrix;
 pub mod points;
 pub mod sampling;
 pub mod start;
+pub(crate) mod vertex;
 
 use serde::{Deserialize, Serialize};
 

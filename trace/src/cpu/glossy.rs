@@ -1,44 +1,27 @@
 //! Light that reaches the eye by specular lobes ([`crate::transport::bsdf`]).
 //!
-//! A gather takes the diffuse part of a glossy pixel from the radiance that its Gaussians carry,
-//! and samples the specular lobe alone, one bounce into the radiance that is met. Emitters are
-//! sampled beside the BSDF, and the two are combined by the balance heuristic (Veach 1997, section
-//! 9.2).
+//! The lobe is sampled one bounce into the radiance that is met. Emitters are sampled beside the
+//! BSDF, and the two are combined by the balance heuristic (Veach 1997, section 9.2).
 
-use super::camera::CameraRecord;
 use super::integrate::Samples;
-use super::path::{PathLight, Start};
-use super::vertex::{MIN_REFLECTANCE, Vertex, surfaces_of_pixels};
+use super::path::PathLight;
 use super::{CpuScene, SampledHit};
 use crate::features::GBuffer;
 use crate::ray::Ray;
-use crate::tracer::Guide;
-use crate::transport::bsdf::{Bsdf, equivalent_albedo};
+use crate::transport::bsdf::Bsdf;
 use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::lights::Lights;
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
+use crate::transport::vertex::{Start, Vertex, surfaces_of_pixels};
 use crate::transport::{LIGHT_SHARE, LightOptions};
 use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Surfaces of less roughness, of which the specular part is more than half, are mirrors to a
-/// denoiser.
-const MIRROR_ROUGHNESS: f32 = 0.2;
-/// Mirrors in a row that guides follow.
-const MAX_MIRRORS: u32 = 3;
 /// Lobes of a surface that are sampled together, at most.
 const MAX_TOGETHER: usize = 16;
-
-/// A pixel of a glossy surface.
-pub(super) struct Gathered {
-    pub(super) light: Vec3,
-    pub(super) second_moment: f32,
-    pub(super) num_rays: u64,
-    pub(super) guide: Guide,
-}
 
 /// The specular lobes of the surfaces of a scene, seen in the radiance that its Gaussians carry.
 pub(super) struct Mirrors<'a> {
@@ -55,8 +38,8 @@ pub(super) struct Mirrors<'a> {
 pub(super) type HitChoice = fn(&CpuScene, &Ray, u32) -> Option<SampledHit>;
 
 impl Mirrors<'_> {
-    /// Radiance that the surface of a pixel mirrors, premultiplied, and its samples' second moment.
-    fn sampled(&self, mirror: Vertex, points: &Points, pixel: u32) -> (Mirrored, f32) {
+    /// Radiance that the surface of a pixel mirrors, premultiplied.
+    fn sampled(&self, mirror: Vertex, points: &Points, pixel: u32) -> Mirrored {
         let start = Start::new(pixel, mirror);
         let (surface, bsdf) = (&mirror.surface, mirror.bsdf());
         let mut samples = Samples::default();
@@ -67,67 +50,9 @@ impl Mirrors<'_> {
                 num_rays: 1,
             });
         }
-        let (mean, second_moment) = samples.moments();
-        let mirrored = Mirrored {
-            light: start.factor * mean,
+        Mirrored {
+            light: start.factor * samples.light().mean,
             reflectance: bsdf.albedo(),
-        };
-        (mirrored, second_moment)
-    }
-
-    /// The pixels of a camera that show a surface: the radiance that the Gaussians there carry, of
-    /// glossy ones that part of it that is scattered, and what their lobe mirrors.
-    pub(super) fn gather(
-        &self,
-        (camera, record): (&Camera, &CameraRecord),
-        features: &GBuffer,
-        threshold: f32,
-        key: RandomKey,
-    ) -> Vec<(usize, Gathered)> {
-        let (glosses, means) = self.scene.gloss_and_mean_radiance(record, features);
-        let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
-        let of_surface = |&(pixel, vertex): &(u32, Vertex)| {
-            // The highlight that harmonics hold is sampled.
-            let carried = match vertex.is_glossy() {
-                true => means[pixel as usize],
-                false => features.pixels[pixel as usize].radiance(),
-            };
-            let gathered = self.gathered(vertex, carried, threshold, (key, pixel));
-            (pixel as usize, gathered)
-        };
-        surfaces.par_iter().map(of_surface).collect()
-    }
-
-    fn gathered(
-        &self,
-        vertex: Vertex,
-        carried: Vec3,
-        threshold: f32,
-        (key, pixel): (RandomKey, u32),
-    ) -> Gathered {
-        if !vertex.is_glossy() {
-            let mut guide = vertex.guide();
-            guide.exact = carried;
-            return Gathered {
-                light: carried,
-                second_moment: 0.0,
-                num_rays: 0,
-                guide,
-            };
-        }
-        let mirror = vertex.mirror();
-        let (mirrored, second_moment) = self.sampled(mirror, &Points::new(key, pixel), pixel);
-        let scattered = vertex.albedo() * (Vec3::ONE - mirrored.reflectance);
-        // Baking has taken all that is reflected for scattered.
-        let all = equivalent_albedo(vertex.albedo(), vertex.gloss());
-        let exact = carried * scattered / all.max(Vec3::splat(MIN_REFLECTANCE));
-        let mut guide = guide(self.scene, &mirror, threshold);
-        guide.exact = exact;
-        Gathered {
-            light: mirrored.light + exact,
-            second_moment,
-            num_rays: u64::from(self.num_samples),
-            guide,
         }
     }
 
@@ -225,35 +150,6 @@ impl Mirrors<'_> {
     }
 }
 
-/// The first surface that is no mirror, seen by way of those that are; emitters have an emission
-/// above `threshold`.
-pub(super) fn guide(scene: &CpuScene, vertex: &Vertex, threshold: f32) -> Guide {
-    let mut guide = vertex.guide();
-    let mut tint = Vec3::ONE;
-    let mut vertex = *vertex;
-    for _ in 0..MAX_MIRRORS {
-        let bsdf = vertex.bsdf();
-        if bsdf.roughness() >= MIRROR_ROUGHNESS || bsdf.specular_share() <= 0.5 {
-            break;
-        }
-        tint *= bsdf.albedo() * vertex.alpha;
-        let (origin, direction) = (vertex.surface.position, bsdf.mirror_direction());
-        let (features, gloss) = scene.trace_glossy(&vertex.surface.ray(direction));
-        let Some(next) = Vertex::new((origin, direction), &features, gloss, 0.0) else {
-            break;
-        };
-        guide = next.guide();
-        guide.albedo *= tint;
-        if features.emission() > threshold {
-            // Of a lamp in a mirror, the light is no product with its albedo.
-            guide.albedo = tint;
-            break;
-        }
-        vertex = next;
-    }
-    guide
-}
-
 impl CpuScene {
     /// Of every pixel of `camera`, whose composited `features` are given, what its specular lobe
     /// mirrors of the radiance that Gaussians carry, from `num_samples` directions each; nothing
@@ -271,7 +167,7 @@ impl CpuScene {
         let threshold = options.emission_threshold;
         let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
         let of_surface = |&(pixel, vertex): &(u32, Vertex)| match vertex.is_glossy() {
-            true => (mirrors.sampled(vertex.mirror(), &Points::new(key, pixel), pixel)).0,
+            true => mirrors.sampled(vertex.mirror(), &Points::new(key, pixel), pixel),
             false => Mirrored::default(),
         };
         let found: Vec<Mirrored> = surfaces.par_iter().map(of_surface).collect();

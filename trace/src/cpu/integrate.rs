@@ -2,20 +2,23 @@
 
 use super::CpuScene;
 use super::camera::CameraRecord;
-use super::glossy::{self, Mirrors};
-use super::path::{PathLight, Paths, Start};
-use super::vertex::{Vertex, surfaces_of_pixels};
-use crate::features::{Features, GBuffer};
-use crate::tracer::{Guide, RenderedView};
+use super::glossy::Mirrors;
+use super::path::{PathLight, Paths};
+use crate::features::GBuffer;
+use crate::ray::Ray;
+use crate::tracer::RenderedView;
 use crate::transport::lights::{BounceSampler, Lights};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
+use crate::transport::vertex::{Start, Vertex, surfaces_of_pixels};
 use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
+use crate::view::{Pixels, SampledLight, View};
+use eagpt_scene::Camera;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
-use eagpt_scene::{Camera, Image};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::convert::Infallible;
 
 /// Frame of `camera`, given the composited features of its camera rays and, of a glossy scene, their
 /// record (`0-bounce` needs none). Deterministic for a seed: each pixel has its own random numbers
@@ -27,72 +30,25 @@ pub(super) fn render(
     integrator: &Integrator,
     options: &LightOptions,
 ) -> RenderedView {
-    let key = RandomKey::new(options.seed, Purpose::Render, 0);
     let lights = match options.sampling {
         Sampling::Cosine => None,
         Sampling::NextEvent => scene.lights(),
     };
-    let threshold = options.emission_threshold;
-    let shows_own =
-        |seen: &Features| seen.emission() > threshold || integrator.shows_own_radiance();
-    let own = |seen: &Features| match shows_own(seen) {
-        true => seen.radiance().to_array(),
-        false => [0.0; 3],
+    let pixels = match integrator {
+        Integrator::ZeroBounce => Pixels::diffuse(features),
+        _ => scene.pixels(&record, features),
     };
-    let mut radiance: Vec<[f32; 3]> = features.pixels.iter().map(own).collect();
-    let mut second_moment = vec![[0.0]; camera.num_pixels()];
-    let mut guides = Vec::new();
-    let mut num_rays = 0;
-    match *integrator {
-        Integrator::Gather { num_samples } if scene.is_glossy() => {
-            let mirrors = Mirrors {
-                scene,
-                lights,
-                num_samples,
-                hit: CpuScene::sample_hit,
-            };
-            guides = vec![Guide::default(); camera.num_pixels()];
-            for (pixel, gathered) in mirrors.gather((camera, &record), &features, threshold, key) {
-                radiance[pixel] = gathered.light.to_array();
-                second_moment[pixel] = [gathered.second_moment];
-                guides[pixel] = gathered.guide;
-                num_rays += gathered.num_rays;
-            }
-        }
-        Integrator::ZeroBounce | Integrator::Gather { .. } => {}
-        Integrator::OneBounce { .. } | Integrator::Path { .. } => {
-            let glosses = scene.gloss_of_pixels(&record, &features);
-            let surfaces = surfaces_of_pixels(camera, &features, threshold, &glosses);
-            if scene.is_glossy() {
-                let of_surface =
-                    |(_, vertex): &(u32, Vertex)| glossy::guide(scene, vertex, threshold);
-                let found: Vec<Guide> = surfaces.par_iter().map(of_surface).collect();
-                guides = vec![Guide::default(); camera.num_pixels()];
-                for ((pixel, _), guide) in surfaces.iter().zip(found) {
-                    guides[*pixel as usize] = guide;
-                }
-            }
-            let starts: Vec<Start> = (surfaces.into_iter())
-                .map(|(pixel, vertex)| Start::new(pixel, vertex))
-                .collect();
-            let sampled = sampled(scene, &starts, lights, integrator, options, camera.width);
-            for (start, samples) in starts.iter().zip(sampled) {
-                let pixel = start.pixel as usize;
-                let (mean, moment) = samples.moments();
-                radiance[pixel] = (start.factor * mean).to_array();
-                second_moment[pixel] = [moment];
-                num_rays += u64::from(samples.num_rays);
-            }
-        }
-    }
-    let (width, height) = (camera.width, camera.height);
-    let one_each = "one value for each pixel";
-    RenderedView {
-        radiance: Image::from_pixels(width, height, radiance).expect(one_each),
-        second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
-        num_rays,
-        features,
-        guides,
+    let view = View::new(camera, pixels, integrator, options.emission_threshold);
+    let starts = view.starts();
+    let sampled = sampled(scene, &starts, lights, integrator, options, camera.width);
+    let lights: Vec<SampledLight> = sampled.iter().map(Samples::light).collect();
+    let trace = |rays: &[Ray]| {
+        let met = rays.par_iter().map(|ray| scene.trace_glossy(ray));
+        Ok::<_, Infallible>(met.collect())
+    };
+    match view.finish(&starts, &lights, trace) {
+        Ok(view) => view,
+        Err(never) => match never {},
     }
 }
 
@@ -107,8 +63,8 @@ fn sampled(
 ) -> Vec<Samples> {
     let key = RandomKey::new(options.seed, Purpose::Render, 0);
     match *integrator {
-        Integrator::ZeroBounce | Integrator::Gather { .. } => Vec::new(),
-        Integrator::OneBounce { num_samples } => {
+        Integrator::ZeroBounce => Vec::new(),
+        Integrator::Gather { num_samples } | Integrator::OneBounce { num_samples } => {
             let sampler = BounceSampler::new(lights, LIGHT_SHARE);
             let mirrors = Mirrors {
                 scene,
@@ -173,12 +129,14 @@ impl Samples {
         self.num_rays += path.num_rays;
     }
 
-    /// The mean and the mean squared luminance.
-    pub(super) fn moments(&self) -> (Vec3, f32) {
-        if self.num == 0 {
-            return (Vec3::ZERO, 0.0);
+    /// What they have brought in the mean.
+    pub(super) fn light(&self) -> SampledLight {
+        let num = self.num.max(1) as f32;
+        SampledLight {
+            mean: self.total / num,
+            second_moment: self.squares / num,
+            num_rays: self.num_rays,
         }
-        (self.total / self.num as f32, self.squares / self.num as f32)
     }
 }
 

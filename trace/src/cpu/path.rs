@@ -20,12 +20,12 @@ mod tests;
 
 use super::CpuScene;
 use super::integrate::Samples;
-use super::vertex::{MIN_REFLECTANCE, Vertex};
 use crate::transport::Hits;
 use crate::transport::bsdf::Bsdf;
 use crate::transport::light_list::{Importances, LightList};
 use crate::transport::points::RowPoints;
 use crate::transport::start::Surface;
+use crate::transport::vertex::{Start, Vertex};
 use eagpt_scene::morton;
 use eagpt_scene::rng::RandomKey;
 use expected::Expected;
@@ -66,42 +66,6 @@ pub(super) struct Paths<'a> {
     pub(super) key: RandomKey,
     /// Of the paths that tell what to expect: what a path finds may not depend on it.
     pub(super) key_of_expected: RandomKey,
-}
-
-/// A pixel's surface, from which its paths go on.
-///
-/// Samples are of the light before the reflectance, which a denoiser can smooth: of a white surface
-/// in place of a diffuse one, and divided by what a glossy one reflects.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Start {
-    pub(super) pixel: u32,
-    pub(super) vertex: Vertex,
-    /// Number that the light of a sample is divided by.
-    pub(super) divisor: Vec3,
-    /// Factor from the mean of its samples to the pixel.
-    pub(super) factor: Vec3,
-}
-
-impl Start {
-    pub(super) fn new(pixel: u32, vertex: Vertex) -> Self {
-        let (divisor, reflectance) = match vertex.is_glossy() {
-            true => {
-                let all = vertex.reflectance().max(Vec3::splat(MIN_REFLECTANCE));
-                (all, all)
-            }
-            false => (Vec3::ONE, vertex.reflectance()),
-        };
-        Self {
-            pixel,
-            vertex: if vertex.is_glossy() {
-                vertex
-            } else {
-                vertex.white()
-            },
-            divisor,
-            factor: reflectance * vertex.alpha,
-        }
-    }
 }
 
 /// Light of a path, and the rays traced for it.

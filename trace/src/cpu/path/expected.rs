@@ -10,8 +10,8 @@
 //! of many bounces from paths of few.
 
 use super::{Path, Paths, Start};
-use crate::cpu::vertex::Vertex;
 use crate::transport::start::Surface;
+use crate::transport::vertex::Vertex;
 use glam::Vec3;
 use rayon::prelude::*;
 

@@ -1,10 +1,10 @@
 use super::{Path, Paths, Start};
 use crate::blend::features_of_one;
 use crate::cpu::CpuScene;
-use crate::cpu::vertex::surfaces_of_pixels;
 use crate::transport::points::Points;
 use crate::transport::sampling::cosine_direction;
 use crate::transport::start::Surface;
+use crate::transport::vertex::surfaces_of_pixels;
 use crate::transport::{EMISSION_THRESHOLD, Hits, MAX_BOUNCES, ROULETTE_FROM};
 use crate::{Integrator, LightOptions, Tracer};
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -100,7 +100,7 @@ fn expected_light_is_what_paths_find() {
         let told = starts.iter().map(light).sum::<f64>();
         let samples = paths.sample(&starts);
         let found: f64 = (samples.iter())
-            .map(|samples| f64::from(samples.moments().0.y))
+            .map(|samples| f64::from(samples.light().mean.y))
             .sum();
         // A few thousand vertices, whose light differs by about its mean: 2 % and the light of all
         // bounces that follows from it.

@@ -1,0 +1,240 @@
+//! Rendered views from the light that an engine samples at their pixels, the same for all engines.
+
+use crate::features::{Features, GBuffer};
+use crate::ray::Ray;
+use crate::tracer::{Guide, RenderedView};
+use crate::transport::Integrator;
+use crate::transport::bsdf::equivalent_albedo;
+use crate::transport::vertex::{MIN_REFLECTANCE, Start, Vertex, surfaces_of_pixels};
+use eagpt_scene::{Camera, Gloss, Image};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Surfaces of less roughness, of which the specular part is more than half, are mirrors to a
+/// denoiser.
+const MIRROR_ROUGHNESS: f32 = 0.2;
+/// Mirrors in a row that guides follow.
+const MAX_MIRRORS: u32 = 3;
+
+/// What the rays of a camera have met.
+pub(crate) struct Pixels {
+    pub(crate) features: GBuffer,
+    /// Blended gloss, `[pixels]`; empty where nothing is glossy, and where no light is sampled.
+    pub(crate) glosses: Vec<Gloss>,
+    /// Blended radiance without what harmonics add, `[pixels]`; empty as `glosses`.
+    pub(crate) means: Vec<Vec3>,
+}
+
+impl Pixels {
+    /// Those of a scene without gloss.
+    pub(crate) fn diffuse(features: GBuffer) -> Self {
+        Self {
+            features,
+            glosses: Vec::new(),
+            means: Vec::new(),
+        }
+    }
+}
+
+/// Light that the samples of a pixel have brought, see [`Start`].
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SampledLight {
+    pub(crate) mean: Vec3,
+    /// Mean of the squared luminance.
+    pub(crate) second_moment: f32,
+    pub(crate) num_rays: u32,
+}
+
+/// A view whose camera rays are traced.
+pub(crate) struct View {
+    camera: Camera,
+    pixels: Pixels,
+    integrator: Integrator,
+    threshold: f32,
+    /// Pixels and their surfaces, where light is sampled or known.
+    surfaces: Vec<(u32, Vertex)>,
+}
+
+impl View {
+    /// Emitters have an emission above `threshold`.
+    pub(crate) fn new(
+        camera: &Camera,
+        pixels: Pixels,
+        integrator: &Integrator,
+        threshold: f32,
+    ) -> Self {
+        let is_finished = match integrator {
+            Integrator::ZeroBounce => true,
+            Integrator::Gather { .. } => pixels.glosses.is_empty(),
+            Integrator::OneBounce { .. } | Integrator::Path { .. } => false,
+        };
+        let surfaces = match is_finished {
+            true => Vec::new(),
+            false => surfaces_of_pixels(camera, &pixels.features, threshold, &pixels.glosses),
+        };
+        Self {
+            camera: *camera,
+            pixels,
+            integrator: *integrator,
+            threshold,
+            surfaces,
+        }
+    }
+
+    fn is_gather(&self) -> bool {
+        matches!(self.integrator, Integrator::Gather { .. })
+    }
+
+    /// A surface as it is sampled: a gather knows what it scatters.
+    fn sampled(&self, vertex: &Vertex) -> Vertex {
+        match self.is_gather() && vertex.is_glossy() {
+            true => vertex.mirror(),
+            false => *vertex,
+        }
+    }
+
+    /// Where light is sampled.
+    pub(crate) fn starts(&self) -> Vec<Start> {
+        let is_known = |vertex: &Vertex| self.is_gather() && !vertex.is_glossy();
+        (self.surfaces.iter())
+            .filter(|(_, vertex)| !is_known(vertex))
+            .map(|(pixel, vertex)| Start::new(*pixel, self.sampled(vertex)))
+            .collect()
+    }
+
+    /// The view with the light of its starts, `[starts]`. `trace` has features and gloss of single
+    /// rays, for what mirrors show.
+    pub(crate) fn finish<E>(
+        self,
+        starts: &[Start],
+        lights: &[SampledLight],
+        trace: impl FnMut(&[Ray]) -> Result<Vec<(Features, Gloss)>, E>,
+    ) -> Result<RenderedView, E> {
+        let shows_own = |seen: &Features| {
+            seen.emission() > self.threshold || self.integrator.shows_own_radiance()
+        };
+        let own = |seen: &Features| match shows_own(seen) {
+            true => seen.radiance().to_array(),
+            false => [0.0; 3],
+        };
+        let features = &self.pixels.features;
+        let mut radiance: Vec<[f32; 3]> = features.pixels.iter().map(own).collect();
+        let mut second_moment = vec![[0.0]; radiance.len()];
+        let mut num_rays = 0;
+        for (start, light) in starts.iter().zip(lights) {
+            let pixel = start.pixel as usize;
+            radiance[pixel] = (start.factor * light.mean).to_array();
+            second_moment[pixel] = [light.second_moment];
+            num_rays += u64::from(light.num_rays);
+        }
+        let mut guides = Vec::new();
+        if !self.pixels.glosses.is_empty() {
+            guides = vec![Guide::default(); radiance.len()];
+            let seen: Vec<Vertex> = (self.surfaces.iter())
+                .map(|(_, vertex)| self.sampled(vertex))
+                .collect();
+            let found = through_mirrors(&seen, self.threshold, trace)?;
+            for ((pixel, vertex), guide) in self.surfaces.iter().zip(found) {
+                guides[*pixel as usize] = guide;
+                if self.is_gather() {
+                    let (pixel, exact) = (*pixel as usize, self.scattered(*pixel, vertex));
+                    guides[pixel].exact = exact;
+                    if vertex.is_glossy() {
+                        radiance[pixel] = (Vec3::from(radiance[pixel]) + exact).to_array();
+                    }
+                }
+            }
+        }
+        let (width, height) = (self.camera.width, self.camera.height);
+        let one_each = "one value for each pixel";
+        Ok(RenderedView {
+            radiance: Image::from_pixels(width, height, radiance).expect(one_each),
+            second_moment: Image::from_pixels(width, height, second_moment).expect(one_each),
+            num_rays,
+            features: self.pixels.features,
+            guides,
+        })
+    }
+
+    /// Of the radiance that the Gaussians of a pixel carry, what its surface scatters.
+    fn scattered(&self, pixel: u32, vertex: &Vertex) -> Vec3 {
+        let pixel = pixel as usize;
+        if !vertex.is_glossy() {
+            return self.pixels.features.pixels[pixel].radiance();
+        }
+        let reflectance = vertex.mirror().bsdf().albedo();
+        let scattered = vertex.albedo() * (Vec3::ONE - reflectance);
+        // The highlight that harmonics hold is sampled, and baking has taken all that is reflected
+        // for scattered.
+        let all = equivalent_albedo(vertex.albedo(), vertex.gloss());
+        self.pixels.means[pixel] * scattered / all.max(Vec3::splat(MIN_REFLECTANCE))
+    }
+}
+
+fn guide_of(vertex: &Vertex) -> Guide {
+    Guide {
+        albedo: vertex.reflectance() * vertex.alpha,
+        normal: vertex.surface.normal,
+        position: vertex.surface.position,
+        exact: Vec3::ZERO,
+    }
+}
+
+/// A mirror that a guide looks into.
+struct Looking {
+    /// Number of the guide.
+    number: usize,
+    vertex: Vertex,
+    /// Reflectance of the mirrors so far.
+    tint: Vec3,
+}
+
+/// Of each of `vertices`, the first surface that is no mirror, seen by way of those that are;
+/// emitters have an emission above `threshold`. `[vertices]`
+fn through_mirrors<E>(
+    vertices: &[Vertex],
+    threshold: f32,
+    mut trace: impl FnMut(&[Ray]) -> Result<Vec<(Features, Gloss)>, E>,
+) -> Result<Vec<Guide>, E> {
+    let mut found: Vec<Guide> = vertices.par_iter().map(guide_of).collect();
+    let first = |(number, &vertex): (usize, &Vertex)| Looking {
+        number,
+        vertex,
+        tint: Vec3::ONE,
+    };
+    let mut looking: Vec<Looking> = vertices.iter().enumerate().map(first).collect();
+    for _ in 0..MAX_MIRRORS {
+        let into_mirror = |looking: Looking| {
+            let bsdf = looking.vertex.bsdf();
+            let is_mirror = bsdf.roughness() < MIRROR_ROUGHNESS && bsdf.specular_share() > 0.5;
+            is_mirror.then(|| {
+                let tint = looking.tint * bsdf.albedo() * looking.vertex.alpha;
+                let ray = looking.vertex.surface.ray(bsdf.mirror_direction());
+                (Looking { tint, ..looking }, ray)
+            })
+        };
+        let mirrors = looking.into_par_iter().filter_map(into_mirror);
+        let (mirrors, rays): (Vec<Looking>, Vec<Ray>) = mirrors.unzip();
+        if mirrors.is_empty() {
+            break;
+        }
+        looking = Vec::new();
+        for ((mirror, ray), (features, gloss)) in mirrors.into_iter().zip(&rays).zip(trace(&rays)?)
+        {
+            let ray = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+            let Some(vertex) = Vertex::new(ray, &features, gloss, 0.0) else {
+                continue;
+            };
+            let guide = &mut found[mirror.number];
+            *guide = guide_of(&vertex);
+            if features.emission() > threshold {
+                // Of a lamp in a mirror, the light is no product with its albedo.
+                guide.albedo = mirror.tint;
+                continue;
+            }
+            guide.albedo *= mirror.tint;
+            looking.push(Looking { vertex, ..mirror });
+        }
+    }
+    Ok(found)
+}
