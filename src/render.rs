@@ -23,7 +23,7 @@ use eagpt_render::{RenderJob, RenderProgress, Shot, render_views};
 use eagpt_scene::files::{Key, Ledger, ledger};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Dataset, Shard, ply};
-use eagpt_trace::{Device, Integrator, LightOptions, RenderedView};
+use eagpt_trace::{Integrator, LightOptions, RenderedView};
 use light::SetLight;
 use serde::Serialize;
 use shots::{PathRecord, Shots};
@@ -90,9 +90,6 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
     let mut reporter = Reporter::new(global);
     let device = args.device.open(&mut reporter)?;
     let scene = device.scene(&gaussians)?;
-    if noisy && gaussians.is_glossy() && !matches!(device, Device::Cpu) {
-        reporter.note("the scene is glossy: its light is sampled on the CPU");
-    }
     let display = args
         .display
         .resolve(scene.as_ref(), &shots.list, &integrator, &light)?;

@@ -1,10 +1,11 @@
 // Paths from a surface to the emitters, one ray of one bounce of one sample at a time; the CPU
 // (path.rs) follows a path to its end instead.
 //
-// Two rays leave from every vertex: one towards an emitter, where that is asked for, then one about
-// the normal, which the path follows. Each is aimed, traced (rays.wgsl) and shaded by a kernel of
+// Two rays leave from every vertex: one towards an emitter, where that is asked for, then one that
+// is sampled from what the surface reflects, which the path follows. Each is aimed, traced (rays.wgsl) and shaded by a kernel of
 // its own: small kernels keep more rays under way, and one kernel for all of it takes the compilers
-// of some drivers minutes.
+// of some drivers minutes. What surfaces reflect is in path_diffuse.wgsl, or in path_glossy.wgsl for
+// scenes with gloss.
 
 #import declarations
 #import workgroup
@@ -14,6 +15,11 @@
 #import surface
 #import lights
 #import integrator
+#ifdef gloss
+#import path_glossy
+#else
+#import path_diffuse
+#endif
 
 @group(0) @binding(9) var<storage, read_write> paths: array<PathState>;
 @group(0) @binding(10) var<storage, read_write> rays: array<RayQuery>;
@@ -31,6 +37,13 @@ fn numbers_of(pixel: u32) -> vec4f {
     return block_of(light.key, light.first_pixel + pixel, light.first_sample, block);
 }
 
+fn end_path(path: ptr<function, PathState>, pixel: u32) {
+    (*path).is_alive = 0u;
+    var total = gathered[pixel];
+    add_sample(&total, (*path).brought / sample_divisor(*path), (*path).num_rays);
+    gathered[pixel] = total;
+}
+
 @compute @workgroup_size(GROUP_SIZE)
 fn aim_rays(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -43,66 +56,81 @@ fn aim_rays(
     }
     if (light.flags & FIRST_RAY) != 0u {
         let start = surface_of(pixel);
-        paths[pixel] = PathState(
-            start.position,
-            start.offset,
-            start.normal,
-            0u,
-            vec3f(1.0),
-            u32(start.is_there),
-            vec3f(),
-            0u,
-        );
+        var path = PathState();
+        path.position = start.position;
+        path.offset = start.offset;
+        path.normal = start.normal;
+        path.throughput = vec3f(1.0);
+        path.is_alive = u32(start.is_there);
+        begin_at(&path, pixel);
+        paths[pixel] = path;
         if light.first_sample == 0u {
             gathered[pixel] = NOTHING_GATHERED;
         }
     }
-    let path = paths[pixel];
+    var path = paths[pixel];
     if path.is_alive == 0u {
         rays[pixel].is_idle = 1u;
         return;
     }
     let numbers = numbers_of(pixel);
-    var direction = cosine_direction(path.normal, numbers.x, numbers.y);
+    var direction = vec3f();
     if is_towards_light() {
         direction = sample_light(light.num_emitters, path.position, numbers.x, numbers.y, numbers.z);
+    } else {
+        direction = reflected_direction(&path, numbers);
     }
-    let is_below = is_towards_light() && dot(direction, path.normal) <= 0.0;
+    let is_below = dot(direction, path.normal) <= 0.0;
+    if !is_towards_light() {
+        if is_below {
+            end_path(&path, pixel);
+        }
+        paths[pixel] = path;
+    }
     let ray = ray_from(Surface(true, path.position, path.normal, path.offset), direction);
     let choice = bitcast<u32>(numbers.w);
     rays[pixel] = RayQuery(ray.origin, ray.t_min, direction, choice, ray.own_normal, u32(is_below));
 }
 
 // Adds what a ray has met to its path; returns whether the path goes on.
-fn shade(path: ptr<function, PathState>, direction: vec3f, met: Lanes, survive: f32) -> bool {
+fn shade(path: ptr<function, PathState>, pixel: u32, direction: vec3f, met: Lanes) -> bool {
     (*path).num_rays += 1u;
+    let reflected = reflected_from(*path, direction);
+    if reflected.w <= 0.0 {
+        return is_towards_light();
+    }
     let is_emitter = met.a.w > light.emission_threshold;
     if is_emitter {
         // The balance heuristic of both ways to come by this direction.
-        var weight = 1.0;
+        var density = reflected.w;
         if light.light_share > 0.0 {
-            let cosine_density = dot(direction, (*path).normal) / PI;
-            weight = cosine_density / (cosine_density + light_density(light.light_root, (*path).position, direction));
+            density += light_density(light.light_root, (*path).position, direction);
         }
-        (*path).brought += (*path).throughput * met.a.xyz * weight;
+        (*path).brought += (*path).throughput * met.a.xyz * reflected.xyz / density;
     }
     if is_towards_light() {
         return true;
     }
-    (*path).throughput *= met.b.xyz;
+    (*path).throughput *= reflected.xyz / reflected.w;
+    let next = surface_at((*path).position, direction, met);
+    if !next.is_there || is_emitter || (light.flags & LAST_BOUNCE) != 0u {
+        return false;
+    }
+    let reflectance = come_to(path, pixel, direction, met);
     if (light.flags & ROULETTE) != 0u {
-        let throughput = (*path).throughput;
-        let chance = min(max(throughput.x, max(throughput.y, throughput.z)), 1.0);
-        if survive >= chance {
+        let worth = (*path).throughput * reflectance;
+        let chance = min(max(worth.x, max(worth.y, worth.z)), 1.0);
+        // Drawn from the word that chose the hit.
+        let word = stream_words(light.key, bitcast<u32>(numbers_of(pixel).w), light.bounce).x;
+        if f32(word >> 8u) * (1.0 / 16777216.0) >= chance {
             return false;
         }
-        (*path).throughput = throughput / chance;
+        (*path).throughput /= chance;
     }
-    let next = surface_at((*path).position, direction, met);
     (*path).position = next.position;
     (*path).normal = next.normal;
     (*path).offset = next.offset;
-    return next.is_there && !is_emitter && (light.flags & LAST_BOUNCE) == 0u;
+    return true;
 }
 
 @compute @workgroup_size(GROUP_SIZE)
@@ -116,11 +144,8 @@ fn shade_rays(
         return;
     }
     var path = paths[pixel];
-    if !shade(&path, rays[pixel].direction, ray_features[pixel], numbers_of(pixel).z) {
-        path.is_alive = 0u;
-        var total = gathered[pixel];
-        add_sample(&total, path.brought, path.num_rays);
-        gathered[pixel] = total;
+    if !shade(&path, pixel, rays[pixel].direction, ray_features[pixel]) {
+        end_path(&path, pixel);
     }
     paths[pixel] = path;
 }

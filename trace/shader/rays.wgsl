@@ -8,6 +8,16 @@
 @group(0) @binding(1) var<uniform> light: LightParameters;
 @group(0) @binding(6) var<storage, read> rays: array<RayQuery>;
 @group(0) @binding(7) var<storage, read_write> ray_features: array<Lanes>;
+#ifdef ray_gloss
+@group(0) @binding(9) var<storage, read_write> ray_glosses: array<vec4f>;
+#endif
+
+fn tell(number: u32, met: Lanes) {
+    ray_features[number] = met;
+#ifdef ray_gloss
+    ray_glosses[number] = finished_gloss(met.c.z);
+#endif
+}
 
 @compute @workgroup_size(GROUP_SIZE)
 fn blend_rays(
@@ -17,7 +27,7 @@ fn blend_rays(
 ) {
     let number = light.start_pixel + invocation_number(workgroup, workgroups, thread);
     if number < light.end_pixel && rays[number].is_idle == 0u {
-        ray_features[number] = trace_ray(light.scene_root, ray_of(rays[number]));
+        tell(number, trace_ray(light.scene_root, ray_of(rays[number])));
     }
 }
 
@@ -29,6 +39,6 @@ fn sample_rays(
 ) {
     let number = light.start_pixel + invocation_number(workgroup, workgroups, thread);
     if number < light.end_pixel && rays[number].is_idle == 0u {
-        ray_features[number] = sample_ray(light.scene_root, ray_of(rays[number]), rays[number].seed);
+        tell(number, sample_ray(light.scene_root, ray_of(rays[number]), rays[number].seed));
     }
 }

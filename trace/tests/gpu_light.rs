@@ -5,12 +5,12 @@ mod gpu;
 #[path = "gpu/room.rs"]
 mod room;
 
-use eagpt_scene::{Camera, Gloss};
+use eagpt_scene::{Camera, Gaussians, Gloss};
 use eagpt_testkit::gaussians::{look_at, material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::gpu::GpuScene;
 use eagpt_trace::transport::{Hits, Sampling};
-use eagpt_trace::{Integrator, LightOptions, RenderedView, Tracer};
+use eagpt_trace::{Guide, Integrator, LightOptions, RenderedView, Tracer};
 use glam::{DVec3, Vec3};
 use room::lit_room;
 
@@ -30,7 +30,7 @@ fn path(num_samples: u32, max_bounces: u32) -> Integrator {
 }
 
 fn render(
-    scene: &impl Tracer,
+    scene: &dyn Tracer,
     integrator: Integrator,
     (sampling, hits): (Sampling, Hits),
     seed: u64,
@@ -79,7 +79,7 @@ struct Runs {
     second_moment: f64,
 }
 
-fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> Runs {
+fn runs(scene: &dyn Tracer, integrator: Integrator, how: (Sampling, Hits)) -> Runs {
     let views: Vec<RenderedView> = (10..13)
         .map(|seed| render(scene, integrator, how, seed))
         .collect();
@@ -99,6 +99,16 @@ fn runs(scene: &impl Tracer, integrator: Integrator, how: (Sampling, Hits)) -> R
         noise,
         second_moment: moments.map(|[moment]| f64::from(*moment)).sum::<f64>() / n,
     }
+}
+
+/// Mean difference over pixels, and its standard error.
+fn bias(got: &Runs, wanted: &Runs) -> (f64, f64) {
+    let n = got.means.len() as f64;
+    let pairs = got.means.iter().zip(&wanted.means);
+    let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
+    let bias = differences.iter().sum::<f64>() / n;
+    let variance = differences.iter().map(|d| (d - bias).powi(2)).sum::<f64>() / (n - 1.0);
+    (bias, (variance / n).sqrt())
 }
 
 /// Every integrator with each way of looking for light: the same mean within four standard errors
@@ -131,12 +141,7 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
     ] {
         let got = runs(&gpu, integrator, how);
         let wanted = runs(&cpu, integrator, how);
-        let n = got.means.len() as f64;
-        let pairs = got.means.iter().zip(&wanted.means);
-        let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
-        let bias = differences.iter().sum::<f64>() / n;
-        let variance = differences.iter().map(|d| (d - bias).powi(2)).sum::<f64>() / (n - 1.0);
-        let error = (variance / n).sqrt();
+        let (bias, error) = bias(&got, &wanted);
         assert!(
             bias.abs() < 4.0 * error + 1e-4,
             "{integrator:?} {how:?}: bias {bias} ± {error}"
@@ -158,45 +163,111 @@ fn integrators_have_the_mean_and_the_noise_of_the_cpu() {
     }
 }
 
-/// Kernels do not mirror: the CPU samples the light of a glossy scene. Where nothing is glossy a
-/// gather is the radiance of camera rays.
+/// The room with walls of paint, varnish and metal.
+fn glossy_room() -> Gaussians {
+    let mut room = lit_room();
+    let of = |(position, albedo): (&Vec3, &mut Vec3)| {
+        let (specular, roughness) = match position {
+            p if p.x > 0.9 => (Vec3::new(0.9, 0.7, 0.4), 0.25),
+            p if p.z < -0.9 => (Vec3::splat(0.05), 0.15),
+            p if p.y < -0.9 => (Vec3::splat(0.3), 0.5),
+            _ => return Gloss::NONE,
+        };
+        if specular.x == 0.9 {
+            *albedo = Vec3::ZERO;
+        }
+        Gloss {
+            specular,
+            roughness,
+        }
+    };
+    room.gloss = room
+        .positions
+        .iter()
+        .zip(&mut room.albedos)
+        .map(of)
+        .collect();
+    room
+}
+
+/// A single bounce and a gather take the same numbers for the same things as on the CPU: nearly all
+/// pixels are the same but for rounding. Where nothing is glossy a gather is the radiance of camera
+/// rays.
 #[test]
-fn glossy_scenes_have_the_light_of_the_cpu() {
+fn single_bounces_off_gloss_are_those_of_the_cpu() {
     let Some(device) = gpu::device("glossy scenes") else {
         return;
     };
-    let plain = lit_room();
-    let gather = Integrator::Gather { num_samples: 4 };
+    let (plain, glossy) = (lit_room(), glossy_room());
+    let gather = Integrator::Gather { num_samples: 12 };
     let scene = GpuScene::new(&device, &plain).unwrap();
     let view = render(&scene, gather, PLAIN, 1);
     assert_eq!(view.radiance, view.features.radiance());
-    let mut shining = plain.clone();
-    shining.gloss = vec![
-        Gloss {
-            specular: Vec3::splat(0.5),
-            roughness: 0.3,
-        };
-        plain.len()
-    ];
-    let (gpu, cpu) = (
-        GpuScene::new(&device, &shining).unwrap(),
-        CpuScene::new(&shining),
-    );
-    for integrator in [gather, path(2, 2), Integrator::OneBounce { num_samples: 2 }] {
-        let light = |view: RenderedView| -> f64 {
-            let pixels = view.radiance.pixels().iter();
-            pixels.map(|[_, green, _]| f64::from(*green)).sum()
-        };
-        let wanted = render(&cpu, integrator, PLAIN, 1);
+    let gpu = GpuScene::new(&device, &glossy).unwrap();
+    let cpu = CpuScene::new(&glossy);
+    for integrator in [gather, Integrator::OneBounce { num_samples: 12 }] {
+        for sampling in [Sampling::Cosine, Sampling::NextEvent] {
+            let how = (sampling, Hits::Sampled);
+            let [got, wanted] = [&gpu as &dyn Tracer, &cpu].map(|s| render(s, integrator, how, 1));
+            let diffuse = render(&CpuScene::new(&plain), integrator, how, 1);
+            let off = |a: &RenderedView, b: &RenderedView| {
+                let pairs = a.radiance.pixels().iter().zip(b.radiance.pixels());
+                let is_off = |a: f32, b: f32| (a - b).abs() > 2e-3 * b.abs().max(0.05);
+                pairs
+                    .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| is_off(*a, *b)))
+                    .count()
+            };
+            // Of 144 pixels with 12 rays each; a ray in some hundred meets another disc.
+            let num_off = off(&got, &wanted);
+            assert!(
+                num_off <= 14,
+                "{integrator:?} {sampling:?}: {num_off} pixels"
+            );
+            assert!(off(&diffuse, &wanted) > 80);
+            assert_eq!(got.num_rays, wanted.num_rays);
+            let guides = got.guides.iter().zip(&wanted.guides);
+            let is_off = |(a, b): &(&Guide, &Guide)| {
+                (a.albedo - b.albedo).length() + (a.position - b.position).length() > 0.01
+                    || (a.exact - b.exact).length() > 0.01
+            };
+            let num_off = guides.filter(is_off).count();
+            assert!(
+                num_off <= 3,
+                "{integrator:?} {sampling:?}: {num_off} guides"
+            );
+        }
+    }
+}
+
+/// Paths that mirrors reflect have the mean of the CPU's, by all ways to look for light.
+#[test]
+fn paths_off_gloss_have_the_mean_of_the_cpu() {
+    let Some(device) = gpu::device("paths in glossy scenes") else {
+        return;
+    };
+    let room = glossy_room();
+    let (gpu, cpu) = (GpuScene::new(&device, &room).unwrap(), CpuScene::new(&room));
+    let roulette = Integrator::Path {
+        num_samples: 24,
+        max_bounces: 5,
+        roulette_from: Some(1),
+    };
+    for (integrator, how) in [
+        (path(48, 3), (Sampling::Cosine, Hits::Sampled)),
+        (path(24, 3), (Sampling::NextEvent, Hits::Sampled)),
+        (path(24, 3), PLAIN),
+        (roulette, PLAIN),
+    ] {
+        let (got, wanted) = (runs(&gpu, integrator, how), runs(&cpu, integrator, how));
+        let (bias, error) = bias(&got, &wanted);
+        let mean = wanted.means.iter().sum::<f64>() / wanted.means.len() as f64;
+        eprintln!("{integrator:?} {how:?}: bias {bias} ± {error} of {mean}");
         assert!(
-            render(&gpu, integrator, PLAIN, 1) == wanted,
-            "{integrator:?}"
+            bias.abs() < 4.0 * error + 1e-4,
+            "{integrator:?} {how:?}: bias {bias} ± {error}"
         );
-        let diffuse = light(render(&CpuScene::new(&plain), integrator, PLAIN, 1));
-        assert!(
-            (diffuse / light(wanted) - 1.0).abs() > 0.02,
-            "{integrator:?}"
-        );
+        // Or the test says little.
+        assert!(error < 0.03 * mean, "{error} of {mean}");
     }
 }
 

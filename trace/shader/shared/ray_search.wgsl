@@ -6,12 +6,18 @@
 #import blend
 #import pending
 #import bvh
+#ifdef ray_gloss
+#import gloss_blend
+#endif
 
 @group(0) @binding(3) var<storage, read> attributes: array<Lanes>;
 
 // Composited features along a ray.
 fn trace_ray(root: u32, ray: Ray) -> Lanes {
     var state = Blender(NO_LANES, 1.0);
+#ifdef ray_gloss
+    blended_gloss = GlossBlend();
+#endif
     var pending: Pending;
     var traversal: Traversal;
     var from_t = -1.0;
@@ -39,6 +45,12 @@ fn trace_ray(root: u32, ray: Ray) -> Lanes {
             let index = pending.number[i];
             let seen = seen_from(surfels[index], ray.origin);
             let alpha = alpha_of(seen, meet(seen, ray.direction));
+#ifdef ray_gloss
+            let weight = state.transmittance * alpha;
+            if weight >= MIN_WEIGHT {
+                add_gloss(weight, index);
+            }
+#endif
             ended = accumulate(&state, pending.t[i], alpha, attributes[index], ray.direction) == LAST;
         }
         if ended || pending.forgotten_t == INFINITE {
@@ -91,9 +103,15 @@ fn sample_hit(root: u32, ray: Ray, seed: u32) -> u32 {
 // Features of a ray whose one hit stands for all.
 fn sample_ray(root: u32, ray: Ray, seed: u32) -> Lanes {
     let index = sample_hit(root, ray, seed);
+#ifdef ray_gloss
+    blended_gloss = GlossBlend();
+#endif
     if index == NO_NODE {
         return NO_LANES;
     }
+#ifdef ray_gloss
+    add_gloss(1.0, index);
+#endif
     let t = meet(seen_from(surfels[index], ray.origin), ray.direction).t;
     var features = hit_values(attributes[index], ray.direction, t);
     let size = features.d.y;

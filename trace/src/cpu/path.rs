@@ -25,7 +25,7 @@ use crate::transport::bsdf::Bsdf;
 use crate::transport::light_list::{Importances, LightList};
 use crate::transport::points::RowPoints;
 use crate::transport::start::Surface;
-use crate::transport::vertex::{Start, Vertex};
+use crate::transport::vertex::{ROUGH_BEHIND, Start, Vertex};
 use eagpt_scene::morton;
 use eagpt_scene::rng::RandomKey;
 use expected::Expected;
@@ -38,9 +38,6 @@ const BLOCKS: u32 = 2;
 
 /// Paths that are followed at once, unless one pixel has more samples.
 const PATHS_AT_ONCE: u32 = 1 << 20;
-
-/// Least roughness of what a path meets after a diffuse bounce.
-const ROUGH_BEHIND: f32 = 0.3;
 
 /// Chance of a light sample where paths start. The samples of a pixel choose among the same emitters
 /// there, evenly, so that half as many find them as well as one more ray for every path would.

@@ -213,6 +213,16 @@ kernels! { shader::sources;
         4 nodes: Read HalfNode, 5 leaf_indices: Read u32, 6 rays: Read RayQuery,
         7 ray_features: Write Features,
     }
+    BLEND_GLOSSY_RAYS = "rays" blend_rays ["ray_gloss"] {
+        1 light: Uniform LightParameters, 2 surfels: Read Surfel, 3 attributes: Read Attributes,
+        4 nodes: Read HalfNode, 5 leaf_indices: Read u32, 6 rays: Read RayQuery,
+        7 ray_features: Write Features, 8 glosses: Read [f32; 4], 9 ray_glosses: Write [f32; 4],
+    }
+    SAMPLE_GLOSSY_RAYS = "rays" sample_rays ["ray_gloss"] {
+        1 light: Uniform LightParameters, 2 surfels: Read Surfel, 3 attributes: Read Attributes,
+        4 nodes: Read HalfNode, 5 leaf_indices: Read u32, 6 rays: Read RayQuery,
+        7 ray_features: Write Features, 8 glosses: Read [f32; 4], 9 ray_glosses: Write [f32; 4],
+    }
     GATHER_BOUNCES = "bounce" gather_bounces [] {
         0 view: Uniform View, 1 light: Uniform LightParameters, 2 surfels: Read Surfel,
         3 attributes: Read Attributes, 4 nodes: Read HalfNode, 5 leaf_indices: Read u32,
@@ -222,6 +232,24 @@ kernels! { shader::sources;
         0 view: Uniform View, 1 light: Uniform LightParameters, 6 emitters: Read Emitter,
         7 features: Read Features, 8 gathered: Write Gathered, 9 paths: Write PathState,
         10 rays: Write RayQuery,
+    }
+    GATHER_GLOSSY_BOUNCES = "bounce" gather_bounces ["gloss"] {
+        0 view: Uniform View, 1 light: Uniform LightParameters, 2 surfels: Read Surfel,
+        3 attributes: Read Attributes, 4 nodes: Read HalfNode, 5 leaf_indices: Read u32,
+        6 emitters: Read Emitter, 7 features: Read Features, 8 gathered: Write Gathered,
+        12 pixel_glosses: Read [f32; 4], 13 lobe_albedos: Uniform [f32; 4],
+    }
+    AIM_GLOSSY_RAYS = "path" aim_rays ["gloss"] {
+        0 view: Uniform View, 1 light: Uniform LightParameters, 6 emitters: Read Emitter,
+        7 features: Read Features, 8 gathered: Write Gathered, 9 paths: Write PathState,
+        10 rays: Write RayQuery, 12 pixel_glosses: Read [f32; 4],
+        13 lobe_albedos: Uniform [f32; 4],
+    }
+    SHADE_GLOSSY_RAYS = "path" shade_rays ["gloss"] {
+        1 light: Uniform LightParameters, 4 nodes: Read HalfNode, 5 leaf_indices: Read u32,
+        6 emitters: Read Emitter, 8 gathered: Write Gathered, 9 paths: Write PathState,
+        10 rays: Write RayQuery, 11 ray_features: Read Features,
+        13 lobe_albedos: Uniform [f32; 4], 14 ray_glosses: Read [f32; 4],
     }
     SHADE_RAYS = "path" shade_rays [] {
         1 light: Uniform LightParameters, 4 nodes: Read HalfNode, 5 leaf_indices: Read u32,

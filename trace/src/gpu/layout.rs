@@ -11,7 +11,7 @@ use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::surfel::Surfel;
 use crate::transport::light_list::MAX_CLUSTERS;
 use crate::transport::matrix::{EMITTER, NOTHING, NUM_REALIZATIONS};
-use crate::transport::start;
+use crate::transport::{bsdf, start, vertex};
 use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use std::fmt::Write as _;
 
@@ -185,6 +185,11 @@ pub(super) fn declarations() -> String {
         ("MAX_OFFSET_SIZES", start::MAX_OFFSET_SIZES),
         ("MAX_SLANT", start::MAX_SLANT),
         ("MAX_EXPONENT", MAX_EXPONENT),
+        ("MIN_LOBE_ALPHA", bsdf::MIN_ALPHA),
+        ("FULL_GRAZING_SPECULAR", bsdf::FULL_GRAZING_SPECULAR),
+        ("BSDF_MIN_COSINE", bsdf::MIN_COSINE),
+        ("MIN_REFLECTANCE", vertex::MIN_REFLECTANCE),
+        ("ROUGH_BEHIND", vertex::ROUGH_BEHIND),
     ]
     .into_iter()
     .chain(FUNCTION_CONSTANTS)
@@ -206,6 +211,9 @@ pub(super) fn declarations() -> String {
         ("TOWARDS_LIGHT", light::TOWARDS_LIGHT),
         ("ROULETTE", light::ROULETTE),
         ("LAST_BOUNCE", light::LAST_BOUNCE),
+        ("GATHER", light::GATHER),
+        ("LOBE_TABLE", bsdf::TABLE as u32),
+        ("LOBE_ALBEDOS", bsdf::NUM_LOBE_ALBEDOS as u32),
         ("NUM_REALIZATIONS", NUM_REALIZATIONS),
         ("MAX_CLUSTERS", MAX_CLUSTERS as u32),
         ("NUM_FUNCTIONS", NUM_FUNCTIONS as u32),

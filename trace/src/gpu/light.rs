@@ -10,15 +10,18 @@ use super::camera::CameraTracer;
 use super::device::{Device, Pass};
 use super::error::GpuError;
 use super::kernels::{self, Kernel, groups};
-use super::rays::RayQuery;
+use super::rays::{RayQuery, gloss_rows};
 use super::scene::SceneBuffers;
 use crate::features::Features;
+use crate::transport::bsdf;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
 pub(super) use buffers::TreeBuffers;
 use bytemuck::Zeroable as _;
+use eagpt_scene::Gloss;
 use eagpt_scene::rng::{Purpose, RandomKey};
 pub(super) use parameters::{
-    Emitter, FIRST_RAY, Gathered, LAST_BOUNCE, LightParameters, PathState, ROULETTE, TOWARDS_LIGHT,
+    Emitter, FIRST_RAY, GATHER, Gathered, LAST_BOUNCE, LightParameters, PathState, ROULETTE,
+    TOWARDS_LIGHT,
 };
 
 /// Pixels of a dispatch: a kernel that runs for seconds is stopped by the driver.
@@ -46,10 +49,20 @@ pub(super) struct LightGatherer {
     /// Run one after the other; a pair: where rays are blended, and where they take one hit.
     kernels: [Vec<GatherKernel>; 2],
     hits: Hits,
+    /// F0 and roughness of the pixels of a band, of a glossy scene.
+    pixel_glosses: Option<wgpu::Buffer>,
+}
+
+/// Buffers for the gloss of a scene.
+struct GlossBuffers<'a> {
+    of_gaussians: &'a wgpu::Buffer,
+    of_pixels: wgpu::Buffer,
+    of_rays: wgpu::Buffer,
+    lobe_albedos: wgpu::Buffer,
 }
 
 /// A kernel and its buffers.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct GatherKernel {
     kernel: &'static Kernel,
     buffers: Vec<wgpu::Buffer>,
@@ -74,7 +87,7 @@ enum GatherKind {
 }
 
 impl LightGatherer {
-    /// `None` if `integrator` samples nothing.
+    /// `None` if `integrator` samples nothing. A gather is of a glossy scene.
     pub(super) fn new(
         device: &Device,
         (scene, light): (&SceneBuffers, &TreeBuffers),
@@ -83,8 +96,10 @@ impl LightGatherer {
         options: &LightOptions,
     ) -> Result<Option<Self>, GpuError> {
         let (num_samples, kind) = match *integrator {
-            Integrator::ZeroBounce | Integrator::Gather { .. } => return Ok(None),
-            Integrator::OneBounce { num_samples } => (num_samples, GatherKind::OneBounce),
+            Integrator::ZeroBounce => return Ok(None),
+            Integrator::Gather { num_samples } | Integrator::OneBounce { num_samples } => {
+                (num_samples, GatherKind::OneBounce)
+            }
             Integrator::Path {
                 num_samples,
                 max_bounces,
@@ -105,6 +120,10 @@ impl LightGatherer {
             num_emitters: light.num_emitters,
             scene_root: light.scene_root,
             light_root: light.light_root,
+            flags: match integrator {
+                Integrator::Gather { .. } => GATHER,
+                _ => 0,
+            },
             ..LightParameters::zeroed()
         };
         let num_pixels = tracer.pixels_at_once();
@@ -114,13 +133,31 @@ impl LightGatherer {
         let (view, features) = (&tracer.bins.view, &tracer.features);
         let (surfels, attributes) = (&scene.surfels, &scene.attributes);
         let (nodes, leaves, emitters) = (&light.nodes, &light.leaf_indices, &light.emitters);
+        let gloss = match &scene.glosses {
+            Some(of_gaussians) => Some(GlossBuffers {
+                of_gaussians,
+                of_pixels: of_pixels("gloss of pixels", size_of::<[f32; 4]>())?,
+                of_rays: of_pixels("gloss of paths", size_of::<[f32; 4]>())?,
+                lobe_albedos: device.uniform("lobe albedos", &bsdf::lobe_albedos()),
+            }),
+            None => None,
+        };
+        let gloss = gloss.as_ref();
         let kernels = match kind {
             GatherKind::OneBounce => {
                 let buffers = [
                     view, &uniform, surfels, attributes, nodes, leaves, emitters, features,
                     &gathered,
                 ];
-                [(); 2].map(|()| vec![GatherKernel::new(&kernels::GATHER_BOUNCES, &buffers)])
+                let kernel = match gloss {
+                    Some(gloss) => {
+                        let more = [&gloss.of_pixels, &gloss.lobe_albedos];
+                        let buffers = [&buffers[..], &more].concat();
+                        GatherKernel::new(&kernels::GATHER_GLOSSY_BOUNCES, &buffers)
+                    }
+                    None => GatherKernel::new(&kernels::GATHER_BOUNCES, &buffers),
+                };
+                [vec![kernel.clone()], vec![kernel]]
             }
             GatherKind::Path { .. } => {
                 let paths = &of_pixels("paths", size_of::<PathState>())?;
@@ -131,13 +168,29 @@ impl LightGatherer {
                 let shade = [
                     &uniform, nodes, leaves, emitters, &gathered, paths, rays, met,
                 ];
-                [&kernels::BLEND_RAYS, &kernels::SAMPLE_RAYS].map(|meet_rays| {
+                let of = |aiming, meeting, shading, more: [&[&wgpu::Buffer]; 3]| {
                     vec![
-                        GatherKernel::new(&kernels::AIM_RAYS, &aim),
-                        GatherKernel::new(meet_rays, &meet),
-                        GatherKernel::new(&kernels::SHADE_RAYS, &shade),
+                        GatherKernel::new(aiming, &[&aim[..], more[0]].concat()),
+                        GatherKernel::new(meeting, &[&meet[..], more[1]].concat()),
+                        GatherKernel::new(shading, &[&shade[..], more[2]].concat()),
                     ]
-                })
+                };
+                match gloss {
+                    None => [&kernels::BLEND_RAYS, &kernels::SAMPLE_RAYS]
+                        .map(|meet| of(&kernels::AIM_RAYS, meet, &kernels::SHADE_RAYS, [&[]; 3])),
+                    Some(gloss) => {
+                        let more: [&[&wgpu::Buffer]; 3] = [
+                            &[&gloss.of_pixels, &gloss.lobe_albedos],
+                            &[gloss.of_gaussians, &gloss.of_rays],
+                            &[&gloss.lobe_albedos, &gloss.of_rays],
+                        ];
+                        [&kernels::BLEND_GLOSSY_RAYS, &kernels::SAMPLE_GLOSSY_RAYS].map(|meet| {
+                            let (aim, shade) =
+                                (&kernels::AIM_GLOSSY_RAYS, &kernels::SHADE_GLOSSY_RAYS);
+                            of(aim, meet, shade, more)
+                        })
+                    }
+                }
             }
         };
         Ok(Some(Self {
@@ -148,6 +201,7 @@ impl LightGatherer {
             gathered,
             kernels,
             hits: options.hits,
+            pixel_glosses: gloss.map(|gloss| gloss.of_pixels.clone()),
         }))
     }
 
@@ -157,13 +211,17 @@ impl LightGatherer {
     }
 
     /// Light of `num_pixels` pixels from `first_pixel` of the image on, whose camera rays have just
-    /// been traced.
+    /// been traced, and whose gloss is `glosses` in a glossy scene.
     pub(super) fn gather(
         &self,
         device: &Device,
         first_pixel: u32,
         num_pixels: u32,
+        glosses: &[Gloss],
     ) -> Result<Vec<Gathered>, GpuError> {
+        if let Some(buffer) = &self.pixel_glosses {
+            device.write(buffer, bytemuck::cast_slice(&gloss_rows(glosses)));
+        }
         let mut num_dispatches = 0_u32;
         for start_pixel in (0..num_pixels).step_by(PIXELS_PER_DISPATCH as usize) {
             let end_pixel = (start_pixel + PIXELS_PER_DISPATCH).min(num_pixels);
@@ -221,7 +279,8 @@ impl LightGatherer {
                             .saturating_add(samples_at_once)
                             .min(num_samples),
                         bounce,
-                        flags: kind
+                        flags: pixels.flags
+                            | kind
                             | when(bounce == 0 && number == 0, FIRST_RAY)
                             | when(has_roulette, ROULETTE)
                             | when(bounce + 1 == max_bounces, LAST_BOUNCE),

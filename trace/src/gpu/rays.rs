@@ -2,12 +2,14 @@
 
 use super::device::Device;
 use super::error::GpuError;
-use super::kernels::{Kernel, groups};
+use super::kernels::{self, Kernel, groups};
 use super::layout::{Layout, layout};
 use super::light::{LightParameters, TreeBuffers};
 use super::scene::SceneBuffers;
 use crate::features::{Features, NUM_LANES};
 use crate::ray::Ray;
+use eagpt_scene::{Camera, Gloss};
+use glam::Vec3;
 
 /// Rays of one dispatch: a kernel that runs for seconds is stopped by the driver.
 const RAYS_PER_DISPATCH: u32 = 1 << 20;
@@ -57,6 +59,12 @@ pub(super) struct Rays<'a> {
     pub(super) light: &'a TreeBuffers,
 }
 
+/// Gloss as kernels know it: F0 and roughness.
+pub(super) fn gloss_rows(glosses: &[Gloss]) -> Vec<[f32; 4]> {
+    let of = |gloss: &Gloss| gloss.specular.extend(gloss.roughness).to_array();
+    glosses.iter().map(of).collect()
+}
+
 impl Rays<'_> {
     /// Features along each ray: of all its hits, blended, or of one that is chosen by its weight,
     /// as `kernel` says.
@@ -65,14 +73,75 @@ impl Rays<'_> {
         kernel: &'static Kernel,
         queries: &[RayQuery],
     ) -> Result<Vec<Features>, GpuError> {
+        let features = self.features(queries.len())?;
+        self.run(kernel, queries, &[&features])?;
+        self.read_features(&features, queries.len())
+    }
+
+    /// Blended features and gloss along each ray, of a glossy scene.
+    pub(super) fn trace_glossy(&self, rays: &[Ray]) -> Result<Vec<(Features, Gloss)>, GpuError> {
+        let Some(glosses) = &self.scene.glosses else {
+            return Ok(Vec::new());
+        };
+        let queries: Vec<RayQuery> = rays.iter().map(|ray| RayQuery::new(ray, 0)).collect();
+        let features = self.features(rays.len())?;
+        let size = (rays.len() * size_of::<[f32; 4]>()) as u64;
+        let found = self.device.buffer("gloss of rays", size)?;
+        let buffers = [&features, glosses, &found];
+        self.run(&kernels::BLEND_GLOSSY_RAYS, &queries, &buffers)?;
+        let rows = (self.device).read::<[f32; 4]>(&found, 0..rays.len())?;
+        let gloss = rows.into_iter().map(|[r, g, b, roughness]| Gloss {
+            specular: Vec3::new(r, g, b),
+            roughness,
+        });
+        let features = self.read_features(&features, rays.len())?;
+        Ok(features.into_iter().zip(gloss).collect())
+    }
+
+    /// The same of the rays through the pixel centres of `camera`. Radiance is that without what
+    /// harmonics add.
+    pub(super) fn of_camera(&self, camera: &Camera) -> Result<Vec<(Features, Gloss)>, GpuError> {
+        let frame = camera.ray_frame();
+        let ray = |pixel: usize| {
+            let (x, y) = (pixel as u32 % camera.width, pixel as u32 / camera.width);
+            let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+            Ray::free(frame.origin.to_array(), direction.to_array())
+        };
+        let pixels: Vec<usize> = (0..camera.num_pixels()).collect();
+        let some = pixels.chunks(RAYS_PER_DISPATCH as usize).map(|some| {
+            let rays: Vec<Ray> = some.iter().map(|&pixel| ray(pixel)).collect();
+            self.trace_glossy(&rays)
+        });
+        Ok(some.collect::<Result<Vec<_>, _>>()?.concat())
+    }
+
+    fn features(&self, num_rays: usize) -> Result<wgpu::Buffer, GpuError> {
+        let size = (num_rays * size_of::<Features>()) as u64;
+        self.device.buffer("features of rays", size)
+    }
+
+    fn read_features(
+        &self,
+        features: &wgpu::Buffer,
+        num_rays: usize,
+    ) -> Result<Vec<Features>, GpuError> {
+        let lanes = (self.device).read::<[f32; NUM_LANES]>(features, 0..num_rays)?;
+        Ok(lanes.into_iter().map(Features).collect())
+    }
+
+    /// Runs a kernel of rays, whose buffers after the rays are `results`.
+    fn run(
+        &self,
+        kernel: &'static Kernel,
+        queries: &[RayQuery],
+        results: &[&wgpu::Buffer],
+    ) -> Result<(), GpuError> {
         let Self {
             device,
             scene,
             light,
         } = self;
         let num_rays = queries.len() as u32;
-        let size = (queries.len() * size_of::<Features>()) as u64;
-        let features = device.buffer("features of rays", size)?;
         let queries = device.upload("rays", bytemuck::cast_slice(queries))?;
         let mut passes = Vec::new();
         for first in (0..num_rays).step_by(RAYS_PER_DISPATCH as usize) {
@@ -85,12 +154,10 @@ impl Rays<'_> {
                 &light.nodes,
                 &light.leaf_indices,
                 &queries,
-                &features,
             ];
+            let buffers = [&buffers[..], results].concat();
             passes.push(device.pass(kernel, &buffers, groups(end - first)));
         }
-        device.run(&passes)?;
-        let lanes = device.read::<[f32; NUM_LANES]>(&features, 0..num_rays as usize)?;
-        Ok(lanes.into_iter().map(Features).collect())
+        device.run(&passes)
     }
 }

@@ -4,9 +4,9 @@ use super::camera::CameraTracer;
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels;
-use super::light::{Gathered, LightGatherer, TreeBuffers};
+use super::light::{LightGatherer, TreeBuffers};
 use super::matrix::{TransportBuffers, TransportRays};
-use super::rays::{RayQuery, Rays};
+use super::rays::{RayQuery, Rays, gloss_rows};
 use super::views::Views;
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
 use crate::cpu::CpuScene;
@@ -16,7 +16,9 @@ use crate::surfel::{Attributes, Surfel, SurfelSet};
 use crate::tracer::{RenderedView, TraceError, Tracer};
 use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
+use crate::transport::vertex::Start;
 use crate::transport::{Integrator, LightOptions};
+use crate::view::{Pixels, SampledLight, View};
 use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Harmonics};
@@ -34,6 +36,8 @@ pub(super) struct SceneBuffers {
     /// Coefficients of [`eagpt_scene::Harmonics`], `[n, 24]`, where radiance differs with the
     /// direction.
     pub(super) harmonics: Option<wgpu::Buffer>,
+    /// F0 and roughness, `[n, 4]`, where anything is glossy.
+    pub(super) glosses: Option<wgpu::Buffer>,
     num_surfels: u32,
 }
 
@@ -54,6 +58,10 @@ impl SceneBuffers {
                 true => None,
                 false => Some(device.buffer("harmonics", size(size_of::<Harmonics>()))?),
             },
+            glosses: match set.gloss.is_empty() {
+                true => None,
+                false => Some(device.buffer("gloss", size(size_of::<[f32; 4]>()))?),
+            },
             num_surfels,
         };
         buffers.write(device, set);
@@ -64,6 +72,7 @@ impl SceneBuffers {
     pub(super) fn fit(&self, set: &SurfelSet) -> bool {
         set.len() == self.num_surfels as usize
             && set.harmonics.is_empty() == self.harmonics.is_none()
+            && set.gloss.is_empty() == self.glosses.is_none()
     }
 
     /// Replaces the Gaussians by others that fit.
@@ -77,6 +86,9 @@ impl SceneBuffers {
         device.write(&self.attributes, bytemuck::cast_slice(&lanes));
         if let Some(harmonics) = &self.harmonics {
             device.write(harmonics, bytemuck::cast_slice(&set.harmonics));
+        }
+        if let Some(glosses) = &self.glosses {
+            device.write(glosses, bytemuck::cast_slice(&gloss_rows(&set.gloss)));
         }
     }
 
@@ -93,8 +105,8 @@ impl SceneBuffers {
 pub struct GpuScene {
     pub(super) device: Arc<Device>,
     pub(super) buffers: SceneBuffers,
-    /// The scene on the host, for structures that are built from it and light that kernels cannot
-    /// sample. None where Gaussians are moved on the device.
+    /// The scene on the host, for structures that are built from it and
+    /// [`Tracer::mirrored_towards`]. None where Gaussians are moved on the device.
     host: Option<CpuScene>,
     light: Mutex<Option<Arc<TreeBuffers>>>,
     matrix: Mutex<Option<Arc<TransportBuffers>>>,
@@ -189,10 +201,20 @@ impl GpuScene {
         options: &LightOptions,
     ) -> Result<RenderedView, GpuError> {
         let device = &*self.device;
+        let is_glossy = self.buffers.glosses.is_some();
         let light = match integrator {
-            Integrator::ZeroBounce | Integrator::Gather { .. } => None,
+            Integrator::ZeroBounce => None,
+            Integrator::Gather { .. } if !is_glossy => None,
             _ => Some(self.light()?),
         };
+        let (mut glosses, mut means) = (Vec::new(), Vec::new());
+        if let Some(light) = light.as_ref().filter(|_| is_glossy) {
+            let met = self.rays(light).of_camera(camera)?;
+            (glosses, means) = met
+                .into_iter()
+                .map(|(f, gloss)| (gloss, f.radiance()))
+                .unzip();
+        }
         let mut pixels = Vec::with_capacity(camera.num_pixels());
         let mut gathered = Vec::new();
         let mut num_samples = 0;
@@ -205,12 +227,13 @@ impl GpuScene {
                 None => None,
             };
             num_samples = gatherer.as_ref().map_or(0, LightGatherer::num_samples);
-            let (pixels, gathered) = (&mut pixels, &mut gathered);
+            let (pixels, gathered, glosses) = (&mut pixels, &mut gathered, &glosses);
             Ok(move |band: &Range<usize>, features: Vec<Features>| {
                 pixels.extend(features);
                 if let Some(gatherer) = &gatherer {
+                    let glosses = glosses.get(band.clone()).unwrap_or_default();
                     let (first, num) = (band.start as u32, band.len() as u32);
-                    gathered.extend(gatherer.gather(device, first, num)?);
+                    gathered.extend(gatherer.gather(device, first, num, glosses)?);
                 }
                 Ok(())
             })
@@ -220,7 +243,19 @@ impl GpuScene {
             height: camera.height,
             pixels,
         };
-        Ok(finished(features, &gathered, num_samples, options))
+        let pixels = Pixels {
+            features,
+            glosses,
+            means,
+        };
+        let view = View::new(camera, pixels, integrator, options.emission_threshold);
+        let starts = view.starts();
+        let of_start = |start: &Start| gathered[start.pixel as usize].light(num_samples);
+        let lights: Vec<SampledLight> = starts.iter().map(of_start).collect();
+        view.finish(&starts, &lights, |rays| match &light {
+            Some(light) => self.rays(light).trace_glossy(rays),
+            None => Ok(Vec::new()),
+        })
     }
 
     pub(super) fn views(&self) -> MutexGuard<'_, Views> {
@@ -238,46 +273,6 @@ fn made_once<T>(
         return Ok(Arc::clone(made));
     }
     Ok(Arc::clone(place.insert(Arc::new(make()?))))
-}
-
-/// The view of features and of the light that `num_samples` samples of each pixel have brought.
-fn finished(
-    features: GBuffer,
-    gathered: &[Gathered],
-    num_samples: u32,
-    options: &LightOptions,
-) -> RenderedView {
-    let scale = 1.0 / num_samples.max(1) as f32;
-    let is_sampled = |pixel: usize| {
-        num_samples > 0 && features.pixels[pixel].emission() <= options.emission_threshold
-    };
-    let mut pixel = 0;
-    let radiance = features.extract(|seen| {
-        let at = pixel;
-        pixel += 1;
-        if is_sampled(at) {
-            (seen.albedo() * Vec3::from(gathered[at].total) * scale).to_array()
-        } else {
-            seen.radiance().to_array()
-        }
-    });
-    pixel = 0;
-    let second_moment = features.extract(|_| {
-        let at = pixel;
-        pixel += 1;
-        [if is_sampled(at) {
-            gathered[at].squares * scale
-        } else {
-            0.0
-        }]
-    });
-    RenderedView {
-        radiance,
-        second_moment,
-        num_rays: gathered.iter().map(|light| u64::from(light.num_rays)).sum(),
-        features,
-        guides: Vec::new(),
-    }
 }
 
 impl Tracer for GpuScene {
@@ -361,12 +356,7 @@ impl Tracer for GpuScene {
         integrator: &Integrator,
         options: &LightOptions,
     ) -> Result<RenderedView, TraceError> {
-        // Kernels do not mirror: where a glossy scene's light is sampled, the host does it all.
-        let samples = !matches!(integrator, Integrator::ZeroBounce);
-        match &self.host {
-            Some(host) if samples && host.is_glossy() => host.render(camera, integrator, options),
-            _ => Ok(self.render_view(camera, integrator, options)?),
-        }
+        Ok(self.render_view(camera, integrator, options)?)
     }
 
     fn trace_transport(

@@ -27,9 +27,10 @@ pub(super) const FILES: &[(&str, &str)] = shaders! {
     "adjoint_count" "adjoint_gather" "adjoint_rows" "adjoint_weights"
     "bins_expand" "bins_lists" "bins_project" "bounce" "camera" "harmonics_view"
     "matrix" "path" "rays" "scan" "sort"
-    "shared/band" "shared/blend" "shared/bvh" "shared/camera_no_record" "shared/camera_record"
-    "shared/contribution_row" "shared/exp" "shared/features" "shared/gradient_row"
-    "shared/harmonics" "shared/integrator" "shared/light_list" "shared/lights" "shared/pending" "shared/points"
+    "shared/band" "shared/blend" "shared/bsdf" "shared/bvh" "shared/camera_no_record" "shared/camera_record" "shared/color"
+    "shared/contribution_row" "shared/exp" "shared/features" "shared/gloss_blend" "shared/gradient_row"
+    "shared/harmonics" "shared/integrator" "shared/light_list" "shared/lights"
+    "shared/path_diffuse" "shared/path_glossy" "shared/pending" "shared/pixel_gloss" "shared/points"
     "shared/prefix_sum" "shared/random" "shared/ray_search" "shared/sampling" "shared/surface"
     "shared/surfel" "shared/tile_lists" "shared/tile_rect" "shared/view" "shared/workgroup"
 };

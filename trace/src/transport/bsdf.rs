@@ -19,11 +19,11 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::OnceLock;
 
 /// Least α: a mirror that blurs by a tenth of a degree, whose numbers stay finite.
-const MIN_ALPHA: f32 = 1e-3;
+pub(crate) const MIN_ALPHA: f32 = 1e-3;
 /// F0 below which the reflection at grazing angles fades.
-const FULL_GRAZING_SPECULAR: f32 = 0.02;
+pub(crate) const FULL_GRAZING_SPECULAR: f32 = 0.02;
 /// Cosines are taken no smaller.
-const MIN_COSINE: f32 = 1e-4;
+pub(crate) const MIN_COSINE: f32 = 1e-4;
 
 /// GGX's α of a roughness.
 pub fn alpha_of(roughness: f32) -> f32 {
@@ -201,7 +201,9 @@ fn visible_facet(out: Vec3, alpha: f32, a: f32, b: f32) -> Vec3 {
 }
 
 /// Entries of the table of lobe albedos along roughness and cosine.
-const TABLE: usize = 32;
+pub(crate) const TABLE: usize = 32;
+/// Pairs of the table, two in each.
+pub(crate) const NUM_LOBE_ALBEDOS: usize = TABLE * (TABLE + 1) / 2;
 /// Facets sampled for an entry.
 const TABLE_SAMPLES: u32 = 512;
 
@@ -245,6 +247,23 @@ impl Table {
         }
         table
     }
+}
+
+/// The table of lobe albedos as kernels have it: pairs by roughness and cosine, then their means by
+/// roughness.
+pub(crate) fn lobe_albedos() -> [[f32; 4]; NUM_LOBE_ALBEDOS] {
+    let table = Table::get();
+    let pairs: Vec<Pair> = table
+        .at
+        .iter()
+        .flatten()
+        .chain(&table.mean)
+        .copied()
+        .collect();
+    std::array::from_fn(|i| {
+        let ([a, b], [c, d]) = (pairs[2 * i], pairs[2 * i + 1]);
+        [a, b, c, d]
+    })
 }
 
 /// Cosines of the table are squares: its albedos change fastest at grazing angles.

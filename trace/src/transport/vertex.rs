@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Light is divided by no smaller reflectance.
 pub(crate) const MIN_REFLECTANCE: f32 = 1e-3;
+/// Least roughness of what a path meets after a diffuse bounce.
+pub(crate) const ROUGH_BEHIND: f32 = 0.3;
 
 /// A surface that a ray has met.
 #[derive(Debug, Clone, Copy)]

@@ -4,7 +4,9 @@ use super::TreeBuffers;
 use crate::gpu::layout::{Layout, layout};
 use crate::surfel::Surfel;
 use crate::transport::lights::{Footprint, Lights};
+use crate::view::SampledLight;
 use bytemuck::Zeroable as _;
+use glam::Vec3;
 use std::ops::Range;
 
 /// Flag of a path's ray: none came before it.
@@ -15,6 +17,9 @@ pub(in crate::gpu) const TOWARDS_LIGHT: u32 = 2;
 pub(in crate::gpu) const ROULETTE: u32 = 4;
 /// Flag of a path's ray: no bounce follows.
 pub(in crate::gpu) const LAST_BOUNCE: u32 = 8;
+
+/// Flag of a bounce: what surfaces scatter is known, and their lobes alone are sampled.
+pub(in crate::gpu) const GATHER: u32 = 16;
 
 /// Parameters of the kernels.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -30,7 +35,7 @@ pub(in crate::gpu) struct LightParameters {
     pub(super) light_root: u32,
     /// Number of the bounce that paths are extended by.
     pub(super) bounce: u32,
-    /// Of a path's ray: [`FIRST_RAY`] and others.
+    /// [`FIRST_RAY`] and others.
     pub(super) flags: u32,
     /// Pixel of the image that buffers begin with.
     pub(super) first_pixel: u32,
@@ -122,14 +127,24 @@ impl Emitter {
 #[repr(C)]
 pub(in crate::gpu) struct Gathered {
     /// Sum of the light, before the albedo.
-    pub(in crate::gpu) total: [f32; 3],
+    total: [f32; 3],
     /// Sum of its squared luminance.
-    pub(in crate::gpu) squares: f32,
-    pub(in crate::gpu) num_rays: u32,
+    squares: f32,
+    num_rays: u32,
     padding: [u32; 3],
 }
 
 impl Gathered {
+    /// That of `num_samples` samples.
+    pub(in crate::gpu) fn light(&self, num_samples: u32) -> SampledLight {
+        let scale = 1.0 / num_samples.max(1) as f32;
+        SampledLight {
+            mean: Vec3::from(self.total) * scale,
+            second_moment: self.squares * scale,
+            num_rays: self.num_rays,
+        }
+    }
+
     pub(in crate::gpu) fn layout() -> Layout {
         layout!(Gathered {
             total: "vec3f",
@@ -154,7 +169,19 @@ pub(in crate::gpu) struct PathState {
     is_alive: u32,
     /// Light so far.
     brought: [f32; 3],
+    /// Least roughness of the surfaces that it comes to, in glossy scenes as all that follows.
+    min_roughness: f32,
+    /// Unit direction to where the path came from.
+    to_eye: [f32; 3],
     padding: u32,
+    /// Diffuse albedo of the surface.
+    albedo: [f32; 3],
+    more_padding: u32,
+    /// F0 and roughness of the surface.
+    gloss: [f32; 4],
+    /// Number that the light is divided by.
+    divisor: [f32; 3],
+    last_padding: u32,
 }
 
 impl PathState {
@@ -167,7 +194,14 @@ impl PathState {
             throughput: "vec3f",
             is_alive: "u32",
             brought: "vec3f",
+            min_roughness: "f32",
+            to_eye: "vec3f",
             padding: "u32",
+            albedo: "vec3f",
+            more_padding: "u32",
+            gloss: "vec4f",
+            divisor: "vec3f",
+            last_padding: "u32",
         })
     }
 }
