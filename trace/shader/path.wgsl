@@ -120,9 +120,7 @@ fn shade(path: ptr<function, PathState>, pixel: u32, direction: vec3f, met: Lane
     if (light.flags & ROULETTE) != 0u {
         let worth = (*path).throughput * reflectance;
         let chance = min(max(worth.x, max(worth.y, worth.z)), 1.0);
-        // Drawn from the word that chose the hit.
-        let word = stream_words(light.key, bitcast<u32>(numbers_of(pixel).w), light.bounce).x;
-        if f32(word >> 8u) * (1.0 / 16777216.0) >= chance {
+        if number_of_survival(numbers_of(pixel)) >= chance {
             return false;
         }
         (*path).throughput /= chance;

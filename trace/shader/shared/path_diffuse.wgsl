@@ -16,6 +16,11 @@ fn reflected_direction(path: ptr<function, PathState>, numbers: vec4f) -> vec3f 
     return cosine_direction((*path).normal, numbers.x, numbers.y);
 }
 
+// The number that decides whether a path goes on, of those of its bounce.
+fn number_of_survival(numbers: vec4f) -> f32 {
+    return numbers.z;
+}
+
 // f · cos θ for light from a direction, and the density of that. The albedo is in the throughput.
 fn reflected_from(path: PathState, direction: vec3f) -> vec4f {
     return vec4f(dot(direction, path.normal) / PI);

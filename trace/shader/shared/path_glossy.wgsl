@@ -3,6 +3,7 @@
 #import declarations
 #import features
 #import integrator
+#import random
 #import bsdf
 #import pixel_gloss
 
@@ -33,6 +34,13 @@ fn reflected_direction(path: ptr<function, PathState>, numbers: vec4f) -> vec3f 
         (*path).min_roughness = ROUGH_BEHIND;
     }
     return sample_bsdf(bsdf, numbers.z, numbers.x, numbers.y);
+}
+
+// The number that decides whether a path goes on, of those of its bounce, which all have another
+// use: hashed from the one that chooses the hit.
+fn number_of_survival(numbers: vec4f) -> f32 {
+    let word = stream_words(light.key, bitcast<u32>(numbers.w), light.bounce).x;
+    return f32(word >> 8u) * (1.0 / 16777216.0);
 }
 
 // f · cos θ for light from a direction, and the density of that.
