@@ -5,15 +5,14 @@
 
 mod buffers;
 mod parameters;
+mod steps;
 
 use super::camera::CameraTracer;
 use super::device::{Device, Pass};
 use super::error::GpuError;
-use super::kernels::{self, Kernel, groups};
-use super::rays::{RayQuery, gloss_rows};
+use super::kernels::groups;
+use super::rays::gloss_rows;
 use super::scene::SceneBuffers;
-use crate::features::Features;
-use crate::transport::bsdf;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
 pub(super) use buffers::TreeBuffers;
 use bytemuck::Zeroable as _;
@@ -23,6 +22,7 @@ pub(super) use parameters::{
     Emitter, FIRST_RAY, GATHER, Gathered, LAST_BOUNCE, LightParameters, PathState, ROULETTE,
     TOWARDS_LIGHT,
 };
+use steps::{GatherKernel, Steps};
 
 /// Pixels of a dispatch: a kernel that runs for seconds is stopped by the driver.
 const PIXELS_PER_DISPATCH: u32 = 1 << 18;
@@ -51,30 +51,6 @@ pub(super) struct LightGatherer {
     hits: Hits,
     /// F0 and roughness of the pixels of a band, of a glossy scene.
     pixel_glosses: Option<wgpu::Buffer>,
-}
-
-/// Buffers for the gloss of a scene.
-struct GlossBuffers<'a> {
-    of_gaussians: &'a wgpu::Buffer,
-    of_pixels: wgpu::Buffer,
-    of_rays: wgpu::Buffer,
-    lobe_albedos: wgpu::Buffer,
-}
-
-/// A kernel and its buffers.
-#[derive(Debug, Clone)]
-struct GatherKernel {
-    kernel: &'static Kernel,
-    buffers: Vec<wgpu::Buffer>,
-}
-
-impl GatherKernel {
-    fn new(kernel: &'static Kernel, buffers: &[&wgpu::Buffer]) -> Self {
-        Self {
-            kernel,
-            buffers: buffers.iter().map(|&buffer| buffer.clone()).collect(),
-        }
-    }
 }
 
 #[derive(Debug)]
@@ -130,68 +106,22 @@ impl LightGatherer {
         let of_pixels = |what, size: usize| device.buffer(what, (num_pixels * size) as u64);
         let gathered = of_pixels("light", size_of::<Gathered>())?;
         let uniform = device.uniform("light", &parameters);
-        let (view, features) = (&tracer.bins.view, &tracer.features);
-        let (surfels, attributes) = (&scene.surfels, &scene.attributes);
-        let (nodes, leaves, emitters) = (&light.nodes, &light.leaf_indices, &light.emitters);
-        let gloss = match &scene.glosses {
-            Some(of_gaussians) => Some(GlossBuffers {
-                of_gaussians,
-                of_pixels: of_pixels("gloss of pixels", size_of::<[f32; 4]>())?,
-                of_rays: of_pixels("gloss of paths", size_of::<[f32; 4]>())?,
-                lobe_albedos: device.uniform("lobe albedos", &bsdf::lobe_albedos()),
-            }),
+        let pixel_glosses = match &scene.glosses {
+            Some(_) => Some(of_pixels("gloss of pixels", size_of::<[f32; 4]>())?),
             None => None,
         };
-        let gloss = gloss.as_ref();
+        let steps = Steps {
+            device,
+            scene,
+            light,
+            tracer,
+            uniform: &uniform,
+            gathered: &gathered,
+            pixel_glosses: pixel_glosses.as_ref(),
+        };
         let kernels = match kind {
-            GatherKind::OneBounce => {
-                let buffers = [
-                    view, &uniform, surfels, attributes, nodes, leaves, emitters, features,
-                    &gathered,
-                ];
-                let kernel = match gloss {
-                    Some(gloss) => {
-                        let more = [&gloss.of_pixels, &gloss.lobe_albedos];
-                        let buffers = [&buffers[..], &more].concat();
-                        GatherKernel::new(&kernels::GATHER_GLOSSY_BOUNCES, &buffers)
-                    }
-                    None => GatherKernel::new(&kernels::GATHER_BOUNCES, &buffers),
-                };
-                [vec![kernel.clone()], vec![kernel]]
-            }
-            GatherKind::Path { .. } => {
-                let paths = &of_pixels("paths", size_of::<PathState>())?;
-                let rays = &of_pixels("rays of paths", size_of::<RayQuery>())?;
-                let met = &of_pixels("features of paths", size_of::<Features>())?;
-                let aim = [view, &uniform, emitters, features, &gathered, paths, rays];
-                let meet = [&uniform, surfels, attributes, nodes, leaves, rays, met];
-                let shade = [
-                    &uniform, nodes, leaves, emitters, &gathered, paths, rays, met,
-                ];
-                let of = |aiming, meeting, shading, more: [&[&wgpu::Buffer]; 3]| {
-                    vec![
-                        GatherKernel::new(aiming, &[&aim[..], more[0]].concat()),
-                        GatherKernel::new(meeting, &[&meet[..], more[1]].concat()),
-                        GatherKernel::new(shading, &[&shade[..], more[2]].concat()),
-                    ]
-                };
-                match gloss {
-                    None => [&kernels::BLEND_RAYS, &kernels::SAMPLE_RAYS]
-                        .map(|meet| of(&kernels::AIM_RAYS, meet, &kernels::SHADE_RAYS, [&[]; 3])),
-                    Some(gloss) => {
-                        let more: [&[&wgpu::Buffer]; 3] = [
-                            &[&gloss.of_pixels, &gloss.lobe_albedos],
-                            &[gloss.of_gaussians, &gloss.of_rays],
-                            &[&gloss.lobe_albedos, &gloss.of_rays],
-                        ];
-                        [&kernels::BLEND_GLOSSY_RAYS, &kernels::SAMPLE_GLOSSY_RAYS].map(|meet| {
-                            let (aim, shade) =
-                                (&kernels::AIM_GLOSSY_RAYS, &kernels::SHADE_GLOSSY_RAYS);
-                            of(aim, meet, shade, more)
-                        })
-                    }
-                }
-            }
+            GatherKind::OneBounce => steps.of_bounces(),
+            GatherKind::Path { .. } => steps.of_paths()?,
         };
         Ok(Some(Self {
             parameters,
@@ -201,7 +131,7 @@ impl LightGatherer {
             gathered,
             kernels,
             hits: options.hits,
-            pixel_glosses: gloss.map(|gloss| gloss.of_pixels.clone()),
+            pixel_glosses,
         }))
     }
 
