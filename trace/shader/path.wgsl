@@ -2,10 +2,10 @@
 // (path.rs) follows a path to its end instead.
 //
 // Two rays leave from every vertex: one towards an emitter, where that is asked for, then one that
-// is sampled from what the surface reflects, which the path follows. Each is aimed, traced (rays.wgsl) and shaded by a kernel of
-// its own: small kernels keep more rays under way, and one kernel for all of it takes the compilers
-// of some drivers minutes. What surfaces reflect is in path_diffuse.wgsl, or in path_glossy.wgsl for
-// scenes with gloss.
+// is sampled from what the surface reflects, which the path follows. Each is aimed, traced
+// (rays.wgsl) and shaded by a kernel of its own: small kernels keep more rays under way, and one
+// kernel for all of it takes the compilers of some drivers minutes. What surfaces reflect is in
+// path_diffuse.wgsl, or in path_glossy.wgsl for scenes with gloss.
 
 #import declarations
 #import workgroup

@@ -19,9 +19,9 @@
 //! - `adjoint`: gradients, and what Gaussians contribute to pixels. Sums have a fixed order,
 //!   nothing is added atomically: the same device gives the same bits in every run.
 //! - `bvh`, `rays`: single rays, blended or with one hit chosen by its weight.
-//! - `light`: scenes with gloss have kernels of their own. Random numbers have the bits of the CPU's. Software adapters (Mesa's llvmpipe) stop
-//!   all loops of an invocation after 65,535 turns in sum: dispatches are cut short of that, but
-//!   for single Gaussians that cover as many tiles.
+//! - `light`: scenes with gloss have kernels of their own. Random numbers have the bits of the
+//!   CPU's. Software adapters (Mesa's llvmpipe) stop all loops of an invocation after 65,535 turns
+//!   in sum: dispatches are cut short of that, but for single Gaussians that cover as many tiles.
 //! - `matrix`: discs of a realization have the radii of the CPU's to the bit; one tree serves all
 //!   realizations.
 //! - `capacity`, `views`: buffers for cameras of one size, and how they grow.

@@ -16,7 +16,7 @@ const MIRROR_ROUGHNESS: f32 = 0.2;
 /// Mirrors in a row that guides follow.
 const MAX_MIRRORS: u32 = 3;
 
-/// What the rays of a camera have met.
+/// The things that the rays of a camera have met.
 pub(crate) struct Pixels {
     pub(crate) features: GBuffer,
     /// Blended gloss, `[pixels]`; empty where nothing is glossy, and where no light is sampled.

@@ -1,4 +1,4 @@
-// What the surfaces of paths reflect: light from everywhere, evenly.
+// Reflection by the surfaces of paths: of light from everywhere, evenly.
 
 #import declarations
 #import features

@@ -1,4 +1,4 @@
-// What the surfaces of paths reflect: a lobe over a diffuse part.
+// Reflection by the surfaces of paths: a lobe over a diffuse part.
 
 #import declarations
 #import features

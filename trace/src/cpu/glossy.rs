@@ -38,36 +38,32 @@ pub(super) struct Mirrors<'a> {
 pub(super) type HitChoice = fn(&CpuScene, &Ray, u32) -> Option<SampledHit>;
 
 impl Mirrors<'_> {
-    /// Radiance that the surface of a pixel mirrors, premultiplied.
-    fn sampled(&self, mirror: Vertex, points: &Points, pixel: u32) -> Mirrored {
+    /// Radiance that the specular lobe of a pixel's surface reflects, premultiplied.
+    fn of_pixel(&self, pixel: u32, vertex: &Vertex, key: RandomKey) -> Mirrored {
+        let mirror = vertex.mirror();
         let start = Start::new(pixel, mirror);
-        let (surface, bsdf) = (&mirror.surface, mirror.bsdf());
+        let samples = self.samples(&start, &Points::new(key, pixel));
+        Mirrored {
+            light: start.factor * samples.light().mean,
+            reflectance: mirror.bsdf().albedo(),
+        }
+    }
+
+    /// Samples of one bounce off a start into the radiance that Gaussians carry.
+    pub(super) fn samples(&self, start: &Start, points: &Points) -> Samples {
+        let (surface, bsdf) = (&start.vertex.surface, start.vertex.bsdf());
+        let bsdfs = std::slice::from_ref(&bsdf);
         let mut samples = Samples::default();
         for sample in 0..self.num_samples {
-            let light = self.bounced((surface, &bsdf), points, sample);
+            let mut light = Vec3::ZERO;
+            let numbers = (points.block(sample, 0), points.word(sample));
+            self.bounce(surface, (bsdfs, 0), numbers, |_, value| light = value);
             samples.add(PathLight {
                 light: light / start.divisor,
                 num_rays: 1,
             });
         }
-        Mirrored {
-            light: start.factor * samples.light().mean,
-            reflectance: bsdf.albedo(),
-        }
-    }
-
-    /// One bounce off a surface into the radiance that Gaussians carry.
-    pub(super) fn bounced(
-        &self,
-        (surface, bsdf): (&Surface, &Bsdf),
-        points: &Points,
-        sample: u32,
-    ) -> Vec3 {
-        let mut light = Vec3::ZERO;
-        let numbers = (points.block(sample, 0), points.word(sample));
-        let bsdfs = std::slice::from_ref(bsdf);
-        self.bounce(surface, (bsdfs, 0), numbers, |_, value| light = value);
-        light
+        samples
     }
 
     /// A direction of one of several BSDFs of a surface or, half of the time, of an emitter,
@@ -112,7 +108,7 @@ impl Mirrors<'_> {
         }
     }
 
-    /// What a point mirrors towards those of its eyes that see it. Their lobes are sampled
+    /// Light that a point mirrors towards those of its eyes that see it. Their lobes are sampled
     /// together: where they overlap, the samples of one are of use for the others.
     fn towards_eyes(&self, point: &GlossyPoint, points: &Points) -> Vec<Option<Mirrored>> {
         let surface = &point.surface;
@@ -167,7 +163,7 @@ impl CpuScene {
         let threshold = options.emission_threshold;
         let surfaces = surfaces_of_pixels(camera, features, threshold, &glosses);
         let of_surface = |&(pixel, vertex): &(u32, Vertex)| match vertex.is_glossy() {
-            true => mirrors.sampled(vertex.mirror(), &Points::new(key, pixel), pixel),
+            true => mirrors.of_pixel(pixel, &vertex, key),
             false => Mirrored::default(),
         };
         let found: Vec<Mirrored> = surfaces.par_iter().map(of_surface).collect();

@@ -74,16 +74,12 @@ fn sampled(
             };
             let of_start = |start: &Start| {
                 let points = Points::new(key, start.pixel);
+                if start.vertex.is_glossy() {
+                    return mirrors.samples(start, &points);
+                }
                 let mut samples = Samples::default();
                 for s in 0..num_samples {
-                    let light = match start.vertex.is_glossy() {
-                        true => {
-                            let bsdf = start.vertex.bsdf();
-                            let surface = &start.vertex.surface;
-                            mirrors.bounced((surface, &bsdf), &points, s) / start.divisor
-                        }
-                        false => bounced(scene, &sampler, &start.vertex.surface, &points, s),
-                    };
+                    let light = bounced(scene, &sampler, &start.vertex.surface, &points, s);
                     samples.add(PathLight { light, num_rays: 1 });
                 }
                 samples
@@ -129,7 +125,7 @@ impl Samples {
         self.num_rays += path.num_rays;
     }
 
-    /// What they have brought in the mean.
+    /// The light of all, in the mean.
     pub(super) fn light(&self) -> SampledLight {
         let num = self.num.max(1) as f32;
         SampledLight {

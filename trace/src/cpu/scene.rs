@@ -147,7 +147,7 @@ impl CpuScene {
         self.light_list.get_or_init(make).as_ref()
     }
 
-    /// What `read` finds in the record of `camera`: the last one if it is that, else a new one.
+    /// Calls `read` with the record of `camera`: the last one if it is that, else a new one.
     pub(super) fn with_record<R>(
         &self,
         camera: &Camera,

@@ -107,11 +107,6 @@ impl Bsdf {
         self.roughness
     }
 
-    /// Unit direction towards the eye, not below the surface.
-    pub fn to_eye(&self) -> Vec3 {
-        self.world(self.out)
-    }
-
     /// Unit direction from which a mirror would show light.
     pub fn mirror_direction(&self) -> Vec3 {
         self.world(Vec3::new(-self.out.x, -self.out.y, self.out.z))

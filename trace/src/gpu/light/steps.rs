@@ -27,8 +27,8 @@ impl GatherKernel {
     }
 }
 
-/// What the kernels of an integrator work on. Those of glossy scenes have more buffers, after the
-/// others.
+/// Buffers and more that the kernels of an integrator work on. Those of glossy scenes have more of
+/// them, after the others.
 pub(super) struct Steps<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
