@@ -92,7 +92,7 @@ pub(crate) struct BakeArgs {
     work: Option<PathBuf>,
     /// gaussians: sparse light-transport matrix kept between bakes. While the geometry, cameras,
     /// --samples and --seed are the same, other light of the same lamps and other albedos cost no
-    /// ray; else all rays are traced anew. Takes the place of --work
+    /// ray but those of highlights; else all rays are traced anew. Takes the place of --work
     #[arg(long, value_name = "FILE")]
     transport: Option<PathBuf>,
     /// gaussians: also write BAKED.lights, what each Gaussian reflects of each lamp. Any powers and
@@ -139,7 +139,7 @@ struct Recorded<'a> {
     cameras: &'a Path,
     #[serde(flatten)]
     options: BakeOptions,
-    /// Rays traced by this process, those of cameras left out.
+    /// Rays traced by this process, those of cameras and of highlights left out.
     num_rays: u64,
 }
 

@@ -57,8 +57,8 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "NAME", requires = "other_lights")]
     test_condition: Option<String>,
     /// Factors of lamps in the light of --test-condition, as `[lights]` and `NAME = { "ceiling-*" =
-    /// 1.0, shade-1 = [1, 0.8, 0.6] }`; others are off [default: fitted to the three of its views that
-    /// tell most of the lamps]
+    /// 1.0, shade-1 = [1, 0.8, 0.6] }`; others are off [default: fitted to the three of its views
+    /// that tell most of the lamps]
     #[arg(long, value_name = "LIGHTS.toml", requires = "test_condition")]
     lights: Option<PathBuf>,
     /// Folder for results; created
@@ -117,7 +117,8 @@ pub(crate) struct TrainArgs {
 const RUN_OPTIONS: &str = "train.toml";
 
 const OUTPUTS_AND_EXAMPLES: &str = "Files in RUN:
-  scene.ply      the scene: 17 activated float32 properties a Gaussian, 41 with harmonics
+  scene.ply      the scene: 17 activated float32 properties a Gaussian, 24 more with
+                 harmonics, 4 more with gloss
   lights/NAME/   the scene and its lamps in each light but the first, whose are beside this
   relit/         the scene as it is in the light of --test-condition, with its lamps
   all-lamps/     of several lights, the scene with the lamps of all of them on, to be baked

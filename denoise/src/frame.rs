@@ -11,10 +11,10 @@ use eagpt_scene::Image;
 /// into the wall behind it, even in pixels that show both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Light of the rays that meet emitters, linear radiance, its share of the pixel; never
-    /// denoised.
+    /// Light without noise, linear radiance, its share of the pixel; never denoised: of the rays
+    /// that meet emitters, and what a gather knows without sampling.
     pub emitted: Image<3>,
-    /// Light of all other rays, linear radiance, its share of the pixel.
+    /// All other light, linear radiance, its share of the pixel.
     pub reflected: Image<3>,
     /// Albedo of those other rays, its share of the pixel: `reflected / albedo` is the irradiance
     /// over π.

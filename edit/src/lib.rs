@@ -86,8 +86,8 @@
 //! 0.8, 0.6], "wall-*" = 0 }`: their light as parts of that which they had when the light basis of
 //! the scene was baked ([`eagpt_scene::light_basis`]). Other lights stay as they are, and a name
 //! outranks a pattern. All Gaussians get the radiance that they reflect then, and what emits its
-//! own; those that emit are what `then` acts on. Neither geometry nor albedos may have changed
-//! since the bake, nor the light in another way.
+//! own; those that emit are what `then` acts on. Neither geometry nor albedos nor gloss may have
+//! changed since the bake, nor the light in another way.
 //!
 //! A step that finds nothing is an error unless it says `allow_empty = true`. With `trim =
 //! "shrink"` or `"drop"`, discs that cross the boundary of the selection's regions are made smaller

@@ -141,20 +141,20 @@ pub fn compare_lamps(
         None => truth.conditions.first().map_or("", String::as_str),
     };
     let power = |lamp: &TrueLamp| lamp.power.get(condition).copied().unwrap_or_default();
-    let shining = truth
+    let emitting = truth
         .lamps
         .iter()
         .filter(|lamp| luminance(power(lamp)) > 0.0);
-    let shining: Vec<&TrueLamp> = shining.collect();
-    let mut parts: Vec<Vec<&Lamp>> = vec![Vec::new(); shining.len()];
+    let emitting: Vec<&TrueLamp> = emitting.collect();
+    let mut parts: Vec<Vec<&Lamp>> = vec![Vec::new(); emitting.len()];
     let mut false_lamps = Vec::new();
     for lamp in &found.lamps {
-        match true_lamp(lamp, &shining) {
+        match true_lamp(lamp, &emitting) {
             Some(index) => parts[index].push(lamp),
             None => false_lamps.push(lamp.name.clone()),
         }
     }
-    let compared = shining.iter().zip(&parts);
+    let compared = emitting.iter().zip(&parts);
     let lamps: Vec<ComparedLamp> = compared
         .map(|(lamp, parts)| ComparedLamp::new(&lamp.name, power(lamp), parts))
         .collect();

@@ -12,8 +12,8 @@
 //! - `lamps`: found lamps against true ones.
 //!
 //! Then the jobs: [`evaluate`] compares folders of renders with the views of datasets and writes
-//! tables and error maps, for one lighting of a room or several, and [`tabulate()`] puts evaluations
-//! of several modes of rendering into one table.
+//! tables and error maps, for one lighting of a room or several, and [`tabulate()`] puts
+//! evaluations of several modes of rendering into one table.
 //!
 //! Images are linear Rec.709 unless a name says otherwise. All sums run in a fixed order in f64, so
 //! a result has the same bits for any number of threads.

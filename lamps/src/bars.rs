@@ -25,8 +25,9 @@ const MAX_PUSH: f32 = 0.15;
 /// Trials for its edges once its plane is known.
 const NUM_TRIALS: usize = 200;
 
-/// The lamp of `group`, which is large, behind bars, about one of the `starts`, which may keep their
-/// z axis; `None` where its residual is over `max_residual`, or views do not show that there is one.
+/// The lamp of `group`, which is large, behind bars, about one of the `starts`, which may keep
+/// their z axis; `None` where its residual is over `max_residual`, or views do not show that there
+/// is one.
 pub(crate) fn fit(
     evidence: &Evidence,
     group: &Group,

@@ -42,8 +42,8 @@ impl Candidate {
 pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
     let groups = bearings::joined(evidence, grouping::group(evidence));
     let mut groups = windows::joined(evidence, &groups, up);
-    // Where most views show a lamp its place is known best, and others may show parts of it that the
-    // scene has elsewhere.
+    // Where most views show a lamp its place is known best, and others may show parts of it that
+    // the scene has elsewhere.
     groups.sort_by_key(|(group, window)| {
         Reverse((
             window.is_some(),

@@ -77,9 +77,9 @@ pub struct Found {
 impl Found {
     /// The lamps that shine in a light.
     pub fn in_light(&self, light: usize) -> Lamps {
-        let shining = |lamp: &Vec<(usize, Lamp)>| Some(in_light(lamp, light)?.clone());
+        let emitting = |lamp: &Vec<(usize, Lamp)>| Some(in_light(lamp, light)?.clone());
         Lamps {
-            lamps: self.in_lights.iter().filter_map(shining).collect(),
+            lamps: self.in_lights.iter().filter_map(emitting).collect(),
         }
     }
 

@@ -9,8 +9,8 @@ const NEAR: f32 = 0.05;
 /// Share of all points that a line has, at least.
 const MIN_SHARE: f32 = 0.25;
 
-/// Which of `points`, together about `extent` large, are of the line that most are near; all of them
-/// where no line has many.
+/// Which of `points`, together about `extent` large, are of the line that most are near; all of
+/// them where no line has many.
 pub(crate) fn along_line(points: &[Vec3], extent: f32) -> Vec<bool> {
     let ends: Vec<Vec3> = (points.iter().copied())
         .step_by(points.len().div_ceil(MAX_ENDS).max(1))

@@ -209,7 +209,7 @@ impl View<'_> {
             }
             reading.solid_angle += cover * pixel.solid_angle;
             if (is_own || beside) && (cover > 0.0 || is_near(pixel)) {
-                // What is behind the lamp counts where the lamp does not cover the pixel.
+                // The surface behind the lamp counts where the lamp does not cover the pixel.
                 let behind = rest.map_or(self.background, |rest| rest.radiance) * (1.0 - cover);
                 reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
             }
@@ -218,8 +218,8 @@ impl View<'_> {
     }
 }
 
-/// Radiance of the lamp of `group` in pixels that it fills, and how far views differ; `None` where it
-/// fills none. What hides a part of it may be too thin, or too near, to tell how much.
+/// Radiance of the lamp of `group` in pixels that it fills, and how far views differ; `None` where
+/// it fills none. What hides a part of it may be too thin, or too near, to tell how much.
 pub(crate) fn in_filled_pixels(
     evidence: &Evidence,
     group: &Group,

@@ -1,6 +1,6 @@
-//! Shapes of least residual: the way down a sum of squares (Levenberg 1944, Marquardt 1963), and the
-//! minimum of a function that has no derivative (Nelder and Mead 1965, with the coefficients of that
-//! paper).
+//! Shapes of least residual: the way down a sum of squares (Levenberg 1944, Marquardt 1963), and
+//! the minimum of a function that has no derivative (Nelder and Mead 1965, with the coefficients of
+//! that paper).
 
 use crate::change::MAX_CHANGES;
 use crate::shape::Shape;

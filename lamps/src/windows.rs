@@ -59,8 +59,8 @@ impl Pane {
     }
 }
 
-/// Groups of lit pixels with those of one window joined, and the fit of a window that has bars; `up`
-/// is the unit vector upwards.
+/// Groups of lit pixels with those of one window joined, and the fit of a window that has bars;
+/// `up` is the unit vector upwards.
 pub(crate) fn joined(evidence: &Evidence, groups: &[Group], up: Vec3) -> Vec<(Group, Option<Fit>)> {
     let panes: Vec<Option<Pane>> = groups.iter().map(|g| Pane::new(evidence, g)).collect();
     let are_beside = |a: usize, b: usize| {

@@ -21,8 +21,8 @@ fn looking(eye: DVec3, target: DVec3) -> Camera {
     Camera::centred([120, 80], 1.3, pose)
 }
 
-/// Lamps of a room with `lamp`, which training has `trained`; cameras at `eyes` look at it, others at
-/// the floor.
+/// Lamps of a room with `lamp`, which training has `trained`; cameras at `eyes` look at it, others
+/// at the floor.
 fn found(lamp: &Shape, trained: &Shape, eyes: &[DVec3]) -> Vec<Lamp> {
     let centre = lamp.centre().as_dvec3();
     let up: Vec<Camera> = eyes.iter().map(|eye| looking(*eye, centre)).collect();

@@ -105,7 +105,7 @@ fn round_and_long_lamps_have_their_power() {
         taper: 0.0,
     };
     for (lamp, shape) in [(ball, LampShape::Ball), (tube, LampShape::Tube)] {
-        // What training left: discs that are about where the lamp is.
+        // As training leaves it: discs that are about where the lamp is.
         let mut scene: Vec<Gaussian> = room().iter().collect();
         let left = match lamp {
             Shape::Ball { centre, .. } => Solid::Ball {

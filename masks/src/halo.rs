@@ -8,8 +8,8 @@ use eagpt_scene::Image;
 use std::collections::HashSet;
 
 /// A diffuse surface beside a lamp has less of its radiance: it sees no more of the lamp than half
-/// of its sky, has an albedo below 0.8, and the lamp's brightest pixel may be a little brighter than
-/// the others.
+/// of its sky, has an albedo below 0.8, and the lamp's brightest pixel may be a little brighter
+/// than the others.
 const MAX_SHARE: f32 = 1.0 / 3.0;
 /// Ratio of the radiances within and outside of an edge, three pixels apart: the light of a tube
 /// fades by up to 4.5 there on a ceiling 4 cm above it, in pixels of 2 cm.

@@ -12,9 +12,9 @@
 //! 3. The level is half the lamp's peak, kept within that part of the valley where the histogram is
 //!    at most twice its minimum: a pixel less than half covered by a lamp is not a lamp, nor is a
 //!    surface lit by a lamp close by.
-//! 4. A lamp that is little brighter than the brightest surfaces is a peak only with less smoothing,
-//!    where the shine around a bright lamp has peaks as well. It counts if there are regions of its
-//!    pixels that nothing brighter is part of ([`Dimmer`]).
+//! 4. A lamp that is little brighter than the brightest surfaces is a peak only with less
+//!    smoothing, where the shine around a bright lamp has peaks as well. It counts if there are
+//!    regions of its pixels that nothing brighter is part of ([`Dimmer`]).
 //!
 //! One level serves a whole scene: exposures are aligned, and a lamp behind the camera of one view
 //! causes the reflections of the next. The level decides which pixels are emitters; their borders

@@ -93,7 +93,7 @@ preset = "{preset}"
 # gaussians = 60000
 # set = ["radiance.rates.position=5e-5"]
 
-# What the room looks like from the test views.
+# Renderings from the test views.
 [render]
 modes = ["0-bounce", "1-bounce", "path"]
 aov = ["normal", "depth", "albedo", "emission", "alpha"]

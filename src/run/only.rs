@@ -83,9 +83,9 @@ fn check_earlier(plan: &Plan, step: &PlanStep, folder: &Folder) -> Result<()> {
     );
 }
 
-/// Prints the steps without a look at any file; in JSON the command without the name of the program,
-/// the steps whose products it takes, what it reads outside of the run and what it makes, whether
-/// `--shard` divides it, and the folder of the run.
+/// Prints the steps without a look at any file; in JSON the command without the name of the
+/// program, the steps whose products it takes, what it reads outside of the run and what it makes,
+/// whether `--shard` divides it, and the folder of the run.
 ///
 /// # Errors
 /// If standard output cannot be written.

@@ -15,7 +15,8 @@ use std::time::Duration;
 /// Digests of files by path, size and time of change, so that nothing is read twice.
 const DIGESTS_FILE: &str = ".digests.json";
 
-/// Time to wait for a lock that a run has which was killed: as long as systems take to clear it away.
+/// Time to wait for a lock that a run has which was killed: as long as systems take to clear it
+/// away.
 pub(super) const SHORT_WAIT: Duration = Duration::from_secs(2);
 /// Time to wait for the lock of others who note what they do.
 pub(super) const LONG_WAIT: Duration = Duration::from_mins(10);

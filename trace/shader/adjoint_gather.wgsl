@@ -1,5 +1,5 @@
-// Last stage of the adjoint: the rows of each Gaussian are added in a fixed order, so that sums come
-// out the same in every run without an atomic addition of floats.
+// Last stage of the adjoint: the rows of each Gaussian are added in a fixed order, so that sums
+// come out the same in every run without an atomic addition of floats.
 //
 // Most Gaussians are on a few tiles, some on thousands: a thread adds the rows of a Gaussian of its
 // own, the workgroup together those of a large one.

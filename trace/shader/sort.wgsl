@@ -1,5 +1,5 @@
-// One pass of a stable radix sort. Neither subgroups nor the order of atomics matter: a thread owns a
-// run of consecutive elements and a column of counters, which are added up thread by thread.
+// One pass of a stable radix sort. Neither subgroups nor the order of atomics matter: a thread owns
+// a run of consecutive elements and a column of counters, which are added up thread by thread.
 
 #import declarations
 #import workgroup

@@ -9,7 +9,7 @@
 //! replayed; buffers stay on the device from call to call.
 //!
 //! To read a job from top to bottom: `passes` for the rays of a camera and their adjoint, `light`
-//! for the `1-bounce` and `path` integrators, `matrix` for light transport.
+//! for the `1-bounce`, `gather` and `path` integrators, `matrix` for light transport.
 //!
 //! - `scan`, `sort`: prefix sums and a stable radix sort.
 //! - `bins`: lists of the Gaussians that each tile of a camera may see: two sorts, by distance and

@@ -16,8 +16,9 @@
 //! - [`cpu`]: hit search on the CPU — a wide BVH for single rays, binned tiles for camera rays,
 //!   whose adjoint is there, too.
 //! - `gpu` (feature `gpu`): the same on devices that wgpu finds.
-//! - [`transport`]: options of the `0-bounce`, `1-bounce` and `path` integrators, light sampling
-//!   and the transport matrix.
+//! - [`transport`]: options of the `0-bounce`, `1-bounce`, `gather` and `path` integrators, BSDFs,
+//!   light sampling and the transport matrix.
+//! - `view`: views put together from sampled light, for all engines.
 //!
 //! [`Device`] names and opens a device, [`Device::scene`] brings Gaussians to it, and [`Tracer`] is
 //! the interface of that scene: the only one the code above this crate knows.

@@ -59,8 +59,8 @@ pub struct SurfelSet {
     pub gloss: Vec<Gloss>,
 }
 
-/// A [`SurfelSet`] as it looks from one point: attributes are those of [`SurfelSet::attributes_from`]
-/// where a Gaussian can be seen from there.
+/// A [`SurfelSet`] as it looks from one point: attributes are those of
+/// [`SurfelSet::attributes_from`] where a Gaussian can be seen from there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SeenSet<'a> {
     pub(crate) surfels: &'a [Surfel],

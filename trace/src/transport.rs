@@ -1,4 +1,5 @@
-//! Light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
+//! Light transport (EAG-PT, sections 3.3 and 3.4): camera rays are blended, others take one hit
+//! unless told otherwise.
 //!
 //! - `0-bounce`: the blended radiance R itself.
 //! - `1-bounce`: emitters (E > τ_E) show R; any other point shows P/π · ∫ R(ω) (ω·Ñ) dω, the

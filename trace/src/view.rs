@@ -180,8 +180,8 @@ fn guide_of(vertex: &Vertex) -> Guide {
     }
 }
 
-/// A mirror that a guide looks into.
-struct Looking {
+/// A mirror whose reflection a guide follows.
+struct MirrorRay {
     /// Number of the guide.
     number: usize,
     vertex: Vertex,
@@ -197,28 +197,28 @@ fn through_mirrors<E>(
     mut trace: impl FnMut(&[Ray]) -> Result<Vec<(Features, Gloss)>, E>,
 ) -> Result<Vec<Guide>, E> {
     let mut found: Vec<Guide> = vertices.par_iter().map(guide_of).collect();
-    let first = |(number, &vertex): (usize, &Vertex)| Looking {
+    let first = |(number, &vertex): (usize, &Vertex)| MirrorRay {
         number,
         vertex,
         tint: Vec3::ONE,
     };
-    let mut looking: Vec<Looking> = vertices.iter().enumerate().map(first).collect();
+    let mut reflected: Vec<MirrorRay> = vertices.iter().enumerate().map(first).collect();
     for _ in 0..MAX_MIRRORS {
-        let into_mirror = |looking: Looking| {
-            let bsdf = looking.vertex.bsdf();
+        let into_mirror = |mirror: MirrorRay| {
+            let bsdf = mirror.vertex.bsdf();
             let is_mirror = bsdf.roughness() < MIRROR_ROUGHNESS && bsdf.specular_share() > 0.5;
             is_mirror.then(|| {
-                let tint = looking.tint * bsdf.albedo() * looking.vertex.alpha;
-                let ray = looking.vertex.surface.ray(bsdf.mirror_direction());
-                (Looking { tint, ..looking }, ray)
+                let tint = mirror.tint * bsdf.albedo() * mirror.vertex.alpha;
+                let ray = mirror.vertex.surface.ray(bsdf.mirror_direction());
+                (MirrorRay { tint, ..mirror }, ray)
             })
         };
-        let mirrors = looking.into_par_iter().filter_map(into_mirror);
-        let (mirrors, rays): (Vec<Looking>, Vec<Ray>) = mirrors.unzip();
+        let mirrors = reflected.into_par_iter().filter_map(into_mirror);
+        let (mirrors, rays): (Vec<MirrorRay>, Vec<Ray>) = mirrors.unzip();
         if mirrors.is_empty() {
             break;
         }
-        looking = Vec::new();
+        reflected = Vec::new();
         for ((mirror, ray), (features, gloss)) in mirrors.into_iter().zip(&rays).zip(trace(&rays)?)
         {
             let ray = (Vec3::from(ray.origin), Vec3::from(ray.direction));
@@ -233,7 +233,7 @@ fn through_mirrors<E>(
                 continue;
             }
             guide.albedo *= mirror.tint;
-            looking.push(Looking { vertex, ..mirror });
+            reflected.push(MirrorRay { vertex, ..mirror });
         }
     }
     Ok(found)

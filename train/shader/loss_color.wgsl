@@ -79,7 +79,7 @@ fn encode_lit(
     encoded[pixel] = encoded_as_pq(select(features.b.xyz * light.xyz, light.xyz, light.w > 0.0));
 }
 
-// What is brighter than a lower bound is as wanted.
+// A colour above the target's lower bound has no error.
 @compute @workgroup_size(GROUP_SIZE)
 fn clip(
     @builtin(workgroup_id) workgroup: vec3u,
@@ -92,7 +92,7 @@ fn clip(
     }
     let bounded = (vec3u(clipped[pixel]) & vec3u(1u, 2u, 4u)) != vec3u();
     let shown = encoded[pixel];
-    let bound = pq_wanted(pixel);
+    let bound = pq_of_target(pixel);
     let is_beyond = bounded & (shown.pq > bound);
     encoded[pixel] = Encoded(select(shown.pq, bound, is_beyond), select(shown.slope, vec3f(), is_beyond));
 }
@@ -102,10 +102,10 @@ fn add_moments(sum: Moments, weight: f32, x: i32, row: u32) -> Moments {
         return sum;
     }
     let pixel = row * loss.width + u32(x);
-    let a = pq_wanted(pixel);
+    let a = pq_of_target(pixel);
     let b = encoded[pixel].pq;
     return Moments(
-        sum.of_wanted + weight * a,
+        sum.of_target + weight * a,
         sum.of_shown + weight * b,
         sum.of_squares + weight * (a * a + b * b),
         sum.of_product + weight * (a * b),
@@ -146,8 +146,8 @@ fn compare(
     var d_moments = Moments();
     if has_flag(pixel, WINDOW) {
         let m = window_of(pixel);
-        let product = m.of_wanted * m.of_shown;
-        let squares = m.of_wanted * m.of_wanted + m.of_shown * m.of_shown;
+        let product = m.of_target * m.of_shown;
+        let squares = m.of_target * m.of_target + m.of_shown * m.of_shown;
         let numerator_mean = 2.0 * product + SSIM_C1;
         let numerator_structure = 2.0 * (m.of_product - product) + SSIM_C2;
         let inverse_mean = 1.0 / (squares + SSIM_C1);
@@ -157,7 +157,7 @@ fn compare(
         similarity = value.x + value.y + value.z;
         d_moments = Moments(
             vec3f(),
-            2.0 * m.of_wanted * (numerator_structure - numerator_mean) * inverse
+            2.0 * m.of_target * (numerator_structure - numerator_mean) * inverse
                 + 2.0 * m.of_shown * value * (inverse_structure - inverse_mean),
             -value * inverse_structure,
             2.0 * numerator_mean * inverse,
@@ -166,10 +166,10 @@ fn compare(
     partials[pixel] = d_moments;
     var image = vec4f(0.0, similarity, 0.0, 0.0);
     if is_known(pixel) {
-        let difference = abs(encoded[pixel].pq - pq_wanted(pixel));
+        let difference = abs(encoded[pixel].pq - pq_of_target(pixel));
         image.x = difference.x + difference.y + difference.z;
-        image.z = select(0.0, abs(means[pixel].a.w - emission_wanted(pixel)), loss.has_emission != 0u);
-        image.w = abs(alpha_of_features(means[pixel]) - opacity_wanted(pixel));
+        image.z = select(0.0, abs(means[pixel].a.w - emission_of_target(pixel)), loss.has_emission != 0u);
+        image.w = abs(alpha_of_features(means[pixel]) - opacity_of_target(pixel));
     }
     terms[pixel].image = image;
 }

@@ -12,7 +12,7 @@
 // By the light that is shown, of the colour term.
 fn by_shown(pixel: u32) -> vec3f {
     let shown = encoded[pixel].pq;
-    let target_pq = pq_wanted(pixel);
+    let target_pq = pq_of_target(pixel);
     let by_moments = window_of(pixel);
     let d_ssim = loss.per_window * (by_moments.of_shown + 2.0 * shown * by_moments.of_squares + target_pq * by_moments.of_product);
     let d_pq = loss.l1 * sign(shown - target_pq) - loss.ssim * d_ssim;
@@ -44,14 +44,14 @@ fn derivative(pixel: u32) -> Lanes {
     var d_distance = 0.0;
     if is_known(pixel) {
         d_radiance = loss.color * by_shown(pixel);
-        d_emission = loss.emission * sign(features.a.w - emission_wanted(pixel));
-        d_alpha = loss.alpha * sign(alpha_of_features(features) - opacity_wanted(pixel));
+        d_emission = loss.emission * sign(features.a.w - emission_of_target(pixel));
+        d_alpha = loss.alpha * sign(alpha_of_features(features) - opacity_of_target(pixel));
     }
     if loss.has_normals != 0u {
         let num_map = bitcast<f32>(report[REPORT_NUM_MAP]);
         let num_spanned = bitcast<f32>(report[REPORT_NUM_SPANNED]);
         if num_map > 0.0 && terms[pixel].surface.y > 0.0 {
-            d_normal += loss.normal / num_map * one_minus_cosine(normal_of(features), normal_wanted(pixel)).xyz;
+            d_normal += loss.normal / num_map * one_minus_cosine(normal_of(features), normal_of_target(pixel)).xyz;
         }
         if num_spanned > 0.0 {
             let share = loss.depth_normal / num_spanned;

@@ -31,7 +31,7 @@ fn surface_terms(
     }
     let own = normal_of(means[pixel]);
     let has_own = dot(own, own) > 0.0;
-    var normal = normal_wanted(pixel);
+    var normal = normal_of_target(pixel);
     var surface = vec4f();
     if loss.has_map != 0u && any(normal != vec3f()) && has_own {
         surface = vec4f(one_minus_cosine(own, normal).w, 1.0, 0.0, 0.0);

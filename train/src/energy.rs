@@ -3,8 +3,8 @@
 //! Albedos of single Gaussians may exceed 1 where texture is finer than they are; what may not is
 //! the blend of a pixel. Where lamps are too weak it does, and light would grow with each bounce.
 //!
-//! Training leaves out pixels of emitters. Nothing is known of a surface that these alone show, as a
-//! blind that light comes through, and under another lamp it would be the brightest thing of the
+//! Training leaves out pixels of emitters. Nothing is known of a surface that these alone show, as
+//! a blind that light comes through, and under another lamp it would be the brightest thing of the
 //! room if it were white: it is no brighter than the mean of the scene.
 
 use crate::error::Result;
@@ -123,8 +123,8 @@ mod tests {
         wall.discs()
     }
 
-    /// Of a wall in pixels that emit and one beside it, the first is no brighter than the second, and
-    /// no brighter than it was.
+    /// Of a wall in pixels that emit and one beside it, the first is no brighter than the second,
+    /// and no brighter than it was.
     #[test]
     fn a_surface_that_emitters_alone_show_is_no_brighter_than_the_rest() {
         let camera =

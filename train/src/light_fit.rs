@@ -17,7 +17,7 @@ use eagpt_scene::light_basis::LightBasis;
 use eagpt_scene::{Camera, Dataset, Gaussians, Image, SceneError, View, ply};
 use eagpt_trace::Device;
 use serde::Serialize;
-use solve::{Solution, Sums, solve, standard_error};
+use solve::{NormalEquations, Solution, solve, standard_error};
 use std::path::PathBuf;
 
 /// Blocks of pixels along the width of a view.
@@ -190,7 +190,7 @@ fn best_views(
     let pictures = pictures(&request.device, scene, basis, &cameras, &mut |_| ())?;
     let sums = (0..cameras.len()).map(|view| {
         let of_view: Vec<&[f32]> = pictures.iter().map(|of| of[view].values()).collect();
-        let mut sums = Sums::new(of_view.len());
+        let mut sums = NormalEquations::new(of_view.len());
         let mut row = vec![0.0; of_view.len()];
         for i in 0..3 * cameras[view].num_pixels() {
             for (light, values) in row.iter_mut().zip(&of_view) {
@@ -200,7 +200,7 @@ fn best_views(
         }
         sums
     });
-    let sums: Vec<Sums> = sums.collect();
+    let sums: Vec<NormalEquations> = sums.collect();
     let best = choose::best(&sums, num).into_iter();
     Ok(best.map(|i| frames[i].name.clone()).collect())
 }
@@ -256,14 +256,19 @@ impl Channels {
 
 /// Adds the blocks of a view, of which each light has a picture; returns the number of pixels that
 /// count.
-fn add_view(view: &View, pictures: &[&Image<3>], channel: usize, blocks: &mut Vec<Sums>) -> usize {
+fn add_view(
+    view: &View,
+    pictures: &[&Image<3>],
+    channel: usize,
+    blocks: &mut Vec<NormalEquations>,
+) -> usize {
     let (width, height) = (
         view.radiance.width() as usize,
         view.radiance.height() as usize,
     );
     let side = width.div_ceil(BLOCKS_ACROSS).max(1);
     let across = width.div_ceil(side);
-    let mut here = vec![Sums::new(pictures.len()); across * height.div_ceil(side)];
+    let mut here = vec![NormalEquations::new(pictures.len()); across * height.div_ceil(side)];
     let counts = |i: usize| {
         let is_known = view
             .valid

@@ -212,15 +212,15 @@ pub struct RadianceOptions {
     pub lamps: LampOptions,
 }
 
-/// Lamps as clean surfaces of known power (crate `eagpt-lamps`), in place of the heaps of discs that
-/// training makes of them.
+/// Lamps as clean surfaces of known power (crate `eagpt-lamps`), in place of the heaps of discs
+/// that training makes of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LampOptions {
     /// Whether lamps become clean; in the paper they stay as they were trained.
     pub clean: bool,
-    /// Share of the iterations after which they do, 0 to 1: geometry has to be right by then, what is
-    /// around them has to fit them afterwards, and in a long rest films form before them again.
+    /// Share of the iterations after which they do, 0 to 1: geometry has to be right by then, what
+    /// is around them has to fit them afterwards, and in a long rest films form before them again.
     pub after: f32,
 }
 

@@ -103,7 +103,8 @@ impl Server {
     ///
     /// # Errors
     /// [`ViewerError::Address`] if it cannot listen there, [`ViewerError::Token`] if the system has
-    /// no random numbers, [`ViewerError::Unfit`] if a scene that was edited before cannot be packed.
+    /// no random numbers, [`ViewerError::Unfit`] if a scene that was edited before cannot be
+    /// packed.
     pub fn bind(address: SocketAddr, served: Served) -> Result<Self> {
         Self::over(listen(address)?, Arc::new(Editor::new(served)?))
     }

@@ -72,7 +72,8 @@ def c2w(r, t):
     return m
 
 
-# FIPT: origin, look-at, up; K. Written with six decimals, as its own files are, and read from these.
+# FIPT: origin, look-at, up; K. Written with six decimals, as its own files are, and read from
+# these.
 def fipt():
     size, n = (24, 16), 3
     cams, ks, out = [f"{n}"], [f"{n}"], []
@@ -94,7 +95,8 @@ def fipt():
     expected["fipt"] = out
 
 
-# Eyeful Tower: K and T are lists of columns, K for a size whose ratio to the image's differs between the axes.
+# Eyeful Tower: K and T are lists of columns, K for a size whose ratio to the image's differs
+# between the axes.
 def eyeful(folder, kind, distortion):
     full, size = (5784, 8660), (20, 30)
     scale = np.array(size) / np.array(full)
@@ -124,7 +126,8 @@ def eyeful(folder, kind, distortion):
         else:
             k1, k2, p1, p2, k3 = distortion
             pixels = opencv(points, f, c, (k1, k2, k3), (p1, p2))
-        # A pixel position is measured from the corner of the image, which is the same for every size.
+        # A pixel position is measured from the corner of the image, which is the same for every
+        # size.
         out.append(entry(name, np.linalg.inv(world_to_camera), points, pixels * scale, size))
     krt.append({**krt[0], "cameraId": "31/31_DSC0009"})
     write(f"{folder}/cameras.json", json.dumps({"KRT": krt}, indent=1) + "\n")
@@ -217,7 +220,8 @@ def fipt_synthetic():
     expected["fipt-synthetic"] = out
 
 
-# Light: gains of the scene, then DCI-P3 with the white D65 to Rec.709, both from their chromaticities.
+# Light: gains of the scene, then DCI-P3 with the white D65 to Rec.709, both from their
+# chromaticities.
 def colour():
     def xyz_from_rgb(primaries):
         white = np.array([0.3127, 0.3290])

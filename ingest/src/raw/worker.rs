@@ -209,7 +209,7 @@ fn describe(status: ExitStatus, said: &str, num_bytes: u64) -> String {
         let limit = time_limit_s(num_bytes);
         return format!("decoding it did not end within {limit} s");
     }
-    // What the standard library says of an allocation that failed.
+    // The standard library's words for an allocation that failed.
     let wanted = said
         .lines()
         .find_map(|line| {

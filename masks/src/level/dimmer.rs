@@ -82,7 +82,8 @@ impl Dimmer {
 mod tests {
     use super::*;
 
-    /// Radiances of a picture: surfaces up to 4, a tube of 40, and pixels of 7 that touch it or not.
+    /// Radiances of a picture: surfaces up to 4, a tube of 40, and pixels of 7 that touch it or
+    /// not.
     fn tube_and_dim_pixels(touch: bool) -> Image<1> {
         let value = |i: u32| match (i % 200, i / 200) {
             (20..40, 20..120) => 40.0,

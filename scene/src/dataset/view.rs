@@ -198,8 +198,8 @@ fn check_size<const C: usize>(
 /// Refuses an image that has values that are bad.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] naming the first pixel with a channel that `is_bad`, the value, `what` it
-/// is, and how many pixels are like it.
+/// [`SceneError::Invalid`] naming the first pixel with a channel that `is_bad`, the value, `what`
+/// it is, and how many pixels are like it.
 pub fn refuse<const C: usize>(
     path: &Path,
     image: &Image<C>,

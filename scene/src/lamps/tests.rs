@@ -167,7 +167,7 @@ fn damaged_files_are_refused_by_file_field_and_value() {
     let more = refusal(&[b"[", whole.as_bytes(), b"]"].concat());
     assert!(more.contains("lamps.json: JSON: "), "{more}");
 
-    // What could not be read is not written, and an earlier file stays.
+    // Lamps that could not be read are not written, and an earlier file stays.
     std::fs::write(&path, &whole).unwrap();
     let mut lamps = read_lamps(&path).unwrap();
     lamps.lamps[0].deviation = f32::NAN;

@@ -10,7 +10,7 @@
 @group(0) @binding(6) var<storage, read> light_discs: array<LightDisc>;
 @group(0) @binding(12) var<uniform> light_clusters: array<LightCluster, MAX_CLUSTERS>;
 
-// What a receiver may get of a cluster, relative to its luminance times area.
+// Light that a receiver may get of a cluster, relative to its luminance times area.
 fn importance_of(cluster: u32, receiver: Surface) -> f32 {
     let offset = light_clusters[cluster].centre - receiver.position;
     let radius = light_clusters[cluster].radius;

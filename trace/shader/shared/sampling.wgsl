@@ -8,8 +8,8 @@ fn turn(b: f32) -> vec2f {
     return -vec2f(cos(angle), sin(angle));
 }
 
-// Tangent, bitangent and the unit `normal` (Duff et al., "Building an Orthonormal Basis, Revisited",
-// JCGT 2017).
+// Tangent, bitangent and the unit `normal` (Duff et al., "Building an Orthonormal Basis,
+// Revisited", JCGT 2017).
 fn frame_about(normal: vec3f) -> mat3x3f {
     let side = select(-1.0, 1.0, normal.z >= 0.0);
     let c = -1.0 / (side + normal.z);

@@ -1,11 +1,11 @@
-//! Gaussians as they look from the eye of a camera.
+//! Gaussians as seen from the eye of a camera.
 
 use super::bins::{CHUNK, TileBins};
 use crate::surfel::{Attributes, SeenSet, SurfelSet};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// The Gaussians of `set` as they look from `eye`, those that `bins` has at least, in `memory` where
+/// The Gaussians of `set` as seen from `eye`, those that `bins` has at least, in `memory` where
 /// that differs from one point to another.
 pub(super) fn evaluate_harmonics<'a>(
     set: &'a SurfelSet,

@@ -1,4 +1,5 @@
-//! The integrators on the CPU: light transport on blended rays (EAG-PT, sections 3.3 and 3.4).
+//! The integrators on the CPU (EAG-PT, sections 3.3 and 3.4): camera rays are blended, others take
+//! one hit unless told otherwise.
 
 use super::CpuScene;
 use super::camera::CameraRecord;
@@ -20,9 +21,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::convert::Infallible;
 
-/// Frame of `camera`, given the composited features of its camera rays and, of a glossy scene, their
-/// record (`0-bounce` needs none). Deterministic for a seed: each pixel has its own random numbers
-/// and adds its samples in order.
+/// Frame of `camera`, given the composited features of its camera rays and, of a glossy scene,
+/// their record (`0-bounce` needs none). Deterministic for a seed: each pixel has its own random
+/// numbers and adds its samples in order.
 pub(super) fn render(
     scene: &CpuScene,
     camera: &Camera,

@@ -10,7 +10,8 @@
 //!
 //! Paths end at random where little light is left to find; [`expected`] has what then stands in for
 //! the rest. The samples of pixels that lie near each other are of one low-discrepancy sequence
-//! ([`RowPoints`]): what one has too much of, its neighbours have too little of, which denoisers see.
+//! ([`RowPoints`]): what one has too much of, its neighbours have too little of, which denoisers
+//! see.
 
 mod expected;
 mod order;
@@ -39,8 +40,9 @@ const BLOCKS: u32 = 2;
 /// Paths that are followed at once, unless one pixel has more samples.
 const PATHS_AT_ONCE: u32 = 1 << 20;
 
-/// Chance of a light sample where paths start. The samples of a pixel choose among the same emitters
-/// there, evenly, so that half as many find them as well as one more ray for every path would.
+/// Chance of a light sample where paths start. The samples of a pixel choose among the same
+/// emitters there, evenly, so that half as many find them as well as one more ray for every path
+/// would.
 const LIGHT_CHANCE_OF_STARTS: f32 = 0.5;
 
 /// Paths that a thread follows before it looks for others.
@@ -216,7 +218,7 @@ impl Paths<'_> {
             },
         });
         let seen = self.seen(choice);
-        // What is left of the number that chose to look is as evenly spread as it was.
+        // The remainder of the number that made the choice is as evenly spread as the number was.
         if let Some(lights) = &lights
             && pick < lights.chance
             && let numbers = [pick / lights.chance, u, v]

@@ -17,8 +17,8 @@ pub(super) const BLOCK: u32 = THREADS * PER_THREAD;
 const DIGIT_BITS: u32 = 6;
 /// Values of those.
 pub(super) const DIGITS: u32 = 1 << DIGIT_BITS;
-/// Words of the counters of two digits, 16 bits each: one for each invocation, and one more, so that
-/// rows begin in different banks of memory.
+/// Words of the counters of two digits, 16 bits each: one for each invocation, and one more, so
+/// that rows begin in different banks of memory.
 pub(super) const ROW: u32 = THREADS + 1;
 /// Words of all counters.
 pub(super) const COUNTERS: u32 = DIGITS / 2 * ROW;

@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> rays: array<Lanes>;
 // Mean features of each pixel; spread and first distance have no part in a loss.
 @group(0) @binding(2) var<storage, read_write> means: array<Lanes>;
-@group(0) @binding(3) var<storage, read> wanted: array<TargetPixel>;
+@group(0) @binding(3) var<storage, read> targets: array<TargetPixel>;
 @group(0) @binding(4) var<storage, read_write> encoded: array<Encoded>;
 // Moments, and later derivatives by them, blurred along x.
 @group(0) @binding(5) var<storage, read_write> blurred: array<Moments>;
@@ -25,10 +25,10 @@ struct Encoded {
     slope: vec3f,
 }
 
-// Of the three colours: mean of what is wanted, mean of what is shown, mean of the sum of their
+// Of the three colours: mean of the target, mean of what is shown, mean of the sum of their
 // squares, mean of their product.
 struct Moments {
-    of_wanted: vec3f,
+    of_target: vec3f,
     of_shown: vec3f,
     of_squares: vec3f,
     of_product: vec3f,
@@ -51,30 +51,30 @@ struct SurfaceGradient {
 }
 
 fn has_flag(pixel: u32, flag: u32) -> bool {
-    return ((wanted[pixel].normal_z_flags >> 16u) & flag) != 0u;
+    return ((targets[pixel].normal_z_flags >> 16u) & flag) != 0u;
 }
 
 fn is_known(pixel: u32) -> bool {
     return has_flag(pixel, KNOWN);
 }
 
-fn opacity_wanted(pixel: u32) -> f32 {
-    return f32(wanted[pixel].normal_z_flags >> (16u + FLAG_BITS)) / f32(FULL_OPACITY);
+fn opacity_of_target(pixel: u32) -> f32 {
+    return f32(targets[pixel].normal_z_flags >> (16u + FLAG_BITS)) / f32(FULL_OPACITY);
 }
 
-fn pq_wanted(pixel: u32) -> vec3f {
-    let blue = unpack2x16unorm(wanted[pixel].blue_emission).x;
-    return PQ_RANGE * vec3f(unpack2x16unorm(wanted[pixel].red_green), blue);
+fn pq_of_target(pixel: u32) -> vec3f {
+    let blue = unpack2x16unorm(targets[pixel].blue_emission).x;
+    return PQ_RANGE * vec3f(unpack2x16unorm(targets[pixel].red_green), blue);
 }
 
-fn emission_wanted(pixel: u32) -> f32 {
-    return unpack2x16unorm(wanted[pixel].blue_emission).y;
+fn emission_of_target(pixel: u32) -> f32 {
+    return unpack2x16unorm(targets[pixel].blue_emission).y;
 }
 
 // Zero where there is none.
-fn normal_wanted(pixel: u32) -> vec3f {
-    let z = unpack2x16snorm(wanted[pixel].normal_z_flags).x;
-    return vec3f(unpack2x16snorm(wanted[pixel].normal_xy), z);
+fn normal_of_target(pixel: u32) -> vec3f {
+    let z = unpack2x16snorm(targets[pixel].normal_z_flags).x;
+    return vec3f(unpack2x16snorm(targets[pixel].normal_xy), z);
 }
 
 fn normal_of(features: Lanes) -> vec3f {
@@ -116,7 +116,7 @@ fn window_of(pixel: u32) -> Moments {
             let other = blurred[u32(y) * loss.width + x];
             let weight = weights[abs(offset)];
             sum = Moments(
-                sum.of_wanted + weight * other.of_wanted,
+                sum.of_target + weight * other.of_target,
                 sum.of_shown + weight * other.of_shown,
                 sum.of_squares + weight * other.of_squares,
                 sum.of_product + weight * other.of_product,

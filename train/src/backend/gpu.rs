@@ -3,10 +3,10 @@
 //! - [`params`]: parameters, moments and Gaussians; the chain rule and Adam.
 //! - [`rows`]: what these are rows of.
 //! - [`lights`]: the values of lights that are not shown.
-//! - [`wanted`]: what views should look like.
+//! - [`target`]: views that steps are compared with, on the device.
 //! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the
 //!   features of rays.
-//! - [`report`]: what the host reads after a step: twelve numbers.
+//! - [`report`]: what the host reads after a step: thirteen numbers.
 //! - [`kernels`]: the modules of these.
 //! - [`steps`]: steps of these, several of them under way at once.
 
@@ -120,19 +120,19 @@ impl GpuBackend {
         }
     }
 
-    fn wanted(&mut self, view: &TrainingView) -> Result<TargetView> {
-        if let Some(wanted) = self.views.get(&view.index) {
-            return Ok(wanted.clone());
+    fn target(&mut self, view: &TrainingView) -> Result<TargetView> {
+        if let Some(target) = self.views.get(&view.index) {
+            return Ok(target.clone());
         }
         let size = TargetView::num_bytes(view.view.camera.num_pixels());
         let Some(left) = self.view_budget.checked_sub(size) else {
             let target = self.trainer.target(view);
             return TargetView::new(&self.device, &view.view, &target);
         };
-        let wanted = TargetView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
+        let target = TargetView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
         self.view_budget = left;
-        self.views.insert(view.index, wanted.clone());
-        Ok(wanted)
+        self.views.insert(view.index, target.clone());
+        Ok(target)
     }
 
     /// The irradiance of a view in stage 1; emission beyond `threshold` is an emitter's.

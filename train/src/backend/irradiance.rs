@@ -119,7 +119,7 @@ pub(super) fn albedos(lights: &[LitGaussians]) -> Vec<Vec3> {
         let gathered = light.irradiance;
         for ((i, _), irradiance) in gathered.seen.iter().zip(&gathered.irradiance) {
             let i = *i as usize;
-            // What an emitter reflects is not seen beside its own light.
+            // The light that an emitter reflects is not seen beside its own.
             if light.gaussians.emissions[i] <= EMISSION_THRESHOLD {
                 let share = light.shares.get(i).copied().unwrap_or(1.0);
                 sums[i].0 += light.gaussians.radiances[i] * share;

@@ -49,7 +49,8 @@ const STORE_EVERY: Duration = Duration::from_secs(30);
 pub struct GaussianBake {
     /// Directions traced at each Gaussian, at least 1: half of them are light samples, the others
     /// serve all bounces. Without a number it follows from that of the Gaussians
-    /// ([`irradiance::usual_samples`]), and is twice that where the light of each lamp is asked for.
+    /// ([`irradiance::usual_samples`]), and is twice that where the light of each lamp is asked
+    /// for.
     pub num_samples: Option<u32>,
 }
 

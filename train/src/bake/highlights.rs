@@ -34,13 +34,13 @@ const MAX_RATIO: f32 = 20.0;
 const MIN_RADIANCE: f32 = 1e-3;
 /// Squared coefficients count as much as this part of the squared errors.
 const RIDGE: f32 = 0.005;
-/// Power of the ratio that errors of its logarithm count by: 0 for relative errors, by which what is
-/// bright ends up too dark, 1 for absolute ones, by which what is dark ends up too bright. Of 0, ¼, ½
-/// and 0.9, it suits three rooms best.
+/// Power of the ratio that errors of its logarithm count by: 0 for relative errors, by which what
+/// is bright ends up too dark, 1 for absolute ones, by which what is dark ends up too bright. Of 0,
+/// ¼, ½ and 0.9, it suits three rooms best.
 const POWER: f32 = 0.25;
 
-/// Sums of products of a linear fit: of functions, and of functions with the logarithms of ratios of
-/// three channels. In the exponent, harmonics are linear in those.
+/// Sums of products of a linear fit: of functions, and of functions with the logarithms of ratios
+/// of three channels. In the exponent, harmonics are linear in those.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Products {
     weight: f32,

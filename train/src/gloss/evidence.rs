@@ -1,6 +1,6 @@
 //! The lobe of each surface, as its views ask for it.
 
-use super::fit::{Fit, ROUGHNESSES, Sums};
+use super::fit::{Fit, NormalEquations, ROUGHNESSES};
 use super::observe::{Observation, Observations};
 use super::planes::Planes;
 use super::segments::Segments;
@@ -46,15 +46,15 @@ pub(super) struct Decision {
     pub(super) foretold: f64,
 }
 
-/// Sums of a surface.
+/// Normal equations of a surface.
 #[derive(Default, Clone)]
 pub(super) struct Evidence {
     /// Of luminance: all views, and each half of them.
-    pub(super) all: Sums,
-    halves: [Sums; 2],
+    pub(super) all: NormalEquations,
+    halves: [NormalEquations; 2],
     /// The same of each channel, for a colour.
-    channels: [Sums; 3],
-    channel_halves: [[Sums; 2]; 3],
+    channels: [NormalEquations; 3],
+    channel_halves: [[NormalEquations; 2]; 3],
 }
 
 impl Evidence {
@@ -65,13 +65,13 @@ impl Evidence {
         }
     }
 
-    fn parts(&mut self) -> impl Iterator<Item = &mut Sums> {
+    fn parts(&mut self) -> impl Iterator<Item = &mut NormalEquations> {
         let channels = self.channels.iter_mut();
         let halves = self.channel_halves.as_flattened_mut().iter_mut();
         self.halves.iter_mut().chain(channels).chain(halves)
     }
 
-    fn shared_parts(&self) -> impl Iterator<Item = &Sums> {
+    fn shared_parts(&self) -> impl Iterator<Item = &NormalEquations> {
         let halves = self.channel_halves.as_flattened().iter();
         self.halves.iter().chain(&self.channels).chain(halves)
     }
@@ -96,7 +96,7 @@ impl Evidence {
     pub(super) fn decide(&self) -> Option<Decision> {
         let (lobe, explained) = self.lobe()?;
         let [first, second] = &self.halves;
-        let foretold = |from: &Sums, of: &Sums| {
+        let foretold = |from: &NormalEquations, of: &NormalEquations| {
             from.fit(LEAST_CERTAINTY)
                 .map_or(f64::NEG_INFINITY, |lobe| of.explained(lobe))
         };
@@ -129,15 +129,16 @@ impl Evidence {
             .flatten()
     }
 
-    /// F0 of each channel: grey, unless it is a metal and a colour of one half of the views explains
-    /// the other half better.
+    /// F0 of each channel: grey, unless it is a metal and a colour of one half of the views
+    /// explains the other half better.
     fn specular(&self, lobe: Fit, bare: Option<Fit>) -> Vec3 {
         if lobe.specular < METAL {
             return Vec3::splat(lobe.specular as f32);
         }
         let specular = bare.unwrap_or(lobe).specular;
         let grey = Vec3::splat(specular as f32);
-        let colour_of = |sums: &[Sums; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
+        let colour_of =
+            |sums: &[NormalEquations; 3]| sums.each_ref().map(|s| s.fit_specular(lobe.roughness));
         let explained = |half: usize, speculars: [f64; 3]| -> f64 {
             let each = self.channel_halves.iter().zip(speculars);
             each.map(|(sums, specular)| sums[half].explained(Fit { specular, ..lobe }))
@@ -160,7 +161,7 @@ impl Evidence {
     }
 }
 
-/// Sums of all surfaces; `scenes` are the place in each light.
+/// Normal equations of all surfaces; `scenes` are the place in each light.
 pub(super) fn evidence(
     scenes: &[CpuScene],
     seen: &Observations,

@@ -61,8 +61,8 @@ struct Products {
     with_light: [f64; 3],
     /// Sums of A and of B, not demeaned.
     level: [f64; 2],
-    /// Of what is not demeaned, AA, AB and BB between the halves of samples, and A and B with what is
-    /// seen.
+    /// Of what is not demeaned, AA, AB and BB between the halves of samples, and A and B with what
+    /// is seen.
     whole: [f64; 5],
 }
 
@@ -74,9 +74,9 @@ fn square(specular: f64) -> [f64; 6] {
     [1.0, 2.0 * f, 2.0 * f * f, f * f, 2.0 * f.powi(3), f.powi(4)]
 }
 
-/// Sums over views of points; those of several surfaces add up.
+/// Normal equations over views of points; those of several surfaces add up.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Sums {
+pub(super) struct NormalEquations {
     of_light: f64,
     /// Sums of what is seen and of its square, not demeaned.
     level: f64,
@@ -86,7 +86,7 @@ pub(super) struct Sums {
     pub(super) num_points: usize,
 }
 
-impl Sums {
+impl NormalEquations {
     /// Adds the views of one point; a single one says nothing.
     pub(super) fn add_point(&mut self, views: &[Seen]) {
         let total: f64 = views.iter().map(|view| view.weight).sum();
@@ -202,9 +202,9 @@ impl Sums {
         (sum_of(&products.across, lobe.specular) / within).clamp(0.0, 1.0)
     }
 
-    /// The lobe that explains most, of those that are certain enough; `None` without any. Beyond the
-    /// ideal mirror there is nothing: where that explains most, and the mirror nearly as much, the
-    /// lobe is the mirror's.
+    /// The lobe that explains most, of those that are certain enough; `None` without any. Beyond
+    /// the ideal mirror there is nothing: where that explains most, and the mirror nearly as much,
+    /// the lobe is the mirror's.
     pub(super) fn fit(&self, certainty: f64) -> Option<Fit> {
         let all = (0..NUM).flat_map(|roughness| speculars().map(move |f| Fit::new(roughness, f)));
         let best = self.best(all.filter(|&lobe| self.certainty(lobe) >= certainty))?;
@@ -213,7 +213,8 @@ impl Sums {
         Some(if is_as_good { mirror } else { best })
     }
 
-    /// Whether as much is seen, about, as a lobe mirrors: a surface that has it sends at least that.
+    /// Whether as much is seen, about, as a lobe mirrors: a surface that has it sends at least
+    /// that.
     pub(super) fn shows(&self, lobe: Fit) -> bool {
         let [facing, edge] = self.lobes[lobe.roughness].level;
         self.level >= LEAST_SHOWN * (lobe.specular * facing + edge)
@@ -228,8 +229,8 @@ impl Sums {
         1.0 - error / self.of_light.max(f64::MIN_POSITIVE)
     }
 
-    /// The lobe of a bare metal, with the F0 at which it mirrors all that is seen if that is as well
-    /// explained as any; `None` where more is seen than it may mirror.
+    /// The lobe of a bare metal, with the F0 at which it mirrors all that is seen if that is as
+    /// well explained as any; `None` where more is seen than it may mirror.
     ///
     /// Where the scene is a little off, so are the mirror images that are predicted, and the F0
     /// that explains most is too small, by no more than what is left unexplained.

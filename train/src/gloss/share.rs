@@ -22,8 +22,8 @@ const SAME_COLOR: f32 = 0.35;
 /// a large one of the prediction. Paint in the same plane differs less.
 const LEAST_IN_PLANE: f32 = 0.6;
 const LEAST_SPREAD: f32 = 0.5;
-/// One of two metals in a plane has the lobe of the other if that explains this many times the share
-/// of the differences.
+/// One of two metals in a plane has the lobe of the other if that explains this many times the
+/// share of the differences.
 const CLEARER: f64 = 2.0;
 
 /// Metals in one plane with another, whose lobe explains twice as much of what it shows, with that

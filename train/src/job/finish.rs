@@ -32,7 +32,7 @@ impl Run<'_> {
             keep_emitting(&self.folder.lamps(light), scene)?;
         }
         if scenes.len() > 1 {
-            let ([path, lamps], scene) = (self.folder.all_lamps(), all_shining(&scenes));
+            let ([path, lamps], scene) = (self.folder.all_lamps(), all_emitting(&scenes));
             ply::write_gaussians(&path, &scene)?;
             keep_emitting(&lamps, &scene)?;
         }
@@ -45,8 +45,8 @@ impl Run<'_> {
         Ok(self.own_light(scene, views))
     }
 
-    /// Lets no surface reflect more than it receives, where albedos are trained: `scenes` are one in
-    /// all its lights.
+    /// Lets no surface reflect more than it receives, where albedos are trained: `scenes` are one
+    /// in all its lights.
     fn limit_albedos(&mut self, scenes: &mut [Gaussians], views: &Views) -> Result<()> {
         let request = self.request;
         let [first, others @ ..] = scenes else {
@@ -90,13 +90,13 @@ impl Run<'_> {
     }
 }
 
-/// The scene with everything shining that shines in one of its lights, at least one, as it does in
-/// the first of these. What does not shine has the light of the first.
-pub(super) fn all_shining(lights: &[Gaussians]) -> Gaussians {
+/// The scene in which all emits that emits in one of its lights, at least one, as it does in the
+/// first of these. All else has the light of the first.
+pub(super) fn all_emitting(lights: &[Gaussians]) -> Gaussians {
     let mut scene = lights[0].clone();
     for i in 0..scene.len() {
-        let shining = lights.iter().find(|light| emits(light.emissions[i]));
-        if let Some(light) = shining {
+        let emitting = lights.iter().find(|light| emits(light.emissions[i]));
+        if let Some(light) = emitting {
             scene.emissions[i] = light.emissions[i];
             scene.radiances[i] = light.radiances[i];
             if let Some(own) = scene.harmonics.get_mut(i) {

@@ -2,7 +2,7 @@
 //! shine through emits with them.
 
 use super::Run;
-use super::finish::all_shining;
+use super::finish::all_emitting;
 use super::views::Views;
 use crate::backend::{Backend, TrainingView};
 use crate::bake::emits;
@@ -25,8 +25,8 @@ impl Run<'_> {
         views: &Views,
         iteration: u32,
     ) -> Result<()> {
-        // What shines in any light is a lamp's.
-        let gaussians = all_shining(&backend.state()?.in_lights());
+        // Whatever emits in any light is of a lamp.
+        let gaussians = all_emitting(&backend.state()?.in_lights());
         let tracer = self.request.device.scene(&gaussians)?;
         let mut evidence = Evidence::default();
         for training in views.iter() {

@@ -10,7 +10,7 @@ use eagpt_scene::machine::available_memory;
 /// activated and prepared forms.
 const BYTES_PER_GAUSSIAN: u64 = 4 * 17 * 4 + 17 * 4 + 2 * 64 + 64;
 /// Bytes that the coefficients of a Gaussian's harmonics take: values, moments, gradients, those of
-/// the Gaussian, prepared ones; and its payload as a camera sees it.
+/// the Gaussian, prepared ones; and its attributes as a camera sees them.
 const BYTES_PER_HARMONICS: u64 = 6 * 24 * 4 + 64;
 /// Bytes that one of several lights takes for each Gaussian: values and moments, and the Gaussian
 /// in it when training ends; and its harmonics.

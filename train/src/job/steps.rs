@@ -15,7 +15,8 @@ use std::sync::atomic::Ordering;
 const GATHERED_AT_ONCE: usize = 2048;
 
 impl Run<'_> {
-    /// Number of iterations of a stage. Stage 1 is short: each light has as many there as one alone.
+    /// Number of iterations of a stage. Stage 1 is short: each light has as many there as one
+    /// alone.
     pub(super) fn num_iterations(&self, stage: Stage) -> u32 {
         let options = &self.request.options;
         match stage {

@@ -4,7 +4,7 @@
 //! of all that were taken (D-optimal designs: Fedorov 1972): a view that shows a lamp which none of
 //! them shows adds more than another view of a lamp that is there.
 
-use super::solve::Sums;
+use super::solve::NormalEquations;
 use nalgebra::DMatrix;
 
 /// Part of the information of all views that is taken for known before the first: less than what
@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 const PRIOR: f64 = 1e-6;
 
 /// Indices of `num` of the `views`, in order.
-pub(super) fn best(views: &[Sums], num: usize) -> Vec<usize> {
+pub(super) fn best(views: &[NormalEquations], num: usize) -> Vec<usize> {
     let Some(first) = views.first() else {
         return Vec::new();
     };
@@ -48,8 +48,8 @@ pub(super) fn best(views: &[Sums], num: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn view(rows: &[[f64; 3]]) -> Sums {
-        let mut sums = Sums::new(3);
+    fn view(rows: &[[f64; 3]]) -> NormalEquations {
+        let mut sums = NormalEquations::new(3);
         for row in rows {
             sums.add(row, 1.0, 1.0);
         }

@@ -1,9 +1,10 @@
 //! Linear least squares for numbers that are not negative, with error bars.
 //!
-//! Sums are kept of every block of pixels by itself. All blocks together give the solution (active
-//! set: Lawson and Hanson 1974, chapter 23); how much single blocks pull at it tells its error.
-//! Errors of a scene are those of whole surfaces: pixels are no independent measurements,
-//! and blocks are nearly so (standard errors that are robust to clusters: Liang and Zeger 1986).
+//! Normal equations are kept of every block of pixels by itself. All blocks together give the
+//! solution (active set: Lawson and Hanson 1974, chapter 23); how much single blocks pull at it
+//! tells its error. Errors of a scene are those of whole surfaces: pixels are no independent
+//! measurements, and blocks are nearly so (standard errors that are robust to clusters: Liang and
+//! Zeger 1986).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,7 +15,7 @@ const UNSEEN: f64 = 1e-10;
 
 /// Weighted sums of equations `row · x = target`.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Sums {
+pub(super) struct NormalEquations {
     /// Σ w row rowᵀ.
     pub(super) squares: DMatrix<f64>,
     /// Σ w row target.
@@ -23,7 +24,7 @@ pub(super) struct Sums {
     pub(super) total: f64,
 }
 
-impl Sums {
+impl NormalEquations {
     /// No equations, of `num` unknowns.
     pub(super) fn new(num: usize) -> Self {
         Self {
@@ -72,8 +73,8 @@ pub(super) fn standard_error(pulls: impl ExactSizeIterator<Item = f64>) -> f64 {
 }
 
 /// Solves the equations of all `blocks` of `num` unknowns.
-pub(super) fn solve(blocks: &[Sums], num: usize) -> Solution {
-    let mut all = Sums::new(num);
+pub(super) fn solve(blocks: &[NormalEquations], num: usize) -> Solution {
+    let mut all = NormalEquations::new(num);
     for block in blocks {
         all.squares += &block.squares;
         all.products += &block.products;
@@ -106,7 +107,7 @@ pub(super) fn solve(blocks: &[Sums], num: usize) -> Solution {
 }
 
 /// The least squares solution without negative numbers, and which of them are not 0.
-fn active_set(all: &Sums, is_seen: &[bool], ridge: f64) -> (DVector<f64>, Vec<usize>) {
+fn active_set(all: &NormalEquations, is_seen: &[bool], ridge: f64) -> (DVector<f64>, Vec<usize>) {
     let num = is_seen.len();
     let mut x = DVector::zeros(num);
     let mut free: Vec<usize> = Vec::new();
@@ -169,10 +170,10 @@ mod tests {
 
     /// Equations with solution `x`, in `num_blocks` blocks of 50; the targets of a block are off by
     /// the same random number of standard deviation `deviation`.
-    fn blocks(x: [f64; NUM], num_blocks: u32, deviation: f64, seed: u64) -> Vec<Sums> {
+    fn blocks(x: [f64; NUM], num_blocks: u32, deviation: f64, seed: u64) -> Vec<NormalEquations> {
         let key = RandomKey::new(seed, Purpose::Initialise, 0);
         let block = |b: u32| {
-            let mut sums = Sums::new(NUM);
+            let mut sums = NormalEquations::new(NUM);
             let normal: f32 = key
                 .stream(b, 0)
                 .next_uniforms()
@@ -227,7 +228,7 @@ mod tests {
 
     #[test]
     fn what_no_equation_tells_of_is_unseen() {
-        let mut sums = Sums::new(NUM);
+        let mut sums = NormalEquations::new(NUM);
         for (a, b) in [(1.0, 0.0), (1.0, 2.0), (0.0, 1.0)] {
             sums.add(&[a, 0.0, b], 2.0 * a + 3.0 * b, 1.0);
         }

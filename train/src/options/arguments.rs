@@ -21,7 +21,8 @@ pub struct OptionArgs {
     /// Iterations of stage 0, one view each [default: 800 draft, 5000 fast, 30000 paper]
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub iterations: Option<u32>,
-    /// Iterations of stage 1, one view each, for each light [default: 150 draft, 336 fast, 400 paper]
+    /// Iterations of stage 1, one view each, for each light [default: 150 draft, 336 fast, 400
+    /// paper]
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub albedo_iterations: Option<u32>,
     /// Number of Gaussians, at least 1 [default: init.per_point for each point of the cloud: 1

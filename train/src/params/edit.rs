@@ -138,7 +138,7 @@ mod tests {
             assert_eq!(after.raw.first[k], [0.0; NUM_PARAMETERS]);
             assert_eq!(after.harmonics.first[k], [0.0; NUM_COEFFICIENTS]);
         }
-        // What moves goes on with steps of the lengths it had.
+        // Gaussians that move keep the moments they had.
         assert_eq!(after.raw.second[1], before.raw.second[2]);
         assert_eq!(after.harmonics.second[1], before.harmonics.second[2]);
         for k in [3, 4] {

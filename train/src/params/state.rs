@@ -261,7 +261,7 @@ impl ParameterState {
     }
 
     /// One step of Adam along `gradients` (`[n]`), which belong to `gaussians` (`[n]`, the
-    /// activated values) as they look from `eye`. Gaussians that are fixed stay to the bit, but for
+    /// activated values) as seen from `eye`. Gaussians that are fixed stay to the bit, but for
     /// their albedos where these alone move. Nothing changes if a gradient is not finite: then the
     /// class of the parameter, the index of the Gaussian and the value are returned.
     pub fn step(

@@ -53,7 +53,7 @@ export class Lights {
   /** Told of a light when its controls are let go. */
   onSet: ((name: string, factor: number[]) => void) | null = null;
   private readonly dials: Dial[];
-  /** What is shown: of a server, or of the dials. */
+  /** The light that is shown: of a server, or of the dials. */
   private readonly factors: number[][];
   private readonly marks = new Map<number, HTMLButtonElement>();
   private readonly inputs = new Map<string, DialInputs>();

@@ -1,4 +1,4 @@
-// What a server tells: each state comes when it is another than the one that is known.
+// States of a server: each comes when it is another than the one that is known.
 
 /** Rest before the server is asked again after it did not answer, milliseconds. */
 export const RETRY_MS = 1000;

@@ -1,4 +1,4 @@
-// What tests and measurements ask a page, as `window.eagptViewer`.
+// Questions of tests and measurements to a page, as `window.eagptViewer`.
 
 import { viewCamera } from "./camera.ts";
 import type { Page } from "./main.ts";

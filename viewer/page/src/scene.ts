@@ -23,7 +23,7 @@ export interface LampInfo {
   power: number[];
 }
 
-/** What has to be known to unpack a scene. */
+/** Numbers that are needed to unpack a scene. */
 export interface SceneMeta {
   num: number;
   harmonics: boolean;

@@ -1,11 +1,11 @@
-// What a press selects, and what may be inserted.
+// Selections of a press, and shapes that may be inserted.
 
 import { luminance } from "./lights.ts";
 import { tidy } from "./panel.ts";
 import type { Scene } from "./scene.ts";
 import type { Kind } from "./shapes.ts";
 
-/** What may be inserted: a shape, and whether it emits. */
+/** Things that may be inserted: a shape, and whether it emits. */
 export const INSERTS: Record<string, { kind: Kind; emits: boolean; stands: boolean }> = {
   ball: { kind: "ball", emits: false, stands: false },
   box: { kind: "box", emits: false, stands: false },

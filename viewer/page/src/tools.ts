@@ -1,4 +1,4 @@
-// What a press in the picture does: looks, measures, selects, inserts; and what is done with it.
+// Tools of a press in the picture: looks, measures, selects, inserts; and what is done with it.
 
 import { add, scaled, type Vec } from "./camera.ts";
 import { linearOf, luminance } from "./lights.ts";

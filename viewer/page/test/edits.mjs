@@ -135,7 +135,7 @@ async function edited(open, folder, server, { lit, lamp, compare }) {
   assert.equal(selects(folder, lit.scene, server.script, own.selector), own.num);
   await press(page, "clear");
 
-  // What stands at the side of the view: as far as it hangs together.
+  // Things at the side of the view: as far as it hangs together.
   await page.evaluate((name) => window.eagptViewer.goTo(name), view);
   await rested(page);
   await pressAt(page, await page.evaluate(async () => (await window.eagptViewer.stage.pick(0.25, 0.7)).point));

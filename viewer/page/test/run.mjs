@@ -130,7 +130,7 @@ async function served(open, folder, { lit, lamp }) {
   await press(page, "redo");
   assert.equal(await agree(2), second);
 
-  // What the program makes of the script is what the page shows.
+  // The program makes of the script what the page shows.
   const edited = join(folder, "edited.ply");
   eagpt("edit", lit.scene, server.script, "--out", edited);
   const out = join(folder, "edited");
@@ -233,7 +233,7 @@ async function actions(open, address, size) {
   }
   await rested();
   assert.equal(await page.$eval("#status", (one) => one.className), "");
-  // What cannot be done is refused with 422, and browsers write that down.
+  // Steps that cannot be done are refused with 422, and browsers write that down.
   assert.deepEqual(complaints.filter((text) => !/status of (422|404)/.test(text)), []);
   await page.close();
 }

@@ -1,6 +1,6 @@
 //! Trees over opaque discs: the nearest along a ray, and all of them.
 
-use super::nodes::{self, Entered, Node, visit_leaves};
+use super::nodes::{self, Node, Stack, visit_leaves};
 use super::widen::{BinaryTree, Topology};
 use super::{EMPTY, RayScratch, WIDTH, bounds_of};
 use crate::cpu::lanes::Lanes;
@@ -167,7 +167,7 @@ fn find_nearest(
     nodes: &[Node],
     leaves: &[DiscLeaf],
     ray: &Ray,
-    stack: &mut Vec<Entered>,
+    stack: &mut Stack,
 ) -> Option<(u32, f32)> {
     let mut nearest: Option<(u32, f32)> = None;
     let direction = Vec3::from(ray.direction);
@@ -203,7 +203,7 @@ fn find_all(
     nodes: &[Node],
     leaves: &[DiscLeaf],
     ray: &Ray,
-    stack: &mut Vec<Entered>,
+    stack: &mut Stack,
     found: &mut Vec<u32>,
 ) {
     visit_leaves(nodes, ray, stack, |leaf, t_max| {

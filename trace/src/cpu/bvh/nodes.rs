@@ -14,7 +14,7 @@ pub(in crate::cpu) struct Node {
     child: [u32; WIDTH],
 }
 
-/// A ray as boxes want it.
+/// A ray prepared for the slab test of boxes.
 struct SlabRay {
     origin: [f32; 3],
     inverse: [f32; 3],
@@ -93,34 +93,28 @@ pub(super) fn cost(nodes: &[Node]) -> f32 {
 pub(super) fn visit_leaves(
     nodes: &[Node],
     ray: &Ray,
-    stack: &mut Vec<Entered>,
+    stack: &mut Stack,
     mut visit: impl FnMut(usize, &mut f32),
 ) {
-    stack.clear();
+    stack.len = 0;
     if nodes.is_empty() {
         return;
     }
     let ray = SlabRay::new(ray);
     let mut t_max = f32::INFINITY;
-    let mut child = 0;
-    loop {
+    let mut next = Some(0);
+    while let Some(child) = next {
         if child & LEAF != 0 {
             visit((child & !LEAF) as usize, &mut t_max);
         } else {
             let node = &nodes[child as usize];
-            let (near, mask) = node_distances(node, &ray, t_max);
-            if let Some(nearest) = push_sorted(stack, node, &near, mask) {
-                child = nearest;
+            let (near, entered) = node_distances(node, &ray, t_max);
+            next = stack.push(node, &near, entered);
+            if next.is_some() {
                 continue;
             }
         }
-        child = loop {
-            match stack.pop() {
-                Some(entered) if entered.near() <= t_max => break entered.child(),
-                Some(_) => (),
-                None => return,
-            }
-        };
+        next = stack.pop(t_max);
     }
 }
 
@@ -177,51 +171,66 @@ fn node_distances(node: &Node, ray: &SlabRay, t_max: f32) -> ([f32; WIDTH], Lane
     (near, Lanes::new(entered))
 }
 
-/// A child that a ray enters; children order by distance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(in crate::cpu) struct Entered(u64);
-
-impl Entered {
-    #[inline(always)]
-    fn new(near: f32, child: u32) -> Self {
-        // Distances are not negative, so their bits order like they do.
-        Self(u64::from(near.to_bits()) << 32 | u64::from(child))
-    }
-
-    #[inline(always)]
-    fn near(self) -> f32 {
-        f32::from_bits((self.0 >> 32) as u32)
-    }
-
-    #[inline(always)]
-    fn child(self) -> u32 {
-        self.0 as u32
-    }
+/// A child that a ray enters, and the distance at which it does.
+#[derive(Debug, Clone, Copy)]
+struct Entered {
+    near: f32,
+    child: u32,
 }
 
-/// Pushes the `entered` children but the nearest, which is returned, the next one last.
-#[inline(always)]
-fn push_sorted(
-    stack: &mut Vec<Entered>,
-    node: &Node,
-    near: &[f32; WIDTH],
-    mut entered: Lanes,
-) -> Option<u32> {
-    let child = |lane: usize| Entered::new(near[lane], node.child[lane]);
-    let mut nearest = child(entered.next()?);
-    let mut others = [Entered(0); WIDTH];
-    let mut num = 0;
-    for lane in entered {
-        let farther = nearest.max(child(lane));
-        nearest = nearest.min(child(lane));
-        let mut at = num;
-        while at > 0 && others[at - 1] < farther {
-            others[at] = others[at - 1];
-            at -= 1;
+/// Children to visit later, the next one last. Memory is reused from ray to ray.
+#[derive(Debug, Default)]
+pub(in crate::cpu) struct Stack {
+    /// Those from `len` on are left from before.
+    entered: Vec<Entered>,
+    len: usize,
+}
+
+impl Stack {
+    /// Pushes the `entered` children of `node` but the nearest, which is returned; nearer ones are
+    /// pushed later.
+    #[inline(always)]
+    fn push(&mut self, node: &Node, near: &[f32; WIDTH], mut entered: Lanes) -> Option<u32> {
+        let child = |lane: usize| Entered {
+            near: near[lane],
+            child: node.child[lane],
+        };
+        let mut nearest = child(entered.next()?);
+        // Room for all lanes at once: this is the innermost loop of paths, and a copy of unknown
+        // length would be a call.
+        let end = self.len + WIDTH;
+        if self.entered.len() < end {
+            self.entered.resize(2 * end, nearest);
         }
-        others[at] = farther;
-        num += 1;
+        let places = self.entered[self.len..].first_chunk_mut::<WIDTH>()?;
+        let mut num = 0;
+        for lane in entered {
+            let mut farther = child(lane);
+            if farther.near < nearest.near {
+                std::mem::swap(&mut farther, &mut nearest);
+            }
+            let mut at = num;
+            while at > 0 && places[at - 1].near < farther.near {
+                places[at] = places[at - 1];
+                at -= 1;
+            }
+            places[at] = farther;
+            num += 1;
+        }
+        self.len += num;
+        Some(nearest.child)
     }
-    stack.extend_from_slice(&others[..num]);
-    Some(nearest.child())
+
+    /// Removes the last child that is entered within `t_max`, and those after it.
+    #[inline(always)]
+    fn pop(&mut self, t_max: f32) -> Option<u32> {
+        while self.len > 0 {
+            self.len -= 1;
+            let Entered { near, child } = self.entered[self.len];
+            if near <= t_max {
+                return Some(child);
+            }
+        }
+        None
+    }
 }

@@ -1,6 +1,6 @@
 //! Search along single rays: all hits, or one chosen by its weight.
 
-use super::nodes::{Entered, Node, visit_leaves};
+use super::nodes::{Node, Stack, visit_leaves};
 use super::{Bvh, Leaf, WIDTH};
 use crate::blend::{BlendStatus, Blender, GlossBlend, Hit, sort_hits};
 use crate::cpu::lanes::Lanes;
@@ -20,7 +20,7 @@ pub struct RayScratch {
     hits: Vec<Hit>,
     /// Discs that the last search of a [`super::DiscTree`] has met.
     pub(super) discs: Vec<u32>,
-    pub(super) stack: Vec<Entered>,
+    pub(super) stack: Stack,
 }
 
 /// How far a search goes.
@@ -53,7 +53,7 @@ impl Bvh {
     /// One hit of `ray`, chosen with the weight it has in the blend; `None` with the probability of
     /// meeting nothing. Every hit is accepted with probability α, and the nearest accepted one is
     /// the choice (stochastic transparency, Enderton et al. 2010): no sorting, and the search ends
-    /// where the ray does. `seed` makes the choice; rays with the same one share their luck.
+    /// where the ray does. `seed` makes the choice; rays with the same one make the same choices.
     pub fn sample_hit(&self, ray: &Ray, seed: u32, scratch: &mut RayScratch) -> Option<Hit> {
         find_accepted(&self.nodes, &self.leaves, ray, seed, &mut scratch.stack)
     }
@@ -149,7 +149,7 @@ fn find_accepted(
     leaves: &[Leaf],
     ray: &Ray,
     seed: u32,
-    stack: &mut Vec<Entered>,
+    stack: &mut Stack,
 ) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     visit_leaves(nodes, ray, stack, |leaf, t_max| {

@@ -1,8 +1,8 @@
 //! Light that surfaces are expected to receive, as a few paths of the view have found it.
 //!
 //! Paths end at random, and what is expected of the rest of a path stands in for it where it ends
-//! ([`Expected::goes_on`]). The mean of an image does not depend on what is expected, its noise does:
-//! the better it is known, the less a path that ends leaves open, and the earlier it may.
+//! ([`Expected::goes_on`]). The mean of an image does not depend on what is expected, its noise
+//! does: the better it is known, the less a path that ends leaves open, and the earlier it may.
 //!
 //! Of some starts one path each is followed. Its vertices are divided into cells of as many
 //! vertices each by a balanced tree over places and normals. A cell receives the mean of what

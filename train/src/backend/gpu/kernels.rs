@@ -43,15 +43,15 @@ kernels! { sources;
         4 encoded: Write Encoded, 11 lit: Read [f32; 4],
     }
     CLIP = "loss_color" clip [] {
-        0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
+        0 loss: Uniform LossParameters, 3 targets: Read TargetPixel, 4 encoded: Write Encoded,
         12 clipped: Read u32,
     }
     BLUR_MOMENTS = "loss_color" blur_moments [] {
-        0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
+        0 loss: Uniform LossParameters, 3 targets: Read TargetPixel, 4 encoded: Write Encoded,
         5 blurred: Write Moments,
     }
     COMPARE = "loss_color" compare [] {
-        0 loss: Uniform LossParameters, 2 means: Write Features, 3 wanted: Read TargetPixel,
+        0 loss: Uniform LossParameters, 2 means: Write Features, 3 targets: Read TargetPixel,
         4 encoded: Write Encoded, 5 blurred: Write Moments, 6 partials: Write Moments,
         7 terms: Write Terms,
     }
@@ -59,7 +59,7 @@ kernels! { sources;
         0 loss: Uniform LossParameters, 5 blurred: Write Moments, 6 partials: Write Moments,
     }
     SURFACE_TERMS = "loss_surface" surface_terms [] {
-        0 loss: Uniform LossParameters, 2 means: Write Features, 3 wanted: Read TargetPixel,
+        0 loss: Uniform LossParameters, 2 means: Write Features, 3 targets: Read TargetPixel,
         7 terms: Write Terms, 8 surfaces: Write SurfaceGradient,
     }
     ADD_PIXELS = "loss_add_up" add_pixels [] {
@@ -69,12 +69,12 @@ kernels! { sources;
         0 loss: Uniform LossParameters, 8 group_sums: Write Terms, 9 report: Write u32,
     }
     DERIVATIVES = "loss_derivatives" derivatives [] {
-        0 loss: Uniform LossParameters, 2 means: Write Features, 3 wanted: Read TargetPixel,
+        0 loss: Uniform LossParameters, 2 means: Write Features, 3 targets: Read TargetPixel,
         4 encoded: Write Encoded, 5 blurred: Write Moments, 7 terms: Write Terms,
         8 surfaces: Read SurfaceGradient, 9 report: Read u32, 10 d_rays: Write Features,
     }
     DERIVATIVES_LIT = "loss_derivatives" derivatives_lit [] {
-        0 loss: Uniform LossParameters, 3 wanted: Read TargetPixel, 4 encoded: Write Encoded,
+        0 loss: Uniform LossParameters, 3 targets: Read TargetPixel, 4 encoded: Write Encoded,
         5 blurred: Write Moments, 10 d_rays: Write Features, 11 lit: Read [f32; 4],
     }
 

@@ -136,7 +136,7 @@ pub(super) struct Encoded {
 #[repr(C)]
 #[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
 pub(super) struct Moments {
-    of_wanted: [f32; 4],
+    of_target: [f32; 4],
     of_shown: [f32; 4],
     of_squares: [f32; 4],
     of_product: [f32; 4],
@@ -220,7 +220,7 @@ impl LossBuffers {
             ..
         } = self;
         let parameters = &device.uniform("loss", &LossParameters::new(camera, view, options));
-        let wanted = &view.pixels;
+        let targets = &view.pixels;
         let (rays, d_rays) = (&frame.features, &frame.d_features);
         let each_pixel = groups(self.num_pixels as u32);
         let each_run = (self.num_pixels as u32).div_ceil(PIXELS_PER_GROUP);
@@ -236,20 +236,22 @@ impl LossBuffers {
                 device.pass(&kernels::ENCODE_LIT, &buffers, each_pixel)
             }
         };
-        // What is brighter than a clipped target.
+        // Colours above a clipped target.
         let clip = view.clipped.as_ref().map(|clipped| {
-            let buffers = [parameters, wanted, encoded, clipped];
+            let buffers = [parameters, targets, encoded, clipped];
             device.pass(&kernels::CLIP, &buffers, each_pixel)
         });
         // SSIM: windows of moments, the value, and the derivatives by the moments.
-        let buffers = [parameters, wanted, encoded, blurred];
+        let buffers = [parameters, targets, encoded, blurred];
         let blur_moments = device.pass(&kernels::BLUR_MOMENTS, &buffers, each_pixel);
-        let buffers = [parameters, means, wanted, encoded, blurred, partials, terms];
+        let buffers = [
+            parameters, means, targets, encoded, blurred, partials, terms,
+        ];
         let compare = device.pass(&kernels::COMPARE, &buffers, each_pixel);
         let buffers = [parameters, blurred, partials];
         let blur_partials = device.pass(&kernels::BLUR_PARTIALS, &buffers, each_pixel);
         // Normals.
-        let buffers = [parameters, means, wanted, terms, surfaces];
+        let buffers = [parameters, means, targets, terms, surfaces];
         let surface_terms = device.pass(&kernels::SURFACE_TERMS, &buffers, each_pixel);
         // Sums over all pixels.
         let buffers = [parameters, terms, group_sums];
@@ -260,12 +262,12 @@ impl LossBuffers {
         let derivatives = match &options.lit {
             None => {
                 let buffers = [
-                    parameters, means, wanted, encoded, blurred, terms, surfaces, report, d_rays,
+                    parameters, means, targets, encoded, blurred, terms, surfaces, report, d_rays,
                 ];
                 device.pass(&kernels::DERIVATIVES, &buffers, each_pixel)
             }
             Some(lit) => {
-                let buffers = [parameters, wanted, encoded, blurred, d_rays, lit];
+                let buffers = [parameters, targets, encoded, blurred, d_rays, lit];
                 device.pass(&kernels::DERIVATIVES_LIT, &buffers, each_pixel)
             }
         };

@@ -95,7 +95,7 @@ impl StepTask {
 #[derive(Debug)]
 pub(super) struct PendingStep {
     task: StepTask,
-    wanted: TargetView,
+    target: TargetView,
     options: LossOptions,
     /// Capacities of the buffers of its rays.
     capacity: Capacity,
@@ -138,7 +138,7 @@ impl GpuBackend {
                 self.record_again(again, &report.needed)?;
                 continue;
             }
-            let terms = loss::terms(&report, &first.wanted, &first.options);
+            let terms = loss::terms(&report, &first.target, &first.options);
             let bad = match &self.parameters {
                 Parameters::Device(resident) => resident.bad_gradient(&report)?,
                 Parameters::Host(_) => None,
@@ -222,7 +222,7 @@ impl GpuBackend {
     /// loss, adjoint, optimiser. Nothing waits; kernels move nothing once a step has failed.
     fn submit(&mut self, task: StepTask, rays: &Camera, frame: &Frame) -> Result<()> {
         let camera = task.view.view.camera;
-        let wanted = self.wanted(&task.view)?;
+        let target = self.target(&task.view)?;
         let options = task.loss_options();
         let device = &*self.device;
         let resident = resident(&mut self.parameters, &mut self.trainer.scene)?;
@@ -241,8 +241,8 @@ impl GpuBackend {
         let mut commands = device.commands();
         scene.forward(rays, &mut commands)?;
         // Features to the terms of the loss, and to its derivatives by them.
-        let target = (&camera, &wanted);
-        let of_loss = loss.passes(device, target, &options, (frame, resident.report()));
+        let compared = (&camera, &target);
+        let of_loss = loss.passes(device, compared, &options, (frame, resident.report()));
         device.record(&of_loss, &mut commands);
         // Derivatives by features to gradients of every Gaussian.
         scene.backward(rays, &mut commands)?;
@@ -254,7 +254,7 @@ impl GpuBackend {
         let report = resident.submit(commands)?;
         self.under_way.push_back(PendingStep {
             task,
-            wanted,
+            target,
             options,
             capacity: frame.capacity,
             num_steps,
