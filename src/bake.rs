@@ -98,7 +98,8 @@ pub(crate) struct BakeArgs {
     /// gaussians: also write BAKED.lights, what each Gaussian reflects of each lamp. Any powers and
     /// colours of the lamps are then a sum: `set_light` of `eagpt edit`, --set-light of `eagpt
     /// render`. Light samples are shared out so that weak lamps beside strong ones get enough of
-    /// them. Takes 60 bytes of memory for each Gaussian and lamp, 6 in the file
+    /// them. Takes 60 bytes of memory for each Gaussian and lamp, 6 in the file; of a
+    /// glossy one 48 more
     #[arg(long)]
     per_light: bool,
     /// --per-light: lamps of the scene; whatever else emits is one more light, `rest` [default:

@@ -235,7 +235,7 @@ impl State<'_> {
             basis.set_factor(index, factor);
             is_set[index] = true;
         }
-        self.gaussians.radiances = basis.radiances();
+        basis.light(&mut self.gaussians);
         self.selected = vec![false; self.gaussians.len()];
         for (gaussian, light) in basis.emitters() {
             self.selected[gaussian] = is_set[light];

@@ -6,6 +6,8 @@
 //! become negative, here they are in the exponent, where light stays light and a factor on the
 //! radiance scales it all.
 
+pub mod fit;
+
 use glam::{Mat3, Quat, Vec3};
 
 /// Functions of degrees 1 and 2.

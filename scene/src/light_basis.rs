@@ -5,7 +5,8 @@
 //! `Σ factorₖ · reflected[k, i]` over the lights k. A light is a lamp of the scene, or all that
 //! emits and belongs to none ([`REST`]); its factor, of each channel, is 1 for the light that it
 //! had when the basis was made ([`LightGroups`] says what belongs to which). Gaussians that emit
-//! carry their own radiance times the factor of their light.
+//! carry their own radiance times the factor of their light. Glossy Gaussians have the highlights of
+//! each light as harmonics, of which those of a mix are made (`highlights`).
 //!
 //! The file, [`lights_file_beside`] a scene, has half floats with a power of two for each light:
 //! values are within 2⁻¹¹ of what was solved, from the brightest down to 2⁻²⁹ of it. Sums are of
@@ -13,19 +14,23 @@
 
 mod file;
 mod groups;
+mod highlights;
 
 #[cfg(test)]
 mod tests;
 
 pub use file::lights_file_beside;
 pub use groups::{LightGroups, NO_LIGHT, REST};
+pub use highlights::NUM_EYES;
 
 use crate::files::{Key, digest};
 use crate::gaussians::Gaussians;
+use crate::harmonics::Harmonics;
 use crate::lamps::{self, EMISSION_THRESHOLD};
 use glam::Vec3;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
+use highlights::Highlights;
 use rayon::prelude::*;
 
 /// Exponent of the brightest value of a light in its half floats, which end below 2^16.
@@ -64,6 +69,7 @@ pub struct LightBasis {
     scales: Vec<f32>,
     /// Reflected radiance at the factor 1 in units of `scales`, `[lights, n, 3]`.
     reflected: Vec<f16>,
+    highlights: Highlights,
     /// Digests of what it depends on: parts "geometry", "albedos" and, of glossy scenes, "gloss".
     key: Key,
 }
@@ -120,6 +126,7 @@ impl LightBasis {
                 .collect(),
             scales: Vec::with_capacity(num),
             reflected: Vec::with_capacity(3 * num * scene.len()),
+            highlights: Highlights::default(),
             key: key(scene),
         };
         for k in 0..num {
@@ -131,6 +138,24 @@ impl LightBasis {
             basis.reflected.extend(values.map(f16::from_f32));
         }
         basis
+    }
+
+    /// The basis with the highlights of `glossy` Gaussians, ascending, each with unit vectors to the
+    /// eyes that see it. `of_light` has their harmonics in one light alone, `[glossy]`.
+    ///
+    /// # Errors
+    /// Those of `of_light`.
+    pub fn with_highlights<E>(
+        mut self,
+        glossy: &[(u32, Vec<Vec3>)],
+        mut of_light: impl FnMut(&Self, usize) -> Result<Vec<Harmonics>, E>,
+    ) -> Result<Self, E> {
+        let mut highlights = Highlights::new(glossy);
+        for light in 0..self.lights.len() {
+            highlights.push(&of_light(&self, light)?);
+        }
+        self.highlights = highlights;
+        Ok(self)
     }
 
     /// The lights, in order.
@@ -195,11 +220,53 @@ impl LightBasis {
         emitter.radiance * self.lights[emitter.light as usize].factor
     }
 
+    /// Gives `scene`, whose basis it is, the lights at their factors: radiances, and harmonics where
+    /// highlights are known.
+    pub fn light(&self, scene: &mut Gaussians) {
+        let factors = self.scaled_factors();
+        let reflected = |i: usize, k: usize| factors[k] * self.reflected_at(i, k);
+        let harmonics = self.highlights.mixed(self.lights.len(), reflected);
+        scene.radiances = self.radiances();
+        self.set_harmonics(scene, &harmonics);
+    }
+
+    /// Gives `scene`, whose basis it is, light `index` alone at the factor 1.
+    ///
+    /// # Panics
+    /// If there is no such light.
+    pub fn light_alone(&self, scene: &mut Gaussians, index: usize) {
+        let all = 0..self.highlights.gaussians.len();
+        let harmonics: Vec<Harmonics> = all.map(|m| self.highlights.alone(m, index)).collect();
+        scene.radiances = self.alone(index);
+        self.set_harmonics(scene, &harmonics);
+    }
+
+    /// Sets the harmonics of Gaussians with highlights, `[m]`.
+    fn set_harmonics(&self, scene: &mut Gaussians, harmonics: &[Harmonics]) {
+        if harmonics.is_empty() {
+            return;
+        }
+        scene.harmonics.resize(scene.len(), Harmonics::NONE);
+        for (i, harmonics) in self.highlights.gaussians.iter().zip(harmonics) {
+            scene.harmonics[*i as usize] = *harmonics;
+        }
+    }
+
+    /// Factors of the lights times the units of their half floats, `[lights]`.
+    fn scaled_factors(&self) -> Vec<Vec3> {
+        let lights = self.lights.iter().zip(&self.scales);
+        lights.map(|(light, scale)| light.factor * *scale).collect()
+    }
+
+    /// Light `k` that Gaussian `i` reflects, in the unit of the light.
+    fn reflected_at(&self, i: usize, k: usize) -> Vec3 {
+        let first = 3 * (k * self.num_gaussians + i);
+        Vec3::from(std::array::from_fn(|c| self.reflected[first + c].to_f32()))
+    }
+
     /// Radiances of all Gaussians, `[n]`, with the lights at their factors.
     pub fn radiances(&self) -> Vec<Vec3> {
-        let factors: Vec<Vec3> = (self.lights.iter().zip(&self.scales))
-            .map(|(light, scale)| light.factor * *scale)
-            .collect();
+        let factors = self.scaled_factors();
         let mut radiances = vec![Vec3::ZERO; self.num_gaussians];
         let pieces = radiances.par_chunks_mut(TOGETHER).enumerate();
         pieces.for_each(|(piece, radiances)| {

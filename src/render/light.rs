@@ -71,7 +71,7 @@ pub(super) fn apply(gaussians: &mut Gaussians, file: &Path, set: &[SetLight]) ->
         }
     }
     let begun = Instant::now();
-    gaussians.radiances = basis.radiances();
+    basis.light(gaussians);
     Ok(begun.elapsed().as_secs_f64())
 }
 

@@ -218,7 +218,7 @@ fn pictures(
     let mut lit = scene.clone();
     for done in 0..total {
         progress(LightFitProgress::Rendering { done, total });
-        lit.radiances = basis.alone(done);
+        basis.light_alone(&mut lit, done);
         let tracer = device.scene(&lit)?;
         let seen = cameras
             .iter()

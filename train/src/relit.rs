@@ -83,7 +83,7 @@ pub fn relight(
         None => fit(request, &mut basis, &file)?,
     };
     let mut scene = ply::read_gaussians(&request.out)?;
-    scene.radiances = basis.radiances();
+    basis.light(&mut scene);
     basis.write(&file)?;
     ply::write_gaussians(&request.out, &scene)?;
     let reference = Dataset::open(&request.reference)?;

@@ -2,11 +2,15 @@
 //!
 //! Arrays are, one after the other, each listed with type, shape and the bytes before it:
 //! `emitters` (u32, indices of Gaussians that emit), `emitter_lights` (u32, of each its light),
-//! `emitter_radiances` (f32, `[m, 3]`) and `reflected` (f16, `[lights, n, 3]`).
+//! `emitter_radiances` (f32, `[m, 3]`) and `reflected` (f16, `[lights, n, 3]`). Of a glossy scene,
+//! `glossy` (u32, indices of Gaussians with highlights), `to_eyes` (f16, `[g, 16, 3]`) and
+//! `highlights` (f16, `[lights, g, 24]`) follow.
 
+use super::highlights::{Highlights, NUM_EYES};
 use super::{Emitter, Light, LightBasis};
 use crate::error::{Result, SceneError};
 use crate::files::{Key, SealedFormat};
+use crate::harmonics::NUM_COEFFICIENTS;
 use glam::Vec3;
 use half::f16;
 use serde::{Deserialize, Serialize};
@@ -40,6 +44,16 @@ struct Arrays {
     emitter_lights: Array,
     emitter_radiances: Array,
     reflected: Array,
+    /// None where nothing is glossy.
+    #[serde(flatten)]
+    highlights: Option<HighlightArrays>,
+}
+
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct HighlightArrays {
+    glossy: Array,
+    to_eyes: Array,
+    highlights: Array,
 }
 
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -80,19 +94,46 @@ impl Array {
 }
 
 impl Arrays {
-    /// Those of so many lights, Gaussians and emitters; `None` if no file is that large.
-    fn new(num_lights: usize, num_gaussians: usize, num_emitters: usize) -> Option<Self> {
+    /// Those of so many lights, Gaussians, emitters and glossy Gaussians; `None` if no file is that
+    /// large.
+    fn new(
+        num_lights: usize,
+        num_gaussians: usize,
+        num_emitters: usize,
+        num_glossy: usize,
+    ) -> Option<Self> {
         let emitters = Array::new(Kind::U32, &[num_emitters], 0);
         let emitter_lights = Array::new(Kind::U32, &[num_emitters], emitters.end()?);
         let emitter_radiances = Array::new(Kind::F32, &[num_emitters, 3], emitter_lights.end()?);
         let shape = [num_lights, num_gaussians, 3];
         let reflected = Array::new(Kind::F16, &shape, emitter_radiances.end()?);
+        let highlights = match num_glossy {
+            0 => None,
+            num => {
+                let glossy = Array::new(Kind::U32, &[num], reflected.end()?);
+                let to_eyes = Array::new(Kind::F16, &[num, NUM_EYES, 3], glossy.end()?);
+                let shape = [num_lights, num, NUM_COEFFICIENTS];
+                let highlights = Array::new(Kind::F16, &shape, to_eyes.end()?);
+                Some(HighlightArrays {
+                    glossy,
+                    to_eyes,
+                    highlights,
+                })
+            }
+        };
         Some(Self {
             emitters,
             emitter_lights,
             emitter_radiances,
             reflected,
+            highlights,
         })
+    }
+
+    /// Bytes of all; `None` if no file is that large.
+    fn end(&self) -> Option<usize> {
+        let last = self.highlights.as_ref().map(|h| &h.highlights);
+        last.unwrap_or(&self.reflected).end()
     }
 }
 
@@ -108,7 +149,8 @@ impl LightBasis {
     /// If it cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let num = self.emitters.len();
-        let arrays = Arrays::new(self.lights.len(), self.num_gaussians, num)
+        let num_glossy = self.highlights.gaussians.len();
+        let arrays = Arrays::new(self.lights.len(), self.num_gaussians, num, num_glossy)
             .expect("a basis in memory has a size");
         let lights = self.lights.iter().zip(&self.scales);
         let header = Header {
@@ -134,7 +176,17 @@ impl LightBasis {
                     .flatten()
             }))
             .collect();
-        bytes.extend(self.reflected.iter().flat_map(|value| value.to_le_bytes()));
+        let halves = |values: &[f16]| {
+            values
+                .iter()
+                .flat_map(|v| v.to_le_bytes())
+                .collect::<Vec<_>>()
+        };
+        bytes.extend(halves(&self.reflected));
+        let glossy = self.highlights.gaussians.iter();
+        bytes.extend(glossy.flat_map(|index| index.to_le_bytes()));
+        bytes.extend(halves(&self.highlights.to_eyes));
+        bytes.extend(halves(&self.highlights.harmonics));
         FORMAT.write_bytes(path, &header, &bytes)
     }
 
@@ -146,8 +198,11 @@ impl LightBasis {
     pub fn read(path: &Path) -> Result<Self> {
         let (header, bytes): (Header, Vec<u8>) = FORMAT.read_bytes(path)?;
         let num_emitters = header.arrays.emitters.shape.iter().product();
-        let expected = Arrays::new(header.lights.len(), header.num_gaussians, num_emitters);
-        let expected = expected.filter(|arrays| arrays.reflected.end() == Some(bytes.len()));
+        let of_glossy = header.arrays.highlights.as_ref();
+        let num_glossy = of_glossy.map_or(0, |h| h.glossy.shape.iter().product());
+        let num_lights = header.lights.len();
+        let expected = Arrays::new(num_lights, header.num_gaussians, num_emitters, num_glossy);
+        let expected = expected.filter(|arrays| arrays.end() == Some(bytes.len()));
         if expected.as_ref() != Some(&header.arrays) {
             return Err(FORMAT.damaged(path, "arrays"));
         }
@@ -179,11 +234,21 @@ impl LightBasis {
         if !emitters.iter().all(is_there) {
             return Err(FORMAT.damaged(path, "emitters"));
         }
-        let reflected = from(&arrays.reflected).as_chunks().0;
-        let reflected = reflected
-            .iter()
-            .map(|value| f16::from_le_bytes(*value))
-            .collect();
+        let halves = |array: &Array| -> Vec<f16> {
+            let values = from(array).as_chunks().0.iter();
+            values.map(|value| f16::from_le_bytes(*value)).collect()
+        };
+        let highlights =
+            (arrays.highlights.as_ref()).map_or_else(Highlights::default, |h| Highlights {
+                gaussians: words(&h.glossy).collect(),
+                to_eyes: halves(&h.to_eyes),
+                harmonics: halves(&h.highlights),
+            });
+        let is_there = |index: &u32| (*index as usize) < header.num_gaussians;
+        if !highlights.gaussians.iter().all(is_there) {
+            return Err(FORMAT.damaged(path, "glossy"));
+        }
+        let reflected = halves(&arrays.reflected);
         let scales = header.lights.iter().map(|light| light.scale).collect();
         let lights = header.lights.into_iter().map(|light| Light {
             name: light.name,
@@ -195,6 +260,7 @@ impl LightBasis {
             emitters,
             scales,
             reflected,
+            highlights,
             key: header.key,
         })
     }

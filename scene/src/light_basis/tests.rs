@@ -132,6 +132,70 @@ fn a_mix_is_a_sum() {
     assert!(basis.radiances().iter().all(|light| *light == Vec3::ZERO));
 }
 
+/// Directions to the eyes that see the Gaussians of [`highlights`].
+fn to_eyes() -> Vec<Vec3> {
+    let to_eye = |k: u8| {
+        let k = f32::from(k);
+        Vec3::new(k.cos(), k.sin(), 0.3 + 0.1 * k).normalize()
+    };
+    (0..8).map(to_eye).collect()
+}
+
+/// The basis with three glossy Gaussians, each with a highlight of the first light in one direction
+/// and of the second in another; and their indices.
+fn highlights(scene: &Gaussians, basis: LightBasis) -> (LightBasis, Vec<usize>) {
+    let peak = |towards: Vec3| {
+        let functions = crate::harmonics::functions(-towards.normalize());
+        Harmonics(std::array::from_fn(|at| functions[at / 3]))
+    };
+    let peaks = [Vec3::new(1.0, 0.2, 0.7), Vec3::new(-0.5, 0.8, 0.4)];
+    let reflecting = (0..scene.len()).filter(|&i| scene.emissions[i] == 0.0);
+    let glossy: Vec<usize> = reflecting.step_by(5).take(3).collect();
+    let seen: Vec<(u32, Vec<Vec3>)> = glossy.iter().map(|&i| (i as u32, to_eyes())).collect();
+    let of_light = |_: &LightBasis, light: usize| Ok::<_, ()>(vec![peak(peaks[light]); 3]);
+    (basis.with_highlights(&seen, of_light).unwrap(), glossy)
+}
+
+#[test]
+fn highlights_follow_the_lights() {
+    let (scene, _, basis) = example();
+    let (mut basis, glossy) = highlights(&scene, basis);
+    let mut lit = scene.clone();
+    let factor = |scene: &Gaussians, i: usize, to_eye: Vec3| {
+        scene.harmonics[i].factor(&crate::harmonics::functions(-to_eye))
+    };
+    let mut alone = Vec::new();
+    for k in 0..2 {
+        basis.light_alone(&mut lit, k);
+        assert_eq!(lit.radiances, basis.alone(k));
+        alone.push(lit.clone());
+        // The same by factors.
+        basis.set_factor(k, Vec3::ONE);
+        basis.set_factor(1 - k, Vec3::ZERO);
+        let mut by_factors = scene.clone();
+        basis.light(&mut by_factors);
+        assert_eq!(by_factors, lit);
+    }
+    let mix = [Vec3::new(0.7, 1.0, 0.2), Vec3::splat(1.5)];
+    for (k, factor) in mix.into_iter().enumerate() {
+        basis.set_factor(k, factor);
+    }
+    basis.light(&mut lit);
+    for &i in &glossy {
+        for to_eye in to_eyes() {
+            let part = |k: usize| mix[k] * alone[k].radiances[i] * factor(&alone[k], i, to_eye);
+            let expected = part(0) + part(1);
+            let found = lit.radiances[i] * factor(&lit, i, to_eye);
+            // Eight directions, which as many functions explain but for the ridge.
+            let off = (found / expected - Vec3::ONE).abs().max_element();
+            assert!(off < 0.05, "{found} {expected}");
+        }
+    }
+    for i in (0..scene.len()).filter(|i| !glossy.contains(i)) {
+        assert_eq!(lit.harmonics[i], Harmonics::NONE);
+    }
+}
+
 #[test]
 fn units_leave_room_for_the_brightest() {
     for brightest in [1e-30, 3e-5, 0.5, 1.0, 1.999_999_9, 2.0, 65_504.0, 3e38] {
@@ -227,4 +291,16 @@ fn files_are_the_basis_and_damaged_ones_are_refused() {
     refused(|b| b.emitters[3].light = 2, &["emitters", "damaged"]);
     refused(|b| b.emitters[3].index = 3000, &["emitters", "damaged"]);
     refused(|b| b.reflected.truncate(7), &["arrays", "damaged"]);
+
+    let (glossy, _) = highlights(&scene, basis.clone());
+    glossy.write(&path).unwrap();
+    assert_eq!(LightBasis::read(&path).unwrap(), glossy);
+    let mut other = glossy.clone();
+    other.highlights.gaussians[2] = 3000;
+    other.write(&path).unwrap();
+    assert_error(LightBasis::read(&path), &["glossy", "damaged"]);
+    let mut other = glossy;
+    other.highlights.harmonics.truncate(9);
+    other.write(&path).unwrap();
+    assert_error(LightBasis::read(&path), &["arrays", "damaged"]);
 }

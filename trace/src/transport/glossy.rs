@@ -24,3 +24,11 @@ pub struct GlossyPoint {
     /// Places of eyes above the surface, world space.
     pub eyes: Vec<Vec3>,
 }
+
+impl GlossyPoint {
+    /// Unit vectors to the eyes.
+    pub fn to_eyes(&self) -> impl Iterator<Item = Vec3> {
+        let to_eye = |eye: &Vec3| (*eye - self.surface.position).normalize_or_zero();
+        self.eyes.iter().map(to_eye)
+    }
+}

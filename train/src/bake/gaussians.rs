@@ -15,7 +15,7 @@
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
-use super::highlights;
+use super::highlights::Highlights;
 use super::lamps::evened;
 use super::receivers::Receivers;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
@@ -24,6 +24,7 @@ use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::irradiance;
 use eagpt_scene::files::{Key, digest};
+use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::lamps::read_lamps;
 use eagpt_scene::light_basis::geometry_digest;
 use eagpt_scene::machine::available_memory;
@@ -104,13 +105,18 @@ impl Bake<'_> {
         let told = &mut self.progress;
         let reflected = sum_of_bounces(albedos, &light, max_bounces, parts.as_ref(), told);
         let basis = |lights| LightBasis::new(&self.scene, lights, &reflected.parts);
-        let basis = lights.as_ref().map(basis);
+        let mut basis = lights.as_ref().map(basis);
         let radiances = with_emitters(&self.scene, &reflected.total);
         self.scene.radiances.clone_from(&radiances);
         let (cameras, seed) = (self.cameras(), self.request.options.seed);
-        let receivers = &traced.receivers;
-        let harmonics =
-            highlights::harmonics(&self.scene, &mut *tracer, receivers, &cameras, seed)?;
+        let highlights = Highlights::new(&self.scene, &traced.receivers, &cameras, seed);
+        let mut harmonics = self.scene.harmonics.clone();
+        if let Some(highlights) = highlights {
+            harmonics = highlights.harmonics(&self.scene, &mut *tracer)?;
+            if let Some(plain) = basis.take() {
+                basis = Some(highlights.of_lights(plain, &self.scene, &mut *tracer)?);
+            }
+        }
         Ok(Some(Solved {
             radiances,
             basis,
@@ -136,7 +142,11 @@ impl Bake<'_> {
         // Of each light: its direct light, that of a bounce before and after smoothing, that of the
         // last bounce and of all.
         let of_lights = 5 * size_of::<Vec3>() as u64 * num_lights as u64;
-        let needed = self.scene.len() as u64 * (copies * entries * 4 + of_lights);
+        // Half floats.
+        let of_highlights = 2 * NUM_COEFFICIENTS as u64 * num_lights as u64;
+        let num_glossy = self.scene.gloss.iter().filter(|g| g.is_some()).count() as u64;
+        let needed = self.scene.len() as u64 * (copies * entries * 4 + of_lights)
+            + num_glossy * of_highlights;
         match available_memory() {
             Some(available) if needed > available / 2 => Err(TrainError::Memory {
                 needed_mib: needed >> 20,

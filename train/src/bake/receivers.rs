@@ -137,6 +137,11 @@ impl Receivers {
 }
 
 impl Sources {
+    /// The first of them.
+    pub(super) fn first(&self) -> usize {
+        self.0[0] as usize
+    }
+
     /// The mean of what they have; `of_row` is that of a number of [`Receivers::traced`].
     pub(super) fn mean(&self, of_row: impl Fn(usize) -> Vec3) -> Vec3 {
         let rows = || self.0.iter().filter(|&&row| row != NO_SOURCE);

@@ -1,7 +1,7 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
 use super::gaussians::{self, GaussianBake};
-use super::highlights;
+use super::highlights::Highlights;
 use super::receivers::Receivers;
 use super::series::{Exchange, sum_of_bounces};
 use super::{BakeProgress, emits, forget_directions, with_emitters};
@@ -76,9 +76,10 @@ impl Solution<'_> {
             return Ok(None);
         }
         scene.radiances = with_emitters(&scene, &reflected.total);
-        let seed = self.seed;
-        scene.harmonics =
-            highlights::harmonics(&scene, &mut *tracer, &receivers, self.cameras, seed)?;
+        let highlights = Highlights::new(&scene, &receivers, self.cameras, self.seed);
+        if let Some(highlights) = highlights {
+            scene.harmonics = highlights.harmonics(&scene, &mut *tracer)?;
+        }
         Ok(Some(scene))
     }
 }
