@@ -132,7 +132,9 @@ pub(crate) fn run(args: &RenderArgs, global: &GlobalArgs) -> Result<ExitCode> {
         stop: &stop,
     };
     let mine: Vec<Shot> = shots.of_shard(shard).cloned().collect();
-    let write = |shot: &Shot, rendered: &RenderedView| files::write(args, &display, shot, rendered);
+    let write = |shot: &Shot, rendered: &RenderedView| {
+        files::write(args, &display, scene.as_ref(), (shot, rendered))
+    };
     let summary = reporter.follow(tell, |progress| {
         render_views(&job, &mine, &mut ledger, write, progress)
     })?;

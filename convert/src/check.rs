@@ -142,6 +142,16 @@ fn kinds(dataset: &Dataset, all: &[Looked]) -> Vec<KindReport> {
         kind(ImageKind::Alpha, &|f| f.files.alpha.is_some(), &|_| None),
         kind(ImageKind::Depth, &|f| f.files.depth.is_some(), &|v| v.depth),
         kind(ImageKind::Albedo, &|f| f.files.albedo.is_some(), &|_| None),
+        kind(
+            ImageKind::Specular,
+            &|f| f.files.specular.is_some(),
+            &|_| None,
+        ),
+        kind(
+            ImageKind::Roughness,
+            &|f| f.files.roughness.is_some(),
+            &|_| None,
+        ),
         kind(ImageKind::Valid, &|f| f.files.valid.is_some(), &|v| v.valid),
     ]
 }

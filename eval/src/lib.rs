@@ -4,7 +4,7 @@
 //! - `psnr`: peak signal-to-noise ratio in sRGB, linear and PQ;
 //! - [`mod@ssim`]: structural similarity, and its gradient for the training loss;
 //! - `flip`: perceived difference of displayed (LDR) and of scene-referred (HDR) images.
-//! - `scene_metrics`: albedo, normals, depth and emission;
+//! - `scene_metrics`: albedo, normals, depth and emission; `gloss_metrics`: F0 and roughness;
 //! - `pair`: all image metrics of one pair;
 //! - `align`: the same after one factor for the exposure of all views;
 //! - `regions`: the error of emitters, lit surfaces and shadows;
@@ -23,6 +23,7 @@ mod encode;
 mod error;
 mod evaluation;
 mod flip;
+mod gloss_metrics;
 mod job;
 mod known;
 mod lamps;

@@ -43,7 +43,7 @@ pub struct Metric {
 }
 
 /// All metrics, in the order of every output.
-pub static METRICS: [Metric; 15] = [
+pub static METRICS: [Metric; 18] = [
     Metric {
         key: "psnr_srgb_db",
         heading: "PSNR sRGB",
@@ -153,6 +153,33 @@ pub static METRICS: [Metric; 15] = [
         definition: "as albedo_psnr_srgb_db after one factor for each view, fitted by least squares in linear over the same pixels",
         mean: MeanOf::Views,
         of: |view| view.scene.albedo_psnr_scaled_db,
+    },
+    Metric {
+        key: "specular_mae",
+        heading: "Specular MAE",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "mean absolute error of the specular reflectance at normal incidence (F0) over R, G and B, over pixels with reference emission of at most 0.1",
+        mean: MeanOf::Views,
+        of: |view| view.scene.specular_mae,
+    },
+    Metric {
+        key: "false_gloss",
+        heading: "False gloss",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "share of the pixels with reference emission of at most 0.1 whose mean F0 is above 0.02 in the render and not in the reference",
+        mean: MeanOf::Views,
+        of: |view| view.scene.false_gloss,
+    },
+    Metric {
+        key: "roughness_mae",
+        heading: "Roughness MAE",
+        better: Better::Lower,
+        num_decimals: 4,
+        definition: "mean absolute error of the perceptual roughness, over pixels with reference emission of at most 0.1 whose mean F0 is above 0.02 in render and reference",
+        mean: MeanOf::Views,
+        of: |view| view.scene.roughness_mae,
     },
     Metric {
         key: "normal_mean_deg",

@@ -25,6 +25,15 @@ pub struct SceneMetrics {
         default
     )]
     pub albedo_psnr_scaled_db: Option<f64>,
+    /// See `gloss_metrics::specular_mae`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub specular_mae: Option<f64>,
+    /// See `gloss_metrics::false_gloss`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub false_gloss: Option<f64>,
+    /// See `gloss_metrics::roughness_mae`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub roughness_mae: Option<f64>,
     /// See `scene_metrics::normal_mean_deg`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub normal_mean_deg: Option<f64>,

@@ -16,6 +16,8 @@
 //! | `Alpha-exr` | opacity, 0 to 1 |
 //! | `Depth-exr` | depth along the optical axis, scene units |
 //! | `DiffCol` | diffuse albedo |
+//! | `GlossCol` | specular reflectance at normal incidence, F0 |
+//! | `Roughness` | perceptual roughness, 0 to 1; 0 where F0 is |
 //! | `Clipped-exr` | 1 in channels of which the radiance is a lower bound, else 0 |
 //! | `Valid-exr` | 1 where the images are known, less where they are not; absent, all is known |
 //!
@@ -60,6 +62,10 @@ pub const ALPHA_DIR: &str = "Alpha-exr";
 pub const DEPTH_DIR: &str = "Depth-exr";
 /// Folder of the diffuse albedos.
 pub const ALBEDO_DIR: &str = "DiffCol";
+/// Folder of the specular reflectances.
+pub const SPECULAR_DIR: &str = "GlossCol";
+/// Folder of the roughness images.
+pub const ROUGHNESS_DIR: &str = "Roughness";
 /// Folder of the masks of clipped channels.
 pub const CLIPPED_DIR: &str = "Clipped-exr";
 /// Folder of the masks of known pixels.
@@ -97,6 +103,10 @@ pub struct ViewFiles {
     pub depth: Option<PathBuf>,
     /// Diffuse albedo.
     pub albedo: Option<PathBuf>,
+    /// Specular reflectance at normal incidence.
+    pub specular: Option<PathBuf>,
+    /// Perceptual roughness.
+    pub roughness: Option<PathBuf>,
     /// Mask of clipped channels.
     pub clipped: Option<PathBuf>,
     /// Mask of known pixels.
@@ -113,6 +123,8 @@ impl ViewFiles {
             (ALPHA_DIR, self.alpha.as_ref()),
             (DEPTH_DIR, self.depth.as_ref()),
             (ALBEDO_DIR, self.albedo.as_ref()),
+            (SPECULAR_DIR, self.specular.as_ref()),
+            (ROUGHNESS_DIR, self.roughness.as_ref()),
             (CLIPPED_DIR, self.clipped.as_ref()),
             (VALID_DIR, self.valid.as_ref()),
         ];

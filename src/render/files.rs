@@ -1,6 +1,7 @@
 //! The files of a rendering.
 
 use super::RenderArgs;
+use super::aov::Seen;
 use super::shots::Shots;
 use crate::output;
 use anyhow::Result;
@@ -9,7 +10,7 @@ use eagpt_scene::dataset::TRANSFORMS_FILE;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::Display;
 use eagpt_scene::{Shard, png};
-use eagpt_trace::RenderedView;
+use eagpt_trace::{RenderedView, Tracer};
 use std::path::{Path, PathBuf};
 
 /// Everything that will be written, relative to the output folder.
@@ -61,8 +62,8 @@ fn png_name(view: &str) -> PathBuf {
 pub(super) fn write(
     args: &RenderArgs,
     display: &Display,
-    shot: &Shot,
-    rendered: &RenderedView,
+    scene: &dyn Tracer,
+    (shot, rendered): (&Shot, &RenderedView),
 ) -> Result<Vec<PathBuf>> {
     let name = &shot.name;
     let picture = &rendered.radiance;
@@ -72,11 +73,13 @@ pub(super) fn write(
     }
     let path = output::place(&args.out, &png_name(name))?;
     png::write_srgb8(&path, &display.shown(picture))?;
+    let rays = (&shot.camera, args.antialias);
+    let seen = Seen::new(&args.aov, &rendered.features, scene, rays)?;
     for aov in &args.aov {
         let dir = args.out.join(aov.name());
         let exr_path = output::place(&dir, &exr_name(name))?;
         let png_path = output::place(&dir, &png_name(name))?;
-        aov.write(&shot.camera, &rendered.features, &exr_path, &png_path)?;
+        aov.write(&shot.camera, &seen, &exr_path, &png_path)?;
     }
     Ok(of_shot(args, shot))
 }

@@ -58,6 +58,8 @@ pub(crate) struct Photograph {
     albedo: Vec<Image<3>>,
     /// Hit of the ray through each pixel's centre, margin included.
     centres: Vec<Option<Hit>>,
+    /// F0 of the surface there, and perceptual roughness; 0 where nothing is glossy.
+    gloss: Vec<[f32; 4]>,
     /// Conditions in which emitters cover at least half of each pixel, margin included.
     emitting: Vec<Conditions>,
 }
@@ -94,6 +96,13 @@ impl Photograph {
             .map(|pixel| meet(lighting.room, &frame, place(pixel) + 0.5));
         let centres: Vec<Option<Hit>> = centres.collect();
         let emitting = emitting(lighting.room, &wide, &centres);
+        let gloss = |hit: &Option<Hit>| {
+            let gloss = lighting.room.material(hit.as_ref()?.surface).gloss?;
+            let [r, g, b] = gloss.reflectance.to_array();
+            Some([r, g, b, gloss.roughness])
+        };
+        let gloss = centres.iter().map(|hit| gloss(hit).unwrap_or_default());
+        let gloss = gloss.collect();
         let exposure = Exposure {
             camera: &wide,
             num_cells: sampling.num_cells,
@@ -113,6 +122,7 @@ impl Photograph {
                 .map(|condition| exposure.image(|pixel| pixel.sums[condition].albedo.to_array()))
                 .collect(),
             centres,
+            gloss,
             emitting,
         }
     }
@@ -149,6 +159,8 @@ impl Photograph {
             alpha: None,
             depth: Some(self.derived(|hit| [(hit.position - origin).dot(forward)])),
             albedo: Some(self.cropped(&self.albedo[condition])),
+            specular: Some(self.of_gloss(|&[r, g, b, _]| [r, g, b])),
+            roughness: Some(self.of_gloss(|&[.., roughness]| [roughness])),
             clipped: None,
             valid: None,
         }
@@ -160,6 +172,10 @@ impl Photograph {
             .iter()
             .map(|hit| hit.as_ref().map_or([0.0; C], &value));
         self.cropped(&image(&self.wide, values.collect()))
+    }
+
+    fn of_gloss<const C: usize>(&self, value: impl Fn(&[f32; 4]) -> [f32; C]) -> Image<C> {
+        self.cropped(&image(&self.wide, self.gloss.iter().map(value).collect()))
     }
 
     /// An image without its margin.

@@ -38,7 +38,7 @@ fn train_render_eval() {
     }
 
     for (mode, least_db) in [("0-bounce", 18.0), ("1-bounce", 14.0), ("path", 12.0)] {
-        let aov = "--aov normal,depth,albedo,emission,alpha";
+        let aov = "--aov normal,depth,albedo,emission,alpha,specular,roughness";
         let render =
             format!("render run/scene.ply --cameras room --mode {mode} --spp 4 {aov} --out {mode}");
         let told = place.succeeds(&format!("{render} --json"));
@@ -105,7 +105,16 @@ fn check_messages(told: &str, wanted: &[&str]) {
 fn check_rendering(place: &Workplace, mode: &str) {
     let mut expected = vec!["record.json".to_owned()];
     for view in ["000", "008"] {
-        for dir in ["", "normal/", "depth/", "albedo/", "emission/", "alpha/"] {
+        for dir in [
+            "",
+            "normal/",
+            "depth/",
+            "albedo/",
+            "emission/",
+            "alpha/",
+            "specular/",
+            "roughness/",
+        ] {
             expected.push(format!("{dir}{view}.exr"));
             if !["depth/", "alpha/"].contains(&dir) {
                 expected.push(format!("{dir}{view}.png"));

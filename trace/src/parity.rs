@@ -132,6 +132,7 @@ mod tests {
     use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
     use crate::transport::{Integrator, LightOptions};
     use crate::weights::BlendWeights;
+    use eagpt_scene::Gloss;
     use eagpt_scene::rng::RandomKey;
     use glam::Vec3;
 
@@ -218,6 +219,10 @@ mod tests {
             key: RandomKey,
         ) -> Result<TransportMatrix, TraceError> {
             self.0.trace_transport(receivers, directions, key)
+        }
+
+        fn pixel_gloss(&self, camera: &Camera) -> Result<Vec<Gloss>, TraceError> {
+            self.0.pixel_gloss(camera)
         }
 
         fn mirrored_towards(

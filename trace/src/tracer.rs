@@ -9,7 +9,7 @@ use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
 use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians, Image};
+use eagpt_scene::{Camera, Gaussians, Gloss, Image};
 use glam::Vec3;
 
 /// Failure of a device. The CPU never fails.
@@ -134,6 +134,13 @@ pub trait Tracer: Send + Sync {
         camera: &Camera,
         value: PixelValue<'_>,
     ) -> Result<(GBuffer, Vec<Contribution>), TraceError>;
+
+    /// Blended gloss of one ray through every pixel centre, `[height · width]`; empty where nothing is
+    /// glossy.
+    ///
+    /// # Errors
+    /// See [`Tracer`].
+    fn pixel_gloss(&self, camera: &Camera) -> Result<Vec<Gloss>, TraceError>;
 
     /// Composited features along each of `rays`.
     ///

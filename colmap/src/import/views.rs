@@ -341,6 +341,8 @@ fn write_one(writer: &DatasetWriter, photograph: &Photograph) -> Result<Outcome>
         alpha: mask(&files.alpha, light.alpha)?,
         depth: None,
         albedo: None,
+        specular: None,
+        roughness: None,
         clipped: None,
         valid: (num_unknown > 0).then_some(remapped.valid),
     };

@@ -51,15 +51,20 @@ pub(super) fn look(frame: &Frame, points: &[Vec3]) -> Looked {
     if let Some((mask, _)) = looked.read(ImageKind::Valid, valid, exr::read_single) {
         looked.view.valid = Some(share(mask.values(), is_known));
     }
-    let albedo = files.albedo.as_ref();
-    if let Some((albedo, path)) = looked.read(ImageKind::Albedo, albedo, exr::read_rgb) {
-        let is_bad = |v: f32| !(v.is_finite() && v >= 0.0);
-        looked.check(refuse(
-            path,
-            &albedo,
-            "is not finite and at least 0",
-            is_bad,
-        ));
+    for (kind, file) in [
+        (ImageKind::Albedo, files.albedo.as_ref()),
+        (ImageKind::Specular, files.specular.as_ref()),
+    ] {
+        if let Some((reflectance, path)) = looked.read(kind, file, exr::read_rgb) {
+            let is_bad = |v: f32| !(v.is_finite() && v >= 0.0);
+            let problem = "is not finite and at least 0";
+            looked.check(refuse(path, &reflectance, problem, is_bad));
+        }
+    }
+    let roughness = files.roughness.as_ref();
+    if let Some((roughness, path)) = looked.read(ImageKind::Roughness, roughness, exr::read_single)
+    {
+        looked.check(check_mask(path, &roughness));
     }
     let depth = looked.read(ImageKind::Depth, files.depth.as_ref(), exr::read_single);
     if let Some((depth, path)) = &depth {

@@ -26,6 +26,10 @@ pub enum ImageKind {
     Depth,
     /// Diffuse albedos
     Albedo,
+    /// Specular reflectances
+    Specular,
+    /// Roughness
+    Roughness,
     /// Masks of known pixels
     Valid,
 }

@@ -127,6 +127,8 @@ pub(super) fn convert(
         alpha,
         depth,
         albedo,
+        specular: None,
+        roughness: None,
         clipped,
         valid,
     };

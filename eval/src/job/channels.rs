@@ -2,6 +2,7 @@
 
 use super::renders::Renders;
 use crate::error::Result;
+use crate::gloss_metrics::{Coat, false_gloss, roughness_mae, specular_mae};
 use crate::known::{KnownPixels, pack};
 use crate::scene_metrics::{albedo_psnr, depth_mae, emission_overlap, normal_mean_deg};
 use crate::view::SceneMetrics;
@@ -27,6 +28,26 @@ pub(super) fn scene_metrics(
     {
         found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
         found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
+    }
+    if let Some(reference) = &view.specular
+        && let Some(test) = renders.specular(&view.name)?
+    {
+        let (reference, test) = (pack(known, reference), pack(known, &test));
+        let emission = view.emission.as_ref().map(|mask| pack(known, mask));
+        let emission = emission.as_deref();
+        found.specular_mae = specular_mae(&reference, &test, emission);
+        found.false_gloss = false_gloss(&reference, &test, emission);
+        if let Some(roughness) = &view.roughness
+            && let Some(rendered) = renders.roughness(&view.name)?
+        {
+            let of = |specular, roughness| Coat {
+                specular,
+                roughness,
+            };
+            let (roughness, rendered) = (pack(known, roughness), pack(known, &rendered));
+            let pair = (of(&*reference, &*roughness), of(&*test, &*rendered));
+            found.roughness_mae = roughness_mae(pair, emission);
+        }
     }
     if let Some(reference) = &view.normal
         && let Some(test) = renders.normal(&view.name)?

@@ -6,7 +6,14 @@ use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Folders of the optional channels.
-const CHANNELS: [&str; 4] = ["albedo", "normal", "depth", "emission"];
+const CHANNELS: [&str; 6] = [
+    "albedo",
+    "normal",
+    "depth",
+    "emission",
+    "specular",
+    "roughness",
+];
 
 /// Folders beside the views that are of no view: [`CHANNELS`] and further AOVs of `eagpt render`.
 const MORE_CHANNELS: [&str; 1] = ["alpha"];
@@ -115,6 +122,16 @@ impl Renders {
 
     pub(super) fn emission(&self, view: &str) -> Result<Option<Image<1>>> {
         self.channel("emission", view, |path| {
+            finite(path, exr::read_single(path)?)
+        })
+    }
+
+    pub(super) fn specular(&self, view: &str) -> Result<Option<Image<3>>> {
+        self.channel("specular", view, |path| finite(path, exr::read_rgb(path)?))
+    }
+
+    pub(super) fn roughness(&self, view: &str) -> Result<Option<Image<1>>> {
+        self.channel("roughness", view, |path| {
             finite(path, exr::read_single(path)?)
         })
     }

@@ -52,6 +52,8 @@ fn view(index: usize) -> View {
         alpha: None,
         depth: Some(single(2.0)),
         albedo: Some(Image::filled(SIZE.0, SIZE.1, [0.5, 0.4, 0.3])),
+        specular: Some(Image::filled(SIZE.0, SIZE.1, [0.04; 3])),
+        roughness: Some(Image::filled(SIZE.0, SIZE.1, [0.3])),
         clipped: None,
         valid: None,
     }
@@ -98,6 +100,8 @@ impl Case {
             &Image::filled(SIZE.0, SIZE.1, [0.25, 0.2, 0.15]),
         );
         case.render_single("depth", 0, &single(2.25));
+        case.render_rgb("specular", 0, &Image::filled(SIZE.0, SIZE.1, [0.05; 3]));
+        case.render_single("roughness", 0, &single(0.5));
         case.render_single("emission", 0, &single(1.0));
         case.render_single("emission", 8, &single(0.0));
         case
@@ -141,8 +145,8 @@ fn two_views_with_known_errors() {
     let case = Case::new();
     let mut messages = Vec::new();
     let found = evaluated(&case.options, &mut |message| messages.push(message)).unwrap();
-    assert_eq!(messages.len(), 3 + 1 + 2, "{messages:?}");
-    assert_eq!(messages[3], EvalProgress::Started { total: 2 });
+    assert_eq!(messages.len(), 5 + 1 + 2, "{messages:?}");
+    assert_eq!(messages[5], EvalProgress::Started { total: 2 });
 
     let names: Vec<&str> = found.views.iter().map(|v| v.name.as_str()).collect();
     assert_eq!(names, ["cam_0/img_0", "cam_0/img_8"]);
@@ -151,6 +155,9 @@ fn two_views_with_known_errors() {
     let scene = &found.views[0].scene;
     assert!((scene.normal_mean_deg.unwrap() - 45.0).abs() < 1e-5);
     assert!((scene.depth_mae.unwrap() - 0.25).abs() < 1e-6);
+    assert!((scene.specular_mae.unwrap() - 0.01).abs() < 1e-6);
+    assert!((scene.roughness_mae.unwrap() - 0.2).abs() < 1e-6);
+    assert_eq!(scene.false_gloss, Some(0.0));
     assert_eq!(scene.emission_iou, Some(0.5));
     assert!(scene.albedo_psnr_srgb_db.unwrap() < 20.0);
     assert!(scene.albedo_psnr_scaled_db.unwrap() > 100.0);
@@ -230,7 +237,7 @@ fn the_files_say_what_was_found() {
     assert_eq!(json["num_rendered"], 2);
     assert_eq!(json["split"], serde_json::Value::Null);
     assert_eq!(json["subset"], serde_json::Value::Null);
-    assert_eq!(json["warnings"].as_array().unwrap().len(), 3);
+    assert_eq!(json["warnings"].as_array().unwrap().len(), 5);
     for metric in &METRICS {
         assert!(json["definitions"][metric.key].as_str().unwrap().len() > 20);
     }
@@ -243,7 +250,7 @@ fn the_files_say_what_was_found() {
     let csv = case.output("metrics.csv");
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 3);
-    let num_columns = 1 + 15 + 5;
+    let num_columns = 1 + 18 + 5;
     assert!(
         lines
             .iter()

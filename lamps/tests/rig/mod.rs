@@ -103,6 +103,8 @@ pub(crate) fn photograph_all(
         alpha: None,
         depth: None,
         albedo: None,
+        specular: None,
+        roughness: None,
         clipped: None,
         valid: None,
     }

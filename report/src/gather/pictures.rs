@@ -14,7 +14,7 @@ const MAX_VIEWS: usize = 12;
 /// Most pictures of masks and of layers.
 const MAX_SAMPLES: usize = 6;
 /// Further metrics of a condition, where they were measured.
-const MORE_METRICS: [(&str, &str, usize); 10] = [
+const MORE_METRICS: [(&str, &str, usize); 11] = [
     super::EXPOSURE_SCALE,
     ("psnr_linear_db", "PSNR linear (dB)", 2),
     ("psnr_pq_db", "PSNR PQ (dB)", 2),
@@ -22,6 +22,7 @@ const MORE_METRICS: [(&str, &str, usize); 10] = [
     ("psnr_srgb_aligned_db", "PSNR, exposure aligned (dB)", 2),
     ("albedo_psnr_srgb_db", "albedo PSNR (dB)", 2),
     ("albedo_psnr_scaled_db", "albedo PSNR, scaled (dB)", 2),
+    ("specular_mae", "specular MAE", 4),
     ("normal_mean_deg", "normals (°)", 2),
     ("depth_mae", "depth MAE", 4),
     ("emission_iou", "emission IoU", 3),

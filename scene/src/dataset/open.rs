@@ -5,8 +5,8 @@ use super::json::{Object, excerpt};
 use super::names::{is_frame_name, strip_image_folder};
 use super::{
     ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, CLIPPED_DIR, DEPTH_DIR, Dataset, DatasetInfo,
-    EMISSION_DIR, Frame, ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE,
-    VALID_DIR, ViewFiles, pose,
+    EMISSION_DIR, Frame, ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR,
+    SPECULAR_DIR, TRANSFORMS_FILE, VALID_DIR, ViewFiles, pose,
 };
 use crate::error::{Result, SceneError};
 use crate::exr;
@@ -250,6 +250,8 @@ fn frame(
             alpha: beside(ALPHA_DIR),
             depth: beside(DEPTH_DIR),
             albedo: beside(ALBEDO_DIR),
+            specular: beside(SPECULAR_DIR),
+            roughness: beside(ROUGHNESS_DIR),
             clipped: beside(CLIPPED_DIR),
             valid: beside(VALID_DIR),
         },

@@ -91,6 +91,8 @@ fn some_view(name: &str, t: f64) -> View {
         alpha: Some(mask(3)),
         depth: Some(ramp(0.1).map(|p| [p[0]])),
         albedo: Some(ramp(0.01)),
+        specular: None,
+        roughness: None,
         clipped: None,
         valid: None,
     }

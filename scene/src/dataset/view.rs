@@ -35,6 +35,10 @@ pub struct View {
     pub depth: Option<Image<1>>,
     /// Diffuse albedo, finite and not negative.
     pub albedo: Option<Image<3>>,
+    /// Specular reflectance at normal incidence (F0), finite and not negative.
+    pub specular: Option<Image<3>>,
+    /// Perceptual roughness, 0 to 1; without meaning where the specular reflectance is 0.
+    pub roughness: Option<Image<1>>,
     /// 1 in channels whose radiance is a lower bound, as a clipped photograph tells; else 0. `None`
     /// where all radiance is the truth.
     pub clipped: Option<Image<3>>,
@@ -55,11 +59,17 @@ impl View {
         let single = |image: &Option<Image<1>>| image.as_ref().map_or(0, Image::num_bytes);
         let colour = |image: &Option<Image<3>>| image.as_ref().map_or(0, Image::num_bytes);
         self.radiance.num_bytes()
-            + [&self.emission, &self.alpha, &self.depth, &self.valid]
-                .map(single)
-                .iter()
-                .sum::<usize>()
-            + [&self.normal, &self.albedo, &self.clipped]
+            + [
+                &self.emission,
+                &self.alpha,
+                &self.depth,
+                &self.roughness,
+                &self.valid,
+            ]
+            .map(single)
+            .iter()
+            .sum::<usize>()
+            + [&self.normal, &self.albedo, &self.specular, &self.clipped]
                 .map(colour)
                 .iter()
                 .sum::<usize>()
@@ -77,13 +87,21 @@ impl View {
         }
         let Some(valid) = &self.valid else { return };
         clear(&mut self.radiance, valid);
-        for image in [&mut self.normal, &mut self.albedo, &mut self.clipped]
-            .into_iter()
-            .flatten()
-        {
+        let colour = [
+            &mut self.normal,
+            &mut self.albedo,
+            &mut self.specular,
+            &mut self.clipped,
+        ];
+        for image in colour.into_iter().flatten() {
             clear(image, valid);
         }
-        let single = [&mut self.emission, &mut self.alpha, &mut self.depth];
+        let single = [
+            &mut self.emission,
+            &mut self.alpha,
+            &mut self.depth,
+            &mut self.roughness,
+        ];
         for image in single.into_iter().flatten() {
             clear(image, valid);
         }
@@ -110,6 +128,8 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
         alpha: load_single(files.alpha.as_deref(), size)?,
         depth: load_single(files.depth.as_deref(), size)?,
         albedo: load_rgb(files.albedo.as_deref(), size, exr::read_rgb)?,
+        specular: load_rgb(files.specular.as_deref(), size, exr::read_rgb)?,
+        roughness: load_single(files.roughness.as_deref(), size)?,
         clipped: load_clipped(files.clipped.as_deref(), size)?,
         valid,
     };
@@ -127,8 +147,16 @@ pub(super) fn load(frame: &Frame) -> Result<View> {
     if let (Some(path), Some(normal)) = (&files.normal, &mut view.normal) {
         normalise(path, normal)?;
     }
-    if let (Some(path), Some(albedo)) = (&files.albedo, &view.albedo) {
-        check_light(path, albedo)?;
+    for (path, reflectance) in [
+        (&files.albedo, &view.albedo),
+        (&files.specular, &view.specular),
+    ] {
+        if let (Some(path), Some(reflectance)) = (path, reflectance) {
+            check_light(path, reflectance)?;
+        }
+    }
+    if let (Some(path), Some(roughness)) = (&files.roughness, &mut view.roughness) {
+        clamp_mask(path, roughness)?;
     }
     Ok(view)
 }

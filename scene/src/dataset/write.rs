@@ -2,7 +2,8 @@
 
 use super::{
     ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR,
-    POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR, View, is_frame_name, pose,
+    POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR, SPECULAR_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR,
+    View, is_frame_name, pose,
 };
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};
@@ -78,6 +79,8 @@ impl DatasetWriter {
         self.write_rgb(RADIANCE_DIR, &view.name, Some(&view.radiance))?;
         self.write_rgb(NORMAL_DIR, &view.name, view.normal.as_ref())?;
         self.write_rgb(ALBEDO_DIR, &view.name, view.albedo.as_ref())?;
+        self.write_rgb(SPECULAR_DIR, &view.name, view.specular.as_ref())?;
+        self.write_single(ROUGHNESS_DIR, &view.name, view.roughness.as_ref())?;
         self.write_single(EMISSION_DIR, &view.name, view.emission.as_ref())?;
         self.write_single(ALPHA_DIR, &view.name, view.alpha.as_ref())?;
         self.write_single(DEPTH_DIR, &view.name, view.depth.as_ref())?;

@@ -94,6 +94,8 @@ fn photograph(index: usize, camera: &Camera, options: &RoomOptions) -> View {
             [(h.position - camera.origin()).dot(forward)]
         })),
         albedo: Some(derived(camera, &hits, |h| h.albedo.to_array())),
+        specular: None,
+        roughness: None,
         clipped: None,
         valid: None,
     }

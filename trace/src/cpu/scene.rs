@@ -234,6 +234,14 @@ impl Tracer for CpuScene {
         }))
     }
 
+    fn pixel_gloss(&self, camera: &Camera) -> Result<Vec<Gloss>, TraceError> {
+        let blended = |record: &CameraRecord| self.gloss_of_pixels(record, &record.gbuffer());
+        Ok(match self.is_glossy() {
+            true => self.with_record(camera, blended),
+            false => Vec::new(),
+        })
+    }
+
     fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
         Ok(rays.par_iter().map(|ray| self.trace(ray)).collect())
     }

@@ -21,7 +21,7 @@ use crate::transport::{Integrator, LightOptions};
 use crate::view::{Pixels, SampledLight, View};
 use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians, Harmonics};
+use eagpt_scene::{Camera, Gaussians, Gloss, Harmonics};
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -369,6 +369,10 @@ impl Tracer for GpuScene {
         Ok(self
             .transport_rays(&matrix)
             .trace(receivers, directions, key)?)
+    }
+
+    fn pixel_gloss(&self, camera: &Camera) -> Result<Vec<Gloss>, TraceError> {
+        self.host()?.pixel_gloss(camera)
     }
 
     fn mirrored_towards(

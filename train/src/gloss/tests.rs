@@ -54,6 +54,8 @@ fn pictures(scene: &Gaussians) -> Vec<Result<TrainingView>> {
             alpha: None,
             depth: None,
             albedo: None,
+            specular: None,
+            roughness: None,
             clipped: None,
             valid: None,
         };

@@ -76,6 +76,8 @@ pub(crate) fn view(normal: bool) -> View {
         alpha: None,
         depth: None,
         albedo: None,
+        specular: None,
+        roughness: None,
         clipped: None,
         valid: None,
     }
