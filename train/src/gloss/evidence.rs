@@ -32,6 +32,10 @@ const LEAST_FORETOLD: f64 = 0.1;
 const LEAST_CERTAINTY: f64 = 0.3;
 /// F0 from which on a surface is a metal, which may have a colour.
 pub(super) const METAL: f64 = 0.2;
+/// F0 of other surfaces, at most: a refractive index of 1.58. Varnish, plastics, glass and ceramics
+/// have 1.4 to 1.6, but what differs between views for other reasons makes fits up to twice as
+/// large, and rooms then reflect several percent too much.
+const MAX_DIELECTRIC: f64 = 0.05;
 
 /// A surface that is glossy by its own views.
 #[derive(Debug, Clone, Copy)]
@@ -133,7 +137,7 @@ impl Evidence {
     /// explains the other half better.
     fn specular(&self, lobe: Fit, bare: Option<Fit>) -> Vec3 {
         if lobe.specular < METAL {
-            return Vec3::splat(lobe.specular as f32);
+            return Vec3::splat(lobe.specular.min(MAX_DIELECTRIC) as f32);
         }
         let specular = bare.unwrap_or(lobe).specular;
         let grey = Vec3::splat(specular as f32);
