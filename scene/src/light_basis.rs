@@ -21,7 +21,6 @@ mod tests;
 
 pub use file::lights_file_beside;
 pub use groups::{LightGroups, NO_LIGHT, REST};
-pub use highlights::NUM_EYES;
 
 use crate::files::{Key, digest};
 use crate::gaussians::Gaussians;

@@ -13,7 +13,7 @@ use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 /// Directions that are kept of a Gaussian, at most.
-pub const NUM_EYES: usize = 16;
+pub(super) const NUM_EYES: usize = 16;
 
 /// Highlights of some Gaussians.
 #[derive(Debug, Clone, PartialEq, Default)]
