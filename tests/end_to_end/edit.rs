@@ -76,7 +76,7 @@ fn a_dry_run_tells_everything_and_writes_nothing() {
     let edit = format!("edit run/scene.ply scripts/{BALL} --dry-run");
     let text = place.succeeds(&edit);
     for part in [
-        "step[0], line 12 (Window and lamps out): select ",
+        "step[0], line 13 (Window and lamps out): select ",
         "then gone",
         "insert 2500 Gaussians at [0.75",
     ] {

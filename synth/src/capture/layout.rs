@@ -6,7 +6,8 @@ use crate::lamps::lamps;
 use crate::script::SceneScript;
 use eagpt_colmap::model::Similarity;
 use eagpt_scene::dataset::{
-    ALBEDO_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, TRANSFORMS_FILE,
+    ALBEDO_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR,
+    SPECULAR_DIR, TRANSFORMS_FILE,
 };
 use eagpt_scene::lens::Lens;
 use eagpt_scene::{SceneError, files};
@@ -66,6 +67,8 @@ pub fn outputs(script: &SceneScript, options: &SynthOptions) -> Vec<PathBuf> {
                 NORMAL_DIR,
                 DEPTH_DIR,
                 ALBEDO_DIR,
+                SPECULAR_DIR,
+                ROUGHNESS_DIR,
             ] {
                 let file = |index| {
                     dir.join(folder)
