@@ -2,8 +2,8 @@
 //!
 //! Reads `<renders>/<view>.exr` (linear Rec.709) and, where there are any,
 //! `<renders>/<channel>/<view>.exr` for the channels `albedo` (linear RGB), `normal` (world-space
-//! x, y, z), `depth` (along the optical axis), `emission`, `specular` (F0, linear RGB) and `roughness`.
-//! Writes into the output folder
+//! x, y, z), `depth` (along the optical axis), `emission`, `specular` (F0, linear RGB) and
+//! `roughness`. Writes into the output folder
 //!
 //! | file | content |
 //! |---|---|

@@ -15,16 +15,11 @@ pub(super) fn scene_metrics(
     renders: &Renders,
 ) -> Result<SceneMetrics> {
     let mut found = SceneMetrics::default();
+    let emission = view.emission.as_ref().map(|mask| pack(known, mask));
+    let emission = emission.as_deref();
     if let Some(reference) = &view.albedo
         && let Some(test) = renders.albedo(&view.name)?
-        && let Some(albedo) = albedo_psnr(
-            &pack(known, reference),
-            &pack(known, &test),
-            view.emission
-                .as_ref()
-                .map(|mask| pack(known, mask))
-                .as_deref(),
-        )
+        && let Some(albedo) = albedo_psnr(&pack(known, reference), &pack(known, &test), emission)
     {
         found.albedo_psnr_srgb_db = Some(albedo.srgb_db);
         found.albedo_psnr_scaled_db = Some(albedo.scaled_srgb_db);
@@ -33,8 +28,6 @@ pub(super) fn scene_metrics(
         && let Some(test) = renders.specular(&view.name)?
     {
         let (reference, test) = (pack(known, reference), pack(known, &test));
-        let emission = view.emission.as_ref().map(|mask| pack(known, mask));
-        let emission = emission.as_deref();
         found.specular_mae = specular_mae(&reference, &test, emission);
         found.false_gloss = false_gloss(&reference, &test, emission);
         if let Some(roughness) = &view.roughness
@@ -59,10 +52,10 @@ pub(super) fn scene_metrics(
     {
         found.depth_mae = depth_mae(&pack(known, reference), &pack(known, &test));
     }
-    if let Some(reference) = &view.emission
+    if let Some(reference) = emission
         && let Some(test) = renders.emission(&view.name)?
     {
-        let overlap = emission_overlap(&pack(known, reference), &pack(known, &test));
+        let overlap = emission_overlap(reference, &pack(known, &test));
         found.emission_iou = overlap.iou();
         found.emission_overlap = overlap.iou().map(|_| overlap);
     }

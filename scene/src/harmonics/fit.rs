@@ -15,7 +15,7 @@ const POWER: f32 = 0.25;
 
 /// Normal equations of a fit to the logarithms of ratios of three channels, in which harmonics are
 /// linear.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RatioFit {
     weight: f32,
     functions: SMatrix<f32, NUM_FUNCTIONS, NUM_FUNCTIONS>,
@@ -23,15 +23,6 @@ pub struct RatioFit {
 }
 
 impl RatioFit {
-    /// Without any data: fitted, no harmonics.
-    pub fn new() -> Self {
-        Self {
-            weight: 0.0,
-            functions: SMatrix::zeros(),
-            logs: SMatrix::zeros(),
-        }
-    }
-
     /// Adds the ratio, not negative, of the radiance towards an eye to the mean radiance; `to_eye`
     /// is the unit vector from the Gaussian to the eye.
     pub fn add(&mut self, to_eye: Vec3, ratio: Vec3) {
@@ -62,12 +53,6 @@ impl RatioFit {
     }
 }
 
-impl Default for RatioFit {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -75,7 +60,7 @@ mod tests {
     #[test]
     fn ratios_of_harmonics_are_explained() {
         let truth = Harmonics(std::array::from_fn(|k| 0.3 * (1.7 * k as f32).sin()));
-        let mut fit = RatioFit::new();
+        let mut fit = RatioFit::default();
         assert_eq!(fit.fitted(), Harmonics::NONE);
         let directions: Vec<Vec3> = (0..40)
             .map(|i| {

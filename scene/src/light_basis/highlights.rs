@@ -1,7 +1,7 @@
 //! Highlights of glossy Gaussians by the light of each lamp.
 //!
-//! What a glossy surface mirrors of a lamp differs with the direction; harmonics hold it, as a
-//! factor on the reflected radiance ([`crate::harmonics`]). Of a mix of lamps the factor towards an
+//! The light of a lamp that a glossy surface mirrors differs with the direction; harmonics hold it, as
+//! a factor on the reflected radiance ([`crate::harmonics`]). Of a mix of lamps the factor towards an
 //! eye is the mean of theirs, weighted by what is reflected of each. That is no harmonic exponent:
 //! one is fitted, in the directions in which cameras of the bake see the Gaussian.
 
@@ -77,7 +77,7 @@ impl Highlights {
                 return alone;
             }
             let total: Vec3 = parts.iter().map(|(light, _)| *light).sum();
-            let mut fit = RatioFit::new();
+            let mut fit = RatioFit::default();
             let (to_eyes, _) = self.to_eyes[3 * NUM_EYES * m..][..3 * NUM_EYES].as_chunks::<3>();
             for to_eye in to_eyes {
                 let to_eye = Vec3::from(to_eye.map(f16::to_f32));

@@ -32,12 +32,12 @@ const NUM_SAMPLES: u32 = 4;
 const MIN_COSINE: f32 = 0.05;
 /// Least radiance that others are divided by, in parts of the mean.
 const MIN_RADIANCE: f32 = 1e-3;
-/// A glossy Gaussian at a point of its surface.
+
+/// A glossy Gaussian.
 struct Glossy {
     /// Its row among the receivers.
     row: usize,
     gaussian: usize,
-    point: GlossyPoint,
 }
 
 /// The glossy Gaussians of a scene whose light is baked.
@@ -45,6 +45,8 @@ pub(super) struct Highlights<'a> {
     receivers: &'a Receivers,
     /// Those that rays are traced for.
     glossy: Vec<Glossy>,
+    /// Points of their surfaces, `[glossy]`.
+    points: Vec<GlossyPoint>,
     smoothing: Smoothing,
     key: RandomKey,
 }
@@ -63,24 +65,24 @@ impl<'a> Highlights<'a> {
         let glossy = |(row, (i, surface)): (usize, &Receiver)| {
             let gaussian = *i as usize;
             let gloss = scene.gloss[gaussian];
-            gloss.is_some().then(|| Glossy {
-                row,
-                gaussian,
-                point: GlossyPoint {
+            gloss.is_some().then(|| {
+                let point = GlossyPoint {
                     surface: *surface,
                     gloss,
                     eyes: eyes(gaussian, surface, cameras),
-                },
+                };
+                (Glossy { row, gaussian }, point)
             })
         };
         let all = receivers.traced.par_iter().enumerate();
-        let glossy: Vec<Glossy> = all.filter_map(glossy).collect();
+        let (glossy, points): (Vec<Glossy>, _) = all.filter_map(glossy).unzip();
         let places: Vec<Receiver> = (glossy.iter())
             .map(|one| receivers.traced[one.row])
             .collect();
         Some(Self {
             receivers,
             glossy,
+            points,
             smoothing: Smoothing::new(&places),
             key: RandomKey::new(seed, Purpose::Bake, 2),
         })
@@ -123,8 +125,8 @@ impl<'a> Highlights<'a> {
         tracer: &mut dyn Tracer,
     ) -> Result<LightBasis> {
         let mut to_eyes = vec![Vec::new(); self.receivers.traced.len()];
-        for one in &self.glossy {
-            to_eyes[one.row] = one.point.to_eyes().collect();
+        for (one, point) in self.glossy.iter().zip(&self.points) {
+            to_eyes[one.row] = point.to_eyes().collect();
         }
         let each = self.receivers.each();
         let glossy = each.filter(|(i, _)| baked.gloss[*i].is_some());
@@ -142,28 +144,48 @@ impl<'a> Highlights<'a> {
 
     /// Those of the traced receivers, `[receivers]`; none of what is not glossy.
     fn of_rows(&self, baked: &Gaussians, tracer: &dyn Tracer) -> Result<Vec<Harmonics>> {
-        let glossy = &self.glossy;
-        let points: Vec<GlossyPoint> = glossy.iter().map(|one| one.point.clone()).collect();
-        let mirrored = tracer.mirrored_towards(&points, NUM_SAMPLES, self.key)?;
-        let fits = fits(baked, glossy, &mirrored);
+        let points = &self.points;
+        let mirrored = tracer.mirrored_towards(points, NUM_SAMPLES, self.key)?;
+        let fits = self.fits(baked, &mirrored);
         let with_neighbours = |(g, one): (usize, &Glossy)| {
             let mut own = 1.0;
-            let mut sum = RatioFit::new();
+            let mut sum = RatioFit::default();
             for &(j, weight) in self.smoothing.neighbours(g) {
                 own -= weight;
-                if points[j as usize].gloss == one.point.gloss {
+                if points[j as usize].gloss == points[g].gloss {
                     sum.add_weighted(&fits[j as usize], weight);
                 }
             }
             sum.add_weighted(&fits[g], own);
             (one.row, sum.fitted())
         };
-        let smooth = glossy.par_iter().enumerate().map(with_neighbours);
+        let smooth = self.glossy.par_iter().enumerate().map(with_neighbours);
         let mut rows = vec![Harmonics::NONE; self.receivers.traced.len()];
         for (row, harmonics) in smooth.collect::<Vec<_>>() {
             rows[row] = harmonics;
         }
         Ok(rows)
+    }
+
+    /// Fits of each to its own ratios, from what it mirrors towards its eyes, `[glossy]`.
+    fn fits(&self, baked: &Gaussians, mirrored: &[Vec<Option<Mirrored>>]) -> Vec<RatioFit> {
+        let mean = baked.radiances.iter().map(|l| l.element_sum()).sum::<f32>() / 3.0;
+        let least = Vec3::splat(MIN_RADIANCE * mean / baked.len() as f32);
+        let of = |((one, point), mirrored): ((&Glossy, &GlossyPoint), &Vec<Option<Mirrored>>)| {
+            let albedo = baked.albedos[one.gaussian];
+            let carried = baked.radiances[one.gaussian].max(least);
+            let all = equivalent_albedo(albedo, point.gloss).max(Vec3::splat(1e-3));
+            let mut fit = RatioFit::default();
+            for (to_eye, mirrored) in point.to_eyes().zip(mirrored) {
+                if let Some(mirrored) = mirrored {
+                    let scattered = albedo * (Vec3::ONE - mirrored.reflectance) / all;
+                    fit.add(to_eye, mirrored.light / carried + scattered);
+                }
+            }
+            fit
+        };
+        let points = self.glossy.par_iter().zip(&self.points);
+        points.zip(mirrored).map(of).collect()
     }
 }
 
@@ -182,27 +204,4 @@ fn eyes(gaussian: usize, surface: &Surface, cameras: &[Camera]) -> Vec<Vec3> {
     let step = shown.len().div_ceil(MAX_EYES).max(1);
     let some = shown.iter().skip(gaussian % step).step_by(step);
     some.copied().collect()
-}
-
-/// Fits of each of `glossy` to its own ratios, from what it mirrors towards its eyes.
-fn fits(baked: &Gaussians, glossy: &[Glossy], mirrored: &[Vec<Option<Mirrored>>]) -> Vec<RatioFit> {
-    let mean = baked.radiances.iter().map(|l| l.element_sum()).sum::<f32>() / 3.0;
-    let least = Vec3::splat(MIN_RADIANCE * mean / baked.len() as f32);
-    let of = |(one, mirrored): (&Glossy, &Vec<Option<Mirrored>>)| {
-        let Glossy {
-            gaussian, point, ..
-        } = one;
-        let albedo = baked.albedos[*gaussian];
-        let carried = baked.radiances[*gaussian].max(least);
-        let all = equivalent_albedo(albedo, point.gloss).max(Vec3::splat(1e-3));
-        let mut fit = RatioFit::new();
-        for (to_eye, mirrored) in point.to_eyes().zip(mirrored) {
-            if let Some(mirrored) = mirrored {
-                let scattered = albedo * (Vec3::ONE - mirrored.reflectance) / all;
-                fit.add(to_eye, mirrored.light / carried + scattered);
-            }
-        }
-        fit
-    };
-    glossy.par_iter().zip(mirrored).map(of).collect()
 }

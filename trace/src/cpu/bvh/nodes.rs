@@ -202,7 +202,7 @@ impl Stack {
         if self.entered.len() < end {
             self.entered.resize(2 * end, nearest);
         }
-        let places = self.entered[self.len..].first_chunk_mut::<WIDTH>()?;
+        let places = &mut self.entered[self.len..end];
         let mut num = 0;
         for lane in entered {
             let mut farther = child(lane);

@@ -8,8 +8,8 @@ const TRUTH: Fit = Fit {
     specular: 0.3,
 };
 
-/// NormalEquations over 200 points that are seen from 12 sides, where light is `light(diffuse, lobe)` of
-/// the lobe of the truth, the halves of whose samples are this noisy.
+/// Normal equations over 200 points that are seen from 12 sides, where light is `light(diffuse,
+/// lobe)` of the lobe of the truth, the halves of whose samples are this noisy.
 fn sums(noise: f64, light: impl Fn(f64, &Lobe, f64) -> f64) -> NormalEquations {
     let key = RandomKey::new(5, Purpose::Albedo, 0);
     let mut sums = NormalEquations::default();
