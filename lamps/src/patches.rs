@@ -5,6 +5,7 @@ use crate::group::Group;
 use crate::meet::{PixelRays, RAYS, ShapeFrom};
 use crate::shape::Shape;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Views that a shape is fitted to and that measure its light: those with most pixels.
 pub(crate) const MAX_VIEWS: usize = 16;
@@ -37,6 +38,27 @@ struct Target {
     weight: f32,
     /// Distance along its rays at which a lamp is behind what the scene has there.
     hidden_from: f32,
+}
+
+impl Target {
+    /// What shapes cover of the pixel too much or too little, where all covers squared are `all`.
+    fn difference(&self, shapes: &[ShapeFrom<'_>], gaps: Gaps, all: f32) -> f32 {
+        let (mut cover, mut farthest) = (0.0_f32, 0.0_f32);
+        for shape in shapes {
+            let (share, distance) = shape.cover(&self.rays);
+            cover = (cover + share).min(1.0);
+            farthest = farthest.max(distance);
+        }
+        // A lamp may go on behind what hides it, but has no reason to.
+        let counts = match gaps {
+            _ if cover <= self.cover => 1.0,
+            Gaps::Bars => BEHIND_BARS,
+            Gaps::Seen if farthest > self.hidden_from => HIDDEN,
+            Gaps::Shade if farthest > self.hidden_from => 0.0,
+            Gaps::Seen | Gaps::Shade => 1.0,
+        };
+        (self.weight * counts / all).sqrt() * (cover - self.cover)
+    }
 }
 
 /// A view of a lamp.
@@ -205,54 +227,35 @@ pub(crate) enum Gaps {
 
 /// Residual of shapes that are what the views show together: the sum of [`differences`] squared.
 pub(crate) fn residual(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
-    let mut sum = 0.0;
-    differences(shapes, patches, gaps, |difference| {
-        sum += difference * difference;
-    });
-    sum
+    let differences = differences(shapes, patches, gaps);
+    differences.into_iter().map(|d| d * d).sum()
 }
 
-/// Hands what shapes get wrong to `each`: at every pixel and every known distance, in the same
-/// order whatever the shapes are.
-pub(crate) fn differences(
-    shapes: &[Shape],
-    patches: &[Patch],
-    gaps: Gaps,
-    mut each: impl FnMut(f32),
-) {
+/// What shapes get wrong: at every pixel and every known distance, in the same order whatever the
+/// shapes are.
+pub(crate) fn differences(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> Vec<f32> {
     let targets = patches.iter().flat_map(|patch| &patch.targets);
     let all: f32 = targets.map(|t| t.weight * t.cover * t.cover).sum();
     let all = all.max(f32::MIN_POSITIVE);
-    let mut offs = Vec::new();
-    for patch in patches {
-        let from = |shape| ShapeFrom::new(shape, patch.origin);
-        let seen: Vec<ShapeFrom<'_>> = shapes.iter().map(from).collect();
-        for (direction, trained) in &patch.distances {
-            let met = seen.iter().filter_map(|shape| shape.meet(*direction));
-            let distance = met.reduce(f32::min);
-            offs.push(distance.map(|distance| (distance / trained - 1.0).powi(2)));
-        }
-        for target in &patch.targets {
-            let (mut cover, mut farthest) = (0.0_f32, 0.0_f32);
-            for shape in &seen {
-                let (share, distance) = shape.cover(&target.rays);
-                cover = (cover + share).min(1.0);
-                farthest = farthest.max(distance);
-            }
-            // A lamp may go on behind what hides it, but has no reason to.
-            let counts = match gaps {
-                _ if cover <= target.cover => 1.0,
-                Gaps::Bars => BEHIND_BARS,
-                Gaps::Seen if farthest > target.hidden_from => HIDDEN,
-                Gaps::Shade if farthest > target.hidden_from => 0.0,
-                Gaps::Seen | Gaps::Shade => 1.0,
-            };
-            each((target.weight * counts / all).sqrt() * (cover - target.cover));
-        }
-    }
-    let num_met = offs.iter().flatten().count().max(1) as f32;
-    for off in offs {
+    let of_patches: Vec<(Vec<f32>, Vec<Option<f32>>)> = (patches.par_iter())
+        .map(|patch| {
+            let from = |shape| ShapeFrom::new(shape, patch.origin);
+            let seen: Vec<ShapeFrom<'_>> = shapes.iter().map(from).collect();
+            let covers = patch.targets.iter().map(|t| t.difference(&seen, gaps, all));
+            let offs = patch.distances.iter().map(|(direction, trained)| {
+                let met = seen.iter().filter_map(|shape| shape.meet(*direction));
+                let distance = met.reduce(f32::min);
+                distance.map(|distance| (distance / trained - 1.0).powi(2))
+            });
+            (covers.collect(), offs.collect())
+        })
+        .collect();
+    let offs = || of_patches.iter().flat_map(|(_, offs)| offs);
+    let num_met = offs().flatten().count().max(1) as f32;
+    let elsewhere = offs().map(|off| {
         let share = off.map_or(0.0, |off| off / (off + OFF * OFF));
-        each((ELSEWHERE * share / num_met).sqrt());
-    }
+        (ELSEWHERE * share / num_met).sqrt()
+    });
+    let covers = of_patches.iter().flat_map(|(covers, _)| covers);
+    covers.copied().chain(elsewhere).collect()
 }

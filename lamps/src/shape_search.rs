@@ -229,11 +229,7 @@ fn descended(start: &Shape, is_upright: bool, width: f32, patches: &[Patch]) -> 
         num_changes(start, is_upright),
         NUM_STEPS,
         width,
-        |shape| {
-            let mut all = Vec::new();
-            differences(&[*shape], patches, gaps, |difference| all.push(difference));
-            all
-        },
+        |shape| differences(&[*shape], patches, gaps),
     );
     Fit::new(shape, patches, gaps)
 }

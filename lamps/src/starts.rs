@@ -173,9 +173,10 @@ pub(crate) fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f3
         ]
     };
     let turns = (0..18).map(|i| i as f32 * (0.5 * PI / 18.0));
-    let area = |turn: f32| spread(turn).iter().map(|s| s + pixel).product::<f32>();
-    let turn = (turns.min_by(|a, b| area(*a).total_cmp(&area(*b)))).unwrap_or(0.0);
-    let size = spread(turn).map(|s| s + pixel);
+    let boxes = turns.map(|turn| (turn, spread(turn).map(|side| side + pixel)));
+    let area = |&(_, [a, b]): &(f32, [f32; 2])| a * b;
+    let smallest = boxes.min_by(|a, b| area(a).total_cmp(&area(b)));
+    let (turn, size) = smallest.unwrap_or((0.0, [pixel; 2]));
     Flat {
         centre,
         rotation: rotation::unit(
@@ -188,9 +189,10 @@ pub(crate) fn first_flat(points: &[Point], centre: Vec3, normal: Vec3, pixel: f3
 /// The range of values, at least one, without a twentieth of them at either end.
 pub(crate) fn range(values: impl Iterator<Item = f32>) -> f32 {
     let mut values: Vec<f32> = values.collect();
-    values.sort_unstable_by(f32::total_cmp);
     let tail = values.len() / 20;
-    values[values.len() - 1 - tail] - values[tail]
+    let last = values.len() - 1;
+    let mut nth = |n: usize| *values.select_nth_unstable_by(n, f32::total_cmp).1;
+    nth(last - tail) - nth(tail)
 }
 
 /// Directions that a tube may have.

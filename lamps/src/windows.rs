@@ -10,6 +10,7 @@ use crate::shape_search::Fit;
 use crate::starts::{extent, first_flat, flats, mount, pixel_width, points};
 use eagpt_scene::plane::FittedPlane;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Width of a bar between panes in the narrow side of these, at most, …
 const MAX_BAR: f32 = 0.35;
@@ -62,7 +63,9 @@ impl Pane {
 /// Groups of lit pixels with those of one window joined, and the fit of a window that has bars;
 /// `up` is the unit vector upwards.
 pub(crate) fn joined(evidence: &Evidence, groups: &[Group], up: Vec3) -> Vec<(Group, Option<Fit>)> {
-    let panes: Vec<Option<Pane>> = groups.iter().map(|g| Pane::new(evidence, g)).collect();
+    let panes: Vec<Option<Pane>> = (groups.par_iter())
+        .map(|group| Pane::new(evidence, group))
+        .collect();
     let are_beside = |a: usize, b: usize| {
         let beside = (panes[a].as_ref()).zip(panes[b].as_ref());
         !groups[a].is_unlike(&groups[b]) && beside.is_some_and(|(a, b)| a.is_beside(b))
