@@ -6,6 +6,7 @@ use crate::meet::{PixelRays, RAYS, ShapeFrom};
 use crate::shape::Shape;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::f32::consts::PI;
 
 /// Views that a shape is fitted to and that measure its light: those with most pixels.
 pub(crate) const MAX_VIEWS: usize = 16;
@@ -70,17 +71,25 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// Share of the pixels of a shape that show the lamp.
-    pub(crate) fn share_shown(&self, shape: &Shape) -> f32 {
-        let seen = ShapeFrom::new(shape, self.origin);
-        let (mut shown, mut all) = (0.0, 0.0);
-        for target in &self.targets {
+    /// Share of a ball of this `radius` about `centre` that shows the lamp.
+    pub(crate) fn share_shown(&self, centre: Vec3, radius: f32) -> f32 {
+        let ball = Shape::Ball { centre, radius };
+        let seen = ShapeFrom::new(&ball, self.origin);
+        let shown = self.targets.iter().map(|target| {
             let (cover, _) = seen.cover(&target.rays);
-            shown += target.weight * cover.min(target.cover);
-            all += target.weight * cover;
-        }
-        if all > 0.0 { shown / all } else { 0.0 }
+            target.weight * cover.min(target.cover) * solid_angle(&target.rays)
+        });
+        let sine = (radius / centre.distance(self.origin)).min(1.0);
+        let whole = 2.0 * PI * (1.0 - (1.0 - sine * sine).sqrt());
+        shown.sum::<f32>() / whole
     }
+}
+
+/// Solid angle of a pixel, sr, by its rays.
+fn solid_angle(rays: &PixelRays) -> f32 {
+    let last = (RAYS - 1) as usize;
+    let [right, down] = [rays[last], rays[last * RAYS as usize]].map(|ray| ray - rays[0]);
+    right.cross(down).length() * (RAYS as f32 / last as f32).powi(2)
 }
 
 /// The views with most pixels of the lamp.
@@ -258,4 +267,38 @@ pub(crate) fn differences(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> Ve
     });
     let covers = of_patches.iter().flat_map(|(covers, _)| covers);
     covers.copied().chain(elsewhere).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A patch about a lamp has a part of the pixels of a ball that is larger.
+    #[test]
+    fn the_share_of_a_ball_that_is_shown_is_of_the_whole_ball() {
+        let (centre, radius, width) = (Vec3::new(0.0, 0.0, 2.0), 0.5, 0.01);
+        let patch = |rows: std::ops::Range<i16>| {
+            let pixels =
+                rows.flat_map(|y| (-40..40_i16).map(move |x| (f32::from(x), f32::from(y))));
+            let targets = pixels.map(|(x, y)| Target {
+                rays: std::array::from_fn(|i| {
+                    let [u, v] = [i % 3, i / 3].map(|k| (k as f32 + 0.5) / 3.0);
+                    Vec3::new(width * (x + u), width * (y + v), 1.0).normalize()
+                }),
+                cover: 1.0,
+                weight: 1.0,
+                hidden_from: f32::INFINITY,
+            });
+            Patch {
+                origin: Vec3::ZERO,
+                targets: targets.collect(),
+                distances: Vec::new(),
+            }
+        };
+        // Pixels at the edge are covered to a ninth.
+        for (rows, share) in [(-40..40, 1.0), (0..40, 0.5), (-40..0, 0.5), (-60..-50, 0.0)] {
+            let shown = patch(rows.clone()).share_shown(centre, radius);
+            assert!((shown - share).abs() < 0.01, "{rows:?}: {shown}");
+        }
+    }
 }

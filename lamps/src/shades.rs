@@ -11,9 +11,9 @@ use glam::Vec3;
 /// Residual up to which a shape explains what views show, and needs no shade.
 const EXPLAINED: f32 = 0.06;
 /// Share of the ball that one view shows, at least. Of any lamp a ball of which less is seen
-/// explains the silhouettes, if it is large enough: in sixteen rooms such balls are seen to 0.32 at
-/// most, bulbs in shades to 0.43.
-const MIN_SHOWN: f32 = 0.37;
+/// explains the silhouettes, if it is large enough: of bulbs in shades a view shows .67 or more, of
+/// the ball that has a bent neon tube at its edge .03.
+const MIN_SHOWN: f32 = 0.3;
 
 /// The ball in a shade that explains what `patches` show far better than a shape of this
 /// `residual`, if there is one about `centre`.
@@ -23,7 +23,10 @@ pub(crate) fn fit(centre: Vec3, radius: f32, patches: &[Patch], residual: f32) -
     }
     let start = Shape::Ball { centre, radius };
     let ball = refined_again(&start, true, patches, Gaps::Shade);
-    let shown = patches.iter().map(|patch| patch.share_shown(&ball.shape));
+    let Shape::Ball { centre, radius } = ball.shape else {
+        return None;
+    };
+    let shown = (patches.iter()).map(|patch| patch.share_shown(centre, radius));
     let is_seen = shown.reduce(f32::max) >= Some(MIN_SHOWN);
     (is_seen && ball.residual <= BETTER * residual).then_some(ball)
 }

@@ -44,6 +44,11 @@ impl Attributes {
     pub fn radiance(&self) -> Vec3 {
         Vec3::from_slice(&self.0[lane::RADIANCE..][..3])
     }
+
+    /// Emission, 0 to 1.
+    pub fn emission(&self) -> f32 {
+        self.0[lane::EMISSION]
+    }
 }
 
 /// Gaussians prepared for intersection, in the order of the scene.

@@ -11,6 +11,7 @@ use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
+use eagpt_trace::transport::EMISSION_THRESHOLD;
 use eagpt_trace::transport::bsdf::{Bsdf, albedo_parts};
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::points::Points;
@@ -59,6 +60,8 @@ pub(super) struct Observations {
     pub(super) spreads: Vec<f32>,
     /// Gaussians that are seen too faintly to be compared, as they are seen best.
     pub(super) faint: Vec<Receiver>,
+    /// Unit normal of each Gaussian to where it is seen from; zero where it is not, `[n]`.
+    pub(super) fronts: Vec<Vec3>,
 }
 
 impl Observations {
@@ -127,8 +130,11 @@ impl Observations {
         let of_best = |o: &Observation| (o.gaussian, o.view, std::cmp::Reverse(o.weight.to_bits()));
         kept.sort_unstable_by_key(of_best);
         kept.dedup_by_key(|o| (o.gaussian, o.view));
+        let best = best.finish();
+        let front = |seen: &Option<(f32, Surface)>| seen.map_or(Vec3::ZERO, |(_, s)| s.normal);
+        let fronts = best.iter().map(front).collect();
         let (receivers, faint): (Vec<Receiver>, Vec<Receiver>) = (0..)
-            .zip(best.finish())
+            .zip(best)
             .filter_map(|(i, seen): (u32, _)| Some((i, seen?.1)))
             .partition(|(i, _)| sums[*i as usize].1 > 0.0);
         let color = |(i, _): &Receiver| sums[*i as usize].0 / sums[*i as usize].1;
@@ -139,6 +145,7 @@ impl Observations {
             kept,
             receivers,
             faint,
+            fronts,
         })
     }
 }
@@ -171,12 +178,12 @@ impl Moments {
 }
 
 impl Observation {
-    /// Light that lobes would mirror here, on a surface of unit `normal`, which may lie in a
-    /// `plane`; `None` where that is seen too flatly. For each channel of light, and its luminance
-    /// last.
+    /// Light that lobes would mirror here of a scene whose Gaussians are seen from their `fronts`,
+    /// on a surface of unit `normal`, which may lie in a `plane`; `None` where that is seen too
+    /// flatly. For each channel of light, and its luminance last.
     pub(super) fn predict(
         &self,
-        scene: &CpuScene,
+        (scene, fronts): (&CpuScene, &[Vec3]),
         (normal, plane): (Vec3, Option<Plane>),
         key: RandomKey,
     ) -> Option<[[Lobe; NUM]; 4]> {
@@ -212,6 +219,7 @@ impl Observation {
             let points = Points::new(key, element.wrapping_add(half));
             let sampler = Sampler {
                 scene,
+                fronts,
                 surface: &surface,
                 lobes: &lobes,
                 direction: self.direction,
@@ -235,6 +243,7 @@ impl Observation {
 /// emitters together choose it (balance heuristic of several samples, Veach 1997, section 9.2).
 struct Sampler<'a> {
     scene: &'a CpuScene,
+    fronts: &'a [Vec3],
     surface: &'a Surface,
     lobes: &'a [Bsdf; NUM],
     direction: Vec3,
@@ -286,7 +295,13 @@ impl Sampler<'_> {
         let Some(hit) = self.scene.realization_hit(&ray, number) else {
             return;
         };
-        let [x, y, z] = self.scene.attributes(hit.index).radiance().to_array();
+        let met = self.scene.attributes(hit.index);
+        // The back of what cameras see is mostly dark, as the underside of a table is.
+        let is_back = direction.dot(self.fronts[hit.index as usize]) > 0.0;
+        if is_back && met.emission() <= EMISSION_THRESHOLD {
+            return;
+        }
+        let [x, y, z] = met.radiance().to_array();
         let luminance = luminance([x, y, z]);
         let facing = (direction - self.direction).normalize().dot(direction);
         let edge = (1.0 - facing).clamp(0.0, 1.0).powi(5);

@@ -1,7 +1,7 @@
 //! Gloss from pictures of a scene whose gloss is known.
 
 use super::*;
-use eagpt_scene::{Camera, View};
+use eagpt_scene::{Camera, Gaussian, View};
 use eagpt_testkit::gaussians::{look_at, material, rectangle};
 use eagpt_trace::{Integrator, LightOptions, Tracer};
 use glam::{DVec3, Mat3};
@@ -191,6 +191,26 @@ fn a_diffuse_floor_stays_diffuse() {
     let found = estimate(from_ref(&plain), pictures(&plain).into_iter(), 1).unwrap();
     assert_eq!(found.surfaces, [], "nothing is glossy");
     assert!(found.gloss.is_empty());
+}
+
+/// A table is as bright from below as its top in a scene that no camera has seen from there.
+#[test]
+fn undersides_that_no_camera_sees_are_not_mirrored() {
+    let board = |height: f32, light: f32| {
+        let centre = Vec3::new(-0.2, -0.1, height);
+        let material = material(Vec3::splat(light), 0.0, Vec3::splat(0.5));
+        rectangle(centre, 0.35 * Vec3::X, 0.35 * Vec3::Y, 0.07, material)
+    };
+    let top = board(0.5, 1.5);
+    let with = |gloss: Gloss, below: &[Gaussian]| -> Gaussians {
+        let others = top.iter().chain(below).copied();
+        corner(gloss).iter().chain(others).collect()
+    };
+    let (truth, plain) = (with(FLOOR, &board(0.48, 0.05)), with(Gloss::NONE, &[]));
+    let found = estimate(from_ref(&plain), pictures(&truth).into_iter(), 1).unwrap();
+    assert_eq!(found.surfaces.len(), 1, "{:?}", found.surfaces);
+    let off = found.surfaces[0].specular[0] / FLOOR.specular.x;
+    assert!((0.75..1.3).contains(&off), "{:?}", found.surfaces);
 }
 
 /// An albedo of a metal would scatter only by how much its mirror images are off.
