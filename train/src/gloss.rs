@@ -18,6 +18,7 @@ mod fit;
 mod join;
 mod observe;
 mod planes;
+mod sampler;
 mod segments;
 mod share;
 

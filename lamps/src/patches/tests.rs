@@ -1,0 +1,31 @@
+//! Shares of shapes in patches of rays that are known.
+
+use super::*;
+
+/// A patch about a lamp has a part of the pixels of a ball that is larger.
+#[test]
+fn the_share_of_a_ball_that_is_shown_is_of_the_whole_ball() {
+    let (centre, radius, width) = (Vec3::new(0.0, 0.0, 2.0), 0.5, 0.01);
+    let patch = |rows: std::ops::Range<i16>| {
+        let pixels = rows.flat_map(|y| (-40..40_i16).map(move |x| (f32::from(x), f32::from(y))));
+        let targets = pixels.map(|(x, y)| Target {
+            rays: std::array::from_fn(|i| {
+                let [u, v] = [i % 3, i / 3].map(|k| (k as f32 + 0.5) / 3.0);
+                Vec3::new(width * (x + u), width * (y + v), 1.0).normalize()
+            }),
+            cover: 1.0,
+            weight: 1.0,
+            hidden_from: f32::INFINITY,
+        });
+        Patch {
+            origin: Vec3::ZERO,
+            targets: targets.collect(),
+            distances: Vec::new(),
+        }
+    };
+    // Pixels at the edge are covered to a ninth.
+    for (rows, share) in [(-40..40, 1.0), (0..40, 0.5), (-40..0, 0.5), (-60..-50, 0.0)] {
+        let shown = patch(rows.clone()).share_shown(centre, radius);
+        assert!((shown - share).abs() < 0.01, "{rows:?}: {shown}");
+    }
+}
