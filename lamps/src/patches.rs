@@ -37,12 +37,15 @@ struct Target {
     cover: f32,
     /// Pixels that it stands for.
     weight: f32,
+    /// Solid angle of these, sr.
+    solid_angle: f32,
     /// Distance along its rays at which a lamp is behind what the scene has there.
     hidden_from: f32,
 }
 
 impl Target {
-    /// What shapes cover of the pixel too much or too little, where all covers squared are `all`.
+    /// Cover of the pixel by shapes less that by the lamp, weighted, where `all` is the sum of all
+    /// covers squared.
     fn difference(&self, shapes: &[ShapeFrom<'_>], gaps: Gaps, all: f32) -> f32 {
         let (mut cover, mut farthest) = (0.0_f32, 0.0_f32);
         for shape in shapes {
@@ -71,25 +74,18 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// Share of a ball of this `radius` about `centre` that shows the lamp.
-    pub(crate) fn share_shown(&self, centre: Vec3, radius: f32) -> f32 {
-        let ball = Shape::Ball { centre, radius };
-        let seen = ShapeFrom::new(&ball, self.origin);
+    /// Share of a `ball` that shows the lamp.
+    pub(crate) fn share_shown(&self, ball: &Shape) -> f32 {
+        let seen = ShapeFrom::new(ball, self.origin);
         let shown = self.targets.iter().map(|target| {
             let (cover, _) = seen.cover(&target.rays);
-            target.weight * cover.min(target.cover) * solid_angle(&target.rays)
+            target.solid_angle * cover.min(target.cover)
         });
-        let sine = (radius / centre.distance(self.origin)).min(1.0);
+        let radius = 0.5 * ball.size().x;
+        let sine = (radius / ball.centre().distance(self.origin)).min(1.0);
         let whole = 2.0 * PI * (1.0 - (1.0 - sine * sine).sqrt());
         shown.sum::<f32>() / whole
     }
-}
-
-/// Solid angle of a pixel, sr, by its rays.
-fn solid_angle(rays: &PixelRays) -> f32 {
-    let last = (RAYS - 1) as usize;
-    let [right, down] = [rays[last], rays[last * RAYS as usize]].map(|ray| ray - rays[0]);
-    right.cross(down).length() * (RAYS as f32 / last as f32).powi(2)
 }
 
 /// The views with most pixels of the lamp.
@@ -150,6 +146,7 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     rays,
                     cover,
                     weight: pixel.weight,
+                    solid_angle: pixel.solid_angle,
                     hidden_from: hidden_from(sight, pixel),
                 });
             }
@@ -183,6 +180,7 @@ fn thinned(targets: Vec<Target>) -> Vec<Target> {
         .filter_map(|mut target| {
             let kind = usize::from(is_plain(&target));
             target.weight *= steps[kind] as f32;
+            target.solid_angle *= steps[kind] as f32;
             at[kind] += 1;
             (at[kind] % steps[kind] == 0).then_some(target)
         })
@@ -240,8 +238,8 @@ pub(crate) fn residual(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
     differences.into_iter().map(|d| d * d).sum()
 }
 
-/// What shapes get wrong: at every pixel and every known distance, in the same order whatever the
-/// shapes are.
+/// Differences of shapes from the lamp: at every pixel and every known distance, in the same order
+/// whatever the shapes are.
 pub(crate) fn differences(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> Vec<f32> {
     let targets = patches.iter().flat_map(|patch| &patch.targets);
     let all: f32 = targets.map(|t| t.weight * t.cover * t.cover).sum();

@@ -23,10 +23,7 @@ pub(crate) fn fit(centre: Vec3, radius: f32, patches: &[Patch], residual: f32) -
     }
     let start = Shape::Ball { centre, radius };
     let ball = refined_again(&start, true, patches, Gaps::Shade);
-    let Shape::Ball { centre, radius } = ball.shape else {
-        return None;
-    };
-    let shown = (patches.iter()).map(|patch| patch.share_shown(centre, radius));
+    let shown = patches.iter().map(|patch| patch.share_shown(&ball.shape));
     let is_seen = shown.reduce(f32::max) >= Some(MIN_SHOWN);
     (is_seen && ball.residual <= BETTER * residual).then_some(ball)
 }

@@ -2,7 +2,7 @@
 //!
 //! Photographs show a point of a surface from many directions. What a diffuse surface sends is the
 //! same in all of them; a lobe adds what the scene sends from around the mirrored direction. Light
-//! from there is traced through the scene's own radiance ([`observe`]), for lobes of several
+//! from there is traced through the scene's own radiance ([`sampler`]), for lobes of several
 //! roughnesses, and each surface ([`segments`]) takes the lobe that explains the differences
 //! between views of its points best ([`fit`]); neighbours that one lobe explains as well as one
 //! each are one surface ([`join`]). Levels do not count, only differences at the same point: a

@@ -1,9 +1,9 @@
 //! Highlights of glossy Gaussians by the light of each lamp.
 //!
-//! The light of a lamp that a glossy surface mirrors differs with the direction; harmonics hold it, as
-//! a factor on the reflected radiance ([`crate::harmonics`]). Of a mix of lamps the factor towards an
-//! eye is the mean of theirs, weighted by what is reflected of each. That is no harmonic exponent:
-//! one is fitted, in the directions in which cameras of the bake see the Gaussian.
+//! The light of a lamp that a glossy surface mirrors differs with the direction; harmonics hold it,
+//! as a factor on the reflected radiance ([`crate::harmonics`]). Of a mix of lamps the factor
+//! towards an eye is the mean of theirs, weighted by what is reflected of each. That is no harmonic
+//! exponent: one is fitted, in the directions in which cameras of the bake see the Gaussian.
 
 use crate::harmonics::fit::RatioFit;
 use crate::harmonics::{Harmonics, NUM_COEFFICIENTS, functions};

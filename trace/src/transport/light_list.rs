@@ -16,7 +16,6 @@ mod footprints;
 
 use crate::cpu::bvh::{Bvh, DiscTree, DiscTreeBuilder, RayScratch};
 use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
-use crate::features::lane;
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
@@ -126,7 +125,7 @@ impl LightList {
     pub fn new(set: &SurfelSet) -> Option<Self> {
         let mut emitters: Vec<(Disc, Surfel)> = (0..)
             .zip(set.surfels.iter().zip(&set.attributes))
-            .filter(|(_, (_, attributes))| attributes.0[lane::EMISSION] > EMISSION_THRESHOLD)
+            .filter(|(_, (_, attributes))| attributes.emission() > EMISSION_THRESHOLD)
             .map(|(i, (surfel, attributes))| {
                 let light = luminance(attributes.radiance().to_array());
                 let disc = Disc::new(i, surfel, light);

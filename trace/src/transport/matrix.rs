@@ -22,7 +22,6 @@ use super::points::{Points, RowPoints};
 use super::sampling::cosine_direction;
 use super::start::Surface;
 use crate::cpu::CpuScene;
-use crate::features::lane;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -132,7 +131,7 @@ impl TransportMatrix {
                         continue;
                     };
                     let attributes = scene.attributes(hit.index);
-                    let emits = attributes.0[lane::EMISSION] > EMISSION_THRESHOLD;
+                    let emits = attributes.emission() > EMISSION_THRESHOLD;
                     *matrix.entry(at, sample, sampler.directions) = if emits {
                         let light = attributes.radiance() * aim.weight(direction, realization);
                         matrix.direct[at] += light;

@@ -31,8 +31,8 @@ const LEAST_FORETOLD: f64 = 0.1;
 /// Least part of the predicted light that is no noise.
 const LEAST_CERTAINTY: f64 = 0.3;
 /// Least number of views of a metal. Points of a surface differ between views all alike, and what
-/// few views show beside things that hide a part of it is like some lobe by chance: in virtual rooms
-/// without metals, such lobes had 6.3 and 7.0 views, steel in a kitchen 39 and more.
+/// few views show beside things that hide a part of it is like some lobe by chance: in virtual
+/// rooms without metals, such lobes had 6.3 and 7.0 views, steel in a kitchen 39 and more.
 const LEAST_VIEWS_OF_METAL: f64 = 10.0;
 /// F0 from which on a surface is a metal, which may have a colour.
 pub(super) const METAL: f64 = 0.2;
@@ -201,6 +201,10 @@ pub(super) fn evidence(
         .filter(|views| views.len() > 2 && place.contains_key(&views[0].gaussian))
         .collect();
     let dark = DARK * median_of(seen.colors.iter().map(|c| c.max_element()));
+    let mut fronts = vec![Vec3::ZERO; scenes[0].surfels().surfels.len()];
+    for (i, surface) in seen.receivers.iter().chain(&seen.faint) {
+        fronts[*i as usize] = surface.normal;
+    }
     let of_some = |points: &[&[Observation]]| {
         let mut sums: BTreeMap<u32, Evidence> = BTreeMap::new();
         for views in points {
@@ -212,7 +216,7 @@ pub(super) fn evidence(
             let plane = planes.of_receiver(receiver, segments.of[receiver]);
             let place = (planes.normals[receiver], plane);
             let found: Vec<_> = (views.iter())
-                .filter_map(|view| Some((view, view.predict((scene, &seen.fronts), place, key)?)))
+                .filter_map(|view| Some((view, view.predict((scene, &fronts), place, key)?)))
                 .collect();
             for (view, _) in &found {
                 *of.views.entry(view.view).or_default() += 1;

@@ -29,6 +29,7 @@ const MOST_EMISSION: f32 = 0.05;
 const LEAST_COSINE: f32 = 0.15;
 /// Least cosine between the normal of a surface and that of a pixel that shows it.
 const LEAST_AGREEMENT: f32 = 0.5;
+
 /// A Gaussian in a view.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Observation {
@@ -56,8 +57,6 @@ pub(super) struct Observations {
     pub(super) spreads: Vec<f32>,
     /// Gaussians that are seen too faintly to be compared, as they are seen best.
     pub(super) faint: Vec<Receiver>,
-    /// Unit normal of each Gaussian to where it is seen from; zero where it is not, `[n]`.
-    pub(super) fronts: Vec<Vec3>,
 }
 
 impl Observations {
@@ -126,11 +125,8 @@ impl Observations {
         let of_best = |o: &Observation| (o.gaussian, o.view, std::cmp::Reverse(o.weight.to_bits()));
         kept.sort_unstable_by_key(of_best);
         kept.dedup_by_key(|o| (o.gaussian, o.view));
-        let best = best.finish();
-        let front = |seen: &Option<(f32, Surface)>| seen.map_or(Vec3::ZERO, |(_, s)| s.normal);
-        let fronts = best.iter().map(front).collect();
         let (receivers, faint): (Vec<Receiver>, Vec<Receiver>) = (0..)
-            .zip(best)
+            .zip(best.finish())
             .filter_map(|(i, seen): (u32, _)| Some((i, seen?.1)))
             .partition(|(i, _)| sums[*i as usize].1 > 0.0);
         let color = |(i, _): &Receiver| sums[*i as usize].0 / sums[*i as usize].1;
@@ -141,7 +137,6 @@ impl Observations {
             kept,
             receivers,
             faint,
-            fronts,
         })
     }
 }

@@ -17,6 +17,7 @@ const NUM_OF_LIGHTS: u32 = 8;
 /// emitters together choose it (balance heuristic of several samples, Veach 1997, section 9.2).
 pub(super) struct Sampler<'a> {
     pub(super) scene: &'a CpuScene,
+    /// Unit normal of each Gaussian to where it is seen from; zero where it is not, `[n]`.
     pub(super) fronts: &'a [Vec3],
     pub(super) surface: &'a Surface,
     pub(super) lobes: &'a [Bsdf; NUM],
