@@ -4,10 +4,11 @@
 
 use crate::evidence::{Evidence, Pixel, Sight};
 use crate::group::Group;
-use crate::patches::{Gaps, MAX_VIEWS, Patch, hidden_from, residual};
+use crate::patches::{MAX_VIEWS, Patch, hidden_from};
 use crate::search;
 use crate::shape::{Flat, Shape};
 use crate::shape_search::{Fit, refined_again};
+use crate::silhouette::{Gaps, Silhouette, residual};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -89,7 +90,7 @@ fn behind_bars(
     };
     let value = |by: &[f32]| {
         let shape = Shape::Rectangle(with_edges(&plane, by));
-        residual(&[shape], patches, Gaps::Bars)
+        residual(&[&Silhouette::new(&shape, patches)], patches, Gaps::Bars)
     };
     let (by, _) = search::minimum(value, &[0.1; 4], NUM_TRIALS);
     Some(with_edges(&plane, &by))

@@ -1,11 +1,11 @@
 //! Gaussians in the way of a clean lamp: those that it replaces, and what stands in front of it
 //! although cameras see it.
 
-use crate::Candidate;
+use crate::candidates::Candidate;
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
-use crate::patches::Gaps;
 use crate::shape::{Flat, Shape};
 use crate::shape_search::Fit;
+use crate::silhouette::Gaps;
 use eagpt_scene::lamps::BOX_MARGIN;
 use eagpt_scene::{Gaussians, SceneEdit};
 use eagpt_trace::transport::EMISSION_THRESHOLD;

@@ -8,10 +8,11 @@ use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
 use crate::halo::Beside;
 use crate::measure;
-use crate::patches::{Gaps, Patch, patches};
+use crate::patches::{Patch, patches};
 use crate::shades;
 use crate::shape::Shape;
 use crate::shape_search::{BETTER, Fit, Scored, ShapeSearch};
+use crate::silhouette::Gaps;
 use crate::starts::{self, axes, first_tube, flats, mount, pixel_width, points};
 use glam::Vec3;
 

@@ -37,6 +37,7 @@ mod segments;
 mod shades;
 pub mod shape;
 mod shape_search;
+mod silhouette;
 mod single;
 mod starts;
 mod thin;
@@ -56,9 +57,9 @@ use faces::Solid;
 use glam::Vec3;
 use group::Group;
 use measure::Measured;
-use patches::Gaps;
 use shape::Shape;
 use shape_search::Fit;
+use silhouette::Gaps;
 
 /// Lamps and the scene that they take the place of.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -11,7 +11,6 @@ use eagpt_scene::median::weighted_median;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
-use std::f32::consts::PI;
 
 /// Rays along each axis of a pixel.
 const RAYS: u32 = 4;
@@ -139,16 +138,6 @@ impl Measured {
 }
 
 impl View<'_> {
-    /// Cosine to the middle of a shape, below which a pixel is nowhere near it.
-    fn least_cosine(&self, shape: &Shape) -> f32 {
-        let share = 0.5 * shape.size().length() / shape.centre().distance(self.sight.origin());
-        if share >= 1.0 {
-            return -1.0;
-        }
-        let angle = share.asin() + AWAY_PIXELS * self.sight.pixel_width();
-        angle.min(PI).cos()
-    }
-
     /// The view's measurement of the lamp if it has `shape`.
     fn reading(&self, shape: &Shape) -> Reading {
         let Self {
@@ -161,8 +150,7 @@ impl View<'_> {
         };
         let seen = ShapeFrom::new(shape, sight.origin());
         let meet = |direction: Vec3| seen.meet(direction);
-        let least_cosine = self.least_cosine(shape);
-        let towards = (shape.centre() - sight.origin()).normalize_or_zero();
+        let away = AWAY_PIXELS * sight.pixel_width();
         // A pixel of its own that is nowhere near it shows a lamp that touches it.
         let is_near = |pixel: &Pixel| {
             let places = [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
@@ -171,7 +159,7 @@ impl View<'_> {
             directions.any(|direction| meet(direction).is_some())
         };
         for (i, pixel) in (0_u32..).zip(&sight.pixels) {
-            if pixel.direction.dot(towards) < least_cosine {
+            if !seen.is_near(pixel.direction, away) {
                 continue;
             }
             let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]

@@ -6,10 +6,11 @@ use crate::evidence::Evidence;
 use crate::fit::fit;
 use crate::group::Group;
 use crate::lines::along_line;
-use crate::patches::{self, Gaps, Patch, patches};
+use crate::patches::{Patch, patches};
 use crate::search::best_shape;
 use crate::shape::Shape;
 use crate::shape_search::{BETTER, Fit, MIN_RESIDUAL};
+use crate::silhouette::{Gaps, Silhouette, residual};
 use crate::starts::{extent, points, points_at};
 use eagpt_scene::median::{median, median_distance};
 use glam::Vec3;
@@ -192,7 +193,13 @@ fn balls(
 }
 
 fn residual_of(shapes: &[Shape], seen: &[Patch]) -> f32 {
-    patches::residual(shapes, seen, Gaps::Seen)
+    let silhouettes = silhouettes(shapes, seen);
+    residual(&silhouettes.iter().collect::<Vec<_>>(), seen, Gaps::Seen)
+}
+
+fn silhouettes(shapes: &[Shape], seen: &[Patch]) -> Vec<Silhouette> {
+    let silhouette = |shape| Silhouette::new(shape, seen);
+    shapes.iter().map(silhouette).collect()
 }
 
 /// Those of shapes without which the others would explain much less, and their residual.
@@ -231,10 +238,12 @@ fn fitted(mut shapes: Vec<Shape>, seen: &[Patch]) -> (f32, Vec<Shape>) {
 
 /// The best shape about `start` in the place of one of `shapes`, and the residual of all.
 fn refined(start: &Shape, at: usize, shapes: &[Shape], seen: &[Patch]) -> (Shape, f32) {
+    let all = silhouettes(shapes, seen);
     best_shape(start, start.num_changes(), NUM_TRIALS, |shape| {
-        let mut all = shapes.to_vec();
-        all[at] = *shape;
-        residual_of(&all, seen)
+        let own = Silhouette::new(shape, seen);
+        let mut all: Vec<&Silhouette> = all.iter().collect();
+        all[at] = &own;
+        residual(&all, seen, Gaps::Seen)
     })
 }
 

@@ -5,72 +5,40 @@ use crate::group::Group;
 use crate::meet::{PixelRays, RAYS, ShapeFrom};
 use crate::shape::Shape;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Views that a shape is fitted to and that measure its light: those with most pixels.
 pub(crate) const MAX_VIEWS: usize = 16;
 /// Share of its distance by which a pixel has to be nearer than the lamp to show what hides it.
 const NEARER: f32 = 0.08;
-/// A place farther than the scene by so many widths of a pixel, and by this share, is hidden …
+/// A place farther than the scene by so many widths of a pixel, and by this share, is hidden.
 const HIDDEN_PIXELS: f32 = 2.0;
 const HIDDEN_SHARE: f32 = 0.01;
-/// … and counts so much where a view does not show it.
-const HIDDEN: f32 = 0.25;
-/// … and so much where it may be behind bars.
-const BEHIND_BARS: f32 = 0.1;
-/// Residual of a shape that is not at all where the scene has the lamp, as one that few views see
-/// may be by its silhouettes; …
-const ELSEWHERE: f32 = 0.02;
-/// … and share of its distance by which it is half of that.
-const OFF: f32 = 0.04;
 /// Pixels of a view whose distances are compared, about.
 const MAX_DISTANCES: usize = 16;
 /// Pixels of a view that a fit compares: at the border of a lamp, and others.
 const MAX_TARGETS: [usize; 2] = [600, 500];
 
 /// A pixel as a fit wants it.
-struct Target {
+pub(crate) struct Target {
     /// Unit directions of its rays.
-    rays: PixelRays,
+    pub(crate) rays: PixelRays,
     /// Part of it that the lamp covers, 0 to 1.
-    cover: f32,
+    pub(crate) cover: f32,
     /// Pixels that it stands for.
-    weight: f32,
+    pub(crate) weight: f32,
     /// Solid angle of these, sr.
     solid_angle: f32,
     /// Distance along its rays at which a lamp is behind what the scene has there.
-    hidden_from: f32,
-}
-
-impl Target {
-    /// Cover of the pixel by shapes less that by the lamp, weighted, where `all` is the sum of all
-    /// covers squared.
-    fn difference(&self, shapes: &[ShapeFrom<'_>], gaps: Gaps, all: f32) -> f32 {
-        let (mut cover, mut farthest) = (0.0_f32, 0.0_f32);
-        for shape in shapes {
-            let (share, distance) = shape.cover(&self.rays);
-            cover = (cover + share).min(1.0);
-            farthest = farthest.max(distance);
-        }
-        // A lamp may go on behind what hides it, but has no reason to.
-        let counts = match gaps {
-            _ if cover <= self.cover => 1.0,
-            Gaps::Bars => BEHIND_BARS,
-            Gaps::Seen if farthest > self.hidden_from => HIDDEN,
-            Gaps::Shade if farthest > self.hidden_from => 0.0,
-            Gaps::Seen | Gaps::Shade => 1.0,
-        };
-        (self.weight * counts / all).sqrt() * (cover - self.cover)
-    }
+    pub(crate) hidden_from: f32,
 }
 
 /// A view of a lamp.
 pub(crate) struct Patch {
-    origin: Vec3,
-    targets: Vec<Target>,
+    pub(crate) origin: Vec3,
+    pub(crate) targets: Vec<Target>,
     /// Unit directions of some pixels of the lamp, and distances at which the scene has it there.
-    distances: Vec<(Vec3, f32)>,
+    pub(crate) distances: Vec<(Vec3, f32)>,
 }
 
 impl Patch {
@@ -140,10 +108,8 @@ pub(crate) fn patches(evidence: &Evidence, group: &Group, centre: Vec3, extent: 
                     Lit::Beside => share.clamp(0.0, 0.5),
                     Lit::Dark => 0.0,
                 };
-                let mut directions = sight.directions(pixel, RAYS);
-                let rays = std::array::from_fn(|_| directions.next().unwrap_or(Vec3::ZERO));
                 targets.push(Target {
-                    rays,
+                    rays: PixelRays::new(sight.directions(pixel, RAYS)),
                     cover,
                     weight: pixel.weight,
                     solid_angle: pixel.solid_angle,
@@ -218,53 +184,6 @@ fn brightness(evidence: &Evidence, group: &Group) -> f32 {
         of(&inside, 0.5)
     };
     value.max(f32::MIN_POSITIVE)
-}
-
-/// Pixels inside a shape that do not show it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Gaps {
-    /// The scene has there what hides it, or else they speak against the shape.
-    Seen,
-    /// Bars before it may hide it, too thin or too near for the scene to tell.
-    Bars,
-    /// A shade hides it where the scene is nearer, which says nothing of it; elsewhere they speak
-    /// against the shape.
-    Shade,
-}
-
-/// Residual of shapes that are what the views show together: the sum of [`differences`] squared.
-pub(crate) fn residual(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> f32 {
-    let differences = differences(shapes, patches, gaps);
-    differences.into_iter().map(|d| d * d).sum()
-}
-
-/// Differences of shapes from the lamp: at every pixel and every known distance, in the same order
-/// whatever the shapes are.
-pub(crate) fn differences(shapes: &[Shape], patches: &[Patch], gaps: Gaps) -> Vec<f32> {
-    let targets = patches.iter().flat_map(|patch| &patch.targets);
-    let all: f32 = targets.map(|t| t.weight * t.cover * t.cover).sum();
-    let all = all.max(f32::MIN_POSITIVE);
-    let of_patches: Vec<(Vec<f32>, Vec<Option<f32>>)> = (patches.par_iter())
-        .map(|patch| {
-            let from = |shape| ShapeFrom::new(shape, patch.origin);
-            let seen: Vec<ShapeFrom<'_>> = shapes.iter().map(from).collect();
-            let covers = patch.targets.iter().map(|t| t.difference(&seen, gaps, all));
-            let offs = patch.distances.iter().map(|(direction, trained)| {
-                let met = seen.iter().filter_map(|shape| shape.meet(*direction));
-                let distance = met.reduce(f32::min);
-                distance.map(|distance| (distance / trained - 1.0).powi(2))
-            });
-            (covers.collect(), offs.collect())
-        })
-        .collect();
-    let offs = || of_patches.iter().flat_map(|(_, offs)| offs);
-    let num_met = offs().flatten().count().max(1) as f32;
-    let elsewhere = offs().map(|off| {
-        let share = off.map_or(0.0, |off| off / (off + OFF * OFF));
-        (ELSEWHERE * share / num_met).sqrt()
-    });
-    let covers = of_patches.iter().flat_map(|(covers, _)| covers);
-    covers.copied().chain(elsewhere).collect()
 }
 
 #[cfg(test)]

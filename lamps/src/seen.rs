@@ -3,8 +3,9 @@
 
 use crate::evidence::Evidence;
 use crate::group::Group;
-use crate::patches::{Gaps, depth_tolerance};
+use crate::patches::depth_tolerance;
 use crate::shape_search::Fit;
+use crate::silhouette::Gaps;
 use eagpt_scene::Camera;
 use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;

@@ -1,6 +1,5 @@
 //! Surfaces that lamps can have, as few numbers.
 
-use crate::meet::ShapeFrom;
 use eagpt_scene::lamps::LampShape;
 use glam::{Quat, Vec3};
 use std::f32::consts::PI;
@@ -146,86 +145,6 @@ impl Shape {
             size.min_element()
         } else {
             size.x.min(size.y)
-        }
-    }
-
-    /// Distance along a ray of unit `direction` to the shape's first point, if it is met; a flat
-    /// shape only from the side of its normal.
-    pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        ShapeFrom::new(self, origin).meet(direction)
-    }
-
-    /// Angle by which a ray of unit `direction` misses the shape, 0 if it is met; about the middle,
-    /// less the angle that a ball as large as its smallest size is seen at.
-    pub(crate) fn off(&self, origin: Vec3, direction: Vec3) -> f32 {
-        if self.meet(origin, direction).is_some() {
-            return 0.0;
-        }
-        let to_centre = self.centre() - origin;
-        direction.angle_between(to_centre)
-            - (0.5 * self.thinnest() / to_centre.length()).min(1.0).asin()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The mean projected area of a convex body over all directions is a quarter of its surface
-    /// (Cauchy): of rays in random directions through a large ball as many meet it.
-    #[test]
-    fn as_many_rays_meet_a_shape_as_its_area_says() {
-        let ball = Shape::Ball {
-            centre: Vec3::new(0.1, -0.2, 0.3),
-            radius: 0.5,
-        };
-        let tube = Shape::Tube {
-            centre: Vec3::new(-0.1, 0.1, 0.0),
-            rotation: Quat::from_scaled_axis(Vec3::new(0.4, -0.7, 0.2)),
-            radius: 0.2,
-            length: 1.1,
-            taper: 0.4,
-        };
-        let flat = Flat {
-            centre: Vec3::new(0.2, 0.0, -0.1),
-            rotation: Quat::from_scaled_axis(Vec3::new(-0.3, 0.9, 0.5)),
-            size: [0.8, 0.5],
-        };
-        let cuboid = Shape::Box {
-            centre: Vec3::new(0.1, 0.05, -0.2),
-            rotation: Quat::from_scaled_axis(Vec3::new(-0.2, 0.5, 0.9)),
-            size: Vec3::new(0.3, 0.5, 0.9),
-        };
-        for shape in [
-            ball,
-            tube,
-            cuboid,
-            Shape::Rectangle(flat),
-            Shape::Ellipse(flat),
-        ] {
-            let num = 200_000;
-            let mut met = 0;
-            for i in 0..num {
-                // A spiral of directions, and for each a point of the disc of radius 1 across it.
-                let z = 1.0 - (2 * i + 1) as f32 / num as f32;
-                let angle =
-                    (f64::from(i) * 2.399_963_229_728_653).rem_euclid(std::f64::consts::TAU);
-                let (sin, cos) = (angle as f32).sin_cos();
-                let flat = (1.0 - z * z).sqrt();
-                let direction = Vec3::new(flat * cos, flat * sin, z);
-                let (a, b) = direction.any_orthonormal_pair();
-                let r = (f64::from(i) * 0.754_877_666_246_69).fract().sqrt() as f32;
-                let turn = (f64::from(i) * 0.569_840_290_998_05).fract() as f32 * 2.0 * PI;
-                let origin = a * (r * turn.cos()) + b * (r * turn.sin()) - direction * 3.0;
-                met += u32::from(shape.meet(origin, direction).is_some());
-            }
-            let projected = met as f32 / num as f32 * PI;
-            // A flat shape is met from one side alone: half of its area's quarter of both sides.
-            let expected = 0.25 * shape.area();
-            assert!(
-                (projected / expected - 1.0).abs() < 0.02,
-                "{shape:?}: {projected} instead of {expected}"
-            );
         }
     }
 }

@@ -3,9 +3,10 @@
 use crate::group::Group;
 use crate::halo::Beside;
 use crate::measure;
-use crate::patches::{Gaps, Patch, differences, residual};
+use crate::patches::Patch;
 use crate::search::{best_shape, descent};
 use crate::shape::{Flat, Shape};
+use crate::silhouette::{Gaps, Silhouette, differences, residual};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -60,7 +61,7 @@ impl Fit {
     pub(crate) fn new(shape: Shape, patches: &[Patch], gaps: Gaps) -> Self {
         Self {
             shape,
-            residual: residual(&[shape], patches, gaps),
+            residual: residual(&[&Silhouette::new(&shape, patches)], patches, gaps),
             gaps,
         }
     }
@@ -229,7 +230,7 @@ fn descended(start: &Shape, is_upright: bool, width: f32, patches: &[Patch]) -> 
         num_changes(start, is_upright),
         NUM_STEPS,
         width,
-        |shape| differences(&[*shape], patches, gaps),
+        |shape| differences(&[&Silhouette::new(shape, patches)], patches, gaps),
     );
     Fit::new(shape, patches, gaps)
 }

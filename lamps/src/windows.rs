@@ -4,9 +4,10 @@
 use crate::bars;
 use crate::evidence::Evidence;
 use crate::group::Group;
-use crate::patches::{Gaps, patches};
+use crate::patches::patches;
 use crate::shape::Shape;
 use crate::shape_search::Fit;
+use crate::silhouette::Gaps;
 use crate::starts::{extent, first_flat, flats, mount, pixel_width, points};
 use eagpt_scene::plane::FittedPlane;
 use glam::Vec3;

@@ -13,10 +13,10 @@ fn the_share_of_a_ball_that_is_shown_is_of_the_whole_ball() {
     let patch = |rows: std::ops::Range<i16>| {
         let pixels = rows.flat_map(|y| (-40..40_i16).map(move |x| (f32::from(x), f32::from(y))));
         let targets = pixels.map(|(x, y)| Target {
-            rays: std::array::from_fn(|i| {
-                let [u, v] = [i % 3, i / 3].map(|k| (k as f32 + 0.5) / 3.0);
+            rays: PixelRays::new((0..9_u8).map(|i| {
+                let [u, v] = [i % 3, i / 3].map(|k| (f32::from(k) + 0.5) / 3.0);
                 Vec3::new(width * (x + u), width * (y + v), 1.0).normalize()
-            }),
+            })),
             cover: 1.0,
             weight: 1.0,
             solid_angle: width * width / Vec3::new(width * x, width * y, 1.0).length().powi(3),

@@ -1,0 +1,114 @@
+use super::*;
+use glam::Quat;
+use std::f32::consts::PI;
+
+/// Whole rows of pixels across shapes: as many rays of each are met as one by one.
+#[test]
+fn what_a_pixel_shows_is_what_its_rays_meet() {
+    let rotation = Quat::from_scaled_axis(Vec3::new(0.4, -0.2, 0.3));
+    let (centre, size) = (Vec3::new(0.02, -0.01, 1.0), [0.5, 0.3]);
+    let flat = Flat {
+        centre,
+        // Towards the point that sees it.
+        rotation: rotation * Quat::from_rotation_x(PI),
+        size,
+    };
+    let tube = Shape::Tube {
+        centre,
+        rotation,
+        radius: 0.2,
+        length: 0.4,
+        taper: -0.3,
+    };
+    let ball = Shape::Ball {
+        centre,
+        radius: 0.25,
+    };
+    let cuboid = Shape::Box {
+        centre,
+        rotation,
+        size: Vec3::new(0.3, 0.4, 0.35),
+    };
+    for shape in [
+        Shape::Rectangle(flat),
+        Shape::Ellipse(flat),
+        tube,
+        ball,
+        cuboid,
+    ] {
+        let seen = ShapeFrom::new(&shape, Vec3::ZERO);
+        let mut nums = [0; 3];
+        for i in 0..4096 {
+            let (x, y) = ((i % 64) as f32 - 32.0, (i / 64) as f32 - 32.0);
+            let rays: [Vec3; 9] = std::array::from_fn(|k| {
+                let (dx, dy) = ((k % 3) as f32 / 3.0, (k / 3) as f32 / 3.0);
+                Vec3::new(0.02 * (x + dx), 0.02 * (y + dy), 1.0).normalize()
+            });
+            let met: Vec<f32> = rays.iter().filter_map(|ray| seen.meet(*ray)).collect();
+            let (share, farthest) = seen.cover(&PixelRays::new(rays));
+            assert_eq!(share, met.len() as f32 / 9.0, "{shape:?} {x} {y}");
+            // The distance is convex, or of a plane all but straight, between the corners.
+            let all = met.iter().copied().fold(0.0, f32::max);
+            assert!((farthest - all).abs() <= 1e-3 * all, "{farthest} {all}");
+            nums[usize::from(share > 0.0) + usize::from(share == 1.0)] += 1;
+        }
+        assert!(nums.iter().all(|num| *num > 50), "{nums:?}");
+    }
+}
+
+/// The mean projected area of a convex body over all directions is a quarter of its surface
+/// (Cauchy): of rays in random directions through a large ball as many meet it.
+#[test]
+fn as_many_rays_meet_a_shape_as_its_area_says() {
+    let ball = Shape::Ball {
+        centre: Vec3::new(0.1, -0.2, 0.3),
+        radius: 0.5,
+    };
+    let tube = Shape::Tube {
+        centre: Vec3::new(-0.1, 0.1, 0.0),
+        rotation: Quat::from_scaled_axis(Vec3::new(0.4, -0.7, 0.2)),
+        radius: 0.2,
+        length: 1.1,
+        taper: 0.4,
+    };
+    let flat = Flat {
+        centre: Vec3::new(0.2, 0.0, -0.1),
+        rotation: Quat::from_scaled_axis(Vec3::new(-0.3, 0.9, 0.5)),
+        size: [0.8, 0.5],
+    };
+    let cuboid = Shape::Box {
+        centre: Vec3::new(0.1, 0.05, -0.2),
+        rotation: Quat::from_scaled_axis(Vec3::new(-0.2, 0.5, 0.9)),
+        size: Vec3::new(0.3, 0.5, 0.9),
+    };
+    for shape in [
+        ball,
+        tube,
+        cuboid,
+        Shape::Rectangle(flat),
+        Shape::Ellipse(flat),
+    ] {
+        let num = 200_000;
+        let mut met = 0;
+        for i in 0..num {
+            // A spiral of directions, and for each a point of the disc of radius 1 across it.
+            let z = 1.0 - (2 * i + 1) as f32 / num as f32;
+            let angle = (f64::from(i) * 2.399_963_229_728_653).rem_euclid(std::f64::consts::TAU);
+            let (sin, cos) = (angle as f32).sin_cos();
+            let flat = (1.0 - z * z).sqrt();
+            let direction = Vec3::new(flat * cos, flat * sin, z);
+            let (a, b) = direction.any_orthonormal_pair();
+            let r = (f64::from(i) * 0.754_877_666_246_69).fract().sqrt() as f32;
+            let turn = (f64::from(i) * 0.569_840_290_998_05).fract() as f32 * 2.0 * PI;
+            let origin = a * (r * turn.cos()) + b * (r * turn.sin()) - direction * 3.0;
+            met += u32::from(shape.meet(origin, direction).is_some());
+        }
+        let projected = met as f32 / num as f32 * PI;
+        // A flat shape is met from one side alone: half of its area's quarter of both sides.
+        let expected = 0.25 * shape.area();
+        assert!(
+            (projected / expected - 1.0).abs() < 0.02,
+            "{shape:?}: {projected} instead of {expected}"
+        );
+    }
+}
