@@ -1,6 +1,7 @@
 //! `eagpt bench`: how fast each stage is.
 
 mod images;
+mod inputs;
 mod learning;
 mod rays;
 mod results;
@@ -20,11 +21,12 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use eagpt_scene::{Gaussians, files};
 use eagpt_trace::Device;
+use inputs::Bench;
 use results::{Change, Machine, Measured, Results};
 use scene::Subject;
 pub(crate) use sheet::Unit;
 use sheet::{Row, Sheet};
-use stage::{Bench, Stage};
+use stage::Stage;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

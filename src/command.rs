@@ -1,6 +1,7 @@
 //! The commands that do one job each. `eagpt run` chains them.
 
 use crate::args::GlobalArgs;
+use crate::command_line;
 use crate::{
     bake, colmap, dataset, edit, eval, export, import, ingest, lamps, masks, normals, render,
     report, synth, train, view,
@@ -42,6 +43,14 @@ impl JobCommand {
     /// All of them, as subcommands of the program.
     pub(crate) fn program() -> clap::Command {
         Self::augment_subcommands(clap::Command::new("eagpt"))
+    }
+
+    /// Its arguments as one would type them, its name first.
+    ///
+    /// # Errors
+    /// If a path is not UTF-8.
+    pub(crate) fn words(&self) -> Result<Vec<String>> {
+        command_line::words(&Self::program(), self)
     }
 
     /// Runs the job.

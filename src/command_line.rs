@@ -4,26 +4,21 @@
 //! [`words`] asks clap how an option is spelled and serde for its value; options that have their
 //! default are left out.
 
-use crate::command::JobCommand;
 use anyhow::{Result, anyhow};
 use clap::{Arg, ArgAction, ValueEnum};
-use serde::Serializer;
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 use std::fmt::Display;
 
-/// The arguments of a command, its name first.
+/// The arguments of a command of the program, its name first.
 ///
 /// # Errors
 /// If a path is not UTF-8.
-pub(crate) fn words(command: &JobCommand) -> Result<Vec<String>> {
+pub(crate) fn words(program: &clap::Command, command: &impl Serialize) -> Result<Vec<String>> {
     // Through text: it holds the shortest form of a float.
     let text = serde_json::to_string(command).map_err(|e| anyhow!("command line: {e}"))?;
     let mut words = Vec::new();
-    push_command(
-        &mut words,
-        &JobCommand::program(),
-        &serde_json::from_str(&text)?,
-    )?;
+    push_command(&mut words, program, &serde_json::from_str(&text)?)?;
     Ok(words)
 }
 

@@ -1,6 +1,7 @@
 //! `eagpt run`: the whole chain from one file.
 //!
-//! - [`mod@project`]: the file; [`section`]: the options of each command in it.
+//! - [`mod@project`]: the file; [`section`]: its parts; [`options`]: the options of each command in
+//!   it.
 //! - [`plan`]: which commands follow from it, and what each reads and makes.
 //! - [`step`]: a command with its options.
 //! - [`state`]: digests of inputs and products, so that only what has changed is made again.
@@ -11,8 +12,9 @@
 mod execute;
 mod init;
 mod only;
+mod options;
 mod plan;
-mod project;
+pub(crate) mod project;
 mod section;
 mod state;
 mod step;

@@ -3,7 +3,7 @@
 use crate::page::PageArgs;
 use crate::progress::Reporter;
 use crate::record::{FILE_NAME, Input, Record};
-use crate::run::Project;
+use crate::run::project::Project;
 use anyhow::{Result, bail};
 use eagpt_report::run::{RunRecord, folders, read_json};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! Gaussians that hang together: everything reached from a seed point in short steps.
 
-use crate::select::{Selector, size};
+use crate::quantity::Quantity;
 use eagpt_scene::Gaussians;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -14,8 +14,6 @@ pub(crate) struct Cluster {
     pub seed: Vec3,
     /// Longest step.
     pub reach: Reach,
-    /// Only Gaussians of this selection are stepped on.
-    pub within: Selector,
 }
 
 /// The longest step from one Gaussian of a cluster to the next.
@@ -32,7 +30,7 @@ impl Reach {
     fn length(self, gaussians: &Gaussians, index: usize) -> f32 {
         match self {
             Self::Fixed(length) => length,
-            Self::Sizes(sizes) => sizes * size(gaussians, index),
+            Self::Sizes(sizes) => sizes * Quantity::Size.of(gaussians, index),
         }
     }
 }
@@ -97,7 +95,6 @@ mod tests {
             id: 0,
             seed: Vec3::new(seed, 0.0, 0.0),
             reach: step,
-            within: Selector::Everything,
         };
         let mask = cluster.members(&row(), &candidates);
         (0..5).filter(|i| mask[*i]).collect()

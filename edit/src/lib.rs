@@ -99,6 +99,7 @@ mod cluster;
 mod lamp;
 mod lights;
 mod place;
+mod quantity;
 pub mod replay;
 pub mod report;
 pub mod script;

@@ -1,8 +1,8 @@
 //! Selectors of Gaussians: regions, ranges of values, connected clusters, and combinations of them.
 
 use crate::cluster::Cluster;
+use crate::quantity::Quantity;
 use crate::shape::Shape;
-use eagpt_scene::color::luminance;
 use eagpt_scene::lamps::EMISSION_THRESHOLD;
 use eagpt_scene::{Gaussians, Lamps};
 use glam::Vec3;
@@ -30,47 +30,17 @@ pub(crate) enum Selector {
     },
     /// It emits, and belongs to a lamp whose name fits this pattern.
     Lamp(String),
-    /// Reached from a seed point.
-    Cluster(Box<Cluster>),
+    /// Reached from a seed point in steps on Gaussians of a selection.
+    Cluster {
+        cluster: Cluster,
+        within: Box<Selector>,
+    },
     /// All of them.
     All(Vec<Selector>),
     /// At least one of them.
     Any(Vec<Selector>),
     /// Not this one.
     Not(Box<Selector>),
-}
-
-/// A value of a Gaussian.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Quantity {
-    /// Emission score, 0 to 1.
-    Emission,
-    /// Peak opacity, 0 to 1.
-    Opacity,
-    /// Luminance of the radiance, linear.
-    Radiance,
-    /// Luminance of the albedo, 0 to 1.
-    Albedo,
-    /// Geometric mean of the two standard deviations, scene units.
-    Size,
-}
-
-impl Quantity {
-    fn of(self, gaussians: &Gaussians, index: usize) -> f32 {
-        match self {
-            Self::Emission => gaussians.emissions[index],
-            Self::Opacity => gaussians.opacities[index],
-            Self::Radiance => luminance(gaussians.radiances[index].to_array()),
-            Self::Albedo => luminance(gaussians.albedos[index].to_array()),
-            Self::Size => size(gaussians, index),
-        }
-    }
-}
-
-/// Geometric mean of the two standard deviations, scene units.
-pub(crate) fn size(gaussians: &Gaussians, index: usize) -> f32 {
-    let scale = gaussians.scales[index];
-    (scale.x * scale.y).sqrt()
 }
 
 /// Selections by their names.
@@ -149,7 +119,7 @@ impl<'a> Prepared<'a> {
                         .of(point)
                         .is_some_and(|lamp| self.lamps[pattern.as_str()][lamp])
             }
-            Selector::Cluster(cluster) => self.clusters[&cluster.id][index],
+            Selector::Cluster { cluster, .. } => self.clusters[&cluster.id][index],
             Selector::All(parts) => parts.iter().all(|part| self.meets(part, index, point)),
             Selector::Any(parts) => parts.iter().any(|part| self.meets(part, index, point)),
             Selector::Not(part) => !self.meets(part, index, point),
@@ -171,8 +141,8 @@ impl<'a> Prepared<'a> {
                 }
                 self.lamps.insert(pattern, fitting);
             }
-            Selector::Cluster(cluster) if !self.clusters.contains_key(&cluster.id) => {
-                let candidates = self.scope.prepare(&cluster.within).mask();
+            Selector::Cluster { cluster, within } if !self.clusters.contains_key(&cluster.id) => {
+                let candidates = self.scope.prepare(within).mask();
                 let members = cluster.members(self.scope.gaussians, &candidates);
                 self.clusters.insert(cluster.id, members);
             }
@@ -199,7 +169,7 @@ impl Selector {
         }
         match self {
             Self::Named(name) => definitions[name].mentions(definitions, holds),
-            Self::Cluster(cluster) => cluster.within.mentions(definitions, holds),
+            Self::Cluster { within, .. } => within.mentions(definitions, holds),
             Self::All(parts) | Self::Any(parts) => {
                 parts.iter().any(|part| part.mentions(definitions, holds))
             }

@@ -1,6 +1,5 @@
 //! The job: a folder of photographs in, images of linear light and a report out.
 
-use crate::capture::Capture;
 use crate::check::check;
 use crate::error::{IngestError, Result};
 use crate::gather::{Gathered, file_problem, gather};
@@ -9,93 +8,12 @@ use crate::options::IngestOptions;
 use crate::output::{self, COMMAND};
 use crate::prepare::{self, Decisions};
 use crate::problem::{Problem, Remedy};
-use crate::raw::Decoding;
+use crate::request::{IngestProgress, IngestRequest, IngestSummary, Tell};
 use crate::survey::{Reader, Survey, survey};
-use eagpt_scene::Shard;
 use eagpt_scene::files::ledger::{self, Item};
 use eagpt_scene::files::{Key, Ledger};
 use eagpt_scene::words::counted;
-use serde::Serialize;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// A capture to ingest, and the folder for its results.
-#[derive(Debug, Clone)]
-pub struct IngestRequest {
-    /// Folder with the photographs.
-    pub capture: PathBuf,
-    /// Folder for the results.
-    pub out: PathBuf,
-    /// Options that decide the result.
-    pub options: IngestOptions,
-    /// Makes the results of an earlier run anew; otherwise those that fit are kept, and others are
-    /// an error.
-    pub start_over: bool,
-    /// The stacks to merge. Every part surveys all stacks, its own first, and takes what others
-    /// have surveyed by then.
-    pub shard: Shard,
-    /// Processes in which photographs are decoded.
-    pub decoding: Decoding,
-    /// Set to end after the stack under way.
-    pub stop: Arc<AtomicBool>,
-}
-
-/// Progress of the job.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "message", rename_all = "kebab-case")]
-pub enum IngestProgress {
-    /// Headers are read and files digested.
-    Reading {
-        /// Files done.
-        done: usize,
-        /// All files.
-        total: usize,
-    },
-    /// Stacks are decoded and surveyed.
-    Surveying {
-        /// Stacks done.
-        done: usize,
-        /// All stacks.
-        total: usize,
-    },
-    /// Stacks are merged and written.
-    Merging {
-        /// Stacks done.
-        done: usize,
-        /// All stacks.
-        total: usize,
-        /// The stack that was done last.
-        stack: String,
-    },
-    /// Something is wrong with the capture.
-    Problem(Problem),
-    /// Something to know.
-    Note {
-        /// One line.
-        text: String,
-    },
-    /// Something to check.
-    Warning {
-        /// One line.
-        text: String,
-    },
-}
-
-/// Result of the job.
-#[derive(Debug, Clone, PartialEq)]
-pub struct IngestSummary {
-    /// Everything that was decided and measured.
-    pub capture: Capture,
-    /// All files of the result, relative to the output.
-    pub outputs: Vec<PathBuf>,
-    /// Files that the result depends on, with their BLAKE3 digests.
-    pub inputs: Vec<(PathBuf, String)>,
-    /// Stacks that an earlier run had made already.
-    pub num_kept: usize,
-}
-
-pub(crate) type Tell<'a> = &'a mut dyn FnMut(IngestProgress);
+use std::path::Path;
 
 /// Ingests a capture; `None` if it was one part of several, whose images [`ingest`] of the whole
 /// puts together.
@@ -241,7 +159,7 @@ fn survey_all(
     let (own, others): (Vec<usize>, Vec<usize>) =
         (0..total).partition(|&index| request.shard.has(index));
     for (done, index) in (1..).zip(own.into_iter().chain(others)) {
-        stop(request, 0, total)?;
+        request.check_stop(0, total)?;
         let stack = &gathered.stacks[index];
         let name = output::item("survey", stack);
         let key =
@@ -272,14 +190,6 @@ fn survey_all(
     let problems = unreadable_shots.into_iter().map(|(_, problem)| problem);
     gathered.problems.extend(problems);
     Ok(surveys)
-}
-
-/// An error if the job was asked to end.
-pub(crate) fn stop(request: &IngestRequest, done: usize, total: usize) -> Result<()> {
-    if request.stop.load(Ordering::Relaxed) {
-        return Err(IngestError::Stopped { done, total });
-    }
-    Ok(())
 }
 
 /// A note about pixels that are not square.

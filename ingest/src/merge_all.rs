@@ -4,12 +4,12 @@ use crate::capture::{Capture, Quality, ShotReport, StackFiles, StackReport};
 use crate::develop::{Developed, Recipe, develop};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
-use crate::job::{IngestProgress, IngestRequest, IngestSummary, Tell, stop};
 use crate::options::ExposureRatios;
 use crate::output::{self, MergedStack};
 use crate::prepare::{self, needed_memory};
 use crate::problem::Problem;
 use crate::report;
+use crate::request::{IngestProgress, IngestRequest, IngestSummary, Tell};
 use crate::resample::fitted;
 use crate::stack::{Photograph, Stack};
 use crate::survey::{self, Reader, Survey, estimated, read_shots};
@@ -87,7 +87,7 @@ pub(crate) fn merge_all(
             done.push(kept.clone());
             num_kept += 1;
         } else {
-            stop(request, done.len(), total)?;
+            request.check_stop(done.len(), total)?;
             let merged = merge_one(request, planned, &recipe, preview_exposure, &mut ledger)?;
             done.push(merged);
         }

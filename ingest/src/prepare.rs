@@ -4,12 +4,12 @@
 use crate::color::{ColorTransform, WhiteBalance};
 use crate::error::{IngestError, Result};
 use crate::gather::Gathered;
-use crate::job::IngestRequest;
 use crate::merge::{CLIPPED, merge};
 use crate::noise::Noise;
 use crate::options::IngestOptions;
 use crate::raw::{FileKind, Header, Layout, RawFrame, kind_of};
-use crate::response::{self, Response};
+use crate::request::IngestRequest;
+use crate::response::{Response, recovery};
 use crate::stack::{Photograph, Shot, Stack};
 use crate::survey::{Reader, Survey, read_shots};
 use crate::vignetting::{Falloff, Grid, Vignetting};
@@ -72,7 +72,7 @@ pub(crate) fn decide(request: &IngestRequest, gathered: &Gathered) -> Result<Dec
             problem: "no stack is left".to_owned(),
         });
     };
-    let response = response::recover(&request.capture, &gathered.stacks, &request.decoding)?;
+    let response = recovery::recover(&request.capture, &gathered.stacks, &request.decoding)?;
     let reader = Reader {
         decoding: &request.decoding,
         response: response.as_ref(),

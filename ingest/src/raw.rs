@@ -127,6 +127,24 @@ pub(crate) struct CameraColor {
 }
 
 impl Header {
+    /// Of three samples a pixel, black at 0 and saturated at `white`.
+    fn rgb((width, height): (u32, u32), white: f32, metadata: Metadata) -> Self {
+        Self {
+            width,
+            height,
+            layout: Layout::Rgb,
+            black: Black {
+                columns: 1,
+                rows: 1,
+                levels: vec![0.0],
+            },
+            white: [white; 3],
+            color: CameraColor::default(),
+            display: None,
+            metadata,
+        }
+    }
+
     /// Size with square pixels: the side with more pixels for its length has fewer.
     pub(crate) fn square_size(&self) -> (u32, u32) {
         let aspect = self.metadata.pixel_aspect.unwrap_or(1.0);

@@ -3,92 +3,27 @@
 mod finish;
 mod level;
 mod off;
+mod request;
 
 use crate::consistency::{self, Comparison, Sight};
 use crate::error::Result;
 use crate::labels::{self, Labels};
-use crate::level::Level;
-use crate::mask::{self, Mask};
-use crate::options::{Inconsistent, MaskOptions, MaskSource};
+use crate::mask::Mask;
+use crate::options::{Inconsistent, MaskSource};
 use crate::report::MaskReport;
+use crate::threshold;
 use eagpt_scene::dataset::EMISSION_DIR;
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::tonemap::ExposureMeter;
 use eagpt_scene::{Dataset, View, files, ply};
 use eagpt_trace::Tracer;
 use eagpt_trace::cpu::CpuScene;
-use serde::Serialize;
 use std::path::{Path, PathBuf};
+
+pub use request::{MaskProgress, MaskRequest, MaskSummary};
 
 /// Folder of overlays and the report, inside of the folder of results.
 const REPORT_DIR: &str = "masks";
-
-/// Request of [`make_masks`].
-#[derive(Debug, Clone)]
-pub struct MaskRequest<'a> {
-    /// The dataset.
-    pub dataset: &'a Dataset,
-    /// Where `Emissive-exr/` and `masks/` go: the dataset's folder or another.
-    pub out: PathBuf,
-    /// The options.
-    pub options: MaskOptions,
-    /// The same place in lights in which lamps of this one are off: masks are of the light that is
-    /// here and not in the darkest of those, and views that none of them has the camera of have no
-    /// mask by a threshold. Empty: of all light.
-    pub off: Vec<Dataset>,
-    /// Folder of labels of lamps.
-    pub labels: Option<PathBuf>,
-    /// Folder of labels of reflections.
-    pub reflections: Option<PathBuf>,
-    /// Trained scene that gives depth, where the dataset has none, and emission for
-    /// [`MaskSource::Emission`].
-    pub scene: Option<PathBuf>,
-}
-
-/// Progress messages of the job.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "message", rename_all = "kebab-case")]
-pub enum MaskProgress {
-    /// Radiances of views are being counted.
-    Measuring {
-        /// Number of views done.
-        done: usize,
-        /// Total number of views.
-        total: usize,
-    },
-    /// A level has been found.
-    Level(Level),
-    /// Masks are being made.
-    Masking {
-        /// Number of views done.
-        done: usize,
-        /// Total number of views.
-        total: usize,
-    },
-    /// Overlays are being written.
-    Drawing {
-        /// Number of views done.
-        done: usize,
-        /// Total number of views.
-        total: usize,
-    },
-    /// A warning about the result.
-    Warning {
-        /// The text, one line.
-        text: String,
-    },
-}
-
-/// Result of the job.
-#[derive(Debug, Clone)]
-pub struct MaskSummary {
-    /// All numbers.
-    pub report: MaskReport,
-    /// Files written, relative to the folder of results.
-    pub outputs: Vec<PathBuf>,
-    /// Warnings that were reported.
-    pub warnings: Vec<String>,
-}
 
 /// Intermediate results of the views, in the order of the dataset.
 #[derive(Default)]
@@ -249,9 +184,9 @@ impl<'a> MaskJob<'a> {
                 }))
             }
             (_, _, Some(threshold)) => {
-                let light = self.light(view)?;
+                let light = self.request.light(view)?;
                 let values = light.map(|light| light.map(|&rgb| [options.rule.value(rgb)]));
-                values.map(|values| mask::at_least(&values, threshold, options.border))
+                values.map(|values| threshold::at_least(&values, threshold, options.border))
             }
             _ => None,
         };

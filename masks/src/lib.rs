@@ -1,7 +1,7 @@
 //! Emission masks: which pixels of a photograph show a light rather than a lit surface.
 //!
-//! A mask contains the pixels above a level of linear radiance, given or found in the scene
-//! (`level`), but surfaces that a lamp close by lights as brightly (`halo`), plus the pixels
+//! A mask contains the pixels above a level of linear radiance (`threshold`), given or found in the
+//! scene (`level`), but surfaces that a lamp close by lights as brightly (`halo`), plus the pixels
 //! labelled by a person or a network, minus those labelled as reflections, followed by
 //! morphological clean-up: `mask`. A lamp emits in all directions and a reflection does not, so
 //! masks of posed views are then compared with each other (`consistency`). A view without any
@@ -21,6 +21,7 @@ mod mask;
 mod options;
 mod overlay;
 mod report;
+mod threshold;
 
 pub use consistency::Verdict;
 pub use error::{MaskError, Result};

@@ -1,21 +1,14 @@
 //! One view's mask: pixels, connected regions, and the operations that tidy them up.
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
-use crate::halo;
-use crate::options::{Border, MaskOptions};
+use crate::options::MaskOptions;
 use eagpt_scene::Image;
 use image::{GrayImage, Luma};
 use imageproc::distance_transform::Norm;
 use imageproc::morphology;
 use imageproc::region_labelling::{Connectivity, connected_components};
-
-/// Reach of the search for a lamp from its border, pixels: as far as demosaicing and optics spread
-/// an edge.
-const BORDER_REACH: u32 = 2;
-/// Least share of lamp in a border pixel.
-const BORDER_SHARE: f32 = 0.5;
 
 const ON: Luma<u8> = Luma([255]);
 const OFF: Luma<u8> = Luma([0]);
@@ -174,39 +167,4 @@ impl Mask {
             *pixel = *padded.get_pixel(x + pad, y + pad);
         }
     }
-}
-
-/// Pixels whose value is at least `level`, but those that lamps light ([`halo`]); with
-/// [`Border::Half`], the border of each lamp is where pixels are half lamp and half surroundings.
-pub(crate) fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
-    let (width, height) = values.size();
-    let value = |x: u32, y: u32| values.get(x, y)[0];
-    let mut mask = Mask::from_fn(width, height, |x, y| value(x, y) >= level);
-    halo::remove(&mut mask, values);
-    if border == Border::Full {
-        return mask;
-    }
-    let around = |x: u32, y: u32, reach: u32| {
-        let columns = x.saturating_sub(reach)..=(x + reach).min(width - 1);
-        let rows = y.saturating_sub(reach)..=(y + reach).min(height - 1);
-        rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
-    };
-    Mask::from_fn(width, height, |x, y| {
-        let is_bright = mask.has(x, y);
-        // A pixel that is half a dim lamp may be below the level.
-        if !is_bright && !around(x, y, 1).any(|(x, y)| mask.has(x, y)) {
-            return false;
-        }
-        if around(x, y, BORDER_REACH).all(|(x, y)| mask.has(x, y)) {
-            return true;
-        }
-        let (mut lamp, mut beside) = (0.0_f32, f32::INFINITY);
-        for (x, y) in around(x, y, BORDER_REACH) {
-            lamp = lamp.max(value(x, y));
-            if !mask.has(x, y) {
-                beside = beside.min(value(x, y));
-            }
-        }
-        value(x, y) >= beside + BORDER_SHARE * (lamp - beside)
-    })
 }

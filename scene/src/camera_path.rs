@@ -42,6 +42,7 @@
 mod file;
 mod fly;
 mod nerfstudio;
+mod path;
 mod rotation;
 mod spline;
 mod turntable;
@@ -50,126 +51,16 @@ mod turntable;
 mod tests;
 
 pub use fly::Pace;
+pub use path::{CameraPath, PathOverrides, Route};
 pub use turntable::Turntable;
 
-use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Result, SceneError};
 use crate::files;
 use crate::script::ScriptFile;
-use fly::Fly;
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use path::{Common, MAX_FRAMES, MAX_SIZE, fly, turntable, view};
+use std::path::Path;
 use turntable::TurntableKeys;
-
-/// Most frames that a path may have.
-const MAX_FRAMES: u32 = 100_000;
-/// Most pixels that a frame may have along an axis.
-const MAX_SIZE: u32 = 16_384;
-const DEFAULT_FPS: f64 = 24.0;
-const DEFAULT_SECONDS: f64 = 5.0;
-
-/// The cameras of a path in order, and its settings.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CameraPath {
-    /// The file it was read from; `None` for a shorthand.
-    #[serde(skip)]
-    pub file: Option<PathBuf>,
-    /// Frames a second: how fast the frames are meant to be shown.
-    pub fps: f64,
-    /// Eases at its start and end.
-    pub ease: bool,
-    /// Its route.
-    pub route: Route,
-    /// Frames in order; at least one, all of one size.
-    #[serde(skip)]
-    pub cameras: Vec<Camera>,
-}
-
-/// The route of a path, with defaults filled in.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Route {
-    /// Through views of a dataset.
-    Fly {
-        /// Their names.
-        views: Vec<String>,
-        /// Returns to the first.
-        closed: bool,
-        /// Its speed.
-        pace: Pace,
-    },
-    /// Around a point.
-    Turntable(Turntable),
-    /// A camera for each frame, as the file says.
-    Listed,
-}
-
-/// Settings of a caller that replace those of a path.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct PathOverrides {
-    /// Number of frames.
-    pub num_frames: Option<u32>,
-    /// Width and height of a frame in pixels; the vertical field of view stays.
-    pub size: Option<(u32, u32)>,
-}
-
-/// Settings that all kinds of paths have in common.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Common {
-    num_frames: u32,
-    fps: f64,
-    size: Option<(u32, u32)>,
-    fov_y_rad: Option<f64>,
-    ease: bool,
-}
-
-impl Default for Common {
-    fn default() -> Self {
-        Self {
-            num_frames: (DEFAULT_SECONDS * DEFAULT_FPS) as u32,
-            fps: DEFAULT_FPS,
-            size: None,
-            fov_y_rad: None,
-            ease: false,
-        }
-    }
-}
-
-impl Common {
-    fn overridden(mut self, by: &PathOverrides) -> Self {
-        self.num_frames = by.num_frames.unwrap_or(self.num_frames);
-        self.size = by.size.or(self.size);
-        self
-    }
-
-    /// A camera of the dataset as the path has it.
-    fn fitted(&self, camera: &Camera, first: &Camera) -> Camera {
-        let (width, height) = self.size.unwrap_or((first.width, first.height));
-        let camera = camera.resized(width, height);
-        match self.fov_y_rad {
-            Some(angle) => camera.with_vertical_fov(angle),
-            None => camera,
-        }
-    }
-
-    /// The cameras at times from 0 to 1: the first and the last camera of an open path are those of
-    /// 0 and 1, a closed one ends a step before.
-    fn sampled(&self, closed: bool, camera: impl Fn(f64) -> Camera) -> Vec<Camera> {
-        let num = self.num_frames;
-        let num_steps = if closed { num } else { num.max(2) - 1 };
-        let times = (0..num).map(|frame| f64::from(frame) / f64::from(num_steps));
-        times
-            .map(|time| {
-                camera(if self.ease {
-                    time * time * (3.0 - 2.0 * time)
-                } else {
-                    time
-                })
-            })
-            .collect()
-    }
-}
 
 impl CameraPath {
     /// Reads and checks a path, and works out its cameras.
@@ -216,11 +107,6 @@ impl CameraPath {
     pub fn of_nerfstudio(file: &Path, bytes: &[u8]) -> Result<Self> {
         nerfstudio::read(file, bytes, &PathOverrides::default())
     }
-
-    /// Width and height of the frames in pixels.
-    pub fn size(&self) -> (u32, u32) {
-        (self.cameras[0].width, self.cameras[0].height)
-    }
 }
 
 fn check_overrides(argument: &str, overrides: &PathOverrides) -> Result<()> {
@@ -242,51 +128,4 @@ fn check_overrides(argument: &str, overrides: &PathOverrides) -> Result<()> {
         );
     }
     Ok(())
-}
-
-/// The camera of a view, or the problem with its name.
-fn view(dataset: &Dataset, name: &str) -> Result<Camera, String> {
-    let found = dataset.frames().iter().find(|frame| frame.name == name);
-    found
-        .map(|frame| frame.camera)
-        .ok_or_else(|| dataset.no_such_view(name))
-}
-
-fn fly(
-    views: Vec<String>,
-    keys: &[Camera],
-    closed: bool,
-    pace: Pace,
-    common: &Common,
-) -> Result<CameraPath, String> {
-    let fitted = keys.iter().map(|key| common.fitted(key, &keys[0]));
-    let curve = Fly::new(&fitted.collect::<Vec<_>>(), closed, pace)?;
-    Ok(CameraPath {
-        file: None,
-        fps: common.fps,
-        ease: common.ease,
-        cameras: common.sampled(closed, |time| curve.camera(time)),
-        route: Route::Fly {
-            views,
-            closed,
-            pace,
-        },
-    })
-}
-
-fn turntable(
-    dataset: &Dataset,
-    keys: TurntableKeys,
-    common: &Common,
-) -> Result<CameraPath, String> {
-    let cameras: Vec<Camera> = dataset.frames().iter().map(|frame| frame.camera).collect();
-    let table = keys.resolve(&cameras, dataset.up())?;
-    let lens = common.fitted(&cameras[0], &cameras[0]);
-    Ok(CameraPath {
-        file: None,
-        fps: common.fps,
-        ease: common.ease,
-        cameras: common.sampled(table.is_closed(), |time| table.camera(&lens, time)),
-        route: Route::Turntable(table),
-    })
 }

@@ -25,6 +25,8 @@
 //! `aligned_from_model` (rows of a 4×4 similarity) are read and written.
 
 mod cache;
+mod frame;
+mod info;
 pub mod intrinsics;
 pub mod json;
 mod names;
@@ -39,116 +41,21 @@ mod write;
 mod tests;
 
 pub use cache::ViewCache;
+pub use frame::{
+    ALBEDO_DIR, ALPHA_DIR, BadFrame, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, Frame, NORMAL_DIR,
+    POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR, SPECULAR_DIR, TRANSFORMS_FILE, VALID_DIR, ViewFiles,
+};
+pub use info::DatasetInfo;
 pub use names::{is_frame_name, strip_image_folder};
 pub use split::{Split, SplitRule, Subset};
 pub use up::UpAxis;
 pub use view::{MIN_NORMAL_LENGTH, View, check_mask, is_known, refuse};
-pub use write::{DatasetInfo, DatasetWriter, write_transforms};
+pub use write::{DatasetWriter, write_transforms};
 
-use crate::camera::Camera;
 use crate::error::{Result, SceneError};
 use crate::ply::{self, PointCloud};
+use split::ListedSplit;
 use std::path::{Path, PathBuf};
-
-/// Folder of the radiance images.
-pub const RADIANCE_DIR: &str = "Radiance-exr";
-/// Folder of the emission masks.
-pub const EMISSION_DIR: &str = "Emissive-exr";
-/// Folder of the normals.
-pub const NORMAL_DIR: &str = "Normal-exr";
-/// Folder of the opacities.
-pub const ALPHA_DIR: &str = "Alpha-exr";
-/// Folder of the depths.
-pub const DEPTH_DIR: &str = "Depth-exr";
-/// Folder of the diffuse albedos.
-pub const ALBEDO_DIR: &str = "DiffCol";
-/// Folder of the specular reflectances.
-pub const SPECULAR_DIR: &str = "GlossCol";
-/// Folder of the roughness images.
-pub const ROUGHNESS_DIR: &str = "Roughness";
-/// Folder of the masks of clipped channels.
-pub const CLIPPED_DIR: &str = "Clipped-exr";
-/// Folder of the masks of known pixels.
-pub const VALID_DIR: &str = "Valid-exr";
-/// The file of cameras.
-pub const TRANSFORMS_FILE: &str = "transforms.json";
-/// The point cloud that training starts from.
-pub const POINTS_FILE: &str = "points3d.ply";
-/// Key of the similarity from a model of structure from motion.
-const ALIGNED_KEY: &str = "aligned_from_model";
-
-/// A posed image of a dataset, not loaded.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
-    /// Unique name, no extension; may contain "/".
-    pub name: String,
-    /// Camera of the image.
-    pub camera: Camera,
-    /// Paths of its images.
-    pub files: ViewFiles,
-}
-
-/// The image files of a view; those that are there.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ViewFiles {
-    /// Linear radiance.
-    pub radiance: PathBuf,
-    /// Emission mask.
-    pub emission: Option<PathBuf>,
-    /// World-space normals.
-    pub normal: Option<PathBuf>,
-    /// Opacity.
-    pub alpha: Option<PathBuf>,
-    /// Depth along the optical axis.
-    pub depth: Option<PathBuf>,
-    /// Diffuse albedo.
-    pub albedo: Option<PathBuf>,
-    /// Specular reflectance at normal incidence.
-    pub specular: Option<PathBuf>,
-    /// Perceptual roughness.
-    pub roughness: Option<PathBuf>,
-    /// Mask of clipped channels.
-    pub clipped: Option<PathBuf>,
-    /// Mask of known pixels.
-    pub valid: Option<PathBuf>,
-}
-
-impl ViewFiles {
-    /// The files that are there, each with the folder of a dataset that it belongs in.
-    pub fn all(&self) -> impl Iterator<Item = (&'static str, &PathBuf)> {
-        let files = [
-            (RADIANCE_DIR, Some(&self.radiance)),
-            (EMISSION_DIR, self.emission.as_ref()),
-            (NORMAL_DIR, self.normal.as_ref()),
-            (ALPHA_DIR, self.alpha.as_ref()),
-            (DEPTH_DIR, self.depth.as_ref()),
-            (ALBEDO_DIR, self.albedo.as_ref()),
-            (SPECULAR_DIR, self.specular.as_ref()),
-            (ROUGHNESS_DIR, self.roughness.as_ref()),
-            (CLIPPED_DIR, self.clipped.as_ref()),
-            (VALID_DIR, self.valid.as_ref()),
-        ];
-        let files = files.into_iter();
-        files.filter_map(|(folder, file)| Some((folder, file?)))
-    }
-}
-
-/// A frame that cannot be used.
-#[derive(Debug)]
-pub struct BadFrame {
-    /// Its name.
-    pub name: String,
-    /// Why.
-    pub error: SceneError,
-}
-
-/// Names of frames that the file itself assigns to training, validation and testing, as indices.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-struct ListedSplit {
-    train: Option<Vec<usize>>,
-    validation: Option<Vec<usize>>,
-    test: Option<Vec<usize>>,
-}
 
 /// A dataset whose cameras are known and whose images are known to be there.
 #[derive(Debug, Clone)]
@@ -164,25 +71,6 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Opens a dataset: a folder with a `transforms.json`, or that file itself (of any name).
-    ///
-    /// Checks all poses and intrinsics and reads the header of every radiance image, but no pixels.
-    ///
-    /// # Errors
-    /// [`SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
-    pub fn open(root: &Path) -> Result<Self> {
-        open::open(root, open::Images::Needed)
-    }
-
-    /// As [`Self::open`] where only the cameras are needed: an image that is not there will do if
-    /// the file states `w` and `h`. [`Self::load_view`] fails for such a frame.
-    ///
-    /// # Errors
-    /// As [`Self::open`].
-    pub fn open_cameras(root: &Path) -> Result<Self> {
-        open::open(root, open::Images::IfThere)
-    }
-
     /// The same dataset with the emission masks in `folder/Emissive-exr` in place of its own; a
     /// view without one there has none.
     ///
@@ -221,15 +109,6 @@ impl Dataset {
             "maps",
             format!("none is called like a view, as {}.exr", self.frames[0].name),
         ))
-    }
-
-    /// As [`Self::open`] for a list of all problems: frames that cannot be used are
-    /// left out, and why is told of each.
-    ///
-    /// # Errors
-    /// As [`Self::open`] for what is wrong with the file as a whole, and if no frame is left.
-    pub fn survey(root: &Path) -> Result<(Self, Vec<BadFrame>)> {
-        open::survey(root)
     }
 
     /// The folder of the dataset.
@@ -351,6 +230,7 @@ impl Dataset {
     /// [`SceneError::Invalid`] naming the file, the rule and the numbers if either subset is empty
     /// or the file lacks the lists that the rule needs.
     pub fn split(&self, rule: SplitRule) -> Result<Split> {
-        split::split(self, rule)
+        let names: Vec<&str> = self.frames.iter().map(|f| f.name.as_str()).collect();
+        split::split((&self.root, &self.transforms), &names, &self.listed, rule)
     }
 }

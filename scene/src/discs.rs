@@ -4,7 +4,10 @@
 //! Discs of standard deviation 0.75 spacings and opacity 0.99 let less than one part in a hundred
 //! through anywhere.
 
-use crate::{Gaussian, Gaussians, Gloss, Harmonics, rotation};
+use crate::gaussians::{Gaussian, Gaussians};
+use crate::gloss::Gloss;
+use crate::harmonics::Harmonics;
+use crate::rotation;
 use glam::{Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 

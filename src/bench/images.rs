@@ -1,8 +1,8 @@
 //! Stages of images and files: metrics, EXR, PNG, PLY, and the merging of brackets.
 
+use super::inputs::Bench;
 use super::scene;
 use super::sheet::{Sheet, Unit};
-use super::stage::Bench;
 use anyhow::{Context, Result};
 use eagpt_eval::{FlipOptions, flip_hdr, flip_ldr, psnr_pq, psnr_srgb, srgb_clipped, ssim};
 use eagpt_ingest::{IngestOptions, IngestRequest, ingest};

@@ -1,7 +1,7 @@
 //! Stages of training and of light baking.
 
+use super::inputs::Bench;
 use super::sheet::{Sheet, Unit};
-use super::stage::Bench;
 use anyhow::{Context, Result, bail};
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_scene::{Camera, files, ply};

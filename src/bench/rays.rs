@@ -1,18 +1,19 @@
 //! Stages of the ray tracer.
 
+use super::inputs::Bench;
 use super::sheet::{Sheet, Unit};
-use super::stage::Bench;
 use anyhow::Result;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::bvh::Bvh;
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
+use eagpt_trace::cpu::realizations::NUM_REALIZATIONS;
 use eagpt_trace::cpu::{CameraRecord, CpuScene};
 #[cfg(feature = "gpu")]
 use eagpt_trace::gpu::{self, GpuScene};
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::matrix::{Directions, NUM_REALIZATIONS, Receiver};
+use eagpt_trace::transport::matrix::{Directions, Receiver};
 use eagpt_trace::transport::sampling::cosine_direction;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::transport::{EMISSION_THRESHOLD, Sampling};

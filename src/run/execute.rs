@@ -5,7 +5,6 @@ use super::state::Folder;
 use super::step::{PlanStep, Restart, set_force};
 use crate::args::GlobalArgs;
 use crate::command::JobCommand;
-use crate::command_line;
 use crate::output;
 use crate::progress::{Reporter, duration};
 use crate::record;
@@ -191,7 +190,7 @@ pub(super) fn begin(
     }
     let record = StepRecord {
         index,
-        command: command_line::words(&command)?,
+        command: command.words()?,
         key,
         ..StepRecord::default()
     };
@@ -208,7 +207,7 @@ pub(super) fn dispatch(command: &JobCommand, global: &GlobalArgs) -> Result<(Exi
     record::forget_peak_memory();
     let started = Instant::now();
     let global = GlobalArgs {
-        command_line: command_line::words(command)?,
+        command_line: command.words()?,
         ..global.clone()
     };
     let code = command.run(&global)?;

@@ -3,8 +3,9 @@
 mod results;
 mod training;
 
+use super::options::Options;
 use super::project::{ORIGINAL, Project, Relight, is_file};
-use super::section::{MODEL, Options};
+use super::section::MODEL;
 use super::step::PlanStep;
 use crate::colmap::{ColmapArgs, ColmapCommand, ImportArgs, RunArgs};
 use crate::command::JobCommand;

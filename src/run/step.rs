@@ -80,7 +80,7 @@ impl PlanStep {
     /// # Errors
     /// If a path is not UTF-8.
     pub(super) fn words(&self) -> Result<Vec<String>> {
-        command_line::words(&self.command)
+        self.command.words()
     }
 
     /// The command as one would type it.

@@ -2,7 +2,6 @@
 
 use super::{Plan, Project};
 use crate::command::JobCommand;
-use crate::command_line;
 use clap::FromArgMatches;
 use std::path::Path;
 
@@ -84,7 +83,7 @@ fn every_command_is_printed_as_clap_reads_it() {
             format!("{:?}", step.command),
             "{words:?}"
         );
-        assert_eq!(command_line::words(&read).unwrap(), words);
+        assert_eq!(read.words().unwrap(), words);
         kinds.push(words[0].clone());
     }
     kinds.dedup();

@@ -5,6 +5,7 @@ mod manifest;
 mod model;
 mod options;
 mod points;
+mod shot;
 
 pub use layout::outputs;
 pub use options::{LightMethod, Parts, SynthOptions};
@@ -20,11 +21,11 @@ use eagpt_scene::exr::Precision;
 use eagpt_scene::lens::Lens;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, files};
-use layout::{Shot, position_name};
 use model::ModelSource;
 use points::PointSource;
 use rayon::prelude::*;
 use serde::Serialize;
+use shot::{Shot, position_name};
 use std::path::{Path, PathBuf};
 
 /// When the first shot is taken, by the camera's clock: 2026-03-01 10:00:00.

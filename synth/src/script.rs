@@ -8,9 +8,11 @@ mod decor;
 mod furniture;
 mod materials;
 mod objects;
+mod solids;
 
 use crate::rig::Rig;
 use crate::room::{Light, MAX_CONDITIONS, Material, Room};
+use builder::Vocabulary;
 use eagpt_scene::script::value::{Form, NotNegative, checked};
 use eagpt_scene::script::{ScriptFile, Spanned};
 use eagpt_scene::{Result, SceneError, files};
@@ -86,12 +88,12 @@ impl SceneScript {
             .into_iter()
             .map(|condition| condition.name.into_inner().0)
             .collect();
-        let surfaces = objects::Vocabulary {
+        let words = Vocabulary {
             file: &file,
             materials: keys.materials.keys().map(String::as_str).collect(),
             lights: keys.lights.keys().map(String::as_str).collect(),
-        }
-        .surfaces(&keys.object)?;
+        };
+        let surfaces = objects::surfaces(&words, &keys.object)?;
         let rig = match keys.rig {
             Some(rig) if rig.get_ref().black >= rig.get_ref().white => {
                 let Rig { black, white, .. } = rig.get_ref();

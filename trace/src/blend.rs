@@ -1,9 +1,9 @@
 //! Blending of ordered hits (EAG-PT, equations of section 3.1): `V = Σ wᵢ vᵢ`, `wᵢ = Tᵢ₋₁ αᵢ`, `Tᵢ
 //! = Π (1 − αⱼ)`. The adjoint of all rays of a camera is [`crate::cpu::CameraRecord::adjoint`].
 
+use crate::attributes::{Attributes, Face};
 use crate::features::{Features, NUM_LANES, lane};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::surfel::Attributes;
 use eagpt_scene::Gloss;
 use glam::Vec3;
 
@@ -74,39 +74,6 @@ pub(crate) enum BlendStatus {
     Blended,
     /// Added, and the ray ends here.
     Last,
-}
-
-/// Side of a Gaussian that a ray hits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Face {
-    /// Against its normal.
-    Front,
-    /// Along its normal.
-    Back,
-}
-
-impl Face {
-    /// Of a Gaussian whose plane lies `plane` from the origin along its normal: in front of the
-    /// origin the plane has the sign of the cosine between ray and normal.
-    #[inline(always)]
-    pub(crate) fn of_plane(plane: f32) -> Self {
-        if plane > 0.0 { Self::Back } else { Self::Front }
-    }
-
-    /// Factors of the lanes of attributes: the normal is turned towards the ray's origin.
-    #[inline(always)]
-    pub(crate) fn signs(self) -> &'static [f32; NUM_LANES] {
-        const SIGNS: [[f32; NUM_LANES]; 2] = {
-            let mut signs = [[1.0; NUM_LANES]; 2];
-            let mut k = lane::NORMAL;
-            while k < lane::NORMAL + 3 {
-                signs[1][k] = -1.0;
-                k += 1;
-            }
-            signs
-        };
-        &SIGNS[self as usize]
-    }
 }
 
 /// Blends hits front to back into [`Features`].

@@ -6,8 +6,10 @@
 //!   hits for [`CameraRecord::adjoint`].
 //! - [`realizations`]: stochastic realizations of the Gaussians as opaque discs, for rays of which
 //!   the mean alone matters.
-//! - `integrate`, `path`: the integrators on single rays; `glossy`: what surfaces mirror.
-//! - [`CpuScene`]: all of it behind [`crate::Tracer`].
+//! - [`CpuScene`]: Gaussians for all of it.
+//! - `integrate`, `path`: the integrators on single rays; `glossy`: what surfaces mirror; `matrix`:
+//!   light transport.
+//! - `tracer`: all of it behind [`crate::Tracer`].
 
 mod adjoint;
 pub(crate) mod bins;
@@ -18,12 +20,18 @@ mod harmonics;
 mod hits;
 mod integrate;
 mod lanes;
+mod matrix;
 mod path;
 mod pixel_gloss;
 pub mod realizations;
+mod record;
+mod samples;
 mod scene;
 mod search;
 mod tile;
+mod tracer;
 
-pub use camera::{CameraRecord, HitSearch};
-pub use scene::{CpuScene, SampledHit};
+pub use camera::HitSearch;
+pub use realizations::SampledHit;
+pub use record::CameraRecord;
+pub use scene::CpuScene;

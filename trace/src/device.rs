@@ -1,70 +1,13 @@
-//! Compute devices: which one is asked for, and the one that is open.
+//! Compute devices.
 
-use crate::cpu::CpuScene;
+use crate::error::TraceError;
 #[cfg(feature = "gpu")]
 use crate::gpu;
-use crate::tracer::{TraceError, Tracer};
-use eagpt_scene::Gaussians;
-use serde::{Serialize, Serializer};
-use std::fmt;
+use crate::selector::DeviceSelector;
 #[cfg(feature = "gpu")]
 use std::path::Path;
-use std::str::FromStr;
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
-
-/// Choice of a device: `auto`, `cpu`, `gpu`, `gpu:INDEX` or `gpu:NAME`.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum DeviceSelector {
-    /// The first GPU in hardware, else the CPU.
-    #[default]
-    Auto,
-    /// The CPU.
-    Cpu,
-    /// The first GPU in hardware, else a software adapter.
-    Gpu,
-    /// The GPU at this place of `gpu::adapters`.
-    Index(usize),
-    /// The first GPU whose name contains this, in any case.
-    Name(String),
-}
-
-impl FromStr for DeviceSelector {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => return Ok(Self::Auto),
-            "cpu" => return Ok(Self::Cpu),
-            "gpu" => return Ok(Self::Gpu),
-            _ => {}
-        }
-        match text.strip_prefix("gpu:") {
-            None | Some("") => Err("not one of auto, cpu, gpu, gpu:INDEX and gpu:NAME".to_owned()),
-            Some(which) => Ok(which
-                .parse()
-                .map_or_else(|_| Self::Name(which.to_owned()), Self::Index)),
-        }
-    }
-}
-
-impl fmt::Display for DeviceSelector {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Auto => f.write_str("auto"),
-            Self::Cpu => f.write_str("cpu"),
-            Self::Gpu => f.write_str("gpu"),
-            Self::Index(index) => write!(f, "gpu:{index}"),
-            Self::Name(name) => write!(f, "gpu:{name}"),
-        }
-    }
-}
-
-impl Serialize for DeviceSelector {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
 
 /// A device, open.
 #[derive(Debug, Clone, Default)]
@@ -122,18 +65,6 @@ impl Device {
             Self::Gpu(device) => format!("gpu: {}", device.adapter().name),
         }
     }
-
-    /// A scene of `gaussians` on this device.
-    ///
-    /// # Errors
-    /// If the device fails or has not enough memory.
-    pub fn scene(&self, gaussians: &Gaussians) -> Result<Box<dyn Tracer>, TraceError> {
-        Ok(match self {
-            Self::Cpu => Box::new(CpuScene::new(gaussians)),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device) => Box::new(gpu::GpuScene::new(device, gaussians)?),
-        })
-    }
 }
 
 /// Whether the system could have a GPU: where it cannot, drivers are not loaded, some of which
@@ -151,25 +82,6 @@ fn may_have_hardware() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn selectors_print_as_they_are_parsed() {
-        for text in [
-            "auto",
-            "cpu",
-            "gpu",
-            "gpu:1",
-            "gpu:llvmpipe",
-            "gpu:RTX 4090",
-        ] {
-            assert_eq!(text.parse::<DeviceSelector>().unwrap().to_string(), text);
-        }
-        assert_eq!("gpu:0".parse(), Ok(DeviceSelector::Index(0)));
-        assert_eq!("gpu:4a".parse(), Ok(DeviceSelector::Name("4a".to_owned())));
-        for wrong in ["", "cuda", "gpu:", "GPU", "cpu:0"] {
-            assert!(wrong.parse::<DeviceSelector>().is_err(), "{wrong}");
-        }
-    }
 
     #[test]
     fn the_cpu_needs_no_driver() {

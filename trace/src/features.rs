@@ -209,8 +209,8 @@ impl GBuffer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attributes::Attributes;
     use crate::blend::Blender;
-    use crate::surfel::Attributes;
 
     /// The mean of rays has the moments of all their hits together.
     #[test]

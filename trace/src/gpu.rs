@@ -4,9 +4,9 @@
 //! Kernels are written by hand in WGSL (`shader/`, with what they import in `shader/shared/`), and
 //! keep to what every device of WebGPU has: eight storage buffers, 128 MiB in one of them, no float
 //! atomics, no subgroups, 16 KiB for a workgroup. Structures and constants are declared in Rust
-//! (`layout`) and imported from there; `kernels` is the table of all kernels and their buffers,
-//! which a test holds against the modules. A pass is a kernel with its buffers, made once and
-//! replayed; buffers stay on the device from call to call.
+//! (`declarations`) and imported from there; `kernels` is the table of all kernels and their
+//! buffers, which a test holds against the modules. A pass is a kernel with its buffers, made once
+//! and replayed; buffers stay on the device from call to call.
 //!
 //! To read a job from top to bottom: `passes` for the rays of a camera and their adjoint, `light`
 //! for the `1-bounce`, `gather` and `path` integrators, `matrix` for light transport.
@@ -38,6 +38,7 @@ mod bins;
 mod bvh;
 mod camera;
 mod capacity;
+mod declarations;
 mod device;
 mod error;
 mod frame;
@@ -48,8 +49,10 @@ mod light_list;
 mod matrix;
 mod passes;
 mod rays;
+mod record;
 mod scan;
 mod scene;
+mod scene_buffers;
 mod shader;
 mod sort;
 #[cfg(test)]
@@ -57,7 +60,8 @@ mod tests;
 mod views;
 
 pub use adapter::{Adapter, AdapterKind, adapters};
-pub use capacity::{Capacity, Counters};
+pub use capacity::Capacity;
+pub use declarations::camera::Counters;
 pub use device::{Device, Profile, Reading, StageTime};
 pub use error::GpuError;
 pub use frame::Frame;

@@ -7,8 +7,9 @@
 //!
 //! Layout, from simple to fast:
 //! - [`model`]: the constants of the model, each with its reason.
-//! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
 //! - [`features`]: the quantities a ray collects, as one vector of 16 lanes.
+//! - [`attributes`]: those of them that a Gaussian has.
+//! - [`surfel`]: Gaussians prepared for intersection; the one formula for a hit.
 //! - [`blend`]: blending of ordered hits, shared by every way of finding them.
 //! - [`oracle`]: the same model, brute force in f64; what everything else is tested against.
 //! - [`parity`]: how far an engine is from the oracle, on the machine it runs on.
@@ -23,9 +24,11 @@
 //! [`Device`] names and opens a device, [`Device::scene`] brings Gaussians to it, and [`Tracer`] is
 //! the interface of that scene: the only one the code above this crate knows.
 
+pub mod attributes;
 pub mod blend;
 pub mod cpu;
 mod device;
+mod error;
 pub mod features;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -33,6 +36,8 @@ pub mod model;
 pub mod oracle;
 pub mod parity;
 pub mod ray;
+mod scene;
+mod selector;
 pub mod surfel;
 mod tracer;
 pub mod transport;
@@ -40,8 +45,11 @@ mod tree;
 mod view;
 pub mod weights;
 
-pub use device::{Device, DeviceSelector};
+pub use device::Device;
+pub use error::TraceError;
 pub use features::{Features, GBuffer};
 pub use ray::Ray;
-pub use tracer::{Guide, RenderedView, TraceError, Tracer};
+pub use selector::DeviceSelector;
+pub use tracer::Tracer;
 pub use transport::{Integrator, LightOptions};
+pub use view::{Guide, RenderedView};

@@ -1,8 +1,9 @@
 //! How far an engine is from the model: a scene that is known everywhere, traced by the engine and
 //! by the oracle.
 
+use crate::error::TraceError;
 use crate::oracle::{self, OracleGaussian};
-use crate::tracer::{TraceError, Tracer};
+use crate::tracer::Tracer;
 use eagpt_scene::{Camera, Gaussians, random_cloud};
 use glam::DAffine3;
 use serde::Serialize;
@@ -127,10 +128,10 @@ mod tests {
     use crate::device::Device;
     use crate::features::{Features, GBuffer};
     use crate::ray::Ray;
-    use crate::tracer::RenderedView;
     use crate::transport::glossy::{GlossyPoint, Mirrored};
     use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
     use crate::transport::{Integrator, LightOptions};
+    use crate::view::RenderedView;
     use crate::weights::BlendWeights;
     use eagpt_scene::Gloss;
     use eagpt_scene::rng::RandomKey;

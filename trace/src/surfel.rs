@@ -1,6 +1,6 @@
 //! Gaussians prepared for intersection.
 
-use crate::blend::Face;
+use crate::attributes::Attributes;
 use crate::features::{NUM_LANES, lane};
 use crate::model::{MIN_COSINE, OWN_COSINE, cut_radius_squared};
 use crate::ray::Ray;
@@ -31,25 +31,6 @@ pub struct Surfel {
 }
 
 const _: () = assert!(size_of::<Surfel>() == 64);
-
-/// Light and material of a Gaussian in the lanes of [`crate::Features`], without the lanes that
-/// depend on the ray.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[repr(C, align(64))]
-pub struct Attributes(pub [f32; NUM_LANES]);
-
-impl Attributes {
-    /// Radiance, linear.
-    #[inline(always)]
-    pub fn radiance(&self) -> Vec3 {
-        Vec3::from_slice(&self.0[lane::RADIANCE..][..3])
-    }
-
-    /// Emission, 0 to 1.
-    pub fn emission(&self) -> f32 {
-        self.0[lane::EMISSION]
-    }
-}
 
 /// Gaussians prepared for intersection, in the order of the scene.
 #[derive(Debug, Clone, Default)]
@@ -188,18 +169,6 @@ impl SeenSurfel {
     #[inline(always)]
     pub fn is_own(&self, hit: &PlaneHit, ray: &Ray) -> bool {
         (hit.t <= ray.t_min) & (dot(self.normal, ray.own_normal).abs() > OWN_COSINE)
-    }
-}
-
-impl Attributes {
-    /// With the normal turned towards the origin of rays that see the Gaussian from `face`.
-    #[inline(always)]
-    pub(crate) fn turned(&self, face: Face) -> Self {
-        let mut lanes = self.0;
-        for (lane, sign) in lanes.iter_mut().zip(face.signs()) {
-            *lane *= sign;
-        }
-        Self(lanes)
     }
 }
 

@@ -2,73 +2,17 @@
 
 use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
 use crate::device::Device;
+use crate::error::TraceError;
 use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
 use crate::transport::glossy::{GlossyPoint, Mirrored};
 use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
 use crate::transport::{Integrator, LightOptions};
+use crate::view::RenderedView;
 use crate::weights::BlendWeights;
 use eagpt_scene::rng::RandomKey;
-use eagpt_scene::{Camera, Gaussians, Gloss, Image};
+use eagpt_scene::{Camera, Gaussians, Gloss};
 use glam::Vec3;
-
-/// Failure of a device. The CPU never fails.
-#[derive(Debug, thiserror::Error)]
-pub enum TraceError {
-    /// A device is lost, out of memory or lacks a feature.
-    #[error("device {device}: {problem}")]
-    Device {
-        /// Name of the device.
-        device: String,
-        /// Description of the failure.
-        problem: String,
-    },
-}
-
-/// A rendered frame: the light, and the composited features of the camera rays it started from.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RenderedView {
-    /// Linear radiance, premultiplied by the opacity.
-    pub radiance: Image<3>,
-    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no
-    /// light is sampled. With the mean it gives the variance of a pixel.
-    pub second_moment: Image<1>,
-    /// Composited features of the camera rays.
-    pub features: GBuffer,
-    /// Rays traced beside those of the camera.
-    pub num_rays: u64,
-    /// Guides of a denoiser for each camera ray, `[height · width]`; empty where nothing is
-    /// glossy and the features say it.
-    pub guides: Vec<Guide>,
-}
-
-/// A surface that guides a denoiser: the one that a camera ray meets, or the first rough one that
-/// it sees in mirrors.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Guide {
-    /// Reflectance for light from everywhere, times that of the mirrors before it.
-    pub albedo: Vec3,
-    /// Unit normal.
-    pub normal: Vec3,
-    /// Place, world space.
-    pub position: Vec3,
-    /// Of the light of the ray, what has no noise.
-    pub exact: Vec3,
-}
-
-impl RenderedView {
-    /// Means over squares of `factor` × `factor` pixels, of which the view has a whole number;
-    /// without guides, which are of rays.
-    pub fn averaged(&self, factor: u32) -> Self {
-        Self {
-            radiance: self.radiance.averaged(factor),
-            second_moment: self.second_moment.averaged(factor),
-            features: self.features.averaged(factor),
-            num_rays: self.num_rays,
-            guides: Vec::new(),
-        }
-    }
-}
 
 /// A scene of Gaussians on a device.
 ///

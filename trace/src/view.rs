@@ -2,7 +2,6 @@
 
 use crate::features::{Features, GBuffer};
 use crate::ray::Ray;
-use crate::tracer::{Guide, RenderedView};
 use crate::transport::Integrator;
 use crate::transport::bsdf::equivalent_albedo;
 use crate::transport::vertex::{MIN_REFLECTANCE, Start, Vertex, surfaces_of_pixels};
@@ -15,6 +14,51 @@ use rayon::prelude::*;
 const MIRROR_ROUGHNESS: f32 = 0.2;
 /// Mirrors in a row that guides follow.
 const MAX_MIRRORS: u32 = 3;
+
+/// A rendered frame: the light, and the composited features of the camera rays it started from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderedView {
+    /// Linear radiance, premultiplied by the opacity.
+    pub radiance: Image<3>,
+    /// Mean over the samples of the squared luminance of the light before the albedo; 0 where no
+    /// light is sampled. With the mean it gives the variance of a pixel.
+    pub second_moment: Image<1>,
+    /// Composited features of the camera rays.
+    pub features: GBuffer,
+    /// Rays traced beside those of the camera.
+    pub num_rays: u64,
+    /// Guides of a denoiser for each camera ray, `[height · width]`; empty where nothing is
+    /// glossy and the features say it.
+    pub guides: Vec<Guide>,
+}
+
+/// A surface that guides a denoiser: the one that a camera ray meets, or the first rough one that
+/// it sees in mirrors.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Guide {
+    /// Reflectance for light from everywhere, times that of the mirrors before it.
+    pub albedo: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Place, world space.
+    pub position: Vec3,
+    /// Of the light of the ray, what has no noise.
+    pub exact: Vec3,
+}
+
+impl RenderedView {
+    /// Means over squares of `factor` × `factor` pixels, of which the view has a whole number;
+    /// without guides, which are of rays.
+    pub fn averaged(&self, factor: u32) -> Self {
+        Self {
+            radiance: self.radiance.averaged(factor),
+            second_moment: self.second_moment.averaged(factor),
+            features: self.features.averaged(factor),
+            num_rays: self.num_rays,
+            guides: Vec::new(),
+        }
+    }
+}
 
 /// The things that the rays of a camera have met.
 pub(crate) struct Pixels {

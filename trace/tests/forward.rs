@@ -8,13 +8,12 @@ use eagpt_trace::blend::GradientMask;
 use eagpt_trace::cpu::CameraRecord;
 use eagpt_trace::cpu::bvh::{Bvh, RayScratch, Reach};
 use eagpt_trace::cpu::camera::{self, HitSearch, Keep};
-use eagpt_trace::cpu::realizations::Realizations;
+use eagpt_trace::cpu::realizations::{NUM_REALIZATIONS, Realizations};
 use eagpt_trace::features::{NUM_LANES, lane};
 use eagpt_trace::oracle::{self, OracleGaussian};
 use eagpt_trace::parity::PARITY_TOLERANCE;
 use eagpt_trace::ray::Ray;
 use eagpt_trace::surfel::SurfelSet;
-use eagpt_trace::transport::matrix::NUM_REALIZATIONS;
 use glam::{DVec3, Vec3};
 
 fn cameras() -> Vec<eagpt_scene::Camera> {

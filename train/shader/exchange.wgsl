@@ -1,4 +1,4 @@
-// Exchanges the light of a scene for what is parked of another one; see lights.rs.
+// Exchanges the light of a scene for the stored one of another; see lights.rs.
 
 #import declarations
 #import training
@@ -10,9 +10,9 @@
 @group(0) @binding(2) var<storage, read_write> first: array<f32>;
 @group(0) @binding(3) var<storage, read_write> second: array<f32>;
 // [n, num_lanes] each.
-@group(0) @binding(4) var<storage, read_write> parked_values: array<f32>;
-@group(0) @binding(5) var<storage, read_write> parked_first: array<f32>;
-@group(0) @binding(6) var<storage, read_write> parked_second: array<f32>;
+@group(0) @binding(4) var<storage, read_write> stored_values: array<f32>;
+@group(0) @binding(5) var<storage, read_write> stored_first: array<f32>;
+@group(0) @binding(6) var<storage, read_write> stored_second: array<f32>;
 
 @compute @workgroup_size(GROUP_SIZE)
 fn exchange(
@@ -28,11 +28,11 @@ fn exchange(
         let at = index * exchanged.row + exchanged.first_lane + k;
         let place = index * exchanged.num_lanes + k;
         let kept = vec3f(values[at], first[at], second[at]);
-        values[at] = parked_values[place];
-        first[at] = parked_first[place];
-        second[at] = parked_second[place];
-        parked_values[place] = kept.x;
-        parked_first[place] = kept.y;
-        parked_second[place] = kept.z;
+        values[at] = stored_values[place];
+        first[at] = stored_first[place];
+        second[at] = stored_second[place];
+        stored_values[place] = kept.x;
+        stored_first[place] = kept.y;
+        stored_second[place] = kept.z;
     }
 }

@@ -5,147 +5,31 @@
 //! - [`gaussians`]: the light is solved in Gaussian space; no image is made.
 //! - [`views`]: the paper's; the views of a dataset are path-traced and radiance is fitted to them.
 
+mod emitters;
 pub mod gaussians;
 mod highlights;
 mod lamps;
 mod receivers;
+mod request;
 mod series;
 pub(crate) mod solution;
 mod transport;
 pub mod views;
 
 use crate::error::Result;
-use eagpt_scene::dataset::{RADIANCE_DIR, Split, SplitRule, Subset, TRANSFORMS_FILE};
+use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE};
 use eagpt_scene::files::{self, Key, Ledger, ledger};
 use eagpt_scene::light_basis::lights_file_beside;
-use eagpt_scene::{Dataset, Gaussians, Harmonics, SceneError, Shard, ply};
-use eagpt_trace::Device;
+use eagpt_scene::{Dataset, Gaussians, SceneError, Shard, ply};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
-use gaussians::{GaussianBake, Solved};
-use glam::Vec3;
-use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use views::ViewBake;
+use emitters::forget_directions;
+use gaussians::Solved;
+use request::Bake;
+use std::path::Path;
 
-/// Method of baking.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "method")]
-pub enum BakeMethod {
-    /// Solved in Gaussian space.
-    Gaussians(GaussianBake),
-    /// Fitted to path-traced views.
-    Views(ViewBake),
-}
-
-/// Options that decide the result, beside scene and cameras.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct BakeOptions {
-    /// Method.
-    #[serde(flatten)]
-    pub method: BakeMethod,
-    /// Maximum path depth, at least 1.
-    pub max_bounces: u32,
-    /// Seed of the random numbers.
-    pub seed: u64,
-    /// Division of the dataset's views.
-    pub split: SplitRule,
-    /// The views to bake for.
-    pub subset: Subset,
-}
-
-/// A bake to be done.
-#[derive(Debug, Clone)]
-pub struct BakeRequest {
-    /// The edited scene.
-    pub scene: PathBuf,
-    /// Dataset whose cameras count; of its images, only the sizes.
-    pub cameras: PathBuf,
-    /// The scene to write.
-    pub out: PathBuf,
-    /// Folder for the state of the work: a bake that was stopped resumes from there.
-    pub work: PathBuf,
-    /// File for the traced transport matrix of [`BakeMethod::Gaussians`], in place of the work
-    /// folder: kept for later bakes, which reuse it if the geometry is the same.
-    pub transport: Option<PathBuf>,
-    /// File of the lamps of the scene, for [`BakeMethod::Gaussians`]: beside the scene, the light
-    /// of each lamp is written ([`eagpt_scene::light_basis::lights_file_beside`]).
-    pub per_light: Option<PathBuf>,
-    /// Options.
-    pub options: BakeOptions,
-    /// Device that traces rays and, with [`BakeMethod::Views`], fits.
-    pub device: Device,
-    /// Replaces the work of another bake in the work folder.
-    pub start_over: bool,
-    /// Set from outside to stop soon, with the work so far on disk.
-    pub stop: Arc<AtomicBool>,
-}
-
-/// Progress of a bake.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case", tag = "message")]
-pub enum BakeProgress {
-    /// Cameras are traced to find the surface of each Gaussian.
-    Looking {
-        /// Cameras done.
-        done: usize,
-        /// Cameras in all.
-        total: usize,
-    },
-    /// Rays are traced at Gaussians.
-    Gathering {
-        /// Gaussians done.
-        done: usize,
-        /// Gaussians in all.
-        total: usize,
-    },
-    /// One more bounce is solved.
-    Bounced {
-        /// The bounce, counted from 1.
-        bounce: u32,
-        /// Its light, as a share of all so far.
-        share: f64,
-    },
-    /// Views are path-traced.
-    Rendering {
-        /// Views done, those of earlier processes included.
-        done: usize,
-        /// Views in all (of this shard).
-        total: usize,
-    },
-    /// Radiance is fitted.
-    Fitting {
-        /// Iteration, counted from 1.
-        iteration: u32,
-        /// Iterations in all.
-        total: u32,
-        /// Loss of this iteration.
-        loss: f64,
-    },
-    /// Something the user should know.
-    Warning {
-        /// One line.
-        text: String,
-    },
-}
-
-/// Result of a bake, finished or stopped.
-#[derive(Debug, Clone, PartialEq)]
-pub struct BakeSummary {
-    /// The scene file; `None` if the bake was stopped, or was one shard of several.
-    pub scene: Option<PathBuf>,
-    /// Lights whose light was written apart; `None` if that was not asked for.
-    pub num_lights: Option<usize>,
-    /// Rays traced in this process; those of cameras and of highlights are not counted.
-    pub num_rays: u64,
-    /// Options, with the numbers that followed from the scene.
-    pub options: BakeOptions,
-    /// Division of the views.
-    pub split: Split,
-    /// Compute device, as recorded beside results.
-    pub device: String,
-}
+pub use crate::progress::BakeProgress;
+pub(crate) use emitters::emits;
+pub use request::{BakeMethod, BakeOptions, BakeRequest, BakeSummary};
 
 /// Bakes the light of a scene.
 ///
@@ -232,49 +116,6 @@ pub fn bake(request: &BakeRequest, progress: &mut dyn FnMut(BakeProgress)) -> Re
         split,
         device: request.device.name(),
     })
-}
-
-/// A bake under way.
-struct Bake<'a> {
-    request: &'a BakeRequest,
-    progress: &'a mut dyn FnMut(BakeProgress),
-    dataset: Dataset,
-    /// Indices of the views to bake for.
-    frames: Vec<usize>,
-    scene: Gaussians,
-    num_rays: u64,
-}
-
-impl Bake<'_> {
-    fn stopped(&self) -> bool {
-        self.request.stop.load(Ordering::Relaxed)
-    }
-}
-
-/// True for an emitter, which keeps its radiance.
-pub(crate) fn emits(emission: f32) -> bool {
-    emission > EMISSION_THRESHOLD
-}
-
-/// Makes the radiance of what reflects the same in all directions; emitters keep their harmonics.
-fn forget_directions(scene: &mut Gaussians) {
-    for (harmonics, &emission) in scene.harmonics.iter_mut().zip(&scene.emissions) {
-        if !emits(emission) {
-            *harmonics = Harmonics::NONE;
-        }
-    }
-    if scene.harmonics.iter().all(|h| *h == Harmonics::NONE) {
-        scene.harmonics.clear();
-    }
-}
-
-/// `radiances` of what reflects, and the scene's own of what emits. `[n]`
-fn with_emitters(scene: &Gaussians, radiances: &[Vec3]) -> Vec<Vec3> {
-    (scene.radiances.iter())
-        .zip(&scene.emissions)
-        .zip(radiances)
-        .map(|((own, &e), reflected)| if emits(e) { *own } else { *reflected })
-        .collect()
 }
 
 /// The command in ledgers.

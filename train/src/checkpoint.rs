@@ -102,9 +102,9 @@ impl Checkpoint {
             num_steps: self.state.raw.num_steps,
             harmonics_steps: self.state.harmonics.num_steps,
             num_fixed: self.state.num_fixed,
-            lights: (!lights.parked.is_empty()).then(|| LightsHeader {
+            lights: (!lights.stored.is_empty()).then(|| LightsHeader {
                 current: lights.current,
-                harmonics_steps: (lights.parked.iter())
+                harmonics_steps: (lights.stored.iter())
                     .map(|light| light.harmonics.num_steps)
                     .collect(),
             }),
@@ -112,9 +112,9 @@ impl Checkpoint {
         let state = &self.state;
         let raw = state.raw.arrays().map(<[_]>::as_flattened);
         let harmonics = state.harmonics.arrays().map(<[_]>::as_flattened);
-        let of_lights = lights.parked.iter().flat_map(|parked| {
-            let light = parked.light.arrays().map(<[_]>::as_flattened);
-            let harmonics = parked.harmonics.arrays().map(<[_]>::as_flattened);
+        let of_lights = lights.stored.iter().flat_map(|stored| {
+            let light = stored.light.arrays().map(<[_]>::as_flattened);
+            let harmonics = stored.harmonics.arrays().map(<[_]>::as_flattened);
             [light, harmonics].concat()
         });
         let arrays: Vec<&[f32]> = ([raw, harmonics].concat().into_iter())
@@ -147,7 +147,7 @@ impl Checkpoint {
         }
         let (raw, rest) = values.split_at(num_raw);
         let (harmonics, rest) = rest.split_at(num_harmonics);
-        let parked =
+        let stored =
             (rest.chunks((num_light + num_harmonics).max(1)).zip(steps)).map(|(values, &steps)| {
                 let (light, harmonics) = values.split_at(num_light);
                 LightParameters {
@@ -168,7 +168,7 @@ impl Checkpoint {
                 num_fixed: header.num_fixed,
                 lights: Lights {
                     current,
-                    parked: parked.collect(),
+                    stored: stored.collect(),
                 },
             },
         })

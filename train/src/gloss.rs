@@ -163,7 +163,7 @@ pub(crate) fn estimate(
         return Ok(Estimate::default());
     }
     let smoothing = Smoothing::new(&seen.receivers);
-    let segments = Segments::new(&seen, &smoothing);
+    let segments = Segments::new(&seen.colors, &seen.spreads, &smoothing);
     let planes = Planes::new(&seen.receivers, &segments, &smoothing, gaussians);
     let evidence = evidence::evidence(&scenes, &seen, &segments, &planes, key);
     let (segments, evidence) = join::joined(&segments, evidence, (&smoothing, &planes));

@@ -36,10 +36,10 @@ pub mod options;
 mod order;
 mod own_light;
 pub mod params;
-mod preview;
 mod progress;
 pub mod relit;
 pub mod surfaces;
+mod views;
 
 pub use error::{Result, TrainError};
 pub use gloss::GlossySurface;

@@ -6,11 +6,11 @@
 //! ([`eagpt_eval::psnr_srgb`], [`eagpt_eval::ExposureFit`]). Before an edit nothing should change.
 
 use crate::backend::TrainingView;
-use crate::bake::BakeProgress;
 use crate::bake::gaussians::GaussianBake;
 use crate::bake::solution::Solution;
 use crate::error::Result;
 use crate::irradiance::usual_samples;
+use crate::progress::BakeProgress;
 use eagpt_eval::{ExposureFit, KnownPixels, psnr_srgb};
 use eagpt_scene::machine::available_memory;
 use eagpt_scene::{Camera, Gaussians, Image};

@@ -9,12 +9,15 @@ mod edit;
 mod learned;
 mod lights;
 mod state;
+mod step;
+mod stored;
 
 pub use learned::Learned;
 #[cfg(feature = "gpu")]
 pub(crate) use learned::{Adam, BETA_1, BETA_2, EPSILON};
-pub use lights::{LightParameters, Lights, NUM_OF_LIGHT};
-pub use state::{BadGradient, ParameterState, StepSizes};
+pub use state::ParameterState;
+pub use step::{BadGradient, StepSizes};
+pub use stored::{LightParameters, Lights, NUM_OF_LIGHT};
 
 use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};

@@ -1,6 +1,5 @@
-//! Progress messages of a run.
+//! Progress messages of a run and of a bake.
 
-use crate::bake::BakeProgress;
 use crate::gloss::GlossySurface;
 use crate::options::Stage;
 use eagpt_scene::Gaussians;
@@ -109,6 +108,54 @@ pub enum TrainProgress {
     OwnLight {
         /// How far.
         step: BakeProgress,
+    },
+    /// Something the user should know.
+    Warning {
+        /// One line.
+        text: String,
+    },
+}
+
+/// Progress of a bake.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "message")]
+pub enum BakeProgress {
+    /// Cameras are traced to find the surface of each Gaussian.
+    Looking {
+        /// Cameras done.
+        done: usize,
+        /// Cameras in all.
+        total: usize,
+    },
+    /// Rays are traced at Gaussians.
+    Gathering {
+        /// Gaussians done.
+        done: usize,
+        /// Gaussians in all.
+        total: usize,
+    },
+    /// One more bounce is solved.
+    Bounced {
+        /// The bounce, counted from 1.
+        bounce: u32,
+        /// Its light, as a share of all so far.
+        share: f64,
+    },
+    /// Views are path-traced.
+    Rendering {
+        /// Views done, those of earlier processes included.
+        done: usize,
+        /// Views in all (of this shard).
+        total: usize,
+    },
+    /// Radiance is fitted.
+    Fitting {
+        /// Iteration, counted from 1.
+        iteration: u32,
+        /// Iterations in all.
+        total: u32,
+        /// Loss of this iteration.
+        loss: f64,
     },
     /// Something the user should know.
     Warning {

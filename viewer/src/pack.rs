@@ -34,7 +34,6 @@ use columns::{Reader, Writer};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::lamps::EMISSION_THRESHOLD;
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics, Lamps, LightBasis};
-use eagpt_trace::model::MIN_ALPHA;
 use glam::{Vec2, Vec3};
 use quantise::{RotationCode, signed_from_code, signed_to_code};
 
@@ -182,11 +181,6 @@ fn lamp_of(lamps: &Lamps, g: &Gaussian) -> u8 {
     }
     // At most 255 of them.
     lamps.of(g.position).map_or(0, |index| index as u8 + 1)
-}
-
-/// Whether some ray can hit the Gaussian.
-fn is_visible(opacity: f32) -> bool {
-    opacity >= MIN_ALPHA
 }
 
 fn write_geometry(columns: &mut Writer, rows: &[Gaussian], steps: &Steps) {

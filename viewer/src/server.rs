@@ -24,21 +24,21 @@ mod editor;
 mod places;
 mod reply;
 mod request;
+mod site;
 mod training;
 mod work;
 
 #[cfg(test)]
 mod tests;
 
+pub use editor::Served;
 pub use training::Training;
 
 use crate::error::{Result, ViewerError};
-use crate::live::Edit;
-use crate::workshop::Workshop;
 use editor::Editor;
 use reply::{Reply, refused};
 use request::{Refused, Request};
-use std::fmt::Debug;
+use site::Site;
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -50,8 +50,6 @@ use training::Watched;
 const MAX_CONNECTIONS: usize = 64;
 /// Time for a request to arrive, and for an answer to leave.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Longest wait for a change before a page has to ask again.
-const LONGEST_WAIT: Duration = Duration::from_secs(20);
 /// How often it is looked whether to stop.
 const STOP_INTERVAL: Duration = Duration::from_millis(50);
 
@@ -63,17 +61,6 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
 /// Longest time for answers under way when a server stops.
 const LAST_ANSWERS: Duration = Duration::from_secs(3);
 
-/// The places below the token of a server.
-trait Site: Debug + Send + Sync {
-    fn answer(&self, request: &Request, place: &str) -> Reply;
-
-    /// Works beside the answers until it is stopped.
-    fn work(&self);
-
-    /// Ends the work, and answers that wait for a change.
-    fn stop(&self);
-}
-
 /// A server that listens.
 #[derive(Debug)]
 pub struct Server {
@@ -82,19 +69,6 @@ pub struct Server {
     token: String,
     site: Arc<dyn Site>,
     num_connections: Arc<AtomicUsize>,
-}
-
-/// The subject of a server.
-#[derive(Debug)]
-pub struct Served {
-    /// The page.
-    pub page: String,
-    /// For each Gaussian that is packed in the page its index in the scene.
-    pub order: Vec<u32>,
-    /// The edit under way.
-    pub edit: Edit,
-    /// Device and options of its jobs.
-    pub workshop: Workshop,
 }
 
 impl Server {

@@ -1,7 +1,7 @@
 //! The reader of scripts.
 
 use super::actions::PlacementKeys;
-use super::selectors::{self, SelectorKeys, is_reserved};
+use super::selectors::{self, SelectorKeys, SelectorReader, is_reserved};
 use super::surfaces::ReadSurface;
 use super::{Asset, EditStep, Script, Subject};
 use crate::act::Action;
@@ -14,7 +14,7 @@ use eagpt_scene::script::value::{Array, Color, NonEmpty, Number, Parsed, Positiv
 use eagpt_scene::script::{ScriptFile, Spanned};
 use eagpt_scene::{Result, ply};
 use serde::Deserialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A script as its file has it.
@@ -65,20 +65,18 @@ type LightKeys = BTreeMap<Spanned<String>, Color>;
 /// Checks a script and reads the scenes it names.
 pub(super) fn read(file: ScriptFile) -> Result<Script> {
     let keys: ScriptKeys = file.parse()?;
+    let defined = keys.selections.keys().cloned().collect();
     let mut reader = Reader {
         file: &file,
-        defined: keys.selections.keys().cloned().collect(),
-        groups: BTreeSet::new(),
+        selectors: SelectorReader::new(&file, defined),
         assets: Vec::new(),
-        lamps: Vec::new(),
-        num_clusters: 0,
     };
     let selections = reader.selections(&keys)?;
     let mut steps = Vec::with_capacity(keys.step.0.len());
     for step in keys.step.0 {
         steps.push(reader.step(step, &selections)?);
     }
-    let Reader { assets, lamps, .. } = reader;
+    let (assets, lamp_names) = (reader.assets, reader.selectors.lamps);
     Ok(Script {
         blake3: blake3::hash(file.text().as_bytes()).to_hex().to_string(),
         file,
@@ -86,23 +84,17 @@ pub(super) fn read(file: ScriptFile) -> Result<Script> {
         selections,
         steps,
         assets,
-        lamp_names: lamps,
+        lamp_names,
         lamps: None,
         basis: None,
     })
 }
 
 /// Names and scenes that have been read so far.
-pub(super) struct Reader<'a> {
-    pub(super) file: &'a ScriptFile,
-    /// Names in `[selections]`.
-    pub(super) defined: BTreeSet<String>,
-    /// Names given by steps that have been read.
-    pub(super) groups: BTreeSet<String>,
+struct Reader<'a> {
+    file: &'a ScriptFile,
+    selectors: SelectorReader<'a>,
     assets: Vec<Asset>,
-    /// Names and patterns of lamps.
-    pub(super) lamps: Vec<Spanned<String>>,
-    pub(super) num_clusters: usize,
 }
 
 impl Reader<'_> {
@@ -125,13 +117,13 @@ impl Reader<'_> {
                 let problem = format!("`{}` is not a name that can be given", name.get_ref());
                 return Err(self.file.error(name.span(), problem));
             }
-            self.groups.insert(name.get_ref().clone());
+            self.selectors.groups.insert(name.get_ref().clone());
         }
         let mut definitions = Definitions::new();
         for (name, selector) in &keys.selections {
-            definitions.insert(name.clone(), self.selector(selector)?);
+            definitions.insert(name.clone(), self.selectors.selector(selector)?);
         }
-        self.groups.clear();
+        self.selectors.groups.clear();
         for (name, selector) in &keys.selections {
             let problem = selectors::circle(&definitions[name], &definitions, &mut vec![name]);
             if let Some(problem) = problem {
@@ -155,7 +147,10 @@ impl Reader<'_> {
             group,
         } = step.into_inner();
         let (subject, subject_span) = match (select, insert, import, set_light) {
-            (Some(keys), None, None, None) => (Subject::Select(self.selector(&keys)?), keys.span()),
+            (Some(keys), None, None, None) => (
+                Subject::Select(self.selectors.selector(&keys)?),
+                keys.span(),
+            ),
             (None, Some(keys), None, None) => {
                 let span = keys.span();
                 (Subject::Insert(keys.into_inner().0), span)
@@ -210,7 +205,10 @@ impl Reader<'_> {
                 return Err(file.error(name.span(), problem));
             }
             let text = name.get_ref();
-            if self.defined.contains(text) || !self.groups.insert(text.clone()) {
+            let SelectorReader {
+                defined, groups, ..
+            } = &mut self.selectors;
+            if defined.contains(text) || !groups.insert(text.clone()) {
                 let problem = format!("`{text}` is taken: names are given once");
                 return Err(file.error(name.span(), problem));
             }
@@ -230,7 +228,7 @@ impl Reader<'_> {
     fn import(&mut self, keys: &ImportKeys, selections: &Definitions) -> Result<Subject> {
         let selector = match &keys.select {
             Some(select) => {
-                let selector = self.selector(select)?;
+                let selector = self.selectors.selector(select)?;
                 let is_group = |part: &Selector| matches!(part, Selector::Group(_));
                 if selector.mentions(selections, &is_group) {
                     return Err(self.file.error(

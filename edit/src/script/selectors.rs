@@ -1,16 +1,17 @@
 //! Selectors in a script.
 
-use super::reader::Reader;
 use super::shapes;
 use crate::cluster::{Cluster, Reach};
-use crate::select::{Definitions, Quantity, Selector};
+use crate::quantity::Quantity;
+use crate::select::{Definitions, Selector};
 use eagpt_scene::Result;
-use eagpt_scene::script::Spanned;
 use eagpt_scene::script::value::{
     Array, Form, Fraction, NonEmpty, NotNegative, Number, Positive, checked,
 };
+use eagpt_scene::script::{ScriptFile, Spanned};
 use glam::Vec3;
 use serde::{Deserialize, Deserializer};
+use std::collections::BTreeSet;
 
 /// The name of the selection that is always there.
 const EVERYTHING: &str = "everything";
@@ -63,7 +64,29 @@ struct Limits<T> {
     max: Option<T>,
 }
 
-impl Reader<'_> {
+/// The reader of selectors, with the names they may refer to.
+pub(super) struct SelectorReader<'a> {
+    pub(super) file: &'a ScriptFile,
+    /// Names in `[selections]`.
+    pub(super) defined: BTreeSet<String>,
+    /// Names given by steps that have been read.
+    pub(super) groups: BTreeSet<String>,
+    /// Names and patterns of lamps that have been read.
+    pub(super) lamps: Vec<Spanned<String>>,
+    num_clusters: usize,
+}
+
+impl<'a> SelectorReader<'a> {
+    pub(super) fn new(file: &'a ScriptFile, defined: BTreeSet<String>) -> Self {
+        Self {
+            file,
+            defined,
+            groups: BTreeSet::new(),
+            lamps: Vec::new(),
+            num_clusters: 0,
+        }
+    }
+
     pub(super) fn selector(&mut self, keys: &Spanned<SelectorKeys>) -> Result<Selector> {
         let problem = match keys.get_ref() {
             Form::Text(name) if name == EVERYTHING => return Ok(Selector::Everything),
@@ -129,12 +152,15 @@ impl Reader<'_> {
             None => Selector::Everything,
         };
         self.num_clusters += 1;
-        Ok(Selector::Cluster(Box::new(Cluster {
+        let cluster = Cluster {
             id: self.num_clusters,
             seed: keys.seed,
             reach: keys.reach,
-            within,
-        })))
+        };
+        Ok(Selector::Cluster {
+            cluster,
+            within: Box::new(within),
+        })
     }
 }
 
@@ -218,7 +244,7 @@ pub(super) fn circle<'a>(
             path.pop();
             problem
         }
-        Selector::Cluster(cluster) => circle(&cluster.within, definitions, path),
+        Selector::Cluster { within, .. } => circle(within, definitions, path),
         Selector::All(parts) | Selector::Any(parts) => parts
             .iter()
             .find_map(|part| circle(part, definitions, path)),

@@ -1,7 +1,7 @@
 //! Pictures for display: a camera's JPEG, and PNG or TIFF of 8 bits. Their codes are samples, their
 //! primaries those of the ICC profile or of EXIF, sRGB's where neither says so.
 
-use super::{CameraColor, Header, MAX_PIXELS, Metadata, RawFrame, Samples, Want, exif, linear};
+use super::{Header, MAX_PIXELS, Metadata, RawFrame, Samples, Want, exif};
 use crate::error::{IngestError, Result};
 use eagpt_scene::color::Chromaticities;
 use glam::{DMat3, DVec2, DVec3};
@@ -72,8 +72,7 @@ pub(super) fn frame(
     RawFrame {
         header: Header {
             display: Some(display),
-            color: CameraColor::default(),
-            ..linear::header(size, 255.0, metadata)
+            ..Header::rgb(size, 255.0, metadata)
         },
         samples: Samples::Integer(codes.into_iter().map(u16::from).collect()),
     }

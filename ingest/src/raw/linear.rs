@@ -2,9 +2,7 @@
 //! and TIFF of 8 bits are for display.
 
 use super::display::{self, Display};
-use super::{
-    Black, CameraColor, Header, Layout, MAX_PIXELS, Metadata, RawFrame, Samples, Want, exif,
-};
+use super::{Header, MAX_PIXELS, Metadata, RawFrame, Samples, Want, exif};
 use crate::error::{IngestError, Result};
 use eagpt_scene::exr;
 use image::codecs::png::PngDecoder;
@@ -37,7 +35,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], want: Want) -> Result<RawFrame> {
     };
     Ok(match found {
         Found::Linear(size, white, samples) => RawFrame {
-            header: header(size, white, metadata),
+            header: Header::rgb(size, white, metadata),
             samples,
         },
         Found::Display(size, codes, profile) => {
@@ -54,24 +52,6 @@ enum Found {
     Linear((u32, u32), f32, Samples),
     /// Codes, and an ICC profile.
     Display((u32, u32), Vec<u8>, Option<Vec<u8>>),
-}
-
-/// A header of three samples a pixel.
-pub(super) fn header((width, height): (u32, u32), white: f32, metadata: Metadata) -> Header {
-    Header {
-        width,
-        height,
-        layout: Layout::Rgb,
-        black: Black {
-            columns: 1,
-            rows: 1,
-            levels: vec![0.0],
-        },
-        white: [white; 3],
-        color: CameraColor::default(),
-        display: None,
-        metadata,
-    }
 }
 
 fn read_exr(path: &Path, want: Want) -> Result<Found> {

@@ -1,6 +1,7 @@
 //! Least squares of a response: 256 unknowns, any number of pixels.
 
-use super::{Chain, NUM_CODES, srgb_log};
+use super::NUM_CODES;
+use eagpt_scene::color::linear_from_srgb;
 
 /// Standard deviation of a code: rounding and JPEG.
 const CODE_SIGMA: f64 = 1.0;
@@ -14,6 +15,9 @@ const BEND_SIGMA: f64 = 1e-4;
 const OUTLIER: f64 = 3.0;
 /// Rounds of weighting; the second already settles which pixels moved.
 const ROUNDS: usize = 3;
+
+/// One pixel of one channel: code and logarithm of the exposure in each shot that shows it.
+pub(crate) type Chain = Vec<(u16, f64)>;
 
 /// Logarithm of the light of each code, that of `grey` by sRGB's curve, and the root mean square
 /// of what remains.
@@ -147,6 +151,11 @@ impl Equations {
         }
         x
     }
+}
+
+/// Logarithm of the light of a code by sRGB's curve, which cameras vary.
+fn srgb_log(code: usize) -> f64 {
+    f64::from(linear_from_srgb(code.max(1) as f32 / 255.0)).ln()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Overlays, dropped regions and reports, once views have been compared.
 
-use super::{MaskJob, MaskProgress, Masked, mask_file, overlay_file};
+use super::request::MaskProgress;
+use super::{MaskJob, Masked, mask_file, overlay_file};
 use crate::consistency::{Comparison, Verdict};
 use crate::error::Result;
 use crate::mask::{Mask, Region};

@@ -1,7 +1,8 @@
 //! The level of a dataset: from the radiances of all views, and the regions of dim lamps.
 
-use super::{MaskJob, MaskProgress};
-use crate::error::Result;
+use super::MaskJob;
+use super::request::MaskProgress;
+use crate::error::{MaskError, Result};
 use crate::level::{Dimmer, Histogram, Level};
 use crate::options::MaskSource;
 
@@ -15,8 +16,8 @@ impl MaskJob<'_> {
         let mut histogram = Histogram::default();
         for index in 0..total {
             let view = self.request.dataset.load_view(index)?;
-            if let Some(light) = self.light(&view)? {
-                histogram.add(self.measured(&light));
+            if let Some(light) = self.request.light(&view)? {
+                histogram.add(self.request.measured(&light));
             }
             let done = index + 1;
             (self.progress)(MaskProgress::Measuring { done, total });
@@ -27,7 +28,7 @@ impl MaskJob<'_> {
             Some(level) => level,
             None => level.map_err(|problem| {
                 let path = self.request.dataset.root().to_owned();
-                crate::MaskError::NoLevel { path, problem }
+                MaskError::NoLevel { path, problem }
             })?,
         };
         (self.progress)(MaskProgress::Level(level));
@@ -42,7 +43,7 @@ impl MaskJob<'_> {
         let options = &self.request.options;
         for index in 0..self.num_views() {
             let view = self.request.dataset.load_view(index)?;
-            let Some(light) = self.light(&view)? else {
+            let Some(light) = self.request.light(&view)? else {
                 continue;
             };
             let values = light.map(|&rgb| [options.rule.value(rgb)]);

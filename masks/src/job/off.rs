@@ -1,7 +1,7 @@
 //! Lamps by comparison with other lights: what a lamp gives is the difference between a photograph
 //! with it and one without it, from the same place.
 
-use super::{MaskJob, MaskRequest};
+use super::request::MaskRequest;
 use crate::error::Result;
 use eagpt_scene::{Camera, Dataset, Image, SceneError, View};
 use std::borrow::Cow;
@@ -34,11 +34,11 @@ fn same(dataset: &Dataset, camera: &Camera) -> Option<usize> {
     frames.iter().position(|frame| frame.camera == *camera)
 }
 
-impl MaskJob<'_> {
+impl MaskRequest<'_> {
     /// Linear radiance that a threshold applies to: all of the view, or that which the darkest of
     /// the other lights does not have, at least 0. `None` where no other light has the view.
     pub(super) fn light<'v>(&self, view: &'v View) -> Result<Option<Cow<'v, Image<3>>>> {
-        let others = &self.request.off;
+        let others = &self.off;
         if others.is_empty() {
             return Ok(Some(Cow::Borrowed(&view.radiance)));
         }
@@ -66,8 +66,8 @@ impl MaskJob<'_> {
     /// The values of `light` that a level is looked for in: where lights are compared, those that
     /// are there at all. What another lamp lights says nothing of the surfaces that this one does.
     pub(super) fn measured(&self, light: &Image<3>) -> impl Iterator<Item = f32> {
-        let rule = self.request.options.rule;
-        let compares = !self.request.off.is_empty();
+        let rule = self.options.rule;
+        let compares = !self.off.is_empty();
         let values = light.pixels().iter().map(move |&rgb| rule.value(rgb));
         values.filter(move |value| !compares || *value > 0.0)
     }

@@ -1,10 +1,11 @@
 //! Camera paths in TOML files.
 
-use super::turntable::TurntableKeys;
-use super::{
-    CameraPath, Common, DEFAULT_FPS, DEFAULT_SECONDS, MAX_FRAMES, MAX_SIZE, Pace, PathOverrides,
-    fly, turntable, view,
+use super::fly::Pace;
+use super::path::{
+    CameraPath, Common, DEFAULT_FPS, DEFAULT_SECONDS, MAX_FRAMES, MAX_SIZE, PathOverrides, fly,
+    turntable, view,
 };
+use super::turntable::TurntableKeys;
 use crate::dataset::Dataset;
 use crate::error::Result;
 use crate::script::value::{Array, Number, Whole};

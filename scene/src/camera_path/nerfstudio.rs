@@ -4,7 +4,7 @@
 //! dataset unless it is told not to (`--orientation-method none --center-method none
 //! --auto-scale-poses False`).
 
-use super::{CameraPath, DEFAULT_FPS, MAX_FRAMES, PathOverrides, Route};
+use super::path::{CameraPath, DEFAULT_FPS, MAX_FRAMES, PathOverrides, Route};
 use crate::camera::Camera;
 use crate::dataset::{json::Object, pose};
 use crate::error::{Result, SceneError};

@@ -1,7 +1,9 @@
 //! Tests of camera paths: what curves keep, what files say, what is refused.
 
+use super::fly::Fly;
 use super::rotation::{RotationSegment, step};
 use super::*;
+use crate::camera::Camera;
 use crate::dataset::{DatasetInfo, TRANSFORMS_FILE, UpAxis, write_transforms};
 use crate::testing::assert_error;
 use glam::{DAffine3, DQuat, DVec3};

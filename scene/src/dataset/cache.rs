@@ -1,6 +1,7 @@
 //! Recently used views, within a budget of memory.
 
-use super::{Dataset, View};
+use super::Dataset;
+use super::view::View;
 use crate::error::Result;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

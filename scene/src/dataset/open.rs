@@ -1,13 +1,15 @@
 //! Opening a dataset: from `transforms.json` to frames whose images are there.
 
-use super::intrinsics::{self, Contradictions, Dialect};
-use super::json::{Object, excerpt};
-use super::names::{is_frame_name, strip_image_folder};
-use super::{
-    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, BadFrame, CLIPPED_DIR, DEPTH_DIR, Dataset, DatasetInfo,
-    EMISSION_DIR, Frame, ListedSplit, NORMAL_DIR, POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR,
-    SPECULAR_DIR, TRANSFORMS_FILE, VALID_DIR, ViewFiles, pose,
+use super::frame::{
+    ALBEDO_DIR, ALPHA_DIR, BadFrame, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, Frame, NORMAL_DIR,
+    POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR, SPECULAR_DIR, TRANSFORMS_FILE, VALID_DIR, ViewFiles,
 };
+use super::info::DatasetInfo;
+use super::intrinsics::{self, Contradictions, Dialect};
+use super::json::Object;
+use super::names::{is_frame_name, strip_image_folder};
+use super::split::ListedSplit;
+use super::{Dataset, pose};
 use crate::error::{Result, SceneError};
 use crate::exr;
 use crate::files;
@@ -25,26 +27,48 @@ struct Located {
 
 /// Whether the radiance images have to be there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Images {
+enum Images {
     /// Yes.
     Needed,
     /// No, if the file states their size.
     IfThere,
 }
 
-pub(super) fn open(path: &Path, images: Images) -> Result<Dataset> {
-    read(path, images, |bad| Err(bad.error))
-}
+impl Dataset {
+    /// Opens a dataset: a folder with a `transforms.json`, or that file itself (of any name).
+    ///
+    /// Checks all poses and intrinsics and reads the header of every radiance image, but no pixels.
+    ///
+    /// # Errors
+    /// [`SceneError`] naming the file, the field as in `frames[3].transform_matrix`, and the value.
+    pub fn open(root: &Path) -> Result<Self> {
+        read(root, Images::Needed, |bad| Err(bad.error))
+    }
 
-pub(super) fn survey(path: &Path) -> Result<(Dataset, Vec<BadFrame>)> {
-    let mut all_bad = Vec::new();
-    let dataset = read(path, Images::Needed, |bad| {
-        all_bad.push(bad);
-        Ok(())
-    })?;
-    match all_bad.is_empty() || !dataset.is_empty() {
-        true => Ok((dataset, all_bad)),
-        false => Err(all_bad.swap_remove(0).error),
+    /// As [`Self::open`] where only the cameras are needed: an image that is not there will do if
+    /// the file states `w` and `h`. [`Self::load_view`] fails for such a frame.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_cameras(root: &Path) -> Result<Self> {
+        read(root, Images::IfThere, |bad| Err(bad.error))
+    }
+
+    /// As [`Self::open`] for a list of all problems: frames that cannot be used are
+    /// left out, and why is told of each.
+    ///
+    /// # Errors
+    /// As [`Self::open`] for what is wrong with the file as a whole, and if no frame is left.
+    pub fn survey(root: &Path) -> Result<(Self, Vec<BadFrame>)> {
+        let mut all_bad = Vec::new();
+        let dataset = read(root, Images::Needed, |bad| {
+            all_bad.push(bad);
+            Ok(())
+        })?;
+        match all_bad.is_empty() || !dataset.is_empty() {
+            true => Ok((dataset, all_bad)),
+            false => Err(all_bad.swap_remove(0).error),
+        }
     }
 }
 
@@ -110,7 +134,7 @@ fn read(
         up_axis: world.up_axis,
         metres_per_unit: world.metres_per_unit,
         aligned_from_model: world.aligned_from_model,
-        listed: listed_split(&top, &listed_names, &left_out)?,
+        listed: ListedSplit::read(&top, &listed_names, &left_out)?,
         points: points(&top, &root)?,
         frames,
         root,
@@ -255,66 +279,6 @@ fn frame(
             clipped: beside(CLIPPED_DIR),
             valid: beside(VALID_DIR),
         },
-    })
-}
-
-impl DatasetInfo {
-    /// The lists of names: training, validation, test.
-    pub fn lists_mut(&mut self) -> [&mut Option<Vec<String>>; 3] {
-        [
-            &mut self.train_names,
-            &mut self.validation_names,
-            &mut self.test_names,
-        ]
-    }
-
-    /// Keys of our own at the top of a `transforms.json`, without its lists.
-    ///
-    /// # Errors
-    /// [`SceneError::Invalid`] naming the key and its value.
-    pub fn of_world(top: &Object<'_>) -> Result<Self> {
-        let key = "up_axis";
-        let up_axis = top.string(key)?.map(str::parse).transpose();
-        Ok(Self {
-            up_axis: up_axis.map_err(|problem| top.invalid(key, problem))?,
-            metres_per_unit: top.positive("metres_per_unit")?,
-            aligned_from_model: top.matrix(ALIGNED_KEY)?,
-            ..Self::default()
-        })
-    }
-}
-
-/// The lists of nerfstudio. Names that are `left_out` are passed over.
-fn listed_split(top: &Object<'_>, names: &[&str], left_out: &HashSet<&str>) -> Result<ListedSplit> {
-    let index_by_name: HashMap<&str, usize> = names
-        .iter()
-        .enumerate()
-        .map(|(index, name)| (*name, index))
-        .collect();
-    let read = |key: &str| -> Result<Option<Vec<usize>>> {
-        let Some(names) = top.array(key)? else {
-            return Ok(None);
-        };
-        let there = names.iter().enumerate().filter(|(_, name)| {
-            let name = name.as_str();
-            name.is_none_or(|name| !left_out.contains(name))
-        });
-        let indices = there.map(|(at, name)| {
-            let index = name.as_str().and_then(|name| index_by_name.get(name));
-            index.copied().ok_or_else(|| {
-                let problem = format!("{} is not the name of a frame", excerpt(name));
-                top.invalid(&format!("{key}[{at}]"), problem)
-            })
-        });
-        indices.collect::<Result<Vec<_>>>().map(Some)
-    };
-    let test = read("test_filenames")?;
-    // A test list that nerfstudio validates on as well is one list.
-    let validation = read("val_filenames")?.filter(|list| test.as_ref() != Some(list));
-    Ok(ListedSplit {
-        train: read("train_filenames")?,
-        validation,
-        test,
     })
 }
 

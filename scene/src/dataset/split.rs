@@ -1,8 +1,8 @@
 //! Division of views into those for training and those for tests.
 
-use super::{Dataset, ListedSplit};
+use super::json::{Object, excerpt};
 use crate::error::{Result, SceneError};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::path::Path;
 
@@ -100,18 +100,67 @@ names!(
 );
 names!(Subset, Train = "train", Test = "test", All = "all");
 
-pub(super) fn split(dataset: &Dataset, rule: SplitRule) -> Result<Split> {
-    let names: Vec<&str> = dataset.frames.iter().map(|f| f.name.as_str()).collect();
+/// Frames that the file itself assigns to training, validation and testing, as indices.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct ListedSplit {
+    pub(super) train: Option<Vec<usize>>,
+    pub(super) validation: Option<Vec<usize>>,
+    pub(super) test: Option<Vec<usize>>,
+}
+
+impl ListedSplit {
+    /// The lists of nerfstudio, of `names` in order. Names that are `left_out` are passed over.
+    pub(super) fn read(top: &Object<'_>, names: &[&str], left_out: &HashSet<&str>) -> Result<Self> {
+        let index_by_name: HashMap<&str, usize> = names
+            .iter()
+            .enumerate()
+            .map(|(index, name)| (*name, index))
+            .collect();
+        let read = |key: &str| -> Result<Option<Vec<usize>>> {
+            let Some(names) = top.array(key)? else {
+                return Ok(None);
+            };
+            let there = names.iter().enumerate().filter(|(_, name)| {
+                let name = name.as_str();
+                name.is_none_or(|name| !left_out.contains(name))
+            });
+            let indices = there.map(|(at, name)| {
+                let index = name.as_str().and_then(|name| index_by_name.get(name));
+                index.copied().ok_or_else(|| {
+                    let problem = format!("{} is not the name of a frame", excerpt(name));
+                    top.invalid(&format!("{key}[{at}]"), problem)
+                })
+            });
+            indices.collect::<Result<Vec<_>>>().map(Some)
+        };
+        let test = read("test_filenames")?;
+        // A test list that nerfstudio validates on as well is one list.
+        let validation = read("val_filenames")?.filter(|list| test.as_ref() != Some(list));
+        Ok(Self {
+            train: read("train_filenames")?,
+            validation,
+            test,
+        })
+    }
+}
+
+/// Divides the frames of a dataset in the folder `root`, by their `names` or as `lists` have them.
+pub(super) fn split(
+    (root, transforms): (&Path, &Path),
+    names: &[&str],
+    lists: &ListedSplit,
+    rule: SplitRule,
+) -> Result<Split> {
     let mut warnings = Vec::new();
     let (train, test) = match rule {
         SplitRule::Every8th => every_8th(names.len()),
-        SplitRule::Listed => listed(&dataset.transforms, &dataset.listed)?,
+        SplitRule::Listed => listed(transforms, lists)?,
         SplitRule::All => ((0..names.len()).collect(), (0..names.len()).collect()),
-        SplitRule::Paper => paper(&dataset.root, &names, &mut warnings),
+        SplitRule::Paper => paper(root, names, &mut warnings),
     };
     if train.is_empty() || test.is_empty() {
         return Err(SceneError::invalid(
-            &dataset.transforms,
+            transforms,
             format!("split {rule}"),
             format!(
                 "{} training and {} test views of {} frames: neither may be empty",

@@ -5,6 +5,7 @@ mod split;
 mod views;
 
 use super::*;
+use crate::camera::Camera;
 use crate::exr::{self, Precision};
 use crate::image::Image;
 use glam::{DAffine3, DMat3, DQuat, DVec3};

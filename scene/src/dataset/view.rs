@@ -1,6 +1,6 @@
 //! The images of one frame, loaded and checked.
 
-use super::Frame;
+use super::frame::Frame;
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};
 use crate::exr;

@@ -1,37 +1,22 @@
 //! Writing datasets, as EAG-PT has them.
 
-use super::{
-    ALBEDO_DIR, ALIGNED_KEY, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR,
-    POINTS_FILE, RADIANCE_DIR, ROUGHNESS_DIR, SPECULAR_DIR, TRANSFORMS_FILE, UpAxis, VALID_DIR,
-    View, is_frame_name, pose,
+use super::frame::{
+    ALBEDO_DIR, ALPHA_DIR, CLIPPED_DIR, DEPTH_DIR, EMISSION_DIR, NORMAL_DIR, POINTS_FILE,
+    RADIANCE_DIR, ROUGHNESS_DIR, SPECULAR_DIR, TRANSFORMS_FILE, VALID_DIR,
 };
+use super::info::{ALIGNED_KEY, DatasetInfo};
+use super::names::is_frame_name;
+use super::pose;
+use super::view::View;
 use crate::camera::Camera;
 use crate::error::{Result, SceneError};
 use crate::exr::{self, Precision};
 use crate::files;
+use crate::image::Image;
 use crate::ply::{self, PointCloud};
 use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-
-/// Properties of a dataset beside its cameras and images.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct DatasetInfo {
-    /// The world's up axis, if known.
-    pub up_axis: Option<UpAxis>,
-    /// Length of a scene unit in metres, if known.
-    pub metres_per_unit: Option<f64>,
-    /// Names of the frames to train on, if the dataset prescribes them.
-    pub train_names: Option<Vec<String>>,
-    /// Names of the frames to validate on, if the dataset prescribes them; they are tested on where
-    /// no others are.
-    pub validation_names: Option<Vec<String>>,
-    /// Names of the frames to test on, if the dataset prescribes them.
-    pub test_names: Option<Vec<String>>,
-    /// Rows of the 4×4 similarity from the world of a structure-from-motion model to that of the
-    /// dataset, if it came from one.
-    pub aligned_from_model: Option<[[f64; 4]; 4]>,
-}
 
 /// Writes a dataset view by view. `transforms.json` comes last, so that a folder without one is an
 /// unfinished dataset.
@@ -125,17 +110,12 @@ impl DatasetWriter {
         Ok(path)
     }
 
-    fn write_rgb(&self, folder: &str, name: &str, image: Option<&crate::Image<3>>) -> Result<()> {
+    fn write_rgb(&self, folder: &str, name: &str, image: Option<&Image<3>>) -> Result<()> {
         let Some(image) = image else { return Ok(()) };
         exr::write_rgb(&self.path(folder, name)?, image, self.precision)
     }
 
-    fn write_single(
-        &self,
-        folder: &str,
-        name: &str,
-        image: Option<&crate::Image<1>>,
-    ) -> Result<()> {
+    fn write_single(&self, folder: &str, name: &str, image: Option<&Image<1>>) -> Result<()> {
         let Some(image) = image else { return Ok(()) };
         exr::write_single(&self.path(folder, name)?, image, self.precision)
     }

@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 /// The properties in the order of a written file; the quaternion has w first.
-pub(super) const PROPERTIES: [&str; 17] = [
+const PROPERTIES: [&str; 17] = [
     "x",
     "y",
     "z",

@@ -5,7 +5,6 @@
 //! spherical harmonics that add up to a display colour. `f_rest` has all coefficients of red first,
 //! then those of green and blue.
 
-use super::gaussians::PROPERTIES;
 use super::header::PropertyType;
 use super::values::Vertices;
 use crate::error::{Result, SceneError};
@@ -77,7 +76,7 @@ pub fn read_splats(path: &Path) -> Result<Splats> {
 
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Splats> {
     let vertices = Vertices::parse(path, bytes)?;
-    if vertices.find(PROPERTIES[10]).is_some() {
+    if vertices.find("radiances_0").is_some() {
         let problem = "a scene already, nothing to import";
         return Err(SceneError::invalid(path, "vertex.radiances_0", problem));
     }

@@ -1,5 +1,6 @@
 //! Names and places of files, and what is true of them.
 
+use super::shot::{Shot, position_name};
 use super::{Parts, Simulation, SynthOptions};
 use crate::error::Result;
 use crate::lamps::lamps;
@@ -18,27 +19,6 @@ use std::path::PathBuf;
 pub(super) const MANIFEST_FILE: &str = "capture.toml";
 /// Everything that is true of the capture.
 const TRUTH_FILE: &str = "synth.json";
-
-/// One exposure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shot {
-    pub(super) condition: usize,
-    pub(super) position: usize,
-    pub(super) exposure: usize,
-}
-
-impl Shot {
-    /// Its file, relative to the capture, with "/".
-    pub(super) fn file(&self, conditions: &[String]) -> String {
-        let (condition, position) = (&conditions[self.condition], position_name(self.position));
-        format!("{condition}/{position}_{}.dng", self.exposure)
-    }
-}
-
-/// Name of a position.
-pub(super) fn position_name(index: usize) -> String {
-    format!("p{index:03}")
-}
 
 /// All files that [`super::simulate`] writes, relative to its folder.
 pub fn outputs(script: &SceneScript, options: &SynthOptions) -> Vec<PathBuf> {

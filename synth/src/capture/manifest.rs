@@ -1,6 +1,7 @@
 //! `capture.toml`: which files belong together.
 
-use super::layout::{MANIFEST_FILE, Shot, position_name};
+use super::layout::MANIFEST_FILE;
+use super::shot::{Shot, position_name};
 use crate::error::Result;
 use crate::script::SceneScript;
 use eagpt_scene::files;

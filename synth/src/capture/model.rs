@@ -2,7 +2,7 @@
 //! little off.
 
 use super::Simulation;
-use super::layout::position_name;
+use super::shot::position_name;
 use crate::error::{Result, SynthError};
 use crate::photograph::Photograph;
 use crate::room::LIFT;

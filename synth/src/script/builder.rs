@@ -1,12 +1,46 @@
-//! Shapes of an object under construction.
+//! Objects under construction: the names they refer to, and their shapes.
 
-use super::objects::{Name, Vocabulary};
+use super::unknown;
 use crate::room::Surface;
 use crate::room::shape::{Ball, Block, Drum, Ends, Quad, Shape};
 use eagpt_scene::Result;
 use eagpt_scene::rng::RandomStream;
-use eagpt_scene::script::value::Direction;
+use eagpt_scene::script::value::{Array, Direction, Positive};
+use eagpt_scene::script::{ScriptFile, Spanned};
 use glam::{Mat3, Vec2, Vec3};
+
+/// The name of a material or a light.
+pub(super) type Name = Spanned<String>;
+/// Two lengths.
+pub(super) type Size2 = Array<Positive, 2>;
+/// Three lengths.
+pub(super) type Size3 = Array<Positive, 3>;
+
+/// The keys of an object, which build its surfaces.
+pub(super) trait Object {
+    fn build(&self, builder: &mut Builder<'_>) -> Result<()>;
+}
+
+/// Names that objects may refer to, in the order of their indices.
+pub(super) struct Vocabulary<'a> {
+    pub(super) file: &'a ScriptFile,
+    pub(super) materials: Vec<&'a str>,
+    pub(super) lights: Vec<&'a str>,
+}
+
+impl Vocabulary<'_> {
+    /// The index of a name.
+    ///
+    /// # Errors
+    /// If it is not among `names`.
+    pub(super) fn index(&self, noun: &str, names: &[&str], name: &Name) -> Result<u32> {
+        let found = names.iter().position(|other| other == name.get_ref());
+        found.map(|index| index as u32).ok_or_else(|| {
+            let names = names.iter().copied();
+            unknown(self.file, name.span(), (noun, name.get_ref()), names)
+        })
+    }
+}
 
 /// Material and light of a surface.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,6 @@
 //! Lamps, plants, and things on a wall.
 
-use super::builder::{Builder, Finish, wall};
-use super::objects::{Name, Object, Size2};
+use super::builder::{Builder, Finish, Name, Object, Size2, wall};
 use crate::room::shape::Ends;
 use eagpt_scene::Result;
 use eagpt_scene::script::value::{Array, Direction, NonEmpty, Positive, Whole};

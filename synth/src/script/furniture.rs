@@ -1,7 +1,6 @@
 //! Furniture, composed of simple shapes: it stands on the floor with its front towards −y.
 
-use super::builder::{Builder, Finish};
-use super::objects::{Name, Object, Size3};
+use super::builder::{Builder, Finish, Name, Object, Size3};
 use eagpt_scene::Result;
 use eagpt_scene::script::value::{NonEmpty, Positive, Whole};
 use glam::{Vec2, Vec3};

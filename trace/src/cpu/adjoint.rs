@@ -15,12 +15,13 @@
 //! Gaussians get one row per tile, and rows are added in the order of the tiles: the result is the
 //! same for any number of threads.
 
-use super::camera::{BlendedHit, CameraRecord, TileRecord};
 use super::harmonics::as_seen;
+use super::record::{BlendedHit, CameraRecord, TileRecord};
 use super::tile::pixels_of_tile;
-use crate::blend::{Face, GradientMask, LocalGradient, grad_lane};
+use crate::attributes::{Attributes, Face};
+use crate::blend::{GradientMask, LocalGradient, grad_lane};
 use crate::features::{Features, NUM_LANES, lane};
-use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, SurfelSet};
+use crate::surfel::{SeenSet, SeenSurfel, Surfel, SurfelSet};
 use eagpt_scene::Camera;
 use glam::Vec3;
 use multiversion::multiversion;
@@ -96,56 +97,6 @@ impl CameraRecord {
             });
         self.rows.find(set.len(), &self.tiles);
         self.rows.sum(&self.tiles)
-    }
-}
-
-/// Where the rows of each Gaussian are.
-#[derive(Debug, Clone, Default)]
-pub(super) struct RowPlaces {
-    /// First place of each Gaussian, and the end.
-    starts: Vec<u32>,
-    next: Vec<u32>,
-    /// Tile and row, tiles in order.
-    places: Vec<(u32, u32)>,
-}
-
-impl RowPlaces {
-    fn find(&mut self, num_gaussians: usize, tiles: &[TileRecord]) {
-        self.starts.clear();
-        self.starts.resize(num_gaussians + 1, 0);
-        for &g in tiles.iter().flat_map(|tile| &tile.gaussians) {
-            self.starts[g as usize + 1] += 1;
-        }
-        for g in 0..num_gaussians {
-            self.starts[g + 1] += self.starts[g];
-        }
-        self.places
-            .resize(self.starts[num_gaussians] as usize, (0, 0));
-        self.next.clear();
-        self.next.extend_from_slice(&self.starts);
-        for (tile, record) in tiles.iter().enumerate() {
-            for (row, &g) in record.gaussians.iter().enumerate() {
-                let next = &mut self.next[g as usize];
-                self.places[*next as usize] = (tile as u32, row as u32);
-                *next += 1;
-            }
-        }
-    }
-
-    /// Adds the rows of each Gaussian.
-    fn sum(&self, tiles: &[TileRecord]) -> Vec<LocalGradient> {
-        (0..self.starts.len() - 1)
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|g| {
-                let mut total = LocalGradient::default();
-                let range = self.starts[g] as usize..self.starts[g + 1] as usize;
-                for &(tile, row) in &self.places[range] {
-                    total.add(&tiles[tile as usize].gradients[row as usize]);
-                }
-                total
-            })
-            .collect()
     }
 }
 

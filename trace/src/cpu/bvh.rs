@@ -15,16 +15,9 @@ pub use search::{RayScratch, Reach};
 
 use crate::surfel::{Surfel, SurfelSet};
 use glam::{Vec3, Vec3A};
-use nodes::Node;
+use nodes::{EMPTY, Node, WIDTH};
 use obvhs::aabb::Aabb;
 use widen::{BinaryTree, Topology};
-
-/// Children of a node and Gaussians of a leaf: the lanes of an AVX register.
-const WIDTH: usize = 8;
-/// Child that does not exist.
-const EMPTY: u32 = u32::MAX;
-/// Marks children that are leaves; the other bits are the leaf's index.
-const LEAF: u32 = 1 << 31;
 
 /// A tree is built again when the expected cost of a ray has grown by this factor over refits.
 /// Measured on drifting Gaussians a rebuild pays for itself within one frame from about this growth

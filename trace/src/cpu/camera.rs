@@ -5,18 +5,18 @@
 //! does the rest. For the adjoint ([`CameraRecord::adjoint`]) a compact record of the blended hits
 //! is kept. No memory is taken per tile, block or ray: threads and records reuse theirs.
 
-use super::adjoint::RowPlaces;
 use super::bins::{TILE, TILE_PIXELS, TileBins};
 use super::bvh::{Bvh, RayScratch, Reach};
 use super::harmonics::evaluate_harmonics;
 use super::hits::BlockHits;
-use super::search::{TileList, TileSurfel};
-use super::tile::{BLOCKS, LANES, TileRays, pixels_of_tile};
-use crate::blend::{BlendStatus, Blender, Contribution, LocalGradient, PixelValue};
-use crate::features::{Features, GBuffer};
+use super::record::{BlendedHit, CameraRecord, TileRecord, UNUSED};
+use super::search::TileList;
+use super::tile::{BLOCKS, LANES, TileRays};
+use crate::attributes::Attributes;
+use crate::blend::{BlendStatus, Blender};
+use crate::features::GBuffer;
 use crate::ray::Ray;
-use crate::surfel::{Attributes, SeenSet, SurfelSet};
-use crate::weights::BlendWeights;
+use crate::surfel::{SeenSet, SurfelSet};
 use eagpt_scene::Camera;
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -38,52 +38,6 @@ pub enum Keep {
     Nothing,
     /// A record for the adjoint.
     Record,
-}
-
-/// The blended hits of every pixel, kept for the adjoint, and memory that the next image reuses.
-#[derive(Debug, Clone, Default)]
-pub struct CameraRecord {
-    /// Of the last image; none before the first.
-    pub(super) camera: Option<Camera>,
-    pub(super) tiles: Vec<TileRecord>,
-    bins: TileBins,
-    pub(super) rows: RowPlaces,
-    /// Attributes as the camera sees them, where that makes a difference.
-    pub(super) seen: Vec<Attributes>,
-}
-
-/// Record of a tile.
-#[derive(Debug, Clone, Default)]
-pub(super) struct TileRecord {
-    features: Vec<Features>,
-    /// Row of each slot; [`UNUSED`] where nothing was blended.
-    rows: Vec<u32>,
-    /// Index in the scene of each row.
-    pub(super) gaussians: Vec<u32>,
-    hits: Vec<BlendedHit>,
-    /// End of each pixel's hits.
-    ends: Vec<u32>,
-    /// Of each row, once asked for.
-    pub(super) gradients: Vec<LocalGradient>,
-}
-
-/// Row of a slot that no ray blends: of those of a search, many lie behind opaque surfaces.
-const UNUSED: u32 = u32::MAX;
-
-/// One blended hit of a ray, as the adjoint needs it again.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct BlendedHit {
-    /// Slot of the Gaussian; see [`TileRecord::row_of`].
-    slot: u32,
-    /// Distance along the ray.
-    pub(super) t: f32,
-    /// Opacity α.
-    pub(super) alpha: f32,
-    /// Weight `T·α`.
-    pub(super) weight: f32,
-    /// In-plane coordinates in standard deviations.
-    pub(super) u: f32,
-    pub(super) v: f32,
 }
 
 /// Memory a thread reuses from tile to tile.
@@ -151,128 +105,9 @@ impl CameraRecord {
             });
         self.gbuffer()
     }
-
-    /// Composited features of the camera; of no pixel before the first.
-    pub fn gbuffer(&self) -> GBuffer {
-        let pixels = self.camera.as_ref().map(|camera| self.features(camera));
-        GBuffer {
-            width: self.camera.map_or(0, |camera| camera.width),
-            height: self.camera.map_or(0, |camera| camera.height),
-            pixels: pixels.unwrap_or_default(),
-        }
-    }
-
-    fn features(&self, camera: &Camera) -> Vec<Features> {
-        let mut pixels = vec![Features::default(); camera.num_pixels()];
-        let tiles_x = camera.width.div_ceil(TILE) as usize;
-        pixels
-            .par_chunks_mut((camera.width * TILE) as usize)
-            .enumerate()
-            .for_each(|(band, rows)| {
-                let start = band * (camera.width * TILE) as usize;
-                for tile in band * tiles_x..(band + 1) * tiles_x {
-                    for (p, pixel) in pixels_of_tile(camera, tile) {
-                        rows[pixel - start] = self.tiles[tile].features[p];
-                    }
-                }
-            });
-        pixels
-    }
-
-    /// Number of blended hits of all pixels.
-    pub fn num_hits(&self) -> usize {
-        self.tiles.iter().map(|tile| tile.hits.len()).sum()
-    }
-
-    /// The weights of the blend in every pixel; see [`BlendWeights`].
-    pub fn weights(&self, least: f32) -> BlendWeights {
-        let Some(camera) = &self.camera else {
-            return BlendWeights::default();
-        };
-        let per_tile: Vec<BlendWeights> = self
-            .tiles
-            .par_iter()
-            .enumerate()
-            .map(|(tile, record)| {
-                let mut weights = BlendWeights::default();
-                for (p, pixel) in pixels_of_tile(camera, tile) {
-                    let hits = record.hits_of(p).iter();
-                    let named = hits.map(|hit| (record.gaussians[record.row_of(hit)], hit.weight));
-                    weights.push(pixel as u32, named, least);
-                }
-                weights
-            })
-            .collect();
-        BlendWeights::joined(&per_tile)
-    }
-
-    /// Contribution of each Gaussian to the image. A Gaussian that several tiles saw comes once
-    /// for each of them, tiles in order.
-    pub fn contributions(&self, value: PixelValue<'_>) -> Vec<Contribution> {
-        let Some(camera) = &self.camera else {
-            return Vec::new();
-        };
-        let per_tile: Vec<Vec<Contribution>> = self
-            .tiles
-            .par_iter()
-            .enumerate()
-            .map(|(tile, record)| {
-                let of = |&gaussian| Contribution {
-                    gaussian,
-                    ..Contribution::default()
-                };
-                let mut rows: Vec<Contribution> = record.gaussians.iter().map(of).collect();
-                for (p, pixel) in pixels_of_tile(camera, tile) {
-                    let value = value(pixel, &record.features[p]);
-                    for hit in record.hits_of(p) {
-                        let row = &mut rows[record.row_of(hit)];
-                        row.add(hit.weight, pixel as u32, value);
-                    }
-                }
-                // Tiles reach beyond the image's border; what was hit only there was not seen.
-                rows.retain(|row| row.weight > 0.0);
-                rows
-            })
-            .collect();
-        per_tile.into_iter().flatten().collect()
-    }
 }
 
 impl TileRecord {
-    fn clear(&mut self) {
-        self.features.clear();
-        self.rows.clear();
-        self.gaussians.clear();
-        self.hits.clear();
-        self.ends.clear();
-    }
-
-    /// Gives a row to each slot that was blended, in order.
-    fn name_rows(&mut self, slots: &[TileSurfel]) {
-        for (row, surfel) in self.rows.iter_mut().zip(slots) {
-            if *row != UNUSED {
-                *row = self.gaussians.len() as u32;
-                self.gaussians.push(surfel.index);
-            }
-        }
-    }
-
-    /// The row of the Gaussian of a hit.
-    #[inline(always)]
-    pub(super) fn row_of(&self, hit: &BlendedHit) -> usize {
-        self.rows[hit.slot as usize] as usize
-    }
-
-    /// The blended hits of a pixel of the tile, front to back.
-    #[inline(always)]
-    pub(super) fn hits_of(&self, pixel: usize) -> &[BlendedHit] {
-        let start = match pixel {
-            0 => 0,
-            _ => self.ends[pixel - 1] as usize,
-        };
-        &self.hits[start..self.ends[pixel] as usize]
-    }
-
     /// Blends the hits of a block. There are as many attributes as slots.
     #[inline(always)]
     fn blend(&mut self, attributes: &[Attributes], hits: &mut BlockHits, keep: Keep) {

@@ -3,9 +3,9 @@
 //! The lobe is sampled one bounce into the radiance that is met. Emitters are sampled beside the
 //! BSDF, and the two are combined by the balance heuristic (Veach 1997, section 9.2).
 
-use super::integrate::Samples;
-use super::path::PathLight;
-use super::{CpuScene, SampledHit};
+use super::CpuScene;
+use super::realizations::SampledHit;
+use super::samples::{PathLight, Samples};
 use crate::features::GBuffer;
 use crate::ray::Ray;
 use crate::transport::bsdf::Bsdf;

@@ -1,7 +1,8 @@
 //! Gaussians as seen from the eye of a camera.
 
 use super::bins::{CHUNK, TileBins};
-use crate::surfel::{Attributes, SeenSet, SurfelSet};
+use crate::attributes::Attributes;
+use crate::surfel::{SeenSet, SurfelSet};
 use glam::Vec3;
 use rayon::prelude::*;
 

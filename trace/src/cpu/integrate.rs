@@ -2,20 +2,19 @@
 //! one hit unless told otherwise.
 
 use super::CpuScene;
-use super::camera::CameraRecord;
 use super::glossy::Mirrors;
-use super::path::{PathLight, Paths};
+use super::path::Paths;
+use super::record::CameraRecord;
+use super::samples::{PathLight, Samples};
 use crate::features::GBuffer;
 use crate::ray::Ray;
-use crate::tracer::RenderedView;
 use crate::transport::lights::{BounceSampler, Lights};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;
 use crate::transport::vertex::{Start, Vertex, surfaces_of_pixels};
 use crate::transport::{Integrator, LIGHT_SHARE, LightOptions, Sampling};
-use crate::view::{Pixels, SampledLight, View};
+use crate::view::{Pixels, RenderedView, SampledLight, View};
 use eagpt_scene::Camera;
-use eagpt_scene::color::luminance;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -105,34 +104,6 @@ fn sampled(
                 key_of_expected: RandomKey::new(options.seed, Purpose::Expect, 0),
             };
             paths.sample(starts)
-        }
-    }
-}
-
-/// Samples of the light at one point, before the albedo.
-#[derive(Default)]
-pub(super) struct Samples {
-    total: Vec3,
-    squares: f32,
-    num: u32,
-    pub(super) num_rays: u32,
-}
-
-impl Samples {
-    pub(super) fn add(&mut self, path: PathLight) {
-        self.total += path.light;
-        self.squares += luminance(path.light.to_array()).powi(2);
-        self.num += 1;
-        self.num_rays += path.num_rays;
-    }
-
-    /// The light of all, in the mean.
-    pub(super) fn light(&self) -> SampledLight {
-        let num = self.num.max(1) as f32;
-        SampledLight {
-            mean: self.total / num,
-            second_moment: self.squares / num,
-            num_rays: self.num_rays,
         }
     }
 }

@@ -20,7 +20,7 @@ mod seen;
 mod tests;
 
 use super::CpuScene;
-use super::integrate::Samples;
+use super::samples::{PathLight, Samples};
 use crate::transport::Hits;
 use crate::transport::bsdf::Bsdf;
 use crate::transport::light_list::{Importances, LightList};
@@ -65,13 +65,6 @@ pub(super) struct Paths<'a> {
     pub(super) key: RandomKey,
     /// Of the paths that tell what to expect: what a path finds may not depend on it.
     pub(super) key_of_expected: RandomKey,
-}
-
-/// Light of a path, and the rays traced for it.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct PathLight {
-    pub(super) light: Vec3,
-    pub(super) num_rays: u32,
 }
 
 /// A path on its way.

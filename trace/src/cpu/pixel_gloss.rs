@@ -1,7 +1,7 @@
 //! Gloss of the pixels of a camera: that of the Gaussians that they see, by their weights.
 
 use super::CpuScene;
-use super::camera::CameraRecord;
+use super::record::CameraRecord;
 use crate::blend::GlossBlend;
 use crate::features::GBuffer;
 use crate::view::Pixels;

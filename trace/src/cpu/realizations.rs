@@ -16,17 +16,29 @@
 //! but with the number of discs that light comes from.
 
 use super::bvh::{DiscTree, DiscTreeBuilder, RayScratch, uniform_of};
-use super::scene::SampledHit;
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
-use crate::transport::matrix::NUM_REALIZATIONS;
 use std::panic::resume_unwind;
+
+/// Number of realizations: a power of two. What is left of the noise of a single edge is a
+/// sixteenth of a step at most; the trees of all realizations together take at most 1 KiB for each
+/// Gaussian.
+pub const NUM_REALIZATIONS: u32 = 16;
 
 /// Seed of an engine's realizations: scenes of the same Gaussians have the same ones.
 pub(crate) const SCENE_SEED: u32 = 0;
 
 /// Keeps the numbers of realizations apart from others of the same hash.
 const OFFSET_SEED: u32 = 0x5bd1_e995;
+
+/// The hit that stands for all of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampledHit {
+    /// Index of the Gaussian.
+    pub index: u32,
+    /// Distance along the ray.
+    pub t: f32,
+}
 
 /// Trees over the realizations of a scene.
 #[derive(Debug, Clone)]

@@ -1,26 +1,16 @@
 //! A scene on the CPU.
 
 use super::bvh::{Bvh, RayScratch};
-use super::camera::{self, CameraRecord, HitSearch, Keep};
-use super::glossy;
-use super::integrate;
-use super::realizations::{Realizations, SCENE_SEED};
-use crate::blend::{Contribution, GradientMask, LocalGradient, PixelValue};
-use crate::device::Device;
-use crate::features::{Features, GBuffer};
+use super::camera::{self, HitSearch, Keep};
+use super::realizations::{Realizations, SCENE_SEED, SampledHit};
+use super::record::CameraRecord;
+use crate::attributes::Attributes;
+use crate::features::Features;
 use crate::ray::Ray;
-use crate::surfel::{Attributes, SurfelSet};
-use crate::tracer::{RenderedView, TraceError, Tracer};
-use crate::transport::glossy::{GlossyPoint, Mirrored};
+use crate::surfel::SurfelSet;
 use crate::transport::light_list::LightList;
 use crate::transport::lights::{self, Lights};
-use crate::transport::matrix::{Directions, Receiver, TransportMatrix};
-use crate::transport::{Integrator, LightOptions};
-use crate::weights::BlendWeights;
-use eagpt_scene::rng::RandomKey;
 use eagpt_scene::{Camera, Gaussians, Gloss};
-use glam::Vec3;
-use rayon::prelude::*;
 use std::cell::RefCell;
 use std::sync::OnceLock;
 
@@ -28,29 +18,20 @@ thread_local! {
     static SCRATCH: RefCell<RayScratch> = RefCell::default();
 }
 
-/// The hit that stands for all of a ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampledHit {
-    /// Index of the Gaussian.
-    pub index: u32,
-    /// Distance along the ray.
-    pub t: f32,
-}
-
 /// Gaussians traced by all threads of the current rayon pool. Structures for single rays are made
 /// when the first ray needs them: cameras do without.
 #[derive(Debug, Clone)]
 pub struct CpuScene {
-    set: SurfelSet,
-    bvh: OnceLock<Bvh>,
+    pub(super) set: SurfelSet,
+    pub(super) bvh: OnceLock<Bvh>,
     /// The Gaussians that emit.
-    emissive: Gaussians,
-    lights: OnceLock<Option<Lights>>,
-    light_list: OnceLock<Option<LightList>>,
-    realizations: OnceLock<Realizations>,
+    pub(super) emissive: Gaussians,
+    pub(super) lights: OnceLock<Option<Lights>>,
+    pub(super) light_list: OnceLock<Option<LightList>>,
+    pub(super) realizations: OnceLock<Realizations>,
     /// Blended hits of the camera that was recorded last; without a camera where Gaussians have
     /// changed since.
-    record: CameraRecord,
+    pub(super) record: CameraRecord,
 }
 
 impl CpuScene {
@@ -122,9 +103,9 @@ impl CpuScene {
     }
 
     /// As [`Self::sample_hit`], with random choices shared by all rays of the same `realization`
-    /// (modulo [`NUM_REALIZATIONS`](crate::transport::matrix::NUM_REALIZATIONS)): more rays through
-    /// the same Gaussians do not improve a mean over few realizations, but rays that take turns in
-    /// the realizations together are cheaper still.
+    /// (modulo [`NUM_REALIZATIONS`](super::realizations::NUM_REALIZATIONS)): more rays through the
+    /// same Gaussians do not improve a mean over few realizations, but rays that take turns in the
+    /// realizations together are cheaper still.
     pub fn realization_hit(&self, ray: &Ray, realization: u32) -> Option<SampledHit> {
         SCRATCH.with_borrow_mut(|scratch| self.realizations().nearest(ray, realization, scratch))
     }
@@ -160,121 +141,11 @@ impl CpuScene {
     }
 
     /// Records `camera` if it is not the one recorded last.
-    fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
+    pub(super) fn recorded(&mut self, camera: &Camera) -> &mut CameraRecord {
         if self.record.camera.as_ref() != Some(camera) {
             let search = HitSearch::Tiles;
             self.record.trace(&self.set, camera, search, Keep::Record);
         }
         &mut self.record
-    }
-}
-
-impl Tracer for CpuScene {
-    fn device(&self) -> Device {
-        Device::Cpu
-    }
-
-    fn update(&mut self, gaussians: &Gaussians) -> Result<(), TraceError> {
-        if self.bvh.get().is_none() && self.realizations.get().is_none() {
-            self.set.update(gaussians);
-        } else {
-            let before = std::mem::take(&mut self.set.surfels);
-            self.set.update(gaussians);
-            if before != self.set.surfels {
-                self.realizations.take();
-                if let Some(bvh) = self.bvh.get_mut() {
-                    bvh.update(&self.set);
-                }
-            }
-        }
-        self.emissive = lights::emissive(gaussians);
-        self.lights.take();
-        self.light_list.take();
-        self.record.camera = None;
-        Ok(())
-    }
-
-    fn set_albedos(&mut self, albedos: &[Vec3]) -> Result<(), TraceError> {
-        self.set.set_albedos(albedos);
-        self.record.camera = None;
-        Ok(())
-    }
-
-    fn gbuffer(&self, camera: &Camera) -> Result<GBuffer, TraceError> {
-        Ok(camera::trace(&self.set, camera, HitSearch::Tiles, Keep::Nothing).0)
-    }
-
-    fn record(&mut self, camera: &Camera) -> Result<GBuffer, TraceError> {
-        Ok(self
-            .record
-            .trace(&self.set, camera, HitSearch::Tiles, Keep::Record))
-    }
-
-    fn adjoint(
-        &mut self,
-        camera: &Camera,
-        d_features: &[Features],
-        mask: GradientMask,
-    ) -> Result<Vec<LocalGradient>, TraceError> {
-        self.recorded(camera);
-        Ok(self.record.adjoint(&self.set, d_features, mask))
-    }
-
-    fn weights(&mut self, camera: &Camera, least: f32) -> Result<Option<BlendWeights>, TraceError> {
-        Ok(Some(self.recorded(camera).weights(least)))
-    }
-
-    fn contributions(
-        &self,
-        camera: &Camera,
-        value: PixelValue<'_>,
-    ) -> Result<(GBuffer, Vec<Contribution>), TraceError> {
-        Ok(self.with_record(camera, |record| {
-            (record.gbuffer(), record.contributions(value))
-        }))
-    }
-
-    fn pixel_gloss(&self, camera: &Camera) -> Result<Vec<Gloss>, TraceError> {
-        let blended = |record: &CameraRecord| self.gloss_of_pixels(record, &record.gbuffer());
-        Ok(match self.is_glossy() {
-            true => self.with_record(camera, blended),
-            false => Vec::new(),
-        })
-    }
-
-    fn trace_rays(&self, rays: &[Ray]) -> Result<Vec<Features>, TraceError> {
-        Ok(rays.par_iter().map(|ray| self.trace(ray)).collect())
-    }
-
-    fn render(
-        &self,
-        camera: &Camera,
-        integrator: &Integrator,
-        options: &LightOptions,
-    ) -> Result<RenderedView, TraceError> {
-        let keep = match self.is_glossy() && *integrator != Integrator::ZeroBounce {
-            true => Keep::Record,
-            false => Keep::Nothing,
-        };
-        let seen = camera::trace(&self.set, camera, HitSearch::Tiles, keep);
-        Ok(integrate::render(self, camera, seen, integrator, options))
-    }
-
-    fn trace_transport(
-        &self,
-        receivers: &[Receiver],
-        directions: Directions,
-        key: RandomKey,
-    ) -> Result<TransportMatrix, TraceError> {
-        Ok(TransportMatrix::trace(self, receivers, directions, key))
-    }
-
-    fn mirrored_towards(
-        &self,
-        points: &[GlossyPoint],
-        num_samples: u32,
-        key: RandomKey,
-    ) -> Result<Vec<Vec<Option<Mirrored>>>, TraceError> {
-        Ok(glossy::mirrored_towards(self, points, num_samples, key))
     }
 }

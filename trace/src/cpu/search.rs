@@ -8,9 +8,9 @@ use super::bins::BinnedSurfel;
 use super::hits::BlockHits;
 use super::lanes::for_each_lane;
 use super::tile::{BLOCKS, BlockMet, LANES, RayBlock, TileRays};
-use crate::blend::Face;
+use crate::attributes::{Attributes, Face};
 use crate::model::{MIN_TRANSMITTANCE, MIN_WEIGHT};
-use crate::surfel::{Attributes, SeenSet, SeenSurfel, Surfel, exp_of_negative};
+use crate::surfel::{SeenSet, SeenSurfel, Surfel, exp_of_negative};
 
 /// A Gaussian that rays of a tile may meet: a slot of the tile.
 #[derive(Debug, Clone, Copy)]

@@ -6,53 +6,18 @@
 //! tiles. Every sum has a fixed order and nothing is added atomically, so that the same device
 //! gives the same bits in every run, and the rounding is that of the CPU.
 
-use super::bins::TILE;
-use super::camera::{Band, CameraTracer};
+use super::camera::CameraTracer;
 use super::capacity::{Capacity, Incomplete};
+use super::declarations::camera::{Band, TILE};
 use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::passes::{self, RecordedBand};
-use super::scene::SceneBuffers;
+use super::record::RecordBuffers;
+use super::scene_buffers::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use rayon::prelude::*;
-
-/// Hits of a chunk of the record.
-pub(super) const CHUNK_HITS: u32 = 16;
-/// Words of a chunk: the place of the one before it, and three for each hit.
-pub(super) const CHUNK_WORDS: u32 = 1 + 3 * CHUNK_HITS;
-/// Words of the record for each pixel: its last chunk, its number of hits, and the first chunk,
-/// which nearly every pixel needs.
-pub(super) const PIXEL_WORDS: u32 = 2 + CHUNK_WORDS;
-
-/// Bytes of one row of gradients.
-const ROW_BYTES: u64 = (NUM_LANES * size_of::<f32>()) as u64;
-
-/// The record of the blended hits of a band of rows, and what is made of it.
-#[derive(Debug)]
-pub(super) struct RecordBuffers {
-    /// [`PIXEL_WORDS`] for each pixel, then the other chunks.
-    pub(super) chunks: wgpu::Buffer,
-    /// Pixels that blended the Gaussian at each place in the lists, a bit each.
-    pub(super) masks: wgpu::Buffer,
-    /// First of the hits of each place.
-    pub(super) hit_starts: wgpu::Buffer,
-    /// Weight and dL/dα of each hit.
-    pub(super) hits: wgpu::Buffer,
-    /// Gradients or contributions of each place.
-    pub(super) rows: wgpu::Buffer,
-    /// Places whose rows there are at a time.
-    pub(super) num_rows: u32,
-    /// Derivatives of the loss by the features of each pixel.
-    pub(super) d_features: wgpu::Buffer,
-    /// A number for each pixel.
-    pub(super) values: wgpu::Buffer,
-    /// [`LocalGradient`], `[n]`.
-    pub(super) gradients: wgpu::Buffer,
-    /// [`Contribution`], `[n]`.
-    pub(super) contributions: wgpu::Buffer,
-}
 
 /// The adjoint of the camera rays of a scene, for cameras of one size. Buffers stay on the device
 /// from call to call.
@@ -79,23 +44,7 @@ impl Adjoint {
             ..capacity
         };
         let num_surfels = scene.num_surfels();
-        let num_rows = u64::from(bins.capacity).min(device.max_bytes() / ROW_BYTES);
-        let num_pixels = u64::from(width) * u64::from(capacity.rows.min(height));
-        let num_hits = (num_pixels + u64::from(capacity.chunks)) * u64::from(CHUNK_HITS);
-        let of_places = |what, size: u64| device.buffer(what, size * u64::from(bins.capacity));
-        let of_gaussians = |what, size: u64| device.buffer(what, size * u64::from(num_surfels));
-        let record = RecordBuffers {
-            chunks: device.buffer("record of hits", capacity.record_bytes(width))?,
-            masks: of_places("pixels of hits", 8)?,
-            hit_starts: of_places("starts of hits", 4)?,
-            hits: device.buffer("hits", 8 * num_hits)?,
-            d_features: device.buffer("derivatives by features", ROW_BYTES * num_pixels)?,
-            values: device.buffer("values of pixels", 4 * num_pixels)?,
-            rows: device.buffer("rows of gradients", ROW_BYTES * num_rows)?,
-            num_rows: u32::try_from(num_rows).unwrap_or(u32::MAX),
-            gradients: of_gaussians("gradients", ROW_BYTES)?,
-            contributions: of_gaussians("contributions", size_of::<Contribution>() as u64)?,
-        };
+        let record = RecordBuffers::new(device, bins, &capacity, num_surfels)?;
         let tiles_x = width.div_ceil(TILE);
         let bands = (0..height)
             .step_by(capacity.rows as usize)

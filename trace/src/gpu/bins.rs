@@ -4,29 +4,13 @@
 //! tiles that they may cover, and these entries are sorted by tile; both sorts are stable, so that
 //! lists come out nearest first, and the same in every run.
 
-use super::capacity::{self, Counters};
+use super::declarations::camera::{Counters, ENTRIES, GAUSSIANS, KEY_BITS, Seen, TILE, View};
 use super::device::{Commands, Device};
 use super::error::GpuError;
-use super::layout::{Layout, layout};
-use super::scene::SceneBuffers;
+use super::scene_buffers::SceneBuffers;
 use super::sort::Sorter;
-use crate::cpu::bins::Projector;
 use eagpt_scene::Camera;
 use std::mem::offset_of;
-
-/// Edge of a square tile in pixels: a workgroup has a thread for each pixel, of which there are as
-/// many as run in step on any device.
-pub(super) const TILE: u32 = 8;
-/// Pixels of a tile.
-pub(super) const TILE_PIXELS: u32 = TILE * TILE;
-
-/// Lower bits of a distance that keys leave out: the bound of a distance is lower by at most one
-/// part in 1,024, and a sort takes three passes, not six.
-pub(super) const KEY_SHIFT: u32 = 13;
-/// Bits of a key: a distance is not negative, so its sign is left out, too.
-const KEY_BITS: u32 = 31 - KEY_SHIFT;
-/// Key of what nobody sees: above that of every finite distance.
-pub(super) const FARTHEST_KEY: u32 = (1 << KEY_BITS) - 1;
 
 /// Pixels that a side of an image may have: kernels count pixels in 32 bits, and columns and rows
 /// of tiles in 16.
@@ -34,109 +18,6 @@ const MAX_SIDE: u32 = 65_535;
 
 /// Entries of the lists for each Gaussian, at first.
 const ENTRIES_PER_SURFEL: u32 = 4;
-
-/// A Gaussian relative to the camera, as [`crate::surfel::SeenSurfel`].
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct Seen {
-    normal: [f32; 3],
-    plane: f32,
-    axis_u: [f32; 3],
-    offset_u: f32,
-    axis_v: [f32; 3],
-    offset_v: f32,
-    cut2: f32,
-    opacity: f32,
-    /// No hit is closer than this.
-    nearest: f32,
-    padding: f32,
-}
-
-impl Seen {
-    pub(super) fn layout() -> Layout {
-        layout!(Seen {
-            normal: "vec3f",
-            plane: "f32",
-            axis_u: "vec3f",
-            offset_u: "f32",
-            axis_v: "vec3f",
-            offset_v: "f32",
-            cut2: "f32",
-            opacity: "f32",
-            nearest: "f32",
-            padding: "f32",
-        })
-    }
-}
-
-/// A camera as kernels know it.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct View {
-    origin: [f32; 3],
-    width: u32,
-    /// As in [`eagpt_scene::camera::RayFrame`].
-    base: [f32; 3],
-    height: u32,
-    step_x: [f32; 3],
-    tiles_x: u32,
-    step_y: [f32; 3],
-    tiles_y: u32,
-    /// Rows of the projection, scaled by the focal lengths.
-    right: [f32; 3],
-    center_x: f32,
-    down: [f32; 3],
-    center_y: f32,
-    forward: [f32; 3],
-    num_surfels: u32,
-    /// Inward unit normals of the planes through the origin and the image's edges.
-    sides: [[f32; 4]; 4],
-}
-
-impl View {
-    pub(super) fn layout() -> Layout {
-        layout!(View {
-            origin: "vec3f",
-            width: "u32",
-            base: "vec3f",
-            height: "u32",
-            step_x: "vec3f",
-            tiles_x: "u32",
-            step_y: "vec3f",
-            tiles_y: "u32",
-            right: "vec3f",
-            center_x: "f32",
-            down: "vec3f",
-            center_y: "f32",
-            forward: "vec3f",
-            num_surfels: "u32",
-            sides: "array<vec4f, 4>",
-        })
-    }
-
-    pub(super) fn new(camera: &Camera, num_surfels: u32) -> Self {
-        let frame = camera.ray_frame();
-        let projector = Projector::new(camera);
-        Self {
-            origin: projector.origin.to_array(),
-            width: camera.width,
-            base: frame.base.to_array(),
-            height: camera.height,
-            step_x: frame.step_x.to_array(),
-            tiles_x: camera.width.div_ceil(TILE),
-            step_y: frame.step_y.to_array(),
-            tiles_y: camera.height.div_ceil(TILE),
-            right: projector.right.to_array(),
-            center_x: projector.center.0,
-            down: projector.down.to_array(),
-            center_y: projector.center.1,
-            forward: projector.forward.to_array(),
-            num_surfels,
-            sides: projector.sides.map(|side| side.extend(0.0).to_array()),
-        }
-    }
-}
 
 /// Lists of the Gaussians that tiles may see, for cameras of one size and scenes of one number of
 /// Gaussians.
@@ -147,7 +28,7 @@ pub(super) struct BinBuffers {
     pub(super) seen: wgpu::Buffer,
     /// Rectangle of tiles of each Gaussian, `[n]`.
     pub(super) rects: wgpu::Buffer,
-    /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`.
+    /// [`crate::attributes::Attributes`] as the camera sees them, `[n]`.
     pub(super) attributes: wgpu::Buffer,
     /// [`Counters`].
     pub(super) counters: wgpu::Buffer,
@@ -204,10 +85,10 @@ impl BinBuffers {
                 None => scene.attributes.clone(),
                 Some(_) => device.buffer("attributes as seen", scene.attributes.size())?,
             },
-            by_distance: Sorter::new(device, n, KEY_BITS, (&counters, capacity::GAUSSIANS))?,
+            by_distance: Sorter::new(device, n, KEY_BITS, (&counters, GAUSSIANS))?,
             entry_starts: device.buffer("starts of entries", bytes(n + 1, 4))?,
             entry_surfels: of_entries("Gaussians of entries", 4)?,
-            by_tile: Sorter::new(device, capacity, tile_bits, (&counters, capacity::ENTRIES))?,
+            by_tile: Sorter::new(device, capacity, tile_bits, (&counters, ENTRIES))?,
             places: of_entries("places of entries", 4)?,
             listed: of_entries("lists of tiles", size_of::<[u32; 2]>())?,
             list_starts: device.buffer("starts of lists", bytes(num_tiles + 1, 4))?,

@@ -1,46 +1,15 @@
 //! Composited features of all pixels of a camera on the device.
 
-use super::bins::{BinBuffers, TILE};
+use super::bins::BinBuffers;
 use super::capacity::Incomplete;
+use super::declarations::camera::{Band, TILE};
 use super::device::{Commands, Device, Pass};
 use super::error::GpuError;
-use super::layout::{Layout, layout};
 use super::passes;
-use super::scene::SceneBuffers;
+use super::scene_buffers::SceneBuffers;
 use crate::features::{Features, NUM_LANES};
 use eagpt_scene::Camera;
 use std::ops::Range;
-
-/// Hits that wait in the registers of a pixel until they can be blended. More than are usually met
-/// on a surface within the size of one Gaussian; a longer list costs registers, a shorter one more
-/// searches.
-pub(super) const PENDING: u32 = 16;
-
-/// Some tiles of an image, in the order of tiles, and where things of theirs begin.
-#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct Band {
-    pub(super) first_tile: u32,
-    pub(super) end_tile: u32,
-    /// Pixel that buffers of the band begin with.
-    pub(super) first_pixel: u32,
-    /// Word of the record that chunks beside the pixels' own begin with.
-    pub(super) first_chunk: u32,
-    /// Place in the lists that rows of gradients begin with.
-    pub(super) first_place: u32,
-}
-
-impl Band {
-    pub(super) fn layout() -> Layout {
-        layout!(Band {
-            first_tile: "u32",
-            end_tile: "u32",
-            first_pixel: "u32",
-            first_chunk: "u32",
-            first_place: "u32",
-        })
-    }
-}
 
 /// Rows of pixels whose features fit into one buffer, whole rows of tiles.
 fn rows_per_buffer(device: &Device, width: u32, height: u32) -> u32 {

@@ -8,44 +8,12 @@
 //! the first when others are recorded behind it, and its kernels change nothing while the flag is
 //! set.
 
-use super::adjoint::{CHUNK_WORDS, PIXEL_WORDS};
-use super::bins::TILE;
+use super::declarations::camera::{CHUNK_WORDS, Counters, PIXEL_WORDS, TILE};
 use super::device::Device;
 use super::error::GpuError;
-use std::mem::offset_of;
 
 /// Chunks of the record for each pixel beside its own, at first.
 const CHUNKS_PER_PIXEL: u32 = 1;
-
-/// Numbers that kernels hand on to others and to the host.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct Counters {
-    /// Gaussians of the scene.
-    pub num_gaussians: u32,
-    /// Entries that the lists of tiles need.
-    pub entries: u32,
-    /// Chunks that the record of hits needs beside one for each pixel.
-    pub chunks: u32,
-    /// Overflow flag: not 0 once something did not fit, until buffers have grown.
-    pub failed: u32,
-}
-
-/// Places of the counters in a buffer of words.
-pub(super) const PLACES: [(&str, u32); 4] = [
-    ("COUNTER_ENTRIES", ENTRIES),
-    ("COUNTER_CHUNKS", word(offset_of!(Counters, chunks))),
-    ("COUNTER_FAILED", word(offset_of!(Counters, failed))),
-    ("NUM_COUNTERS", word(size_of::<Counters>())),
-];
-/// Place of the number of Gaussians.
-pub(super) const GAUSSIANS: u32 = word(offset_of!(Counters, num_gaussians));
-/// Place of the number of entries.
-pub(super) const ENTRIES: u32 = word(offset_of!(Counters, entries));
-
-const fn word(offset: usize) -> u32 {
-    (offset / size_of::<u32>()) as u32
-}
 
 /// Capacities of the buffers of a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

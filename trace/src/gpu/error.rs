@@ -1,6 +1,6 @@
 //! Failures of devices.
 
-use crate::tracer::TraceError;
+use crate::error::TraceError;
 
 /// Why a device could not do its work. Each message is one line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

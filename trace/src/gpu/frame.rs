@@ -2,7 +2,8 @@
 //! [`Frame`], write the derivatives by them, and move the Gaussians of a [`GpuScene`] along the
 //! gradients, without anything passing through the host.
 
-use super::capacity::{Capacity, Counters};
+use super::capacity::Capacity;
+use super::declarations::camera::Counters;
 use super::device::{Commands, Device};
 use super::error::GpuError;
 use super::scene::GpuScene;
@@ -19,7 +20,7 @@ pub struct Frame {
     pub d_features: wgpu::Buffer,
     /// [`crate::blend::LocalGradient`], `[n]`: written by [`GpuScene::backward`].
     pub gradients: wgpu::Buffer,
-    /// [`crate::surfel::Attributes`] as the camera sees them, `[n]`: written by
+    /// [`crate::attributes::Attributes`] as the camera sees them, `[n]`: written by
     /// [`GpuScene::forward`].
     pub attributes: wgpu::Buffer,
     /// [`Counters`]: where more was needed than fits, the results are worth nothing.
@@ -39,7 +40,7 @@ impl GpuScene {
         &self.buffers.surfels
     }
 
-    /// [`crate::surfel::Attributes`], `[n]`.
+    /// [`crate::attributes::Attributes`], `[n]`.
     pub fn attributes(&self) -> &wgpu::Buffer {
         &self.buffers.attributes
     }

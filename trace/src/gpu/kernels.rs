@@ -1,21 +1,18 @@
 //! All kernels: their files, and the buffers that Rust binds to them, in the order of
-//! [`super::Device::dispatch`]. A test holds the table against the modules.
+//! [`super::Device::pass`]. A test holds the table against the modules.
 
-use super::bins::{Seen, View};
-use super::camera::Band;
-use super::light::{Emitter, Gathered, LightParameters, PathState};
-use super::light_list::{LightCluster, LightDisc};
-use super::matrix::{DirectLight, FoundEntry, ReceiverOnDevice, TransportParameters};
-use super::rays::RayQuery;
-use super::scan::ScanParameters;
+use super::declarations::GROUP_SIZE;
+use super::declarations::camera::{Band, Seen, View};
+use super::declarations::light::{Emitter, Gathered, LightParameters, PathState, RayQuery};
+use super::declarations::matrix::{
+    DirectLight, FoundEntry, LightCluster, LightDisc, ReceiverOnDevice, TransportParameters,
+};
+use super::declarations::sort::{ScanParameters, SortParameters};
 use super::shader::{self, Sources};
-use super::sort::SortParameters;
+use crate::attributes::Attributes;
 use crate::blend::{Contribution, LocalGradient};
 use crate::features::Features;
-use crate::surfel::{Attributes, Surfel};
-
-/// Invocations of a workgroup of kernels in which each works on its own.
-pub(super) const GROUP_SIZE: u32 = 64;
+use crate::surfel::Surfel;
 
 /// An entry point of a WGSL file, and its bindings.
 #[derive(Debug)]

@@ -1,18 +1,6 @@
-//! Structures and constants that kernels and Rust share: written down once, in Rust, and declared
-//! in WGSL from there.
+//! How Rust and WGSL lay out the structures that they share.
 
-use super::bins::{self, Seen, View};
-use super::kernels::GROUP_SIZE;
-use super::{adjoint, bvh, camera, capacity, light, light_list, matrix, rays, scan, sort};
-use crate::blend::Contribution;
-use crate::cpu::bins::MARGIN_PIXELS;
-use crate::features::lane;
-use crate::model::{MIN_COSINE, MIN_TRANSMITTANCE, MIN_WEIGHT, OWN_COSINE};
 use crate::surfel::Surfel;
-use crate::transport::light_list::MAX_CLUSTERS;
-use crate::transport::matrix::{EMITTER, NOTHING, NUM_REALIZATIONS};
-use crate::transport::{bsdf, start, vertex};
-use eagpt_scene::harmonics::{FUNCTION_CONSTANTS, MAX_EXPONENT, NUM_FUNCTIONS};
 use std::fmt::Write as _;
 
 /// A structure of kernels, as Rust lays it out.
@@ -109,149 +97,11 @@ const fn size_and_align(wgsl: &str) -> (usize, usize) {
     }
 }
 
-fn write_line(text: &mut String, line: std::fmt::Arguments<'_>) {
+/// Appends a line.
+pub(super) fn write_line(text: &mut String, line: std::fmt::Arguments<'_>) {
     text.write_fmt(line)
         .and_then(|()| text.write_char('\n'))
         .expect("a String takes all that is written");
-}
-
-// `Lanes` of blend.wgsl takes the lanes apart into vectors.
-const _: () = assert!(
-    lane::RADIANCE == 0
-        && lane::EMISSION == 3
-        && lane::ALBEDO == 4
-        && lane::NORMAL == 7
-        && lane::ALPHA == 10
-        && lane::DISTANCE == 11
-        && lane::SPREAD == 12
-        && lane::SIZE == 13
-        && lane::FIRST == 14
-);
-
-/// All structures.
-pub(super) fn layouts() -> Vec<Layout> {
-    vec![
-        layout!(Surfel {
-            position: "vec3f",
-            opacity: "f32",
-            axis_u: "vec3f",
-            cut2: "f32",
-            axis_v: "vec3f",
-            size: "f32",
-            normal: "vec3f",
-            padding: "f32",
-        }),
-        layout!(Contribution {
-            gaussian: "u32",
-            weight: "f32",
-            weighted_value: "f32",
-            largest_weight: "f32",
-            pixel: "u32",
-        }),
-        Seen::layout(),
-        View::layout(),
-        camera::Band::layout(),
-        scan::ScanParameters::layout(),
-        sort::SortParameters::layout(),
-        light::LightParameters::layout(),
-        rays::RayQuery::layout(),
-        light::Emitter::layout(),
-        light::Gathered::layout(),
-        light::PathState::layout(),
-        light_list::LightCluster::layout(),
-        light_list::LightDisc::layout(),
-        matrix::TransportParameters::layout(),
-        matrix::ReceiverOnDevice::layout(),
-        matrix::FoundEntry::layout(),
-        matrix::DirectLight::layout(),
-    ]
-}
-
-/// Declarations of all structures and constants.
-pub(super) fn declarations() -> String {
-    let mut text = String::new();
-    for layout in layouts() {
-        text.push_str(&layout.declaration());
-    }
-    for (name, value) in [
-        ("MIN_WEIGHT", MIN_WEIGHT),
-        ("MIN_TRANSMITTANCE", MIN_TRANSMITTANCE),
-        ("MIN_COSINE", MIN_COSINE),
-        ("OWN_COSINE", OWN_COSINE),
-        ("BIN_MARGIN_PIXELS", MARGIN_PIXELS),
-        ("START_MIN_ALPHA", start::MIN_ALPHA),
-        ("OFFSET_DEVIATIONS", start::OFFSET_DEVIATIONS),
-        ("MIN_OFFSET_SIZES", start::MIN_OFFSET_SIZES),
-        ("MAX_OFFSET_SIZES", start::MAX_OFFSET_SIZES),
-        ("MAX_SLANT", start::MAX_SLANT),
-        ("MAX_EXPONENT", MAX_EXPONENT),
-        ("MIN_LOBE_ALPHA", bsdf::MIN_ALPHA),
-        ("FULL_GRAZING_SPECULAR", bsdf::FULL_GRAZING_SPECULAR),
-        ("BSDF_MIN_COSINE", bsdf::MIN_COSINE),
-        ("MIN_REFLECTANCE", vertex::MIN_REFLECTANCE),
-        ("ROUGH_BEHIND", vertex::ROUGH_BEHIND),
-    ]
-    .into_iter()
-    .chain(FUNCTION_CONSTANTS)
-    {
-        write_line(&mut text, format_args!("const {name}: f32 = {value:?};"));
-    }
-    for (name, value) in [
-        ("GROUP_SIZE", GROUP_SIZE),
-        ("MAX_GROUP_SIZE", scan::THREADS),
-        ("TILE", bins::TILE),
-        ("TILE_PIXELS", bins::TILE_PIXELS),
-        ("PENDING", camera::PENDING),
-        ("KEY_SHIFT", bins::KEY_SHIFT),
-        ("FARTHEST_KEY", bins::FARTHEST_KEY),
-        ("CHUNK_HITS", adjoint::CHUNK_HITS),
-        ("CHUNK_WORDS", adjoint::CHUNK_WORDS),
-        ("PIXEL_WORDS", adjoint::PIXEL_WORDS),
-        ("FIRST_RAY", light::FIRST_RAY),
-        ("TOWARDS_LIGHT", light::TOWARDS_LIGHT),
-        ("ROULETTE", light::ROULETTE),
-        ("LAST_BOUNCE", light::LAST_BOUNCE),
-        ("GATHER", light::GATHER),
-        ("LOBE_TABLE", bsdf::TABLE as u32),
-        ("LOBE_ALBEDOS", bsdf::NUM_LOBE_ALBEDOS as u32),
-        ("NUM_REALIZATIONS", NUM_REALIZATIONS),
-        ("MAX_CLUSTERS", MAX_CLUSTERS as u32),
-        ("NUM_FUNCTIONS", NUM_FUNCTIONS as u32),
-        ("NOTHING", NOTHING),
-        ("EMITTER", EMITTER),
-        ("STACK", bvh::STACK),
-        ("NO_NODE", bvh::NO_NODE),
-        ("SCAN_THREADS", scan::THREADS),
-        ("SCAN_PER_THREAD", scan::PER_THREAD),
-        ("SCAN_BLOCK", scan::BLOCK),
-        ("SORT_THREADS", sort::THREADS),
-        ("SORT_PER_THREAD", sort::PER_THREAD),
-        ("SORT_BLOCK", sort::BLOCK),
-        ("SORT_DIGITS", sort::DIGITS),
-        ("SORT_ROW", sort::ROW),
-        ("SORT_COUNTERS", sort::COUNTERS),
-    ]
-    .into_iter()
-    .chain(capacity::PLACES)
-    {
-        write_line(&mut text, format_args!("const {name}: u32 = {value}u;"));
-    }
-    text
-}
-
-/// The first 16 bits of a four-dimensional Sobol point by the reversed bits of its number, as the
-/// library of [`crate::transport::points`] has them: one line for each bit.
-pub(super) fn sobol_function() -> String {
-    let mut text = String::from("fn sobol_rev(index: u32) -> vec4u {\n    var point = vec4u();\n");
-    for bit in (16..u32::BITS).rev() {
-        let [x, y, z, w] = [0, 1, 2, 3].map(|axis| sobol_burley::parts::sobol_rev(1 << bit, axis));
-        write_line(
-            &mut text,
-            format_args!("    point ^= vec4u({x}u, {y}u, {z}u, {w}u) * ((index >> {bit}u) & 1u);"),
-        );
-    }
-    text.push_str("    return point;\n}\n");
-    text
 }
 
 #[cfg(test)]

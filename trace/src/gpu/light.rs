@@ -4,24 +4,21 @@
 //! before, in the order of samples: it is short, so that no driver takes it for hung.
 
 mod buffers;
-mod parameters;
 mod steps;
 
 use super::camera::CameraTracer;
+use super::declarations::light::{
+    FIRST_RAY, GATHER, Gathered, LAST_BOUNCE, LightParameters, ROULETTE, TOWARDS_LIGHT, gloss_rows,
+};
 use super::device::{Device, Pass};
 use super::error::GpuError;
 use super::kernels::groups;
-use super::rays::gloss_rows;
-use super::scene::SceneBuffers;
+use super::scene_buffers::SceneBuffers;
 use crate::transport::{Hits, Integrator, LIGHT_SHARE, LightOptions, Sampling};
 pub(super) use buffers::TreeBuffers;
 use bytemuck::Zeroable as _;
 use eagpt_scene::Gloss;
 use eagpt_scene::rng::{Purpose, RandomKey};
-pub(super) use parameters::{
-    Emitter, FIRST_RAY, GATHER, Gathered, LAST_BOUNCE, LightParameters, PathState, ROULETTE,
-    TOWARDS_LIGHT,
-};
 use steps::{GatherKernel, Steps};
 
 /// Pixels of a dispatch: a kernel that runs for seconds is stopped by the driver.

@@ -1,98 +1,12 @@
 //! The list of emitters that light samples of the transport matrix choose from, on the device.
 
 use super::bvh::Trees;
+use super::declarations::matrix::{LightCluster, LightDisc};
 use super::device::Device;
 use super::error::GpuError;
-use super::layout::{Layout, layout};
 use crate::surfel::Surfel;
-use crate::transport::light_list::{Cluster, Disc, LightList, MAX_CLUSTERS};
-use crate::transport::matrix::NUM_REALIZATIONS;
+use crate::transport::light_list::{LightList, MAX_CLUSTERS};
 use bytemuck::Zeroable as _;
-
-const REALIZATIONS: usize = NUM_REALIZATIONS as usize;
-
-/// See [`Cluster`].
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct LightCluster {
-    centre: [f32; 3],
-    radius: f32,
-    squares: [f32; 3],
-    spread: f32,
-    products: [f32; 3],
-    first: u32,
-    powers: [f32; REALIZATIONS],
-    end: u32,
-    padding_a: u32,
-    padding_b: [u32; 2],
-}
-
-impl LightCluster {
-    pub(super) fn layout() -> Layout {
-        layout!(LightCluster {
-            centre: "vec3f",
-            radius: "f32",
-            squares: "vec3f",
-            spread: "f32",
-            products: "vec3f",
-            first: "u32",
-            powers: "array<vec4f, 4>",
-            end: "u32",
-            padding_a: "u32",
-            padding_b: "vec2u",
-        })
-    }
-
-    fn new(cluster: &Cluster) -> Self {
-        Self {
-            centre: cluster.centre.to_array(),
-            radius: cluster.radius,
-            squares: cluster.squares.to_array(),
-            spread: cluster.spread,
-            products: cluster.products.to_array(),
-            first: cluster.first,
-            powers: cluster.powers,
-            end: cluster.end,
-            ..Self::zeroed()
-        }
-    }
-}
-
-/// See [`Disc`].
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct LightDisc {
-    surfel: Surfel,
-    radii: [f32; REALIZATIONS],
-    cumulative: [f32; REALIZATIONS],
-    luminance: f32,
-    cluster: u32,
-    padding: [u32; 2],
-}
-
-impl LightDisc {
-    pub(super) fn layout() -> Layout {
-        layout!(LightDisc {
-            surfel: "Surfel",
-            radii: "array<vec4f, 4>",
-            cumulative: "array<vec4f, 4>",
-            luminance: "f32",
-            cluster: "u32",
-            padding: "vec2u",
-        })
-    }
-
-    fn new((disc, surfel): (&Disc, &Surfel)) -> Self {
-        Self {
-            surfel: *surfel,
-            radii: disc.radii,
-            cumulative: disc.cumulative,
-            luminance: disc.luminance,
-            cluster: disc.cluster,
-            padding: [0; 2],
-        }
-    }
-}
 
 /// The tree of a scene, and its emitters with theirs.
 #[derive(Debug)]

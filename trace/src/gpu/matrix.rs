@@ -7,17 +7,17 @@
 //! ([`crate::transport::matrix`]) adds light in the order of realizations, of which each has a
 //! tree; here one tree serves all.
 
+use super::declarations::matrix::{DirectLight, FoundEntry, ReceiverOnDevice, TransportParameters};
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{self, groups};
-use super::layout::{Layout, layout};
 use super::light_list::LightListBuffers;
-use super::scene::SceneBuffers;
-use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
+use super::scene_buffers::SceneBuffers;
+use crate::cpu::realizations::{NUM_REALIZATIONS, SCENE_SEED, realized_radius_squared};
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
 use crate::transport::light_list::LightList;
-use crate::transport::matrix::{Directions, NOTHING, NUM_REALIZATIONS, Receiver, TransportMatrix};
+use crate::transport::matrix::{Directions, NOTHING, Receiver, TransportMatrix};
 use bytemuck::Zeroable as _;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -30,119 +30,6 @@ const DIRECTIONS_PER_DISPATCH: u32 = 1 << 18;
 /// Samples that an invocation adds up, at most. Software adapters (Mesa's llvmpipe) end all loops
 /// of an invocation after 65,535 turns in sum.
 const SAMPLES_PER_DISPATCH: u32 = 1 << 14;
-
-/// Parameters of the kernels.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct TransportParameters {
-    /// Key of the random numbers.
-    key: [u32; 4],
-    emission_threshold: f32,
-    num_clusters: u32,
-    scene_root: u32,
-    light_root: u32,
-    /// BSDF samples of each receiver, in all.
-    num_bsdf: u32,
-    /// Light samples of each receiver, in all.
-    num_to_lights: u32,
-    num_receivers: u32,
-    /// 1 for light samples, 0 for BSDF samples.
-    is_towards_lights: u32,
-    first_sample: u32,
-    end_sample: u32,
-    padding: [u32; 2],
-}
-
-impl TransportParameters {
-    pub(super) fn layout() -> Layout {
-        layout!(TransportParameters {
-            key: "vec4u",
-            emission_threshold: "f32",
-            num_clusters: "u32",
-            scene_root: "u32",
-            light_root: "u32",
-            num_bsdf: "u32",
-            num_to_lights: "u32",
-            num_receivers: "u32",
-            is_towards_lights: "u32",
-            first_sample: "u32",
-            end_sample: "u32",
-            padding: "vec2u",
-        })
-    }
-}
-
-/// A [`Receiver`] as kernels know it.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct ReceiverOnDevice {
-    position: [f32; 3],
-    offset: f32,
-    normal: [f32; 3],
-    element: u32,
-}
-
-impl ReceiverOnDevice {
-    pub(super) fn layout() -> Layout {
-        layout!(ReceiverOnDevice {
-            position: "vec3f",
-            offset: "f32",
-            normal: "vec3f",
-            element: "u32",
-        })
-    }
-
-    fn new((element, surface): &Receiver) -> Self {
-        Self {
-            position: surface.position.to_array(),
-            offset: surface.offset,
-            normal: surface.normal.to_array(),
-            element: *element,
-        }
-    }
-}
-
-/// Result of one direction.
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct FoundEntry {
-    /// Of an emitter, weighted.
-    light: [f32; 3],
-    /// Entry of the matrix, or [`super::bvh::NO_NODE`] where no ray was traced.
-    gaussian: u32,
-}
-
-impl FoundEntry {
-    pub(super) fn layout() -> Layout {
-        layout!(FoundEntry {
-            light: "vec3f",
-            gaussian: "u32",
-        })
-    }
-}
-
-/// Light that the directions of a receiver have found.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct DirectLight {
-    light: [f32; 3],
-    num_rays: u32,
-    /// Sum of squared luminances.
-    squares: f32,
-    padding: [u32; 3],
-}
-
-impl DirectLight {
-    pub(super) fn layout() -> Layout {
-        layout!(DirectLight {
-            light: "vec3f",
-            num_rays: "u32",
-            squares: "f32",
-            padding: "array<u32, 3>",
-        })
-    }
-}
 
 /// Buffers of a scene that tracing needs, beside its Gaussians.
 #[derive(Debug)]

@@ -6,14 +6,14 @@
 //! nearest first by two stable sorts, and the adjoint adds a row for each Gaussian and tile. The
 //! blended hits are the same, sums are rounded in another order.
 
-use super::adjoint::RecordBuffers;
 use super::bins::BinBuffers;
-use super::camera::Band;
+use super::declarations::camera::Band;
 use super::device::{Device, Pass};
 use super::error::GpuError;
 use super::kernels::{self, groups};
+use super::record::RecordBuffers;
 use super::scan::scan;
-use super::scene::SceneBuffers;
+use super::scene_buffers::SceneBuffers;
 use std::ops::Range;
 
 /// Tiles of one dispatch: a kernel that runs for seconds is stopped by the driver.

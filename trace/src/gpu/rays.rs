@@ -1,68 +1,25 @@
 //! Single rays on the device, of any origin and direction, many at a time.
 
+use super::declarations::light::{LightParameters, RayQuery};
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{self, Kernel, groups};
-use super::layout::{Layout, layout};
-use super::light::{LightParameters, TreeBuffers};
-use super::scene::SceneBuffers;
+use super::light::TreeBuffers;
+use super::scene_buffers::SceneBuffers;
 use crate::features::{Features, NUM_LANES};
 use crate::ray::Ray;
+use bytemuck::Zeroable as _;
 use eagpt_scene::{Camera, Gloss};
 use glam::Vec3;
 
 /// Rays of one dispatch: a kernel that runs for seconds is stopped by the driver.
 const RAYS_PER_DISPATCH: u32 = 1 << 20;
 
-/// A ray as kernels know it.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct RayQuery {
-    origin: [f32; 3],
-    t_min: f32,
-    direction: [f32; 3],
-    /// Of the choice of a hit.
-    seed: u32,
-    own_normal: [f32; 3],
-    /// 1 where there is nothing to trace.
-    is_idle: u32,
-}
-
-impl RayQuery {
-    pub(super) fn layout() -> Layout {
-        layout!(RayQuery {
-            origin: "vec3f",
-            t_min: "f32",
-            direction: "vec3f",
-            seed: "u32",
-            own_normal: "vec3f",
-            is_idle: "u32",
-        })
-    }
-
-    pub(super) fn new(ray: &Ray, seed: u32) -> Self {
-        Self {
-            origin: ray.origin,
-            t_min: ray.t_min,
-            direction: ray.direction,
-            seed,
-            own_normal: ray.own_normal,
-            is_idle: 0,
-        }
-    }
-}
-
 /// Rays on a device, to be traced through a scene.
 pub(super) struct Rays<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a SceneBuffers,
     pub(super) light: &'a TreeBuffers,
-}
-
-/// Gloss as kernels know it: F0 and roughness.
-pub(super) fn gloss_rows(glosses: &[Gloss]) -> Vec<[f32; 4]> {
-    let of = |gloss: &Gloss| gloss.specular.extend(gloss.roughness).to_array();
-    glosses.iter().map(of).collect()
 }
 
 impl Rays<'_> {
@@ -146,7 +103,14 @@ impl Rays<'_> {
         let mut passes = Vec::new();
         for first in (0..num_rays).step_by(RAYS_PER_DISPATCH as usize) {
             let end = first.saturating_add(RAYS_PER_DISPATCH).min(num_rays);
-            let uniform = device.uniform("light", &LightParameters::of_rays(light, first..end));
+            let parameters = LightParameters {
+                scene_root: light.scene_root,
+                light_root: light.light_root,
+                start_pixel: first,
+                end_pixel: end,
+                ..LightParameters::zeroed()
+            };
+            let uniform = device.uniform("light", &parameters);
             let buffers = [
                 &uniform,
                 &scene.surfels,

@@ -4,7 +4,7 @@
 //! and `#endif` choose between lines, for kernels that share a file. Names of structures and
 //! constants that Rust declares are in the file `declarations`, which is generated.
 
-use super::layout;
+use super::declarations;
 use std::borrow::Cow;
 
 /// Finds the text of a file by its name.
@@ -38,8 +38,8 @@ pub(super) const FILES: &[(&str, &str)] = shaders! {
 /// The files of this crate, and what Rust declares.
 pub fn sources(name: &str) -> Option<Cow<'static, str>> {
     match name {
-        "declarations" => Some(layout::declarations().into()),
-        "sobol" => Some(layout::sobol_function().into()),
+        "declarations" => Some(declarations::declarations().into()),
+        "sobol" => Some(declarations::sobol_function().into()),
         _ => find(FILES, name),
     }
 }

@@ -1,18 +1,18 @@
 //! Kernels against the CPU, stage by stage, on whatever device there is.
 
 use super::GpuScene;
+use super::declarations::light::RayQuery;
 use super::device::Device;
 use super::error::GpuError;
 use super::kernels::{self, Access, Binding, Kernel};
-use super::rays::RayQuery;
 use super::scan::scan;
 use super::shader;
 use super::sort::Sorter;
 use crate::blend::{GradientMask, LocalGradient};
-use crate::device::DeviceSelector;
 use crate::features::{Features, NUM_LANES};
 use crate::parity;
 use crate::ray::Ray;
+use crate::selector::DeviceSelector;
 use crate::transport::matrix::{Directions, Receiver};
 use crate::transport::points::Points;
 use crate::transport::start::Surface;

@@ -2,10 +2,11 @@
 
 use super::adjoint::Adjoint;
 use super::camera::CameraTracer;
-use super::capacity::{Capacity, Counters, Incomplete};
+use super::capacity::{Capacity, Incomplete};
+use super::declarations::camera::Counters;
 use super::device::Device;
 use super::error::GpuError;
-use super::scene::SceneBuffers;
+use super::scene_buffers::SceneBuffers;
 use crate::blend::{Contribution, LocalGradient, PixelValue};
 use crate::features::{Features, GBuffer};
 use eagpt_scene::Camera;

@@ -198,6 +198,7 @@ fn visible_facet(out: Vec3, alpha: f32, a: f32, b: f32) -> Vec3 {
 /// Entries of the table of lobe albedos along roughness and cosine.
 pub(crate) const TABLE: usize = 32;
 /// Pairs of the table, two in each.
+#[cfg(feature = "gpu")]
 pub(crate) const NUM_LOBE_ALBEDOS: usize = TABLE * (TABLE + 1) / 2;
 /// Facets sampled for an entry.
 const TABLE_SAMPLES: u32 = 512;
@@ -246,6 +247,7 @@ impl Table {
 
 /// The table of lobe albedos as kernels have it: pairs by roughness and cosine, then their means by
 /// roughness.
+#[cfg(feature = "gpu")]
 pub(crate) fn lobe_albedos() -> [[f32; 4]; NUM_LOBE_ALBEDOS] {
     let table = Table::get();
     let pairs: Vec<Pair> = table

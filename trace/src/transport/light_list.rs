@@ -12,25 +12,20 @@
 //! Paths choose among the same clusters, those on blended rays by their footprints (`footprints`).
 
 mod clusters;
+mod disc;
 mod footprints;
 
 use crate::cpu::bvh::{Bvh, DiscTree, DiscTreeBuilder, RayScratch};
-use crate::cpu::realizations::{SCENE_SEED, realized_radius_squared};
 use crate::ray::Ray;
 use crate::surfel::{Surfel, SurfelSet};
 use crate::transport::EMISSION_THRESHOLD;
-use crate::transport::matrix::NUM_REALIZATIONS;
 use crate::transport::start::Surface;
-pub(crate) use clusters::Cluster;
+pub(crate) use clusters::{Cluster, MAX_CLUSTERS};
+pub(crate) use disc::Disc;
+use disc::REALIZATIONS;
 use eagpt_scene::color::luminance;
 use glam::Vec3;
 use std::cell::RefCell;
-use std::f32::consts::{PI, TAU};
-
-/// Most clusters of a list.
-pub(crate) const MAX_CLUSTERS: usize = 64;
-
-const REALIZATIONS: usize = NUM_REALIZATIONS as usize;
 
 thread_local! {
     static SCRATCH: RefCell<RayScratch> = RefCell::default();
@@ -52,28 +47,6 @@ pub struct LightList {
     footprints: Bvh,
 }
 
-/// An emitter.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Disc {
-    pub(crate) luminance: f32,
-    /// Number of its cluster.
-    pub(crate) cluster: u32,
-    /// In-plane axes times scales, scene units.
-    axis_u: Vec3,
-    axis_v: Vec3,
-    /// Squared radius in standard deviations in each realization; negative where it is not there.
-    pub(crate) radii: [f32; REALIZATIONS],
-    /// Luminance times area of the discs of its cluster up to this one, in each realization.
-    pub(crate) cumulative: [f32; REALIZATIONS],
-    /// See [`Surfel::cut2`].
-    cut2: f32,
-    /// `1 − exp(−cut²/2)`: the part of the footprint inside the cut.
-    inside: f32,
-    /// Luminance times the integral of the opacity, of the footprints of its cluster up to this
-    /// one.
-    cumulative_footprint: f32,
-}
-
 /// Power of each cluster; of those that are not there, none.
 type Powers = [f32; MAX_CLUSTERS];
 
@@ -84,39 +57,10 @@ const FOOTPRINTS: usize = REALIZATIONS;
 pub type Importances = [f32; MAX_CLUSTERS];
 
 impl Disc {
-    fn new(index: u32, surfel: &Surfel, luminance: f32) -> Self {
-        let along = |axis: [f32; 3]| Vec3::from(axis) / Vec3::from(axis).length_squared();
-        Self {
-            luminance,
-            cluster: 0,
-            axis_u: along(surfel.axis_u),
-            axis_v: along(surfel.axis_v),
-            radii: std::array::from_fn(|realization| {
-                realized_radius_squared(surfel, index, SCENE_SEED, realization as u32)
-            }),
-            cumulative: [0.0; REALIZATIONS],
-            cut2: surfel.cut2,
-            inside: 1.0 - (-0.5 * surfel.cut2).exp(),
-            cumulative_footprint: 0.0,
-        }
-    }
-
-    /// Luminance times area in a realization.
-    fn power(&self, surfel: &Surfel, realization: usize) -> f32 {
-        PI * self.radii[realization].max(0.0) * surfel.size * surfel.size * self.luminance
-    }
-
     /// Density over solid angle, up to a factor, of a direction that meets the disc's plane at the
     /// distance `t` by that cosine.
     fn weight(&self, importances: &Importances, t: f32, cosine: f32) -> f32 {
         importances[self.cluster as usize] * self.luminance * t * t / cosine.abs()
-    }
-
-    /// A point of the disc: `radius` from the centre, in standard deviations, and by part `turn` of
-    /// a full turn.
-    fn point(&self, surfel: &Surfel, radius: f32, turn: f32) -> Vec3 {
-        let (sin, cos) = (TAU * turn).sin_cos();
-        Vec3::from(surfel.position) + self.axis_u * (radius * cos) + self.axis_v * (radius * sin)
     }
 }
 

@@ -16,12 +16,11 @@
 mod groups;
 mod relight;
 
-use super::EMISSION_THRESHOLD;
 use super::light_list::{Importances, LightList};
 use super::points::{Points, RowPoints};
 use super::sampling::cosine_direction;
 use super::start::Surface;
-use crate::cpu::CpuScene;
+use crate::cpu::realizations::NUM_REALIZATIONS;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;
 use glam::Vec3;
@@ -36,15 +35,6 @@ pub const NOTHING: u32 = 0x7f7f_ffff;
 
 /// Set in entries of emitters, beside the index of the Gaussian.
 pub const EMITTER: u32 = 1 << 31;
-
-/// Number of realizations: a power of two. What is left of the noise of a single edge is a
-/// sixteenth of a step at most; the trees of all realizations together take at most 1 KiB for each
-/// Gaussian.
-pub const NUM_REALIZATIONS: u32 = 16;
-
-/// Receivers that are traced together: their rays take turns in the realizations of the scene, so
-/// that a realization's tree stays in a near cache.
-const TOGETHER: usize = 256;
 
 /// A Gaussian whose irradiance is gathered, and where.
 pub type Receiver = (u32, Surface);
@@ -87,74 +77,6 @@ pub struct TransportMatrix {
 }
 
 impl TransportMatrix {
-    /// Traces `directions` for some `receivers`, each with random numbers of its own among those of
-    /// `key`.
-    pub fn trace(
-        scene: &CpuScene,
-        receivers: &[Receiver],
-        directions: Directions,
-        key: RandomKey,
-    ) -> Self {
-        let sampler = Sampler {
-            lights: scene.light_list(),
-            directions,
-            key,
-        };
-        let groups: Vec<Self> = receivers
-            .par_chunks(TOGETHER)
-            .map(|receivers| Self::trace_group(scene, &sampler, receivers))
-            .collect();
-        let mut matrix = Self::default();
-        groups.into_iter().for_each(|group| matrix.append(group));
-        matrix
-    }
-
-    fn trace_group(scene: &CpuScene, sampler: &Sampler<'_>, receivers: &[Receiver]) -> Self {
-        let Directions { bsdf, to_lights } = sampler.directions;
-        let mut matrix = Self {
-            direct: vec![Vec3::ZERO; receivers.len()],
-            direct_squares: vec![0.0; receivers.len()],
-            targets: vec![NOTHING; bsdf as usize * receivers.len()],
-            light_targets: vec![NOTHING; to_lights as usize * receivers.len()],
-            num_rays: 0,
-        };
-        let aims: Vec<Aim<'_>> = receivers.iter().map(|one| sampler.aim(one)).collect();
-        for realization in 0..NUM_REALIZATIONS {
-            for (at, aim) in aims.iter().enumerate() {
-                for sample in aim.samples(realization) {
-                    let Some(direction) = aim.direction(sample, realization) else {
-                        continue;
-                    };
-                    matrix.num_rays += 1;
-                    let ray = aim.surface.ray(direction);
-                    let Some(hit) = scene.realization_hit(&ray, realization) else {
-                        continue;
-                    };
-                    let attributes = scene.attributes(hit.index);
-                    let emits = attributes.emission() > EMISSION_THRESHOLD;
-                    *matrix.entry(at, sample, sampler.directions) = if emits {
-                        let light = attributes.radiance() * aim.weight(direction, realization);
-                        matrix.direct[at] += light;
-                        matrix.direct_squares[at] += luminance(light.to_array()).powi(2);
-                        hit.index | EMITTER
-                    } else {
-                        hit.index
-                    };
-                }
-            }
-        }
-        matrix
-    }
-
-    fn entry(&mut self, row: usize, sample: Sample, directions: Directions) -> &mut u32 {
-        match sample {
-            Sample::Bsdf(i) => &mut self.targets[row * directions.bsdf as usize + i as usize],
-            Sample::Light(i) => {
-                &mut self.light_targets[row * directions.to_lights as usize + i as usize]
-            }
-        }
-    }
-
     /// Adds those of more receivers, traced in as many directions.
     pub fn append(&mut self, mut more: Self) {
         self.direct.append(&mut more.direct);
@@ -210,21 +132,21 @@ impl TransportMatrix {
 
 /// Number of a direction among those of its kind.
 #[derive(Debug, Clone, Copy)]
-enum Sample {
+pub(crate) enum Sample {
     Bsdf(u32),
     Light(u32),
 }
 
 /// Chooses directions.
 #[derive(Debug, Clone, Copy)]
-struct Sampler<'a> {
-    lights: Option<&'a LightList>,
-    directions: Directions,
-    key: RandomKey,
+pub(crate) struct Sampler<'a> {
+    pub(crate) lights: Option<&'a LightList>,
+    pub(crate) directions: Directions,
+    pub(crate) key: RandomKey,
 }
 
 impl<'a> Sampler<'a> {
-    fn aim(&self, &(element, surface): &Receiver) -> Aim<'a> {
+    pub(crate) fn aim(&self, &(element, surface): &Receiver) -> Aim<'a> {
         let Directions { bsdf, to_lights } = self.directions;
         Aim {
             surface,
@@ -238,8 +160,8 @@ impl<'a> Sampler<'a> {
 
 /// Directions of a receiver, and weights of emitters that they meet.
 #[derive(Debug, Clone)]
-struct Aim<'a> {
-    surface: Surface,
+pub(crate) struct Aim<'a> {
+    pub(crate) surface: Surface,
     /// Random numbers of BSDF samples, and of light samples.
     points: [RowPoints; 2],
     /// Realization that its first sample meets, modulo [`NUM_REALIZATIONS`].
@@ -251,7 +173,7 @@ struct Aim<'a> {
 impl Aim<'_> {
     /// Samples that meet `realization`: they take turns in the realizations, and receivers begin
     /// with different ones.
-    fn samples(&self, realization: u32) -> impl Iterator<Item = Sample> + use<> {
+    pub(crate) fn samples(&self, realization: u32) -> impl Iterator<Item = Sample> + use<> {
         let first = realization.wrapping_sub(self.first_realization) % NUM_REALIZATIONS;
         let turn = move |num: u32| (first..num).step_by(NUM_REALIZATIONS as usize);
         let Directions { bsdf, to_lights } = self.directions;
@@ -259,7 +181,7 @@ impl Aim<'_> {
     }
 
     /// A direction; `None` for a light sample below the surface, or without lights.
-    fn direction(&self, sample: Sample, realization: u32) -> Option<Vec3> {
+    pub(crate) fn direction(&self, sample: Sample, realization: u32) -> Option<Vec3> {
         let Surface {
             position, normal, ..
         } = self.surface;
@@ -280,7 +202,7 @@ impl Aim<'_> {
 
     /// Weight of an emitter's radiance that a direction found: q / (n q + m p), for n BSDF samples
     /// of density q and m light samples of density p.
-    fn weight(&self, direction: Vec3, realization: u32) -> f32 {
+    pub(crate) fn weight(&self, direction: Vec3, realization: u32) -> f32 {
         let q = direction.dot(self.surface.normal) * FRAC_1_PI;
         let p = self.lights.as_ref().map_or(0.0, |(lights, importances)| {
             lights.density(importances, realization, self.surface.position, direction)

@@ -1,7 +1,7 @@
 //! Training on the CPU.
 
+use super::step::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use super::trainer::{HostParameters, Trainer};
-use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
 use crate::params::ParameterState;

@@ -7,8 +7,9 @@
 //! - [`loss`]: the losses of both stages, their features over pixels and their derivatives by the
 //!   features of rays.
 //! - [`report`]: what the host reads after a step: thirteen numbers.
+//! - [`structures`]: what these exchange with their kernels.
 //! - [`kernels`]: the modules of these.
-//! - [`steps`]: steps of these, several of them under way at once.
+//! - [`task`], [`steps`]: steps of these, several of them under way at once.
 
 mod kernels;
 mod lights;
@@ -17,10 +18,12 @@ mod params;
 mod report;
 mod rows;
 mod steps;
+mod structures;
 mod target;
+mod task;
 
+use super::step::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use super::trainer::{HostParameters, Trainer};
-use super::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::densify::Densified;
 use crate::error::Result;
 use crate::loss::target::Target;
@@ -37,8 +40,8 @@ use params::ResidentState;
 use std::collections::{HashMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
-use steps::{PendingStep, StepLoss, StepTask};
 use target::TargetView;
+use task::{PendingStep, StepLoss, StepTask};
 
 /// Views that stay on the device take at most so much of its memory, which nothing tells the size
 /// of; others come anew each time.

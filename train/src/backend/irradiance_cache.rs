@@ -1,8 +1,8 @@
 //! Irradiance of the pixels of views in stage 1. Geometry and light do not change there: the
 //! factor of each pixel's albedo is computed once.
 
-use super::TrainingView;
 use super::irradiance;
+use super::step::TrainingView;
 use crate::error::Result;
 use crate::loss::PixelLight;
 use eagpt_scene::Gaussians;

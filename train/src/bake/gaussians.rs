@@ -15,14 +15,16 @@
 //! matrix and is smoothed by the weights of all light together: what Gaussians reflect of single
 //! lamps adds up to what they reflect ([`eagpt_scene::light_basis`]).
 
+use super::emitters::with_emitters;
 use super::highlights::Highlights;
 use super::lamps::evened;
 use super::receivers::Receivers;
+use super::request::Bake;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
 use super::transport::TracedTransport;
-use super::{Bake, BakeProgress, with_emitters};
 use crate::error::{Result, TrainError};
 use crate::irradiance;
+use crate::progress::BakeProgress;
 use eagpt_scene::files::{Key, digest};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_scene::lamps::read_lamps;
@@ -34,34 +36,17 @@ use eagpt_trace::Tracer;
 use eagpt_trace::transport::bsdf::equivalent_albedos;
 use eagpt_trace::transport::matrix::Directions;
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+pub use super::request::GaussianBake;
+
 /// Receivers traced between two checks for a request to stop.
 pub(super) const PIECE: usize = 4096;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
-
-/// Options of [`super::BakeMethod::Gaussians`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GaussianBake {
-    /// Directions traced at each Gaussian, at least 1: half of them are light samples, the others
-    /// serve all bounces. Without a number it follows from that of the Gaussians
-    /// ([`irradiance::usual_samples`]), and is twice that where the light of each lamp is asked
-    /// for.
-    pub num_samples: Option<u32>,
-}
-
-impl GaussianBake {
-    /// Number of directions at each of `num` Gaussians, for all light or for that of each lamp.
-    pub(super) fn number(self, num: usize, is_per_light: bool) -> u32 {
-        let usual = || irradiance::usual_samples(num) << u32::from(is_per_light);
-        self.num_samples.unwrap_or_else(usual)
-    }
-}
 
 /// A solution.
 pub(super) struct Solved {

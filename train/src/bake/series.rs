@@ -1,9 +1,9 @@
 //! The Neumann series of the light of a scene on its Gaussians, see [`super::gaussians`].
 
-use super::BakeProgress;
 use super::receivers::Receivers;
 use crate::irradiance::NoisyLight;
 use crate::irradiance::smooth::Smoothing;
+use crate::progress::BakeProgress;
 use eagpt_trace::transport::matrix::{Directions, TransportMatrix};
 use glam::Vec3;
 

@@ -1,18 +1,19 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
-use super::gaussians::{self, GaussianBake};
+use super::emitters::{emits, forget_directions, with_emitters};
+use super::gaussians;
 use super::highlights::Highlights;
 use super::receivers::Receivers;
+use super::request::{GaussianBake, Told};
 use super::series::{Exchange, sum_of_bounces};
-use super::{BakeProgress, emits, forget_directions, with_emitters};
 use crate::error::Result;
 use crate::irradiance;
+use crate::progress::BakeProgress;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Gaussians};
 use eagpt_trace::Device;
 use eagpt_trace::transport::bsdf::equivalent_albedos;
 use eagpt_trace::transport::matrix::TransportMatrix;
-use std::ops::ControlFlow;
 
 /// Options that decide a solution, beside the scene.
 #[derive(Debug)]
@@ -28,9 +29,6 @@ pub(crate) struct Solution<'a> {
     /// Seed of the random numbers.
     pub(crate) seed: u64,
 }
-
-/// Told of the progress, answers whether to go on.
-pub(super) type Told<'a> = dyn FnMut(BakeProgress) -> ControlFlow<()> + 'a;
 
 impl Solution<'_> {
     /// The scene with its light baked; `None` where nothing emits, or `told` has ended it.

@@ -10,7 +10,7 @@
 //!
 //! The same file holds a bake under way, with the rows done so far.
 
-use super::emits;
+use super::emitters::emits;
 use super::receivers::{Faint, NO_SOURCE, NUM_SOURCES, Receivers, Sources};
 use crate::error::Result;
 use eagpt_scene::files::{Key, SealedFormat};

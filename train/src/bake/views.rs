@@ -5,44 +5,28 @@
 //! machines can each take a [`Shard`]; once all images are there, radiance is fitted to them by
 //! iterations of stage 0 with everything else held.
 
-use super::{Bake, BakeProgress};
+use super::request::Bake;
 use crate::backend::{self, RadianceStep};
 use crate::error::{Result, TrainError};
-use crate::job::views::Views;
 use crate::loss::NormalTerms;
 use crate::options::{LearningRates, LossWeights, Stage};
 use crate::params::{ParameterState, StepSizes};
+use crate::progress::BakeProgress;
+use crate::views::Views;
 use eagpt_render::{RenderJob, RenderProgress, Shot, render_views};
 use eagpt_scene::dataset::{RADIANCE_DIR, TRANSFORMS_FILE, write_transforms};
 use eagpt_scene::exr::{self, Precision};
 use eagpt_scene::files::{self, Ledger};
 use eagpt_scene::{Dataset, Shard};
-use eagpt_trace::transport::Sampling;
 use eagpt_trace::{Integrator, LightOptions, RenderedView};
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+pub use super::request::ViewBake;
+
 /// Bytes that images may take in memory during the fit.
 const IMAGE_BUDGET: usize = 1 << 30;
-
-/// Options of [`super::BakeMethod::Views`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ViewBake {
-    /// Samples per pixel, at least 1; 1,024 in the paper.
-    pub num_samples: u32,
-    /// First bounce at which a path may be ended at random; `None`: never.
-    pub roulette_from: Option<u32>,
-    /// Light sampling.
-    pub sampling: Sampling,
-    /// Iterations of the fit, one view each; 3,000 in the paper.
-    pub iterations: u32,
-    /// Adam's step size of the radiance's logarithm; it falls exponentially to a tenth.
-    pub rate: f32,
-    /// The part of the views to trace.
-    pub shard: Shard,
-}
 
 impl Bake<'_> {
     /// Radiances of all Gaussians, or `None` if it was stopped from outside or is a shard.

@@ -5,7 +5,7 @@ use super::*;
 fn sample(iteration: u32) -> Checkpoint {
     let array = |x: f32| [[x; NUM_PARAMETERS], [x + 0.125; NUM_PARAMETERS]].concat();
     let coefficients = |x: f32| [[x; NUM_COEFFICIENTS], [x - 0.5; NUM_COEFFICIENTS]].concat();
-    let parked = |x: f32| LightParameters {
+    let stored = |x: f32| LightParameters {
         light: learned(&[x; 2 * 3 * NUM_OF_LIGHT], 0),
         harmonics: learned(&[x; 2 * 3 * NUM_COEFFICIENTS], 5),
     };
@@ -25,7 +25,7 @@ fn sample(iteration: u32) -> Checkpoint {
             num_fixed: 1,
             lights: Lights {
                 current: 1,
-                parked: [0.5, 0.25].map(parked).to_vec(),
+                stored: [0.5, 0.25].map(stored).to_vec(),
             },
         },
     }

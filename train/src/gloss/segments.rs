@@ -8,7 +8,6 @@
 //! a bonus for small parts. Shading changes little from one Gaussian to the next, materials do;
 //! where texture is strong within, strong edges do not divide.
 
-use super::observe::Observations;
 use crate::irradiance::smooth::Smoothing;
 use eagpt_scene::median::median_of;
 use glam::{Vec3, Vec4};
@@ -34,14 +33,14 @@ pub(super) struct Segments {
 }
 
 impl Segments {
-    /// Divides the receivers that are `seen`.
-    pub(super) fn new(seen: &Observations, smoothing: &Smoothing) -> Self {
-        let dark = DARK * median_of(seen.colors.iter().map(|c| c.max_element()));
+    /// Divides receivers by their `colors` and `spreads`, `[receivers]`.
+    pub(super) fn new(colors: &[Vec3], spreads: &[f32], smoothing: &Smoothing) -> Self {
+        let dark = DARK * median_of(colors.iter().map(|c| c.max_element()));
         let log = |(color, spread): (&Vec3, &f32)| {
             let spread = WEIGHT_OF_SPREAD * (spread + LEAST_SPREAD).ln();
             (*color + dark).map(f32::ln).extend(spread)
         };
-        let logs: Vec<Vec4> = seen.colors.iter().zip(&seen.spreads).map(log).collect();
+        let logs: Vec<Vec4> = colors.iter().zip(spreads).map(log).collect();
         let num = logs.len();
         let mut edges = Vec::new();
         for i in 0..num {

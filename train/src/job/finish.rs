@@ -1,14 +1,13 @@
 //! Last steps, with the finished scene.
 
-use super::Run;
-use super::lamps::keep_emitting;
-use super::views::Views;
-use crate::bake::emits;
+use super::lamps::{all_emitting, keep_emitting};
+use super::run::Run;
 use crate::energy;
 use crate::error::Result;
 use crate::options::StageChoice;
 use crate::own_light::{self, OwnLight};
 use crate::progress::TrainProgress;
+use crate::views::Views;
 use eagpt_scene::{Gaussians, ply};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -88,21 +87,4 @@ impl Run<'_> {
             }
         }
     }
-}
-
-/// The scene in which all emits that emits in one of its lights, at least one, as it does in the
-/// first of these. All else has the light of the first.
-pub(super) fn all_emitting(lights: &[Gaussians]) -> Gaussians {
-    let mut scene = lights[0].clone();
-    for i in 0..scene.len() {
-        let emitting = lights.iter().find(|light| emits(light.emissions[i]));
-        if let Some(light) = emitting {
-            scene.emissions[i] = light.emissions[i];
-            scene.radiances[i] = light.radiances[i];
-            if let Some(own) = scene.harmonics.get_mut(i) {
-                *own = light.harmonics[i];
-            }
-        }
-    }
-    scene
 }

@@ -1,11 +1,11 @@
 //! Gloss between the stages: estimated, and taken out of what albedos are to explain.
 
-use super::Run;
-use super::views::Views;
 use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
 use crate::gloss::{self, Estimate};
+use crate::options::TrainOptions;
 use crate::progress::TrainProgress;
+use crate::views::Views;
 use eagpt_scene::Gaussians;
 use eagpt_scene::color::luminance;
 use eagpt_trace::cpu::CpuScene;
@@ -54,29 +54,27 @@ impl RunGloss {
             view: Arc::new(view),
         }
     }
-}
 
-impl Run<'_> {
     /// Estimates the gloss of the scene of stage 0, where that is asked for. It is not stored: a
     /// resumed run estimates the same again.
-    pub(super) fn estimate_gloss(
-        &mut self,
+    pub(super) fn estimate(
+        options: &TrainOptions,
         backend: &mut dyn Backend,
         views: &Views,
-    ) -> Result<RunGloss> {
-        let options = &self.request.options;
+        progress: &mut dyn FnMut(TrainProgress),
+    ) -> Result<Self> {
         if !options.albedo.gloss {
-            return Ok(RunGloss::default());
+            return Ok(Self::default());
         }
-        (self.progress)(TrainProgress::Gloss { surfaces: None });
+        progress(TrainProgress::Gloss { surfaces: None });
         let mut lights = backend.state()?.in_lights();
         let estimate = gloss::estimate(&lights, views.iter(), options.seed)?;
-        (self.progress)(TrainProgress::Gloss {
+        progress(TrainProgress::Gloss {
             surfaces: Some(estimate.surfaces.clone()),
         });
-        let mut found = RunGloss {
+        let mut found = Self {
             estimate,
-            ..RunGloss::default()
+            ..Self::default()
         };
         if found.estimate.gloss.is_empty() {
             return Ok(found);

@@ -1,8 +1,7 @@
 //! Training that starts from points.
 
-use super::Run;
 use super::lights::{self, Light};
-use super::views::Views;
+use super::run::Run;
 use crate::backend::TrainingView;
 use crate::checkpoint::{Checkpoint, LossMonitor};
 use crate::error::Result;
@@ -10,6 +9,7 @@ use crate::init::Initialiser;
 use crate::init::agreement::Agreement;
 use crate::options::Stage;
 use crate::params::ParameterState;
+use crate::views::Views;
 use eagpt_scene::files::Key;
 
 /// The start of a light: its points, or views that find them.
@@ -29,7 +29,6 @@ pub(super) fn checkpoint(
     run: &mut Run<'_>,
 ) -> Result<Checkpoint> {
     let options = &run.request.options;
-    let bad_views = run.request.bad_views;
     let start = |Light { dataset, .. }: &Light| -> Result<Start> {
         Ok(match dataset.points()? {
             Some(cloud) => {
@@ -44,7 +43,7 @@ pub(super) fn checkpoint(
         Start::Points(start) => start.observe(&training.view),
         Start::Agreement(agreement) => agreement.add(&training.view),
     };
-    views.check(bad_views, observe, run)?;
+    run.check(views, observe)?;
     let (mut extent, mut scenes) = (0.0, Vec::with_capacity(lights.len()));
     for (light, start) in starts.into_iter().enumerate() {
         let dataset = &lights[light].dataset;

@@ -1,14 +1,13 @@
 //! Emitters become clean lamps, once, towards the end of stage 0; between the stages, what these
 //! shine through emits with them.
 
-use super::Run;
-use super::finish::all_emitting;
-use super::views::Views;
+use super::run::Run;
 use crate::backend::{Backend, TrainingView};
 use crate::bake::emits;
 use crate::error::Result;
 use crate::luminous::luminous;
 use crate::progress::TrainProgress;
+use crate::views::Views;
 use eagpt_lamps::Evidence;
 use eagpt_scene::lamps::{Lamp, read_lamps, write_lamps};
 use eagpt_scene::rng::{Purpose, RandomKey};
@@ -101,6 +100,23 @@ impl Run<'_> {
         }
         backend.mark_emitting(&emitting)
     }
+}
+
+/// The scene in which all emits that emits in one of its lights, at least one, as it does in the
+/// first of these. All else has the light of the first.
+pub(super) fn all_emitting(lights: &[Gaussians]) -> Gaussians {
+    let mut scene = lights[0].clone();
+    for i in 0..scene.len() {
+        let emitting = lights.iter().find(|light| emits(light.emissions[i]));
+        if let Some(light) = emitting {
+            scene.emissions[i] = light.emissions[i];
+            scene.radiances[i] = light.radiances[i];
+            if let Some(own) = scene.harmonics.get_mut(i) {
+                *own = light.harmonics[i];
+            }
+        }
+    }
+    scene
 }
 
 /// Takes out of the list of lamps at `path`, if there is one, those without a clean shape of which

@@ -1,6 +1,6 @@
 //! The lights of a run: datasets of one place, and where the results of each go.
 
-use super::TrainRequest;
+use super::request::TrainRequest;
 use crate::error::{Result, TrainError};
 use eagpt_scene::dataset::{Split, Subset};
 use eagpt_scene::{Dataset, Gaussians};

@@ -1,7 +1,7 @@
 //! Whether a run fits into memory.
 
-use super::TrainRequest;
 use super::lights::Light;
+use super::request::TrainRequest;
 use crate::error::{Result, TrainError};
 use crate::options::{StageChoice, TrainOptions};
 use eagpt_scene::machine::available_memory;

@@ -1,6 +1,6 @@
 //! Training that starts from a scene instead of points.
 
-use super::TrainRequest;
+use super::request::TrainRequest;
 use crate::checkpoint::{Checkpoint, LossMonitor};
 use crate::error::{Result, TrainError};
 use crate::init;
@@ -74,7 +74,7 @@ pub(super) fn checkpoint(
     let harmonics = options.radiance.harmonics.degree > 0;
     if !harmonics {
         state.harmonics = crate::params::Learned::new(Vec::new());
-        for light in &mut state.lights.parked {
+        for light in &mut state.lights.stored {
             light.harmonics = crate::params::Learned::new(Vec::new());
         }
     }

@@ -1,7 +1,6 @@
 //! Steps of the stages on a backend.
 
-use super::Run;
-use super::views::Views;
+use super::run::Run;
 use crate::backend::{AlbedoStep, Backend, RadianceStep, Taken, TrainingView};
 use crate::checkpoint::Checkpoint;
 use crate::error::Result;
@@ -9,6 +8,7 @@ use crate::loss::NormalTerms;
 use crate::options::Stage;
 use crate::params::StepSizes;
 use crate::progress::TrainProgress;
+use crate::views::Views;
 use std::sync::atomic::Ordering;
 
 /// Gaussians gathered for between two checks of the stop flag.

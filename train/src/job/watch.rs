@@ -1,6 +1,6 @@
 //! The scene while it trains, for those who watch.
 
-use super::Run;
+use super::run::Run;
 use crate::backend::Backend;
 use crate::error::Result;
 use crate::progress::TrainProgress;
@@ -12,16 +12,10 @@ const INTERVAL: Duration = Duration::from_secs(3);
 /// Least time to the next scene over that which one takes: watching costs a twentieth at most.
 const LEAST_RATIO: u32 = 20;
 
-/// When the next scene is due.
-#[derive(Debug, Default)]
-pub(super) struct Watch {
-    due: Option<Instant>,
-}
-
 impl Run<'_> {
     /// Whether somebody watches and waits for a scene.
     pub(super) fn is_watched_now(&self) -> bool {
-        self.request.is_watched && self.watch.due.is_none_or(|due| due <= Instant::now())
+        self.request.is_watched && self.next_scene.is_none_or(|due| due <= Instant::now())
     }
 
     /// Tells the scene of the backend, of several lights in the first, if it is due. No step may
@@ -36,7 +30,7 @@ impl Run<'_> {
             scene: Arc::new(scene),
         });
         let rest = INTERVAL.max(started.elapsed() * LEAST_RATIO);
-        self.watch.due = Some(Instant::now() + rest);
+        self.next_scene = Some(Instant::now() + rest);
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Normals of the surface that the mean distances D̃ span, from central differences of its points.
 
-use super::{MIN_NORMAL_ALPHA, directions, one_minus_cosine, solid_normal};
+use super::normal::{MIN_NORMAL_ALPHA, one_minus_cosine};
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Camera, Image};
 use eagpt_trace::features::{Features, GBuffer, lane};
@@ -110,4 +110,25 @@ pub fn add(
             }
         });
     gradients.iter().map(|g| f64::from(g.value)).sum::<f64>() / num as f64
+}
+
+/// Blended normal Ñ turned by nothing, or `None` where the pixel is too transparent.
+fn solid_normal(features: &Features) -> Option<Vec3> {
+    (features.alpha() > MIN_NORMAL_ALPHA)
+        .then(|| features.unit_normal())
+        .filter(|n| *n != Vec3::ZERO)
+}
+
+/// Directions of all pixels of a camera.
+pub(super) fn directions(camera: &Camera) -> Vec<Vec3> {
+    let frame = camera.ray_frame();
+    (0..camera.num_pixels() as u32)
+        .into_par_iter()
+        .map(|i| {
+            frame.direction(
+                (i % camera.width) as f32 + 0.5,
+                (i / camera.width) as f32 + 0.5,
+            )
+        })
+        .collect()
 }

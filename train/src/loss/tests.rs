@@ -1,7 +1,9 @@
 //! Every term against central differences, on a smooth artificial frame.
 
+use super::depth_normal::directions;
 use super::*;
 use crate::loss::color::pq_image;
+use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::{DAffine3, DMat3, DVec3};
 

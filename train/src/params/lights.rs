@@ -2,59 +2,19 @@
 //! albedo for all.
 //!
 //! Steps take place in one light at a time, whose values stand where those of a scene in a single
-//! light do; those of the others are parked.
+//! light do; those of the others are stored.
 
-use super::{ALBEDO, Learned, NUM_PARAMETERS, ParameterState, RADIANCE, Raw, logit};
+use super::learned::Learned;
+use super::state::ParameterState;
+use super::stored::{LightParameters, NUM_OF_LIGHT};
+use super::{ALBEDO, NUM_PARAMETERS, RADIANCE, Raw, logit};
 use eagpt_scene::Gaussians;
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-/// ln r (3), logit e.
-pub const NUM_OF_LIGHT: usize = ALBEDO - RADIANCE;
-
 /// Emission of a fixed Gaussian where its lamp is off.
 const DARK: f32 = 0.0;
-
-/// Parameters of one light: those that differ between lights.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct LightParameters {
-    /// ln r (3), logit e, `[n]`.
-    pub light: Learned<NUM_OF_LIGHT>,
-    /// As [`ParameterState::harmonics`].
-    pub harmonics: Learned<NUM_COEFFICIENTS>,
-}
-
-/// The lights of a state.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Lights {
-    /// Index of the light whose values are those of the state.
-    pub current: usize,
-    /// Values of every light, those of the current one out of date; none where there is one light
-    /// alone.
-    pub parked: Vec<LightParameters>,
-}
-
-impl Lights {
-    /// Number of lights, at least 1.
-    pub fn num(&self) -> usize {
-        self.parked.len().max(1)
-    }
-
-    /// All arrays of rows of light.
-    pub(super) fn for_each(
-        &mut self,
-        mut light: impl FnMut(&mut Learned<NUM_OF_LIGHT>),
-        mut harmonics: impl FnMut(&mut Learned<NUM_COEFFICIENTS>),
-    ) {
-        for parked in &mut self.parked {
-            light(&mut parked.light);
-            if !parked.harmonics.is_empty() {
-                harmonics(&mut parked.harmonics);
-            }
-        }
-    }
-}
 
 impl ParameterState {
     /// The state with `others`, its light in each of the other lights: radiance and emission of the
@@ -62,13 +22,13 @@ impl ParameterState {
     #[must_use]
     pub fn with_lights(mut self, others: &[Gaussians]) -> Self {
         let own = self.gaussians();
-        let parked = |gaussians: &Gaussians| LightParameters {
+        let stored = |gaussians: &Gaussians| LightParameters {
             light: Learned::new(light_rows(&ParameterState::new(gaussians).raw.values)),
             harmonics: Learned::new(vec![[0.0; NUM_COEFFICIENTS]; self.harmonics.len()]),
         };
-        self.lights.parked = match others {
+        self.lights.stored = match others {
             [] => Vec::new(),
-            _ => [&own].into_iter().chain(others).map(parked).collect(),
+            _ => [&own].into_iter().chain(others).map(stored).collect(),
         };
         self
     }
@@ -82,10 +42,10 @@ impl ParameterState {
         if light == self.lights.current {
             return;
         }
-        let before = &mut self.lights.parked[self.lights.current];
+        let before = &mut self.lights.stored[self.lights.current];
         exchange(&mut self.raw, &mut before.light);
         std::mem::swap(&mut self.harmonics, &mut before.harmonics);
-        let after = &mut self.lights.parked[light];
+        let after = &mut self.lights.stored[light];
         exchange(&mut self.raw, &mut after.light);
         std::mem::swap(&mut self.harmonics, &mut after.harmonics);
         self.lights.current = light;
@@ -174,8 +134,8 @@ fn exchange<const K: usize>(raw: &mut Learned<K>, light: &mut Learned<NUM_OF_LIG
         (&mut raw.second, &mut light.second),
     ];
     for (raw, light) in pairs {
-        for (row, parked) in raw.iter_mut().zip(light) {
-            row[RADIANCE..ALBEDO].swap_with_slice(parked);
+        for (row, stored) in raw.iter_mut().zip(light) {
+            row[RADIANCE..ALBEDO].swap_with_slice(stored);
         }
     }
 }

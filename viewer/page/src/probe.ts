@@ -1,8 +1,8 @@
 // Questions of tests and measurements to a page, as `window.eagptViewer`.
 
 import { viewCamera } from "./camera.ts";
-import type { Page } from "./main.ts";
 import { project } from "./overlay.ts";
+import type { Page } from "./page.ts";
 import type { Look } from "./renderer.ts";
 import type { ViewInfo } from "./scene.ts";
 

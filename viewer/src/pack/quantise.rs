@@ -2,6 +2,7 @@
 
 use eagpt_scene::gaussians::MAX_ALBEDO;
 use eagpt_scene::{Gaussians, morton};
+use eagpt_trace::model::MIN_ALPHA;
 use glam::{Quat, Vec3};
 use serde::Serialize;
 
@@ -65,10 +66,7 @@ struct Step {
 impl Steps {
     /// For the Gaussians that a ray can hit; `None` if there are none.
     pub(super) fn of(gaussians: &Gaussians) -> Option<Self> {
-        let visible: Gaussians = gaussians
-            .iter()
-            .filter(|g| super::is_visible(g.opacity))
-            .collect();
+        let visible: Gaussians = gaussians.iter().filter(|g| is_visible(g.opacity)).collect();
         let (low, high) = visible.bounds()?;
         let scales = visible.scales.iter().map(|scale| scale.min_element());
         let codes = f32::from(u16::MAX);
@@ -219,11 +217,16 @@ impl RotationCode {
     }
 }
 
+/// Whether some ray can hit the Gaussian.
+fn is_visible(opacity: f32) -> bool {
+    opacity >= MIN_ALPHA
+}
+
 /// Indices of the Gaussians that a ray can hit, along a Z-order curve through space; of equal
 /// places in their order.
 pub(super) fn morton_order(gaussians: &Gaussians, steps: &Steps) -> Vec<u32> {
     let mut keyed: Vec<(u64, u32)> = (0..gaussians.len())
-        .filter(|&i| super::is_visible(gaussians.opacities[i]))
+        .filter(|&i| is_visible(gaussians.opacities[i]))
         .map(|i| {
             let p = gaussians.positions[i];
             let codes = [0, 1, 2].map(|axis| u32::from(steps.position_code(axis, p[axis])));

@@ -3,6 +3,7 @@ use eagpt_scene::gaussians::{MAX_ALBEDO, random_cloud};
 use eagpt_scene::light_basis::LightGroups;
 use eagpt_scene::rng;
 use eagpt_testkit::lamps::boxed;
+use eagpt_trace::model::MIN_ALPHA;
 use glam::Quat;
 
 /// A cloud with harmonics, dark and bright light, and albedos up to the largest.

@@ -1,16 +1,27 @@
 //! A scene that is edited, for pages at a server.
 
 use super::board::Board;
-use super::reply::Reply;
-use super::request::Request;
-use super::{LONGEST_WAIT, Served, Site, places, work};
+use super::site::LONGEST_WAIT;
 use crate::error::Result;
 use crate::live::{Edit, Original};
 use crate::still::StillRequest;
 use crate::workshop::Workshop;
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// The subject of a server.
+#[derive(Debug)]
+pub struct Served {
+    /// The page.
+    pub page: String,
+    /// For each Gaussian that is packed in the page its index in the scene.
+    pub order: Vec<u32>,
+    /// The edit under way.
+    pub edit: Edit,
+    /// Device and options of its jobs.
+    pub workshop: Workshop,
+}
 
 /// State that the threads of a server with an edit share.
 #[derive(Debug)]
@@ -75,22 +86,5 @@ impl Editor {
     pub(super) fn wait<'a>(&self, board: MutexGuard<'a, Board>) -> MutexGuard<'a, Board> {
         let woken = self.changed.wait_timeout(board, LONGEST_WAIT);
         woken.unwrap_or_else(PoisonError::into_inner).0
-    }
-}
-
-impl Site for Editor {
-    fn answer(&self, request: &Request, place: &str) -> Reply {
-        places::answer(request, place, self)
-    }
-
-    fn work(&self) {
-        work::run(self);
-    }
-
-    fn stop(&self) {
-        self.is_stopping.store(true, Ordering::Relaxed);
-        // Under the lock: who has looked at the flag before waits by now.
-        self.board().stop_bake.store(true, Ordering::Relaxed);
-        self.changed.notify_all();
     }
 }

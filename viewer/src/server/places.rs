@@ -1,10 +1,11 @@
 //! The places of a server, and what is answered there.
 
-use super::LONGEST_WAIT;
 use super::board::{Still, StillState};
 use super::editor::Editor;
 use super::reply::{Reply, refused, unprocessable};
 use super::request::Request;
+use super::site::{LONGEST_WAIT, Site};
+use super::work;
 use crate::error::ViewerError;
 use crate::live::Act;
 use crate::still::{StillRequest, files_of};
@@ -22,23 +23,35 @@ use std::sync::atomic::Ordering;
 /// Most stills that wait for their turn.
 const MAX_WAITING: usize = 16;
 
-/// The answer at a place below the token.
-pub(super) fn answer(request: &Request, place: &str, editor: &Editor) -> Reply {
-    let answered = match (request.method.as_str(), place) {
-        ("GET", "") => Ok(Reply::html(&editor.page)),
-        ("GET", "state") => state(request, editor),
-        ("GET", "scene") => scene(request, editor),
-        ("GET", "still") => picture(request, editor),
-        ("POST", "act") => act(request, editor),
-        ("POST", "select") => select(request, editor),
-        ("POST", "light") => light(request, editor),
-        ("POST", "still") => still(request, editor),
-        (_, "" | "state" | "scene" | "still" | "act" | "select" | "light") => {
-            Err(refused("405 Method Not Allowed", "not this method"))
-        }
-        _ => Err(refused("404 Not Found", "there is no such place")),
-    };
-    answered.unwrap_or_else(|refusal| refusal)
+impl Site for Editor {
+    fn answer(&self, request: &Request, place: &str) -> Reply {
+        let answered = match (request.method.as_str(), place) {
+            ("GET", "") => Ok(Reply::html(&self.page)),
+            ("GET", "state") => state(request, self),
+            ("GET", "scene") => scene(request, self),
+            ("GET", "still") => picture(request, self),
+            ("POST", "act") => act(request, self),
+            ("POST", "select") => select(request, self),
+            ("POST", "light") => light(request, self),
+            ("POST", "still") => still(request, self),
+            (_, "" | "state" | "scene" | "still" | "act" | "select" | "light") => {
+                Err(refused("405 Method Not Allowed", "not this method"))
+            }
+            _ => Err(refused("404 Not Found", "there is no such place")),
+        };
+        answered.unwrap_or_else(|refusal| refusal)
+    }
+
+    fn work(&self) {
+        work::run(self);
+    }
+
+    fn stop(&self) {
+        self.is_stopping.store(true, Ordering::Relaxed);
+        // Under the lock: who has looked at the flag before waits by now.
+        self.board().stop_bake.store(true, Ordering::Relaxed);
+        self.changed.notify_all();
+    }
 }
 
 fn body<T: DeserializeOwned>(request: &Request, what: &str) -> Result<T, Reply> {

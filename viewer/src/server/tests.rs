@@ -1,8 +1,10 @@
 mod edits;
 
 use super::*;
+use crate::live::Edit;
 use crate::pack::Pack;
 use crate::testing::lit_cloud;
+use crate::workshop::Workshop;
 use eagpt_scene::dataset::{SplitRule, Subset};
 use eagpt_trace::Device;
 use eagpt_train::bake::gaussians::GaussianBake;

@@ -8,7 +8,7 @@
 
 use super::reply::{Reply, refused, unprocessable};
 use super::request::Request;
-use super::{LONGEST_WAIT, Site};
+use super::site::{LONGEST_WAIT, Site};
 use crate::error::Result;
 use crate::pack::Pack;
 use crate::page;

@@ -1,6 +1,6 @@
 //! Numbers within ranges.
 
-use super::checked;
+use super::checked::checked;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;

@@ -1,8 +1,8 @@
 //! Trees over opaque discs: the nearest along a ray, and all of them.
 
-use super::nodes::{self, Node, Stack, visit_leaves};
+use super::nodes::{self, EMPTY, Node, Stack, WIDTH, visit_leaves};
 use super::widen::{BinaryTree, Topology};
-use super::{EMPTY, RayScratch, WIDTH, bounds_of};
+use super::{RayScratch, bounds_of};
 use crate::cpu::lanes::Lanes;
 use crate::model::{MIN_COSINE, OWN_COSINE};
 use crate::ray::Ray;

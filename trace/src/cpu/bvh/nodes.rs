@@ -1,9 +1,15 @@
 //! Nodes of a wide tree: how they follow moved boxes, and are walked along a ray.
 
-use super::{EMPTY, LEAF, WIDTH};
 use crate::cpu::lanes::Lanes;
 use crate::ray::Ray;
 use obvhs::aabb::Aabb;
+
+/// Children of a node and Gaussians of a leaf: the lanes of an AVX register.
+pub(super) const WIDTH: usize = 8;
+/// Child that does not exist.
+pub(super) const EMPTY: u32 = u32::MAX;
+/// Marks children that are leaves; the other bits are the leaf's index.
+pub(super) const LEAF: u32 = 1 << 31;
 
 /// Eight boxes and what is in them. A child that does not exist has a box that no ray enters.
 #[derive(Debug, Clone)]

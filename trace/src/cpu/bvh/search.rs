@@ -1,7 +1,7 @@
 //! Search along single rays: all hits, or one chosen by its weight.
 
-use super::nodes::{Node, Stack, visit_leaves};
-use super::{Bvh, Leaf, WIDTH};
+use super::nodes::{Node, Stack, WIDTH, visit_leaves};
+use super::{Bvh, Leaf};
 use crate::blend::{BlendStatus, Blender, GlossBlend, Hit, sort_hits};
 use crate::cpu::lanes::Lanes;
 use crate::features::Features;

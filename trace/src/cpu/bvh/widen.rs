@@ -1,7 +1,6 @@
 //! Wide trees made of a binary one.
 
-use super::nodes::Node;
-use super::{EMPTY, LEAF, WIDTH};
+use super::nodes::{EMPTY, LEAF, Node, WIDTH};
 use crate::tree::binary_tree;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;

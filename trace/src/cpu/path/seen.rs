@@ -2,10 +2,10 @@
 
 use crate::blend::features_of_one;
 use crate::cpu::CpuScene;
+use crate::cpu::realizations::NUM_REALIZATIONS;
 use crate::features::Features;
 use crate::ray::Ray;
 use crate::transport::light_list::{Importances, LightList};
-use crate::transport::matrix::NUM_REALIZATIONS;
 use crate::transport::start::Surface;
 use eagpt_scene::Gloss;
 use glam::Vec3;

@@ -1,9 +1,9 @@
 //! Opening devices.
 
 use super::{Device, note};
-use crate::device::DeviceSelector;
 use crate::gpu::adapter::{self, Adapter, AdapterKind};
 use crate::gpu::error::{GpuError, one_line};
+use crate::selector::DeviceSelector;
 use std::sync::{Arc, Mutex};
 
 impl Device {

@@ -1,7 +1,7 @@
 //! Trees of a scene on the device, for single rays.
 
-use super::Emitter;
 use crate::gpu::bvh::Trees;
+use crate::gpu::declarations::light::Emitter;
 use crate::gpu::device::Device;
 use crate::gpu::error::GpuError;
 use crate::surfel::Surfel;

@@ -1,13 +1,13 @@
 //! The kernels of an integrator and their buffers, in the order in which they run.
 
-use super::{PathState, TreeBuffers};
+use super::TreeBuffers;
 use crate::features::Features;
 use crate::gpu::camera::CameraTracer;
+use crate::gpu::declarations::light::{PathState, RayQuery};
 use crate::gpu::device::Device;
 use crate::gpu::error::GpuError;
 use crate::gpu::kernels::{self, Kernel};
-use crate::gpu::rays::RayQuery;
-use crate::gpu::scene::SceneBuffers;
+use crate::gpu::scene_buffers::SceneBuffers;
 use crate::transport::bsdf;
 
 /// A kernel and its buffers.
@@ -35,7 +35,7 @@ pub(super) struct Steps<'a> {
     pub(super) light: &'a TreeBuffers,
     pub(super) tracer: &'a CameraTracer,
     pub(super) uniform: &'a wgpu::Buffer,
-    /// [`super::Gathered`], `[pixels]`.
+    /// [`Gathered`](crate::gpu::declarations::light::Gathered), `[pixels]`.
     pub(super) gathered: &'a wgpu::Buffer,
     /// F0 and roughness, `[pixels, 4]`, of a glossy scene.
     pub(super) pixel_glosses: Option<&'a wgpu::Buffer>,

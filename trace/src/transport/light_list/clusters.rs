@@ -1,10 +1,13 @@
 //! Clusters of emitters that lie close together, and what a receiver may get from one.
 
-use super::{Disc, MAX_CLUSTERS, REALIZATIONS};
+use super::disc::{Disc, REALIZATIONS};
 use crate::surfel::Surfel;
 use crate::transport::start::Surface;
 use glam::Vec3;
 use std::ops::Range;
+
+/// Most clusters of a list.
+pub(crate) const MAX_CLUSTERS: usize = 64;
 
 /// Emitters that follow each other in the list.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,16 +5,7 @@
 use super::{Disc, FOOTPRINTS, Importances, LightList, SCRATCH};
 use crate::cpu::bvh::Reach;
 use crate::ray::Ray;
-use crate::surfel::Surfel;
 use glam::Vec3;
-use std::f32::consts::TAU;
-
-impl Disc {
-    /// Luminance times the integral of the opacity.
-    pub(super) fn footprint_power(&self, surfel: &Surfel) -> f32 {
-        TAU * self.inside * surfel.opacity * surfel.size * surfel.size * self.luminance
-    }
-}
 
 impl LightList {
     /// As [`Self::sample`] for blended rays: to a random point of a footprint.

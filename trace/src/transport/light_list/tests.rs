@@ -2,6 +2,7 @@ use super::*;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussian, Gaussians, Gloss, Harmonics};
 use glam::{Quat, Vec2};
+use std::f32::consts::TAU;
 
 fn lamps(num: u32) -> Gaussians {
     let key = RandomKey::new(8, Purpose::Initialise, 0);

@@ -1,7 +1,8 @@
 //! Other light of the emitters that the directions of a matrix have met. No ray is traced: entries
 //! name the emitters, and random numbers the directions.
 
-use super::{Directions, EMITTER, NUM_REALIZATIONS, Receiver, Sample, Sampler, TransportMatrix};
+use super::{Directions, EMITTER, Receiver, Sample, Sampler, TransportMatrix};
+use crate::cpu::realizations::NUM_REALIZATIONS;
 use crate::transport::light_list::LightList;
 use eagpt_scene::color::luminance;
 use eagpt_scene::rng::RandomKey;

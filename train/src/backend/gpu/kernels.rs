@@ -1,24 +1,30 @@
 //! The kernels of training: their files in `train/shader/`, their buffers, and the constants that
 //! they share with Rust.
 
-use super::lights::ExchangeParameters;
-use super::loss::{self, Encoded, LossParameters, Moments, SurfaceGradient, Terms};
-use super::params::AdamParameters;
 use super::report;
+use super::structures::{
+    AdamParameters, Encoded, ExchangeParameters, LossParameters, Moments, SurfaceGradient, Terms,
+};
 use super::target::{self, TargetPixel};
-use crate::loss::MIN_NORMAL_ALPHA;
+use crate::loss::normal::MIN_NORMAL_ALPHA;
 use crate::loss::target::PQ_RANGE;
 use crate::params::{BETA_1, BETA_2, CLASSES, EPSILON, NUM_PARAMETERS};
 use eagpt_eval::ssim;
 use eagpt_eval::window::{RADIUS, WEIGHTS};
 use eagpt_scene::color::PQ_CONSTANTS;
 use eagpt_scene::gaussians::MAX_ALBEDO;
+use eagpt_trace::attributes::Attributes;
 use eagpt_trace::blend::LocalGradient;
 use eagpt_trace::features::Features;
 use eagpt_trace::gpu::kernel::{self, kernels, shaders};
 use eagpt_trace::model::{MAX_RADIUS, MIN_ALPHA};
-use eagpt_trace::surfel::{Attributes, Surfel};
+use eagpt_trace::surfel::Surfel;
 use std::borrow::Cow;
+
+/// Invocations of a workgroup that adds up.
+pub(super) const ADD_THREADS: u32 = 128;
+/// Pixels that each of them adds.
+pub(super) const ADD_PER_THREAD: u32 = 16;
 
 const FILES: &[(&str, &str)] = shaders! {
     "exchange" "loss_add_up" "loss_color" "loss_derivatives" "loss_surface" "params"
@@ -80,8 +86,8 @@ kernels! { sources;
 
     EXCHANGE = "exchange" exchange [] {
         0 exchanged: Uniform ExchangeParameters, 1 values: Write f32, 2 first: Write f32,
-        3 second: Write f32, 4 parked_values: Write f32, 5 parked_first: Write f32,
-        6 parked_second: Write f32,
+        3 second: Write f32, 4 stored_values: Write f32, 5 stored_first: Write f32,
+        6 stored_second: Write f32,
     }
     ACTIVATE = "params" activate [] {
         0 adam: Uniform AdamParameters, 1 values: Write f32, 7 surfels: Write Surfel,
@@ -134,8 +140,8 @@ fn declarations() -> String {
     }
     for (name, value) in [
         ("NUM_PARAMETERS", NUM_PARAMETERS as u32),
-        ("ADD_THREADS", loss::ADD_THREADS),
-        ("ADD_PER_THREAD", loss::ADD_PER_THREAD),
+        ("ADD_THREADS", ADD_THREADS),
+        ("ADD_PER_THREAD", ADD_PER_THREAD),
         ("KNOWN", target::KNOWN),
         ("WINDOW", target::WINDOW),
         ("FLAG_BITS", target::FLAG_BITS),

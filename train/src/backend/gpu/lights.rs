@@ -4,33 +4,12 @@
 
 use super::kernels;
 use super::rows::ResidentRows;
+use super::structures::ExchangeParameters;
 use crate::error::Result;
 use crate::params::{LightParameters, Lights, NUM_OF_LIGHT, NUM_PARAMETERS, RADIANCE};
 use eagpt_scene::harmonics::NUM_COEFFICIENTS;
 use eagpt_trace::gpu::Device;
-use eagpt_trace::gpu::kernel::{Layout, Pass, groups, layout};
-
-/// Which lanes of rows are exchanged.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct ExchangeParameters {
-    num_rows: u32,
-    /// Lanes of a whole row.
-    row: u32,
-    first_lane: u32,
-    num_lanes: u32,
-}
-
-impl ExchangeParameters {
-    pub(super) fn layout() -> Layout {
-        layout!(ExchangeParameters {
-            num_rows: "u32",
-            row: "u32",
-            first_lane: "u32",
-            num_lanes: "u32",
-        })
-    }
-}
+use eagpt_trace::gpu::kernel::{Pass, groups};
 
 /// [`LightParameters`] on a device.
 #[derive(Debug)]
@@ -44,16 +23,16 @@ struct ResidentLight {
 pub(super) struct ResidentLights {
     pub(super) current: usize,
     /// Those of the current one are out of date.
-    parked: Vec<ResidentLight>,
+    stored: Vec<ResidentLight>,
 }
 
 impl ResidentLights {
     /// Brings `lights` to the device.
     pub(super) fn new(device: &Device, lights: &Lights) -> Result<Self> {
-        let parked = |parked: &LightParameters| {
-            let harmonics = Some(&parked.harmonics).filter(|rows| !rows.is_empty());
+        let stored = |stored: &LightParameters| {
+            let harmonics = Some(&stored.harmonics).filter(|rows| !rows.is_empty());
             Ok(ResidentLight {
-                light: ResidentRows::upload(device, &parked.light)?,
+                light: ResidentRows::upload(device, &stored.light)?,
                 harmonics: harmonics
                     .map(|rows| ResidentRows::upload(device, rows))
                     .transpose()?,
@@ -61,13 +40,13 @@ impl ResidentLights {
         };
         Ok(Self {
             current: lights.current,
-            parked: lights.parked.iter().map(parked).collect::<Result<_>>()?,
+            stored: lights.stored.iter().map(stored).collect::<Result<_>>()?,
         })
     }
 
     /// Number of lights, at least 1.
     pub(super) fn num(&self) -> usize {
-        self.parked.len().max(1)
+        self.stored.len().max(1)
     }
 
     /// The passes after which the values of `light` are in the place of the current ones, in `raw`
@@ -101,9 +80,9 @@ impl ResidentLights {
             device.uniform("exchanged lanes", &parameters)
         };
         let of_light = lanes(NUM_PARAMETERS, RADIANCE, NUM_OF_LIGHT);
-        let exchange = |parked: &ResidentLight| {
+        let exchange = |stored: &ResidentLight| {
             let [a, b, c] = raw.buffers();
-            let [d, e, f] = parked.light.buffers();
+            let [d, e, f] = stored.light.buffers();
             device.pass(
                 &kernels::EXCHANGE,
                 &[&of_light, a, b, c, d, e, f],
@@ -113,17 +92,17 @@ impl ResidentLights {
         // First the current ones go back to their place.
         let mut passes: Vec<Pass> = [before, light]
             .iter()
-            .map(|&place| exchange(&self.parked[place]))
+            .map(|&place| exchange(&self.stored[place]))
             .collect();
         if let Some(harmonics) = harmonics {
             let of_harmonics = lanes(NUM_COEFFICIENTS, 0, NUM_COEFFICIENTS);
             for place in [before, light] {
-                if let Some(parked) = &mut self.parked[place].harmonics {
+                if let Some(stored) = &mut self.stored[place].harmonics {
                     let [a, b, c] = harmonics.buffers();
-                    let [d, e, f] = parked.buffers();
+                    let [d, e, f] = stored.buffers();
                     let buffers = [&of_harmonics, a, b, c, d, e, f];
                     passes.push(device.pass(&kernels::EXCHANGE, &buffers, each_gaussian));
-                    std::mem::swap(&mut harmonics.num_steps, &mut parked.num_steps);
+                    std::mem::swap(&mut harmonics.num_steps, &mut stored.num_steps);
                 }
             }
         }
@@ -132,10 +111,10 @@ impl ResidentLights {
 
     /// Read back.
     pub(super) fn lights(&self, device: &Device, num_rows: usize) -> Result<Lights> {
-        let parked = |parked: &ResidentLight| {
-            let harmonics = parked.harmonics.as_ref();
+        let stored = |stored: &ResidentLight| {
+            let harmonics = stored.harmonics.as_ref();
             Ok(LightParameters {
-                light: parked.light.learned(device, num_rows)?,
+                light: stored.light.learned(device, num_rows)?,
                 harmonics: harmonics
                     .map(|rows| rows.learned(device, num_rows))
                     .transpose()?
@@ -144,7 +123,7 @@ impl ResidentLights {
         };
         Ok(Lights {
             current: self.current,
-            parked: self.parked.iter().map(parked).collect::<Result<_>>()?,
+            stored: self.stored.iter().map(stored).collect::<Result<_>>()?,
         })
     }
 }

@@ -1,102 +1,17 @@
 //! The losses on the device: [`crate::loss::radiance_loss`] and [`crate::loss::albedo_loss`] in
 //! single precision, in which drivers round their own way.
 
-use super::kernels;
+use super::kernels::{self, ADD_PER_THREAD, ADD_THREADS};
 use super::report::Report;
+use super::structures::{Encoded, LossParameters, Moments, SurfaceGradient, Terms};
 use super::target::TargetView;
 use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms, PixelLight};
 use crate::options::LossWeights;
 use eagpt_scene::Camera;
 use eagpt_trace::features::Features;
-use eagpt_trace::gpu::kernel::{Buffer, Layout, Pass, groups, layout};
+use eagpt_trace::gpu::kernel::{Buffer, Pass, groups};
 use eagpt_trace::gpu::{Device, Frame};
-
-/// Invocations of a workgroup that adds up.
-pub(super) const ADD_THREADS: u32 = 128;
-/// Pixels that each of them adds.
-pub(super) const ADD_PER_THREAD: u32 = 16;
-
-/// Parameters of the loss of one view.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct LossParameters {
-    /// Directions through pixels, as in [`eagpt_scene::camera::RayFrame`].
-    base: [f32; 3],
-    width: u32,
-    step_x: [f32; 3],
-    height: u32,
-    step_y: [f32; 3],
-    num_pixels: u32,
-    rays_per_axis: u32,
-    has_normals: u32,
-    has_map: u32,
-    has_emission: u32,
-    /// Weights; those of means are divided by what they are means over.
-    color: f32,
-    l1: f32,
-    ssim: f32,
-    per_window: f32,
-    normal: f32,
-    depth_normal: f32,
-    emission: f32,
-    alpha: f32,
-}
-
-impl LossParameters {
-    pub(super) fn layout() -> Layout {
-        layout!(LossParameters {
-            base: "vec3f",
-            width: "u32",
-            step_x: "vec3f",
-            height: "u32",
-            step_y: "vec3f",
-            num_pixels: "u32",
-            rays_per_axis: "u32",
-            has_normals: "u32",
-            has_map: "u32",
-            has_emission: "u32",
-            color: "f32",
-            l1: "f32",
-            ssim: "f32",
-            per_window: "f32",
-            normal: "f32",
-            depth_normal: "f32",
-            emission: "f32",
-            alpha: "f32",
-        })
-    }
-
-    fn new(camera: &Camera, view: &TargetView, options: &LossOptions) -> Self {
-        let frame = camera.ray_frame();
-        let weights = &options.weights;
-        let over = |weight: f64, num: usize| (weight / num.max(1) as f64) as f32;
-        Self {
-            base: frame.base.to_array(),
-            width: camera.width,
-            step_x: frame.step_x.to_array(),
-            height: camera.height,
-            step_y: frame.step_y.to_array(),
-            num_pixels: camera.num_pixels() as u32,
-            rays_per_axis: options.rays_per_axis,
-            has_normals: u32::from(options.normals == NormalTerms::On),
-            has_map: view.has_map.into(),
-            has_emission: view.has_emission.into(),
-            color: weights.color as f32,
-            l1: over(1.0 - weights.ssim_share, 3 * view.num_known),
-            ssim: weights.ssim_share as f32,
-            per_window: over(1.0, 3 * view.num_windows),
-            normal: weights.normal as f32,
-            depth_normal: weights.depth_normal as f32,
-            emission: if view.has_emission {
-                over(weights.emission, view.num_known)
-            } else {
-                0.0
-            },
-            alpha: over(weights.alpha, view.num_known),
-        }
-    }
-}
 
 /// Terms of the loss of a view.
 #[derive(Debug, Clone)]
@@ -110,6 +25,37 @@ pub(super) struct LossOptions {
     pub(super) lit: Option<Buffer>,
 }
 
+/// Parameters of the loss of `view`, which `camera` sees.
+fn parameters(camera: &Camera, view: &TargetView, options: &LossOptions) -> LossParameters {
+    let frame = camera.ray_frame();
+    let weights = &options.weights;
+    let over = |weight: f64, num: usize| (weight / num.max(1) as f64) as f32;
+    LossParameters {
+        base: frame.base.to_array(),
+        width: camera.width,
+        step_x: frame.step_x.to_array(),
+        height: camera.height,
+        step_y: frame.step_y.to_array(),
+        num_pixels: camera.num_pixels() as u32,
+        rays_per_axis: options.rays_per_axis,
+        has_normals: u32::from(options.normals == NormalTerms::On),
+        has_map: view.has_map.into(),
+        has_emission: view.has_emission.into(),
+        color: weights.color as f32,
+        l1: over(1.0 - weights.ssim_share, 3 * view.num_known),
+        ssim: weights.ssim_share as f32,
+        per_window: over(1.0, 3 * view.num_windows),
+        normal: weights.normal as f32,
+        depth_normal: weights.depth_normal as f32,
+        emission: if view.has_emission {
+            over(weights.emission, view.num_known)
+        } else {
+            0.0
+        },
+        alpha: over(weights.alpha, view.num_known),
+    }
+}
+
 /// The light of a view for [`LossOptions::lit`].
 pub(super) fn lit_pixels(device: &Device, light: &PixelLight) -> Result<Buffer> {
     let lit = light.irradiance.iter().zip(&light.emitted);
@@ -120,45 +66,6 @@ pub(super) fn lit_pixels(device: &Device, light: &PixelLight) -> Result<Buffer> 
         })
         .collect();
     Ok(device.upload("light of a view", bytemuck::cast_slice(&pixels))?)
-}
-
-/// PQ values of a pixel and their slopes. Vectors of three take as much as vectors of four.
-#[derive(Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct Encoded {
-    pq: [f32; 4],
-    slope: [f32; 4],
-}
-
-/// Moments of the colours of a pixel's window, or derivatives by them.
-#[derive(Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct Moments {
-    of_target: [f32; 4],
-    of_shown: [f32; 4],
-    of_squares: [f32; 4],
-    of_product: [f32; 4],
-}
-
-/// Summands of a pixel in the terms of the loss; see [`Report::terms`].
-#[derive(Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct Terms {
-    image: [f32; 4],
-    surface: [f32; 4],
-}
-
-/// Derivatives of the term of spanned normals of a pixel.
-#[derive(Clone, Copy)]
-#[repr(C)]
-#[allow(dead_code, reason = "lives on the device alone; Rust knows its size")]
-pub(super) struct SurfaceGradient {
-    d_across: [f32; 4],
-    d_down: [f32; 4],
-    d_normal: [f32; 4],
 }
 
 /// Memory of the kernels, for views of one number of pixels.
@@ -219,7 +126,7 @@ impl LossBuffers {
             group_sums,
             ..
         } = self;
-        let parameters = &device.uniform("loss", &LossParameters::new(camera, view, options));
+        let parameters = &device.uniform("loss", &parameters(camera, view, options));
         let targets = &view.pixels;
         let (rays, d_rays) = (&frame.features, &frame.d_features);
         let each_pixel = groups(self.num_pixels as u32);

@@ -5,52 +5,14 @@ use super::kernels;
 use super::lights::ResidentLights;
 use super::report::Report;
 use super::rows::ResidentRows;
+use super::structures::AdamParameters;
 use crate::error::Result;
 use crate::params::{Adam, BadGradient, NUM_PARAMETERS, ParameterState, Raw, StepSizes};
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, NUM_FUNCTIONS};
-use eagpt_trace::gpu::kernel::{Buffer, Commands, Layout, Pass, groups, layout};
+use eagpt_trace::gpu::kernel::{Buffer, Commands, Pass, groups};
 use eagpt_trace::gpu::{Device, Frame, GpuScene, Reading};
 use glam::Vec3;
 use std::sync::Arc;
-
-/// One step's constants.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct AdamParameters {
-    sizes: [[f32; 4]; 5],
-    /// Of each coefficient of one channel.
-    harmonics: [[f32; 4]; 2],
-    /// Centre of the camera.
-    eye: [f32; 3],
-    harmonics_decay: f32,
-    correction_1: f32,
-    correction_2: f32,
-    harmonics_correction_1: f32,
-    harmonics_correction_2: f32,
-    /// Those that the kernels are about, the first ones.
-    num_gaussians: u32,
-    /// From here on they are fixed: their radiance moves where they do not shine, if anything.
-    first_fixed: u32,
-    padding: [u32; 2],
-}
-
-impl AdamParameters {
-    pub(super) fn layout() -> Layout {
-        layout!(AdamParameters {
-            sizes: "array<vec4f, 5>",
-            harmonics: "array<vec4f, 2>",
-            eye: "vec3f",
-            harmonics_decay: "f32",
-            correction_1: "f32",
-            correction_2: "f32",
-            harmonics_correction_1: "f32",
-            harmonics_correction_2: "f32",
-            num_gaussians: "u32",
-            first_fixed: "u32",
-            padding: "vec2u",
-        })
-    }
-}
 
 /// The state of an optimisation on a device.
 #[derive(Debug)]

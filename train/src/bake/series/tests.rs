@@ -1,6 +1,6 @@
+use super::super::emitters::{emits, with_emitters};
 use super::super::receivers::Receivers;
 use super::super::transport::TracedTransport;
-use super::super::{emits, with_emitters};
 use super::*;
 use eagpt_scene::files::Key;
 use eagpt_scene::light_basis::{LightGroups, NO_LIGHT};

@@ -72,7 +72,7 @@ fn steps_in_several_lights_are_those_of_the_cpu() {
     for i in first..state.len() {
         let shines = |light: usize| if i % 2 == light { 4.0 } else { -4.0 };
         state.raw.values[i][EMISSION] = shines(0);
-        state.lights.parked[1].light.values[i][EMISSION - RADIANCE] = shines(1);
+        state.lights.stored[1].light.values[i][EMISSION - RADIANCE] = shines(1);
     }
     let before = state.in_lights();
     let [gpu, cpu] = check_steps(&device, state, &[0, 1, 1, 0, 1]);

@@ -1,10 +1,8 @@
-//! Training views: checked before the work, then taken in shuffled rounds.
+//! Training views, taken in shuffled rounds.
 
-use super::{BadViews, Run};
 use crate::backend::TrainingView;
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 use crate::options::Stage;
-use crate::progress::TrainProgress;
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Dataset};
@@ -49,21 +47,21 @@ impl Views {
     }
 
     /// Number of lights.
-    pub(super) fn num_lights(&self) -> usize {
+    pub(crate) fn num_lights(&self) -> usize {
         self.lights.len()
     }
 
     /// The dataset of a light.
-    pub(super) fn dataset(&self, light: usize) -> &Dataset {
+    pub(crate) fn dataset(&self, light: usize) -> &Dataset {
         self.lights[light].dataset()
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.indices.len()
     }
 
     /// Upwards, a unit vector.
-    pub(super) fn up(&self) -> Vec3 {
+    pub(crate) fn up(&self) -> Vec3 {
         self.dataset(0).up().vector()
     }
 
@@ -73,7 +71,7 @@ impl Views {
     }
 
     /// The camera of the first training view of a name.
-    pub(super) fn named(&self, name: &str) -> Option<Camera> {
+    pub(crate) fn named(&self, name: &str) -> Option<Camera> {
         let is_named = |index: &&usize| {
             let (light, frame) = self.place(**index);
             self.dataset(light).frames()[frame].name == name
@@ -83,7 +81,7 @@ impl Views {
     }
 
     /// The cameras of all training views; those of several lights once.
-    pub(super) fn cameras(&self) -> Vec<Camera> {
+    pub(crate) fn cameras(&self) -> Vec<Camera> {
         self.of_poses().map(|index| self.camera(index)).collect()
     }
 
@@ -106,19 +104,19 @@ impl Views {
     }
 
     /// A view of every pose, each in one of its lights, sorted by light.
-    pub(super) fn poses(&self) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+    pub(crate) fn poses(&self) -> impl Iterator<Item = Result<TrainingView>> + '_ {
         let mut indices: Vec<usize> = self.of_poses().collect();
         indices.sort_unstable();
         indices.into_iter().map(|index| self.get(index))
     }
 
     /// All views, in the dataset's order.
-    pub(super) fn iter(&self) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Result<TrainingView>> + '_ {
         self.indices.iter().map(|&index| self.get(index))
     }
 
     /// Those of one light.
-    pub(super) fn of_light(&self, light: usize) -> impl Iterator<Item = Result<TrainingView>> + '_ {
+    pub(crate) fn of_light(&self, light: usize) -> impl Iterator<Item = Result<TrainingView>> + '_ {
         let own = self
             .indices
             .iter()
@@ -135,55 +133,18 @@ impl Views {
         })
     }
 
-    /// Reads every view once, in order, handing each to `seen`. A view that cannot be used is an
-    /// error that names all of them, or is left out.
-    pub(super) fn check(
-        &mut self,
-        bad: BadViews,
-        mut seen: impl FnMut(&TrainingView),
-        run: &mut Run<'_>,
-    ) -> Result<()> {
-        let total = self.indices.len();
-        let mut problems = Vec::new();
-        let mut good = Vec::with_capacity(total);
-        for (done, &index) in self.indices.iter().enumerate() {
-            match self.get(index) {
-                Ok(training) => {
-                    seen(&training);
-                    good.push(index);
-                }
-                Err(error) => problems.push(error.to_string()),
-            }
-            (run.progress)(TrainProgress::ReadingViews {
-                done: done + 1,
-                total,
-            });
-        }
-        let path = self.dataset(0).root().to_owned();
-        if !problems.is_empty() && bad == BadViews::Refuse {
-            let problem = match problems.as_slice() {
-                [one] => one.clone(),
-                many => format!(
-                    "{} views cannot be used (--skip-bad trains without them): {}",
-                    many.len(),
-                    many.join("; ")
-                ),
-            };
-            return Err(TrainError::Dataset { path, problem });
-        }
-        for problem in problems {
-            run.warn(format!("view left out: {problem}"));
-        }
-        for light in 0..self.num_lights() {
-            if !good.iter().any(|&index| self.place(index).0 == light) {
-                return Err(TrainError::Dataset {
-                    path: self.dataset(light).root().to_owned(),
-                    problem: "no training view is left".to_owned(),
-                });
-            }
-        }
+    /// Reads every view once, in order; those for which `is_good` says so stay.
+    pub(crate) fn retain(&mut self, mut is_good: impl FnMut(Result<TrainingView>) -> bool) {
+        let mut good = self.indices.clone();
+        good.retain(|&index| is_good(self.get(index)));
         self.indices = good;
-        Ok(())
+    }
+
+    /// Whether there are views of a light.
+    pub(crate) fn has(&self, light: usize) -> bool {
+        self.indices
+            .iter()
+            .any(|&index| self.place(index).0 == light)
     }
 
     /// The view of an iteration (counted from 1): every round takes each view once, in an order of
@@ -207,7 +168,7 @@ impl Views {
     }
 
     /// At most `num` views, spread over those of a light.
-    pub(super) fn spread(
+    pub(crate) fn spread(
         &self,
         light: usize,
         num: usize,
@@ -219,7 +180,7 @@ impl Views {
     }
 
     /// Fixed views for previews.
-    pub(super) fn previews(&self, num: usize) -> Result<Vec<TrainingView>> {
+    pub(crate) fn previews(&self, num: usize) -> Result<Vec<TrainingView>> {
         let lights = 0..self.num_lights();
         lights.flat_map(|light| self.spread(light, num)).collect()
     }

@@ -1,13 +1,12 @@
-//! Parameters and results of the integrators on the device: flags and structures.
+//! Single rays and the integrators: flags and structures that their kernels share with Rust.
 
-use super::TreeBuffers;
 use crate::gpu::layout::{Layout, layout};
+use crate::ray::Ray;
 use crate::surfel::Surfel;
 use crate::transport::lights::{Footprint, Lights};
 use crate::view::SampledLight;
-use bytemuck::Zeroable as _;
+use eagpt_scene::Gloss;
 use glam::Vec3;
-use std::ops::Range;
 
 /// Flag of a path's ray: none came before it.
 pub(in crate::gpu) const FIRST_RAY: u32 = 1;
@@ -21,29 +20,73 @@ pub(in crate::gpu) const LAST_BOUNCE: u32 = 8;
 /// Flag of a bounce: what surfaces scatter is known, and their lobes alone are sampled.
 pub(in crate::gpu) const GATHER: u32 = 16;
 
+/// A ray as kernels know it.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(in crate::gpu) struct RayQuery {
+    origin: [f32; 3],
+    t_min: f32,
+    direction: [f32; 3],
+    /// Of the choice of a hit.
+    seed: u32,
+    own_normal: [f32; 3],
+    /// 1 where there is nothing to trace.
+    is_idle: u32,
+}
+
+impl RayQuery {
+    pub(in crate::gpu) fn layout() -> Layout {
+        layout!(RayQuery {
+            origin: "vec3f",
+            t_min: "f32",
+            direction: "vec3f",
+            seed: "u32",
+            own_normal: "vec3f",
+            is_idle: "u32",
+        })
+    }
+
+    pub(in crate::gpu) fn new(ray: &Ray, seed: u32) -> Self {
+        Self {
+            origin: ray.origin,
+            t_min: ray.t_min,
+            direction: ray.direction,
+            seed,
+            own_normal: ray.own_normal,
+            is_idle: 0,
+        }
+    }
+}
+
+/// Gloss as kernels know it: F0 and roughness.
+pub(in crate::gpu) fn gloss_rows(glosses: &[Gloss]) -> Vec<[f32; 4]> {
+    let of = |gloss: &Gloss| gloss.specular.extend(gloss.roughness).to_array();
+    glosses.iter().map(of).collect()
+}
+
 /// Parameters of the kernels.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(in crate::gpu) struct LightParameters {
     /// Key of the random numbers.
-    pub(super) key: [u32; 4],
-    pub(super) emission_threshold: f32,
+    pub(in crate::gpu) key: [u32; 4],
+    pub(in crate::gpu) emission_threshold: f32,
     /// Share of directions towards emitters; above 0 where next-event estimation is on.
-    pub(super) light_share: f32,
-    pub(super) num_emitters: u32,
-    pub(super) scene_root: u32,
-    pub(super) light_root: u32,
+    pub(in crate::gpu) light_share: f32,
+    pub(in crate::gpu) num_emitters: u32,
+    pub(in crate::gpu) scene_root: u32,
+    pub(in crate::gpu) light_root: u32,
     /// Number of the bounce that paths are extended by.
-    pub(super) bounce: u32,
+    pub(in crate::gpu) bounce: u32,
     /// [`FIRST_RAY`] and others.
-    pub(super) flags: u32,
+    pub(in crate::gpu) flags: u32,
     /// Pixel of the image that buffers begin with.
-    pub(super) first_pixel: u32,
+    pub(in crate::gpu) first_pixel: u32,
     /// From and to, counted from `first_pixel`.
-    pub(super) start_pixel: u32,
-    pub(super) end_pixel: u32,
-    pub(super) first_sample: u32,
-    pub(super) end_sample: u32,
+    pub(in crate::gpu) start_pixel: u32,
+    pub(in crate::gpu) end_pixel: u32,
+    pub(in crate::gpu) first_sample: u32,
+    pub(in crate::gpu) end_sample: u32,
 }
 
 impl LightParameters {
@@ -64,24 +107,13 @@ impl LightParameters {
             end_sample: "u32",
         })
     }
-
-    /// For rays of `range` through a scene.
-    pub(in crate::gpu) fn of_rays(light: &TreeBuffers, range: Range<u32>) -> Self {
-        Self {
-            scene_root: light.scene_root,
-            light_root: light.light_root,
-            start_pixel: range.start,
-            end_pixel: range.end,
-            ..Self::zeroed()
-        }
-    }
 }
 
 /// An emissive Gaussian.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(in crate::gpu) struct Emitter {
-    pub(super) surfel: Surfel,
+    pub(in crate::gpu) surfel: Surfel,
     /// Probability that one up to this one is chosen.
     cumulative: f32,
     /// Part of the footprint inside the cut.

@@ -1,8 +1,8 @@
 //! Pictures of a run: captured and rendered side by side.
 
+use super::folder::Folder;
 use crate::backend::{Backend, TrainingView};
 use crate::error::Result;
-use crate::job::Folder;
 use crate::options::Stage;
 use eagpt_eval::{KnownPixels, psnr_srgb};
 use eagpt_scene::color::srgb8_from_linear;
@@ -17,7 +17,7 @@ const GAP: usize = 4;
 ///
 /// # Errors
 /// If the device fails or a file cannot be written.
-pub(crate) fn write(
+pub(super) fn write(
     folder: &Folder,
     backend: &mut dyn Backend,
     views: &[TrainingView],

@@ -1,0 +1,33 @@
+//! A run under way.
+
+use super::folder::Folder;
+use super::gloss::RunGloss;
+use super::request::TrainRequest;
+use crate::options::Stage;
+use crate::progress::TrainProgress;
+use std::time::Instant;
+
+/// State shared by the parts of a run.
+pub(super) struct Run<'a> {
+    pub(super) request: &'a TrainRequest,
+    pub(super) folder: Folder,
+    pub(super) progress: &'a mut dyn FnMut(TrainProgress),
+    pub(super) warnings: Vec<String>,
+    pub(super) started: Instant,
+    pub(super) stage_seconds: Vec<(Stage, f64)>,
+    /// Number of Gaussians in the end.
+    pub(super) budget: usize,
+    /// When the next scene is due for those who watch.
+    pub(super) next_scene: Option<Instant>,
+    /// Gloss of the scene of stage 0.
+    pub(super) gloss: RunGloss,
+    /// Number of frames of the dataset.
+    pub(super) num_frames: usize,
+}
+
+impl Run<'_> {
+    pub(super) fn warn(&mut self, text: String) {
+        self.warnings.push(text.clone());
+        (self.progress)(TrainProgress::Warning { text });
+    }
+}
