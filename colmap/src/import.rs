@@ -8,179 +8,39 @@
 //! pinhole images are cropped to avoid them. If the user keeps them, their radiance is 0 and
 //! `Valid-exr/` marks them.
 
+mod finder;
 mod images;
+mod options;
 mod report;
 mod survey;
 mod views;
+mod writer;
 
 #[cfg(test)]
 mod tests;
 
 pub use images::Folder;
-pub use report::{CameraReport, ImportReport};
+pub use options::{AlignedModel, Depth, ImportOptions, Missing, PointFilter, Srgb8};
+pub use report::{CameraReport, ImportProgress, ImportReport};
 pub use survey::{Survey, SurveyedCamera};
 
-use crate::align::{self, AlignOptions, Alignment, Mode};
+use crate::align::{self, Alignment, Mode};
 use crate::error::{ColmapError, Result};
-use crate::model::{Form, Model, ModelImage, Observations, Part};
-use eagpt_scene::dataset::{DatasetInfo, POINTS_FILE, TRANSFORMS_FILE, UpAxis};
+use crate::model::{Form, Model, Observations, Part};
+use eagpt_scene::dataset::{DatasetInfo, DatasetWriter, POINTS_FILE, TRANSFORMS_FILE, UpAxis};
 use eagpt_scene::exr::Precision;
-use eagpt_scene::lens::{Undistortion, undistort::UndistortOptions};
 use eagpt_scene::ply::{self, PointCloud};
-use eagpt_scene::{Camera, files, words};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use eagpt_scene::{Camera, files};
+use finder::find_conditions;
+use report::{ConditionReport, PointReport, late_warnings};
 use std::path::{Path, PathBuf};
-use views::Photograph;
+use views::{Condition, Photograph};
+use writer::ConditionWriter;
 
 /// File of the report, in the folder of results.
 pub const REPORT_FILE: &str = "import.json";
 /// Folder of the aligned model, in the folder of results.
 pub const MODEL_DIR: &str = "colmap";
-
-/// Options of an import.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ImportOptions {
-    /// Folder of the linear images; without one, cameras and points alone are imported.
-    pub images: Option<PathBuf>,
-    /// Folders in `images`, one for each lighting, that share the poses; a dataset is made of each.
-    pub conditions: Vec<String>,
-    /// Whether 8-bit sRGB pictures are accepted in place of linear images.
-    pub srgb8: Srgb8,
-    /// Treatment of registered images without a file.
-    pub missing: Missing,
-    /// Which points are kept.
-    pub points: PointFilter,
-    /// The pinhole cameras.
-    pub undistort: UndistortOptions,
-    /// The floor.
-    pub align: AlignOptions,
-    /// Whether the aligned model is written beside the dataset, in the form it was read in.
-    pub aligned_model: AlignedModel,
-    /// Precision of the images written.
-    pub precision: Depth,
-}
-
-/// Whether 8-bit sRGB pictures are accepted in place of linear images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Srgb8 {
-    /// No.
-    #[default]
-    Refuse,
-    /// Yes, decoded; light above white is lost.
-    Decode,
-}
-
-/// Treatment of registered images without a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Missing {
-    /// The import is refused.
-    #[default]
-    Refuse,
-    /// The image is left out, and listed.
-    Skip,
-}
-
-/// Whether the aligned model is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AlignedModel {
-    /// No; the transform is in the dataset.
-    #[default]
-    Leave,
-    /// Yes, with rigs and frames.
-    Write,
-}
-
-/// Precision of the images written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Depth {
-    /// 16 bits
-    #[default]
-    Half,
-    /// 32 bits
-    Float,
-}
-
-/// Which points are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PointFilter {
-    /// Fewest observations.
-    pub min_track: u32,
-    /// Largest mean reprojection error, pixels.
-    pub max_error_px: f64,
-}
-
-impl Default for PointFilter {
-    fn default() -> Self {
-        Self {
-            min_track: 3,
-            max_error_px: 2.0,
-        }
-    }
-}
-
-impl ImportOptions {
-    /// Checks ranges and combinations.
-    ///
-    /// # Errors
-    /// The option and its value.
-    pub fn validate(&self) -> Result<()> {
-        self.align.validate()?;
-        self.undistort
-            .validate()
-            .map_err(|problem| ColmapError::option("undistort", problem))?;
-        if self.points.max_error_px.is_nan() || self.points.max_error_px <= 0.0 {
-            let problem = format!("{:?} is not above 0", self.points.max_error_px);
-            return Err(ColmapError::option("points.max_error_px", problem));
-        }
-        if self.images.is_none() && !self.conditions.is_empty() {
-            let problem = "conditions are folders of images, and no images are given";
-            return Err(ColmapError::option("conditions", problem));
-        }
-        for (at, name) in self.conditions.iter().enumerate() {
-            let is_plain = Path::new(name).components().count() == 1
-                && !name.contains(['/', '\\'])
-                && !name.starts_with('.')
-                && !name.contains(char::is_control);
-            if !is_plain {
-                let problem = format!("`{}` is not a valid folder name", name.escape_debug());
-                return Err(ColmapError::option("conditions", problem));
-            }
-            if self.conditions[..at].contains(name) {
-                return Err(ColmapError::option("conditions", format!("`{name}` twice")));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Progress messages of an import.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "message", rename_all = "snake_case")]
-pub enum ImportProgress {
-    /// An image of a condition is written.
-    Image {
-        /// Name of the condition, if there are several.
-        condition: Option<String>,
-        /// Name of the view.
-        name: String,
-        /// Images done.
-        done: usize,
-        /// Total number of images.
-        total: usize,
-    },
-    /// A warning.
-    Warning {
-        /// The text.
-        text: String,
-    },
-}
 
 /// An import that has been checked and is ready to run.
 #[derive(Debug)]
@@ -193,15 +53,6 @@ pub struct ImportPlan {
     alignment: Alignment,
     conditions: Vec<Condition>,
     warnings: Vec<String>,
-}
-
-/// A dataset to be written.
-#[derive(Debug)]
-struct Condition {
-    name: Option<String>,
-    photographs: Vec<Photograph>,
-    unregistered: Vec<String>,
-    missing: Vec<String>,
 }
 
 impl ImportPlan {
@@ -301,7 +152,7 @@ impl ImportPlan {
         files::create_dir(out)?;
         let points = self.point_cloud();
         let info = self.info();
-        let mut report = report::begin(self, points.len());
+        let mut report = self.begin_report(points.len());
         let total = self.conditions.iter().map(|c| c.photographs.len()).sum();
         let mut done = 0;
         for (condition, told) in self.conditions.iter().zip(&mut report.conditions) {
@@ -310,8 +161,8 @@ impl ImportPlan {
                 Depth::Half => Precision::Half,
                 Depth::Float => Precision::Float,
             };
-            let mut writer = views::ConditionWriter {
-                writer: eagpt_scene::dataset::DatasetWriter::create(&dir, precision)?,
+            let mut writer = ConditionWriter {
+                writer: DatasetWriter::create(&dir, precision)?,
                 condition: condition.name.as_deref(),
                 done,
                 total,
@@ -328,12 +179,67 @@ impl ImportPlan {
             writer.writer.finish(&info)?;
             done += condition.photographs.len();
         }
-        report.warn(&mut report::late_warnings(&report), progress);
+        report.warn(&mut late_warnings(&report), progress);
         if self.options.aligned_model == AlignedModel::Write {
             self.model.write(&out.join(MODEL_DIR), self.form)?;
         }
         files::write_json(&out.join(REPORT_FILE), &report)?;
         Ok(report)
+    }
+
+    /// The report before anything is written.
+    fn begin_report(&self, num_kept: usize) -> ImportReport {
+        let mut cameras: Vec<CameraReport> = Vec::new();
+        for photograph in self.conditions.iter().flat_map(|c| &c.photographs) {
+            let image = &self.model.images[photograph.image];
+            let lens = photograph.undistortion.lens();
+            let image_size: [u32; 2] = lens.size().into();
+            let known = cameras
+                .iter_mut()
+                .find(|told| told.camera == image.camera.0 && told.image_size == image_size);
+            if let Some(known) = known {
+                known.num_views += 1;
+                continue;
+            }
+            let pinhole = photograph.undistortion.camera(glam::DAffine3::IDENTITY);
+            let size = self
+                .model
+                .camera(image.camera)
+                .map(|camera| camera.lens.size());
+            cameras.push(CameraReport {
+                camera: image.camera.0,
+                model: lens.model().name(),
+                size: size.unwrap_or_default().into(),
+                image_size,
+                pinhole_size: [pinhole.width, pinhole.height],
+                pinhole: [pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy],
+                num_views: 1,
+            });
+        }
+        let conditions = self.conditions.iter().map(|condition| ConditionReport {
+            name: condition.name.clone(),
+            registered: condition
+                .photographs
+                .iter()
+                .map(|p| p.name.clone())
+                .collect(),
+            unregistered: condition.unregistered.clone(),
+            missing: condition.missing.clone(),
+            num_unknown_pixels: 0,
+            num_negative_pixels: 0,
+        });
+        ImportReport {
+            model: self.model_dir.clone(),
+            aligned_from_model: self.alignment.aligned_from_model.rows(),
+            alignment: self.alignment.clone(),
+            cameras,
+            points: PointReport {
+                num_points: self.model.points.len(),
+                num_kept,
+            },
+            conditions: conditions.collect(),
+            warnings: self.warnings.clone(),
+        }
     }
 
     fn camera(&self, photograph: &Photograph) -> Camera {
@@ -366,15 +272,6 @@ impl ImportPlan {
     }
 }
 
-impl Condition {
-    /// Where its dataset goes, relative to the folder of results.
-    fn dir(&self) -> PathBuf {
-        self.name
-            .as_deref()
-            .map_or_else(PathBuf::new, PathBuf::from)
-    }
-}
-
 /// Imports the model in `model_dir` into `out`.
 ///
 /// # Errors
@@ -386,62 +283,4 @@ pub fn import(
     progress: &mut dyn FnMut(ImportProgress),
 ) -> Result<ImportReport> {
     ImportPlan::new(model_dir, options)?.run(out, progress)
-}
-
-/// Finds the photographs of every condition. All problems are collected in one error.
-fn find_conditions(
-    model: &Model,
-    names: &[String],
-    options: &ImportOptions,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Condition>> {
-    let mut finder = views::Finder {
-        model,
-        names,
-        options,
-        undistortions: BTreeMap::new(),
-        problems: Vec::new(),
-    };
-    let Some(root) = &options.images else {
-        let condition = finder.without_images()?;
-        return Ok(vec![condition]);
-    };
-    let mut conditions = Vec::new();
-    if options.conditions.is_empty() {
-        conditions.push(finder.condition(None, root)?);
-    }
-    for name in &options.conditions {
-        conditions.push(finder.condition(Some(name), &root.join(name))?);
-    }
-    finder.finish(root)?;
-    for condition in &conditions {
-        if condition.photographs.iter().any(Photograph::is_srgb8) {
-            warnings.push(
-                "8-bit sRGB pictures are decoded: light above their white is lost, and lamps are not brighter than paper"
-                    .to_owned(),
-            );
-        }
-    }
-    warnings.dedup();
-    Ok(conditions)
-}
-
-/// Names of images for a message.
-fn listed(names: &[String]) -> String {
-    let names: Vec<String> = names.iter().map(|n| n.escape_debug().to_string()).collect();
-    words::listed(&names, 8)
-}
-
-/// The undistortion of an image of a size.
-fn undistortion(
-    model: &Model,
-    image: &ModelImage,
-    size: (u32, u32),
-    options: &UndistortOptions,
-) -> Result<Undistortion, String> {
-    let camera = model
-        .camera(image.camera)
-        .ok_or_else(|| format!("camera {} is not there", image.camera))?;
-    let lens = camera.lens.resized(size)?;
-    Undistortion::new(&lens, options).map_err(|problem| format!("camera {}: {problem}", camera.id))
 }

@@ -13,6 +13,7 @@
 //! else the first channel of such a group. The group without a layer name goes first, then one
 //! called `Combined` as Blender has it, then the order in the file.
 
+mod blocks;
 mod channels;
 mod read;
 mod write;

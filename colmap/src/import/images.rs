@@ -1,6 +1,6 @@
 //! Folders of images: which files there are, by the names of the views.
 
-use super::Srgb8;
+use super::options::Srgb8;
 use crate::MAX_IMAGE_DEPTH;
 use crate::error::{ColmapError, Result};
 use eagpt_scene::dataset::{ALPHA_DIR, EMISSION_DIR, RADIANCE_DIR};

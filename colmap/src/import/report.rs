@@ -1,7 +1,7 @@
-//! The report of an import, for people and for programs.
+//! The report of an import, for people and for programs, and the messages of its progress.
 
-use super::{ImportPlan, ImportProgress, listed};
 use crate::align::Alignment;
+use eagpt_scene::words;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -69,6 +69,28 @@ pub struct ConditionReport {
     pub num_negative_pixels: u64,
 }
 
+/// Progress messages of an import.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "message", rename_all = "snake_case")]
+pub enum ImportProgress {
+    /// An image of a condition is written.
+    Image {
+        /// Name of the condition, if there are several.
+        condition: Option<String>,
+        /// Name of the view.
+        name: String,
+        /// Images done.
+        done: usize,
+        /// Total number of images.
+        total: usize,
+    },
+    /// A warning.
+    Warning {
+        /// The text.
+        text: String,
+    },
+}
+
 impl ImportReport {
     /// Reports warnings and keeps them.
     pub(super) fn warn(
@@ -80,60 +102,6 @@ impl ImportReport {
             progress(ImportProgress::Warning { text: text.clone() });
         }
         self.warnings.append(warnings);
-    }
-}
-
-pub(super) fn begin(plan: &ImportPlan, num_kept: usize) -> ImportReport {
-    let mut cameras: Vec<CameraReport> = Vec::new();
-    for photograph in plan.conditions.iter().flat_map(|c| &c.photographs) {
-        let image = &plan.model.images[photograph.image];
-        let lens = photograph.undistortion.lens();
-        let image_size: [u32; 2] = lens.size().into();
-        let known = cameras
-            .iter_mut()
-            .find(|told| told.camera == image.camera.0 && told.image_size == image_size);
-        if let Some(known) = known {
-            known.num_views += 1;
-            continue;
-        }
-        let pinhole = photograph.undistortion.camera(glam::DAffine3::IDENTITY);
-        let size = plan
-            .model
-            .camera(image.camera)
-            .map(|camera| camera.lens.size());
-        cameras.push(CameraReport {
-            camera: image.camera.0,
-            model: lens.model().name(),
-            size: size.unwrap_or_default().into(),
-            image_size,
-            pinhole_size: [pinhole.width, pinhole.height],
-            pinhole: [pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy],
-            num_views: 1,
-        });
-    }
-    let conditions = plan.conditions.iter().map(|condition| ConditionReport {
-        name: condition.name.clone(),
-        registered: condition
-            .photographs
-            .iter()
-            .map(|p| p.name.clone())
-            .collect(),
-        unregistered: condition.unregistered.clone(),
-        missing: condition.missing.clone(),
-        num_unknown_pixels: 0,
-        num_negative_pixels: 0,
-    });
-    ImportReport {
-        model: plan.model_dir.clone(),
-        aligned_from_model: plan.alignment.aligned_from_model.rows(),
-        alignment: plan.alignment.clone(),
-        cameras,
-        points: PointReport {
-            num_points: plan.model.points.len(),
-            num_kept,
-        },
-        conditions: conditions.collect(),
-        warnings: plan.warnings.clone(),
     }
 }
 
@@ -174,4 +142,10 @@ pub(super) fn late_warnings(report: &ImportReport) -> Vec<String> {
         warnings.push("no point is observed often and exactly enough: training starts without points3d.ply's help".to_owned());
     }
     warnings
+}
+
+/// Names of images for a message.
+pub(super) fn listed(names: &[String]) -> String {
+    let names: Vec<String> = names.iter().map(|n| n.escape_debug().to_string()).collect();
+    words::listed(&names, 8)
 }

@@ -1,6 +1,6 @@
 //! The contents of a model, and what a search for its floor sees, whether or not it finds one.
 
-use super::{ImportOptions, PointFilter};
+use super::options::{ImportOptions, PointFilter};
 use crate::align::gravity::GravityReport;
 use crate::align::{self, Alignment};
 use crate::error::{ColmapError, Result};

@@ -1,7 +1,8 @@
 //! Imports of small captures through a distorted lens.
 
 use super::*;
-use crate::model::{CameraId, ImageId, ModelCamera, ModelPoint, PointId, Rigid};
+use crate::align::AlignOptions;
+use crate::model::{CameraId, ImageId, ModelCamera, ModelImage, ModelPoint, PointId, Rigid};
 use eagpt_scene::lens::{Field, LensModel};
 use eagpt_scene::{Dataset, Image, Lens, exr};
 use glam::{DQuat, DVec2, DVec3};

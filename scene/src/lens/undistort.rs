@@ -1,117 +1,15 @@
 //! A pinhole camera for a lens, and images moved between the two.
 
+mod bounds;
+mod options;
+
+pub use options::{Field, Pinhole, UndistortOptions};
+
 use super::{Lens, Remapped, remap};
 use crate::camera::Camera;
 use crate::image::Image;
+use bounds::edge_bounds;
 use glam::{DAffine3, DVec2, DVec3};
-use serde::{Deserialize, Serialize};
-
-/// Part of the lens's image that the pinhole image shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-pub enum Field {
-    /// A rectangle in which every pixel is known
-    #[default]
-    Inside,
-    /// Everything the lens shows up to the largest angle of view
-    ///
-    /// Pixels it does not show are unknown.
-    All,
-    /// As many pixels as the source's image has
-    ///
-    /// With its principal point; pixels the lens does not show are unknown.
-    Same,
-}
-
-/// A pinhole camera without a pose; as the fields of [`Camera`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Pinhole {
-    /// Image width, pixels.
-    pub width: u32,
-    /// Image height, pixels.
-    pub height: u32,
-    /// Focal length along x, pixels.
-    pub fx: f64,
-    /// Focal length along y, pixels.
-    pub fy: f64,
-    /// Principal point, pixels from the left edge.
-    pub cx: f64,
-    /// Principal point, pixels from the top edge.
-    pub cy: f64,
-}
-
-impl Pinhole {
-    /// That of a camera.
-    pub fn of(camera: &Camera) -> Self {
-        Self {
-            width: camera.width,
-            height: camera.height,
-            fx: camera.fx,
-            fy: camera.fy,
-            cx: camera.cx,
-            cy: camera.cy,
-        }
-    }
-
-    /// The camera at a pose.
-    pub fn at(&self, world_from_camera: DAffine3) -> Camera {
-        Camera {
-            width: self.width,
-            height: self.height,
-            fx: self.fx,
-            fy: self.fy,
-            cx: self.cx,
-            cy: self.cy,
-            world_from_camera,
-        }
-    }
-}
-
-/// Choice of a pinhole camera for a lens.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct UndistortOptions {
-    /// This one, whatever else is said; pixels the lens does not show are unknown.
-    pub pinhole: Option<Pinhole>,
-    /// Part of the image to show.
-    pub field: Field,
-    /// Largest angle of view, degrees across the image in either direction, above 0 and at most
-    /// 170: fisheye lenses show more than a plane can.
-    pub max_fov_deg: f64,
-}
-
-impl Default for UndistortOptions {
-    fn default() -> Self {
-        Self {
-            pinhole: None,
-            field: Field::Inside,
-            max_fov_deg: 120.0,
-        }
-    }
-}
-
-impl UndistortOptions {
-    /// Checks ranges.
-    ///
-    /// # Errors
-    /// The option, its value and its range.
-    pub fn validate(&self) -> Result<(), String> {
-        if self.max_fov_deg > 0.0 && self.max_fov_deg <= 170.0 {
-            return Ok(());
-        }
-        Err(format!(
-            "max_fov_deg: {:?} is not above 0 and at most 170",
-            self.max_fov_deg
-        ))
-    }
-
-    /// Whether every pixel of the pinhole image is known, whatever the lens.
-    pub fn shows_known_pixels_only(&self) -> bool {
-        self.pinhole.is_none() && self.field == Field::Inside
-    }
-}
 
 /// A lens and the pinhole camera that takes its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,10 +18,6 @@ pub struct Undistortion {
     /// In camera space.
     pinhole: Camera,
 }
-
-/// Positions along an edge of the image that are tested; finer than any lens bends within a
-/// pixel of its size.
-const NUM_EDGE_POINTS: u32 = 512;
 
 impl Undistortion {
     /// Chooses the pinhole camera: it looks along the lens's axis, with the lens's number of pixels
@@ -327,90 +221,4 @@ fn axis(lens: &Lens) -> Option<(DVec2, DVec2)> {
     let down = at(0.0, STEP)? - at(0.0, -STEP)?;
     let focal = DVec2::new(across.x, down.y) / (2.0 * STEP);
     Some((at(0.0, 0.0)?, focal))
-}
-
-/// A rectangle in the plane at distance 1.
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    low: DVec2,
-    high: DVec2,
-}
-
-/// The rectangle inside of the image's edges, or around them, as seen from the axis.
-fn edge_bounds(lens: &Lens, field: Field) -> Bounds {
-    let (width, height) = lens.size();
-    let (width, height) = (f64::from(width), f64::from(height));
-    let plane = |x: f64, y: f64| {
-        let ray = lens.unproject(DVec2::new(x, y)).filter(|ray| ray.z > 0.0)?;
-        Some(ray.truncate() / ray.z)
-    };
-    // The larger of two bounds is the inner one on the low side.
-    let inner = field == Field::Inside;
-    let edge = |at: &dyn Fn(f64) -> Option<f64>, is_low: bool| {
-        let along = (0..=NUM_EDGE_POINTS).map(|i| f64::from(i) / f64::from(NUM_EDGE_POINTS));
-        let chosen =
-            (along.filter_map(at)).reduce(|a, b| if inner == is_low { a.max(b) } else { a.min(b) });
-        let open = if is_low {
-            f64::NEG_INFINITY
-        } else {
-            f64::INFINITY
-        };
-        chosen.unwrap_or(open)
-    };
-    Bounds {
-        low: DVec2::new(
-            edge(&|t| Some(plane(0.0, t * height)?.x), true),
-            edge(&|t| Some(plane(t * width, 0.0)?.y), true),
-        ),
-        high: DVec2::new(
-            edge(&|t| Some(plane(width, t * height)?.x), false),
-            edge(&|t| Some(plane(t * width, height)?.y), false),
-        ),
-    }
-}
-
-impl Bounds {
-    fn clamped(self, limit: f64) -> Self {
-        Self {
-            low: self.low.max(DVec2::splat(-limit)),
-            high: self.high.min(DVec2::splat(limit)),
-        }
-    }
-
-    /// Moves the sides inwards until all of them lie in the lens's image: its corners may be beyond
-    /// what the edges' middles show.
-    fn shrunk_to_known(mut self, lens: &Lens, focal: DVec2) -> Self {
-        const NUM_STEPS: f64 = 512.0;
-        let step = ((self.high - self.low) / NUM_STEPS).max(1.0 / focal);
-        let known = |p: DVec2| {
-            let pixel = lens.project(p.extend(1.0));
-            pixel.is_some_and(|pixel| lens.contains(pixel))
-        };
-        while self.low.cmplt(self.high).all() {
-            let sides = self.unknown_on_sides(known);
-            let worst = sides.into_iter().max().unwrap_or(0);
-            if worst == 0 {
-                break;
-            }
-            let [left, right, top, bottom] = sides.map(|num| f64::from(u8::from(num == worst)));
-            self.low += step * DVec2::new(left, top);
-            self.high -= step * DVec2::new(right, bottom);
-        }
-        self
-    }
-
-    /// Numbers of unknown positions on the left, right, upper and lower side.
-    fn unknown_on_sides(&self, known: impl Fn(DVec2) -> bool) -> [usize; 4] {
-        let size = self.high - self.low;
-        let along = (0..=NUM_EDGE_POINTS).map(|i| f64::from(i) / f64::from(NUM_EDGE_POINTS));
-        let count =
-            |start: DVec2, way: DVec2| along.clone().filter(|&t| !known(start + way * t)).count();
-        let (across, down) = (DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y));
-        [
-            count(self.low, down),
-            count(self.low + across, down),
-            count(self.low, across),
-            count(self.low + down, across),
-        ]
-    }
 }

@@ -2,9 +2,7 @@
 //! finite.
 
 use super::state::ParameterState;
-use super::{
-    ALBEDO, CLASSES, NUM_PARAMETERS, RADIANCE, Raw, harmonics_gradient, raw_gradient,
-};
+use super::{ALBEDO, CLASSES, NUM_PARAMETERS, RADIANCE, Raw, harmonics_gradient, raw_gradient};
 use crate::options::{HarmonicsOptions, LearningRates};
 use eagpt_scene::Gaussians;
 use eagpt_scene::harmonics::{NUM_COEFFICIENTS, functions_from, num_functions};

@@ -85,7 +85,10 @@ impl<S: Tracer> Trainer<S> {
 
     /// The cache of stage 1, empty, with the irradiance gathered for `gaussians`. Made by the first
     /// step, not when the stage begins: a resumed run gathers as well, and continues in the middle.
-    pub(in crate::backend) fn new_cache(&mut self, gaussians: &Gaussians) -> Result<IrradianceCache> {
+    pub(in crate::backend) fn new_cache(
+        &mut self,
+        gaussians: &Gaussians,
+    ) -> Result<IrradianceCache> {
         self.gathering = None;
         let num = gaussians.len();
         let by_light = match self.irradiance.is_empty() {
