@@ -27,7 +27,7 @@ pub(crate) enum Gaps {
     Shade,
 }
 
-/// What patches would show of a shape.
+/// The part of patches that a shape would cover.
 pub(crate) struct Silhouette(Vec<InPatch>);
 
 struct InPatch {

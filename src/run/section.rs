@@ -50,7 +50,8 @@ pub(super) struct SectionKind {
 }
 
 const fn kind<A: Args>(
-    (name, command): (&'static str, &'static str),
+    name: &'static str,
+    command: &'static str,
     part: Part,
     given: &'static [&'static str],
 ) -> SectionKind {
@@ -64,16 +65,16 @@ const fn kind<A: Args>(
 }
 
 const KINDS: [SectionKind; 10] = [
-    kind::<SynthArgs>(("synth", "synth"), Part::Capture, IN_AND_OUT),
-    kind::<IngestArgs>(("ingest", "ingest"), Part::Capture, IN_AND_OUT),
-    kind::<RunArgs>(("colmap", "colmap run"), Part::Capture, IN_AND_OUT),
-    kind::<ImportArgs>(("poses", "colmap import"), Part::Capture, IN_AND_OUT),
-    kind::<MasksArgs>(("masks", "masks"), Part::Training, &["-"]),
-    kind::<NormalsArgs>(("normals", "normals"), Part::Training, &["-"]),
-    kind::<TrainArgs>(("train", "train"), Part::Training, IN_AND_OUT),
-    kind::<RenderArgs>(("render", "render"), Part::Results, RENDER),
-    kind::<BakeArgs>(("bake", "bake"), Part::Results, BAKE),
-    kind::<EvalArgs>(("eval", "eval"), Part::Results, EVAL),
+    kind::<SynthArgs>("synth", "synth", Part::Capture, IN_AND_OUT),
+    kind::<IngestArgs>("ingest", "ingest", Part::Capture, IN_AND_OUT),
+    kind::<RunArgs>("colmap", "colmap run", Part::Capture, IN_AND_OUT),
+    kind::<ImportArgs>("poses", "colmap import", Part::Capture, IN_AND_OUT),
+    kind::<MasksArgs>("masks", "masks", Part::Training, &["-"]),
+    kind::<NormalsArgs>("normals", "normals", Part::Training, &["-"]),
+    kind::<TrainArgs>("train", "train", Part::Training, IN_AND_OUT),
+    kind::<RenderArgs>("render", "render", Part::Results, RENDER),
+    kind::<BakeArgs>("bake", "bake", Part::Results, BAKE),
+    kind::<EvalArgs>("eval", "eval", Part::Results, EVAL),
 ];
 
 impl SectionKind {

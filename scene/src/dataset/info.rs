@@ -1,4 +1,4 @@
-//! What a dataset says of its world, and of its frames as a whole.
+//! Statements of a dataset on its world and on its frames as a whole.
 
 use super::json::Object;
 use super::up::UpAxis;

@@ -1,4 +1,4 @@
-//! What the results of a run depend on.
+//! Fingerprint of all that the results of a run depend on.
 
 use super::lights::Light;
 use crate::error::Result;

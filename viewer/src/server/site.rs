@@ -1,4 +1,4 @@
-//! What a server serves.
+//! Sites that a server serves.
 
 use super::reply::Reply;
 use super::request::Request;
