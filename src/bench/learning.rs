@@ -36,6 +36,7 @@ pub(super) fn training(bench: &Bench<'_>, sheet: &mut Sheet<'_>) -> Result<()> {
             index,
             light: 0,
             view: Arc::clone(view),
+            points: None,
         })
         .collect();
     let num_steps = views.len() as f64;

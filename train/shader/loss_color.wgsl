@@ -165,13 +165,16 @@ fn compare(
     }
     partials[pixel] = d_moments;
     var image = vec4f(0.0, similarity, 0.0, 0.0);
+    var depth = 0.0;
     if is_known(pixel) {
         let difference = abs(encoded[pixel].pq - pq_of_target(pixel));
         image.x = difference.x + difference.y + difference.z;
         image.z = select(0.0, abs(means[pixel].a.w - emission_of_target(pixel)), loss.has_emission != 0u);
         image.w = abs(alpha_of_features(means[pixel]) - opacity_of_target(pixel));
+        depth = min(abs(depth_error(pixel)), MAX_DEPTH_ERROR);
     }
     terms[pixel].image = image;
+    terms[pixel].depth = depth;
 }
 
 @compute @workgroup_size(GROUP_SIZE)

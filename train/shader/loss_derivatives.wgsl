@@ -46,6 +46,12 @@ fn derivative(pixel: u32) -> Lanes {
         d_radiance = loss.color * by_shown(pixel);
         d_emission = loss.emission * sign(features.a.w - emission_of_target(pixel));
         d_alpha = loss.alpha * sign(alpha_of_features(features) - opacity_of_target(pixel));
+        let error = depth_error(pixel);
+        if error != 0.0 && abs(error) < MAX_DEPTH_ERROR {
+            // D̃ = D / A
+            d_distance = loss.depth * sign(error) / (targets[pixel].distance * alpha_of_features(features));
+            d_alpha -= d_distance * mean_distance(features);
+        }
     }
     if loss.has_normals != 0u {
         let num_map = bitcast<f32>(report[REPORT_NUM_MAP]);

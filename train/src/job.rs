@@ -20,7 +20,9 @@ mod watch;
 
 use crate::backend;
 use crate::error::Result;
+use crate::options::StageChoice;
 use crate::params::ParameterState;
+use crate::points::Discs;
 use crate::progress::TrainProgress;
 use crate::views::Views;
 use eagpt_scene::files::digest;
@@ -93,6 +95,12 @@ pub fn train(
         }
         (None, None) => initial::checkpoint(&lights, &mut views, fingerprint.clone(), &mut run)?,
     };
+    if options.stage != StageChoice::Albedo && options.radiance.weights.depth > 0.0 {
+        let discs = |light: &Light| -> Result<Option<Discs>> {
+            Ok(light.dataset.points()?.as_ref().map(Discs::new))
+        };
+        views.look_for(lights.iter().map(discs).collect::<Result<_>>()?);
+    }
     let mut backend = backend::new(&request.device, start.state.clone(), budget / 2)?;
     let mut position = start;
     position.state = ParameterState::default();

@@ -2,7 +2,7 @@
 //! each pixel.
 //!
 //! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) +
-//! λe mean|E − M| + λa mean|A − A_gt|`. A view without a mask has no emission term; a view without
+//! λe mean|E − M| + λa mean|A − A_gt| + λp mean|D̃ − d|/d`. A view without a mask has no emission term; a view without
 //! a normal map compares Ñ and Ñ_d with each other, with weight λd. Pixels that are not known take
 //! part in no term, nor do windows of SSIM that touch one; means are those over the pixels that do.
 //! Where a view is clipped the colour term sees the target in place of anything brighter.
@@ -11,11 +11,13 @@
 //! threads.
 
 pub mod color;
+pub(crate) mod depth;
 pub mod depth_normal;
 pub(crate) mod normal;
 pub mod target;
 
 use crate::options::LossWeights;
+use crate::points::SeenPoints;
 use color::ColorLoss;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Image, View};
@@ -42,6 +44,9 @@ pub struct LossTerms {
     pub emission: f64,
     /// Mean |A − A_gt|.
     pub alpha: f64,
+    /// Mean |D̃ − d| / d of points of the cloud, each at most 0.1.
+    #[serde(default)]
+    pub depth: f64,
 }
 
 /// Whether the normal terms take part yet.
@@ -53,11 +58,13 @@ pub enum NormalTerms {
     On,
 }
 
-/// Loss of stage 0 for one view and its gradient dL/dV for every pixel.
+/// Loss of stage 0 for one view and its gradient dL/dV for every pixel. `points` are those of the
+/// cloud that it sees.
 pub fn radiance_loss(
     features: &GBuffer,
     view: &View,
     target_pq: &Image<3>,
+    points: Option<&SeenPoints>,
     weights: &LossWeights,
     normals: NormalTerms,
 ) -> (LossTerms, Vec<Features>) {
@@ -118,6 +125,10 @@ pub fn radiance_loss(
         &mut d_features,
     );
     terms.total += weights.alpha * terms.alpha;
+    if let Some(points) = points {
+        terms.depth = depth::add(features, points, weights.depth, known, &mut d_features);
+        terms.total += weights.depth * terms.depth;
+    }
     (terms, d_features)
 }
 

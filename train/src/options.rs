@@ -186,6 +186,8 @@ pub struct LossWeights {
     pub emission: f64,
     /// Opacity, λ_a.
     pub alpha: f64,
+    /// Distances against the points of the cloud, where views see them, as a share of the distance.
+    pub depth: f64,
 }
 
 /// Stage 0.

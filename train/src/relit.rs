@@ -94,6 +94,7 @@ pub fn relight(
             index,
             light: 0,
             view: Arc::new(reference.load_view(index)?),
+            points: None,
         })
     });
     let compared = own_light::compare(&request.device, &scene, views)?;

@@ -3,11 +3,12 @@
 use crate::backend::TrainingView;
 use crate::error::Result;
 use crate::options::Stage;
+use crate::points::{Discs, SeenPoints};
 use eagpt_scene::dataset::ViewCache;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Camera, Dataset};
 use glam::Vec3;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The views a run trains on, of one dataset or of several in different lights.
 pub(crate) struct Views {
@@ -17,6 +18,10 @@ pub(crate) struct Views {
     /// Frames, counted over all datasets.
     indices: Vec<usize>,
     seed: u64,
+    /// The cloud of each light that has one.
+    clouds: Vec<Option<Discs>>,
+    /// Their points that each frame sees, when they are first asked for.
+    points: Vec<OnceLock<Arc<SeenPoints>>>,
 }
 
 impl Views {
@@ -37,7 +42,22 @@ impl Views {
             first,
             indices,
             seed,
+            clouds: Vec::new(),
+            points: Vec::new(),
         }
+    }
+
+    /// From here on views tell which points of the cloud of their light they see.
+    pub(crate) fn look_for(&mut self, clouds: Vec<Option<Discs>>) {
+        let num_frames = (0..self.num_lights()).map(|light| self.dataset(light).frames().len());
+        self.points = (0..num_frames.sum()).map(|_| OnceLock::new()).collect();
+        self.clouds = clouds;
+    }
+
+    fn points(&self, index: usize, light: usize) -> Option<Arc<SeenPoints>> {
+        let cloud = self.clouds.get(light)?.as_ref()?;
+        let seen = || Arc::new(cloud.seen_by(&self.camera(index)));
+        Some(Arc::clone(self.points[index].get_or_init(seen)))
     }
 
     /// Light and frame of an index.
@@ -130,6 +150,7 @@ impl Views {
             index,
             light,
             view: self.lights[light].get(frame)?,
+            points: self.points(index, light),
         })
     }
 

@@ -40,6 +40,8 @@ struct Terms {
     image: vec4f,
     // 1 − Ñ·N and its pixels, 1 − Ñ_d·N and its pixels
     surface: vec4f,
+    // |D̃ − d| / d
+    depth: f32,
 }
 
 // Derivatives of one pixel's term of spanned normals by the differences of points across and down,
@@ -75,6 +77,16 @@ fn emission_of_target(pixel: u32) -> f32 {
 fn normal_of_target(pixel: u32) -> vec3f {
     let z = unpack2x16snorm(targets[pixel].normal_z_flags).x;
     return vec3f(unpack2x16snorm(targets[pixel].normal_xy), z);
+}
+
+// Relative error of the mean distance, and 0 where it tells nothing: of pixels without a point, of
+// transparent ones.
+fn depth_error(pixel: u32) -> f32 {
+    let wanted = targets[pixel].distance;
+    if wanted == 0.0 || alpha_of_features(means[pixel]) <= MIN_DEPTH_ALPHA {
+        return 0.0;
+    }
+    return (mean_distance(means[pixel]) - wanted) / wanted;
 }
 
 fn normal_of(features: Lanes) -> vec3f {

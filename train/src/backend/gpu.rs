@@ -130,9 +130,9 @@ impl GpuBackend {
         let size = TargetView::num_bytes(view.view.camera.num_pixels());
         let Some(left) = self.view_budget.checked_sub(size) else {
             let target = self.trainer.target(view);
-            return TargetView::new(&self.device, &view.view, &target);
+            return TargetView::new(&self.device, view, &target);
         };
-        let target = TargetView::new(&self.device, &view.view, &Target::new(&view.view.radiance))?;
+        let target = TargetView::new(&self.device, view, &Target::new(&view.view.radiance))?;
         self.view_budget = left;
         self.views.insert(view.index, target.clone());
         Ok(target)

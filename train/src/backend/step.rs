@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::loss::{LossTerms, NormalTerms};
 use crate::options::{AlbedoOptions, LossWeights};
 use crate::params::{BadGradient, ParameterState, StepSizes};
+use crate::points::SeenPoints;
 use eagpt_scene::{Camera, SceneEdit, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
@@ -20,6 +21,8 @@ pub struct TrainingView {
     pub light: usize,
     /// The images.
     pub view: Arc<View>,
+    /// The points of the cloud that it sees, where training compares with them.
+    pub points: Option<Arc<SeenPoints>>,
 }
 
 /// One iteration of stage 0.

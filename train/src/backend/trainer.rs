@@ -112,8 +112,14 @@ impl<S: Tracer> Trainer<S> {
         if factor > 1 {
             features = features.averaged(factor);
         }
-        let (terms, d_features) =
-            radiance_loss(&features, &view.view, &target, step.weights, step.normals);
+        let (terms, d_features) = radiance_loss(
+            &features,
+            &view.view,
+            &target,
+            view.points.as_deref(),
+            step.weights,
+            step.normals,
+        );
         let d_rays = adjoint_of_mean(d_features, features.width, factor);
         let mask = if step.sizes.move_geometry() {
             GradientMask::Everything

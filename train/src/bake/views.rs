@@ -123,6 +123,7 @@ impl Bake<'_> {
             depth_normal: 0.0,
             emission: 0.0,
             alpha: 0.0,
+            depth: 0.0,
         };
         for iteration in 1..=total {
             if self.stopped() {

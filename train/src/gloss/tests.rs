@@ -63,6 +63,7 @@ fn pictures(scene: &Gaussians) -> Vec<Result<TrainingView>> {
             index,
             light: 0,
             view: Arc::new(view),
+            points: None,
         })
     };
     cameras().into_iter().enumerate().map(take).collect()

@@ -52,6 +52,7 @@ impl RunGloss {
             light: training.light,
             index: training.index + num_frames,
             view: Arc::new(view),
+            points: None,
         }
     }
 
@@ -85,7 +86,9 @@ impl RunGloss {
         let mut scenes: Vec<CpuScene> = lights.iter().map(CpuScene::new).collect();
         let mut sums = vec![vec![(0.0_f32, 0.0_f32); lights[0].len()]; lights.len()];
         for (seed, training) in (options.seed..).zip(views.iter()) {
-            let TrainingView { index, light, view } = training?;
+            let TrainingView {
+                index, light, view, ..
+            } = training?;
             let (scene, sums) = (&mut scenes[light], &mut sums[light]);
             let sampling = LightOptions {
                 seed,

@@ -85,6 +85,23 @@ pub(crate) fn view(normal: bool) -> View {
     }
 }
 
+/// Points before and behind what `frame` shows, and so far behind that it cannot be the same
+/// surface.
+pub(crate) fn points() -> SeenPoints {
+    let shown = frame();
+    let place = |i: u32| match i % 5 {
+        0 => Some(0.95),
+        2 => Some(1.06),
+        3 => Some(1.2),
+        _ => None,
+    };
+    let distances = (0..WIDTH * HEIGHT)
+        .filter_map(|i| Some((i, place(i)? * shown.pixels[i as usize].mean_distance())));
+    SeenPoints {
+        distances: distances.collect(),
+    }
+}
+
 fn only(field: &str) -> LossWeights {
     let weight = |name: &str| if name == field { 0.7 } else { 0.0 };
     LossWeights {
@@ -94,6 +111,7 @@ fn only(field: &str) -> LossWeights {
         depth_normal: weight("depth_normal"),
         emission: weight("emission"),
         alpha: weight("alpha"),
+        depth: weight("depth"),
     }
 }
 
@@ -138,7 +156,14 @@ fn clipped_channels_are_pulled_up_and_never_down() {
     let target = pq_image(&view.radiance);
     let features = frame();
     let loss = |features: &GBuffer, view: &View| {
-        radiance_loss(features, view, &target, &only("color"), NormalTerms::Off)
+        radiance_loss(
+            features,
+            view,
+            &target,
+            None,
+            &only("color"),
+            NormalTerms::Off,
+        )
     };
     let (terms, d) = loss(&features, &view);
     let flags = clipped();
@@ -178,13 +203,17 @@ fn check_gradients(valid: Option<&Image<1>>, clipped: Option<&Image<3>>) {
         ("depth_normal", false, lane::NORMAL..lane::DISTANCE + 1),
         ("emission", true, lane::EMISSION..lane::EMISSION + 1),
         ("alpha", true, lane::ALPHA..lane::ALPHA + 1),
+        ("depth", true, lane::ALPHA..lane::DISTANCE + 1),
     ] {
         let (mut view, weights) = (view(with_map), only(field));
         view.valid = valid.cloned();
         view.clipped = clipped.cloned();
         let target = pq_image(&view.radiance);
-        let loss =
-            |features: &GBuffer| radiance_loss(features, &view, &target, &weights, NormalTerms::On);
+        let seen = points();
+        let loss = |features: &GBuffer| {
+            let (points, normals) = (Some(&seen), NormalTerms::On);
+            radiance_loss(features, &view, &target, points, &weights, normals)
+        };
         let base = frame();
         let (terms, analytic) = loss(&base);
         assert!(terms.total > 0.0, "{field} is active");
@@ -249,11 +278,20 @@ fn what_is_unknown_changes_no_bit() {
         alpha: 0.2,
         normal: 0.5,
         depth_normal: 0.1,
+        depth: 0.4,
         ..only("color")
     };
     let loss = |view: &View| {
         let target = pq_image(&view.radiance);
-        radiance_loss(&frame(), view, &target, &weights, NormalTerms::On)
+        let points = points();
+        radiance_loss(
+            &frame(),
+            view,
+            &target,
+            Some(&points),
+            &weights,
+            NormalTerms::On,
+        )
     };
     let ((terms, d_features), (wanted, wanted_d)) = (loss(&garbled), loss(&plain));
     assert_eq!(terms, wanted);
@@ -290,7 +328,8 @@ fn a_view_of_which_nothing_is_known_moves_nothing() {
     view.valid = Some(Image::filled(WIDTH, HEIGHT, [0.0]));
     let target = pq_image(&view.radiance);
     let weights = only("color");
-    let (terms, d_features) = radiance_loss(&frame(), &view, &target, &weights, NormalTerms::On);
+    let (terms, d_features) =
+        radiance_loss(&frame(), &view, &target, None, &weights, NormalTerms::On);
     assert_eq!((terms.total, terms.l1, terms.ssim), (0.0, 0.0, 1.0));
     assert!(d_features.iter().all(|d| d.0 == [0.0; 16]));
 }
@@ -300,7 +339,14 @@ fn an_absent_mask_is_no_mask_of_zeros() {
     let mut view = view(true);
     view.emission = None;
     let target = pq_image(&view.radiance);
-    let (terms, d) = radiance_loss(&frame(), &view, &target, &only("emission"), NormalTerms::On);
+    let (terms, d) = radiance_loss(
+        &frame(),
+        &view,
+        &target,
+        None,
+        &only("emission"),
+        NormalTerms::On,
+    );
     assert_eq!(terms.total, 0.0);
     assert!(d.iter().all(|s| s.0[lane::EMISSION] == 0.0));
 }
@@ -360,4 +406,30 @@ fn check_albedo_gradients(clipped: Option<&Image<3>>) {
             assert!(pixel % 3 != 0 || got == 0.0);
         }
     }
+}
+
+#[test]
+fn a_point_far_from_what_is_shown_moves_nothing() {
+    let (view, seen) = (view(false), points());
+    let target = pq_image(&view.radiance);
+    let weights = only("depth");
+    let loss = |points: Option<&SeenPoints>| {
+        radiance_loss(&frame(), &view, &target, points, &weights, NormalTerms::On)
+    };
+    let (terms, d) = loss(Some(&seen));
+    let (mut num_nearer, mut num_farther) = (0, 0);
+    for &(pixel, _) in &seen.distances {
+        let slope = d[pixel as usize].0[lane::DISTANCE];
+        match pixel % 5 {
+            // The point lies before what is shown, which is to come nearer.
+            0 => num_nearer += usize::from(slope > 0.0),
+            2 => num_farther += usize::from(slope < 0.0),
+            _ => assert_eq!(slope, 0.0),
+        }
+    }
+    assert_eq!(num_nearer + num_farther, 73);
+    // Of three points in a row 5 % / 0.95, 6 % / 1.06, and the most that an error may be.
+    let wanted = (0.05 / 0.95 + 0.06 / 1.06 + f64::from(depth::MAX_DEPTH_ERROR)) / 3.0;
+    assert!((terms.depth - wanted).abs() < 1e-3, "{}", terms.depth);
+    assert_eq!(loss(None).0.depth, 0.0);
 }

@@ -114,6 +114,7 @@ impl TrainOptions {
             ("depth_normal", weights.depth_normal),
             ("emission", weights.emission),
             ("alpha", weights.alpha),
+            ("depth", weights.depth),
         ] {
             not_negative(&format!("radiance.weights.{field}"), value)?;
         }

@@ -16,6 +16,7 @@ impl TrainOptions {
             depth_normal: 0.05,
             emission: 0.1,
             alpha: 0.1,
+            depth: if preset == Preset::Paper { 0.0 } else { 0.2 },
         };
         let fast_rates = LearningRates {
             position: 3e-4,

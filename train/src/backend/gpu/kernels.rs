@@ -6,6 +6,7 @@ use super::structures::{
     AdamParameters, Encoded, ExchangeParameters, LossParameters, Moments, SurfaceGradient, Terms,
 };
 use super::target::{self, TargetPixel};
+use crate::loss::depth::{MAX_DEPTH_ERROR, MIN_DEPTH_ALPHA};
 use crate::loss::normal::MIN_NORMAL_ALPHA;
 use crate::loss::target::PQ_RANGE;
 use crate::params::{BETA_1, BETA_2, CLASSES, EPSILON, NUM_PARAMETERS};
@@ -130,6 +131,8 @@ fn declarations() -> String {
         ("MAX_ALBEDO", MAX_ALBEDO),
         ("MAX_RADIUS", MAX_RADIUS),
         ("MIN_NORMAL_ALPHA", MIN_NORMAL_ALPHA),
+        ("MIN_DEPTH_ALPHA", MIN_DEPTH_ALPHA),
+        ("MAX_DEPTH_ERROR", MAX_DEPTH_ERROR),
         ("MIN_POSITIVE", f32::MIN_POSITIVE),
         ("SSIM_C1", ssim::C1),
         ("SSIM_C2", ssim::C2),

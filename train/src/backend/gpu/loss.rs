@@ -53,6 +53,9 @@ fn parameters(camera: &Camera, view: &TargetView, options: &LossOptions) -> Loss
             0.0
         },
         alpha: over(weights.alpha, view.num_known),
+        depth: over(weights.depth, view.num_points),
+        padding: 0,
+        more_padding: [0; 2],
     }
 }
 
@@ -203,6 +206,7 @@ pub(super) fn terms(report: &Report, view: &TargetView, options: &LossOptions) -
         num_map,
         spanned,
         num_spanned,
+        depth,
     ] = report.terms();
     let weights = &options.weights;
     let mean = |sum: f64, num: f64| if num > 0.0 { sum / num } else { 0.0 };
@@ -227,11 +231,13 @@ pub(super) fn terms(report: &Report, view: &TargetView, options: &LossOptions) -
         depth_normal: mean(spanned, num_spanned),
         emission: emission / known,
         alpha: alpha / known,
+        depth: depth / view.num_points.max(1) as f64,
         ..shown
     };
     terms.total += weights.normal * terms.normal
         + weights.depth_normal * terms.depth_normal
         + weights.emission * terms.emission
-        + weights.alpha * terms.alpha;
+        + weights.alpha * terms.alpha
+        + weights.depth * terms.depth;
     terms
 }

@@ -18,8 +18,8 @@ pub(super) struct Report {
 const NOTHING_BAD: u32 = u32::MAX;
 
 /// Sums over pixels: |difference| of PQ values, SSIM, |E − M|, |A − A_gt|; 1 − Ñ·N and its pixels;
-/// 1 − Ñ_d·N and its pixels.
-const NUM_TERMS: usize = 8;
+/// 1 − Ñ_d·N and its pixels; |D̃ − d| / d.
+const NUM_TERMS: usize = 9;
 
 /// Places of the words of a report, and constants.
 pub(super) const PLACES: [(&str, u32); 6] = {

@@ -26,6 +26,9 @@ pub(super) struct LossParameters {
     pub(super) depth_normal: f32,
     pub(super) emission: f32,
     pub(super) alpha: f32,
+    pub(super) depth: f32,
+    pub(super) padding: u32,
+    pub(super) more_padding: [u32; 2],
 }
 
 impl LossParameters {
@@ -49,6 +52,9 @@ impl LossParameters {
             depth_normal: "f32",
             emission: "f32",
             alpha: "f32",
+            depth: "f32",
+            padding: "u32",
+            more_padding: "vec2u",
         })
     }
 }
@@ -80,6 +86,8 @@ pub(super) struct Moments {
 pub(super) struct Terms {
     image: [f32; 4],
     surface: [f32; 4],
+    depth: f32,
+    padding: [f32; 3],
 }
 
 /// Derivatives of the term of spanned normals of a pixel.

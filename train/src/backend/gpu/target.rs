@@ -1,10 +1,11 @@
 //! Views that training compares with, on the device.
 
+use crate::backend::step::TrainingView;
 use crate::error::Result;
 use crate::loss::target::Target;
 use eagpt_eval::KnownPixels;
 use eagpt_eval::Windows;
-use eagpt_scene::{Image, View};
+use eagpt_scene::Image;
 use eagpt_trace::gpu::Device;
 use eagpt_trace::gpu::kernel::{Buffer, Layout, layout};
 
@@ -17,7 +18,7 @@ pub(super) const FLAG_BITS: u32 = 2;
 /// The opacity that stands for 1.
 pub(super) const FULL_OPACITY: u32 = (1 << (16 - FLAG_BITS)) - 1;
 
-/// A pixel of a target, 16 bits a number: half of what floats take.
+/// A pixel of a target; of most 16 bits a number, half of what floats take.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct TargetPixel {
@@ -30,6 +31,8 @@ pub(super) struct TargetPixel {
     /// In the upper half [`KNOWN`] and [`WINDOW`], and over them the opacity, 0 to
     /// [`FULL_OPACITY`].
     normal_z_flags: u32,
+    /// Distance of the point of the cloud there, 0 where there is none.
+    distance: f32,
 }
 
 impl TargetPixel {
@@ -39,6 +42,7 @@ impl TargetPixel {
             blue_emission: "u32",
             normal_xy: "u32",
             normal_z_flags: "u32",
+            distance: "f32",
         })
     }
 }
@@ -67,6 +71,8 @@ pub(super) struct TargetView {
     pub(super) num_known: usize,
     /// Windows of SSIM that count.
     pub(super) num_windows: usize,
+    /// Points of the cloud that it sees.
+    pub(super) num_points: usize,
     pub(super) has_map: bool,
     pub(super) has_emission: bool,
     /// Clipped channels of every pixel, red in the lowest bit; of views that have some.
@@ -79,8 +85,11 @@ impl TargetView {
         num_pixels * size_of::<TargetPixel>()
     }
 
-    /// Brings `view` to the device; `target` is its radiance.
-    pub(super) fn new(device: &Device, view: &View, target: &Target) -> Result<Self> {
+    /// Brings `training` to the device; `target` is its radiance.
+    pub(super) fn new(device: &Device, training: &TrainingView, target: &Target) -> Result<Self> {
+        let view = &training.view;
+        let points = training.points.as_deref();
+        let points = points.map_or(&[][..], |points| &points.distances);
         let known = view.valid.as_ref().map(KnownPixels::new);
         let windows = known.as_ref().map(KnownPixels::windows);
         let num_pixels = view.camera.num_pixels();
@@ -99,6 +108,7 @@ impl TargetView {
                 blue_emission: pair(pq[2], unsigned(emission, 0xffff)),
                 normal_xy: pair(normal[0], normal[1]),
                 normal_z_flags: pair(normal[2], flags | (opacity << FLAG_BITS)),
+                distance: 0.0,
             }
         };
         let bits = |flags: &[f32; 3]| {
@@ -109,11 +119,15 @@ impl TargetView {
             let bits: Vec<u32> = mask.pixels().iter().map(bits).collect();
             device.upload("clipped channels", bytemuck::cast_slice(&bits))
         });
-        let pixels: Vec<TargetPixel> = (0..num_pixels).map(pixel).collect();
+        let mut pixels: Vec<TargetPixel> = (0..num_pixels).map(pixel).collect();
+        for &(at, distance) in points {
+            pixels[at as usize].distance = distance;
+        }
         Ok(Self {
             pixels: device.upload("view", bytemuck::cast_slice(&pixels))?,
             num_known: known.as_ref().map_or(num_pixels, KnownPixels::num),
             num_windows: windows.as_ref().map_or(num_pixels, Windows::num),
+            num_points: points.len(),
             has_map: view.normal.is_some(),
             has_emission: view.emission.is_some(),
             clipped: clipped.transpose()?,

@@ -70,6 +70,7 @@ impl StepTask {
                     depth_normal: 0.0,
                     emission: 0.0,
                     alpha: 0.0,
+                    depth: 0.0,
                 },
                 normals: NormalTerms::Off,
                 rays_per_axis: 1,

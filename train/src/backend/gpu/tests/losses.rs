@@ -4,16 +4,19 @@ use super::{gpu, off, weights};
 use crate::backend::gpu::loss::{self, LossBuffers, LossOptions, lit_pixels};
 use crate::backend::gpu::report::Report;
 use crate::backend::gpu::target::TargetView;
+use crate::backend::step::TrainingView;
 use crate::loss::target::Target;
-use crate::loss::tests::{clipped, frame, mask, view};
+use crate::loss::tests::{clipped, frame, mask, points, view};
 use crate::loss::{LossTerms, NormalTerms, PixelLight, albedo_loss, radiance_loss};
 use crate::options::LossWeights;
+use crate::points::SeenPoints;
 use eagpt_eval::KnownPixels;
 use eagpt_scene::{Image, View};
 use eagpt_trace::features::{Features, GBuffer, NUM_LANES, lane};
 use eagpt_trace::gpu::{Capacity, Device, Frame};
 use glam::Vec3;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 /// Of a derivative, relative to the largest of its lane: ten times the 9.4e-6 seen on lavapipe.
 const TOLERANCE: f32 = 1e-4;
@@ -25,7 +28,7 @@ fn kept<const C: usize>(image: &Image<C>, range: RangeInclusive<f32>, steps: f32
     Image::from_pixels(image.width(), image.height(), pixels).unwrap()
 }
 
-fn list(terms: &LossTerms) -> [f64; 7] {
+fn list(terms: &LossTerms) -> [f64; 8] {
     [
         terms.total,
         terms.l1,
@@ -34,14 +37,24 @@ fn list(terms: &LossTerms) -> [f64; 7] {
         terms.depth_normal,
         terms.emission,
         terms.alpha,
+        terms.depth,
     ]
+}
+
+fn training(view: View, points: Option<SeenPoints>) -> TrainingView {
+    TrainingView {
+        index: 0,
+        light: 0,
+        view: Arc::new(view),
+        points: points.map(Arc::new),
+    }
 }
 
 /// Terms and derivatives by the features, from the device.
 fn compared(
     device: &Device,
     features: &GBuffer,
-    (view, target): (&View, &Target),
+    (view, target): (&TrainingView, &Target),
     options: &LossOptions,
 ) -> (LossTerms, Vec<Features>) {
     let num_pixels = features.pixels.len();
@@ -61,7 +74,7 @@ fn compared(
     let report_buffer = device.upload("report", empty).unwrap();
     let on_device = TargetView::new(device, view, target).unwrap();
     let buffers = LossBuffers::new(device, num_pixels).unwrap();
-    let at = (&view.camera, &on_device);
+    let at = (&view.view.camera, &on_device);
     let passes = buffers.passes(device, at, options, (&frame, &report_buffer));
     device.run(&passes).unwrap();
     let d: Vec<[f32; NUM_LANES]> = device.read(&frame.d_features, 0..num_pixels).unwrap();
@@ -91,8 +104,15 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
         view.normal = view.normal.map(|map| kept(&map, -1.0..=1.0, 32_767.0));
         view.emission = view.emission.map(|mask| kept(&mask, 0.0..=1.0, 65_535.0));
         let target = Target::new(&view.radiance);
-        let (wanted_terms, wanted_d) =
-            radiance_loss(&features, &view, &target.pq(), &weights, normals);
+        let seen = with_mask.then(points);
+        let (wanted_terms, wanted_d) = radiance_loss(
+            &features,
+            &view,
+            &target.pq(),
+            seen.as_ref(),
+            &weights,
+            normals,
+        );
 
         let options = LossOptions {
             weights,
@@ -100,7 +120,12 @@ fn losses_and_their_derivatives_are_those_of_the_cpu() {
             rays_per_axis: 1,
             lit: None,
         };
-        let (terms, d) = compared(&device, &features, (&view, &target), &options);
+        let (terms, d) = compared(
+            &device,
+            &features,
+            (&training(view, seen), &target),
+            &options,
+        );
 
         let name = format!("map {with_map}, mask {with_mask}, clipped {is_clipped}, {normals:?}");
         for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
@@ -170,7 +195,12 @@ fn compare_albedos(device: &Device, is_clipped: bool) {
         rays_per_axis: 1,
         lit: Some(lit),
     };
-    let (terms, d) = compared(device, &features, (&view, &target), &options);
+    let (terms, d) = compared(
+        device,
+        &features,
+        (&training(view, None), &target),
+        &options,
+    );
     for (got, wanted) in list(&terms).into_iter().zip(list(&wanted_terms)) {
         let off = (got - wanted).abs();
         assert!(off <= f64::from(TOLERANCE) * wanted.abs(), "{terms:?}");

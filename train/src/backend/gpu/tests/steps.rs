@@ -111,6 +111,7 @@ fn check_steps_at_once(device: &Arc<Device>, num_lights: usize) {
                 index,
                 light: index % num_lights,
                 view: Arc::clone(&views[index]),
+                points: None,
             };
             backend.show_light(view.light).unwrap();
             let step = RadianceStep {
@@ -167,6 +168,7 @@ fn an_edited_scene_goes_on() {
         index: 0,
         light: 0,
         view: Arc::new(view),
+        points: None,
     };
     let weights = weights();
     let rates = TrainOptions::preset(Preset::Draft).radiance.rates;
