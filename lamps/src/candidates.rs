@@ -8,7 +8,7 @@ use crate::measure::{self, Measured};
 use crate::shape::Shape;
 use crate::shape_search::Fit;
 use crate::silhouette::Gaps;
-use crate::{bearings, grouping, parts, single, windows};
+use crate::{alike, bearings, grouping, parts, single, windows};
 use glam::Vec3;
 use std::cmp::Reverse;
 
@@ -35,6 +35,13 @@ impl Candidate {
     fn shows(&self, sight: &Sight, pixel: &Pixel) -> bool {
         let met = self.fit.shape.meet(sight.origin(), pixel.direction);
         met.is_some()
+    }
+
+    /// The lamp with another fit; `None` if views do not agree on its light.
+    pub(crate) fn with_fit(&self, evidence: &Evidence, fit: Fit) -> Option<Self> {
+        let others = self.others.iter();
+        let others = others.map(|(light, group, _)| (*light, group));
+        candidate(evidence, (self.light, self.group.clone()), fit, others)
     }
 }
 
@@ -86,7 +93,9 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
-    without_repeated(evidence, found)
+    let mut found = without_repeated(evidence, found);
+    alike::share_shapes(evidence, &mut found);
+    found
 }
 
 /// Lamps whose pixels are not those of others with more pixels, and of their radiance.

@@ -9,6 +9,7 @@
 //! - [`Evidence`]: lit pixels of the views, and where the trained scene has them.
 //! - [`find`]: from there to [`Found`], clean lamps and what has to make room for them.
 
+mod alike;
 mod bars;
 mod bearing;
 mod bearings;

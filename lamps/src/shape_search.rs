@@ -84,6 +84,35 @@ impl Scored {
     }
 }
 
+/// What speaks for one shape of a lamp against another.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Criterion {
+    /// How much better a shape with more freedom has to be.
+    pub(crate) better: f32,
+    /// Deviation of the flux between views that speaks against a shape.
+    doubtful: f32,
+}
+
+impl Criterion {
+    /// Of a lamp that so many views show in so many pixels together.
+    pub(crate) fn new(num_pixels: usize, num_views: usize) -> Self {
+        let doubtful = DOUBT / (num_pixels as f32 / num_views as f32).sqrt();
+        Self {
+            better: if num_pixels < FEW {
+                BETTER_OF_FEW
+            } else {
+                BETTER
+            },
+            doubtful: DEVIATION.max(doubtful),
+        }
+    }
+
+    /// What speaks against a fit on whose flux views differ by this `deviation`.
+    pub(crate) fn against(&self, fit: &Fit, deviation: f32) -> f32 {
+        (fit.residual + MIN_RESIDUAL) * (1.0 + (deviation / self.doubtful).powi(2))
+    }
+}
+
 /// A lamp that shapes are to explain.
 pub(crate) struct ShapeSearch<'a> {
     patches: &'a [Patch],
@@ -92,10 +121,7 @@ pub(crate) struct ShapeSearch<'a> {
     width: f32,
     /// Surface that the lamp may be mounted on.
     beside: Option<Beside>,
-    /// How much better a shape with more freedom has to be.
-    better: f32,
-    /// Deviation of the flux between views that speaks against a shape.
-    doubtful: f32,
+    criterion: Criterion,
 }
 
 impl<'a> ShapeSearch<'a> {
@@ -108,15 +134,12 @@ impl<'a> ShapeSearch<'a> {
         width: f32,
         beside: Option<Beside>,
     ) -> Self {
-        let num = group.members.len();
-        let doubtful = DOUBT / (num as f32 / patches.len() as f32).sqrt();
         Self {
             patches,
             views,
             width,
             beside,
-            better: if num < FEW { BETTER_OF_FEW } else { BETTER },
-            doubtful: DEVIATION.max(doubtful),
+            criterion: Criterion::new(group.members.len(), patches.len()),
         }
     }
 
@@ -153,8 +176,9 @@ impl<'a> ShapeSearch<'a> {
                 Shape::Box { .. } => tilted(TILTED) + EDGES,
             };
             let measured = self.views.measure(&fit.shape)?;
-            let doubt = self.doubt(measured.expected_deviation());
-            let score = (fit.residual + MIN_RESIDUAL) * self.better.powf(-freedom) * doubt;
+            let Criterion { better, .. } = self.criterion;
+            let against = self.criterion.against(&fit, measured.expected_deviation());
+            let score = against * better.powf(-freedom);
             Some(Scored {
                 fit,
                 is_upright,
@@ -181,11 +205,6 @@ impl<'a> ShapeSearch<'a> {
         })
     }
 
-    /// Factor by which a deviation of the flux between views speaks against a shape.
-    fn doubt(&self, deviation: f32) -> f32 {
-        1.0 + (deviation / self.doubtful).powi(2)
-    }
-
     /// The best fit of a search about one by its residual and by how far views agree on its flux:
     /// silhouettes of few pixels say little of the depth of a bar, on which it depends what goes to
     /// each side.
@@ -193,14 +212,14 @@ impl<'a> ShapeSearch<'a> {
         let Fit { shape, gaps, .. } = found.fit;
         let fit = |shape: &Shape| Fit::new(*shape, self.patches, gaps);
         let score = |shape: &Shape| {
-            let Fit { residual, .. } = fit(shape);
+            let fit = fit(shape);
             let is_flat = matches!(shape, Shape::Box { size, .. } if is_flat(*size));
-            if is_flat || residual > AS_GOOD * found.fit.residual + MIN_RESIDUAL {
+            if is_flat || fit.residual > AS_GOOD * found.fit.residual + MIN_RESIDUAL {
                 return f32::INFINITY;
             }
             let measured = self.views.measure(shape);
             measured.map_or(f32::INFINITY, |measured| {
-                (residual + MIN_RESIDUAL) * self.doubt(measured.deviation)
+                self.criterion.against(&fit, measured.deviation)
             })
         };
         let num_changes = num_changes(&shape, found.is_upright);

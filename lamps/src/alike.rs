@@ -1,0 +1,213 @@
+//! Lamps of one make: spots in a row, strips under cabinets. Where one of them shows what it is,
+//! the others are of the same shape and size, and only their places are looked for.
+
+use crate::candidates::Candidate;
+use crate::change::MAX_CHANGES;
+use crate::evidence::Evidence;
+use crate::measure::Views;
+use crate::patches::{Patch, patches};
+use crate::search::minimum;
+use crate::shape::{Flat, Shape};
+use crate::shape_search::{Criterion, Fit};
+use crate::silhouette::Gaps;
+use glam::{Quat, Vec3};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_PI_2;
+
+/// Lamps of one make are at most this many times as long as each other by their own fits, …
+const LONGER: f32 = 2.0;
+/// … and have at most this many times the area.
+const LARGER: f32 = 4.0;
+/// Evaluations of a search for the place of a shape.
+const NUM_TRIALS: usize = 200;
+/// First steps of such a search, in sizes of the shape, and of its turns, radians.
+const STEP: f32 = 0.2;
+
+/// A lamp that may be of one make with others.
+struct Member<'a> {
+    /// Its index among the candidates.
+    index: usize,
+    patches: Vec<Patch>,
+    views: Views<'a>,
+    criterion: Criterion,
+    own: Shape,
+}
+
+/// Gives lamps that are alike the shape and the size of that one of them that explains most.
+pub(crate) fn share_shapes(evidence: &Evidence, found: &mut [Candidate]) {
+    let indices = (0..found.len()).filter(|&i| may_share(&found[i]));
+    for set in sets(found, indices.collect()) {
+        let members = set.into_iter();
+        let members: Vec<Member<'_>> = members
+            .map(|index| Member::new(evidence, found, index))
+            .collect();
+        for (member, fit) in members.iter().zip(common(&members)) {
+            let changed = fit.and_then(|fit| found[member.index].with_fit(evidence, fit));
+            if let Some(changed) = changed {
+                found[member.index] = changed;
+            }
+        }
+    }
+}
+
+fn may_share(c: &Candidate) -> bool {
+    c.is_clean && c.fit.gaps == Gaps::Seen && !c.group.is_large() && !c.group.is_of_one_view()
+}
+
+/// Whether two lamps may be of one make by their radiance and their own fits.
+fn are_alike(a: &Candidate, b: &Candidate) -> bool {
+    let within = |a: f32, b: f32, most: f32| a <= most * b && b <= most * a;
+    let longest = |c: &Candidate| c.fit.shape.size().max_element();
+    let area = |c: &Candidate| c.fit.shape.area();
+    !a.group.is_unlike(&b.group)
+        && within(longest(a), longest(b), LONGER)
+        && within(area(a), area(b), LARGER)
+}
+
+/// Sets of two or more lamps that are alike, directly or by others.
+fn sets(found: &[Candidate], indices: Vec<usize>) -> Vec<Vec<usize>> {
+    let mut sets: Vec<Vec<usize>> = Vec::new();
+    for index in indices {
+        let is_of = |set: &Vec<usize>| set.iter().any(|&i| are_alike(&found[i], &found[index]));
+        let (mut joined, others): (Vec<_>, Vec<_>) = sets.into_iter().partition(is_of);
+        joined.push(vec![index]);
+        sets = others;
+        sets.push(joined.concat());
+    }
+    sets.retain(|set| set.len() > 1);
+    sets
+}
+
+impl<'a> Member<'a> {
+    fn new(evidence: &'a Evidence, found: &[Candidate], index: usize) -> Self {
+        let Candidate { group, fit, .. } = &found[index];
+        let own = fit.shape;
+        let extent = own.size().max_element();
+        let patches = patches(evidence, group, own.centre(), extent);
+        Self {
+            index,
+            views: Views::new(evidence, group),
+            criterion: Criterion::new(group.members.len(), patches.len()),
+            patches,
+            own,
+        }
+    }
+
+    /// What speaks against a shape; infinity where no view sees it.
+    fn against(&self, shape: &Shape) -> f32 {
+        let fit = Fit::new(*shape, &self.patches, Gaps::Seen);
+        let measured = self.views.measure(shape);
+        measured.map_or(f32::INFINITY, |measured| {
+            self.criterion.against(&fit, measured.expected_deviation())
+        })
+    }
+
+    /// Its fit with the form and the size of `model`, which has less freedom, and what speaks
+    /// against that over what may: at most 1, or there is none.
+    fn placed(&self, model: &Shape) -> Option<(Fit, f32)> {
+        let places = starts(model, &self.own).into_iter();
+        let (shape, against) = places
+            .map(|start| moved(&start, |shape| self.against(shape)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let share = against * self.criterion.better / self.against(&self.own);
+        let fit = || Fit::new(shape, &self.patches, Gaps::Seen);
+        (share <= 1.0).then(|| (fit(), share))
+    }
+}
+
+/// The fits of members with the shape of that one of them that most others accept, and best; none
+/// for those that do not, and for itself.
+fn common(members: &[Member<'_>]) -> Vec<Option<Fit>> {
+    let of_model = |model: usize| {
+        let others = members.par_iter().enumerate().map(|(i, member)| {
+            let shape = (i != model).then_some(members[model].own)?;
+            member.placed(&shape)
+        });
+        others.collect::<Vec<_>>()
+    };
+    let num_accepted = |fits: &Vec<Option<(Fit, f32)>>| fits.iter().flatten().count();
+    let cost = |fits: &Vec<Option<(Fit, f32)>>| {
+        let shares = fits.iter().flatten().map(|(_, share)| share.ln());
+        shares.sum::<f32>()
+    };
+    let best = (0..members.len()).map(of_model).min_by(|a, b| {
+        let more = num_accepted(b).cmp(&num_accepted(a));
+        more.then(cost(a).total_cmp(&cost(b)))
+    });
+    let fits = best.into_iter().flatten();
+    fits.map(|placed| Some(placed?.0)).collect()
+}
+
+/// Shapes of the size of `model` at the place of `own`, turned as either.
+fn starts(model: &Shape, own: &Shape) -> Vec<Shape> {
+    let centre = own.centre();
+    let quarter = Quat::from_rotation_z(FRAC_PI_2);
+    let model_rotation = model.rotation();
+    let mut rotations = vec![model_rotation];
+    match model {
+        Shape::Ball { .. } => {}
+        Shape::Tube { .. } => {
+            rotations.extend(matches!(own, Shape::Tube { .. }).then(|| own.rotation()));
+        }
+        Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Box { .. } => {
+            rotations.push(model_rotation * quarter);
+            if own.kind() == model.kind() {
+                rotations.extend([own.rotation(), own.rotation() * quarter]);
+            }
+        }
+    }
+    let at = |rotation| placed_at(model, centre, rotation);
+    rotations.into_iter().map(at).collect()
+}
+
+fn placed_at(model: &Shape, centre: Vec3, rotation: Quat) -> Shape {
+    let flat = |flat: &Flat| Flat {
+        centre,
+        rotation,
+        size: flat.size,
+    };
+    match *model {
+        Shape::Rectangle(of) => Shape::Rectangle(flat(&of)),
+        Shape::Ellipse(of) => Shape::Ellipse(flat(&of)),
+        Shape::Ball { radius, .. } => Shape::Ball { centre, radius },
+        Shape::Tube {
+            radius,
+            length,
+            taper,
+            ..
+        } => Shape::Tube {
+            centre,
+            rotation,
+            radius,
+            length,
+            taper,
+        },
+        Shape::Box { size, .. } => Shape::Box {
+            centre,
+            rotation,
+            size,
+        },
+    }
+}
+
+/// The place about that of `start`, and the turn about its z axis, where `value` is least, and what
+/// it is there.
+fn moved(start: &Shape, value: impl Fn(&Shape) -> f32) -> (Shape, f32) {
+    let turn = match start {
+        Shape::Rectangle(_) | Shape::Ellipse(_) => Some(5),
+        Shape::Box { .. } => Some(6),
+        Shape::Ball { .. } | Shape::Tube { .. } => None,
+    };
+    let with = |by: &[f32]| {
+        let mut all = [0.0; MAX_CHANGES];
+        all[..3].copy_from_slice(&by[..3]);
+        if let Some(turn) = turn {
+            all[turn] = by[3];
+        }
+        start.changed(&all)
+    };
+    let mut steps = vec![STEP; 3];
+    steps.extend(turn.map(|turn| start.first_steps()[turn]));
+    let (by, least) = minimum(|by| value(&with(by)), &steps, NUM_TRIALS);
+    (with(&by), least)
+}
