@@ -8,7 +8,7 @@ use crate::measure::{self, Measured};
 use crate::shape::Shape;
 use crate::shape_search::Fit;
 use crate::silhouette::Gaps;
-use crate::{alike, bearings, grouping, parts, single, windows};
+use crate::{bearings, grouping, parts, single, windows};
 use glam::Vec3;
 use std::cmp::Reverse;
 
@@ -93,9 +93,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
-    let mut found = without_repeated(evidence, found);
-    alike::share_shapes(evidence, &mut found);
-    found
+    without_repeated(evidence, found)
 }
 
 /// Lamps whose pixels are not those of others with more pixels, and of their radiance.

@@ -116,8 +116,10 @@ pub fn find(
     up: Vec3,
     tracer: &dyn Tracer,
 ) -> Result<Found, TraceError> {
+    let mut all = explained(evidence, up);
+    alike::share_shapes(evidence, &mut all);
     let mut candidates = Vec::new();
-    for candidate in explained(evidence, up) {
+    for candidate in all {
         let pixels = (candidate.light, &candidate.group);
         if seen::is_seen(evidence, pixels, &candidate.fit, tracer)? {
             candidates.push(candidate);
