@@ -31,6 +31,8 @@ struct Member<'a> {
     views: Views<'a>,
     criterion: Criterion,
     own: Shape,
+    /// Evidence against its own shape.
+    against_own: f32,
 }
 
 /// Gives lamps that are alike the shape and the size of that one of them that explains most.
@@ -84,16 +86,19 @@ impl<'a> Member<'a> {
         let own = fit.shape;
         let extent = own.size().max_element();
         let patches = patches(evidence, group, own.centre(), extent);
-        Self {
+        let mut member = Self {
             index,
             views: Views::new(evidence, group),
             criterion: Criterion::new(group.members.len(), patches.len()),
             patches,
             own,
-        }
+            against_own: 0.0,
+        };
+        member.against_own = member.against(&own);
+        member
     }
 
-    /// What speaks against a shape; infinity where no view sees it.
+    /// Evidence against a shape; infinity where no view sees it.
     fn against(&self, shape: &Shape) -> f32 {
         let fit = Fit::new(*shape, &self.patches, Gaps::Seen);
         let measured = self.views.measure(shape);
@@ -102,16 +107,15 @@ impl<'a> Member<'a> {
         })
     }
 
-    /// Its fit with the form and the size of `model`, which has less freedom, and what speaks
-    /// against that over what may: at most 1, or there is none.
+    /// Its fit with the form and the size of `model`, which has less freedom, and the evidence against
+    /// that over the most that there may be: at most 1, or there is none.
     fn placed(&self, model: &Shape) -> Option<(Fit, f32)> {
         let places = starts(model, &self.own).into_iter();
         let (shape, against) = places
             .map(|start| moved(&start, |shape| self.against(shape)))
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let share = against * self.criterion.better / self.against(&self.own);
-        let fit = || Fit::new(shape, &self.patches, Gaps::Seen);
-        (share <= 1.0).then(|| (fit(), share))
+        let share = against * self.criterion.better / self.against_own;
+        (share <= 1.0).then(|| (Fit::new(shape, &self.patches, Gaps::Seen), share))
     }
 }
 

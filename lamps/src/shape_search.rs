@@ -84,7 +84,7 @@ impl Scored {
     }
 }
 
-/// What speaks for one shape of a lamp against another.
+/// Measure by which one shape of a lamp is preferred to another.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Criterion {
     /// How much better a shape with more freedom has to be.
@@ -107,7 +107,8 @@ impl Criterion {
         }
     }
 
-    /// What speaks against a fit on whose flux views differ by this `deviation`.
+    /// Evidence against a fit on whose flux views differ by this `deviation`: its residual, more of it
+    /// the less they agree.
     pub(crate) fn against(&self, fit: &Fit, deviation: f32) -> f32 {
         (fit.residual + MIN_RESIDUAL) * (1.0 + (deviation / self.doubtful).powi(2))
     }

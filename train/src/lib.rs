@@ -36,7 +36,7 @@ pub mod options;
 mod order;
 mod own_light;
 pub mod params;
-pub(crate) mod points;
+pub mod points;
 mod progress;
 pub mod relit;
 pub mod surfaces;

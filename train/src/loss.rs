@@ -2,10 +2,11 @@
 //! each pixel.
 //!
 //! `λc [0.8 L1 + 0.2 (1 − SSIM)](PQ(R), PQ(GT)) + λn mean(1 − Ñ·N_mono) + λd mean(1 − Ñ_d·N_mono) +
-//! λe mean|E − M| + λa mean|A − A_gt| + λp mean|D̃ − d|/d`. A view without a mask has no emission term; a view without
-//! a normal map compares Ñ and Ñ_d with each other, with weight λd. Pixels that are not known take
-//! part in no term, nor do windows of SSIM that touch one; means are those over the pixels that do.
-//! Where a view is clipped the colour term sees the target in place of anything brighter.
+//! λe mean|E − M| + λa mean|A − A_gt| + λp mean|D̃ − d|/d`. A view without a mask has no emission
+//! term; a view without a normal map compares Ñ and Ñ_d with each other, with weight λd. Pixels that
+//! are not known take part in no term, nor do windows of SSIM that touch one; means are those over
+//! the pixels that do, but that of distances is over all points that the view sees. Where a view is
+//! clipped the colour term sees the target in place of anything brighter.
 //!
 //! Features over pixels are taken row by row in f64, rows in order: the same bits for any number of
 //! threads.

@@ -224,7 +224,7 @@ fn the_loss_of_albedos_falls_as_on_the_cpu() {
         request.options.stage = StageChoice::All;
         request.options.radiance.iterations = 30;
         request.options.albedo.iterations = 20;
-        request.options.albedo.num_samples = 8;
+        request.options.albedo.num_samples = 32;
         train(&request, &mut |_| ()).unwrap();
         assert_eq!(newest(&request).stage, Stage::Albedo);
         logged(&request, "total").split_off(30)
@@ -238,10 +238,9 @@ fn the_loss_of_albedos_falls_as_on_the_cpu() {
     assert!(gpu[15..].iter().sum::<f64>() < gpu[..5].iter().sum::<f64>());
 }
 
-/// Of the loss of stage 1, relative: 1.3e-3, and 2e-3 in two lights, were seen on lavapipe. Of the
-/// eight directions of an irradiance one that meets another Gaussian is an eighth, and weights below
-/// a thousandth, which the CPU leaves out, are part of it.
-const ALBEDO_TOLERANCE: f64 = 1e-2;
+/// Of the loss of stage 1, relative: ten times the 2e-4 seen on lavapipe. Weights below a
+/// thousandth, which the CPU leaves out, are part of it.
+const ALBEDO_TOLERANCE: f64 = 2e-3;
 
 /// Both stages, in a light that the lamps are on in and in one that they are off in.
 #[test]
@@ -259,21 +258,15 @@ fn two_lights_are_trained_as_on_the_cpu() {
         request.options.stage = StageChoice::All;
         request.options.radiance.iterations = 30;
         request.options.albedo.iterations = 10;
-        request.options.albedo.num_samples = 8;
+        request.options.albedo.num_samples = 32;
         train(&request, &mut |_| ()).unwrap();
         logged(&request, "total")
     });
     // Stage 1 has as many steps for each light.
     assert_eq!((cpu.len(), gpu.len()), (50, 50));
-    let off = |(a, b): (&f64, &f64)| (a - b).abs() / a;
-    let off: Vec<f64> = cpu.iter().zip(&gpu).map(off).collect();
-    for (stage, tolerance) in [
-        (&off[..30], CURVE_TOLERANCE),
-        (&off[30..], ALBEDO_TOLERANCE),
-    ] {
-        let worst = stage.iter().fold(0.0, |most: f64, off| most.max(*off));
-        eprintln!("loss in two lights: off by at most {worst:e}");
-        assert!(worst < tolerance, "{worst:e}: {cpu:?} {gpu:?}");
+    for (i, (a, b)) in cpu.iter().zip(&gpu).enumerate() {
+        let off = (a - b).abs() / a;
+        assert!(off < CURVE_TOLERANCE, "step {i}: {b} instead of {a}");
     }
 }
 

@@ -1,11 +1,15 @@
 //! Every term against central differences, on a smooth artificial frame.
 
+mod albedo;
+mod points;
+
 use super::depth_normal::directions;
 use super::*;
 use crate::loss::color::pq_image;
 use eagpt_scene::Camera;
 use eagpt_scene::rng::{Purpose, RandomKey};
 use glam::{DAffine3, DMat3, DVec3};
+pub(crate) use points::points;
 
 const WIDTH: u32 = 14;
 const HEIGHT: u32 = 13;
@@ -82,23 +86,6 @@ pub(crate) fn view(normal: bool) -> View {
         roughness: None,
         clipped: None,
         valid: None,
-    }
-}
-
-/// Points before and behind what `frame` shows, and so far behind that it cannot be the same
-/// surface.
-pub(crate) fn points() -> SeenPoints {
-    let shown = frame();
-    let place = |i: u32| match i % 5 {
-        0 => Some(0.95),
-        2 => Some(1.06),
-        3 => Some(1.2),
-        _ => None,
-    };
-    let distances = (0..WIDTH * HEIGHT)
-        .filter_map(|i| Some((i, place(i)? * shown.pixels[i as usize].mean_distance())));
-    SeenPoints {
-        distances: distances.collect(),
     }
 }
 
@@ -364,72 +351,4 @@ fn a_flat_wall_has_the_normal_of_its_depth() {
     let mut d_features = vec![Features::default(); features.pixels.len()];
     let value = depth_normal::add(&features, &camera(), Some(&map), 1.0, None, &mut d_features);
     assert!(value.abs() < 1e-6, "{value}");
-}
-
-#[test]
-fn albedo_loss_leaves_emitters_alone_and_matches_differences() {
-    for clipped in [None, Some(clipped())] {
-        check_albedo_gradients(clipped.as_ref());
-    }
-}
-
-fn check_albedo_gradients(clipped: Option<&Image<3>>) {
-    let mut base = frame();
-    for (i, pixel) in base.pixels.iter_mut().enumerate() {
-        pixel.0[lane::EMISSION] = if i % 3 == 0 { 0.2 } else { 0.05 };
-    }
-    let view = view(true);
-    let target = pq_image(&view.radiance);
-    let irradiance: Vec<Vec3> = (0..WIDTH * HEIGHT)
-        .map(|i| Vec3::new(0.5, 1.0, 1.5) * (0.5 + noise(i)[0]))
-        .collect();
-    let light = PixelLight::new(&base, irradiance, 0.1);
-    let loss = |albedos: &[Vec3]| albedo_loss(albedos, &light, &target, 0.2, None, clipped);
-    let albedos = albedos_of(&base);
-    let (_, analytic) = loss(&albedos);
-    let largest = analytic
-        .iter()
-        .fold(0.0_f32, |m, d| m.max(d.abs().max_element()));
-    for pixel in [3, 4, 50, 91] {
-        for k in 0..3 {
-            let h = 2e-3;
-            let (mut up, mut down) = (albedos.clone(), albedos.clone());
-            up[pixel][k] += h;
-            down[pixel][k] -= h;
-            let width = f64::from(up[pixel][k] - down[pixel][k]);
-            let numeric = (loss(&up).0.total - loss(&down).0.total) / width;
-            let got = f64::from(analytic[pixel][k]);
-            assert!(
-                (got - numeric).abs() < 0.02 * f64::from(largest),
-                "pixel {pixel} channel {k}: {got:e} {numeric:e}"
-            );
-            assert!(pixel % 3 != 0 || got == 0.0);
-        }
-    }
-}
-
-#[test]
-fn a_point_far_from_what_is_shown_moves_nothing() {
-    let (view, seen) = (view(false), points());
-    let target = pq_image(&view.radiance);
-    let weights = only("depth");
-    let loss = |points: Option<&SeenPoints>| {
-        radiance_loss(&frame(), &view, &target, points, &weights, NormalTerms::On)
-    };
-    let (terms, d) = loss(Some(&seen));
-    let (mut num_nearer, mut num_farther) = (0, 0);
-    for &(pixel, _) in &seen.distances {
-        let slope = d[pixel as usize].0[lane::DISTANCE];
-        match pixel % 5 {
-            // The point lies before what is shown, which is to come nearer.
-            0 => num_nearer += usize::from(slope > 0.0),
-            2 => num_farther += usize::from(slope < 0.0),
-            _ => assert_eq!(slope, 0.0),
-        }
-    }
-    assert_eq!(num_nearer + num_farther, 73);
-    // Of three points in a row 5 % / 0.95, 6 % / 1.06, and the most that an error may be.
-    let wanted = (0.05 / 0.95 + 0.06 / 1.06 + f64::from(depth::MAX_DEPTH_ERROR)) / 3.0;
-    assert!((terms.depth - wanted).abs() < 1e-3, "{}", terms.depth);
-    assert_eq!(loss(None).0.depth, 0.0);
 }

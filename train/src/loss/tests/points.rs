@@ -1,0 +1,46 @@
+//! The depth term, of points about what is shown.
+
+use super::*;
+
+/// Points before and behind what `frame` shows, and so far behind that it cannot be the same
+/// surface.
+pub(crate) fn points() -> SeenPoints {
+    let shown = frame();
+    let place = |i: u32| match i % 5 {
+        0 => Some(0.95),
+        2 => Some(1.06),
+        3 => Some(1.2),
+        _ => None,
+    };
+    let distances = (0..WIDTH * HEIGHT)
+        .filter_map(|i| Some((i, place(i)? * shown.pixels[i as usize].mean_distance())));
+    SeenPoints {
+        distances: distances.collect(),
+    }
+}
+
+#[test]
+fn a_point_far_from_what_is_shown_moves_nothing() {
+    let (view, seen) = (view(false), points());
+    let target = pq_image(&view.radiance);
+    let weights = only("depth");
+    let loss = |points: Option<&SeenPoints>| {
+        radiance_loss(&frame(), &view, &target, points, &weights, NormalTerms::On)
+    };
+    let (terms, d) = loss(Some(&seen));
+    let (mut num_nearer, mut num_farther) = (0, 0);
+    for &(pixel, _) in &seen.distances {
+        let slope = d[pixel as usize].0[lane::DISTANCE];
+        match pixel % 5 {
+            // The point lies before what is shown, which is to come nearer.
+            0 => num_nearer += usize::from(slope > 0.0),
+            2 => num_farther += usize::from(slope < 0.0),
+            _ => assert_eq!(slope, 0.0),
+        }
+    }
+    assert_eq!(num_nearer + num_farther, 73);
+    // Of three points in a row 5 % / 0.95, 6 % / 1.06, and the most that an error may be.
+    let wanted = (0.05 / 0.95 + 0.06 / 1.06 + f64::from(depth::MAX_DEPTH_ERROR)) / 3.0;
+    assert!((terms.depth - wanted).abs() < 1e-3, "{}", terms.depth);
+    assert_eq!(loss(None).0.depth, 0.0);
+}
