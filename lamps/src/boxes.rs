@@ -106,6 +106,11 @@ pub(crate) fn tube(of: &Shape) -> Option<Shape> {
     })
 }
 
+/// The level bar in place of a tube, as wide as high, and that it is to stay level.
+pub(crate) fn bar(of: &Shape, up: Vec3) -> Option<(Shape, bool)> {
+    matches!(of, Shape::Tube { .. }).then(|| (upright(&around(of, up), up), true))
+}
+
 /// World from a frame whose z is `up` and whose x is along `axis` as far as it can be.
 fn level(axis: Vec3, up: Vec3) -> Quat {
     let along = axis - up * axis.dot(up);

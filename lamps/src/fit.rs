@@ -19,6 +19,8 @@ use glam::Vec3;
 /// Shapes, and boxes, that a search goes on with from the best of where descents end.
 const NUM_PROMISING: usize = 8;
 const NUM_PROMISING_BOXES: usize = 2;
+/// Best shapes that are fitted again with the flux of views.
+const NUM_AGREED: usize = 3;
 /// Share of the pixels of a lamp that have its own all around them from which on it shows edges: it
 /// is four pixels wide.
 const SHARE_INSIDE: f32 = 0.4;
@@ -97,12 +99,17 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         fits.extend(search.best(&tubes, NUM_PROMISING_BOXES));
         fits.extend(boxes);
     }
-    let best = fits.into_iter().min_by(Scored::order)?;
-    let best = if best.fit.is_clean(group) && !group.is_large() {
-        search.agreed(&best)
-    } else {
-        best.fit
-    };
+    fits.sort_by(Scored::order);
+    let mut best = fits.first()?.fit;
+    if best.is_clean(group) && !group.is_large() {
+        // Silhouettes hardly tell a tube from a bar, and a bar from one that is half as deep.
+        let tube = fits.iter().map(|found| &found.fit.shape).filter(|_| is_bar);
+        let bar = tube.filter_map(|tube| boxes::bar(tube, up)).next();
+        fits.truncate(NUM_AGREED);
+        fits.extend(search.fits(bar.as_slice()));
+        let agreed = search.agreed(&fits);
+        best = agreed.first().map_or(best, |agreed| agreed.fit);
+    }
     let hidden = with_bars(evidence, group, &best, &patches)
         .or_else(|| shades::fit(centre, radius, &patches, best.residual));
     Some(hidden.unwrap_or(best))

@@ -88,16 +88,40 @@ impl<'a> Views<'a> {
 
     /// Measures the lamp as one of `shape`; `None` where no view sees the shape.
     pub(crate) fn measure(&self, shape: &Shape) -> Option<Measured> {
-        let readings: Vec<Reading> = (self.views.par_iter())
-            .map(|view| view.reading(shape))
-            .filter(|r| r.solid_angle > 0.0 && r.flux.min_element() >= 0.0)
-            .collect();
-        let whole: Vec<Reading> = (readings.iter().copied())
-            .filter(|r| r.hidden <= MAX_HIDDEN * r.solid_angle)
-            .collect();
-        let used = if whole.is_empty() { readings } else { whole };
-        let means = used.iter().map(|r| (r.flux / r.solid_angle, r.solid_angle));
+        let used = self.readings(shape).into_iter().flatten();
+        let means = used.map(|r| (r.flux / r.solid_angle, r.solid_angle));
         Measured::of_views(&means.collect::<Vec<_>>())
+    }
+
+    /// Differences from the median, over it, of the radiance that each view measures, weighted so
+    /// that their squares add up to that of the deviation; 0 of views that do not measure it.
+    pub(crate) fn differences(&self, shape: &Shape) -> Vec<f32> {
+        let readings = self.readings(shape);
+        let mean = |r: &Reading| luminance((r.flux / r.solid_angle).to_array());
+        let used = || readings.iter().flatten();
+        let all: f32 = used().map(|r| r.solid_angle).sum();
+        let median = weighted_median(used().map(|r| (mean(r), r.solid_angle)));
+        let difference = |r: &Reading| (r.solid_angle / all).sqrt() * (mean(r) / median - 1.0);
+        let of_views = readings.iter();
+        of_views
+            .map(|reading| reading.as_ref().map_or(0.0, difference))
+            .collect()
+    }
+
+    /// What each view measures if the lamp has `shape`: those that see it whole, or all that see it
+    /// if none does.
+    fn readings(&self, shape: &Shape) -> Vec<Option<Reading>> {
+        let readings: Vec<Option<Reading>> = (self.views.par_iter())
+            .map(|view| view.reading(shape))
+            .map(|r| (r.solid_angle > 0.0 && r.flux.min_element() >= 0.0).then_some(r))
+            .collect();
+        let is_whole = |r: &Reading| r.hidden <= MAX_HIDDEN * r.solid_angle;
+        match readings.iter().flatten().any(is_whole) {
+            true => (readings.into_iter())
+                .map(|reading| reading.filter(is_whole))
+                .collect(),
+            false => readings,
+        }
     }
 }
 

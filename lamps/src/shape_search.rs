@@ -161,6 +161,15 @@ impl<'a> ShapeSearch<'a> {
         self.ranked(refined.collect())
     }
 
+    /// How well some shapes fit as they are, the best first.
+    pub(crate) fn fits(&self, shapes: &[(Shape, bool)]) -> Vec<Scored> {
+        let fit = |shape: &Shape| Fit::new(*shape, self.patches, Gaps::Seen);
+        let fits = shapes
+            .iter()
+            .map(|(shape, is_upright)| (fit(shape), *is_upright));
+        self.ranked(fits.collect())
+    }
+
     /// Fits, and whether they keep their z axis, the best first: those with least residual, where
     /// those with more freedom have to be better, and views have to agree on the flux.
     fn ranked(&self, fits: Vec<(Fit, bool)>) -> Vec<Scored> {
@@ -206,16 +215,29 @@ impl<'a> ShapeSearch<'a> {
         })
     }
 
-    /// The best fit of a search about one by its residual and by how far views agree on its flux:
-    /// silhouettes of few pixels say little of the depth of a bar, on which it depends what goes to
-    /// each side.
-    pub(crate) fn agreed(&self, found: &Scored) -> Fit {
+    /// The best fits of searches about some by their residual and by how far views agree on their
+    /// flux, the best first: silhouettes of few pixels say little of the width and the depth of a
+    /// bar, on which it depends what goes to each side.
+    pub(crate) fn agreed(&self, found: &[Scored]) -> Vec<Scored> {
+        let least = found.iter().map(|found| found.fit.residual);
+        let most = AS_GOOD * least.fold(f32::INFINITY, f32::min) + MIN_RESIDUAL;
+        let agreed = found.par_iter().map(|found| {
+            let shape = self.agreed_about(found, most);
+            (
+                Fit::new(shape, self.patches, found.fit.gaps),
+                found.is_upright,
+            )
+        });
+        self.ranked(agreed.collect())
+    }
+
+    /// The best shape about that of a fit, of a residual of at most `most`.
+    fn agreed_about(&self, found: &Scored, most: f32) -> Shape {
         let Fit { shape, gaps, .. } = found.fit;
-        let fit = |shape: &Shape| Fit::new(*shape, self.patches, gaps);
-        let score = |shape: &Shape| {
-            let fit = fit(shape);
+        let against = |shape: &Shape| {
+            let fit = Fit::new(*shape, self.patches, gaps);
             let is_flat = matches!(shape, Shape::Box { size, .. } if is_flat(*size));
-            if is_flat || fit.residual > AS_GOOD * found.fit.residual + MIN_RESIDUAL {
+            if is_flat || fit.residual > most {
                 return f32::INFINITY;
             }
             let measured = self.views.measure(shape);
@@ -223,8 +245,22 @@ impl<'a> ShapeSearch<'a> {
                 self.criterion.against(&fit, measured.deviation)
             })
         };
+        // The same as a sum of squares, but that residuals near that of the fit weigh alike.
+        let weight = (found.fit.residual + MIN_RESIDUAL).sqrt() / self.criterion.doubtful;
+        let differences = |shape: &Shape| {
+            let of_flux = self.views.differences(shape).into_iter();
+            let silhouette = Silhouette::new(shape, self.patches);
+            let mut all = differences(&[&silhouette], self.patches, gaps);
+            all.extend(of_flux.map(|difference| weight * difference));
+            all
+        };
         let num_changes = num_changes(&shape, found.is_upright);
-        fit(&best_shape(&shape, num_changes, NUM_AGREED, score).0)
+        let width = 0.5 * self.width;
+        let lower = descent(&shape, num_changes, NUM_STEPS, width, differences);
+        let start = [shape, lower]
+            .into_iter()
+            .min_by(|a, b| against(a).total_cmp(&against(b)));
+        best_shape(&start.unwrap_or(shape), num_changes, NUM_AGREED, against).0
     }
 }
 
