@@ -103,7 +103,8 @@ impl<'a> Member<'a> {
         let fit = Fit::new(*shape, &self.patches, Gaps::Seen);
         let measured = self.views.measure(shape);
         measured.map_or(f32::INFINITY, |measured| {
-            self.criterion.against(&fit, measured.expected_deviation())
+            self.criterion
+                .against(&fit, measured.expected_disagreement())
         })
     }
 

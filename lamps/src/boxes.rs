@@ -106,9 +106,14 @@ pub(crate) fn tube(of: &Shape) -> Option<Shape> {
     })
 }
 
-/// The level bar in place of a tube, as wide as high, and that it is to stay level.
-pub(crate) fn bar(of: &Shape, up: Vec3) -> Option<(Shape, bool)> {
-    matches!(of, Shape::Tube { .. }).then(|| (upright(&around(of, up), up), true))
+/// The level bar, as wide as high, in place of a tube or a box that is long.
+pub(crate) fn bar(of: &Shape, up: Vec3) -> Option<Shape> {
+    let tube = match *of {
+        Shape::Tube { radius, length, .. } => (length > 2.0 * LONG * radius).then_some(*of),
+        Shape::Box { .. } => tube(of),
+        Shape::Rectangle(_) | Shape::Ellipse(_) | Shape::Ball { .. } => None,
+    };
+    Some(upright(&around(&tube?, up), up))
 }
 
 /// World from a frame whose z is `up` and whose x is along `axis` as far as it can be.

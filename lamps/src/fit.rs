@@ -102,11 +102,13 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     fits.sort_by(Scored::order);
     let mut best = fits.first()?.fit;
     if best.is_clean(group) && !group.is_large() {
-        // Silhouettes hardly tell a tube from a bar, and a bar from one that is half as deep.
-        let tube = fits.iter().map(|found| &found.fit.shape).filter(|_| is_bar);
-        let bar = tube.filter_map(|tube| boxes::bar(tube, up)).next();
+        let bar = fits
+            .iter()
+            .find_map(|found| boxes::bar(&found.fit.shape, up));
+        let bars = bar.map_or(Vec::new(), |bar| search.nearer_and_farther(&bar));
+        let bars: Vec<(Shape, bool)> = bars.into_iter().map(|bar| (bar, true)).collect();
         fits.truncate(NUM_AGREED);
-        fits.extend(search.fits(bar.as_slice()));
+        fits.extend(search.best(&bars, 1));
         let agreed = search.agreed(&fits);
         best = agreed.first().map_or(best, |agreed| agreed.fit);
     }

@@ -7,7 +7,7 @@ use crate::meet::ShapeFrom;
 use crate::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
 use eagpt_scene::color::luminance;
-use eagpt_scene::median::weighted_median;
+use eagpt_scene::median::{median_of, weighted_median};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -35,6 +35,8 @@ pub(crate) struct Measured {
     pub(crate) radiance: Vec3,
     /// Standard deviation between views over the mean; 0 for one view.
     pub(crate) deviation: f32,
+    /// How much brighter the pixels are that the lamp fills, over the radiance; 0 without any.
+    off: f32,
     /// Views that it is of.
     num_views: usize,
 }
@@ -53,6 +55,8 @@ struct Reading {
 /// The views that measure a lamp, for any shape that it may have.
 pub(crate) struct Views<'a> {
     views: Vec<View<'a>>,
+    /// Luminance of pixels that the lamp fills, if it fills any.
+    filled: Option<f32>,
 }
 
 /// A view that shows a lamp.
@@ -83,6 +87,7 @@ impl<'a> Views<'a> {
         let best = group.best_views(MAX_VIEWS).into_par_iter();
         Self {
             views: best.map(view).collect(),
+            filled: luminance_filled(evidence, group),
         }
     }
 
@@ -90,11 +95,21 @@ impl<'a> Views<'a> {
     pub(crate) fn measure(&self, shape: &Shape) -> Option<Measured> {
         let used = self.readings(shape).into_iter().flatten();
         let means = used.map(|r| (r.flux / r.solid_angle, r.solid_angle));
-        Measured::of_views(&means.collect::<Vec<_>>())
+        let measured = Measured::of_views(&means.collect::<Vec<_>>())?;
+        Some(Measured {
+            off: self.off(luminance(measured.radiance.to_array())),
+            ..measured
+        })
     }
 
-    /// Differences from the median, over it, of the radiance that each view measures, weighted so
-    /// that their squares add up to that of the deviation; 0 of views that do not measure it.
+    /// How much brighter pixels are that the lamp fills than a lamp of this luminance, over that.
+    fn off(&self, luminance: f32) -> f32 {
+        self.filled.map_or(0.0, |filled| filled / luminance - 1.0)
+    }
+
+    /// Differences from the median, over it, of the radiance that each view measures, 0 of views
+    /// that do not, and of pixels that the lamp fills. Their squares add up to that of
+    /// [`Measured::disagreement`].
     pub(crate) fn differences(&self, shape: &Shape) -> Vec<f32> {
         let readings = self.readings(shape);
         let mean = |r: &Reading| luminance((r.flux / r.solid_angle).to_array());
@@ -105,6 +120,7 @@ impl<'a> Views<'a> {
         let of_views = readings.iter();
         of_views
             .map(|reading| reading.as_ref().map_or(0.0, difference))
+            .chain([self.off(median)])
             .collect()
     }
 
@@ -149,15 +165,20 @@ impl Measured {
         Some(Self {
             radiance,
             deviation,
+            off: 0.0,
             num_views: views.len(),
         })
     }
 
-    /// Standard deviation between views over the mean that is to be expected of more of them: few
-    /// that agree say little.
-    pub(crate) fn expected_deviation(&self) -> f32 {
+    /// By how much views, and pixels that the lamp fills, disagree on its radiance, over that.
+    pub(crate) fn disagreement(&self) -> f32 {
+        self.deviation.hypot(self.off)
+    }
+
+    /// The disagreement that is to be expected with more views: few that agree say little.
+    pub(crate) fn expected_disagreement(&self) -> f32 {
         let more = PRIOR_DEVIATION.powi(2) / self.num_views as f32;
-        (self.deviation.powi(2) + more).sqrt()
+        self.disagreement().hypot(more.sqrt())
     }
 }
 
@@ -254,6 +275,16 @@ pub(crate) fn in_filled_pixels(
         }
     }
     Measured::of_views(&means)
+}
+
+/// Luminance of most pixels that the lamp of `group` fills, if it fills any.
+fn luminance_filled(evidence: &Evidence, group: &Group) -> Option<f32> {
+    let pixels = group.members.iter().map(|member| evidence.pixel(member).1);
+    let filled = pixels.filter(|pixel| pixel.lit == Lit::Inside);
+    let values: Vec<f32> = filled
+        .map(|pixel| luminance(pixel.radiance.to_array()))
+        .collect();
+    (!values.is_empty()).then(|| median_of(values.into_iter()))
 }
 
 /// Places of pixels within `num` of a lamp's `own`.

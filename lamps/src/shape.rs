@@ -118,6 +118,46 @@ impl Shape {
         }
     }
 
+    /// The shape that is `factor` times as far from `eye` and looks the same from there.
+    pub(crate) fn farther(&self, eye: Vec3, factor: f32) -> Self {
+        let at = |centre: Vec3| eye + (centre - eye) * factor;
+        let flat = |flat: Flat| Flat {
+            centre: at(flat.centre),
+            size: flat.size.map(|side| side * factor),
+            ..flat
+        };
+        match *self {
+            Self::Rectangle(of) => Self::Rectangle(flat(of)),
+            Self::Ellipse(of) => Self::Ellipse(flat(of)),
+            Self::Ball { centre, radius } => Self::Ball {
+                centre: at(centre),
+                radius: radius * factor,
+            },
+            Self::Tube {
+                centre,
+                rotation,
+                radius,
+                length,
+                taper,
+            } => Self::Tube {
+                centre: at(centre),
+                rotation,
+                radius: radius * factor,
+                length: length * factor,
+                taper,
+            },
+            Self::Box {
+                centre,
+                rotation,
+                size,
+            } => Self::Box {
+                centre: at(centre),
+                rotation,
+                size: size * factor,
+            },
+        }
+    }
+
     /// Area that shines, scene units²; of a flat shape one side.
     pub fn area(&self) -> f32 {
         match *self {

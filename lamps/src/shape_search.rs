@@ -38,6 +38,9 @@ const FLAT: f32 = 0.1;
 const NUM_STEPS: usize = 15;
 const NUM_TRIALS: usize = 500;
 const NUM_AGREED: usize = 150;
+/// Steps, in widths of a pixel, and their number, by which a search begins nearer and farther.
+const FARTHER_PIXELS: f32 = 2.0;
+const NUM_FARTHER: i32 = 2;
 /// Residual of a shape that views agree on, in that of the best one, at most.
 const AS_GOOD: f32 = 2.0;
 /// Standard deviation of the flux between views that speaks against a shape as much as a residual
@@ -161,13 +164,15 @@ impl<'a> ShapeSearch<'a> {
         self.ranked(refined.collect())
     }
 
-    /// How well some shapes fit as they are, the best first.
-    pub(crate) fn fits(&self, shapes: &[(Shape, bool)]) -> Vec<Scored> {
-        let fit = |shape: &Shape| Fit::new(*shape, self.patches, Gaps::Seen);
-        let fits = shapes
-            .iter()
-            .map(|(shape, is_upright)| (fit(shape), *is_upright));
-        self.ranked(fits.collect())
+    /// Shapes that look alike from the middle of the cameras, nearer and farther: silhouettes of
+    /// views from one side say least of that.
+    pub(crate) fn nearer_and_farther(&self, shape: &Shape) -> Vec<Shape> {
+        let eyes = self.patches.iter().map(|patch| patch.origin);
+        let eye = eyes.sum::<Vec3>() / self.patches.len() as f32;
+        let step = FARTHER_PIXELS * self.width / shape.centre().distance(eye);
+        (-NUM_FARTHER..=NUM_FARTHER)
+            .map(|num| shape.farther(eye, 1.0 + step * num as f32))
+            .collect()
     }
 
     /// Fits, and whether they keep their z axis, the best first: those with least residual, where
@@ -187,7 +192,9 @@ impl<'a> ShapeSearch<'a> {
             };
             let measured = self.views.measure(&fit.shape)?;
             let Criterion { better, .. } = self.criterion;
-            let against = self.criterion.against(&fit, measured.expected_deviation());
+            let against = self
+                .criterion
+                .against(&fit, measured.expected_disagreement());
             let score = against * better.powf(-freedom);
             Some(Scored {
                 fit,
@@ -242,7 +249,7 @@ impl<'a> ShapeSearch<'a> {
             }
             let measured = self.views.measure(shape);
             measured.map_or(f32::INFINITY, |measured| {
-                self.criterion.against(&fit, measured.deviation)
+                self.criterion.against(&fit, measured.disagreement())
             })
         };
         // The same as a sum of squares, but that residuals near that of the fit weigh alike.

@@ -6,7 +6,7 @@ use crate::group::Group;
 use crate::halo::Beside;
 use crate::measure;
 use crate::patches::patches;
-use crate::shape::{Flat, Shape};
+use crate::shape::Shape;
 use crate::shape_search::{Fit, ShapeSearch};
 use crate::starts::{Mount, extent, first_flat, mount, pixel_width, points};
 use glam::Vec3;
@@ -41,14 +41,5 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group) -> Option<Fit> {
 fn in_plane(shape: &Shape, eye: Vec3, mount: &Mount) -> Option<Shape> {
     let flat = shape.flat()?;
     let factor = mount.height(eye) / (mount.height(eye) - mount.height(flat.centre));
-    let flat = Flat {
-        centre: eye + (flat.centre - eye) * factor,
-        size: flat.size.map(|side| side * factor),
-        ..*flat
-    };
-    let shape = match shape {
-        Shape::Ellipse(_) => Shape::Ellipse(flat),
-        _ => Shape::Rectangle(flat),
-    };
-    (factor > 0.0).then_some(shape)
+    (factor > 0.0).then(|| shape.farther(eye, factor))
 }
