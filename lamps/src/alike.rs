@@ -7,7 +7,7 @@ use crate::evidence::Evidence;
 use crate::measure::Views;
 use crate::patches::{Patch, patches};
 use crate::search::minimum;
-use crate::shape::{Flat, Shape};
+use crate::shape::Shape;
 use crate::shape_search::{Criterion, Fit};
 use crate::silhouette::Gaps;
 use glam::{Quat, Vec3};
@@ -108,8 +108,8 @@ impl<'a> Member<'a> {
         })
     }
 
-    /// Its fit with the form and the size of `model`, which has less freedom, and the evidence against
-    /// that over the most that there may be: at most 1, or there is none.
+    /// Its fit with the form and the size of `model`, which has less freedom, and the evidence
+    /// against that over the most that there may be: at most 1, or there is none.
     fn placed(&self, model: &Shape) -> Option<(Fit, f32)> {
         let places = starts(model, &self.own).into_iter();
         let (shape, against) = places
@@ -161,38 +161,8 @@ fn starts(model: &Shape, own: &Shape) -> Vec<Shape> {
             }
         }
     }
-    let at = |rotation| placed_at(model, centre, rotation);
+    let at = |rotation| model.placed(centre, rotation, Vec3::ONE);
     rotations.into_iter().map(at).collect()
-}
-
-fn placed_at(model: &Shape, centre: Vec3, rotation: Quat) -> Shape {
-    let flat = |flat: &Flat| Flat {
-        centre,
-        rotation,
-        size: flat.size,
-    };
-    match *model {
-        Shape::Rectangle(of) => Shape::Rectangle(flat(&of)),
-        Shape::Ellipse(of) => Shape::Ellipse(flat(&of)),
-        Shape::Ball { radius, .. } => Shape::Ball { centre, radius },
-        Shape::Tube {
-            radius,
-            length,
-            taper,
-            ..
-        } => Shape::Tube {
-            centre,
-            rotation,
-            radius,
-            length,
-            taper,
-        },
-        Shape::Box { size, .. } => Shape::Box {
-            centre,
-            rotation,
-            size,
-        },
-    }
 }
 
 /// The place about that of `start`, and the turn about its z axis, where `value` is least, and what

@@ -1,6 +1,6 @@
 //! Small changes of a shape, as searches make them.
 
-use crate::shape::{Flat, Shape};
+use crate::shape::Shape;
 use eagpt_scene::rotation;
 use glam::{Quat, Vec3};
 
@@ -46,42 +46,21 @@ impl Shape {
             Self::Ball { .. } | Self::Tube { .. } | Self::Box { .. } => self.size(),
         };
         let shift = self.rotation() * (Vec3::new(by[0], by[1], by[2]) * size);
-        let turned = |r: Quat, angles: Vec3| rotation::unit(r * Quat::from_scaled_axis(angles));
-        let flat = |flat: Flat| Flat {
-            centre: flat.centre + shift,
-            rotation: turned(flat.rotation, Vec3::new(by[6], by[7], by[5])),
-            size: [flat.size[0] * by[3].exp(), flat.size[1] * by[4].exp()],
+        let [a, b, c] = [3, 4, 5].map(|k| by[k].exp());
+        let (sizes, angles) = match self {
+            Self::Rectangle(_) | Self::Ellipse(_) => {
+                (Vec3::new(a, b, 1.0), Vec3::new(by[6], by[7], by[5]))
+            }
+            Self::Ball { .. } => (Vec3::splat(a), Vec3::ZERO),
+            Self::Tube { .. } => (Vec3::new(a, a, b), Vec3::new(by[6], by[7], 0.0)),
+            Self::Box { .. } => (Vec3::new(a, b, c), Vec3::new(by[7], by[8], by[6])),
         };
-        match *self {
-            Self::Rectangle(of) => Self::Rectangle(flat(of)),
-            Self::Ellipse(of) => Self::Ellipse(flat(of)),
-            Self::Ball { centre, radius } => Self::Ball {
-                centre: centre + shift,
-                radius: radius * by[3].exp(),
-            },
-            Self::Tube {
-                centre,
-                rotation,
-                radius,
-                length,
-                taper,
-            } => Self::Tube {
-                centre: centre + shift,
-                rotation: turned(rotation, Vec3::new(by[6], by[7], 0.0)),
-                radius: radius * by[3].exp(),
-                length: length * by[4].exp(),
-                taper: (taper + by[5]).clamp(-MAX_TAPER, MAX_TAPER),
-            },
-            Self::Box {
-                centre,
-                rotation,
-                size,
-            } => Self::Box {
-                centre: centre + shift,
-                rotation: turned(rotation, Vec3::new(by[7], by[8], by[6])),
-                size: size * Vec3::new(by[3], by[4], by[5]).exp(),
-            },
+        let rotation = rotation::unit(self.rotation() * Quat::from_scaled_axis(angles));
+        let mut changed = self.placed(self.centre() + shift, rotation, sizes);
+        if let Self::Tube { taper, .. } = &mut changed {
+            *taper = (*taper + by[5]).clamp(-MAX_TAPER, MAX_TAPER);
         }
+        changed
     }
 
     /// Values of [`Self::changed`] by each of which some edge of the shape moves by about `width`.

@@ -124,8 +124,8 @@ impl<'a> Views<'a> {
             .collect()
     }
 
-    /// What each view measures if the lamp has `shape`: those that see it whole, or all that see it
-    /// if none does.
+    /// The measurement of each view if the lamp has `shape`: of those that see it whole, or of all
+    /// that see it if none does.
     fn readings(&self, shape: &Shape) -> Vec<Option<Reading>> {
         let readings: Vec<Option<Reading>> = (self.views.par_iter())
             .map(|view| view.reading(shape))

@@ -120,40 +120,41 @@ impl Shape {
 
     /// The shape that is `factor` times as far from `eye` and looks the same from there.
     pub(crate) fn farther(&self, eye: Vec3, factor: f32) -> Self {
-        let at = |centre: Vec3| eye + (centre - eye) * factor;
+        let centre = eye + (self.centre() - eye) * factor;
+        self.placed(centre, self.rotation(), Vec3::splat(factor))
+    }
+
+    /// The shape about another `centre`, with its own axes turned to `rotation`, and `by` times as
+    /// long along each of these.
+    pub(crate) fn placed(&self, centre: Vec3, rotation: Quat, by: Vec3) -> Self {
         let flat = |flat: Flat| Flat {
-            centre: at(flat.centre),
-            size: flat.size.map(|side| side * factor),
-            ..flat
+            centre,
+            rotation,
+            size: [flat.size[0] * by.x, flat.size[1] * by.y],
         };
         match *self {
             Self::Rectangle(of) => Self::Rectangle(flat(of)),
             Self::Ellipse(of) => Self::Ellipse(flat(of)),
-            Self::Ball { centre, radius } => Self::Ball {
-                centre: at(centre),
-                radius: radius * factor,
+            Self::Ball { radius, .. } => Self::Ball {
+                centre,
+                radius: radius * by.x,
             },
             Self::Tube {
-                centre,
-                rotation,
                 radius,
                 length,
                 taper,
+                ..
             } => Self::Tube {
-                centre: at(centre),
-                rotation,
-                radius: radius * factor,
-                length: length * factor,
-                taper,
-            },
-            Self::Box {
                 centre,
                 rotation,
-                size,
-            } => Self::Box {
-                centre: at(centre),
+                radius: radius * by.x,
+                length: length * by.z,
+                taper,
+            },
+            Self::Box { size, .. } => Self::Box {
+                centre,
                 rotation,
-                size: size * factor,
+                size: size * by,
             },
         }
     }

@@ -110,8 +110,8 @@ impl Criterion {
         }
     }
 
-    /// Evidence against a fit on whose flux views differ by this `deviation`: its residual, more of it
-    /// the less they agree.
+    /// Evidence against a fit on whose flux views differ by this `deviation`: its residual, more of
+    /// it the less they agree.
     pub(crate) fn against(&self, fit: &Fit, deviation: f32) -> f32 {
         (fit.residual + MIN_RESIDUAL) * (1.0 + (deviation / self.doubtful).powi(2))
     }
