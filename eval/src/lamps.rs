@@ -121,7 +121,8 @@ impl TrueLamps {
 ///
 /// A found lamp belongs to a true one if its centre is in the box of that, grown by a margin, or
 /// else if at least half of the smaller of both boxes, grown likewise, is in the other; of several
-/// to that with which it shares most. Several found lamps may be parts of one.
+/// to the one whose box is most like its own: a globe beside a long strip is not a part of that.
+/// Several found lamps may be parts of one.
 ///
 /// # Errors
 /// [`EvalError::Condition`] if there is no such condition.
@@ -210,8 +211,8 @@ fn true_lamp(lamp: &Lamp, all: &[&TrueLamp]) -> Option<usize> {
     let candidates = all.iter().enumerate().filter_map(|(index, other)| {
         let [low, high] = grown(other.bounds_m.map(Vec3::from));
         let holds = lamp.centre().cmpge(low).all() && lamp.centre().cmple(high).all();
-        let share = overlap(own, [low, high]);
-        (holds || share >= MIN_OVERLAP).then_some((holds, share, index))
+        let (both, smaller, either) = overlap(own, [low, high]);
+        (holds || both >= MIN_OVERLAP * smaller).then_some((holds, both / either, index))
     });
     let best = candidates.reduce(|best, next| {
         let order = (next.0).cmp(&best.0).then(next.1.total_cmp(&best.1));
@@ -229,12 +230,13 @@ fn grown([low, high]: [Vec3; 2]) -> [Vec3; 2] {
     [low - margin, high + margin]
 }
 
-/// Volume in both boxes over that of the smaller.
-fn overlap([low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]) -> f32 {
+/// Volumes of two boxes: in both, of the smaller, and in either.
+fn overlap([low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]) -> (f32, f32, f32) {
     let volume = |size: Vec3| size.max(Vec3::ZERO).element_product();
     let both = volume(high.min(other_high) - low.max(other_low));
-    let smaller = volume(high - low).min(volume(other_high - other_low));
-    both / smaller.max(f32::MIN_POSITIVE)
+    let [own, other] = [volume(high - low), volume(other_high - other_low)];
+    let either = (own + other - both).max(f32::MIN_POSITIVE);
+    (both, own.min(other), either)
 }
 
 fn luminance_f64(rgb: [f64; 3]) -> f64 {

@@ -131,3 +131,29 @@ fn damaged_truth_is_refused() {
         );
     }
 }
+
+/// The box of a long lamp, grown, contains smaller lamps beside it.
+#[test]
+fn a_globe_beside_a_strip_is_itself() {
+    let globe = |name: &str, x: f32| {
+        json!({
+            "name": name, "bounds_m": [[x, -0.12, 1.4], [x + 0.12, 0.0, 1.52]],
+            "power": {"day": [5.0, 5.0, 5.0]},
+        })
+    };
+    let strip = json!({
+        "name": "strip", "bounds_m": [[-1.0, 0.0, 1.2], [1.0, 0.03, 1.23]],
+        "power": {"day": [9.0, 9.0, 9.0]},
+    });
+    let room =
+        json!({"conditions": ["day"], "lamps": [strip, globe("left", -1.2), globe("right", 1.1)]});
+    let truth: TrueLamps = serde_json::from_value(room).unwrap();
+    let lamps = vec![
+        found("a", [0.0, 0.015, 1.215], [2.0, 0.03, 0.03], [9.0; 3]),
+        found("b", [1.16, -0.06, 1.46], [0.12; 3], [5.0; 3]),
+        found("c", [-1.14, -0.06, 1.46], [0.12; 3], [5.0; 3]),
+    ];
+    let compared = compare_lamps(&Lamps { lamps }, &truth, None).unwrap();
+    let of = |index: usize| compared.lamps[index].found.as_slice();
+    assert_eq!([of(0), of(1), of(2)], [["a"], ["c"], ["b"]]);
+}
