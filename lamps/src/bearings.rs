@@ -19,6 +19,9 @@ const MAX_RATIO: f32 = 2.0;
 const MAX_RATIO_OF_TWO: f32 = 1.25;
 /// … and lines of two lamps, of which many may meet by chance, miss it by this at most.
 const MAX_MISS_OF_TWO: f32 = 0.5;
+/// Lines that miss where the trained scene has a lamp by more, in what they may, look for another
+/// place: less comes of what hides a part of it.
+const MAX_TRAINED_MISS: f32 = 0.75;
 /// Rounds in which lines that miss the place lose weight.
 const NUM_ROUNDS: usize = 4;
 
@@ -34,7 +37,7 @@ fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
 pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Option<Vec3> {
     let bearings = bearings(evidence, group);
     let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
-    if median(trained) <= 1.0 {
+    if median(trained) <= MAX_TRAINED_MISS {
         return None;
     }
     let met = meeting(&bearings)?;

@@ -6,7 +6,7 @@ use crate::segments::divided;
 use crate::thin;
 use eagpt_masks::{Mask, Region};
 use eagpt_scene::camera::RayFrame;
-use eagpt_scene::{Camera, View};
+use eagpt_scene::{Camera, Image, View};
 use eagpt_trace::features::GBuffer;
 use glam::Vec3;
 use std::collections::HashMap;
@@ -17,6 +17,8 @@ const RIM: u32 = 4;
 const RIM_SHARE: f32 = 0.5;
 /// Pixels of a view, inside lamps or dark, that are kept, about; those at borders are all kept.
 const MAX_PLAIN: usize = 20_000;
+/// Pixels within which what is dark is behind a lamp.
+const CLOSE: u32 = 3;
 /// Value of a mask from which on a pixel is lit: it is an emitter's if that covers at least half.
 const LIT: f32 = 0.5;
 
@@ -43,6 +45,9 @@ pub(crate) struct Pixel {
     pub(crate) region: u32,
     /// The brightest other region that a neighbour is of, by its number.
     pub(crate) beside: Option<u32>,
+    /// Radiance of the surface behind the lamp, of pixels at its border: linear; 0 for others, and
+    /// where nothing dark is near.
+    pub(crate) behind: Vec3,
 }
 
 /// A pixel and its eight neighbours in the mask, where lit is what is of the region of a lit one.
@@ -195,6 +200,10 @@ impl Evidence {
                     continue;
                 }
                 let direction = frame.direction(x as f32 + 0.5, y as f32 + 0.5);
+                let behind = match state {
+                    Lit::Border | Lit::Beside => background(&lit, &view.radiance, [x, y]),
+                    Lit::Inside | Lit::Dark => None,
+                };
                 pixels.push(Pixel {
                     x,
                     y,
@@ -213,6 +222,7 @@ impl Evidence {
                     beside: (near.into_iter())
                         .filter(|other| region.is_some_and(|own| own != *other))
                         .max_by(|a, b| brightness(*a).total_cmp(&brightness(*b))),
+                    behind: behind.unwrap_or(Vec3::ZERO),
                 });
             }
         }
@@ -234,6 +244,25 @@ impl Evidence {
         let sight = &self.sights[view as usize];
         (sight, &sight.pixels[pixel as usize])
     }
+}
+
+/// Radiance of what is behind a lamp at a pixel of its border, which may be brighter on one side of
+/// it than on the other: of the dark pixels closest by, within [`CLOSE`], the brightest, which is as
+/// close to the lamp's light.
+fn background(lit: &Mask, radiance: &Image<3>, [x, y]: [u32; 2]) -> Option<Vec3> {
+    let (width, height) = radiance.size();
+    let is_dark = |place: [u32; 2]| {
+        let is_lit = |[x, y]: &[u32; 2]| *x < width && *y < height && lit.has(*x, *y);
+        !neighbourhood(place).iter().any(is_lit)
+    };
+    (1..=CLOSE).find_map(|reach| {
+        let columns = x.saturating_sub(reach)..(x + reach + 1).min(width);
+        let rows = y.saturating_sub(reach)..(y + reach + 1).min(height);
+        let places = rows.flat_map(|y| columns.clone().map(move |x| [x, y]));
+        let dark = places.filter(|place| is_dark(*place));
+        let values = dark.map(|[x, y]| Vec3::from(radiance.get(x, y)));
+        values.max_by(|a, b| a.max_element().total_cmp(&b.max_element()))
+    })
 }
 
 /// The pixels in the boxes around regions, grown by their rims.
@@ -261,4 +290,25 @@ fn around(regions: &[Region], (width, height): (u32, u32)) -> Vec<bool> {
 /// Pixels that are kept on either side of a region so many pixels long.
 pub(crate) fn rim(length: u32) -> u32 {
     RIM.max((RIM_SHARE * length as f32) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bar in rows 3 to 5 below a board that it lights, before a dark wall.
+    #[test]
+    fn what_is_behind_a_lamp_differs_from_side_to_side() {
+        let rows = [4.0, 5.0, 6.0, 30.0, 30.0, 30.0, 0.5, 0.5, 0.5];
+        let pixels = rows.iter().flat_map(|value| [[*value; 3]; 9]);
+        let radiance = Image::from_pixels(9, 9, pixels.collect()).unwrap();
+        let lit = Mask::from_fn(9, 9, |x, y| (3..6).contains(&y) && (1..8).contains(&x));
+        let behind = |x: u32, y: u32| background(&lit, &radiance, [x, y]).map(|light| light.x);
+        // The row beside the lamp may be a part of it.
+        assert_eq!(behind(4, 2), Some(5.0));
+        assert_eq!(behind(4, 3), Some(5.0));
+        assert_eq!(behind(4, 5), Some(0.5));
+        let all = Mask::from_fn(9, 9, |_, _| true);
+        assert_eq!(background(&all, &radiance, [4, 4]), None);
+    }
 }

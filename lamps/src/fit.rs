@@ -43,6 +43,11 @@ impl Fit {
     }
 }
 
+/// Whether views show the lamp large, and several pixels wide: its silhouettes then tell what it is.
+fn is_wide(evidence: &Evidence, group: &Group) -> bool {
+    group.is_large() && shows_edges(evidence, group)
+}
+
 /// Whether the lamp is several pixels wide: else it has no edges that views could show.
 fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
     let pixels = group.members.iter().map(|member| evidence.pixel(member).1);
@@ -66,8 +71,9 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     }
     let mount = mount(evidence, group, centre, extent);
     let views = measure::Views::new(evidence, group);
-    // Views that show a lamp large tell by its silhouettes what it is, and it may be in a recess.
-    let beside = mount.filter(|_| !group.is_large());
+    let is_wide = is_wide(evidence, group);
+    // A wide lamp may be in a recess.
+    let beside = mount.filter(|_| !is_wide);
     let beside = beside.map(|mount| Beside::new(evidence, group, mount));
     let search = ShapeSearch::new(&patches, views, group, pixel, beside);
     let mut starts: Vec<(Shape, bool)> = Vec::new();
@@ -101,7 +107,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     }
     fits.sort_by(Scored::order);
     let mut best = fits.first()?.fit;
-    if best.is_clean(group) && !group.is_large() {
+    if best.is_clean(group) && !is_wide {
         let bar = fits
             .iter()
             .find_map(|found| boxes::bar(&found.fit.shape, up));

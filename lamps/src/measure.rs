@@ -18,9 +18,6 @@ const RAYS: u32 = 4;
 /// that measures it.
 const MAX_HIDDEN: f32 = 0.05;
 
-/// Pixels around a lamp within which it may light what is behind it.
-const CLOSE: u32 = 3;
-
 /// Widths of a pixel beyond which one is nowhere near a shape: more than its diagonal and that of a
 /// neighbour.
 const AWAY_PIXELS: f32 = 4.0;
@@ -67,8 +64,6 @@ struct View<'a> {
     /// … and places of these and of their neighbours.
     around: HashSet<(u32, u32)>,
     level: Level,
-    /// Radiance of what is behind the lamp at its borders.
-    background: Vec3,
 }
 
 impl<'a> Views<'a> {
@@ -78,9 +73,8 @@ impl<'a> Views<'a> {
             let sight = &evidence.sights[view];
             View {
                 sight,
-                around: around(sight, &own, 1),
+                around: around(sight, &own),
                 level: group.level(sight.light),
-                background: background(sight, &own),
                 own,
             }
         };
@@ -243,7 +237,7 @@ impl View<'_> {
             reading.solid_angle += cover * pixel.solid_angle;
             if (is_own || beside) && (cover > 0.0 || is_near(pixel)) {
                 // The surface behind the lamp counts where the lamp does not cover the pixel.
-                let behind = rest.map_or(self.background, |rest| rest.radiance) * (1.0 - cover);
+                let behind = rest.map_or(pixel.behind, |rest| rest.radiance) * (1.0 - cover);
                 reading.flux += (pixel.radiance - behind).max(Vec3::ZERO) * pixel.solid_angle;
             }
         }
@@ -287,31 +281,13 @@ fn luminance_filled(evidence: &Evidence, group: &Group) -> Option<f32> {
     (!values.is_empty()).then(|| median_of(values.into_iter()))
 }
 
-/// Places of pixels within `num` of a lamp's `own`.
-fn around(sight: &Sight, own: &HashSet<u32>, num: u32) -> HashSet<(u32, u32)> {
+/// Places of a lamp's `own` pixels and of their neighbours.
+fn around(sight: &Sight, own: &HashSet<u32>) -> HashSet<(u32, u32)> {
     let places = own.iter().map(|&i| &sight.pixels[i as usize]);
     places
         .flat_map(|p| {
-            let rows = p.y.saturating_sub(num)..=p.y + num;
-            rows.flat_map(move |y| (p.x.saturating_sub(num)..=p.x + num).map(move |x| (x, y)))
+            let rows = p.y.saturating_sub(1)..=p.y + 1;
+            rows.flat_map(move |y| (p.x.saturating_sub(1)..=p.x + 1).map(move |x| (x, y)))
         })
         .collect()
-}
-
-/// Radiance of what is behind a lamp at its borders: that of dark pixels close by, which the lamp
-/// may light, or else of all that are near.
-fn background(sight: &Sight, own: &HashSet<u32>) -> Vec3 {
-    let near = around(sight, own, CLOSE);
-    let of = |is_close: &dyn Fn(&Pixel) -> bool| {
-        let dark = sight
-            .pixels
-            .iter()
-            .filter(|p| p.lit == Lit::Dark && is_close(p));
-        let mut values: Vec<Vec3> = dark.map(|p| p.radiance).collect();
-        values.sort_by(|a, b| a.element_sum().total_cmp(&b.element_sum()));
-        values.get(values.len() / 2).copied()
-    };
-    of(&|p| near.contains(&(p.x, p.y)))
-        .or_else(|| of(&|_| true))
-        .unwrap_or(Vec3::ZERO)
 }

@@ -229,6 +229,24 @@ fn a_thin_bar_that_training_has_nearer_has_its_power() {
     }
 }
 
+/// A long bar has many pixels, and yet few across it.
+#[test]
+fn a_long_bar_that_views_show_from_above_is_no_tube() {
+    let shape = Shape::Box {
+        centre: Vec3::new(0.0, 1.3, 1.0),
+        rotation: Quat::IDENTITY,
+        size: Vec3::new(2.4, 0.02, 0.02),
+    };
+    let lamps = [(shape, Vec3::new(30.0, 22.0, 13.0))];
+    let views = [-0.9, -0.4, 0.0, 0.5, 0.9].map(|x: f64| {
+        let eye = DVec3::new(x, 0.2 - 0.2 * x.abs(), 1.7);
+        let ahead = (DVec3::new(0.5 * x, 1.3, 1.0) - eye).normalize();
+        Camera::centred([240, 160], 1.3, Camera::level_pose(eye, ahead))
+    });
+    let found = check_found(&lamps, found_by(&views, &lamps, &lamps), 0.08);
+    assert_eq!(found[0].shape, LampShape::Box, "{found:#?}");
+}
+
 #[test]
 fn a_can_at_the_ceiling_does_not_lie_on_its_side() {
     let can = Shape::Tube {
