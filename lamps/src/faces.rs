@@ -21,6 +21,8 @@ pub(crate) struct Face {
     pub(crate) is_mount: bool,
     /// Whether its lamp shines along the normal, to where cameras see it.
     pub(crate) shines: bool,
+    /// Size of the lamp along the normal, scene units; 0 of a panel.
+    pub(crate) depth: f32,
     /// Distance by which training may have discs near it in the wrong place, scene units: a share
     /// of that of the nearest camera.
     pub(crate) blur: f32,
@@ -86,6 +88,7 @@ pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
                 flat,
                 is_mount: true,
                 shines: true,
+                depth: 0.0,
                 blur,
             }];
         }
@@ -120,6 +123,7 @@ pub(crate) fn of(solid: &Solid, eyes: &[Vec3]) -> Vec<Face> {
             flat: side(axis, sign, if shines { sign } else { -sign }),
             is_mount: !shines,
             shines,
+            depth: size[axis],
             blur,
         })
     })

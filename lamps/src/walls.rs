@@ -64,6 +64,7 @@ pub(crate) fn behind(
         },
         is_mount: true,
         shines: false,
+        depth: size.x,
         blur: 0.0,
     })
 }
