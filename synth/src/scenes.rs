@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 17] = [
+pub const SCENES: [EmbeddedScene; 19] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -97,6 +97,16 @@ pub const SCENES: [EmbeddedScene; 17] = [
         name: "divided-room",
         about: "a wall down the middle and five lamps, each alone: any of them leaves much in the dark",
         toml: include_str!("../scenes/divided-room.toml"),
+    },
+    EmbeddedScene {
+        name: "hotel-room",
+        about: "a strip behind a headboard, wall globes, a tube over a mirror; each alone, too",
+        toml: include_str!("../scenes/hotel-room.toml"),
+    },
+    EmbeddedScene {
+        name: "gallery",
+        about: "six spots on a rail, tubes end to end below a board, a light box; each alone, too",
+        toml: include_str!("../scenes/gallery.toml"),
     },
 ];
 
