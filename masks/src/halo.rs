@@ -22,8 +22,8 @@ const EDGE: f32 = 5.0;
 const MIN_PLACES: usize = 4;
 const SOFT_SHARE: f32 = 0.5;
 /// What a surface reflects of the light that would arrive if it and the lamp faced each other: its
-/// albedo times the mean of both cosines. Of nine rooms nine tenths of the pixels of each lit
-/// surface are below 0.42, the median of each below 0.28.
+/// albedo times the mean of both cosines. Of eleven rooms nine tenths of the pixels of each lit
+/// surface are below 0.42, the median of each at most 0.28.
 const REFLECTED: f32 = 0.35;
 /// Share of the pixels of a surface that a lamp can make as bright as they are, from which on it
 /// has.
