@@ -211,8 +211,8 @@ fn true_lamp(lamp: &Lamp, all: &[&TrueLamp]) -> Option<usize> {
     let candidates = all.iter().enumerate().filter_map(|(index, other)| {
         let [low, high] = grown(other.bounds_m.map(Vec3::from));
         let holds = lamp.centre().cmpge(low).all() && lamp.centre().cmple(high).all();
-        let (both, smaller, either) = overlap(own, [low, high]);
-        (holds || both >= MIN_OVERLAP * smaller).then_some((holds, both / either, index))
+        let [of_smaller, of_either] = overlap(own, [low, high]);
+        (holds || of_smaller >= MIN_OVERLAP).then_some((holds, of_either, index))
     });
     let best = candidates.reduce(|best, next| {
         let order = (next.0).cmp(&best.0).then(next.1.total_cmp(&best.1));
@@ -230,13 +230,12 @@ fn grown([low, high]: [Vec3; 2]) -> [Vec3; 2] {
     [low - margin, high + margin]
 }
 
-/// Volumes of two boxes: in both, of the smaller, and in either.
-fn overlap([low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]) -> (f32, f32, f32) {
+/// Volume in both boxes over that of the smaller, and over that in either.
+fn overlap([low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]) -> [f32; 2] {
     let volume = |size: Vec3| size.max(Vec3::ZERO).element_product();
     let both = volume(high.min(other_high) - low.max(other_low));
     let [own, other] = [volume(high - low), volume(other_high - other_low)];
-    let either = (own + other - both).max(f32::MIN_POSITIVE);
-    (both, own.min(other), either)
+    [own.min(other), own + other - both].map(|volume| both / volume.max(f32::MIN_POSITIVE))
 }
 
 fn luminance_f64(rgb: [f64; 3]) -> f64 {

@@ -249,17 +249,10 @@ impl Evidence {
 /// Radiance of what is behind a lamp at a pixel of its border, which may be brighter on one side of
 /// it than on the other: of the dark pixels closest by, within [`CLOSE`], the brightest, which is as
 /// close to the lamp's light.
-fn background(lit: &Mask, radiance: &Image<3>, [x, y]: [u32; 2]) -> Option<Vec3> {
-    let (width, height) = radiance.size();
-    let is_dark = |place: [u32; 2]| {
-        let is_lit = |[x, y]: &[u32; 2]| *x < width && *y < height && lit.has(*x, *y);
-        !neighbourhood(place).iter().any(is_lit)
-    };
+fn background(lit: &Mask, radiance: &Image<3>, pixel: [u32; 2]) -> Option<Vec3> {
+    let is_dark = |place: &[u32; 2]| !lit.around(*place, 1).any(|[x, y]| lit.has(x, y));
     (1..=CLOSE).find_map(|reach| {
-        let columns = x.saturating_sub(reach)..(x + reach + 1).min(width);
-        let rows = y.saturating_sub(reach)..(y + reach + 1).min(height);
-        let places = rows.flat_map(|y| columns.clone().map(move |x| [x, y]));
-        let dark = places.filter(|place| is_dark(*place));
+        let dark = lit.around(pixel, reach).filter(is_dark);
         let values = dark.map(|[x, y]| Vec3::from(radiance.get(x, y)));
         values.max_by(|a, b| a.max_element().total_cmp(&b.max_element()))
     })

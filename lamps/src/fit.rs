@@ -43,11 +43,6 @@ impl Fit {
     }
 }
 
-/// Whether views show the lamp large, and several pixels wide: its silhouettes then tell what it is.
-fn is_wide(evidence: &Evidence, group: &Group) -> bool {
-    group.is_large() && shows_edges(evidence, group)
-}
-
 /// Whether the lamp is several pixels wide: else it has no edges that views could show.
 fn shows_edges(evidence: &Evidence, group: &Group) -> bool {
     let pixels = group.members.iter().map(|member| evidence.pixel(member).1);
@@ -71,8 +66,10 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     }
     let mount = mount(evidence, group, centre, extent);
     let views = measure::Views::new(evidence, group);
-    let is_wide = is_wide(evidence, group);
-    // A wide lamp may be in a recess.
+    // Of a lamp that views show large, and several pixels wide, silhouettes tell what it is, and it
+    // may be in a recess.
+    let shows_edges = shows_edges(evidence, group);
+    let is_wide = group.is_large() && shows_edges;
     let beside = mount.filter(|_| !is_wide);
     let beside = beside.map(|mount| Beside::new(evidence, group, mount));
     let search = ShapeSearch::new(&patches, views, group, pixel, beside);
@@ -92,7 +89,7 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     // A thin lamp that looks flat, or lights what is behind it, may be a bar.
     let is_flat = best.fit.shape.flat().is_some();
     let is_tilted = is_flat && !best.is_upright;
-    let may_have_edges = is_flat || shows_edges(evidence, group);
+    let may_have_edges = is_flat || shows_edges;
     let is_bar = is_tilted || beside.is_some_and(|beside| beside.is_lit);
     if is_bar || (best.fit.residual > PERFECT && may_have_edges) {
         let found: Vec<Shape> = fits.iter().map(|found| found.fit.shape).collect();

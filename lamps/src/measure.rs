@@ -2,7 +2,7 @@
 
 use crate::evidence::{Evidence, Lit, Pixel, Sight};
 use crate::group::Group;
-use crate::level::Level;
+use crate::level::{Level, neighbourhood};
 use crate::meet::ShapeFrom;
 use crate::patches::{MAX_VIEWS, hidden_from};
 use crate::shape::Shape;
@@ -62,7 +62,7 @@ struct View<'a> {
     /// Numbers of the lamp's pixels, …
     own: HashSet<u32>,
     /// … and places of these and of their neighbours.
-    around: HashSet<(u32, u32)>,
+    around: HashSet<[u32; 2]>,
     level: Level,
 }
 
@@ -222,7 +222,7 @@ impl View<'_> {
             let is_dimmer = |rest: Level| level.outshines(&rest);
             // Neighbours of its own pixels count as far as they are brighter than what is behind.
             let beside = !is_own
-                && self.around.contains(&(pixel.x, pixel.y))
+                && self.around.contains(&[pixel.x, pixel.y])
                 && rest.map_or(pixel.lit == Lit::Beside, is_dimmer);
             // A brighter lamp before it has a part of the pixel.
             let is_shared = is_own && rest.is_some_and(|rest| rest.outshines(level));
@@ -282,12 +282,7 @@ fn luminance_filled(evidence: &Evidence, group: &Group) -> Option<f32> {
 }
 
 /// Places of a lamp's `own` pixels and of their neighbours.
-fn around(sight: &Sight, own: &HashSet<u32>) -> HashSet<(u32, u32)> {
-    let places = own.iter().map(|&i| &sight.pixels[i as usize]);
-    places
-        .flat_map(|p| {
-            let rows = p.y.saturating_sub(1)..=p.y + 1;
-            rows.flat_map(move |y| (p.x.saturating_sub(1)..=p.x + 1).map(move |x| (x, y)))
-        })
-        .collect()
+fn around(sight: &Sight, own: &HashSet<u32>) -> HashSet<[u32; 2]> {
+    let pixels = own.iter().map(|&i| &sight.pixels[i as usize]);
+    pixels.flat_map(|p| neighbourhood([p.x, p.y])).collect()
 }

@@ -15,7 +15,7 @@ use eagpt_scene::median::median_of;
 use eagpt_scene::{Gaussian, Gaussians, SceneEdit, rotation};
 use eagpt_trace::transport::EMISSION_THRESHOLD;
 use glam::{Mat3, Quat, Vec3};
-use std::f32::consts::PI;
+use std::f32::consts::TAU;
 
 /// Cosine between a flat lamp and the surface that it is mounted on, at least.
 const COSINE: f32 = 0.7;
@@ -102,21 +102,17 @@ fn free(
     let beside = || near.iter().filter(|(_, place)| place.outside <= reach);
     let size = median_of(beside().map(|(i, _)| gaussians.scales[*i].max_element()));
     let limit = (3.0 * size).min(reach);
-    let level = || {
-        let heights = beside().map(|(_, place)| place.height);
-        heights.filter(|height| height.abs() <= limit)
-    };
-    let middle = median_of(level());
-    let spread = 1.4826 * median_of(level().map(|height| (height - middle).abs()));
+    let level = || beside().filter(|(_, place)| place.height.abs() <= limit);
+    let middle = median_of(level().map(|(_, place)| place.height));
+    let spread = 1.4826 * median_of(level().map(|(_, place)| (place.height - middle).abs()));
     let thickness = DEVIATIONS * spread.max(depth);
-    let area = beside().filter(|(_, p)| p.outside <= narrow && p.height.abs() <= limit);
-    let area: f32 = area
-        .map(|(i, _)| seen_along(&gaussians.get(*i), normal))
-        .sum();
+    let covering = level().filter(|(_, place)| place.outside <= narrow);
+    let area = covering.map(|(i, _)| seen_along(&gaussians.get(*i), normal));
     let covered = (width + 2.0 * narrow) * (height + 2.0 * narrow);
-    // What lies at the height of a lamp is none that it is mounted on.
+    // A surface at the height of a lamp is none that it is mounted on.
     let is_outside = face.depth == 0.0 || middle <= 0.5 * face.depth;
-    let is_plane = area >= MIN_COVER * covered && middle.abs() <= thickness && is_outside;
+    let is_plane =
+        area.sum::<f32>() >= MIN_COVER * covered && middle.abs() <= thickness && is_outside;
     let is_mounted = face.is_mount && is_plane;
     if !is_mounted && !face.shines {
         return Vec::new();
@@ -142,7 +138,7 @@ fn free(
 /// Area of a Gaussian as seen along a unit vector: the integral of its opacity.
 fn seen_along(gaussian: &Gaussian, direction: Vec3) -> f32 {
     let cosine = (gaussian.rotation * Vec3::Z).dot(direction).abs();
-    2.0 * PI * gaussian.scale.x * gaussian.scale.y * gaussian.opacity * cosine
+    TAU * gaussian.scale.x * gaussian.scale.y * gaussian.opacity * cosine
 }
 
 /// Frees all lamps that nothing real stands before of what training has put before them since;

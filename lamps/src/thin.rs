@@ -16,7 +16,6 @@ pub(crate) fn completed(
     radiance: &Image<3>,
     is_known: impl Fn(u32, u32) -> bool,
 ) -> Mask {
-    let (width, height) = radiance.size();
     let bright = |[x, y]: [u32; 2]| radiance.get(x, y).into_iter().fold(0.0, f32::max);
     let mut longer = lit.clone();
     for region in lit.regions().iter().filter(|region| is_thin(lit, region)) {
@@ -27,14 +26,12 @@ pub(crate) fn completed(
             .map(bright)
             .fold(0.0, f32::max);
         let mut ends = region.pixels.clone();
-        while let Some([x, y]) = ends.pop() {
-            for v in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-                for u in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                    let is_part = is_known(u, v) && bright([u, v]) >= MIN_SHARE * brightest;
-                    if is_part && !longer.has(u, v) {
-                        longer.set(u, v, true);
-                        ends.push([u, v]);
-                    }
+        while let Some(end) = ends.pop() {
+            for [u, v] in lit.around(end, 1) {
+                let is_part = is_known(u, v) && bright([u, v]) >= MIN_SHARE * brightest;
+                if is_part && !longer.has(u, v) {
+                    longer.set(u, v, true);
+                    ends.push([u, v]);
                 }
             }
         }

@@ -65,6 +65,14 @@ impl Mask {
         self.pixels.get_pixel_checked(x, y) == Some(&ON)
     }
 
+    /// The pixels of the image as far from one along both axes as `reach`, itself among them, row by
+    /// row.
+    pub fn around(&self, [x, y]: [u32; 2], reach: u32) -> impl Iterator<Item = [u32; 2]> + use<> {
+        let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width());
+        let rows = y.saturating_sub(reach)..(y + reach + 1).min(self.height());
+        rows.flat_map(move |y| columns.clone().map(move |x| [x, y]))
+    }
+
     /// Puts a pixel of the image in the mask, or takes it out.
     ///
     /// # Panics

@@ -21,22 +21,20 @@ pub(crate) fn at_least(values: &Image<1>, level: f32, border: Border) -> Mask {
     if border == Border::Full {
         return mask;
     }
-    let around = |x: u32, y: u32, reach: u32| {
-        let columns = x.saturating_sub(reach)..=(x + reach).min(width - 1);
-        let rows = y.saturating_sub(reach)..=(y + reach).min(height - 1);
-        rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
-    };
     Mask::from_fn(width, height, |x, y| {
         let is_bright = mask.has(x, y);
         // A pixel that is half a dim lamp may be below the level.
-        if !is_bright && !around(x, y, 1).any(|(x, y)| mask.has(x, y)) {
+        if !is_bright && !mask.around([x, y], 1).any(|[x, y]| mask.has(x, y)) {
             return false;
         }
-        if around(x, y, BORDER_REACH).all(|(x, y)| mask.has(x, y)) {
+        if mask
+            .around([x, y], BORDER_REACH)
+            .all(|[x, y]| mask.has(x, y))
+        {
             return true;
         }
         let (mut lamp, mut beside) = (0.0_f32, f32::INFINITY);
-        for (x, y) in around(x, y, BORDER_REACH) {
+        for [x, y] in mask.around([x, y], BORDER_REACH) {
             lamp = lamp.max(value(x, y));
             if !mask.has(x, y) {
                 beside = beside.min(value(x, y));
