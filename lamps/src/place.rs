@@ -15,6 +15,9 @@ const MIN_ACROSS: f32 = 4.0;
 /// Distance of the back of a flat lamp from its front, in spacings: rays from the front have met
 /// the lamp, those from behind the back.
 const BACK_IN_SPACINGS: f32 = 0.1;
+/// Albedo of a lamp, which photographs in its light do not show: about that of opal glass and of
+/// lampshades. Panes are darker, enamel is brighter.
+const ALBEDO: f32 = 0.5;
 /// Rays that measure what discs show of a shape, along each axis of a square across it.
 const GRID: u16 = 48;
 
@@ -30,7 +33,7 @@ pub(crate) fn discs(shape: &Shape, radiance: Vec3, pixel: f32) -> Gaussians {
     let surface = |radiance: Option<Vec3>| Surface {
         solid: solid(shape),
         material: Material {
-            albedo: Vec3::splat(0.5),
+            albedo: Vec3::splat(ALBEDO),
             radiance,
             gloss: Gloss::NONE,
         },

@@ -5,8 +5,8 @@
 //! `Σ factorₖ · reflected[k, i]` over the lights k. A light is a lamp of the scene, or all that
 //! emits and belongs to none ([`REST`]); its factor, of each channel, is 1 for the light that it
 //! had when the basis was made ([`LightGroups`] says what belongs to which). Gaussians that emit
-//! carry their own radiance times the factor of their light. Glossy Gaussians have the highlights of
-//! each light as harmonics, of which those of a mix are made (`highlights`).
+//! send out their own light, too, times the factor of their light. Glossy Gaussians have the
+//! highlights of each light as harmonics, of which those of a mix are made (`highlights`).
 //!
 //! The file, [`lights_file_beside`] a scene, has half floats with a power of two for each light:
 //! values are within 2⁻¹¹ of what was solved, from the brightest down to 2⁻²⁹ of it. Sums are of
@@ -53,7 +53,7 @@ struct Emitter {
     index: u32,
     /// Index of its light.
     light: u32,
-    /// Its radiance at the factor 1.
+    /// The part of its radiance that it does not reflect, at the factor 1.
     radiance: Vec3,
 }
 
@@ -103,7 +103,7 @@ fn key(scene: &Gaussians) -> Key {
 
 impl LightBasis {
     /// The basis of `scene` as it shines now. Of `groups.names` each Gaussian reflects `reflected`,
-    /// `[n, lights]`; nothing where it emits.
+    /// `[n, lights]`; where it emits, the rest of its radiance is its own light.
     pub fn new(scene: &Gaussians, groups: &LightGroups, reflected: &[Vec3]) -> Self {
         let num = groups.names.len();
         let emitters = (0..scene.len() as u32).zip(&groups.of);
@@ -128,6 +128,14 @@ impl LightBasis {
             highlights: Highlights::default(),
             key: key(scene),
         };
+        let mut reflected = reflected.to_vec();
+        for emitter in &basis.emitters {
+            let mine = &mut reflected[num * emitter.index as usize..][..num];
+            let all: Vec3 = mine.iter().sum();
+            let is_more = all.cmpgt(emitter.radiance);
+            let share = Vec3::select(is_more, emitter.radiance / all, Vec3::ONE);
+            mine.iter_mut().for_each(|light| *light *= share);
+        }
         for k in 0..num {
             let mine = reflected.iter().skip(k).step_by(num);
             let brightest = mine.clone().fold(0.0, |most, l| l.max_element().max(most));
@@ -135,6 +143,15 @@ impl LightBasis {
             basis.scales.push(scale);
             let values = mine.flat_map(|light| (*light / scale).to_array());
             basis.reflected.extend(values.map(f16::from_f32));
+        }
+        for at in 0..basis.emitters.len() {
+            let i = basis.emitters[at].index as usize;
+            let mine = basis.scales.iter().enumerate();
+            let all: Vec3 = mine
+                .map(|(k, scale)| *scale * basis.reflected_at(i, k))
+                .sum();
+            let own = &mut basis.emitters[at].radiance;
+            *own = (*own - all).max(Vec3::ZERO);
         }
         basis
     }
@@ -207,14 +224,15 @@ impl LightBasis {
                 key.differences_in_words(&self.key)
             ));
         }
-        let is_same = |e: &Emitter| self.own(e) == scene.radiances[e.index as usize];
+        let now = self.radiances();
+        let is_same = |e: &Emitter| now[e.index as usize] == scene.radiances[e.index as usize];
         if !self.emitters.iter().all(is_same) {
             return Err("of a scene whose emitters have another light".to_owned());
         }
         Ok(())
     }
 
-    /// Radiance of a Gaussian that emits.
+    /// Light of its own of a Gaussian that emits.
     fn own(&self, emitter: &Emitter) -> Vec3 {
         emitter.radiance * self.lights[emitter.light as usize].factor
     }
@@ -281,7 +299,7 @@ impl LightBasis {
             }
         });
         for emitter in &self.emitters {
-            radiances[emitter.index as usize] = self.own(emitter);
+            radiances[emitter.index as usize] += self.own(emitter);
         }
         radiances
     }
@@ -299,7 +317,7 @@ impl LightBasis {
             .map(|light| Vec3::from_array(*light) * scale)
             .collect();
         for emitter in self.emitters.iter().filter(|e| e.light as usize == index) {
-            radiances[emitter.index as usize] = emitter.radiance;
+            radiances[emitter.index as usize] += emitter.radiance;
         }
         radiances
     }

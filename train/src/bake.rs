@@ -14,6 +14,7 @@ mod request;
 mod series;
 pub(crate) mod solution;
 mod transport;
+mod unlit;
 pub mod views;
 
 use crate::error::Result;

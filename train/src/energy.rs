@@ -5,7 +5,8 @@
 //!
 //! Training leaves out pixels of emitters. Nothing is known of a surface that these alone show, as
 //! a blind that light comes through, and under another lamp it would be the brightest thing of the
-//! room if it were white: it is no brighter than the mean of the scene.
+//! room if it were white: it is no brighter than the mean of the scene. Clean lamps keep the albedo
+//! that they were given, or have learned in a light in which they are off.
 
 use crate::error::Result;
 use eagpt_scene::{Camera, Gaussians};
@@ -15,7 +16,8 @@ use glam::Vec3;
 /// Largest albedo of a surface: whiter paints are not sold.
 const MAX_SURFACE: f32 = 0.98;
 
-/// Darkens the Gaussians of surfaces whose albedo, in the mean of the pixels that `cameras` have of
+/// Darkens the Gaussians of surfaces of a scene, of which the first `num_moving` are not of clean
+/// lamps, whose albedo, in the mean of the pixels that `cameras` have of
 /// them, is above [`MAX_SURFACE`] in any channel; returns how many. Pixels that emit more than
 /// `threshold` say nothing.
 ///
@@ -23,7 +25,7 @@ const MAX_SURFACE: f32 = 0.98;
 /// If the device fails.
 pub(crate) fn limit_albedos(
     device: &Device,
-    scene: &mut Gaussians,
+    (scene, num_moving): (&mut Gaussians, usize),
     cameras: &[Camera],
     threshold: f32,
 ) -> Result<usize> {
@@ -54,12 +56,12 @@ pub(crate) fn limit_albedos(
     }
     let mean = mean(&shown);
     let mut num = 0;
-    for (albedo, shown) in scene.albedos.iter_mut().zip(&shown) {
+    for (i, (albedo, shown)) in scene.albedos.iter_mut().zip(&shown).enumerate() {
         if shown.is_too_bright() {
             *albedo *= MAX_SURFACE * shown.known / shown.albedo;
             num += 1;
         }
-        if shown.known < shown.all {
+        if shown.known < shown.all && i < num_moving {
             let unknown = albedo.min(Vec3::splat(mean));
             *albedo = unknown.lerp(*albedo, shown.known / shown.all);
         }
@@ -129,14 +131,19 @@ mod tests {
     fn a_surface_that_emitters_alone_show_is_no_brighter_than_the_rest() {
         let camera =
             eagpt_testkit::gaussians::look_at(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 64, 48);
-        for (unknown, limited) in [(0.9, 0.5), (0.2, 0.2)] {
+        for (unknown, is_lamp, limited) in [(0.9, false, 0.5), (0.2, false, 0.2), (0.9, true, 0.9)]
+        {
             let emitting = wall(-Vec3::X, unknown, Some(Vec3::ONE), 0.05);
-            let num_emitting = emitting.len();
             let reflecting = wall(Vec3::X, 0.5, None, 0.05);
-            let mut scene: Gaussians = emitting.iter().chain(reflecting.iter()).collect();
-            limit_albedos(&Device::Cpu, &mut scene, &[camera], 0.1).unwrap();
+            let mut scene: Gaussians = reflecting.iter().chain(emitting.iter()).collect();
+            let num_moving = if is_lamp {
+                reflecting.len()
+            } else {
+                scene.len()
+            };
+            limit_albedos(&Device::Cpu, (&mut scene, num_moving), &[camera], 0.1).unwrap();
             for (i, albedo) in scene.albedos.iter().enumerate() {
-                let wanted = if i < num_emitting { limited } else { 0.5 };
+                let wanted = if i < reflecting.len() { 0.5 } else { limited };
                 // At edges pixels emit too little to count.
                 assert!((albedo.x - wanted).abs() < 0.05, "{i}: {albedo}");
             }
@@ -160,11 +167,13 @@ mod tests {
         let camera =
             eagpt_testkit::gaussians::look_at(DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO, 64, 48);
         let mut fine = checked(0.2);
-        let num = limit_albedos(&Device::Cpu, &mut fine, &[camera], 0.1).unwrap();
+        let all = fine.len();
+        let num = limit_albedos(&Device::Cpu, (&mut fine, all), &[camera], 0.1).unwrap();
         // Some at the edge have no dark neighbours before them.
         assert!(num < fine.len() / 50, "{num} of {}", fine.len());
         let mut bright = checked(1.0);
-        let num = limit_albedos(&Device::Cpu, &mut bright, &[camera], 0.1).unwrap();
+        let all = bright.len();
+        let num = limit_albedos(&Device::Cpu, (&mut bright, all), &[camera], 0.1).unwrap();
         assert!(num > bright.len() / 2, "{num} of {}", bright.len());
         let seen = Device::Cpu
             .scene(&bright)

@@ -105,13 +105,14 @@ pub fn train(
     let mut position = start;
     position.state = ParameterState::default();
     let finished = run.stages(backend.as_mut(), &views, &mut position)?;
-    let scenes = backend.state()?.in_lights();
+    let state = backend.state()?;
+    let (scenes, num_moving) = (state.in_lights(), state.num_moving());
     // Its memory, for what is done with the scene.
     drop(backend);
     let num_gaussians = scenes[0].len();
     let scene = request.out.join("scene.ply");
     let own_light = match finished {
-        true => run.write_scenes(scenes, &views)?,
+        true => run.write_scenes(scenes, num_moving, &views)?,
         false => None,
     };
     Ok(TrainSummary {

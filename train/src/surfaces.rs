@@ -10,7 +10,7 @@ use eagpt_trace::blend::Contribution;
 use eagpt_trace::transport::matrix::Receiver;
 use eagpt_trace::transport::start::Surface;
 use eagpt_trace::{Features, GBuffer, Ray, Tracer};
-use glam::Mat3;
+use glam::{Mat3, Vec3};
 
 /// Half the offset of a lone Gaussian's surface, in its sizes: nearer hits are taken for the same
 /// wall.
@@ -113,12 +113,16 @@ pub fn seen(scene: &dyn Tracer, num: usize, cameras: &[Camera]) -> Result<Vec<Re
         .collect())
 }
 
-/// The surfaces of Gaussians that no camera sees, of each its own plane, from the side with more
-/// free space before it.
+/// The surfaces of Gaussians alone, of each its own plane: from the side where one of the `eyes` is,
+/// or, if that are both or none, the one with more free space before it.
 ///
 /// # Errors
 /// If the device of the `scene` fails.
-pub fn lone(scene: &dyn Tracer, gaussians: impl Iterator<Item = Gaussian>) -> Result<Vec<Surface>> {
+pub fn lone(
+    scene: &dyn Tracer,
+    gaussians: impl Iterator<Item = Gaussian>,
+    eyes: &[Vec3],
+) -> Result<Vec<Surface>> {
     let sides: Vec<Surface> = gaussians.flat_map(|gaussian| sides(&gaussian)).collect();
     let rays: Vec<Ray> = sides.iter().map(|side| side.ray(side.normal)).collect();
     let mut met = Vec::with_capacity(rays.len());
@@ -127,14 +131,15 @@ pub fn lone(scene: &dyn Tracer, gaussians: impl Iterator<Item = Gaussian>) -> Re
     }
     let (sides, _) = sides.as_chunks::<2>();
     let (met, _) = met.as_chunks::<2>();
-    let freer = |([front, back], [before, behind]): (&[Surface; 2], &[Features; 2])| {
-        if free_distance(before) >= free_distance(behind) {
-            *front
-        } else {
-            *back
-        }
+    let sees = |side: &Surface| {
+        let is_before = |eye: &Vec3| (*eye - side.position).dot(side.normal) > 0.0;
+        eyes.iter().any(is_before)
     };
-    Ok(sides.iter().zip(met).map(freer).collect())
+    let better = |(sides, met): (&[Surface; 2], &[Features; 2])| {
+        let [front, back] = [0, 1].map(|i| (sees(&sides[i]), free_distance(&met[i])));
+        sides[usize::from(front < back)]
+    };
+    Ok(sides.iter().zip(met).map(better).collect())
 }
 
 /// Both sides of a Gaussian alone.

@@ -132,6 +132,45 @@ fn a_mix_is_a_sum() {
     assert!(basis.radiances().iter().all(|light| *light == Vec3::ZERO));
 }
 
+/// A lamp shows what it reflects of the others once it is off, and is as before with all on.
+#[test]
+fn emitters_reflect_the_other_lights() {
+    let (scene, groups, _) = example();
+    let of_own = |i: usize, k: usize| groups.of[i] as usize == k;
+    let light = |i: usize, k: usize| match of_own(i, k) {
+        true => Vec3::ZERO,
+        // At most a tenth of what the lamp sends, but where it would be more than all of it.
+        false if i.is_multiple_of(50) => 2.0 * scene.radiances[i],
+        false => 0.1 * scene.radiances[i],
+    };
+    let all: Vec<Vec3> = (0..scene.len())
+        .flat_map(|i| [0, 1].map(|k| light(i, k)))
+        .collect();
+    let mut basis = LightBasis::new(&scene, &groups, &all);
+    // Half floats of what is reflected, and the rounding of sums.
+    let close = |found: Vec3, expected: Vec3, radiance: Vec3| {
+        let bound = 1.01 * 2_f32.powi(-11) * radiance.max_element();
+        let off = (found - expected).abs().max_element();
+        assert!(off <= bound, "{found} instead of {expected}");
+    };
+    let radiances = basis.radiances();
+    let alone = [basis.alone(0), basis.alone(1)];
+    let mix = [Vec3::ZERO, Vec3::new(0.5, 1.0, 2.0)];
+    for (k, factor) in mix.into_iter().enumerate() {
+        basis.set_factor(k, factor);
+    }
+    let mixed = basis.radiances();
+    for (i, own) in basis.emitters() {
+        let radiance = scene.radiances[i];
+        let share = if i.is_multiple_of(50) { 1.0 } else { 0.1 };
+        close(radiances[i], radiance, radiance);
+        close(alone[1 - own][i], share * radiance, radiance);
+        close(alone[own][i], (1.0 - share) * radiance, radiance);
+        let expected = mix[own] * alone[own][i] + mix[1 - own] * alone[1 - own][i];
+        close(mixed[i], expected, radiance);
+    }
+}
+
 /// Directions to the eyes that see the Gaussians of [`highlights`].
 fn to_eyes() -> Vec<Vec3> {
     let to_eye = |k: u8| {

@@ -22,6 +22,7 @@ use super::receivers::Receivers;
 use super::request::Bake;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
 use super::transport::TracedTransport;
+use super::unlit::Unlit;
 use crate::error::{Result, TrainError};
 use crate::irradiance;
 use crate::progress::BakeProgress;
@@ -88,9 +89,23 @@ impl Bake<'_> {
         });
         let albedos = &equivalent_albedos(&self.scene);
         let told = &mut self.progress;
-        let reflected = sum_of_bounces(albedos, &light, max_bounces, parts.as_ref(), told);
-        let basis = |lights| LightBasis::new(&self.scene, lights, &reflected.parts);
-        let mut basis = lights.as_ref().map(basis);
+        let mut reflected = sum_of_bounces(albedos, &light, max_bounces, parts.as_ref(), told);
+        let mut basis = None;
+        if let Some(lights) = &lights {
+            let unlit = Unlit {
+                tracer: &*tracer,
+                sampled: evened.unwrap_or(&self.scene),
+                lights,
+                cameras: &self.cameras(),
+                directions,
+                key: self.key(),
+            };
+            self.num_rays += unlit.add(&self.scene, albedos, &mut reflected.parts)?;
+            let found = LightBasis::new(&self.scene, lights, &reflected.parts);
+            // What emitters reflect and send out add up to their radiance, within rounding.
+            self.scene.radiances = found.radiances();
+            basis = Some(found);
+        }
         let radiances = with_emitters(&self.scene, &reflected.total);
         self.scene.radiances.clone_from(&radiances);
         let (cameras, seed) = (self.cameras(), self.request.options.seed);

@@ -87,7 +87,7 @@ impl Receivers {
             || (0..scene.len() as u32).filter(|&i| !emits(scene.emissions[i as usize]));
         let unseen = reflecting().filter(|&i| seen[i as usize].is_none());
         let unseen = unseen.map(|i| scene.get(i as usize));
-        let mut lone = surfaces::lone(tracer, unseen)?.into_iter();
+        let mut lone = surfaces::lone(tracer, unseen, &[])?.into_iter();
         let surface = |i: u32| {
             let (weight, surface) = seen[i as usize].or_else(|| Some((0.0, lone.next()?)))?;
             Some((weight, (i, surface)))

@@ -15,16 +15,18 @@ use std::sync::atomic::Ordering;
 
 impl Run<'_> {
     /// Writes the finished scene in each of its lights, and where there are several with the lamps
-    /// of all of them on; returns how the first one, solved, compares with its photographs.
+    /// of all of them on; returns how the first one, solved, compares with its photographs. Of each
+    /// scene `num_moving` Gaussians are not of clean lamps.
     pub(super) fn write_scenes(
         &mut self,
         mut scenes: Vec<Gaussians>,
+        num_moving: usize,
         views: &Views,
     ) -> Result<Option<OwnLight>> {
         for scene in &mut scenes {
             self.gloss.apply(scene);
         }
-        self.limit_albedos(&mut scenes, views)?;
+        self.limit_albedos((&mut scenes, num_moving), views)?;
         for (light, scene) in scenes.iter().enumerate() {
             let path = self.folder.scene(light);
             ply::write_gaussians(&path, scene)?;
@@ -46,14 +48,19 @@ impl Run<'_> {
 
     /// Lets no surface reflect more than it receives, where albedos are trained: `scenes` are one
     /// in all its lights.
-    fn limit_albedos(&mut self, scenes: &mut [Gaussians], views: &Views) -> Result<()> {
+    fn limit_albedos(
+        &mut self,
+        (scenes, num_moving): (&mut [Gaussians], usize),
+        views: &Views,
+    ) -> Result<()> {
         let request = self.request;
         let [first, others @ ..] = scenes else {
             return Ok(());
         };
         if request.options.stage != StageChoice::Radiance {
             let threshold = request.options.albedo.emission_threshold;
-            let num = energy::limit_albedos(&request.device, first, &views.cameras(), threshold)?;
+            let (device, cameras) = (&request.device, views.cameras());
+            let num = energy::limit_albedos(device, (first, num_moving), &cameras, threshold)?;
             for other in others {
                 other.albedos.clone_from(&first.albedos);
             }

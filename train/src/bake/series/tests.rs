@@ -1,14 +1,16 @@
 use super::super::emitters::{emits, with_emitters};
 use super::super::receivers::Receivers;
 use super::super::transport::TracedTransport;
+use super::super::unlit::Unlit;
 use super::*;
 use eagpt_scene::files::Key;
 use eagpt_scene::light_basis::{LightGroups, NO_LIGHT};
 use eagpt_scene::rng::{Purpose, RandomKey};
 use eagpt_scene::{Gaussians, LightBasis};
-use eagpt_testkit::gaussians::{material, sphere};
+use eagpt_testkit::gaussians::{look_at, material, sphere};
 use eagpt_trace::cpu::CpuScene;
 use eagpt_trace::transport::start::Surface;
+use glam::DVec3;
 
 const RAYS: Directions = Directions {
     bsdf: 32,
@@ -114,8 +116,19 @@ fn the_light_of_each_cap_follows_its_own_series() {
     };
     let bounces = 5;
     let solve = |parts| sum_of_bounces(&scene.albedos, &light, bounces, parts, &mut |_| ());
-    let reflected = solve(Some(&parts));
+    let mut reflected = solve(Some(&parts));
     assert_eq!(reflected.total, solve(None).total);
+    let unlit = Unlit {
+        tracer: &CpuScene::new(&scene),
+        sampled: &scene,
+        lights: &groups,
+        cameras: &[look_at(DVec3::ZERO, DVec3::X, 8, 8)],
+        directions: RAYS,
+        key: key(),
+    };
+    let albedos = vec![Vec3::splat(ALBEDO); scene.len()];
+    let num_rays = unlit.add(&scene, &albedos, &mut reflected.parts).unwrap();
+    assert!(num_rays > 0);
     let emitting = ALBEDO * (1.0 - shares[0] - shares[1]);
     let series: f32 = (0..bounces).map(|k| emitting.powi(k as i32)).sum();
     let basis = LightBasis::new(&scene, &groups, &reflected.parts);
@@ -128,6 +141,14 @@ fn the_light_of_each_cap_follows_its_own_series() {
         let off = (mean - expected).abs().max_element() / expected.max_element();
         // Smaller caps have more rim.
         assert!(off < 0.02, "{k}: {mean} instead of {expected}");
+        // The other cap receives as much, without its own light, and reflects at most its radiance.
+        let expected = expected.min(lamps[1 - k]);
+        let other: Vec<usize> = (0..scene.len())
+            .filter(|&i| groups.of[i] as usize == 1 - k)
+            .collect();
+        let mean = other.iter().map(|&i| alone[i]).sum::<Vec3>() / other.len() as f32;
+        let off = (mean - expected).abs().max_element() / expected.max_element();
+        assert!(off < 0.03, "{k}, other cap: {mean} instead of {expected}");
     }
     // The sum is the bake: half floats within 2^-11, f32 beside that nothing.
     let baked = with_emitters(&scene, &reflected.total);
