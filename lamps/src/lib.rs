@@ -136,7 +136,8 @@ pub fn find(
     let discs: Vec<Gaussians> = clean()
         .map(|c| {
             let pixel = pixel_width(evidence, &c.group);
-            place::discs(&c.fit.shape, c.measured.radiance, pixel)
+            let is_window = c.fit.gaps == Gaps::Bars;
+            place::discs(&c.fit.shape, c.measured.radiance, is_window, pixel)
         })
         .collect();
     let mut edit = SceneEdit {

@@ -16,24 +16,28 @@ const MIN_ACROSS: f32 = 4.0;
 /// the lamp, those from behind the back.
 const BACK_IN_SPACINGS: f32 = 0.1;
 /// Albedo of a lamp, which photographs in its light do not show: about that of opal glass and of
-/// lampshades. Panes are darker, enamel is brighter.
+/// lampshades.
 const ALBEDO: f32 = 0.5;
+/// That of a window: its panes reflect 8 %, and it is dark behind them when no light comes in.
+const ALBEDO_OF_WINDOW: f32 = 0.08;
 /// Rays that measure what discs show of a shape, along each axis of a square across it.
 const GRID: u16 = 48;
 
-/// The discs of a lamp of `shape` and `radiance`, with spacings of about `pixel`, the width of a
-/// pixel of the views that see it best; those of a flat lamp's back follow, which do not shine.
+/// The discs of a lamp of `shape` and `radiance`, a window or another one, with spacings of about
+/// `pixel`, the width of a pixel of the views that see it best; those of a flat lamp's back follow,
+/// which do not shine.
 /// A viewer in front sees as much light of the discs as of the shape.
-pub(crate) fn discs(shape: &Shape, radiance: Vec3, pixel: f32) -> Gaussians {
+pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_window: bool, pixel: f32) -> Gaussians {
     let least = (shape.area() / MAX_DISCS).sqrt();
     let spacing = pixel
         .max(least)
         .min(shape.thinnest() / MIN_ACROSS)
         .max(least);
+    let albedo = if is_window { ALBEDO_OF_WINDOW } else { ALBEDO };
     let surface = |radiance: Option<Vec3>| Surface {
         solid: solid(shape),
         material: Material {
-            albedo: Vec3::splat(ALBEDO),
+            albedo: Vec3::splat(albedo),
             radiance,
             gloss: Gloss::NONE,
         },
