@@ -22,7 +22,7 @@ pub(crate) struct Bearing {
     pub(crate) origin: Vec3,
     /// Unit vector.
     pub(crate) direction: Vec3,
-    /// Angle of a pixel, rad.
+    /// Angle of a pixel there, rad: less towards the edge of a picture.
     pub(crate) pixel: f32,
     /// Angle of the lamp's radius if it is round, rad.
     pub(crate) radius: f32,
@@ -34,13 +34,13 @@ impl Bearing {
     pub(crate) fn new(view: usize, sight: &Sight, members: &[(u32, u32)]) -> Option<Self> {
         let pixels = || members.iter().map(|m| &sight.pixels[m.1 as usize]);
         let all: f32 = pixels().map(|p| p.solid_angle).sum();
+        let pixel = (all / pixels().map(|p| p.weight).sum::<f32>()).sqrt();
         let (direction, radius) = match pixels().any(|pixel| sight.at_edge(pixel)) {
             false => {
                 let sum: Vec3 = pixels().map(|p| p.direction * p.solid_angle).sum();
                 (sum.try_normalize()?, (all / PI).sqrt())
             }
             true => {
-                let pixel = (all / pixels().map(|p| p.weight).sum::<f32>()).sqrt();
                 let [x, y, radius] = cut_disc(sight, members)?;
                 let radius = (radius * pixel <= MAX_CUT_RADIUS).then_some(radius * pixel)?;
                 (sight.frame.direction(x, y), radius)
@@ -50,7 +50,7 @@ impl Bearing {
             view,
             origin: sight.origin(),
             direction,
-            pixel: sight.pixel_width(),
+            pixel,
             radius,
         };
         let away = pixels().map(|p| p.direction.cross(bearing.direction).length());

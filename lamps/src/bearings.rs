@@ -4,6 +4,7 @@
 use crate::bearing::Bearing;
 use crate::evidence::Evidence;
 use crate::group::{Group, MIN_PIXELS_OF_FEW};
+use crate::starts::{extent, points};
 use eagpt_scene::median::median_of;
 use glam::{Mat3, Vec3};
 use std::collections::BTreeSet;
@@ -17,8 +18,9 @@ const MAX_RATIO: f32 = 2.0;
 /// Two views alone agree on a place if each shows enough of the lamp, and their sizes are in this
 /// ratio at most.
 const MAX_RATIO_OF_TWO: f32 = 1.25;
-/// … and lines of two lamps, of which many may meet by chance, miss it by this at most.
-const MAX_MISS_OF_TWO: f32 = 0.5;
+/// … and lines of two lamps, of which many may meet by chance, miss it by this at most. Lines of a
+/// lamp that the scene has in one place may be of several lamps, if fewer miss it by less.
+const MAX_CHANCE_MISS: f32 = 0.5;
 /// Lines that miss where the trained scene has a lamp by more, in what they may, look for another
 /// place: less comes of what hides a part of it.
 const MAX_TRAINED_MISS: f32 = 0.75;
@@ -37,7 +39,10 @@ fn bearings(evidence: &Evidence, group: &Group) -> Vec<Bearing> {
 pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Option<Vec3> {
     let bearings = bearings(evidence, group);
     let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
-    if median(trained) <= MAX_TRAINED_MISS {
+    let all_meet = |place: Vec3| bearings.iter().all(|bearing| bearing.miss(place) <= 1.0);
+    // Views side by side have it on one place of a wall, from which a third tells it apart.
+    let only_most = !all_meet(trained) && meeting(&bearings).is_some_and(all_meet);
+    if median(trained) <= MAX_TRAINED_MISS && !only_most {
         return None;
     }
     let met = meeting(&bearings)?;
@@ -55,10 +60,25 @@ fn are_alike(a: &Bearing, b: &Bearing, place: Vec3) -> bool {
     is_enough(a) && is_enough(b) && ratio.max(ratio.recip()) <= MAX_RATIO_OF_TWO
 }
 
+/// Whether the lines of sight of three or more views do not agree on a place, neither where they meet
+/// nor where the trained scene has the lamp of `group`: it may be on what is behind several lamps,
+/// each of which some of the views show there.
+fn is_mixed(evidence: &Evidence, group: &Group) -> bool {
+    let bearings = bearings(evidence, group);
+    let is_sure = |place: Vec3| {
+        let near = |line: &&Bearing| line.miss(place) <= MAX_CHANCE_MISS;
+        bearings.iter().filter(near).count() >= MIN_VIEWS
+    };
+    let trained = || extent(&points(evidence, group)).map(|(centre, _)| centre);
+    bearings.len() >= MIN_VIEWS
+        && !meeting(&bearings).is_some_and(is_sure)
+        && !trained().is_some_and(is_sure)
+}
+
 /// Groups of pixels whose place in the trained scene no three views agree on, joined where their
 /// lines of sight meet, those of three or more first; the others are as they were.
 pub(crate) fn joined(evidence: &Evidence, groups: Vec<Group>) -> Vec<Group> {
-    let is_open = |group: &Group| group.by_view().count() < MIN_VIEWS;
+    let is_open = |group: &Group| group.by_view().count() < MIN_VIEWS || is_mixed(evidence, group);
     let (open, mut found): (Vec<Group>, Vec<Group>) = groups.into_iter().partition(is_open);
     let mut lines: Vec<(usize, Group, Bearing)> = Vec::new();
     for (of, group) in open.iter().enumerate() {
@@ -94,7 +114,7 @@ fn nearest_pair(lines: &[(usize, Group, Bearing)]) -> Option<Vec<usize>> {
     let pairs = (0..lines.len()).flat_map(|i| (i + 1..lines.len()).map(move |k| [i, k]));
     let meeting = pairs.filter_map(|pair| {
         let [(_, group, a), (_, other, b)] = pair.map(|line| &lines[line]);
-        let miss = miss_of_two(a, b).filter(|miss| *miss <= MAX_MISS_OF_TWO)?;
+        let miss = miss_of_two(a, b).filter(|miss| *miss <= MAX_CHANCE_MISS)?;
         (!group.is_unlike(other)).then_some((miss, pair))
     });
     let nearest = meeting.min_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,5 +1,6 @@
 //! Whether views show a lamp as large and as often as they would if it were there: a glint on a
-//! table is as bright as a lamp, but only from where it mirrors one.
+//! table is as bright as a lamp, but only from where it mirrors one. Of a lamp in a mirror, lines of
+//! sight meet behind the mirror.
 
 use crate::evidence::Evidence;
 use crate::group::Group;
@@ -11,7 +12,7 @@ use eagpt_trace::{Ray, TraceError, Tracer};
 use glam::Vec3;
 
 /// Share of the pixels that a lamp would have which views have to show.
-const MIN_SHARE: f32 = 0.3;
+const MIN_SHARE: f32 = 0.4;
 /// Mean width of a lamp in pixels, at least, in views that have to show it.
 const MIN_WIDTH: f32 = 1.5;
 /// Rays to a lamp from each camera, along each axis of a square across it.
@@ -19,6 +20,9 @@ const GRID: u16 = 24;
 /// A lamp is hidden where the scene is nearer by this share of its distance: as trained, it may
 /// be some way before the lamp's clean surface. A shade is as near as the fit of its bulb has it.
 const HIDDEN: f32 = 0.1;
+/// What the scene has at less than this share of the distance of a lamp mirrors it, where most of
+/// its pixels are: glass, bars and what training makes of a lamp are nearer to it.
+const MIRROR: f32 = 0.75;
 
 /// Whether the views of `evidence` in a `light`, whose scene `tracer` traces, show enough of what
 /// they would of a lamp of `fit` to have `group` be one, whose pixels are in that light.
@@ -32,6 +36,12 @@ pub(crate) fn is_seen(
     tracer: &dyn Tracer,
 ) -> Result<bool, TraceError> {
     let shape = &fit.shape;
+    let is_mirrored = group.share(evidence, |sight, pixel| {
+        pixel.distance < MIRROR * shape.centre().distance(sight.origin())
+    });
+    if is_mirrored > 0.5 {
+        return Ok(false);
+    }
     let half = 0.5 * shape.size().length();
     let step = 2.0 * half / f32::from(GRID);
     let (mut rays, mut expected) = (Vec::new(), Vec::new());
@@ -58,6 +68,14 @@ pub(crate) fn is_seen(
             Gaps::Shade => 1.0 / (1.0 + depth_tolerance(1.0 / camera.fx as f32)),
             Gaps::Seen | Gaps::Bars => 1.0 - HIDDEN,
         };
+        // Pixels that a cell of the square covers along `direction`, by solid angles: both are seen
+        // smaller off their axes.
+        let cell = step * step / (shape.centre() - origin).length_squared();
+        let pixel = (camera.fx * camera.fy).recip() as f32;
+        let pixels = |direction: Vec3| {
+            let [to_centre, forward] = [towards, camera.forward()].map(|v| direction.dot(v));
+            cell / pixel * (to_centre / forward).powi(3)
+        };
         // Masks leave out what fills no pixel.
         let area = met.len() as f32 * step * step;
         if area < MIN_WIDTH * pixel_width * shape.size().max_element() {
@@ -65,7 +83,7 @@ pub(crate) fn is_seen(
         }
         for (direction, distance) in met {
             rays.push(Ray::free(origin.to_array(), direction.to_array()));
-            expected.push((distance * free, (step / pixel_width).powi(2)));
+            expected.push((distance * free, pixels(direction)));
         }
     }
     let met = tracer.trace_rays(&rays)?;

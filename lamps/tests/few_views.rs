@@ -1,4 +1,4 @@
-//! A lamp that one view shows is in the surface around it, if it may be; one that two show is where
+//! A lamp that one view shows is in the surface around it, if it may be; one that few show is where
 //! their lines of sight meet.
 
 #![allow(clippy::unwrap_used, reason = "a test ends with its first surprise")]
@@ -11,7 +11,7 @@ use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, rotation};
 use eagpt_trace::Device;
 use glam::{DVec3, Vec3};
-use rig::{RADIANCE, cameras, heap, photograph, room};
+use rig::{RADIANCE, cameras, heap, photograph_all, room};
 
 const CENTRE: Vec3 = Vec3::new(0.3, 0.1, 2.49);
 const EYES: [DVec3; 2] = [DVec3::new(-1.2, -0.4, 1.0), DVec3::new(0.4, -1.5, 1.2)];
@@ -32,7 +32,13 @@ fn found(lamp: &Shape, trained: &Shape, eyes: &[DVec3]) -> Vec<Lamp> {
 /// As [`found`], with the cameras that see the lamp.
 fn found_by(lamp: &Shape, trained: &Shape, up: &[Camera]) -> Vec<Lamp> {
     let scene: Gaussians = room().iter().chain(heap(trained, RADIANCE)).collect();
-    let tracer = Device::Cpu.scene(&scene).unwrap();
+    found_in(&scene, &[*lamp], up)
+}
+
+/// Lamps of a trained `scene` of which photographs show `lamps`.
+fn found_in(scene: &Gaussians, lamps: &[Shape], up: &[Camera]) -> Vec<Lamp> {
+    let lamps: Vec<(Shape, Vec3)> = lamps.iter().map(|lamp| (*lamp, RADIANCE)).collect();
+    let tracer = Device::Cpu.scene(scene).unwrap();
     let down = cameras().into_iter().map(|camera| {
         let eye = camera.origin().as_dvec3();
         looking(eye, DVec3::new(-0.5 * eye.x, -0.5 * eye.y, 0.0))
@@ -40,9 +46,9 @@ fn found_by(lamp: &Shape, trained: &Shape, up: &[Camera]) -> Vec<Lamp> {
     let mut evidence = Evidence::default();
     for (i, camera) in up.iter().copied().chain(down).enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph(i, camera, lamp, &[]), 0, &seen);
+        evidence.add(&photograph_all(i, camera, &lamps, &[]), 0, &seen);
     }
-    let found = find(&evidence, &scene, Vec3::Z, &*tracer).unwrap();
+    let found = find(&evidence, scene, Vec3::Z, &*tracer).unwrap();
     found.lamps.lamps
 }
 
@@ -116,4 +122,71 @@ fn a_ball_that_the_edge_of_a_picture_cuts_has_its_middle_in_line() {
     assert!(lamp.centre().distance(centre) < 0.02, "{lamp:?}");
     let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * ball(centre).area());
     assert!((share - 1.0).abs() < 0.08, "{share}");
+}
+
+/// Training lacks three balls in a row, and has in one place of the walls behind them what views
+/// have of different ones.
+#[test]
+fn balls_are_told_apart_that_views_have_in_one_place_of_a_wall() {
+    let radius = 0.035;
+    let centres = [0.54, 0.84, 1.14].map(|x| Vec3::new(x, -1.27, 1.4));
+    let balls = centres.map(|centre| Shape::Ball { centre, radius });
+    let eyes = [
+        DVec3::new(0.22, -0.08, 1.2),
+        DVec3::new(-0.2, -0.11, 1.2),
+        DVec3::new(-0.39, -0.18, 1.32),
+        DVec3::new(-0.59, -0.42, 1.32),
+    ];
+    let up = eyes.map(|eye| looking(eye, DVec3::new(0.84, -1.27, 1.4)));
+    let found = found_in(&room(), &balls, &up);
+    assert_eq!(found.len(), 3, "{found:?}");
+    for centre in centres {
+        let is_there =
+            |lamp: &Lamp| lamp.shape == LampShape::Ball && lamp.centre().distance(centre) < 0.02;
+        assert!(found.iter().any(is_there), "{found:?}");
+    }
+}
+
+/// Lines of sight to what a mirror shows meet behind it.
+#[test]
+fn a_ball_behind_a_wall_is_no_lamp() {
+    let centre = Vec3::new(4.5, 0.2, 1.3);
+    let radius = 0.15;
+    let eyes = [
+        DVec3::new(-1.2, -0.4, 1.0),
+        DVec3::new(-0.9, 1.2, 1.2),
+        DVec3::new(-0.5, -1.3, 1.4),
+        DVec3::new(-1.3, 0.5, 1.1),
+    ];
+    let up = eyes.map(|eye| looking(eye, centre.as_dvec3()));
+    let found = found_in(&room(), &[Shape::Ball { centre, radius }], &up);
+    let clean = found.iter().filter(|lamp| lamp.shape != LampShape::Other);
+    assert_eq!(clean.count(), 0, "{found:?}");
+}
+
+/// Cameras near a window show parts of it, and have its middle far beside their axes.
+#[test]
+fn a_wide_panel_may_be_seen_from_beside_it() {
+    let size = [1.8, 1.0];
+    let panel = Shape::Rectangle(Flat {
+        centre: Vec3::new(0.0, 1.98, 1.2),
+        rotation: rotation::from_z_to(Vec3::NEG_Y),
+        size,
+    });
+    let near = [-1.0, 1.0].iter().flat_map(|side| {
+        [0.3, 0.25, 0.35].map(|x| {
+            let eye = DVec3::new(side * x, 1.2, 1.2);
+            looking(eye, eye + DVec3::new(side * 0.8, 0.6, 0.0))
+        })
+    });
+    let far = [DVec3::new(-0.8, -1.2, 1.1), DVec3::new(0.7, -1.0, 1.3)];
+    let far = far.map(|eye| looking(eye, DVec3::new(0.0, 1.98, 1.2)));
+    let up: Vec<Camera> = near.chain(far).collect();
+    let found = found_by(&panel, &panel, &up);
+    let [lamp] = found.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert_eq!(lamp.shape, LampShape::Panel);
+    let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * size[0] * size[1]);
+    assert!((share - 1.0).abs() < 0.05, "{share}");
 }
