@@ -62,7 +62,8 @@ pub(crate) struct MasksArgs {
     /// Close gaps up to twice as wide, pixels, 0 to 255
     #[arg(long, value_name = "PIXELS", default_value_t = 0)]
     close: u8,
-    /// Drop connected regions of fewer pixels, before growing; 0 and 1 drop none
+    /// Drop connected regions of fewer pixels, before growing, unless one is ten times the
+    /// threshold: 0 and 1 drop none
     #[arg(long, value_name = "N", default_value_t = 4)]
     min_pixels: u32,
     /// Grow regions, pixels, 0 to 255

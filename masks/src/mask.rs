@@ -144,14 +144,16 @@ impl Mask {
         regions
     }
 
-    /// Closes gaps, drops small regions and grows what is left, as the options say.
-    pub(crate) fn tidy(&mut self, options: &MaskOptions) {
+    /// Closes gaps, drops small regions that have no pixel of `sure`, and grows what is left, as the
+    /// options say.
+    pub(crate) fn tidy(&mut self, options: &MaskOptions, sure: &Self) {
         if options.closing_radius > 0 {
             self.close(options.closing_radius);
         }
         if options.min_pixels > 1 {
             for region in self.regions() {
-                if region.pixels.len() < options.min_pixels as usize {
+                let is_sure = || region.pixels.iter().any(|&[x, y]| sure.has(x, y));
+                if region.pixels.len() < options.min_pixels as usize && !is_sure() {
                     self.remove(&region);
                 }
             }

@@ -17,7 +17,8 @@ pub struct MaskOptions {
     pub border: Border,
     /// Radius of the closing, pixels: gaps up to twice as wide are closed; 0 closes none.
     pub closing_radius: u8,
-    /// Smallest connected region that is kept, pixels, before growing.
+    /// Smallest connected region that is kept, pixels, before growing; of any size if one of its
+    /// pixels is ten times the threshold.
     pub min_pixels: u32,
     /// Radius by which regions are grown, pixels.
     pub grow_radius: u8,

@@ -41,17 +41,25 @@ fn small_regions_go_and_gaps_close_also_at_the_edge() {
         ..MaskOptions::default()
     };
     let mut tidied = mask(&["##..##....", "##..##...#", "##..##...."]);
-    tidied.tidy(&options);
+    let [mut with_sure, none, sure] = [
+        tidied.clone(),
+        Mask::empty(10, 3),
+        mask(&["..........", ".........#", ".........."]),
+    ];
+    tidied.tidy(&options, &none);
     assert_eq!(tidied, mask(&["######....", "######....", "######...."]));
+    with_sure.tidy(&options, &sure);
+    assert_eq!(with_sure, mask(&["######....", "######...#", "######...."]));
 }
 
 #[test]
 fn growing_adds_a_rim() {
     let mut grown = mask(&[".....", ".....", "..#..", ".....", "....."]);
-    grown.tidy(&MaskOptions {
+    let options = MaskOptions {
         min_pixels: 0,
         grow_radius: 1,
         ..MaskOptions::default()
-    });
+    };
+    grown.tidy(&options, &Mask::empty(5, 5));
     assert_eq!(grown, mask(&[".....", "..#..", ".###.", "..#..", "....."]));
 }
