@@ -81,6 +81,10 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
     let radius = 0.5 * extent;
     starts.push((Shape::Ball { centre, radius }, true));
     starts.push((first_tube(&points, centre, up, pixel), true));
+    // Drums and domes stand out of what they hang on.
+    if let Some(mount) = mount {
+        starts.push((first_tube(&points, centre, mount.normal, pixel), true));
+    }
     for axis in axes(&points) {
         starts.push((first_tube(&points, centre, axis, pixel), false));
     }

@@ -190,3 +190,28 @@ fn a_wide_panel_may_be_seen_from_beside_it() {
     let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * size[0] * size[1]);
     assert!((share - 1.0).abs() < 0.05, "{share}");
 }
+
+/// A drum as flat as a dome, about the normal of its wall.
+#[test]
+fn a_flat_drum_on_a_wall_is_no_ball() {
+    let drum = Shape::Tube {
+        centre: Vec3::new(0.1, 1.96, 1.4),
+        rotation: rotation::from_z_to(Vec3::NEG_Y),
+        radius: 0.13,
+        length: 0.07,
+        taper: 0.0,
+    };
+    let eyes = [
+        DVec3::new(-1.2, 0.4, 1.1),
+        DVec3::new(0.2, -0.8, 1.3),
+        DVec3::new(1.4, 0.9, 1.2),
+        DVec3::new(0.9, -0.2, 1.5),
+    ];
+    let found = found(&drum, &drum, &eyes);
+    let [lamp] = found.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert_eq!(lamp.shape, LampShape::Tube, "{lamp:?}");
+    let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * drum.area());
+    assert!((share - 1.0).abs() < 0.1, "{share}");
+}
