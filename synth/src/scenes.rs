@@ -12,7 +12,7 @@ pub struct EmbeddedScene {
 }
 
 /// All of them.
-pub const SCENES: [EmbeddedScene; 19] = [
+pub const SCENES: [EmbeddedScene; 21] = [
     EmbeddedScene {
         name: "furnished-room",
         about: "a living room with a window and lamps, by day and in the evening",
@@ -107,6 +107,16 @@ pub const SCENES: [EmbeddedScene; 19] = [
         name: "gallery",
         about: "six spots on a rail, tubes end to end below a board, a light box; each alone, too",
         toml: include_str!("../scenes/gallery.toml"),
+    },
+    EmbeddedScene {
+        name: "salon",
+        about: "a mirror between bulbs, tiny pendants, a strip of magenta, a screen; each alone, too",
+        toml: include_str!("../scenes/salon.toml"),
+    },
+    EmbeddedScene {
+        name: "bistro",
+        about: "twelve downlights, a window with sky and street, domes, candles; most alone, too",
+        toml: include_str!("../scenes/bistro.toml"),
     },
 ];
 
