@@ -44,6 +44,9 @@ impl Unlit<'_> {
         reflected: &mut [Vec3],
     ) -> Result<u64> {
         let receivers = self.receivers(scene)?;
+        if receivers.is_empty() {
+            return Ok(0);
+        }
         let rows = TracedTransport::new(
             Key::new(),
             self.directions,
