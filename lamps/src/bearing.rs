@@ -22,10 +22,12 @@ pub(crate) struct Bearing {
     pub(crate) origin: Vec3,
     /// Unit vector.
     pub(crate) direction: Vec3,
-    /// Angle of a pixel there, rad: less towards the edge of a picture.
+    /// Angle of a pixel in the middle of the picture, rad.
     pub(crate) pixel: f32,
     /// Angle of the lamp's radius if it is round, rad.
     pub(crate) radius: f32,
+    /// Pixels of the lamp, about: smaller ones towards the edge of a picture.
+    pub(crate) num_pixels: f32,
 }
 
 impl Bearing {
@@ -50,8 +52,9 @@ impl Bearing {
             view,
             origin: sight.origin(),
             direction,
-            pixel,
+            pixel: sight.pixel_width(),
             radius,
+            num_pixels: PI * (radius / pixel).powi(2),
         };
         let away = pixels().map(|p| p.direction.cross(bearing.direction).length());
         let reach = MAX_REACH * bearing.radius + bearing.pixel;
@@ -67,11 +70,6 @@ impl Bearing {
             1.0
         };
         angle / (MISS_PIXELS * self.pixel + MISS_SHARE * self.radius)
-    }
-
-    /// Pixels of the lamp, about.
-    pub(crate) fn num_pixels(&self) -> f32 {
-        PI * (self.radius / self.pixel).powi(2)
     }
 
     /// Radius of a lamp at a place.

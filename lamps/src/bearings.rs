@@ -21,6 +21,8 @@ const MAX_RATIO_OF_TWO: f32 = 1.25;
 /// … and lines of two lamps, of which many may meet by chance, miss it by this at most. Lines of a
 /// lamp that the scene has in one place may be of several lamps, if fewer miss it by less.
 const MAX_CHANCE_MISS: f32 = 0.5;
+/// Pixels that views show of a lamp which training may lack altogether, at most.
+const MAX_LACKED: f32 = 30.0;
 /// Lines that miss where the trained scene has a lamp by more, in what they may, look for another
 /// place: less comes of what hides a part of it.
 const MAX_TRAINED_MISS: f32 = 0.75;
@@ -41,7 +43,8 @@ pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Op
     let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
     let all_meet = |place: Vec3| bearings.iter().all(|bearing| bearing.miss(place) <= 1.0);
     // Views side by side have it on one place of a wall, from which a third tells it apart.
-    let only_most = !all_meet(trained) && meeting(&bearings).is_some_and(all_meet);
+    let only_most =
+        may_lack(&bearings) && !all_meet(trained) && meeting(&bearings).is_some_and(all_meet);
     if median(trained) <= MAX_TRAINED_MISS && !only_most {
         return None;
     }
@@ -53,16 +56,22 @@ pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Op
     (is_sure && median(met) <= 1.0).then_some(met)
 }
 
+/// Whether training may lack a lamp that views show as small.
+fn may_lack(bearings: &[Bearing]) -> bool {
+    let mut lines = bearings.iter();
+    lines.all(|line| line.num_pixels <= MAX_LACKED)
+}
+
 /// Whether two views show one lamp at a place, as far as its size says.
 fn are_alike(a: &Bearing, b: &Bearing, place: Vec3) -> bool {
-    let is_enough = |bearing: &Bearing| bearing.num_pixels() >= MIN_PIXELS_OF_FEW as f32;
+    let is_enough = |bearing: &Bearing| bearing.num_pixels >= MIN_PIXELS_OF_FEW as f32;
     let ratio = a.radius_at(place) / b.radius_at(place);
     is_enough(a) && is_enough(b) && ratio.max(ratio.recip()) <= MAX_RATIO_OF_TWO
 }
 
-/// Whether the lines of sight of three or more views do not agree on a place, neither where they meet
-/// nor where the trained scene has the lamp of `group`: it may be on what is behind several lamps,
-/// each of which some of the views show there.
+/// Whether the lines of sight of three or more views of a small lamp do not agree on a place, neither
+/// where they meet nor where the trained scene has the lamp of `group`: it may be on what is behind
+/// several lamps, each of which some of the views show there.
 fn is_mixed(evidence: &Evidence, group: &Group) -> bool {
     let bearings = bearings(evidence, group);
     let is_sure = |place: Vec3| {
@@ -71,6 +80,7 @@ fn is_mixed(evidence: &Evidence, group: &Group) -> bool {
     };
     let trained = || extent(&points(evidence, group)).map(|(centre, _)| centre);
     bearings.len() >= MIN_VIEWS
+        && may_lack(&bearings)
         && !meeting(&bearings).is_some_and(is_sure)
         && !trained().is_some_and(is_sure)
 }
@@ -204,6 +214,7 @@ mod tests {
             direction: direction.normalize(),
             pixel: 0.01,
             radius: 0.02,
+            num_pixels: 12.0,
         }
     }
 
