@@ -92,7 +92,8 @@ pub(crate) struct BakeArgs {
     work: Option<PathBuf>,
     /// gaussians: sparse light-transport matrix kept between bakes. While the geometry, cameras,
     /// --samples and --seed are the same, other light of the same lamps and other albedos cost no
-    /// ray but those of highlights; else all rays are traced anew. Takes the place of --work
+    /// ray but those of highlights and, --per-light, of what lamps reflect; else all rays are
+    /// traced anew. Takes the place of --work
     #[arg(long, value_name = "FILE")]
     transport: Option<PathBuf>,
     /// gaussians: also write BAKED.lights, what each Gaussian reflects of each lamp. Any powers and

@@ -101,10 +101,7 @@ impl Bake<'_> {
                 key: self.key(),
             };
             self.num_rays += unlit.add(&self.scene, albedos, &mut reflected.parts)?;
-            let found = LightBasis::new(&self.scene, lights, &reflected.parts);
-            // What emitters reflect and send out add up to their radiance, within rounding.
-            self.scene.radiances = found.radiances();
-            basis = Some(found);
+            basis = Some(LightBasis::new(&self.scene, lights, &reflected.parts));
         }
         let radiances = with_emitters(&self.scene, &reflected.total);
         self.scene.radiances.clone_from(&radiances);
