@@ -34,6 +34,9 @@ use rayon::prelude::*;
 
 /// Exponent of the brightest value of a light in its half floats, which end below 2^16.
 const TOP_EXPONENT: i32 = 15;
+/// Share of its radiance that an emitter reflects at most: rounded to half floats it is no more than
+/// all of it.
+const MAX_REFLECTED: f32 = 1.0 - 1.0 / 1024.0;
 /// Share of its radiance by which the light of an emitter may differ: the sum of what it reflects and
 /// sends out, of some hundred lights at most, is rounded in f32.
 const ROUNDING: f32 = 1e-5;
@@ -135,8 +138,8 @@ impl LightBasis {
         for emitter in &basis.emitters {
             let mine = &mut reflected[num * emitter.index as usize..][..num];
             let all: Vec3 = mine.iter().sum();
-            let is_more = all.cmpgt(emitter.radiance);
-            let share = Vec3::select(is_more, emitter.radiance / all, Vec3::ONE);
+            let most = MAX_REFLECTED * emitter.radiance;
+            let share = Vec3::select(all.cmpgt(most), most / all, Vec3::ONE);
             mine.iter_mut().for_each(|light| *light *= share);
         }
         for k in 0..num {

@@ -162,7 +162,11 @@ fn emitters_reflect_the_other_lights() {
     let mixed = basis.radiances();
     for (i, own) in basis.emitters() {
         let radiance = scene.radiances[i];
-        let share = if i.is_multiple_of(50) { 1.0 } else { 0.1 };
+        let share = if i.is_multiple_of(50) {
+            MAX_REFLECTED
+        } else {
+            0.1
+        };
         close(radiances[i], radiance, radiance);
         close(alone[1 - own][i], share * radiance, radiance);
         close(alone[own][i], (1.0 - share) * radiance, radiance);
