@@ -21,7 +21,7 @@ use super::lamps::evened;
 use super::receivers::Receivers;
 use super::request::Bake;
 use super::series::{DirectParts, Exchange, sum_of_bounces};
-use super::transport::TracedTransport;
+use super::transport::{PIECE, TracedTransport};
 use super::unlit::Unlit;
 use crate::error::{Result, TrainError};
 use crate::irradiance;
@@ -44,8 +44,6 @@ use std::time::{Duration, Instant};
 
 pub use super::request::GaussianBake;
 
-/// Receivers traced between two checks for a request to stop.
-pub(super) const PIECE: usize = 4096;
 /// Time between two states on disk.
 const STORE_EVERY: Duration = Duration::from_secs(30);
 

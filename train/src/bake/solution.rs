@@ -1,11 +1,11 @@
 //! Light baking in Gaussian space of a scene in memory: nothing is stored, nothing resumes.
 
 use super::emitters::{emits, forget_directions, with_emitters};
-use super::gaussians;
 use super::highlights::Highlights;
 use super::receivers::Receivers;
 use super::request::{GaussianBake, Told};
 use super::series::{Exchange, sum_of_bounces};
+use super::transport::PIECE;
 use crate::error::Result;
 use crate::irradiance;
 use crate::progress::BakeProgress;
@@ -53,7 +53,7 @@ impl Solution<'_> {
         };
         let mut matrix = TransportMatrix::default();
         let (mut done, total) = (0, receivers.traced.len());
-        for piece in receivers.traced.chunks(gaussians::PIECE) {
+        for piece in receivers.traced.chunks(PIECE) {
             if told(BakeProgress::Gathering { done, total }).is_break() {
                 return Ok(None);
             }

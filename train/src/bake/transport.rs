@@ -32,6 +32,9 @@ use std::path::Path;
 /// samples.
 const MAX_UNDERRATED: f64 = 4.0;
 
+/// Receivers traced between two checks for a request to stop.
+pub(super) const PIECE: usize = 4096;
+
 const FORMAT: SealedFormat = SealedFormat {
     magic: b"EAGPTTRA",
     version: 4,

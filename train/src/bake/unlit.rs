@@ -4,9 +4,8 @@
 //! A basis of lights has both apart, so that a lamp at the factor 0 is a surface like others.
 //! Lamps are convex: what discs of a lamp seem to receive of their own lamp is left out.
 
-use super::gaussians::PIECE;
 use super::receivers::Receivers;
-use super::transport::TracedTransport;
+use super::transport::{PIECE, TracedTransport};
 use crate::error::Result;
 use crate::irradiance::NoisyLight;
 use crate::irradiance::smooth::Smoothing;
