@@ -43,12 +43,11 @@ pub(crate) fn elsewhere(evidence: &Evidence, group: &Group, trained: Vec3) -> Op
     let median = |place: Vec3| median_of(bearings.iter().map(|bearing| bearing.miss(place)));
     let all_meet = |place: Vec3| bearings.iter().all(|bearing| bearing.miss(place) <= 1.0);
     // Views side by side have it on one place of a wall, from which a third tells it apart.
-    let only_most =
-        may_lack(&bearings) && !all_meet(trained) && meeting(&bearings).is_some_and(all_meet);
-    if median(trained) <= MAX_TRAINED_MISS && !only_most {
+    let only_most = |met: Vec3| may_lack(&bearings) && !all_meet(trained) && all_meet(met);
+    let met = meeting(&bearings)?;
+    if median(trained) <= MAX_TRAINED_MISS && !only_most(met) {
         return None;
     }
-    let met = meeting(&bearings)?;
     let is_sure = match bearings.as_slice() {
         [a, b] => are_alike(a, b, met),
         _ => true,

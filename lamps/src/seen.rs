@@ -20,8 +20,8 @@ const GRID: u16 = 24;
 /// A lamp is hidden where the scene is nearer by this share of its distance: as trained, it may
 /// be some way before the lamp's clean surface. A shade is as near as the fit of its bulb has it.
 const HIDDEN: f32 = 0.1;
-/// What the scene has at less than this share of the distance of a lamp mirrors it, where most of
-/// its pixels are: glass, bars and what training makes of a lamp are nearer to it.
+/// Share of the distance of a lamp below which a surface mirrors it, if the scene has most of its
+/// pixels there: glass, bars and what training makes of a lamp are nearer to it.
 const MIRROR: f32 = 0.75;
 
 /// Whether the views of `evidence` in a `light`, whose scene `tracer` traces, show enough of what

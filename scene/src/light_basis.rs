@@ -151,11 +151,7 @@ impl LightBasis {
             basis.reflected.extend(values.map(f16::from_f32));
         }
         for at in 0..basis.emitters.len() {
-            let i = basis.emitters[at].index as usize;
-            let mine = basis.scales.iter().enumerate();
-            let all: Vec3 = mine
-                .map(|(k, scale)| *scale * basis.reflected_at(i, k))
-                .sum();
+            let all = basis.reflected_by(&basis.emitters[at], &basis.scaled_factors());
             let own = &mut basis.emitters[at].radiance;
             *own = (*own - all).max(Vec3::ZERO);
         }
@@ -230,9 +226,10 @@ impl LightBasis {
                 key.differences_in_words(&self.key)
             ));
         }
-        let now = self.radiances();
+        let factors = self.scaled_factors();
         let is_same = |e: &Emitter| {
-            let [now, there] = [&now, &scene.radiances].map(|of| of[e.index as usize]);
+            let now = self.own(e) + self.reflected_by(e, &factors);
+            let there = scene.radiances[e.index as usize];
             (now - there).abs().max_element() <= ROUNDING * there.max_element()
         };
         if !self.emitters.iter().all(is_same) {
@@ -288,6 +285,14 @@ impl LightBasis {
     fn reflected_at(&self, i: usize, k: usize) -> Vec3 {
         let first = 3 * (k * self.num_gaussians + i);
         Vec3::from(std::array::from_fn(|c| self.reflected[first + c].to_f32()))
+    }
+
+    /// Radiance that a Gaussian which emits reflects, with these [`Self::scaled_factors`].
+    fn reflected_by(&self, emitter: &Emitter, factors: &[Vec3]) -> Vec3 {
+        let lights = factors.iter().enumerate();
+        let of_light =
+            |(k, factor): (usize, &Vec3)| *factor * self.reflected_at(emitter.index as usize, k);
+        lights.map(of_light).sum()
     }
 
     /// Radiances of all Gaussians, `[n]`, with the lights at their factors.

@@ -16,10 +16,9 @@ use glam::Vec3;
 /// Largest albedo of a surface: whiter paints are not sold.
 const MAX_SURFACE: f32 = 0.98;
 
-/// Darkens the Gaussians of surfaces of a scene, of which the first `num_moving` are not of clean
-/// lamps, whose albedo, in the mean of the pixels that `cameras` have of
+/// Darkens the Gaussians of surfaces whose albedo, in the mean of the pixels that `cameras` have of
 /// them, is above [`MAX_SURFACE`] in any channel; returns how many. Pixels that emit more than
-/// `threshold` say nothing.
+/// `threshold` say nothing. The first `num_moving` Gaussians are not of clean lamps.
 ///
 /// # Errors
 /// If the device fails.
