@@ -14,13 +14,22 @@ use std::f32::consts::PI;
 /// of its sky, has an albedo below 0.8, and the lamp's brightest pixel may be a little brighter
 /// than the others.
 const MAX_SHARE: f32 = 1.0 / 3.0;
-/// Ratio of the radiances within and outside of an edge, three pixels apart: the light of a tube
-/// fades by up to 4.5 there on a ceiling 4 cm above it, in pixels of 2 cm.
-const EDGE: f32 = 5.0;
-/// Least number of places where a surface is compared, and share of those at its rim that are no
-/// edges.
+/// Least number of places where a surface is compared.
 const MIN_PLACES: usize = 4;
-const SOFT_SHARE: f32 = 0.5;
+/// Rim of what is beside a lamp: the light of a tube fades by up to 4.5 within three pixels on a
+/// ceiling 4 cm above it, in pixels of 2 cm.
+const BESIDE: Rim = Rim {
+    edge: 5.0,
+    soft_share: 0.5,
+};
+/// … and of what has no lamp in it, as the ceiling far above one, before which cords may hang: at
+/// most .05 of the rims of lamps of nine rooms fade, and at least .83 of lit surfaces.
+const ALONE: Rim = Rim {
+    edge: 1.5,
+    soft_share: 0.6,
+};
+/// Ratio of the brightest to the dimmest pixel of what has no lamp in it, at most.
+const MAX_RANGE: f32 = 2.0;
 /// Share of the light that would arrive if a surface and the lamp faced each other that it reflects:
 /// its albedo times the mean of both cosines. Of eleven rooms nine tenths of the pixels of each lit
 /// surface are below 0.42, the median of each at most 0.28.
@@ -31,13 +40,30 @@ const LIT_SHARE: f32 = 0.8;
 /// Pixels of a lamp that are farther than this from one count nothing for it.
 const REACH: u32 = 16;
 
+/// The rim of a lit surface, which fades where a lamp has an edge.
+struct Rim {
+    /// Ratio of the radiances within and outside of an edge, three pixels apart.
+    edge: f32,
+    /// Share of the rim, more than that, which is no edge.
+    soft_share: f32,
+}
+
 /// Takes out of a mask of pixels by their `values` what lamps light.
 pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
     let value = |[x, y]: [u32; 2]| values.get(x, y)[0];
     let (width, height) = values.size();
     let mut dim = Mask::empty(width, height);
+    let mut alone = Vec::new();
     for region in mask.regions() {
-        let brightest = region.pixels.iter().map(|&p| value(p)).fold(0.0, f32::max);
+        let pixels = || region.pixels.iter().map(|&pixel| value(pixel));
+        let [dimmest, brightest] = [
+            pixels().fold(f32::INFINITY, f32::min),
+            pixels().fold(0.0, f32::max),
+        ];
+        if brightest <= MAX_RANGE * dimmest && ALONE.fades(&region, mask, values) {
+            alone.push(region);
+            continue;
+        }
         for &[x, y] in &region.pixels {
             dim.set(x, y, value([x, y]) < MAX_SHARE * brightest);
         }
@@ -46,35 +72,38 @@ pub(crate) fn remove(mask: &mut Mask, values: &Image<1>) {
     let mut surfaces = dim.regions();
     let mut lamps = mask.clone();
     lamps.subtract(&dim);
-    surfaces.retain(|surface| fades(surface, mask, values) || is_lit(surface, &lamps, values));
-    for surface in &surfaces {
+    surfaces
+        .retain(|surface| BESIDE.fades(surface, mask, values) || is_lit(surface, &lamps, values));
+    for surface in surfaces.iter().chain(&alone) {
         mask.remove(surface);
     }
 }
 
-/// Whether the values of most of the rim of a surface in `mask` have no edge there.
-fn fades(surface: &Region, mask: &Mask, values: &Image<1>) -> bool {
-    let own: HashSet<[u32; 2]> = surface.pixels.iter().copied().collect();
-    let (width, height) = values.size();
-    let (mut num, mut num_soft) = (0_usize, 0_usize);
-    for &[x, y] in &surface.pixels {
-        // To the left, the right, upwards and downwards.
-        for (dx, dy) in [(-1_i64, 0_i64), (1, 0), (0, -1), (0, 1)] {
-            let at = |steps: i64| -> Option<[u32; 2]> {
-                let x = u32::try_from(i64::from(x) + steps * dx).ok()?;
-                let y = u32::try_from(i64::from(y) + steps * dy).ok()?;
-                (x < width && y < height).then_some([x, y])
-            };
-            let outside = [at(1), at(2)].map(|place| place.filter(|&[x, y]| !mask.has(x, y)));
-            let inside = at(-1).filter(|place| own.contains(place));
-            if let (Some(inside), [Some(_), Some([u, v])]) = (inside, outside) {
-                num += 1;
-                let [x, y] = inside;
-                num_soft += usize::from(values.get(x, y)[0] < EDGE * values.get(u, v)[0]);
+impl Rim {
+    /// Whether the values of a surface in `mask` have no edge at its rim.
+    fn fades(&self, surface: &Region, mask: &Mask, values: &Image<1>) -> bool {
+        let own: HashSet<[u32; 2]> = surface.pixels.iter().copied().collect();
+        let (width, height) = values.size();
+        let (mut num, mut num_soft) = (0_usize, 0_usize);
+        for &[x, y] in &surface.pixels {
+            // To the left, the right, upwards and downwards.
+            for (dx, dy) in [(-1_i64, 0_i64), (1, 0), (0, -1), (0, 1)] {
+                let at = |steps: i64| -> Option<[u32; 2]> {
+                    let x = u32::try_from(i64::from(x) + steps * dx).ok()?;
+                    let y = u32::try_from(i64::from(y) + steps * dy).ok()?;
+                    (x < width && y < height).then_some([x, y])
+                };
+                let outside = [at(1), at(2)].map(|place| place.filter(|&[x, y]| !mask.has(x, y)));
+                let inside = at(-1).filter(|place| own.contains(place));
+                if let (Some(inside), [Some(_), Some([u, v])]) = (inside, outside) {
+                    num += 1;
+                    let [x, y] = inside;
+                    num_soft += usize::from(values.get(x, y)[0] < self.edge * values.get(u, v)[0]);
+                }
             }
         }
+        num >= MIN_PLACES && num_soft as f32 > self.soft_share * num as f32
     }
-    num >= MIN_PLACES && num_soft as f32 > SOFT_SHARE * num as f32
 }
 
 /// Whether the light of `lamps` explains the values of a surface, which is at least as far from
@@ -141,6 +170,31 @@ mod tests {
         assert_eq!(strip(7.0).count(), 4 * 20);
         // As bright as a shade about a bulb.
         assert!(strip(22.0).count() > 200, "{}", strip(22.0).count());
+    }
+
+    /// Radiances of 7 to 12 in the middle of a picture, on 5 around it, or on 0.5.
+    #[test]
+    fn what_fades_all_around_is_no_lamp() {
+        let left = |edge: f32, surroundings: f32| {
+            let value = |x: u32, y: u32| {
+                let away = (x as f32 - 30.0).hypot(y as f32 - 30.0);
+                let fading = 12.0 / (1.0 + (away / 20.0).powi(2));
+                if away < edge {
+                    fading
+                } else {
+                    fading.min(surroundings)
+                }
+            };
+            let pixels = (0..SIZE * SIZE).map(|i| [value(i % SIZE, i / SIZE)]);
+            let values = Image::from_pixels(SIZE, SIZE, pixels.collect()).unwrap();
+            let mut mask = Mask::from_fn(SIZE, SIZE, |x, y| value(x, y) >= LEVEL);
+            remove(&mut mask, &values);
+            mask.count()
+        };
+        assert_eq!(left(60.0, 12.0), 0);
+        assert!(left(15.0, 0.5) > 600);
+        // A lamp that glows about its own edge.
+        assert!(left(15.0, 4.0) > 600);
     }
 
     #[test]
