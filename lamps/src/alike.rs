@@ -2,11 +2,10 @@
 //! the others are of the same shape and size, and only their places are looked for.
 
 use crate::candidates::Candidate;
-use crate::change::MAX_CHANGES;
 use crate::evidence::Evidence;
 use crate::measure::Views;
 use crate::patches::{Patch, patches};
-use crate::search::minimum;
+use crate::search::best_place;
 use crate::shape::Shape;
 use crate::shape_search::{Criterion, Fit};
 use crate::silhouette::Gaps;
@@ -18,10 +17,6 @@ use std::f32::consts::FRAC_PI_2;
 const LONGER: f32 = 2.0;
 /// … and have at most this many times the area.
 const LARGER: f32 = 4.0;
-/// Evaluations of a search for the place of a shape.
-const NUM_TRIALS: usize = 200;
-/// First steps of such a search, in sizes of the shape, and of its turns, radians.
-const STEP: f32 = 0.2;
 
 /// A lamp that may be of one make with others.
 struct Member<'a> {
@@ -37,7 +32,7 @@ struct Member<'a> {
 
 /// Gives lamps that are alike the shape and the size of that one of them that explains most.
 pub(crate) fn share_shapes(evidence: &Evidence, found: &mut [Candidate]) {
-    let indices = (0..found.len()).filter(|&i| may_share(&found[i]));
+    let indices = (0..found.len()).filter(|&i| found[i].is_model());
     for set in sets(found, indices.collect()) {
         let members = set.into_iter();
         let members: Vec<Member<'_>> = members
@@ -50,10 +45,6 @@ pub(crate) fn share_shapes(evidence: &Evidence, found: &mut [Candidate]) {
             }
         }
     }
-}
-
-fn may_share(c: &Candidate) -> bool {
-    c.is_clean && c.fit.gaps == Gaps::Seen && !c.group.is_large() && !c.group.is_of_one_view()
 }
 
 /// Whether two lamps may be of one make by their radiance and their own fits.
@@ -104,7 +95,7 @@ impl<'a> Member<'a> {
         let measured = self.views.measure(shape);
         measured.map_or(f32::INFINITY, |measured| {
             self.criterion
-                .against(&fit, measured.expected_disagreement())
+                .against(&fit, measured.expected_disagreement(false))
         })
     }
 
@@ -113,7 +104,7 @@ impl<'a> Member<'a> {
     fn placed(&self, model: &Shape) -> Option<(Fit, f32)> {
         let places = starts(model, &self.own).into_iter();
         let (shape, against) = places
-            .map(|start| moved(&start, |shape| self.against(shape)))
+            .map(|start| best_place(&start, |shape| self.against(shape)))
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
         let share = against * self.criterion.better / self.against_own;
         (share <= 1.0).then(|| (Fit::new(shape, &self.patches, Gaps::Seen), share))
@@ -163,26 +154,4 @@ fn starts(model: &Shape, own: &Shape) -> Vec<Shape> {
     }
     let at = |rotation| model.placed(centre, rotation, Vec3::ONE);
     rotations.into_iter().map(at).collect()
-}
-
-/// The place about that of `start`, and the turn about its z axis, where `value` is least, and what
-/// it is there.
-fn moved(start: &Shape, value: impl Fn(&Shape) -> f32) -> (Shape, f32) {
-    let turn = match start {
-        Shape::Rectangle(_) | Shape::Ellipse(_) => Some(5),
-        Shape::Box { .. } => Some(6),
-        Shape::Ball { .. } | Shape::Tube { .. } => None,
-    };
-    let with = |by: &[f32]| {
-        let mut all = [0.0; MAX_CHANGES];
-        all[..3].copy_from_slice(&by[..3]);
-        if let Some(turn) = turn {
-            all[turn] = by[3];
-        }
-        start.changed(&all)
-    };
-    let mut steps = vec![STEP; 3];
-    steps.extend(turn.map(|turn| start.first_steps()[turn]));
-    let (by, least) = minimum(|by| value(&with(by)), &steps, NUM_TRIALS);
-    (with(&by), least)
 }

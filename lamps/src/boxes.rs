@@ -1,4 +1,4 @@
-//! Boxes that a search for a lamp's shape begins with, where no simpler one explains its
+//! Boxes, and drums, that a search for a lamp's shape begins with, where no simpler one explains its
 //! silhouettes.
 
 use crate::shape::Shape;
@@ -10,6 +10,9 @@ use std::f32::consts::PI;
 
 /// Thickness of a flat lamp that may be a box, in sizes of its narrow side.
 const THICKNESS: f32 = 0.2;
+
+/// Length of an ellipse that may be a drum, at most, in its width.
+const ROUND: f32 = 2.0;
 
 /// Length of a box that may be a tube, in its mean width.
 const LONG: f32 = 4.0;
@@ -89,6 +92,22 @@ fn around(shape: &Shape, up: Vec3) -> Shape {
         rotation,
         size,
     }
+}
+
+/// The flat drum about `up` in place of an ellipse, as views from below show it.
+pub(crate) fn drum(of: &Shape, up: Vec3) -> Option<Shape> {
+    let Shape::Ellipse(flat) = of else {
+        return None;
+    };
+    let [a, b] = flat.size;
+    let width = 0.5 * (a + b);
+    (a.max(b) < ROUND * a.min(b)).then(|| Shape::Tube {
+        centre: flat.centre,
+        rotation: rotation::from_z_to(up),
+        radius: 0.5 * width,
+        length: THICKNESS * width,
+        taper: 0.0,
+    })
 }
 
 /// The tube in place of a box that is long.

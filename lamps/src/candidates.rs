@@ -37,6 +37,12 @@ impl Candidate {
         met.is_some()
     }
 
+    /// Whether its shape and size are known well enough for others of its make.
+    pub(crate) fn is_model(&self) -> bool {
+        let is_known = self.is_clean && self.fit.gaps == Gaps::Seen;
+        is_known && !self.group.is_large() && !self.group.is_of_one_view()
+    }
+
     /// The lamp with another fit; `None` if views do not agree on its light.
     pub(crate) fn with_fit(&self, evidence: &Evidence, fit: Fit) -> Option<Self> {
         let others = self.others.iter();
@@ -59,6 +65,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
         ))
     });
     let mut found: Vec<Candidate> = Vec::new();
+    let mut unexplained = Vec::new();
     for (all, window) in groups {
         let mut lights = all.by_light(evidence);
         lights.retain(|(_, group)| group.is_enough());
@@ -81,6 +88,7 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             false => fit::fit(evidence, &group, up),
         };
         let Some(fit) = window.or_else(fit) else {
+            unexplained.push((light, group));
             continue;
         };
         let parts = parts::all(evidence, group, fit, up);
@@ -93,7 +101,28 @@ pub(crate) fn explained(evidence: &Evidence, up: Vec3) -> Vec<Candidate> {
             found.extend(candidate(evidence, (light, group), fit, others));
         }
     }
+    let of_make = of_make(evidence, unexplained, &found);
+    found.extend(of_make);
     without_repeated(evidence, found)
+}
+
+/// Lamps of groups that one view shows, as far as they are of the make of lamps that were found.
+fn of_make(
+    evidence: &Evidence,
+    groups: Vec<(usize, Group)>,
+    found: &[Candidate],
+) -> Vec<Candidate> {
+    let of_one_view = (groups.into_iter()).filter(|(_, group)| group.is_of_one_view());
+    let lamps = of_one_view.filter_map(|(light, group)| {
+        let is_model = |c: &&Candidate| c.is_model() && !c.group.is_unlike(&group);
+        let models: Vec<&Candidate> = found.iter().filter(is_model).collect();
+        let shapes: Vec<Shape> = models.iter().map(|c| c.fit.shape).collect();
+        let fit = single::of_make(evidence, &group, &shapes)?;
+        let lamp = candidate(evidence, (light, group), fit, std::iter::empty())?;
+        let is_alike = |c: &&Candidate| !are_unlike(c.measured.radiance, lamp.measured.radiance);
+        models.iter().any(is_alike).then_some(lamp)
+    });
+    lamps.collect()
 }
 
 /// Lamps whose pixels are not those of others with more pixels, and of their radiance.

@@ -4,6 +4,7 @@
 use crate::bars;
 use crate::bearings;
 use crate::boxes;
+use crate::domes;
 use crate::evidence::{Evidence, Lit};
 use crate::group::Group;
 use crate::halo::Beside;
@@ -99,10 +100,12 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         let found: Vec<Shape> = fits.iter().map(|found| found.fit.shape).collect();
         let boxes = boxes::starts(&points, &found, up);
         let boxes = search.best(&boxes, NUM_PROMISING_BOXES);
-        // A search for a long tube that begins beside it misses it.
-        let tubes: Vec<(Shape, bool)> = (boxes.iter())
-            .filter_map(|found| Some((boxes::tube(&found.fit.shape)?, false)))
-            .collect();
+        // Searches for a long tube that begin beside it, and for a drum that begin with a long one,
+        // miss it.
+        let long = boxes.iter().filter_map(|f| boxes::tube(&f.fit.shape));
+        let drums = fits.iter().filter_map(|f| boxes::drum(&f.fit.shape, up));
+        let tubes = long.map(|tube| (tube, false));
+        let tubes: Vec<(Shape, bool)> = tubes.chain(drums.map(|drum| (drum, true))).collect();
         fits.extend(search.best(&tubes, NUM_PROMISING_BOXES));
         fits.extend(boxes);
     }
@@ -120,7 +123,11 @@ pub(crate) fn fit(evidence: &Evidence, group: &Group, up: Vec3) -> Option<Fit> {
         best = agreed.first().map_or(best, |agreed| agreed.fit);
     }
     let hidden = with_bars(evidence, group, &best, &patches)
-        .or_else(|| shades::fit(centre, radius, &patches, best.residual));
+        .or_else(|| shades::fit(centre, radius, &patches, best.residual))
+        .or_else(|| match best.shape {
+            Shape::Ball { .. } | Shape::Box { .. } => None,
+            _ => domes::fit(centre, radius, &mount?, &patches, best.residual),
+        });
     Some(hidden.unwrap_or(best))
 }
 

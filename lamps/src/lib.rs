@@ -17,6 +17,7 @@ mod boxes;
 mod candidates;
 mod change;
 mod clear;
+mod domes;
 mod evidence;
 mod faces;
 mod fit;
@@ -136,8 +137,8 @@ pub fn find(
     let discs: Vec<Gaussians> = clean()
         .map(|c| {
             let pixel = pixel_width(evidence, &c.group);
-            let is_window = c.fit.gaps == Gaps::Bars;
-            place::discs(&c.fit.shape, c.measured.radiance, is_window, pixel)
+            let is_glass = c.fit.gaps == Gaps::Bars || place::is_on_wall(&c.fit.shape, up);
+            place::discs(&c.fit.shape, c.measured.radiance, is_glass, pixel)
         })
         .collect();
     let mut edit = SceneEdit {

@@ -22,6 +22,9 @@ const MAX_HIDDEN: f32 = 0.05;
 /// neighbour.
 const AWAY_PIXELS: f32 = 4.0;
 
+/// Difference of a view from others, over the mean, from which on it counts less and less: what
+/// hides a part of a lamp there may be too near to it for the trained scene to tell.
+const FAR_OFF: f32 = 0.1;
 /// Standard deviation between views over the mean as expected before any is known.
 const PRIOR_DEVIATION: f32 = 0.1;
 
@@ -32,6 +35,8 @@ pub(crate) struct Measured {
     pub(crate) radiance: Vec3,
     /// Standard deviation between views over the mean; 0 for one view.
     pub(crate) deviation: f32,
+    /// The same where views that are far off count less.
+    spread: f32,
     /// How much brighter the pixels are that the lamp fills, over the radiance; 0 without any.
     off: f32,
     /// Views that it is of.
@@ -102,15 +107,19 @@ impl<'a> Views<'a> {
     }
 
     /// Differences from the median, over it, of the radiance that each view measures, 0 of views
-    /// that do not, and of pixels that the lamp fills. Their squares add up to that of
-    /// [`Measured::disagreement`].
-    pub(crate) fn differences(&self, shape: &Shape) -> Vec<f32> {
+    /// that do not, and of pixels that the lamp fills. With `limit` those far off count less, and
+    /// their squares add up to that of [`Measured::disagreement`].
+    pub(crate) fn differences(&self, shape: &Shape, limit: bool) -> Vec<f32> {
         let readings = self.readings(shape);
         let mean = |r: &Reading| luminance((r.flux / r.solid_angle).to_array());
         let used = || readings.iter().flatten();
         let all: f32 = used().map(|r| r.solid_angle).sum();
         let median = weighted_median(used().map(|r| (mean(r), r.solid_angle)));
-        let difference = |r: &Reading| (r.solid_angle / all).sqrt() * (mean(r) / median - 1.0);
+        let difference = |r: &Reading| {
+            let off = mean(r) / median - 1.0;
+            let off = if limit { limited(off) } else { off };
+            (r.solid_angle / all).sqrt() * off
+        };
         let of_views = readings.iter();
         of_views
             .map(|reading| reading.as_ref().map_or(0.0, difference))
@@ -147,33 +156,45 @@ impl Measured {
             weighted_median(values)
         }));
         let median = luminance(radiance.to_array());
-        let squares = views.iter().map(|(mean, weight)| {
-            let ratio = luminance(mean.to_array()) / median;
-            weight * (ratio - 1.0).powi(2)
-        });
-        let deviation = if views.len() > 1 {
-            (squares.sum::<f32>() / all).sqrt()
-        } else {
-            0.0
+        let rms = |of: fn(f32) -> f32| {
+            let squares = views.iter().map(|(mean, weight)| {
+                let ratio = luminance(mean.to_array()) / median;
+                weight * of(ratio - 1.0).powi(2)
+            });
+            let is_one = views.len() == 1;
+            if is_one {
+                0.0
+            } else {
+                (squares.sum::<f32>() / all).sqrt()
+            }
         };
         Some(Self {
             radiance,
-            deviation,
+            deviation: rms(|off| off),
+            spread: rms(limited),
             off: 0.0,
             num_views: views.len(),
         })
     }
 
-    /// By how much views, and pixels that the lamp fills, disagree on its radiance, over that.
-    pub(crate) fn disagreement(&self) -> f32 {
-        self.deviation.hypot(self.off)
+    /// By how much views, and pixels that the lamp fills, disagree on its radiance, over that. With
+    /// `limit` views that are far off count less.
+    pub(crate) fn disagreement(&self, limit: bool) -> f32 {
+        let of_views = if limit { self.spread } else { self.deviation };
+        of_views.hypot(self.off)
     }
 
     /// The disagreement that is to be expected with more views: few that agree say little.
-    pub(crate) fn expected_disagreement(&self) -> f32 {
+    pub(crate) fn expected_disagreement(&self, limit: bool) -> f32 {
         let more = PRIOR_DEVIATION.powi(2) / self.num_views as f32;
-        self.disagreement().hypot(more.sqrt())
+        self.disagreement(limit).hypot(more.sqrt())
     }
+}
+
+/// A difference of a view from others that counts less the farther it is off (Geman and McClure
+/// 1985).
+fn limited(off: f32) -> f32 {
+    off / (1.0 + (off / FAR_OFF).powi(2)).sqrt()
 }
 
 impl View<'_> {

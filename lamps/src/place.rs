@@ -1,6 +1,6 @@
 //! A lamp's discs, and the power that leaves them.
 
-use crate::shape::Shape;
+use crate::shape::{Flat, Shape};
 use eagpt_scene::discs::{Material, Solid, Surface};
 use eagpt_scene::{Gaussian, Gaussians, Gloss};
 use eagpt_trace::Ray;
@@ -18,22 +18,31 @@ const BACK_IN_SPACINGS: f32 = 0.1;
 /// Albedo of a lamp, which photographs in its light do not show: about that of opal glass and of
 /// lampshades.
 const ALBEDO: f32 = 0.5;
-/// That of a window: its panes reflect 8 %, and it is dark behind them when no light comes in.
-const ALBEDO_OF_WINDOW: f32 = 0.08;
+/// That of windows, screens and signs, which are dark when they do not shine, behind glass that
+/// reflects 8 %. Flat lamps on walls are taken for these.
+const ALBEDO_OF_GLASS: f32 = 0.08;
+/// Cosine between the normal of a flat lamp on a wall and the vertical, at most.
+const SIDEWAYS: f32 = 0.5;
 /// Rays that measure what discs show of a shape, along each axis of a square across it.
 const GRID: u16 = 48;
 
-/// The discs of a lamp of `shape` and `radiance`, a window or another one, with spacings of about
+/// Whether a flat lamp of a shape is on a wall, `up` being the unit vector upwards.
+pub(crate) fn is_on_wall(shape: &Shape, up: Vec3) -> bool {
+    let normal = shape.flat().map(Flat::normal);
+    normal.is_some_and(|normal| normal.dot(up).abs() <= SIDEWAYS)
+}
+
+/// The discs of a lamp of `shape` and `radiance`, behind glass or not, with spacings of about
 /// `pixel`, the width of a pixel of the views that see it best; those of a flat lamp's back follow,
 /// which do not shine.
 /// A viewer in front sees as much light of the discs as of the shape.
-pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_window: bool, pixel: f32) -> Gaussians {
+pub(crate) fn discs(shape: &Shape, radiance: Vec3, is_glass: bool, pixel: f32) -> Gaussians {
     let least = (shape.area() / MAX_DISCS).sqrt();
     let spacing = pixel
         .max(least)
         .min(shape.thinnest() / MIN_ACROSS)
         .max(least);
-    let albedo = if is_window { ALBEDO_OF_WINDOW } else { ALBEDO };
+    let albedo = if is_glass { ALBEDO_OF_GLASS } else { ALBEDO };
     let surface = |radiance: Option<Vec3>| Surface {
         solid: solid(shape),
         material: Material {

@@ -9,6 +9,10 @@ use nalgebra::{DMatrix, DVector};
 /// Spread of values at which a search has arrived.
 const ARRIVED: f32 = 1e-5;
 
+/// Evaluations of a search for the place of a shape, and its first steps, in sizes of the shape.
+const NUM_PLACES: usize = 200;
+const STEP: f32 = 0.2;
+
 /// Damping that a descent begins with, its range, and the factors by which it falls after a step
 /// down and grows after one that is none.
 const DAMPING: f32 = 0.01;
@@ -87,6 +91,28 @@ pub(crate) fn best_shape(
     };
     let steps = &start.first_steps()[..num_changes];
     let (by, least) = minimum(|by| value(&with(by)), steps, num_trials);
+    (with(&by), least)
+}
+
+/// The place about that of `start`, and the turn about its z axis, where `value` is least, and what
+/// it is there.
+pub(crate) fn best_place(start: &Shape, value: impl Fn(&Shape) -> f32) -> (Shape, f32) {
+    let turn = match start {
+        Shape::Rectangle(_) | Shape::Ellipse(_) => Some(5),
+        Shape::Box { .. } => Some(6),
+        Shape::Ball { .. } | Shape::Tube { .. } => None,
+    };
+    let with = |by: &[f32]| {
+        let mut all = [0.0; MAX_CHANGES];
+        all[..3].copy_from_slice(&by[..3]);
+        if let Some(turn) = turn {
+            all[turn] = by[3];
+        }
+        start.changed(&all)
+    };
+    let mut steps = vec![STEP; 3];
+    steps.extend(turn.map(|turn| start.first_steps()[turn]));
+    let (by, least) = minimum(|by| value(&with(by)), &steps, NUM_PLACES);
     (with(&by), least)
 }
 

@@ -154,14 +154,14 @@ impl<'a> ShapeSearch<'a> {
             let fit = descended(start, *is_upright, self.width, self.patches);
             (fit, *is_upright)
         });
-        let mut promising = self.ranked(first.collect());
+        let mut promising = self.ranked(first.collect(), false);
         promising.truncate(num);
         let refined = promising.into_par_iter().map(|found| {
             let is_upright = found.is_upright;
             let fit = refined_again(&found.fit.shape, is_upright, self.patches, Gaps::Seen);
             (fit, is_upright)
         });
-        self.ranked(refined.collect())
+        self.ranked(refined.collect(), false)
     }
 
     /// Shapes that look alike from the middle of the cameras, nearer and farther: silhouettes of
@@ -176,8 +176,9 @@ impl<'a> ShapeSearch<'a> {
     }
 
     /// Fits, and whether they keep their z axis, the best first: those with least residual, where
-    /// those with more freedom have to be better, and views have to agree on the flux.
-    fn ranked(&self, fits: Vec<(Fit, bool)>) -> Vec<Scored> {
+    /// those with more freedom have to be better, and views have to agree on the flux, with `limit`
+    /// those that are far off less.
+    fn ranked(&self, fits: Vec<(Fit, bool)>, limit: bool) -> Vec<Scored> {
         let scored = fits.into_iter().filter_map(|(fit, is_upright)| {
             let tilted = |by: f32| if is_upright { 0.0 } else { by };
             let freedom = match fit.shape {
@@ -194,7 +195,7 @@ impl<'a> ShapeSearch<'a> {
             let Criterion { better, .. } = self.criterion;
             let against = self
                 .criterion
-                .against(&fit, measured.expected_disagreement());
+                .against(&fit, measured.expected_disagreement(limit));
             let score = against * better.powf(-freedom);
             Some(Scored {
                 fit,
@@ -235,7 +236,7 @@ impl<'a> ShapeSearch<'a> {
                 found.is_upright,
             )
         });
-        self.ranked(agreed.collect())
+        self.ranked(agreed.collect(), true)
     }
 
     /// The best shape about that of a fit, of a residual of at most `most`.
@@ -249,13 +250,13 @@ impl<'a> ShapeSearch<'a> {
             }
             let measured = self.views.measure(shape);
             measured.map_or(f32::INFINITY, |measured| {
-                self.criterion.against(&fit, measured.disagreement())
+                self.criterion.against(&fit, measured.disagreement(true))
             })
         };
         // The same as a sum of squares, but that residuals near that of the fit weigh alike.
         let weight = (found.fit.residual + MIN_RESIDUAL).sqrt() / self.criterion.doubtful;
-        let differences = |shape: &Shape| {
-            let of_flux = self.views.differences(shape).into_iter();
+        let differences = |shape: &Shape, limit: bool| {
+            let of_flux = self.views.differences(shape, limit).into_iter();
             let silhouette = Silhouette::new(shape, self.patches);
             let mut all = differences(&[&silhouette], self.patches, gaps);
             all.extend(of_flux.map(|difference| weight * difference));
@@ -263,10 +264,14 @@ impl<'a> ShapeSearch<'a> {
         };
         let num_changes = num_changes(&shape, found.is_upright);
         let width = 0.5 * self.width;
-        let lower = descent(&shape, num_changes, NUM_STEPS, width, differences);
-        let start = [shape, lower]
-            .into_iter()
-            .min_by(|a, b| against(a).total_cmp(&against(b)));
+        // From afar views that are far off have to lead, too.
+        let lower = [true, false].map(|limit| {
+            descent(&shape, num_changes, NUM_STEPS, width, |s| {
+                differences(s, limit)
+            })
+        });
+        let start =
+            ([shape].into_iter().chain(lower)).min_by(|a, b| against(a).total_cmp(&against(b)));
         best_shape(&start.unwrap_or(shape), num_changes, NUM_AGREED, against).0
     }
 }

@@ -1,13 +1,15 @@
-//! Lamps that one view shows. Nothing tells how far away they are, but for the surface around them:
-//! one that does not light it lies in it.
+//! Lamps that one view shows. What tells how far away they are is the surface around them, as one
+//! that does not light it lies in it, or their size, if they are of the make of others.
 
 use crate::evidence::Evidence;
 use crate::group::Group;
 use crate::halo::Beside;
 use crate::measure;
 use crate::patches::patches;
+use crate::search::best_place;
 use crate::shape::Shape;
 use crate::shape_search::{Fit, ShapeSearch};
+use crate::silhouette::Gaps;
 use crate::starts::{Mount, extent, first_flat, mount, pixel_width, points};
 use glam::Vec3;
 
@@ -42,4 +44,27 @@ fn in_plane(shape: &Shape, eye: Vec3, mount: &Mount) -> Option<Shape> {
     let flat = shape.flat()?;
     let factor = mount.height(eye) / (mount.height(eye) - mount.height(flat.centre));
     (factor > 0.0).then(|| shape.farther(eye, factor))
+}
+
+/// The lamp of `group` as one of the shape, the size and the pose of one of `models`: it is as far
+/// away as it looks small.
+pub(crate) fn of_make(evidence: &Evidence, group: &Group, models: &[Shape]) -> Option<Fit> {
+    let (view, members) = group.by_view().next()?;
+    let sight = &evidence.sights[view];
+    let pixels = || members.iter().map(|m| &sight.pixels[m.1 as usize]);
+    let solid_angle: f32 = pixels().map(|p| p.solid_angle).sum();
+    let towards: Vec3 = pixels().map(|p| p.direction * p.solid_angle).sum();
+    let direction = towards.try_normalize()?;
+    let fits = models.iter().map(|model| {
+        // A convex body shows a quarter of its surface in the mean over directions.
+        let distance = (0.25 * model.area() / solid_angle).sqrt();
+        let centre = sight.origin() + direction * distance;
+        let start = model.placed(centre, model.rotation(), Vec3::ONE);
+        let patches = patches(evidence, group, centre, model.size().max_element());
+        let fit = |shape: &Shape| Fit::new(*shape, &patches, Gaps::Seen);
+        let (shape, _) = best_place(&start, |shape| fit(shape).residual);
+        fit(&shape)
+    });
+    let best = fits.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
+    (best.residual <= MAX_RESIDUAL).then_some(best)
 }

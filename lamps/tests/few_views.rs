@@ -11,7 +11,7 @@ use eagpt_scene::lamps::{Lamp, LampShape};
 use eagpt_scene::{Camera, Gaussians, rotation};
 use eagpt_trace::Device;
 use glam::{DVec3, Vec3};
-use rig::{RADIANCE, cameras, heap, photograph_all, room};
+use rig::{RADIANCE, cameras, heap, patch, photograph_all, room};
 
 const CENTRE: Vec3 = Vec3::new(0.3, 0.1, 2.49);
 const EYES: [DVec3; 2] = [DVec3::new(-1.2, -0.4, 1.0), DVec3::new(0.4, -1.5, 1.2)];
@@ -37,6 +37,11 @@ fn found_by(lamp: &Shape, trained: &Shape, up: &[Camera]) -> Vec<Lamp> {
 
 /// Lamps of a trained `scene` of which photographs show `lamps`.
 fn found_in(scene: &Gaussians, lamps: &[Shape], up: &[Camera]) -> Vec<Lamp> {
+    found_behind(scene, lamps, &[], up)
+}
+
+/// As [`found_in`], with what `hides` the lamps.
+fn found_behind(scene: &Gaussians, lamps: &[Shape], hides: &[Shape], up: &[Camera]) -> Vec<Lamp> {
     let lamps: Vec<(Shape, Vec3)> = lamps.iter().map(|lamp| (*lamp, RADIANCE)).collect();
     let tracer = Device::Cpu.scene(scene).unwrap();
     let down = cameras().into_iter().map(|camera| {
@@ -46,7 +51,7 @@ fn found_in(scene: &Gaussians, lamps: &[Shape], up: &[Camera]) -> Vec<Lamp> {
     let mut evidence = Evidence::default();
     for (i, camera) in up.iter().copied().chain(down).enumerate() {
         let seen = tracer.gbuffer(&camera).unwrap();
-        evidence.add(&photograph_all(i, camera, &lamps, &[]), 0, &seen);
+        evidence.add(&photograph_all(i, camera, &lamps, hides), 0, &seen);
     }
     let found = find(&evidence, scene, Vec3::Z, &*tracer).unwrap();
     found.lamps.lamps
@@ -83,6 +88,28 @@ fn a_ball_that_one_view_shows_may_be_anywhere() {
     let ball = ball(Vec3::new(0.3, 0.1, 1.6));
     let found = found(&ball, &ball, &EYES[..1]);
     assert!(found.iter().all(|lamp| lamp.shape == LampShape::Other));
+}
+
+/// Two views show one of the same size and radiance: it is as far away as it looks small.
+#[test]
+fn a_ball_that_one_view_shows_may_be_of_the_make_of_another() {
+    let known = Vec3::new(0.3, 0.1, 1.6);
+    let eye = DVec3::new(1.2, 0.3, 1.1);
+    let alone = Vec3::new(1.0, 1.5, 1.7);
+    let [a, b] = EYES.map(|eye| looking(eye, known.as_dvec3()));
+    let up = [a, b, looking(eye, DVec3::new(1.0, 2.1, 1.7))];
+    // Training has it on the wall behind it.
+    let trained = ball(Vec3::new(0.93, 1.95, 1.91));
+    let heaps = [ball(known), trained].map(|ball| heap(&ball, RADIANCE));
+    let scene: Gaussians = room().iter().chain(heaps.concat()).collect();
+    let found = found_in(&scene, &[ball(known), ball(alone)], &up);
+    let balls = found.iter().filter(|lamp| lamp.shape == LampShape::Ball);
+    let balls: Vec<&Lamp> = balls.collect();
+    assert_eq!(balls.len(), 2, "{found:#?}");
+    for centre in [known, alone] {
+        let is_there = |lamp: &&Lamp| lamp.centre().distance(centre) < 0.04;
+        assert!(balls.iter().any(is_there), "{found:#?}");
+    }
 }
 
 #[test]
@@ -189,6 +216,42 @@ fn a_wide_panel_may_be_seen_from_beside_it() {
     assert_eq!(lamp.shape, LampShape::Panel);
     let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * size[0] * size[1]);
     assert!((share - 1.0).abs() < 0.05, "{share}");
+}
+
+/// The half of a ball that stands out of a wall, whose discs bulge over its edge.
+#[test]
+fn a_dome_is_the_ball_that_its_wall_hides_half_of() {
+    let dome = Shape::Ball {
+        centre: Vec3::new(0.1, 2.0, 1.4),
+        radius: 0.13,
+    };
+    let eyes = [
+        DVec3::new(-1.2, 0.4, 1.1),
+        DVec3::new(0.2, -0.8, 1.3),
+        DVec3::new(1.6, 1.4, 1.2),
+        DVec3::new(-1.5, 1.5, 1.5),
+    ];
+    let up = eyes.map(|eye| looking(eye, DVec3::new(0.1, 2.0, 1.4)));
+    let centre = Vec3::new(0.1, 1.98, 1.4);
+    let bulge = patch(
+        centre - Vec3::new(0.2, 0.0, 0.2),
+        [Vec3::X * 0.4, Vec3::Z * 0.4],
+        None,
+    );
+    let lamp = heap(&dome, RADIANCE).into_iter().chain(bulge.iter());
+    let scene: Gaussians = room().iter().chain(lamp).collect();
+    let wall = Shape::Rectangle(Flat {
+        centre: Vec3::new(0.0, 2.0, 1.25),
+        rotation: rotation::from_z_to(Vec3::NEG_Y),
+        size: [4.0, 4.0],
+    });
+    let found = found_behind(&scene, &[dome], &[wall], &up);
+    let [lamp] = found.as_slice() else {
+        panic!("{found:?}");
+    };
+    assert_eq!(lamp.shape, LampShape::Ball, "{lamp:?}");
+    let share = lamp.power[0] / (RADIANCE.x * std::f32::consts::PI * dome.area());
+    assert!((share - 1.0).abs() < 0.08, "{share}");
 }
 
 /// A drum as flat as a dome, about the normal of its wall.

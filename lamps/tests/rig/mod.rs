@@ -81,7 +81,11 @@ pub(crate) fn photograph_all(
                     .iter()
                     .filter_map(|(shape, own)| Some((meet(shape)?, *own)));
                 match met.min_by(|a, b| a.0.total_cmp(&b.0)) {
-                    Some((_, own)) if !hides.iter().any(|shape| meet(shape).is_some()) => {
+                    Some((distance, own))
+                        if !hides
+                            .iter()
+                            .any(|shape| meet(shape).is_some_and(|at| at < distance)) =>
+                    {
                         light += own;
                         num_met += 1;
                     }
